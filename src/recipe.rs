@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use preshade_passes::pass::{AnyPass, Facts, ParamError, Refusal, SiteKey};
+use preshade_passes::pass::{AnyPass, Facts, ParamError, Refusal, Refused, Site};
 use preshade_passes::plan::Plan;
 use preshade_passes::{PASSES, pass_named};
 use schemars::JsonSchema;
@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use crate::nearest::nearest;
 use crate::parameters::{Parameter, parameters};
 
-/// One step: a pass, its parameters, and the site if the recipe pins it.
+/// One step: a pass, its parameters, and the code that it changes where the recipe pins that.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Step {
@@ -20,9 +20,9 @@ pub struct Step {
     /// Parameters that differ from the defaults.
     #[serde(default)]
     pub params: serde_json::Map<String, serde_json::Value>,
-    /// The site; `None` takes the only one there is.
+    /// The code that it changed when the recipe was recorded; `None`: not recorded.
     #[serde(default)]
-    pub site: Option<SiteKey>,
+    pub site: Option<Site>,
 }
 
 /// Steps, applied in order, each to the plan the one before it made.
@@ -342,7 +342,7 @@ impl Recipe {
     /// Applies every step. `plan` is untouched.
     ///
     /// # Errors
-    /// The first refusal. A step whose site is gone, or that finds several, is refused as `stale` or `ambiguous`.
+    /// The first refusal. A step that would change other code than was recorded is refused as `stale`.
     pub fn apply(&self, plan: &Plan, facts: &Facts) -> Result<Plan, Box<Refusal>> {
         self.steps
             .iter()
@@ -358,45 +358,18 @@ impl Step {
         let pass = find(&self.pass)
             .map_err(|e| refuse("unknown", e.to_string(), "name one of the passes"))?;
         let params = serde_json::Value::Object(self.params.clone());
-        let found = pass.sites(plan, facts, &params).map_err(|e| {
-            refuse(
-                "parameters",
-                e.to_string(),
-                &format!("see `preshade passes {}`", self.pass),
-            )
-        })?;
-        let site = match (&self.site, found.sites.as_slice()) {
-            (Some(key), sites) => sites.iter().find(|s| s.key == *key).ok_or_else(|| {
-                refuse(
-                    "stale",
-                    format!("the recipe's site {key:?} is no longer in the shader"),
-                    "make the recipe anew",
-                )
-            })?,
-            (None, [only]) => only,
-            (None, []) => {
-                return Err(found
-                    .refusals
-                    .into_iter()
-                    .next()
-                    .map(Box::new)
-                    .unwrap_or_else(|| {
-                        refuse(
-                            "no-site",
-                            "there is no place to apply it".to_owned(),
-                            "see `preshade explain`",
-                        )
-                    }));
-            }
-            (None, several) => {
-                return Err(refuse(
-                    "ambiguous",
-                    format!("it applies in {} places", several.len()),
-                    "name a site in the recipe",
-                ));
-            }
-        };
-        pass.apply(plan, facts, &site.key, &params)
+        let outcome = pass.run(plan, facts, &params).map_err(Refused::first)?;
+        match &self.site {
+            Some(site) if *site != outcome.change.key => Err(refuse(
+                "stale",
+                format!(
+                    "the recipe was recorded for the slice {} of `{}`, which is no longer in the shader",
+                    site.slice, site.entry_point
+                ),
+                "make the recipe anew",
+            )),
+            _ => Ok(outcome.plan),
+        }
     }
 }
 

@@ -9,7 +9,7 @@ use preshade::measure::{self, EffectUse, Session};
 use preshade::passes::PASSES;
 use preshade::passes::graph::Graph;
 use preshade::passes::neighbours;
-use preshade::passes::pass::{Bound, Facts, Frequency, Left, Refusal, SiteCost, Sites};
+use preshade::passes::pass::{Bound, Change, Facts, Frequency, Left, Refusal, SiteCost};
 use preshade::passes::plan::Plan;
 use preshade::recipe::{Recipe, Step};
 use preshade::render::{AdapterChoice, Gpu, ShaderForm};
@@ -89,8 +89,11 @@ struct PassExplained {
     summary: &'static str,
     hurts: &'static str,
     source: &'static str,
-    #[serde(flatten)]
-    sites: Sites,
+    /// The change that it makes; at most one.
+    sites: Vec<Change>,
+    refusals: Vec<Refusal>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    left: Vec<Left>,
 }
 
 /// Explains a material, or every material of a scene.
@@ -203,22 +206,22 @@ fn explain(
                 };
                 let info = pass.info();
                 let params = serde_json::Value::Object(step.params.clone());
-                let mut sites = pass.sites(plan, facts, &params)?;
-                // A plan may be legal alone but not beside the others.
-                let applied = sites
-                    .sites
-                    .first()
-                    .and_then(|site| pass.apply(plan, facts, &site.key, &params).ok());
-                if let Some(refusal) = applied.and_then(|next| neighbours::conflict(&next, frame)) {
-                    sites.sites.clear();
-                    sites.refusals.push(refusal);
-                }
+                let (sites, refusals, left) = match pass.run(plan, facts, &params) {
+                    // A pass may apply to the material alone and conflict with its neighbours.
+                    Ok(done) => match neighbours::conflict(&done.plan, frame) {
+                        None => (vec![done.change], Vec::new(), done.left),
+                        Some(refusal) => (Vec::new(), vec![refusal], done.left),
+                    },
+                    Err(refused) => (Vec::new(), refused.refusals, refused.left),
+                };
                 Ok(PassExplained {
                     pass: step.to_string(),
                     summary: info.summary,
                     hurts: info.hurts,
                     source: info.source,
                     sites,
+                    refusals,
+                    left,
                 })
             })
             .collect::<Result<_, _>>()?,
@@ -283,7 +286,7 @@ fn print(explained: &Explained, plan: &Plan) -> String {
     lines.extend(effect_table(&explained.effects));
     for p in &explained.passes {
         lines.push(format!("\n{}\n  {}", p.pass, p.summary));
-        for site in &p.sites.sites {
+        for site in &p.sites {
             lines.push(format!(
                 "  applies to `{}`: {}\n    static cost {}{}\n    hurts {}",
                 site.key.entry_point,
@@ -297,10 +300,10 @@ fn print(explained: &Explained, plan: &Plan) -> String {
                 p.hurts
             ));
         }
-        for r in &p.sites.refusals {
+        for r in &p.refusals {
             lines.push(indent(&refusal(r, plan)));
         }
-        lines.extend(left(&p.sites.left));
+        lines.extend(left(&p.left));
         lines.push(format!("  source: {}", p.source));
     }
     if !explained.frequencies.is_empty() {

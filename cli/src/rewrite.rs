@@ -585,8 +585,8 @@ fn emit_each(plan: &Plan, targets: &[Target]) -> Result<Emitted, emit::Error> {
 /// A note for who gave no `--pass`: the material is written as it is, and these passes would apply.
 fn nothing_asked_for(original: &Plan) -> String {
     let applies = |pass: &&&dyn AnyPass| {
-        let sites = pass.sites(original, &Facts::default(), &serde_json::json!({}));
-        sites.is_ok_and(|s| !s.sites.is_empty())
+        let outcome = pass.run(original, &Facts::default(), &serde_json::json!({}));
+        outcome.is_ok()
     };
     let names: Vec<&str> = PASSES
         .iter()

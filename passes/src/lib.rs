@@ -37,18 +37,7 @@ pub use transforms::{
 
 pub use naga;
 
-/// Every pass, in the order `explain` tells of them.
-pub const PASSES: &[&dyn pass::AnyPass] = &[
-    &pass::Erased::<specialize::Specialize>::NEW,
-    &pass::Erased::<depth_prepass::DepthPrepass>::NEW,
-    &pass::Erased::<early_discard::EarlyDiscard>::NEW,
-    &pass::Erased::<shadow::Shadow>::NEW,
-    &pass::Erased::<hoist::Hoist>::NEW,
-    &pass::Erased::<tessellate::Tessellate>::NEW,
-    &pass::Erased::<skip_taps::SkipTaps>::NEW,
-    &pass::Erased::<trim_loop::TrimLoop>::NEW,
-    &pass::Erased::<visibility_buffer::VisibilityBuffer>::NEW,
-];
+pub use transforms::{PASSES, examples};
 
 /// The pass of that name.
 pub fn pass_named(name: &str) -> Option<&'static dyn pass::AnyPass> {

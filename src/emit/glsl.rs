@@ -24,9 +24,9 @@ use naga::{
 };
 use preshade_passes::contract::Contract;
 use preshade_passes::declared::Depth;
-use preshade_passes::early_discard;
 use preshade_passes::plan::Plan;
 use preshade_passes::program::Program;
+use preshade_passes::rebuild::quad;
 
 use self::author::Authored;
 use self::text::Dialect;
@@ -320,7 +320,7 @@ pub(super) fn write(
 /// too. The quad vote of `early-discard` needs fine derivatives: with coarse ones, three lanes may
 /// exit although the fourth continues, and its derivatives are then undefined.
 pub(super) fn without_fine_derivatives(plan: &Plan) -> Option<Form> {
-    early_discard::vote_shields_derivatives(plan).then(|| Form {
+    quad::vote_shields_derivatives(plan).then(|| Form {
         // An affected lane can have any colour.
         contract: Contract::Approximate {
             metric: "max_abs".to_owned(),

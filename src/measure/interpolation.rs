@@ -102,9 +102,9 @@ fn tessellated(original: &Plan, alone: &Plan, level: u32) -> Option<(Plan, Compo
         form: geometry::Form::Shared,
         ..tessellate::Params::default()
     };
-    let facts = Facts::default();
-    let sites = Tessellate::sites(alone, &facts, &params);
-    let plan = Tessellate::apply(alone, &facts, &sites.sites.first()?.key, &params).ok()?;
+    let plan = Tessellate::run(alone, &Facts::default(), &params)
+        .ok()?
+        .plan;
     let denominator = plan.main()?.geometry.subdivision()?.denominator;
     Some((plan, components, denominator))
 }

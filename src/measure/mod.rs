@@ -128,27 +128,12 @@ pub fn known_for(
     scene: &crate::scene::Scene,
     recipe: &crate::recipe::Recipe,
 ) -> preshade_passes::pass::Facts {
-    use preshade_passes::depth_prepass::DepthPrepass;
-    use preshade_passes::early_discard::EarlyDiscard;
-    use preshade_passes::pass::{Facts, Pass};
-    use preshade_passes::shadow::Shadow;
-    use preshade_passes::skip_taps::SkipTaps;
-    use preshade_passes::trim_loop::TrimLoop;
-    // These passes read none of it.
-    let names = [
-        DepthPrepass::INFO.name,
-        EarlyDiscard::INFO.name,
-        Shadow::INFO.name,
-        SkipTaps::INFO.name,
-        TrimLoop::INFO.name,
-    ];
-    match recipe
-        .steps
-        .iter()
-        .all(|s| names.contains(&s.pass.as_str()))
-    {
-        true => Facts::default(),
-        false => known(scene),
+    let reads = |step: &crate::recipe::Step| {
+        preshade_passes::pass_named(&step.pass).is_none_or(|pass| pass.info().reads_scene)
+    };
+    match recipe.steps.iter().any(reads) {
+        true => known(scene),
+        false => preshade_passes::pass::Facts::default(),
     }
 }
 

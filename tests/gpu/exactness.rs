@@ -5,7 +5,8 @@ use std::sync::OnceLock;
 
 use preshade::measure::{self, ErrorLadder, Session};
 use preshade::passes::contract::Contract;
-use preshade::passes::pass::Facts;
+use preshade::passes::examples;
+use preshade::passes::pass::{Facts, Use};
 use preshade::passes::plan::Plan;
 use preshade::passes::state::{DepthBias, DepthDirection, DepthFormat};
 use preshade::recipe::Recipe;
@@ -13,15 +14,6 @@ use preshade::render::{
     AdapterChoice, FrameSettings, Gpu, Prepared, Rendered, SceneInputs, ShaderForm, Variant,
 };
 use preshade::scene::{DrawOrder, Scene};
-
-/// Exact whatever ties there are.
-const TIE_PROOF: [&str; 2] = ["depth-prepass", "early-discard"];
-/// Exact where no two surfaces share the nearest depth, and refused elsewhere.
-const TIE_FREE: [&str; 3] = [
-    "depth-prepass:form=equal",
-    "depth-prepass:form=equal,vertex=sliced",
-    "early-discard:attachment=readonly",
-];
 
 /// Sorted both ways, and as an unsorted host draws.
 const ORDERS: [DrawOrder; 3] = [
@@ -111,16 +103,20 @@ fn broken(gpu: &Gpu, label: &str, scene: &Scene, form: ShaderForm) -> Vec<String
         "{label} draws nothing"
     );
     let mut wrong = Vec::new();
-    for recipe in TIE_PROOF.into_iter().chain(TIE_FREE) {
-        let parsed = Recipe::parse([recipe]).unwrap();
+    let exact = [Use::Exact, Use::ExactWithoutTies, Use::ExactWhereApplied];
+    for (recipe, used) in examples().filter(|(_, used)| exact.contains(used)) {
+        let parsed = Recipe::parse_list(recipe).unwrap();
         let variant = measure::variant(&originals, &parsed, &facts);
         let transformed = variant.plans.iter().filter(|p| !p.steps.is_empty()).count();
-        if ties > 0 && TIE_FREE.contains(&recipe) {
+        if ties > 0 && *used == Use::ExactWithoutTies {
             // Materials that compare with LessEqual tie harmlessly; the others must have refused, by name.
             let named = variant.kept.iter().any(|k| k.why.contains("depth-ties"));
             if !named {
                 wrong.push(format!("{label}: {recipe} did not refuse {ties} ties"));
             }
+            continue;
+        }
+        if transformed == 0 && *used == Use::ExactWhereApplied {
             continue;
         }
         if transformed == 0 {
@@ -305,7 +301,7 @@ fn what_alpha_leaves_uncovered_is_seen_to_break() {
     let originals = measure::originals(&scene);
     let reference = pictures(&inputs, &scene, &originals, ShaderForm::Text);
     for recipe in ["depth-prepass", "early-discard"] {
-        let recipe = Recipe::parse([recipe]).unwrap();
+        let recipe = Recipe::parse_list(recipe).unwrap();
         let mut plans = measure::variant(&originals, &recipe, &Facts::default()).plans;
         let exact = worst(
             &reference,
@@ -366,7 +362,7 @@ fn what_a_colour_mask_lets_through_is_seen_to_break() {
             "early-discard",
             "early-discard:attachment=readonly",
         ] {
-            let recipe = Recipe::parse([recipe]).unwrap();
+            let recipe = Recipe::parse_list(recipe).unwrap();
             let facts = Facts::without_ties();
             let alone: Vec<Plan> = originals
                 .iter()
@@ -417,7 +413,8 @@ fn each_covered_pixel_is_shaded_once() {
         };
         let before = shaded(&originals);
         for (recipe, limit) in [("depth-prepass:form=equal", 1.0), ("depth-prepass", 1.05)] {
-            let variant = measure::variant(&originals, &Recipe::parse([recipe]).unwrap(), &facts);
+            let variant =
+                measure::variant(&originals, &Recipe::parse_list(recipe).unwrap(), &facts);
             let after = shaded(&variant.plans);
             assert!(
                 after >= 1.0 && after <= limit,

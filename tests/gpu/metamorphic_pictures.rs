@@ -8,6 +8,8 @@ use preshade::front::{self, Options, Source};
 use preshade::measure::record::VariantReport;
 use preshade::measure::{self, Session, Settings, Timed, TimingSettings, Variant, verify};
 use preshade::passes::contract::Verdict;
+use preshade::passes::examples;
+use preshade::passes::pass::Use;
 use preshade::recipe::Recipe;
 use preshade::render::ShaderForm;
 use preshade::scene::{DrawOrder, Scene};
@@ -21,20 +23,13 @@ const SCENES: [&str; 5] = ["simple", "shrine", "strata", "two-sided", "gallery"]
 /// The one in which a transform finds what it is for: materials whose own values decide branches.
 const DECIDED: (&str, &str) = ("gallery", "specialize");
 
-/// Each transform, and in how many pictures at least its promise has to hold: of one that is refused everywhere nothing is said.
-const RECIPES: [(&str, usize); 11] = [
-    ("depth-prepass", 4),
-    ("depth-prepass:form=equal", 4),
-    ("early-discard", 4),
-    ("hoist:allow=rounding", 1),
-    ("hoist:budget=0.3,tessellate:level=2", 1),
-    ("specialize", 1),
-    ("visibility-buffer:budget=0.1", 1),
-    ("trim-loop:budget=0.1", 2),
-    ("skip-taps:threshold=0,budget=0.01", 1),
-    ("shadow", 4),
-    ("as written", 5),
-];
+/// Each transform, and in how many pictures at least its promise has to hold.
+fn recipes() -> impl Iterator<Item = (&'static str, usize)> {
+    examples().filter_map(|(recipe, used)| match used {
+        Use::Pictures(least) => Some((recipe, *least)),
+        _ => None,
+    })
+}
 
 fn scene(name: &str) -> Scene {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/scenes");
@@ -99,17 +94,15 @@ fn what_changes_nothing_changes_no_picture() {
         .and_then(|n| n.parse().ok())
         .unwrap_or(1);
     let (mut shaders, mut pictures, mut wrong) = (0, BTreeMap::new(), Vec::new());
-    let recipes = RECIPES.map(|(recipe, _)| recipe);
-    let (_, recipes) = recipes.split_last().unwrap();
     for name in SCENES {
         let scene = scene(name);
         for seed in 0..seeds {
             let (other, count) = injected(&scene, seed, |text| text);
             shaders += count;
-            let of_scene = recipes
-                .iter()
-                .filter(|r| (name == DECIDED.0) == (**r == DECIDED.1));
-            let of_scene: Vec<&str> = of_scene.copied().collect();
+            let of_scene = recipes().map(|(recipe, _)| recipe);
+            let of_scene: Vec<&str> = of_scene
+                .filter(|r| (name == DECIDED.0) == (*r == DECIDED.1))
+                .collect();
             let variants = drawn(&scene, &other, &of_scene);
             for (variant, recipe) in variants.iter().zip(["as written"].iter().chain(&of_scene)) {
                 let what = format!("{name}, seed {seed}, {recipe}");
@@ -127,7 +120,7 @@ fn what_changes_nothing_changes_no_picture() {
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
     assert!(shaders >= 6, "{shaders}");
-    for (recipe, least) in RECIPES {
+    for (recipe, least) in recipes().chain([("as written", 5)]) {
         let drawn = pictures.get(recipe).copied().unwrap_or(0);
         assert!(drawn >= least, "{recipe}: {drawn} pictures of {pictures:?}");
     }

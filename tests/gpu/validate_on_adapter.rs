@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use naga::{BinaryOperator, Expression, Function, Module, SampleLevel, Statement};
 use preshade::measure::validate_on;
-use preshade::passes::pass::Facts;
+use preshade::passes::examples;
+use preshade::passes::pass::{Facts, Use};
 use preshade::passes::plan::Plan;
 use preshade::passes::state::MaterialState;
 use preshade::passes::validate::{Check, Counterexample, Effort, Verdict};
@@ -51,15 +52,6 @@ fn waves(p: vec3<f32>) -> f32 {
 }
 ";
 
-const RECIPES: [&str; 6] = [
-    "depth-prepass",
-    "depth-prepass:form=equal,vertex=sliced",
-    "early-discard",
-    "hoist:budget=0.1,vertices-per-fragment=0",
-    "specialize:set=material.fog=0",
-    "shadow",
-];
-
 const EFFORT: Effort = Effort {
     inputs: 48,
     seed: 0,
@@ -93,7 +85,7 @@ fn broken(checks: &[Check]) -> Option<&Counterexample> {
 #[test]
 fn unbroken_variants_agree_on_the_adapter() {
     let original = plan();
-    for recipe in RECIPES {
+    for (recipe, _) in examples().filter(|(_, used)| **used == Use::Break) {
         let variant = applied(&original, recipe);
         let checks = validate_on(gpu(), &original, &variant, &EFFORT);
         assert!(broken(&checks).is_none(), "{recipe}: {}", said(&checks));

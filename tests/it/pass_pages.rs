@@ -9,123 +9,56 @@ use preshade::front::{Options, Source, parse};
 use preshade::parameters::parameters;
 use preshade::passes::PASSES;
 use preshade::passes::contract::Contract;
-use preshade::passes::pass::{AnyPass, Facts};
+use preshade::passes::pass::{AnyPass, Facts, PassInfo, Use};
 use preshade::passes::plan::Plan;
 use preshade::passes::state::MaterialState;
 use preshade::recipe::Recipe;
 
-/// A material that every pass has something to do with: cut out by a texture, lit by a wave that bends within a triangle.
-const EXAMPLE: &str = "\
-@group(0) @binding(0) var<uniform> camera: mat4x4<f32>;
-@group(0) @binding(1) var leaf: texture_2d<f32>;
-@group(0) @binding(2) var leaf_sampler: sampler;
-@group(0) @binding(3) var<uniform> fog: f32;
-
-struct Out {
-    @builtin(position) position: vec4<f32>,
-    @location(0) world: vec3<f32>,
-    @location(1) uv: vec2<f32>,
+/// The recipe of a pass's page and the text it is applied to, by name: a file of `fixtures/pages`.
+fn example(pass: &dyn AnyPass) -> (Vec<String>, &'static str, String) {
+    let mut uses = pass.examples().iter();
+    let found = uses.find_map(|e| {
+        e.uses.iter().find_map(|u| match u {
+            Use::Page(file) => Some((e.recipe, *file)),
+            _ => None,
+        })
+    });
+    let name = pass.info().name;
+    let (recipe, file) = found.unwrap_or_else(|| panic!("no example of {name} is for its page"));
+    let path = root()
+        .join("fixtures/pages")
+        .join(file)
+        .with_extension("wgsl");
+    let steps = Recipe::parse_list(recipe).unwrap().steps;
+    let steps = steps.iter().map(ToString::to_string).collect();
+    (steps, file, fs::read_to_string(path).unwrap())
 }
 
-@vertex
-fn vs(@location(0) position: vec3<f32>, @location(1) uv: vec2<f32>) -> Out {
-    return Out(camera * vec4<f32>(position, 1.0), position, uv);
-}
-
-@fragment
-fn fs(in: Out) -> @location(0) vec4<f32> {
-    let texel = textureSample(leaf, leaf_sampler, in.uv);
-    if (texel.a < 0.5) {
-        discard;
-    }
-    var wave = 0.0;
-    for (var i = 0; i < 4; i++) {
-        wave += sin(in.world.x * f32(i + 1)) * cos(in.world.y);
-    }
-    var color = texel.rgb * wave;
-    if (fog > 0.0) {
-        color = mix(color, vec3<f32>(0.5), exp(-fog * in.position.w));
-    }
-    return vec4<f32>(color, 1.0);
-}
-";
-
-/// One that blends: two sides of a rock, by how much each faces the viewer.
-const BLEND: &str = "\
-@group(0) @binding(0) var<uniform> camera: mat4x4<f32>;
-@group(0) @binding(1) var rock: texture_2d<f32>;
-@group(0) @binding(2) var rock_sampler: sampler;
-
-struct Out {
-    @builtin(position) position: vec4<f32>,
-    @location(0) world: vec3<f32>,
-    @location(1) normal: vec3<f32>,
-}
-
-@vertex
-fn vs(@location(0) position: vec3<f32>, @location(1) normal: vec3<f32>) -> Out {
-    return Out(camera * vec4<f32>(position, 1.0), position, normal);
-}
-
-@fragment
-fn fs(in: Out) -> @location(0) vec4<f32> {
-    let sharp = pow(abs(in.normal.xy), vec2<f32>(8.0));
-    let weights = sharp / (sharp.x + sharp.y);
-    let side = textureSample(rock, rock_sampler, in.world.zy);
-    let top = textureSample(rock, rock_sampler, in.world.xz);
-    return side * weights.x + top * weights.y;
-}
-";
-
-/// The example of a pass, and its name.
-fn example(name: &str) -> (&'static str, &'static str) {
-    match name {
-        "skip-taps" => ("rock", BLEND),
-        _ => ("leaf", EXAMPLE),
-    }
-}
-
-/// The command that draws what a pass does to a scene: `scripts/pass-pictures.sh` runs it. What to see there comes second.
-fn picture(name: &str) -> (&'static str, &'static str) {
-    match name {
-        "depth-prepass" => (
-            "preshade verify fixtures/scenes/shrine.toml --camera wall --size 256x144 --frames 1 --order front-to-back --pass depth-prepass",
-            "a wall that hides a shrine: no pixel differs, and each is shaded once instead of 3.2 times",
-        ),
-        "early-discard" => (
-            "preshade verify fixtures/scenes/late-depth.toml --size 256x144 --frames 1 --order front-to-back --pass early-discard",
-            "five layers that write depth, which hardware cannot test early: each pixel is shaded once instead of five times",
-        ),
-        "shadow" => (
-            "preshade verify fixtures/scenes/lit-room.toml --size 256x144 --frames 1 --order front-to-back --pass shadow",
-            "the main pass is as it was; what is new is drawn under the light alone",
-        ),
-        "hoist" => (
-            "preshade verify fixtures/scenes/teapot-specular.toml --camera article --size 240x220 --frames 1 --pass hoist:budget=0.05",
-            "a highlight computed at the vertices: it is off where it bends within a triangle",
-        ),
-        "tessellate" => (
-            "preshade verify fixtures/scenes/teapot-specular.toml --camera article --size 240x220 --frames 1 --recipe hoist:budget=0.05,tessellate:level=4",
-            "the highlight of `hoist` at sixteen times the triangles: less is off",
-        ),
-        "specialize" => (
-            "preshade verify fixtures/scenes/museum.toml --size 256x144 --frames 1 --order front-to-back --pass specialize",
-            "one shader for all exhibits, a version for each kind: the same picture",
-        ),
-        "skip-taps" => (
-            "preshade verify fixtures/scenes/terrain-triplanar.toml --camera slope --size 256x144 --frames 1 --pass skip-taps:budget=0.01",
-            "a slope between two sides of its texture: off by two steps at most where a third one was left out",
-        ),
-        "trim-loop" => (
-            "preshade verify fixtures/scenes/teapot-noise.toml --camera article --size 240x220 --frames 1 --pass trim-loop:budget=0.05",
-            "noise without its last octave: fine detail is missing everywhere, by four steps at most",
-        ),
-        "visibility-buffer" => (
-            "preshade verify fixtures/scenes/grass.toml --size 256x144 --frames 1 --order front-to-back --set instances=20000 --pass visibility-buffer:select=id",
-            "a meadow: each pixel is shaded once, after it is known which blade it shows",
-        ),
-        other => panic!("{other} has no picture: name one here and run scripts/pass-pictures.sh"),
-    }
+/// The command that draws the picture of a pass's page, and a sentence about it.
+fn picture(pass: &dyn AnyPass) -> (String, &'static str, u32) {
+    let mut uses = pass.examples().iter();
+    let found = uses.find_map(|e| {
+        e.uses.iter().find_map(|u| match u {
+            Use::Picture {
+                scene,
+                caption,
+                rows,
+            } => Some((e.recipe, scene, caption, rows)),
+            _ => None,
+        })
+    });
+    let name = pass.info().name;
+    let (recipe, scene, caption, rows) =
+        found.unwrap_or_else(|| panic!("no example of {name} draws its picture"));
+    let flag = match Recipe::parse_list(recipe).unwrap().steps.len() {
+        1 => "--pass",
+        _ => "--recipe",
+    };
+    (
+        format!("preshade verify {scene} {flag} {recipe}"),
+        caption,
+        *rows,
+    )
 }
 
 /// Most bytes of a picture.
@@ -133,25 +66,6 @@ const PICTURE: u64 = 60_000;
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
-}
-
-/// The steps that show a pass: those it needs before it, and its own.
-fn recipe(name: &str) -> Vec<&'static str> {
-    match name {
-        "specialize" => vec!["specialize:set=fog=0"],
-        "skip-taps" => vec!["skip-taps:budget=0.01"],
-        "trim-loop" => vec!["trim-loop:budget=0.05"],
-        "hoist" => vec!["hoist:budget=0.05"],
-        "tessellate" => vec!["hoist:budget=0.05", "tessellate:level=4"],
-        "visibility-buffer" => vec!["visibility-buffer:budget=0.02"],
-        other => vec![
-            PASSES
-                .iter()
-                .map(|p| p.info().name)
-                .find(|n| *n == other)
-                .unwrap(),
-        ],
-    }
 }
 
 /// The comment that a pass's file opens with, as Markdown: links into the code are left as code, and left out where they stand in parentheses for readers of the code.
@@ -219,17 +133,24 @@ fn page(pass: &dyn AnyPass) -> String {
         info.source.trim_end_matches('.')
     )
     .unwrap();
-    let (command, seen) = picture(info.name);
+    let (command, seen, rows) = picture(pass);
+    let often = match rows {
+        1 => "",
+        _ => ", and how often each pixel is shaded",
+    };
     let file = format!("../images/passes/{}.png", info.name);
     writeln!(
         text,
-        "![Original, variant and their difference times 16, and where it matters how often each pixel is shaded: {seen}]({file})\n\n`{command}`: {seen}.\n"
+        "![Original, variant and their difference times 16{often}: {seen}]({file})\n\n`{command}`: {seen}.\n"
     )
     .unwrap();
-    let bytes = fs::metadata(root().join("docs/passes").join(&file))
-        .unwrap_or_else(|e| panic!("{file}: {e}: scripts/pass-pictures.sh draws it"))
-        .len();
-    assert!(bytes <= PICTURE, "{file} has {bytes} bytes");
+    // The script that draws it reads the page.
+    if !updates() {
+        let bytes = fs::metadata(root().join("docs/passes").join(&file))
+            .unwrap_or_else(|e| panic!("{file}: {e}: scripts/pass-pictures.sh draws it"))
+            .len();
+        assert!(bytes <= PICTURE, "{file} has {bytes} bytes");
+    }
     text.push_str("## Parameters\n\n");
     for p in parameters(pass) {
         let default = p.default.as_ref().filter(|d| !d.is_null());
@@ -256,11 +177,10 @@ fn page(pass: &dyn AnyPass) -> String {
             .unwrap();
         }
     }
-    let steps = recipe(info.name);
     let (options, state) = (Options::default(), MaterialState::default());
-    let (name, source) = example(info.name);
+    let (steps, name, source) = example(pass);
     let file = format!("{name}.wgsl");
-    let parsed = parse(&[Source::new(file, source)], &options).unwrap();
+    let parsed = parse(&[Source::new(file, source.as_str())], &options).unwrap();
     let original = Plan::original(
         name,
         parsed.program,
@@ -318,6 +238,48 @@ fn page(pass: &dyn AnyPass) -> String {
     text
 }
 
+/// Whether the pages are written anew.
+fn updates() -> bool {
+    std::env::var_os("UPDATE_PAGES").is_some()
+}
+
+/// The book's contents and the README's table name each pass.
+#[test]
+fn lists_of_passes_are_complete() {
+    for (file, after) in [
+        ("docs/SUMMARY.md", "# Passes\n\n"),
+        ("README.md", "| pass | use it when |\n|---|---|\n"),
+    ] {
+        let path = root().join(file);
+        let mut text = fs::read_to_string(&path).unwrap();
+        for pass in PASSES {
+            let PassInfo { name, when, .. } = pass.info();
+            let (link, line) = match file {
+                "README.md" => (
+                    format!("[`{name}`](docs/passes/{name}.md)"),
+                    format!("| [`{name}`](docs/passes/{name}.md) | {when} |\n"),
+                ),
+                _ => (
+                    format!("(passes/{name}.md)"),
+                    format!("- [{name}](passes/{name}.md)\n"),
+                ),
+            };
+            if text.contains(&link) {
+                continue;
+            }
+            assert!(
+                updates(),
+                "{file} does not list {name}: UPDATE_PAGES=1 cargo test --test it pass_pages"
+            );
+            let at = text.find(after).unwrap() + after.len();
+            text.insert_str(at, &line);
+        }
+        if updates() {
+            fs::write(&path, text).unwrap();
+        }
+    }
+}
+
 #[test]
 fn each_pass_has_the_page_that_its_source_makes() {
     let folder = root().join("docs/passes");
@@ -325,7 +287,7 @@ fn each_pass_has_the_page_that_its_source_makes() {
     for pass in PASSES {
         let path = folder.join(format!("{}.md", pass.info().name));
         let made = page(*pass);
-        if std::env::var_os("UPDATE_PAGES").is_some() {
+        if updates() {
             fs::create_dir_all(&folder).unwrap();
             fs::write(&path, &made).unwrap();
         }

@@ -3,11 +3,11 @@
 use std::fmt::Write as _;
 
 use preshade::emit::{self, Target};
-use preshade::passes::pass::Facts;
+use preshade::passes::pass::{Facts, Use};
 use preshade::passes::plan::Plan;
 use preshade::recipe::Recipe;
 
-use crate::fixtures_support::{RECIPES, original};
+use crate::fixtures_support::{original, recipes};
 
 /// The variant as a reviewer wants it: the passes of the plan in a few lines, then the text of each program; or the refusal.
 fn describe(plan: &Plan, recipe: &str) -> String {
@@ -78,7 +78,7 @@ fn describe(plan: &Plan, recipe: &str) -> String {
 fn every_fixture_through_every_pass() {
     insta::glob!("../../fixtures/shaders", "*.wgsl", |path| {
         let plan = original(&[path]);
-        for recipe in RECIPES {
+        for recipe in recipes(&[Use::Snapshot]) {
             let name = recipe.replace([':', '=', ','], "-");
             insta::with_settings!({ description => recipe, omit_expression => true }, {
                 insta::assert_snapshot!(name, describe(&plan, recipe));

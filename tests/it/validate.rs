@@ -2,21 +2,12 @@
 
 use std::collections::BTreeMap;
 
-use preshade::passes::pass::Facts;
+use preshade::passes::pass::{Facts, Use};
 use preshade::passes::validate::{Check, Effort, Verdict, validate};
 use preshade::recipe::Recipe;
 use rayon::prelude::*;
 
-use crate::fixtures_support::{COMPOSED, RECIPES, materials, original};
-
-/// Recipes that the support has not.
-const MORE: [&str; 5] = [
-    "trim-loop:budget=0.1",
-    "hoist:allow=rounding",
-    "hoist:budget=0.02,finite=assumed,jumps=carried,depth-prepass:form=equal",
-    "hoist:budget=0.02,finite=assumed,jumps=carried,early-discard",
-    "visibility-buffer",
-];
+use crate::fixtures_support::{materials, original, recipes};
 
 #[test]
 fn no_recipe_breaks_a_promise_of_a_fixture() {
@@ -33,7 +24,7 @@ fn no_recipe_breaks_a_promise_of_a_fixture() {
             let files: Vec<_> = files.iter().map(std::path::PathBuf::as_path).collect();
             let original = original(&files);
             let mut checks = Vec::new();
-            for recipe in RECIPES.into_iter().chain(COMPOSED).chain(MORE) {
+            for recipe in recipes(&[Use::Snapshot, Use::Compile, Use::Validate]) {
                 let parsed = Recipe::parse_list(recipe).unwrap();
                 let Ok(variant) = parsed.apply(&original, &Facts::without_ties()) else {
                     continue;

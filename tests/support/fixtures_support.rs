@@ -4,43 +4,16 @@
 use std::path::{Path, PathBuf};
 
 use preshade::front::{self, Options, Source};
+use preshade::passes::examples;
+use preshade::passes::pass::Use;
 use preshade::passes::plan::Plan;
 use preshade::passes::state::MaterialState;
 
-/// The recipes whose output is kept as snapshots and shown to other compilers.
-pub const RECIPES: [&str; 13] = [
-    "depth-prepass",
-    "depth-prepass:form=equal",
-    "depth-prepass:form=equal,vertex=sliced",
-    "shadow",
-    "early-discard",
-    "early-discard:texture=float",
-    "early-discard:texture=float,attachment=readonly",
-    "early-discard:texture=packed",
-    "early-discard:quad=lane,budget=0.02",
-    "early-discard:quad=lane,mode=invert",
-    "hoist",
-    "hoist:budget=0.02,finite=assumed,jumps=carried",
-    "skip-taps:budget=1",
-];
-
-/// Recipes of several steps, separated by commas, shown to other compilers only: most of their text is the same for every material.
-pub const COMPOSED: [&str; 13] = [
-    "hoist:budget=0.02,finite=assumed,jumps=carried,tessellate:level=3",
-    "hoist:budget=0.02,finite=assumed,jumps=carried,tessellate:level=2,pattern=uniform,form=shared",
-    "hoist:budget=0.02,finite=assumed,jumps=carried,tessellate:level=2,depth-prepass",
-    "visibility-buffer:formats=any,budget=1",
-    "visibility-buffer:ids=unindexed,form=compute,budget=1",
-    "visibility-buffer:select=tiles,budget=1",
-    "visibility-buffer:form=binned,words=one,corners=snapped,budget=1",
-    // Of values that the museum's material has; others refuse.
-    "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0",
-    "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,depth-prepass:form=equal",
-    "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,early-discard:texture=float",
-    "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,hoist:budget=0.02,finite=assumed,jumps=carried",
-    "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,skip-taps:budget=1",
-    "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,visibility-buffer:formats=any,budget=1",
-];
+/// The recipes of the passes' examples with one of these uses.
+pub fn recipes(of: &[Use]) -> Vec<&'static str> {
+    let used = examples().filter(|(_, used)| of.contains(used));
+    used.map(|(recipe, _)| recipe).collect()
+}
 
 /// A material of one file or two, with the default state.
 pub fn original(files: &[&Path]) -> Plan {

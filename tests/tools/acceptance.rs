@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use preshade::emit::{self, File, Target};
-use preshade::passes::pass::Facts;
+use preshade::passes::pass::{Facts, Use};
 use preshade::passes::plan::Plan;
 use preshade::passes::uniformity::non_uniform;
 use preshade::recipe::Recipe;
@@ -64,8 +64,7 @@ fn variants(files: &[PathBuf]) -> (Sets, Vec<String>) {
     let paths: Vec<&Path> = files.iter().map(AsRef::as_ref).collect();
     let original = fixtures_support::original(&paths);
     let mut variants = vec![("original", original.clone())];
-    let composed = fixtures_support::COMPOSED;
-    for recipe in fixtures_support::RECIPES.into_iter().chain(composed) {
+    for recipe in fixtures_support::recipes(&[Use::Snapshot, Use::Compile]) {
         // Ties measured to be none: the main pass of `equal` loses its discard, the hardest text of the two.
         let facts = Facts::without_ties();
         if let Ok(plan) = Recipe::parse_list(recipe).unwrap().apply(&original, &facts) {

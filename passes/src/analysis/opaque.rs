@@ -9,7 +9,7 @@ use naga::{Binding, BuiltIn, EarlyDepthTest, ShaderStage, Span, Statement};
 use crate::analysis::coverage::{self, Decides};
 use crate::core::channels;
 use crate::core::contract::Assumption;
-use crate::core::pass::{Facts, Refusal, Sites};
+use crate::core::pass::{Facts, Refusal};
 use crate::core::plan::{ClearValue, GpuPass, Phase, Plan, Role};
 use crate::core::program::Program;
 use crate::core::reflect;
@@ -298,12 +298,4 @@ pub fn refuse_ties(name: &'static str, facts: &Facts, remedy: &str) -> Option<Re
             remedy,
         )
     })
-}
-
-/// Sites of a transform that does not apply.
-pub fn refused(refusals: Vec<Refusal>) -> Sites {
-    Sites {
-        refusals,
-        ..Sites::default()
-    }
 }

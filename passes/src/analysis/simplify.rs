@@ -6,7 +6,7 @@ use naga::ShaderStage;
 use serde::Serialize;
 
 use crate::core::contract::Contract;
-use crate::core::pass::{Left, Refusal, Site, SiteKey, Sites};
+use crate::core::pass::{Change, Left, Outcome, Refusal};
 use crate::core::plan::{GpuPass, Plan, Step};
 use crate::core::program::Program;
 use crate::core::reflect;
@@ -18,64 +18,35 @@ pub struct Simplified {
     pub program: Program,
     /// Key of the program it takes the place of.
     pub of: String,
-    /// Where, and what it saves.
-    pub site: Site,
+    /// Which code changed, and how much that saves.
+    pub change: Change,
     /// What stays, and why.
     pub left: Vec<Left>,
     /// What is promised of the picture.
     pub contract: Contract,
 }
 
-/// A refusal, and what was looked at.
-pub type Refused = (Box<Refusal>, Vec<Left>);
-
 impl Simplified {
-    /// The one site, or the refusal.
-    pub fn sites(found: Result<Self, Refused>) -> Sites {
-        let (sites, refusals, left) = match found {
-            Ok(found) => (vec![found.site], Vec::new(), found.left),
-            Err((refusal, left)) => (Vec::new(), vec![*refusal], left),
-        };
-        Sites {
-            sites,
-            refusals,
-            left,
-        }
-    }
-
-    /// The plan with the program in its place, by the pass of this name.
-    ///
-    /// # Errors
-    /// The site is another.
-    pub fn apply(
-        self,
-        plan: &Plan,
-        name: &str,
-        site: &SiteKey,
-        params: &impl Serialize,
-    ) -> Result<Plan, Box<Refusal>> {
-        if *site != self.site.key {
-            return Err(Box::new(Refusal::new(
-                name,
-                "stale",
-                "the site is not one of this plan's",
-                "find the sites anew",
-            )));
-        }
+    /// The plan with the new program, as a step of the pass with this name.
+    pub fn outcome(self, plan: &Plan, name: &str, params: &impl Serialize) -> Outcome {
         let mut next = plan.clone();
         for pass in next.passes.iter_mut().filter(|p| p.program == self.of) {
             reflect::fill(pass, &self.program);
         }
-        next.notes.push(self.site.what);
+        next.notes.push(self.change.what.clone());
         next.steps.push(Step {
             pass: name.to_owned(),
-            site: self.site.key,
+            site: self.change.key.clone(),
             params: serde_json::to_value(params).unwrap_or_default(),
             contract: self.contract.clone(),
         });
         next.contract = next.contract.and(self.contract);
         next.programs.insert(self.of, self.program);
-        Ok(next)
+        Outcome {
+            plan: next,
+            change: self.change,
+            left: self.left,
+        }
     }
 }
 

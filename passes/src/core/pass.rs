@@ -1,4 +1,4 @@
-//! What a transform is: a pure function from a plan to a plan, with a search for where it applies and a reason where it does not.
+//! A transform is a pure function from a plan to a new plan, or to the reasons why it does not apply.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
@@ -7,7 +7,7 @@ use crate::core::plan::{Plan, Role};
 use crate::core::program::{Location, SourceMap};
 use crate::core::rasterizer::Rasterizer;
 
-/// What a pass says of itself.
+/// The name of a pass and its description.
 #[derive(Clone, Copy, Debug)]
 pub struct PassInfo {
     /// Name of the pass, of its file and of its flag.
@@ -20,50 +20,171 @@ pub struct PassInfo {
     pub when: &'static str,
     /// When it costs more than it gains.
     pub hurts: &'static str,
+    /// Whether it reads the scene's numbers and samplers in [`Facts`].
+    pub reads_scene: bool,
 }
 
-/// Names one place where a pass applies, stably: never by an arena handle.
+/// A recipe that shows a pass. Every list of passes or recipes in tests, searches and pages is made
+/// of these.
+#[derive(Clone, Copy, Debug)]
+pub struct Example {
+    /// Steps separated by commas, as on the command line. `BUDGET` stands for the user's budget and
+    /// metric, `MOST` for the budget alone, of passes that know one metric.
+    pub recipe: &'static str,
+    /// Its uses.
+    pub uses: &'static [Use],
+}
+
+/// A use of an [`Example`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Use {
+    /// Applied to every fixture: the text is kept as a snapshot, shown to other compilers and
+    /// validated.
+    Snapshot,
+    /// As [`Use::Snapshot`], without the snapshot.
+    Compile,
+    /// Applied to every fixture and validated.
+    Validate,
+    /// Applied to fixtures with neutral code injected, and validated.
+    Inject,
+    /// Applied to a material with `material.fog` and validated.
+    Keep,
+    /// As [`Use::Keep`], then broken at random: validation has to notice.
+    Break,
+    /// Draws every scene: no bit may change, whatever ties there are. Refusals have to be expected.
+    Exact,
+    /// As [`Use::Exact`], without ties; a scene with ties has to be refused.
+    ExactWithoutTies,
+    /// As [`Use::Exact`], in the scenes that it does not refuse.
+    ExactWhereApplied,
+    /// Draws scenes with neutral code injected; its promise has to hold in this many pictures.
+    Pictures(usize),
+    /// Applied to random modules.
+    Fuzz,
+    /// Compared with the same operations in `f64`.
+    Truth,
+    /// `plan` tries it.
+    Plan,
+    /// `plan` tries it if the user gives a budget.
+    PlanWithin,
+    /// `explore` tries it as a way to shade fewer fragments.
+    Cover,
+    /// `explore` tries it as a way to compute less in each fragment.
+    Simplify,
+    /// Useful ahead of other passes: random recipes sort it to this place.
+    Ahead(usize),
+    /// The example of the pass's page, applied to this file of `fixtures/pages`.
+    Page(&'static str),
+    /// The picture of the pass's page.
+    Picture {
+        /// Scene and options of `preshade verify`, without the recipe.
+        scene: &'static str,
+        /// A sentence about the picture.
+        caption: &'static str,
+        /// Rows of the sheet to show; the second is the shading count.
+        rows: u32,
+    },
+}
+
+/// The code that a pass changes. The name is stable: it holds no arena handle.
 #[derive(
     Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
 )]
-pub struct SiteKey {
-    /// Role of the GPU pass the site is in.
+pub struct Site {
+    /// Role of the GPU pass.
     pub role: Role,
     /// Entry point.
     pub entry_point: String,
     /// Hash of the canonical slice, 16 hex digits.
     pub slice: String,
-    /// Number among equal slices.
-    pub ordinal: u32,
 }
 
-/// A place where a pass applies.
+/// One change that a pass made.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Site {
-    /// Its stable name.
-    pub key: SiteKey,
-    /// What would be done there, in words.
+pub struct Change {
+    /// The code it changed.
+    pub key: Site,
+    /// A description for people.
     pub what: String,
-    /// Where it is in the author's source.
+    /// Position in the author's source.
     pub location: Option<Location>,
-    /// Static cost of the slice and of what it is sliced from.
+    /// Static cost of the slice and of the stage that it was cut from.
     pub cost: SiteCost,
 }
 
-/// Something that a pass left where it was.
+/// A pass applied.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// The new plan.
+    pub plan: Plan,
+    /// The change.
+    pub change: Change,
+    /// Candidates that the pass did not take, the most expensive first.
+    pub left: Vec<Left>,
+}
+
+/// A pass did not apply.
+#[derive(Clone, Debug, Default)]
+pub struct Refused {
+    /// Every reason; there is at least one.
+    pub refusals: Vec<Refusal>,
+    /// Candidates that the pass looked at, the most expensive first.
+    pub left: Vec<Left>,
+}
+
+impl Refused {
+    /// The first reason.
+    pub fn first(self) -> Box<Refusal> {
+        let first = self.refusals.into_iter().next();
+        Box::new(first.unwrap_or_else(|| {
+            Refusal::new(
+                "",
+                "refused",
+                "the pass does not apply",
+                "see `preshade explain`",
+            )
+        }))
+    }
+}
+
+impl From<Vec<Refusal>> for Refused {
+    fn from(refusals: Vec<Refusal>) -> Self {
+        Self {
+            refusals,
+            left: Vec::new(),
+        }
+    }
+}
+
+impl From<Box<Refusal>> for Refused {
+    fn from(refusal: Box<Refusal>) -> Self {
+        vec![*refusal].into()
+    }
+}
+
+impl From<(Box<Refusal>, Vec<Left>)> for Refused {
+    fn from((refusal, left): (Box<Refusal>, Vec<Left>)) -> Self {
+        Self {
+            refusals: vec![*refusal],
+            left,
+        }
+    }
+}
+
+/// A candidate that a pass did not take.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Left {
-    /// The author's name for it, or what it is.
+    /// The author's name for it, or a description.
     pub name: String,
-    /// Why it stays.
+    /// Why the pass did not take it.
     pub reason: String,
-    /// Static cost of computing it, all it rests on included.
+    /// Static cost of computing it, with everything that it depends on.
     pub cost: f64,
     /// Where it is in the author's source.
     pub location: Option<Location>,
 }
 
-/// Static cost estimate of a site, in the units of [`crate::graph`]'s cost model.
+/// Static cost estimate of a change, in the units of [`crate::graph`]'s cost model.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SiteCost {
     /// Cost of the slice.
@@ -126,18 +247,6 @@ impl std::fmt::Display for Refusal {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{}[{}]: {}", self.pass, self.code, self.reason)
     }
-}
-
-/// Where a pass applies, and every refusal.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Sites {
-    /// Places it applies.
-    pub sites: Vec<Site>,
-    /// Why it does not apply elsewhere.
-    pub refusals: Vec<Refusal>,
-    /// What the pass might have taken along and did not, the dearest first, and why.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub left: Vec<Left>,
 }
 
 /// Measured evidence as plain data. A pass reads it, never gathers it.
@@ -350,24 +459,19 @@ pub trait Pass {
     /// What it is.
     const INFO: PassInfo;
 
+    /// Recipes that show it.
+    const EXAMPLES: &'static [Example];
+
     /// What of its parameters names nothing in the material: a slip of whoever wrote them where none of the materials meant has it, and no refusal.
     fn misnamed(_plan: &Plan, _params: &Self::Params) -> Option<Misnamed> {
         None
     }
 
-    /// Where it applies on `plan`, and every refusal.
-    fn sites(plan: &Plan, facts: &Facts, params: &Self::Params) -> Sites;
-
-    /// Applies it at `site`: value in, value out.
+    /// Applies the pass: value in, value out.
     ///
     /// # Errors
-    /// A refusal; `plan` is untouched.
-    fn apply(
-        plan: &Plan,
-        facts: &Facts,
-        site: &SiteKey,
-        params: &Self::Params,
-    ) -> Result<Plan, Box<Refusal>>;
+    /// Every reason why it does not apply; `plan` is untouched.
+    fn run(plan: &Plan, facts: &Facts, params: &Self::Params) -> Result<Outcome, Refused>;
 }
 
 /// A name among the parameters that a material has not, or a value that what is named cannot have.
@@ -395,6 +499,8 @@ pub struct ParamError {
 pub trait AnyPass: Sync {
     /// What it is.
     fn info(&self) -> &'static PassInfo;
+    /// As [`Pass::EXAMPLES`].
+    fn examples(&self) -> &'static [Example];
     /// JSON schema of its parameters.
     fn schema(&self) -> serde_json::Value;
     /// Parameters in full: those given, defaults for the rest.
@@ -404,27 +510,16 @@ pub trait AnyPass: Sync {
     fn complete(&self, params: &serde_json::Value) -> Result<serde_json::Value, ParamError>;
     /// As [`Pass::misnamed`]; nothing of parameters that do not fit the pass.
     fn misnamed(&self, plan: &Plan, params: &serde_json::Value) -> Option<Misnamed>;
-    /// As [`Pass::sites`].
+    /// As [`Pass::run`]; parameters that do not fit are refused.
     ///
     /// # Errors
-    /// As [`AnyPass::complete`].
-    fn sites(
+    /// As [`Pass::run`].
+    fn run(
         &self,
         plan: &Plan,
         facts: &Facts,
         params: &serde_json::Value,
-    ) -> Result<Sites, ParamError>;
-    /// As [`Pass::apply`], refusing parameters that do not fit.
-    ///
-    /// # Errors
-    /// As [`Pass::apply`].
-    fn apply(
-        &self,
-        plan: &Plan,
-        facts: &Facts,
-        site: &SiteKey,
-        params: &serde_json::Value,
-    ) -> Result<Plan, Box<Refusal>>;
+    ) -> Result<Outcome, Refused>;
 }
 
 /// Carries a [`Pass`] as a value; the pass itself is only a type.
@@ -451,6 +546,10 @@ impl<P: Pass + 'static> AnyPass for Erased<P> {
         &P::INFO
     }
 
+    fn examples(&self) -> &'static [Example] {
+        P::EXAMPLES
+    }
+
     fn schema(&self) -> serde_json::Value {
         schemars::schema_for!(P::Params).to_value()
     }
@@ -466,30 +565,20 @@ impl<P: Pass + 'static> AnyPass for Erased<P> {
         P::misnamed(plan, &Self::params(params).ok()?)
     }
 
-    fn sites(
+    fn run(
         &self,
         plan: &Plan,
         facts: &Facts,
         params: &serde_json::Value,
-    ) -> Result<Sites, ParamError> {
-        Ok(P::sites(plan, facts, &Self::params(params)?))
-    }
-
-    fn apply(
-        &self,
-        plan: &Plan,
-        facts: &Facts,
-        site: &SiteKey,
-        params: &serde_json::Value,
-    ) -> Result<Plan, Box<Refusal>> {
+    ) -> Result<Outcome, Refused> {
         let params = Self::params(params).map_err(|e| {
-            Refusal::new(
+            vec![Refusal::new(
                 P::INFO.name,
                 "parameters",
-                e.message,
+                e.to_string(),
                 format!("see `preshade passes {}`", P::INFO.name),
-            )
+            )]
         })?;
-        P::apply(plan, facts, site, &params)
+        P::run(plan, facts, &params)
     }
 }

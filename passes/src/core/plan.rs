@@ -521,7 +521,7 @@ pub struct Step {
     /// Pass name.
     pub pass: String,
     /// Where.
-    pub site: crate::core::pass::SiteKey,
+    pub site: crate::core::pass::Site,
     /// Parameters in full, defaults included.
     pub params: serde_json::Value,
     /// Its promise.

@@ -12,10 +12,11 @@ use serde::{Deserialize, Serialize};
 use crate::analysis::coverage;
 use crate::analysis::opaque::Opaque;
 use crate::core::contract::{Assumption, Contract};
-use crate::core::pass::{Refusal, Site, SiteCost, SiteKey};
+use crate::core::pass::{Change, Outcome, Refusal, Site, SiteCost};
 use crate::core::plan::{Draws, GpuPass, Phase, Plan, Role};
 use crate::core::reflect;
 use crate::core::state::DepthState;
+use crate::rebuild::ahead::Ahead;
 use crate::rebuild::place::{self, PositionInvariance};
 use crate::rebuild::returns::{self, Emitter};
 use crate::slice::{self, Criterion, OutputFilter, Slice};
@@ -144,20 +145,19 @@ pub fn slice(opaque: &Opaque, stage: VertexStage) -> DepthOnly {
 }
 
 impl DepthOnly {
-    /// Stable name of the site.
-    pub fn key(&self, opaque: &Opaque) -> SiteKey {
+    /// Stable name of the code that was sliced.
+    pub fn key(&self, opaque: &Opaque) -> Site {
         let hash = |s: &Option<Slice>| s.as_ref().map_or("-".repeat(16), |s| s.hash.clone());
-        SiteKey {
+        Site {
             role: Role::Main,
             entry_point: opaque.pass.vertex.clone(),
             slice: format!("{}{}", hash(&self.vertex), hash(&self.fragment)),
-            ordinal: 0,
         }
     }
 
-    /// The site.
-    pub fn site(&self, opaque: &Opaque, what: String) -> Site {
-        Site {
+    /// The change that a pass makes with these slices.
+    pub fn change(&self, opaque: &Opaque, what: String) -> Change {
+        Change {
             key: self.key(opaque),
             what,
             location: self.span.and_then(|s| opaque.program.sources().locate(s)),
@@ -165,23 +165,13 @@ impl DepthOnly {
         }
     }
 
-    /// Refuses a site that is not this one.
-    ///
-    /// # Errors
-    /// `stale`.
-    pub fn expect(&self, opaque: &Opaque, site: &SiteKey, pass: &str) -> Result<(), Box<Refusal>> {
-        if self.key(opaque) == *site {
-            return Ok(());
+    /// A plan that was made with these slices.
+    pub fn outcome(&self, opaque: &Opaque, what: String, plan: Plan) -> Outcome {
+        Outcome {
+            plan,
+            change: self.change(opaque, what),
+            left: Vec::new(),
         }
-        Err(Box::new(Refusal::new(
-            pass,
-            "stale",
-            format!(
-                "the site {} of `{}` is no longer in the shader",
-                site.slice, site.entry_point
-            ),
-            "make the recipe anew",
-        )))
     }
 
     /// Places the slices beside the author's entry points. `suffix` ends the names of new items.
@@ -238,11 +228,7 @@ impl DepthOnly {
 
     /// Adds to `module` a function that computes the material's depth from the fragment stage's
     /// inputs.
-    pub fn depth_function(
-        &self,
-        opaque: &Opaque,
-        module: &Module,
-    ) -> Option<(Module, DepthFunction)> {
+    pub fn depth_function(&self, opaque: &Opaque, module: &Module) -> Option<(Module, Ahead)> {
         let graph = &opaque.graph;
         // Only the depth: the author's own code still discards.
         let slice = slice::backward(
@@ -250,39 +236,7 @@ impl DepthOnly {
             self.fragment.as_ref()?.entry,
             &[Criterion::Output(OutputFilter::FragDepth)],
         );
-        let name = "prepass_own_depth";
-        let mut module = place::entry_point(
-            graph,
-            &slice,
-            module,
-            name,
-            "own_depth",
-            PositionInvariance::AsWritten,
-        );
-        let mut function = module.entry_points.pop()?.function;
-        let mut arguments = Vec::new();
-        for argument in &mut function.arguments {
-            arguments.push(match argument.binding.take() {
-                Some(binding) => Argument::Input(argument.ty, binding),
-                None => Argument::Struct(argument.ty, reflect::members(&module, argument.ty)?),
-            });
-        }
-        if let Some(result) = &mut function.result {
-            result.binding = None;
-        }
-        function.name = Some(name.to_owned());
-        let function = module.functions.append(function, Span::UNDEFINED);
-        let is_private =
-            |g: &Handle<GlobalVariable>| module.global_variables[*g].space == AddressSpace::Private;
-        let private = slice.globals.iter().copied().filter(is_private).collect();
-        Some((
-            module,
-            DepthFunction {
-                function,
-                arguments,
-                private,
-            },
-        ))
+        Ahead::add(graph, &slice, module, "prepass_own_depth", "own_depth")
     }
 }
 
@@ -295,28 +249,9 @@ fn free_entry(module: &Module, name: &str, suffix: &str) -> String {
     free
 }
 
-/// A function that computes a material's depth, and its arguments.
-#[derive(Clone, Debug)]
-pub struct DepthFunction {
-    /// The function.
-    pub function: Handle<Function>,
-    /// Its arguments.
-    pub arguments: Vec<Argument>,
-    /// Private variables that it may write. It runs in the author's invocation, so they must be
-    /// restored.
-    pub private: Vec<Handle<GlobalVariable>>,
-}
-
-/// An argument built from the entry point's inputs.
-#[derive(Clone, Debug)]
-pub enum Argument {
-    /// One input.
-    Input(Handle<Type>, Binding),
-    /// A struct of inputs, one per member.
-    Struct(Handle<Type>, Vec<(Handle<Type>, Binding)>),
-}
-
-/// Adds `bias` to every depth that the last entry point of `module` returns.
+    /// Adds to `module` a function that computes the material's depth from the fragment stage's
+    /// inputs.
+    pub fn depth_function(&self, opaque: &Opaque, module: &Module) -> Option<(Module, Ahead)> {
 fn bias_depth(module: &mut Module, bias: f32) {
     let Some(entry) = module.entry_points.last_mut() else {
         return;
@@ -434,14 +369,4 @@ pub fn finish(plan: &mut Plan, fallback: &str) {
         .map(|s| s.contract.clone())
         .fold(Contract::exact(), Contract::and);
     plan.fallback = Some(fallback.to_owned());
-}
-
-/// The first of several refusals: what `apply` answers where `sites` answers all.
-pub fn first(refusals: Vec<Refusal>) -> Box<Refusal> {
-    Box::new(
-        refusals
-            .into_iter()
-            .next()
-            .unwrap_or_else(|| Refusal::new("", "refused", "refused", "see `preshade explain`")),
-    )
 }

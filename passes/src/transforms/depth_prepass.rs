@@ -34,7 +34,7 @@ use crate::analysis::coverage;
 use crate::analysis::near_plane;
 use crate::analysis::opaque::{self, Opaque};
 use crate::core::contract::{Assumption, Contract};
-use crate::core::pass::{Facts, Pass, PassInfo, Refusal, SiteKey, Sites};
+use crate::core::pass::{Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Use};
 use crate::core::plan::{Phase, Plan, Role, Step};
 use crate::core::self_test::{self, MainDiscards};
 use crate::core::state::{CompareFunction, DepthBias, DepthDirection, DepthFormat, DepthState};
@@ -130,33 +130,59 @@ impl Pass for DepthPrepass {
         source: "Primozic, Implementing Depth Pre-Pass Optimization for Three.JS (2022)",
         when: "many fragments are hidden and dear, in any order of draws; it is the first to try, since its default leaves the author's main pass as it is",
         hurts: "where little is hidden: every vertex is transformed twice (3-5% lost in two articles' open views)",
+        reads_scene: false,
     };
 
-    fn sites(plan: &Plan, facts: &Facts, params: &Params) -> Sites {
-        let opaque = match check(plan, facts, params) {
-            Ok(o) => o,
-            Err(refusals) => return opaque::refused(refusals),
-        };
-        let site = depth_only::slice(&opaque, params.vertex()).site(&opaque, what(params, &opaque));
-        Sites {
-            sites: vec![site],
-            ..Sites::default()
-        }
-    }
+    const EXAMPLES: &'static [Example] = &[
+        Example {
+            recipe: "depth-prepass",
+            uses: &[
+                Use::Snapshot,
+                Use::Inject,
+                Use::Break,
+                Use::Pictures(4),
+                Use::Fuzz,
+                Use::Plan,
+                Use::Cover,
+                Use::Exact,
+                Use::Page("leaf"),
+                Use::Picture {
+                    scene: "fixtures/scenes/shrine.toml --camera wall --size 256x144 --frames 1 --order front-to-back",
+                    caption: "a wall that hides a shrine: no pixel differs, and each is shaded once instead of 3.2 times",
+                    rows: 2,
+                },
+            ],
+        },
+        Example {
+            recipe: "depth-prepass:form=equal",
+            uses: &[
+                Use::Snapshot,
+                Use::ExactWithoutTies,
+                Use::Pictures(4),
+                Use::Plan,
+                Use::Cover,
+            ],
+        },
+        Example {
+            recipe: "depth-prepass:form=equal,vertex=sliced",
+            uses: &[
+                Use::Snapshot,
+                Use::ExactWithoutTies,
+                Use::Inject,
+                Use::Break,
+                Use::Fuzz,
+            ],
+        },
+    ];
 
-    fn apply(
-        plan: &Plan,
-        facts: &Facts,
-        site: &SiteKey,
-        params: &Params,
-    ) -> Result<Plan, Box<Refusal>> {
-        let opaque = check(plan, facts, params).map_err(depth_only::first)?;
+    fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
+        let opaque = check(plan, facts, params)?;
         let slice = depth_only::slice(&opaque, params.vertex());
-        slice.expect(&opaque, site, Self::INFO.name)?;
-        match params.form {
+        let next = match params.form {
             Form::Biased => biased(plan, &opaque, &slice, params),
             Form::Equal => equal(plan, &opaque, &slice, params, facts),
-        }
+        }?;
+        Ok(slice.outcome(&opaque, what(params, &opaque), next))
     }
 }
 

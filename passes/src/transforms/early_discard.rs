@@ -23,7 +23,7 @@
 //! A depth that the shader writes is clamped to 0 to 1 before it is compared: the viewport's own depth range is taken to be that.
 //!
 //! A vote takes fine derivatives. GLSL ES 3.00 has none: with coarse ones three lanes of a quad could leave over the head of the fourth, and spoil its derivatives.
-//! A lane that is not behind itself never leaves. So for that target `plan.json` says that the form promises nothing ([`vote_shields_derivatives`]), unless the
+//! A lane that is not behind itself never leaves. So for that target `plan.json` says that the form promises nothing ([`crate::rebuild::quad::vote_shields_derivatives`]), unless the
 //! fragment stage takes no derivative and no implicit sample.
 //!
 //! `attachment=readonly` carries a self-test ([`self_test::read_only`]). `attachment=own` has none: its prologue allows for positions that differ by the tolerance, so
@@ -35,7 +35,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::analysis::opaque::{self, Opaque};
 use crate::core::contract::{Assumption, Contract};
-use crate::core::pass::{Facts, Pass, PassInfo, Refusal, SiteKey, Sites};
+use crate::core::pass::{Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Use};
 use crate::core::plan::{
     Attachment, BindingKind, BindingSource, BindingUse, Phase, Plan, Role, Step, Visibility,
 };
@@ -51,7 +51,6 @@ mod quad;
 pub use packed::PREPASS_PACKED;
 pub(crate) use packed::stored as packed_depth;
 use prologue::{DepthRange, Prologue};
-pub use quad::vote_shields_derivatives;
 
 /// Name of the depth attachment the prologue reads when the main pass has one of its own.
 pub const PREPASS_DEPTH: &str = "prepass-depth";
@@ -167,30 +166,64 @@ impl Pass for EarlyDiscard {
         source: "Primozic, Speeding Up Three.JS with Depth-Based Fragment Culling (2022)",
         when: "the hardware's early test cannot run (a material that writes depth), or a host cannot set the depth test of its main pass; else take depth-prepass",
         hurts: "where little is hidden (3-5% lost in the article's open views), and where the hardware's early test rejects anyway: a texture read and a vote for each fragment, for nothing",
+        reads_scene: false,
     };
 
-    fn sites(plan: &Plan, facts: &Facts, params: &Params) -> Sites {
-        let opaque = match check(plan, facts, params) {
-            Ok(o) => o,
-            Err(refusals) => return opaque::refused(refusals),
-        };
-        let site = depth_only::slice(&opaque, params.vertex()).site(&opaque, what(params, &opaque));
-        Sites {
-            sites: vec![site],
-            ..Sites::default()
-        }
-    }
+    const EXAMPLES: &'static [Example] = &[
+        Example {
+            recipe: "early-discard",
+            uses: &[
+                Use::Snapshot,
+                Use::Inject,
+                Use::Break,
+                Use::Pictures(4),
+                Use::Fuzz,
+                Use::Plan,
+                Use::Cover,
+                Use::Exact,
+                Use::Page("leaf"),
+                Use::Picture {
+                    scene: "fixtures/scenes/late-depth.toml --size 256x144 --frames 1 --order front-to-back",
+                    caption: "five layers that write depth, which hardware cannot test early: each pixel is shaded once instead of five times",
+                    rows: 2,
+                },
+            ],
+        },
+        Example {
+            recipe: "early-discard:texture=float",
+            uses: &[Use::Snapshot],
+        },
+        Example {
+            recipe: "early-discard:texture=float,attachment=readonly",
+            uses: &[Use::Snapshot],
+        },
+        Example {
+            recipe: "early-discard:attachment=readonly",
+            uses: &[Use::ExactWithoutTies],
+        },
+        Example {
+            recipe: "early-discard:texture=packed",
+            uses: &[Use::Snapshot],
+        },
+        Example {
+            recipe: "early-discard:quad=lane,budget=0.02",
+            uses: &[Use::Snapshot],
+        },
+        Example {
+            recipe: "early-discard:quad=lane,mode=invert",
+            uses: &[Use::Snapshot],
+        },
+        Example {
+            recipe: "early-discard:quad=lane,budget=1",
+            uses: &[Use::Fuzz],
+        },
+    ];
 
-    fn apply(
-        plan: &Plan,
-        facts: &Facts,
-        site: &SiteKey,
-        params: &Params,
-    ) -> Result<Plan, Box<Refusal>> {
-        let opaque = check(plan, facts, params).map_err(depth_only::first)?;
+    fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
+        let opaque = check(plan, facts, params)?;
         let slice = depth_only::slice(&opaque, params.vertex());
-        slice.expect(&opaque, site, Self::INFO.name)?;
-        transform(plan, &opaque, &slice, params)
+        let next = transform(plan, &opaque, &slice, params)?;
+        Ok(slice.outcome(&opaque, what(params, &opaque), next))
     }
 }
 

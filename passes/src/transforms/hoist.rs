@@ -30,7 +30,8 @@ use naga::ShaderStage;
 use crate::analysis::{rounding, values};
 use crate::core::contract::{Assumption, Contract};
 use crate::core::pass::{
-    Facts, Left, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites, Source,
+    Change, Example, Facts, Left, Outcome, Pass, PassInfo, Refusal, Refused, Site, SiteCost,
+    Source, Use,
 };
 use crate::core::plan::{GpuPass, Plan, Role, Step};
 use crate::core::program::Program;
@@ -80,59 +81,94 @@ impl Pass for Hoist {
         source: "Wang et al., Automatic Shader Simplification using Surface Signal Approximation (2014)",
         when: "fragments compute what changes slowly over a triangle (noise, fog, light of far or large lamps), on meshes whose triangles cover many pixels",
         hurts: "where triangles are about as small as pixels, where varyings are the bottleneck, and in the picture where a value bends within a triangle",
+        reads_scene: true,
     };
 
-    fn sites(plan: &Plan, facts: &Facts, params: &Params) -> Sites {
-        let refused = |refusal: Box<Refusal>, left| Sites {
-            sites: Vec::new(),
-            refusals: vec![*refusal],
-            left,
-        };
-        let material = match Material::examine(plan, params) {
-            Ok(material) => material,
-            Err(refusal) => return refused(refusal, Vec::new()),
-        };
-        let graph = Graph::build(material.program);
-        let values = match material.values(&graph) {
-            Ok(values) => values,
-            Err(refusal) => return refused(refusal, Vec::new()),
-        };
-        match Found::new(&values, &material, params, facts) {
-            Ok(found) => match found.rebuild(&material) {
-                Ok(_) => Sites {
-                    sites: vec![found.site(&material)],
-                    refusals: Vec::new(),
-                    left: found.left,
+    const EXAMPLES: &'static [Example] = &[
+        Example {
+            recipe: "hoist",
+            uses: &[
+                Use::Snapshot,
+                Use::Fuzz,
+                Use::Plan,
+                Use::Simplify,
+                Use::Ahead(2),
+            ],
+        },
+        Example {
+            recipe: "hoist:budget=0.02,finite=assumed,jumps=carried",
+            uses: &[Use::Snapshot],
+        },
+        Example {
+            recipe: "hoist:allow=exact",
+            uses: &[Use::Inject, Use::Truth],
+        },
+        Example {
+            recipe: "hoist:allow=rounding",
+            uses: &[Use::Validate, Use::Pictures(1), Use::Truth],
+        },
+        Example {
+            recipe: "hoist:budget=0.1,finite=assumed",
+            uses: &[Use::Inject],
+        },
+        Example {
+            recipe: "hoist:budget=0.1,vertices-per-fragment=0",
+            uses: &[Use::Break],
+        },
+        Example {
+            recipe: "hoist:budget=0.01,finite=assumed,jumps=carried",
+            uses: &[Use::Truth],
+        },
+        Example {
+            recipe: "hoist:budget=1,finite=assumed,jumps=carried",
+            uses: &[Use::Fuzz],
+        },
+        Example {
+            recipe: "hoist:budget=0.05",
+            uses: &[
+                Use::Page("leaf"),
+                Use::Picture {
+                    scene: "fixtures/scenes/teapot-specular.toml --camera article --size 240x220 --frames 1",
+                    caption: "a highlight computed at the vertices: it is off where it bends within a triangle",
+                    rows: 1,
                 },
-                Err(why) => refused(Box::new(refuse(why)), found.left),
-            },
-            Err((refusal, left)) => refused(refusal, left),
-        }
-    }
+            ],
+        },
+        Example {
+            recipe: "hoist:budget=0.02,finite=assumed,jumps=carried,depth-prepass:form=equal",
+            uses: &[Use::Validate],
+        },
+        Example {
+            recipe: "hoist:budget=0.02,finite=assumed,jumps=carried,early-discard",
+            uses: &[Use::Validate],
+        },
+        Example {
+            recipe: "hoist,depth-prepass",
+            uses: &[Use::Plan],
+        },
+        Example {
+            recipe: "hoist:BUDGET",
+            uses: &[Use::PlanWithin],
+        },
+        Example {
+            recipe: "hoist:BUDGET,depth-prepass",
+            uses: &[Use::PlanWithin],
+        },
+    ];
 
-    fn apply(
-        plan: &Plan,
-        facts: &Facts,
-        site: &SiteKey,
-        params: &Params,
-    ) -> Result<Plan, Box<Refusal>> {
+    fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
         let material = Material::examine(plan, params)?;
         let graph = Graph::build(material.program);
         let values = material.values(&graph)?;
-        let found =
-            Found::new(&values, &material, params, facts).map_err(|(refusal, _)| refusal)?;
-        if *site != found.key {
-            return Err(Box::new(Refusal::new(
-                Self::INFO.name,
-                "stale",
-                "the site is not one of this plan's",
-                "find the sites anew",
-            )));
+        let found = Found::new(&values, &material, params, facts)?;
+        match found.rebuild(&material) {
+            Ok(program) => Ok(Outcome {
+                plan: found.plan(plan, &material, program, params),
+                change: found.change(&material),
+                left: found.left,
+            }),
+            Err(why) => Err((Box::new(refuse(why)), found.left).into()),
         }
-        found
-            .rebuild(&material)
-            .map_err(|why| Box::new(refuse(why)))
-            .map(|program| found.plan(plan, &material, program, params))
     }
 }
 
@@ -288,7 +324,7 @@ struct Found<'v, 'g, 'p> {
     given: Vec<Assumption>,
     /// Ids of a choice made before that none of the values has.
     unknown: Vec<String>,
-    key: SiteKey,
+    key: Site,
 }
 
 impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
@@ -339,11 +375,10 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         material: &Material<'p>,
     ) -> Self {
         let wanted = name_all(values, &choice);
-        let key = SiteKey {
+        let key = Site {
             role: Role::Main,
             entry_point: material.pass.fragment.clone().unwrap_or_default(),
             slice: hash(values, &choice),
-            ordinal: 0,
         };
         let left = left
             .into_iter()
@@ -360,14 +395,14 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         }
     }
 
-    fn site(&self, material: &Material<'_>) -> Site {
+    fn change(&self, material: &Material<'_>) -> Change {
         let first = self
             .choice
             .carried
             .iter()
             .filter_map(|(id, _)| span(self.values, *id))
             .find_map(|s| material.program.sources().locate(s));
-        Site {
+        Change {
             key: self.key.clone(),
             what: self.describe(),
             location: first,

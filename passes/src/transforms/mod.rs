@@ -9,3 +9,24 @@ pub mod specialize;
 pub mod tessellate;
 pub mod trim_loop;
 pub mod visibility_buffer;
+
+use crate::core::pass::{AnyPass, Erased, Use};
+
+/// Every pass, in the order in which `explain` lists them.
+pub const PASSES: &[&dyn AnyPass] = &[
+    &Erased::<specialize::Specialize>::NEW,
+    &Erased::<depth_prepass::DepthPrepass>::NEW,
+    &Erased::<early_discard::EarlyDiscard>::NEW,
+    &Erased::<shadow::Shadow>::NEW,
+    &Erased::<hoist::Hoist>::NEW,
+    &Erased::<tessellate::Tessellate>::NEW,
+    &Erased::<skip_taps::SkipTaps>::NEW,
+    &Erased::<trim_loop::TrimLoop>::NEW,
+    &Erased::<visibility_buffer::VisibilityBuffer>::NEW,
+];
+
+/// The recipes of all passes that have a use, each with the use.
+pub fn examples() -> impl Iterator<Item = (&'static str, &'static Use)> {
+    let all = PASSES.iter().flat_map(|pass| pass.examples());
+    all.flat_map(|example| example.uses.iter().map(|of| (example.recipe, of)))
+}

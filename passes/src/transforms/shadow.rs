@@ -18,9 +18,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::analysis::coverage;
-use crate::analysis::opaque::{self, Opaque};
+use crate::analysis::opaque::Opaque;
 use crate::core::contract::Contract;
-use crate::core::pass::{Facts, Pass, PassInfo, Refusal, SiteKey, Sites};
+use crate::core::pass::{Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Use};
 use crate::core::plan::{Attachment, Phase, Plan, Role, Step};
 use crate::core::program::Program;
 use crate::core::state::{
@@ -52,32 +52,29 @@ impl Pass for Shadow {
         source: "falls out of depth-prepass: the same slices",
         when: "a light needs a shadow map of a material that cuts out or displaces",
         hurts: "never by itself: the main pass is untouched and the host decides which lights draw it",
+        reads_scene: false,
     };
 
-    fn sites(plan: &Plan, _facts: &Facts, _params: &Params) -> Sites {
-        let opaque = match check(plan) {
-            Ok(o) => o,
-            Err(refusals) => return opaque::refused(refusals),
-        };
-        let slice = depth_only::slice(&opaque, VertexStage::Sliced);
-        Sites {
-            sites: vec![slice.site(
-                &opaque,
-                "depth-only vertex and fragment stage for a light's view".to_owned(),
-            )],
-            ..Sites::default()
-        }
-    }
+    const EXAMPLES: &'static [Example] = &[Example {
+        recipe: "shadow",
+        uses: &[
+            Use::Snapshot,
+            Use::Inject,
+            Use::Break,
+            Use::Pictures(4),
+            Use::Fuzz,
+            Use::Page("leaf"),
+            Use::Picture {
+                scene: "fixtures/scenes/lit-room.toml --size 256x144 --frames 1 --order front-to-back",
+                caption: "the main pass is as it was; what is new is drawn under the light alone",
+                rows: 1,
+            },
+        ],
+    }];
 
-    fn apply(
-        plan: &Plan,
-        _facts: &Facts,
-        site: &SiteKey,
-        params: &Params,
-    ) -> Result<Plan, Box<Refusal>> {
-        let opaque = check(plan).map_err(depth_only::first)?;
+    fn run(plan: &Plan, _facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
+        let opaque = check(plan)?;
         let slice = depth_only::slice(&opaque, VertexStage::Sliced);
-        slice.expect(&opaque, site, Self::INFO.name)?;
         let mut next = plan.clone();
         let placed = slice.place(&opaque, "shadow", PositionInvariance::AsWritten, None);
         // A shadow map is its own frame: forward depth, one sample, whatever the camera's frame does.
@@ -106,7 +103,7 @@ impl Pass for Shadow {
         });
         next.steps.push(Step {
             pass: Self::INFO.name.to_owned(),
-            site: site.clone(),
+            site: slice.key(&opaque),
             params: serde_json::to_value(params).unwrap_or_default(),
             contract: Contract::exact(),
         });
@@ -126,7 +123,8 @@ impl Pass for Shadow {
                 .map(view_dependent)
                 .unwrap_or_default();
         }
-        Ok(next)
+        let what = "depth-only vertex and fragment stage for a light's view".to_owned();
+        Ok(slice.outcome(&opaque, what, next))
     }
 }
 

@@ -28,9 +28,11 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::analysis::contraction;
-use crate::analysis::simplify::{self, Refused, Simplified};
+use crate::analysis::simplify::{self, Simplified};
 use crate::core::contract::{Assumption, Contract, Turned};
-use crate::core::pass::{Facts, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites};
+use crate::core::pass::{
+    Change, Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Site, SiteCost, Use,
+};
 use crate::core::plan::{GpuPass, Plan, Role};
 use crate::core::program::Program;
 use crate::graph::Graph;
@@ -83,20 +85,65 @@ impl Pass for SkipTaps {
         source: "Heitz and Neyret, High-Performance By-Example Noise (2018), and Mikkelsen, Practical Real-Time Hex-Tiling (2022), for the blends; Golus, Normal Mapping for a Triplanar Shader (2017), for the branch",
         when: "textures are blended by weights that are mostly next to 0: hex tiling, triplanar mapping, layers of a terrain",
         hurts: "where weights are seldom small, or differ from pixel to pixel: lanes that sample wait for nobody, but those that do not wait for them",
+        reads_scene: false,
     };
 
-    fn sites(plan: &Plan, _facts: &Facts, params: &Params) -> Sites {
-        Simplified::sites(skipped(plan, params))
-    }
+    const EXAMPLES: &'static [Example] = &[
+        Example {
+            recipe: "skip-taps:budget=1",
+            uses: &[Use::Snapshot],
+        },
+        Example {
+            recipe: "skip-taps:threshold=0,budget=0.01",
+            uses: &[Use::Pictures(1)],
+        },
+        Example {
+            recipe: "skip-taps:budget=0.1,threshold=0.02",
+            uses: &[Use::Truth],
+        },
+        Example {
+            recipe: "skip-taps:budget=0.01",
+            uses: &[
+                Use::Page("rock"),
+                Use::Picture {
+                    scene: "fixtures/scenes/terrain-triplanar.toml --camera slope --size 256x144 --frames 1",
+                    caption: "a slope between two sides of its texture: off by two steps at most where a third one was left out",
+                    rows: 1,
+                },
+            ],
+        },
+        Example {
+            recipe: "skip-taps:threshold=0",
+            uses: &[Use::Plan],
+        },
+        Example {
+            recipe: "skip-taps:BUDGET",
+            uses: &[Use::PlanWithin],
+        },
+        Example {
+            recipe: "skip-taps:BUDGET,depth-prepass",
+            uses: &[Use::PlanWithin],
+        },
+        Example {
+            recipe: "skip-taps:BUDGET,threshold=0",
+            uses: &[Use::Simplify],
+        },
+        Example {
+            recipe: "skip-taps:BUDGET,threshold=0.01",
+            uses: &[Use::Simplify],
+        },
+        Example {
+            recipe: "skip-taps:BUDGET,threshold=0.05",
+            uses: &[Use::Simplify],
+        },
+        Example {
+            recipe: "skip-taps:BUDGET,threshold=0.15",
+            uses: &[Use::Simplify],
+        },
+    ];
 
-    fn apply(
-        plan: &Plan,
-        _facts: &Facts,
-        site: &SiteKey,
-        params: &Params,
-    ) -> Result<Plan, Box<Refusal>> {
-        let found = skipped(plan, params).map_err(|(refusal, _)| refusal)?;
-        found.apply(plan, Self::INFO.name, site, params)
+    fn run(plan: &Plan, _facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
+        Ok(skipped(plan, params)?.outcome(plan, Self::INFO.name, params))
     }
 }
 
@@ -106,17 +153,14 @@ fn refuse(code: &str, reason: impl Into<String>, remedy: impl Into<String>) -> B
 
 /// A material's main pass with its taps behind branches.
 fn skipped(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
-    let alone = |refusal| (refusal, Vec::new());
     let (pass, program, fragment) = simplify::examine(
         plan,
         SkipTaps::INFO.name,
         "skip taps first, then apply the other passes",
         "there is no tap to skip",
-    )
-    .map_err(alone)?;
+    )?;
     let graph = Graph::build(program);
-    let meant = simplify::meant(&graph, fragment, params.of.as_deref(), SkipTaps::INFO.name)
-        .map_err(alone)?;
+    let meant = simplify::meant(&graph, fragment, params.of.as_deref(), SkipTaps::INFO.name)?;
     let Terms { terms, left } = find::terms(&graph, pass, fragment, &meant);
     if terms.is_empty() {
         let reason = match left.is_empty() {
@@ -124,7 +168,7 @@ fn skipped(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
             false => "no weighted texture sample of the fragment stage can be left out",
         };
         let remedy = "explain lists what it weighs, and why each stays";
-        return Err((refuse("no-tap", reason, remedy), left));
+        return Err((refuse("no-tap", reason, remedy), left).into());
     }
     let is_implicit = terms.iter().any(|t| !t.implicit.is_empty());
     if params.budget.is_none() && (params.threshold > 0.0 || is_implicit) {
@@ -138,21 +182,20 @@ fn skipped(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
                 "give budget=0.01 (of flip_mean, or say metric=max_abs), or sample with gradients or a level",
             ),
         };
-        return Err((refuse("no-budget", reason, remedy), left));
+        return Err((refuse("no-budget", reason, remedy), left).into());
     }
     let module = branch::skipping(&graph, &terms, params.threshold as f32);
-    let bug = |e| (Box::new(Refusal::bug(SkipTaps::INFO.name, e)), Vec::new());
+    let bug = |e| Box::new(Refusal::bug(SkipTaps::INFO.name, e));
     let after = program.with_module(module).map_err(bug)?;
     let whole = graph.entry_cost(fragment);
     let skipped: f64 = terms.iter().map(|t| t.cost).sum();
     let all = [Criterion::Output(OutputFilter::All)];
     Ok(Simplified {
-        site: Site {
-            key: SiteKey {
+        change: Change {
+            key: Site {
                 role: Role::Main,
                 entry_point: pass.fragment.clone().unwrap_or_default(),
                 slice: slice::backward(&graph, fragment, &all).hash,
-                ordinal: 0,
             },
             what: described(&graph, &terms, params.threshold),
             location: program.sources().locate(terms[0].span),

@@ -29,7 +29,10 @@ use naga::{Binding, Expression, Handle, Interpolation, ShaderStage};
 use crate::analysis::contraction;
 use crate::core::contract::{Assumption, Contract, Turned};
 use crate::core::guard::Guard;
-use crate::core::pass::{Facts, Misnamed, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites};
+use crate::core::pass::{
+    Change, Example, Facts, Misnamed, Outcome, Pass, PassInfo, Refusal, Refused, Site, SiteCost,
+    Use,
+};
 use crate::core::plan::{GpuPass, ORIGINAL, Plan, Role, Step};
 use crate::core::program::Program;
 use crate::core::reflect;
@@ -69,41 +72,112 @@ impl Pass for Specialize {
         source: "Crawford and O'Boyle, Specialization Opportunities in Graphical Workloads (2019)",
         when: "one material serves many objects, and uniforms switch its effects on and off (engine standard materials)",
         hurts: "where values change from frame to frame, and where many draws want many variants: each is another pipeline",
+        reads_scene: true,
     };
+
+    const EXAMPLES: &'static [Example] = &[
+        Example {
+            recipe: "specialize",
+            uses: &[
+                Use::Fuzz,
+                Use::Pictures(1),
+                Use::Truth,
+                Use::Plan,
+                Use::Simplify,
+                Use::Ahead(0),
+                Use::Picture {
+                    scene: "fixtures/scenes/museum.toml --size 256x144 --frames 1 --order front-to-back",
+                    caption: "one shader for all exhibits, a version for each kind: the same picture",
+                    rows: 1,
+                },
+            ],
+        },
+        Example {
+            recipe: "specialize:fold=rounding",
+            uses: &[Use::Truth],
+        },
+        Example {
+            recipe: "specialize:set=fog=0",
+            uses: &[Use::Page("leaf")],
+        },
+        Example {
+            recipe: "specialize:set=material.fog=0",
+            uses: &[Use::Break],
+        },
+        Example {
+            recipe: "specialize:set=material.fog=0,fold=rounding",
+            uses: &[Use::Break],
+        },
+        Example {
+            recipe: "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,depth-prepass:form=equal",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,early-discard:texture=float",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,hoist:budget=0.02,finite=assumed,jumps=carried",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,skip-taps:budget=1",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,visibility-buffer:formats=any,budget=1",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "specialize,depth-prepass",
+            uses: &[Use::Plan],
+        },
+        Example {
+            recipe: "specialize,hoist",
+            uses: &[Use::Plan],
+        },
+        Example {
+            recipe: "specialize,hoist,depth-prepass",
+            uses: &[Use::Plan],
+        },
+        Example {
+            recipe: "specialize,visibility-buffer",
+            uses: &[Use::Plan],
+        },
+        Example {
+            recipe: "specialize,skip-taps:threshold=0",
+            uses: &[Use::Plan],
+        },
+        Example {
+            recipe: "specialize,skip-taps:BUDGET",
+            uses: &[Use::PlanWithin],
+        },
+        Example {
+            recipe: "specialize,hoist:BUDGET",
+            uses: &[Use::PlanWithin],
+        },
+        Example {
+            recipe: "specialize,hoist:BUDGET,depth-prepass",
+            uses: &[Use::PlanWithin],
+        },
+    ];
 
     fn misnamed(plan: &Plan, params: &Params) -> Option<Misnamed> {
         let (_, program) = examine(plan).ok()?;
         assume::misnamed(program.module(), params.set.as_deref()?)
     }
 
-    fn sites(plan: &Plan, facts: &Facts, params: &Params) -> Sites {
-        match Specialized::new(plan, facts, params) {
-            Ok(done) => Sites {
-                sites: vec![done.site()],
-                ..Sites::default()
-            },
-            Err(refusal) => Sites {
-                refusals: vec![*refusal],
-                ..Sites::default()
-            },
-        }
-    }
-
-    fn apply(
-        plan: &Plan,
-        facts: &Facts,
-        site: &SiteKey,
-        params: &Params,
-    ) -> Result<Plan, Box<Refusal>> {
+    fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
         let done = Specialized::new(plan, facts, params)?;
-        if *site != done.key {
-            return Err(Box::new(refusal(
-                "stale",
-                "the site is not one of this plan's",
-                "find the sites anew",
-            )));
-        }
-        Ok(done.plan(plan, params))
+        Ok(Outcome {
+            change: done.change(),
+            plan: done.plan(plan, params),
+            left: Vec::new(),
+        })
     }
 }
 
@@ -118,7 +192,7 @@ pub struct Specialized {
     /// Static cost of the vertex and of the fragment stage, before and after.
     pub cost: [[f64; 2]; 2],
     program: Program,
-    key: SiteKey,
+    key: Site,
     /// Key of the program it takes the place of.
     of: String,
     /// Float operations of the original that were left out.
@@ -183,11 +257,10 @@ impl Specialized {
         Ok(Self {
             guard,
             cost: [[before[0], after[0]], [before[1], after[1]]],
-            key: SiteKey {
+            key: Site {
                 role: Role::Main,
                 entry_point: pass.fragment.clone().unwrap_or_else(|| pass.vertex.clone()),
                 slice: shrunk.hash,
-                ordinal: 0,
             },
             program: shrunk.program,
             of: pass.program.clone(),
@@ -205,9 +278,9 @@ impl Specialized {
         &self.key.slice
     }
 
-    fn site(&self) -> Site {
+    fn change(&self) -> Change {
         let [_, [before, after]] = self.cost;
-        Site {
+        Change {
             key: self.key.clone(),
             what: self.describe(),
             location: None,

@@ -29,7 +29,9 @@ use naga::{Handle, Module, ShaderStage};
 
 use crate::core::contract::Contract;
 use crate::core::geometry::{Form, Geometry, Subdivision};
-use crate::core::pass::{Facts, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites};
+use crate::core::pass::{
+    Change, Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Site, SiteCost, Use,
+};
 use crate::core::pattern;
 use crate::core::plan::{BindingKind, BindingSource, BindingUse, ComputePass, Draws, GeometryPart};
 use crate::core::plan::{GpuPass, Plan, Step, VertexBuffer, Visibility, When};
@@ -132,38 +134,67 @@ impl Pass for Tessellate {
         source: "Wang et al., Automatic Shader Simplification using Surface Signal Approximation (2014)",
         when: "`hoist` gains much and its picture is off by too much: triangles are large, and what was hoisted bends within them",
         hurts: "where triangles are small already: each new vertex costs what was hoisted, and three corners interpolated",
+        reads_scene: true,
     };
 
-    fn sites(plan: &Plan, facts: &Facts, params: &Params) -> Sites {
-        match Material::examine(plan, facts, params) {
-            Ok(material) => Sites {
-                sites: vec![material.site(params)],
-                ..Sites::default()
-            },
-            Err(refusal) => Sites {
-                refusals: vec![*refusal],
-                ..Sites::default()
-            },
-        }
-    }
+    const EXAMPLES: &'static [Example] = &[
+        Example {
+            recipe: "tessellate",
+            uses: &[Use::Ahead(3)],
+        },
+        Example {
+            recipe: "hoist:budget=0.02,finite=assumed,jumps=carried,tessellate:level=3",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "hoist:budget=0.02,finite=assumed,jumps=carried,tessellate:level=2,pattern=uniform,form=shared",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "hoist:budget=0.02,finite=assumed,jumps=carried,tessellate:level=2,depth-prepass",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "hoist:budget=1,finite=assumed,jumps=carried,tessellate:level=3",
+            uses: &[Use::Fuzz],
+        },
+        Example {
+            recipe: "hoist:budget=0.3,tessellate:level=2",
+            uses: &[Use::Pictures(1)],
+        },
+        Example {
+            recipe: "hoist:budget=0.05,tessellate:level=4",
+            uses: &[
+                Use::Page("leaf"),
+                Use::Picture {
+                    scene: "fixtures/scenes/teapot-specular.toml --camera article --size 240x220 --frames 1",
+                    caption: "the highlight of `hoist` at sixteen times the triangles: less is off",
+                    rows: 1,
+                },
+            ],
+        },
+        Example {
+            recipe: "hoist:BUDGET,tessellate:form=shared,level=2",
+            uses: &[Use::PlanWithin],
+        },
+        Example {
+            recipe: "hoist:BUDGET,tessellate:form=shared,level=4",
+            uses: &[Use::PlanWithin],
+        },
+        Example {
+            recipe: "hoist:BUDGET,tessellate:form=shared,level=8",
+            uses: &[Use::PlanWithin],
+        },
+    ];
 
-    fn apply(
-        plan: &Plan,
-        facts: &Facts,
-        site: &SiteKey,
-        params: &Params,
-    ) -> Result<Plan, Box<Refusal>> {
+    fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
         let material = Material::examine(plan, facts, params)?;
-        if *site != material.key {
-            return Err(refuse(
-                "stale",
-                "the site is not one of this plan's",
-                "find the sites anew",
-            ));
-        }
-        material
-            .apply(plan, params)
-            .map_err(|why| Box::new(Refusal::bug(Self::INFO.name, why)))
+        let bug = |why| Box::new(Refusal::bug(Self::INFO.name, why));
+        Ok(Outcome {
+            plan: material.apply(plan, params).map_err(bug)?,
+            change: material.change(params),
+            left: Vec::new(),
+        })
     }
 }
 
@@ -184,14 +215,14 @@ struct Material<'a> {
     split: Split,
     outputs: Outputs,
     contract: Contract,
-    key: SiteKey,
+    key: Site,
     /// `static`: what it reads that may not change after load.
     fixed: Vec<String>,
 }
 
 impl Material<'_> {
-    fn site(&self, params: &Params) -> Site {
-        Site {
+    fn change(&self, params: &Params) -> Change {
+        Change {
             key: self.key.clone(),
             what: self.describe(&subdivision(params)),
             location: None,

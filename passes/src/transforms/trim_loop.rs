@@ -28,9 +28,11 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::analysis::coverage::Decides;
-use crate::analysis::simplify::{self, Refused, Simplified};
+use crate::analysis::simplify::{self, Simplified};
 use crate::core::contract::Contract;
-use crate::core::pass::{Facts, Left, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites};
+use crate::core::pass::{
+    Change, Example, Facts, Left, Outcome, Pass, PassInfo, Refusal, Refused, Site, SiteCost, Use,
+};
 use crate::core::plan::{GpuPass, Plan, Role};
 use crate::graph::counted::Counted;
 use crate::graph::effect::Effect;
@@ -83,20 +85,55 @@ impl Pass for TrimLoop {
         source: "Pellacini, User-Configurable Automatic Shader Simplification (2005); Sitthi-Amorn et al., Genetic Programming for Shader Simplification (2011)",
         when: "a sum of noise, march steps or filter samples has more turns than the scene shows",
         hurts: "where the last turns are seen: a sum that is not divided by its weights gets darker",
+        reads_scene: false,
     };
 
-    fn sites(plan: &Plan, _facts: &Facts, params: &Params) -> Sites {
-        Simplified::sites(less_turns(plan, params))
-    }
+    const EXAMPLES: &'static [Example] = &[
+        Example {
+            recipe: "trim-loop:budget=1",
+            uses: &[Use::Compile, Use::Fuzz, Use::Ahead(1)],
+        },
+        Example {
+            recipe: "trim-loop:budget=0.1",
+            uses: &[
+                Use::Validate,
+                Use::Inject,
+                Use::Keep,
+                Use::Pictures(2),
+                Use::Truth,
+            ],
+        },
+        Example {
+            recipe: "trim-loop:budget=0.05",
+            uses: &[
+                Use::Page("leaf"),
+                Use::Picture {
+                    scene: "fixtures/scenes/teapot-noise.toml --camera article --size 240x220 --frames 1",
+                    caption: "noise without its last octave: fine detail is missing everywhere, by four steps at most",
+                    rows: 1,
+                },
+            ],
+        },
+        Example {
+            recipe: "trim-loop:BUDGET",
+            uses: &[Use::PlanWithin],
+        },
+        Example {
+            recipe: "trim-loop:BUDGET,turns=1",
+            uses: &[Use::Simplify],
+        },
+        Example {
+            recipe: "trim-loop:BUDGET,turns=2",
+            uses: &[Use::Simplify],
+        },
+        Example {
+            recipe: "trim-loop:BUDGET,turns=3",
+            uses: &[Use::Simplify],
+        },
+    ];
 
-    fn apply(
-        plan: &Plan,
-        _facts: &Facts,
-        site: &SiteKey,
-        params: &Params,
-    ) -> Result<Plan, Box<Refusal>> {
-        let found = less_turns(plan, params).map_err(|(refusal, _)| refusal)?;
-        found.apply(plan, Self::INFO.name, site, params)
+    fn run(plan: &Plan, _facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
+        Ok(less_turns(plan, params)?.outcome(plan, Self::INFO.name, params))
     }
 }
 
@@ -119,24 +156,22 @@ type Stays = Cow<'static, str>;
 
 /// A material's main pass with less turns.
 fn less_turns(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
-    let alone = |refusal| (refusal, Vec::new());
     let (pass, program, fragment) = simplify::examine(
         plan,
         TrimLoop::INFO.name,
         "trim first, then apply the other passes",
         "there is nothing to trim",
-    )
-    .map_err(alone)?;
+    )?;
     let Some(budget) = params.budget else {
-        return Err(alone(refuse(
+        let refusal = refuse(
             "no-budget",
             "less turns are another picture, and how much it may differ is not said",
             "give budget=0.01 (of flip_mean, or say metric=max_abs)",
-        )));
+        );
+        return Err(refusal.into());
     };
     let graph = Graph::build(program);
-    let meant = simplify::meant(&graph, fragment, params.of.as_deref(), TrimLoop::INFO.name)
-        .map_err(alone)?;
+    let meant = simplify::meant(&graph, fragment, params.of.as_deref(), TrimLoop::INFO.name)?;
     let found = found(&graph, pass, fragment, &meant, params.turns);
     let left = left(&graph, &found);
     let chosen: Vec<(&Found, &Counted)> = found
@@ -149,22 +184,21 @@ fn less_turns(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
             false => "no loop of the fragment stage can lose a turn",
         };
         let remedy = "explain lists its loops, and why each stays";
-        return Err((refuse("no-loop", reason, remedy), left));
+        return Err((refuse("no-loop", reason, remedy), left).into());
     }
     let module = trimmed(&graph, &chosen, params.turns);
-    let bug = |e| (Box::new(Refusal::bug(TrimLoop::INFO.name, e)), Vec::new());
+    let bug = |e| Box::new(Refusal::bug(TrimLoop::INFO.name, e));
     let after = program.with_module(module).map_err(bug)?;
     let whole = graph.entry_cost(fragment);
     let rest = Graph::build(&after).entry_cost(fragment);
     let (first, _) = chosen[0];
     let all = [Criterion::Output(OutputFilter::All)];
     Ok(Simplified {
-        site: Site {
-            key: SiteKey {
+        change: Change {
+            key: Site {
                 role: Role::Main,
                 entry_point: pass.fragment.clone().unwrap_or_default(),
                 slice: slice::backward(&graph, fragment, &all).hash,
-                ordinal: 0,
             },
             what: described(&graph, &chosen, params.turns, [whole, rest]),
             location: program.sources().locate(first.span),

@@ -17,10 +17,10 @@
 
 use naga::ShaderStage;
 
-use crate::analysis::opaque::{self, Opaque};
+use crate::analysis::opaque::Opaque;
 use crate::core::contract::{Assumption, Contract};
 use crate::core::pass::{
-    Facts, Pass, PassInfo, Refusal, SamplerState, Site, SiteCost, SiteKey, Sites,
+    Change, Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, SamplerState, SiteCost, Use,
 };
 use crate::core::plan::{Attachment, ClearValue, GpuPass, Plan, Role, Step};
 use crate::core::rasterizer::{Corners, Rasterizer};
@@ -69,44 +69,85 @@ impl Pass for VisibilityBuffer {
         source: "Burns and Hunt, The Visibility Buffer (JCGT 2013)",
         when: "a pixel is covered many times by small triangles (grass, crowds, foliage), cut-outs keep the early test from helping, and the host can bind vertices as storage buffers; else a depth-prepass is simpler and mostly as fast",
         hurts: "where little is hidden or vertices are dear: each shaded pixel fetches and runs three vertices; and where neighbouring pixels show far-apart instances, whose data no cache holds",
+        reads_scene: true,
     };
 
-    fn sites(plan: &Plan, facts: &Facts, params: &Params) -> Sites {
-        let params = &match params.resolved(facts) {
-            Ok(params) => params,
-            Err(refusal) => return opaque::refused(vec![*refusal]),
-        };
-        let plan = alone(plan);
-        let examined = Material::examine(&plan, params).and_then(|material| {
-            // What cannot be rebuilt is found by rebuilding it.
-            let samplers = facts.samplers_of(&plan.material);
-            material
-                .apply(&plan, params, &samplers)
-                .map_err(|r| vec![*r])?;
-            Ok(material)
-        });
-        match examined {
-            Ok(material) => Sites {
-                sites: vec![material.site(params)],
-                ..Sites::default()
-            },
-            Err(refusals) => opaque::refused(refusals),
-        }
-    }
+    const EXAMPLES: &'static [Example] = &[
+        Example {
+            recipe: "visibility-buffer",
+            uses: &[Use::Validate, Use::Plan, Use::Cover],
+        },
+        Example {
+            recipe: "visibility-buffer:select=id",
+            uses: &[
+                Use::Plan,
+                Use::Picture {
+                    scene: "fixtures/scenes/grass.toml --size 256x144 --frames 1 --order front-to-back --set instances=20000",
+                    caption: "a meadow: each pixel is shaded once, after it is known which blade it shows",
+                    rows: 2,
+                },
+            ],
+        },
+        Example {
+            recipe: "visibility-buffer:form=compute",
+            uses: &[Use::Plan, Use::Cover],
+        },
+        Example {
+            recipe: "visibility-buffer:formats=any,budget=1",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "visibility-buffer:ids=unindexed,form=compute,budget=1",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "visibility-buffer:select=tiles,budget=1",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "visibility-buffer:form=binned,words=one,corners=snapped,budget=1",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "visibility-buffer:budget=0.1",
+            uses: &[Use::Pictures(1)],
+        },
+        Example {
+            recipe: "visibility-buffer:budget=1",
+            uses: &[Use::Fuzz],
+        },
+        Example {
+            recipe: "visibility-buffer:form=compute,budget=1",
+            uses: &[Use::Fuzz],
+        },
+        Example {
+            recipe: "visibility-buffer:budget=0.02",
+            uses: &[Use::Page("leaf")],
+        },
+        Example {
+            recipe: "visibility-buffer:budget=MOST",
+            uses: &[Use::PlanWithin],
+        },
+        Example {
+            recipe: "visibility-buffer:select=id,budget=MOST",
+            uses: &[Use::PlanWithin],
+        },
+        Example {
+            recipe: "visibility-buffer:form=compute,budget=MOST",
+            uses: &[Use::PlanWithin],
+        },
+    ];
 
-    fn apply(
-        plan: &Plan,
-        facts: &Facts,
-        site: &SiteKey,
-        params: &Params,
-    ) -> Result<Plan, Box<Refusal>> {
+    fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
         let params = &params.resolved(facts)?;
         let plan = alone(plan);
-        let material = Material::examine(&plan, params).map_err(depth_only::first)?;
-        material
-            .depth
-            .expect(&material.opaque, site, Self::INFO.name)?;
-        material.apply(&plan, params, &facts.samplers_of(&plan.material))
+        let material = Material::examine(&plan, params)?;
+        let next = material.apply(&plan, params, &facts.samplers_of(&plan.material))?;
+        Ok(Outcome {
+            plan: next,
+            change: material.change(params),
+            left: Vec::new(),
+        })
     }
 }
 
@@ -198,10 +239,10 @@ impl<'a> Material<'a> {
         })
     }
 
-    fn site(&self, params: &Params) -> Site {
+    fn change(&self, params: &Params) -> Change {
         let graph = &self.opaque.graph;
-        let depth = self.depth.site(&self.opaque, self.describe(params));
-        Site {
+        let depth = self.depth.change(&self.opaque, self.describe(params));
+        Change {
             cost: SiteCost {
                 slice: 3.0 * graph.entry_cost(self.opaque.vertex) + graph.entry_cost(self.fragment),
                 ..depth.cost
@@ -285,7 +326,7 @@ impl<'a> Material<'a> {
                 .with_module(module)
                 .map_err(|e| bug(e.to_string()))?;
         }
-        let k = self.site(params).cost.slice.ceil() as u32;
+        let k = self.change(params).cost.slice.ceil() as u32;
         let reached = self.reached(params, samplers)?;
         let given = self.assumptions(params, &reached);
         next.steps.push(Step {

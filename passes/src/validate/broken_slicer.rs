@@ -53,9 +53,7 @@ fn split(original: &Plan) -> Plan {
     let pass = pass_named("depth-prepass").unwrap();
     let facts = Facts::without_ties();
     let params = serde_json::json!({});
-    let found = pass.sites(original, &facts, &params).unwrap();
-    pass.apply(original, &facts, &found.sites[0].key, &params)
-        .unwrap()
+    pass.run(original, &facts, &params).unwrap().plan
 }
 
 /// Whether the original and the pre-pass have the same discard slice.

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use naga::{Binding, ShaderStage};
 use preshade_passes::evaluate::{Stuck, Value};
 use preshade_passes::hoist::{self, Hoist, Params};
-use preshade_passes::pass::{Facts, Pass, Sites};
+use preshade_passes::pass::{Facts, Left, Outcome, Pass, Refused};
 use preshade_passes::plan::Plan;
 use preshade_passes::program::Program;
 use preshade_passes::reflect;
@@ -21,19 +21,16 @@ fn original(source: &str) -> Plan {
     Plan::original("test", program, "vs", Some("fs"), &MaterialState::default())
 }
 
-fn sites(plan: &Plan, params: &Params) -> Sites {
-    Hoist::sites(plan, &Facts::default(), params)
+fn outcome(plan: &Plan, params: &Params) -> Result<Outcome, Refused> {
+    Hoist::run(plan, &Facts::default(), params)
 }
 
 fn hoisted(source: &str, params: &Params) -> (Plan, String) {
     let plan = original(source);
-    let sites = sites(&plan, params);
-    let [site] = &sites.sites[..] else {
-        panic!("{:#?}", sites.refusals)
-    };
-    let next = Hoist::apply(&plan, &Facts::default(), &site.key, params).unwrap();
+    let done = outcome(&plan, params).unwrap();
+    let next = done.plan;
     let text = common::wgsl(next.program(next.main().unwrap()).unwrap());
-    (next, format!("// {}\n{text}", site.what))
+    (next, format!("// {}\n{text}", done.change.what))
 }
 
 fn budget() -> Params {
@@ -118,14 +115,13 @@ fn the_same_at_vertices(bytes: &[u8], seeds: &[u32]) -> bool {
         vertices_per_fragment: Some(0.0),
         ..budget()
     };
-    let found = sites(&plan, &params);
-    let Some(site) = found.sites.first() else {
-        return false;
-    };
-    let next = match Hoist::apply(&plan, &Facts::default(), &site.key, &params) {
-        Ok(next) => next,
-        Err(refusal) if refusal.code == "not-separable" => return false,
-        Err(refusal) => panic!("{refusal}\n{source}"),
+    let (next, what) = match outcome(&plan, &params) {
+        Ok(done) => (done.plan, done.change.what),
+        Err(refused) => {
+            let bug = refused.refusals.iter().any(|r| r.code == "internal");
+            assert!(!bug, "{refused:?}\n{source}");
+            return false;
+        }
     };
     let before = plan.program(plan.main().unwrap()).unwrap();
     let after = next.program(next.main().unwrap()).unwrap();
@@ -136,8 +132,7 @@ fn the_same_at_vertices(bytes: &[u8], seeds: &[u32]) -> bool {
         assert_eq!(
             a,
             b,
-            "seed {seed}: {}\n{source}\n=====\n{}",
-            site.what,
+            "seed {seed}: {what}\n{source}\n=====\n{}",
             common::wgsl(after)
         );
     }
@@ -195,9 +190,10 @@ struct Varyings {{
 
 /// Why a named value stayed.
 fn left(plan: &Plan, params: &Params, name: &str) -> String {
-    let found = sites(plan, params);
-    let left = found.left.iter().find(|l| l.name == name);
-    left.unwrap_or_else(|| panic!("nothing is said of `{name}`: {found:#?}"))
+    let left: Vec<Left> = outcome(plan, params).map_or_else(|r| r.left, |done| done.left);
+    let found = left.iter().find(|l| l.name == name);
+    found
+        .unwrap_or_else(|| panic!("nothing is said of `{name}`: {left:#?}"))
         .reason
         .clone()
 }
@@ -233,11 +229,7 @@ fn affine_work_that_reaches_a_jump_needs_a_budget() {
         "let local = scene.view * vec4(in.world, 1.0);
     return vec4(fract(local.z) + floor(local.x));",
     );
-    assert!(
-        sites(&original(&source), &Params::default())
-            .sites
-            .is_empty()
-    );
+    assert!(outcome(&original(&source), &Params::default()).is_err());
     let (plan, _) = hoisted(&source, &budget());
     assert_eq!(plan.contract.kind(), "approximate");
 }
@@ -299,7 +291,7 @@ fn what_rests_on_a_jump_stays() {
             format!("`{jump}` jumps: interpolation would make up values between"),
             "{body}"
         );
-        let text = match sites(&plan, &without_jumps()).sites.is_empty() {
+        let text = match outcome(&plan, &without_jumps()).is_err() {
             true => String::new(),
             false => hoisted(&source, &without_jumps()).1,
         };
@@ -453,8 +445,9 @@ fn refusals_are_told_by_code() {
         "@group(1) @binding(0) var<storage, read_write> seen: array<u32>;",
         "seen[0] = 1u; return vec4(sin(in.world), 1.0);",
     );
-    let code =
-        |source: &str, params: &Params| sites(&original(source), params).refusals[0].code.clone();
+    let code = |source: &str, params: &Params| {
+        outcome(&original(source), params).unwrap_err().first().code
+    };
     assert_eq!(code(&stores, &budget()), "fragment-stores");
     let plain = material("", "return vec4(in.world, 1.0);");
     assert_eq!(code(&plain, &budget()), "nothing-pays");
@@ -486,8 +479,8 @@ fn a_tree_of_calls_over_a_discard_is_told_to_be_too_large() {
         .unwrap();
     }
     let source = material(&globals, "return vec4(f31(in.world.x));");
-    let found = sites(&original(&source), &Params::default());
-    assert_eq!(found.refusals[0].code, "too-large");
+    let refused = outcome(&original(&source), &Params::default()).unwrap_err();
+    assert_eq!(refused.refusals[0].code, "too-large");
 }
 
 /// A choice made before is told apart from one that never was.
@@ -506,12 +499,11 @@ fn values_that_are_not_there_are_named() {
         finite: hoist::travel::Finite::Assumed,
         ..budget()
     };
-    let refused = sites(&plan, &carrying("0123456789abcdef"));
+    let refused = outcome(&plan, &carrying("0123456789abcdef")).unwrap_err();
     assert_eq!(refused.refusals[0].code, "unknown-values");
     assert!(refused.refusals[0].reason.contains("0123456789abcdef"));
     let params = carrying(&format!("{id}+0123456789abcdef"));
-    let site = sites(&plan, &params).sites.remove(0);
-    let next = Hoist::apply(&plan, &Facts::default(), &site.key, &params).unwrap();
+    let next = outcome(&plan, &params).unwrap().plan;
     let told = |n: &&String| n.contains("0123456789abcdef") && !n.contains(id.as_str());
     assert_eq!(
         next.notes.iter().filter(told).count(),
@@ -547,15 +539,14 @@ fn advice_comes_to_an_end() {
             };
             let mut advised = 0;
             let end = loop {
-                let sites = sites(&original(source), &params);
-                if !sites.sites.is_empty() {
+                let Err(refused) = outcome(&original(source), &params) else {
                     break "hoisted";
-                }
-                assert!(advised < 3, "{source}: {:?}", sites.refusals);
+                };
+                assert!(advised < 3, "{source}: {:?}", refused.refusals);
                 advised += 1;
-                let remedy = &sites.refusals[0].remedy;
+                let remedy = &refused.refusals[0].remedy;
                 if remedy.contains("at any budget") {
-                    assert!(hoist_all(source).sites.is_empty(), "{source}");
+                    assert!(hoist_all(source).is_err(), "{source}");
                     break "nothing";
                 }
                 if remedy.contains("finite=assumed") {
@@ -576,10 +567,10 @@ fn advice_comes_to_an_end() {
 }
 
 /// What there is to hoist at the largest budget.
-fn hoist_all(source: &str) -> Sites {
+fn hoist_all(source: &str) -> Result<Outcome, Refused> {
     let params = Params {
         budget: Some(1.0),
         ..budget()
     };
-    sites(&original(source), &params)
+    outcome(&original(source), &params)
 }

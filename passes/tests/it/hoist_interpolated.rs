@@ -143,15 +143,9 @@ fn hoisted_given(source: &str, allow: Allow, facts: &Facts) -> Option<(Program, 
         vertices_per_fragment: Some(0.0),
         ..Params::default()
     };
-    let found = Hoist::sites(&plan, facts, &params);
-    let site = found.sites.first()?;
-    let next = match Hoist::apply(&plan, facts, &site.key, &params) {
-        Ok(next) => next,
-        Err(refusal) if refusal.code == "not-separable" => return None,
-        Err(refusal) => panic!("{refusal}\n{source}"),
-    };
+    let done = Hoist::run(&plan, facts, &params).ok()?;
     let of = |plan: &Plan| plan.program(plan.main().unwrap()).unwrap().clone();
-    Some((of(&plan), of(&next), site.what.clone()))
+    Some((of(&plan), of(&done.plan), done.change.what))
 }
 
 const WEIGHTS: [Weights; 3] = [
@@ -334,7 +328,7 @@ fn rounding_needs_one_fragment_a_pixel() {
             vertices_per_fragment: Some(0.0),
             ..Params::default()
         };
-        Hoist::sites(&plan, &Facts::default(), &params).sites.len()
+        usize::from(Hoist::run(&plan, &Facts::default(), &params).is_ok())
     };
     assert_eq!(with(&|_| {}), 1);
     assert_eq!(with(&|state| state.multisample.count = 4), 0);

@@ -6,14 +6,14 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use naga::ShaderStage;
-use preshade_passes::pass::Facts;
-use preshade_passes::pass_named;
+use preshade_passes::pass::{Facts, Use};
 use preshade_passes::plan::Plan;
 use preshade_passes::program::{Language, Program, SourceMap};
 use preshade_passes::state::MaterialState;
 use preshade_passes::validate::{Check, Effort, validate};
-use serde_json::json;
+use preshade_passes::{examples, pass_named};
 
+use crate::common;
 use crate::metamorphic_support::{injection, statements};
 
 fn plan(name: &str, text: &str) -> Option<Plan> {
@@ -37,18 +37,8 @@ fn plan(name: &str, text: &str) -> Option<Plan> {
 }
 
 fn recipes() -> Vec<(&'static str, serde_json::Value)> {
-    vec![
-        ("depth-prepass", json!({})),
-        (
-            "depth-prepass",
-            json!({"form": "equal", "vertex": "sliced"}),
-        ),
-        ("early-discard", json!({})),
-        ("shadow", json!({})),
-        ("hoist", json!({"allow": "exact"})),
-        ("hoist", json!({"budget": 0.1, "finite": "assumed"})),
-        ("trim-loop", json!({"budget": 0.1})),
-    ]
+    let used = examples().filter(|(_, used)| **used == Use::Inject);
+    used.map(|(recipe, _)| common::step(recipe)).collect()
 }
 
 fn broken(what: &str, checks: &[Check]) -> Vec<String> {
@@ -99,22 +89,16 @@ fn what_changes_nothing_changes_no_variant() {
             wrong.extend(broken(&what, &validate(&original, &injected, &effort)));
             for (pass, params) in recipes() {
                 let found = pass_named(pass).unwrap();
-                let sites = found.sites(&injected, &facts, &params).unwrap();
-                let Some(site) = sites.sites.first() else {
-                    let bug = sites.refusals.iter().find(|r| r.code == "internal");
-                    wrong.extend(bug.map(|r| format!("{what}: {r}")));
-                    continue;
-                };
-                match found.apply(&injected, &facts, &site.key, &params) {
+                match found.run(&injected, &facts, &params) {
                     Ok(variant) => {
                         *accepted.entry(pass).or_insert(0) += 1;
                         let what = format!("{what} by {pass} {params}");
-                        wrong.extend(broken(&what, &validate(&original, &variant, &effort)));
+                        wrong.extend(broken(&what, &validate(&original, &variant.plan, &effort)));
                     }
-                    Err(refusal) if refusal.code == "internal" => {
-                        wrong.push(format!("{what} by {pass}: {refusal}"));
+                    Err(refused) => {
+                        let bug = refused.refusals.iter().find(|r| r.code == "internal");
+                        wrong.extend(bug.map(|r| format!("{what} by {pass}: {r}")));
                     }
-                    Err(_) => {}
                 }
             }
         }

@@ -38,13 +38,9 @@ fn params(threshold: f64, budget: Option<f64>) -> Params {
 }
 
 fn skipped(plan: &Plan, params: &Params) -> Result<Plan, String> {
-    let found = SkipTaps::sites(plan, &Facts::default(), params);
-    match (&found.sites[..], &found.refusals[..]) {
-        ([site], []) => {
-            SkipTaps::apply(plan, &Facts::default(), &site.key, params).map_err(|r| r.to_string())
-        }
-        (_, [refusal]) => Err(refusal.to_string()),
-        _ => panic!("{found:#?}"),
+    match SkipTaps::run(plan, &Facts::default(), params) {
+        Ok(done) => Ok(done.plan),
+        Err(refused) => Err(refused.first().to_string()),
     }
 }
 
@@ -197,12 +193,12 @@ fn implicit_levels_become_gradients_taken_ahead() {
 #[test]
 fn what_cannot_go_is_told() {
     let reasons = |fragment: &str| -> Vec<String> {
-        let found = SkipTaps::sites(
+        let found = SkipTaps::run(
             &original(fragment),
             &Facts::default(),
             &params(0.1, Some(0.1)),
-        );
-        assert!(found.sites.is_empty(), "{found:#?}");
+        )
+        .unwrap_err();
         assert_eq!(found.refusals[0].code, "no-tap");
         found.left.into_iter().map(|l| l.reason).collect()
     };

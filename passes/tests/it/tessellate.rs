@@ -6,7 +6,7 @@ use preshade_passes::core::pattern::{self, Pattern};
 use preshade_passes::evaluate::{self, Environment, Value};
 use preshade_passes::geometry::{Constants, Geometry, Stream, Subdivision};
 use preshade_passes::hoist::{self, Hoist};
-use preshade_passes::pass::{Facts, Pass, Refusal};
+use preshade_passes::pass::{Facts, Pass, Refusal, Refused};
 use preshade_passes::plan::{BindingSource, GeometryPart, Plan};
 use preshade_passes::state::{MaterialState, PrimitiveState, Topology};
 use preshade_passes::tessellate::{Params, Tessellate};
@@ -28,12 +28,8 @@ fn hoisted(plan: &Plan) -> Plan {
 }
 
 fn apply<P: Pass>(plan: &Plan, params: &P::Params) -> Result<Plan, Box<Refusal>> {
-    let facts = Facts::default();
-    let mut sites = P::sites(plan, &facts, params);
-    match sites.sites.pop() {
-        Some(site) => P::apply(plan, &facts, &site.key, params),
-        None => Err(Box::new(sites.refusals.remove(0))),
-    }
+    let done = P::run(plan, &Facts::default(), params);
+    done.map(|done| done.plan).map_err(Refused::first)
 }
 
 fn refused(source: &str) -> Box<Refusal> {
@@ -563,8 +559,8 @@ fn what_is_static_is_stored_alone() {
 fn a_site_tells_what_each_new_vertex_costs() {
     let cost = |source: &str| {
         let plan = hoisted(&original(source, &MaterialState::default()));
-        let sites = Tessellate::sites(&plan, &Facts::default(), &Params::default());
-        sites.sites[0].cost
+        let done = Tessellate::run(&plan, &Facts::default(), &Params::default());
+        done.unwrap().change.cost
     };
     let once = cost(WAVES);
     assert!(0.0 < once.slice && once.slice < once.whole, "{once:?}");

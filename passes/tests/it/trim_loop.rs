@@ -32,20 +32,15 @@ fn params(turns: u32, of: Option<&str>) -> Params {
 
 /// The trimmed plan, or why not.
 fn trimmed(plan: &Plan, params: &Params) -> Result<Plan, String> {
-    let found = TrimLoop::sites(plan, &Facts::default(), params);
-    match (&found.sites[..], &found.refusals[..]) {
-        ([site], []) => {
-            TrimLoop::apply(plan, &Facts::default(), &site.key, params).map_err(|r| r.to_string())
-        }
-        (_, [refusal]) => Err(refusal.to_string()),
-        _ => panic!("{found:#?}"),
+    match TrimLoop::run(plan, &Facts::default(), params) {
+        Ok(done) => Ok(done.plan),
+        Err(refused) => Err(refused.first().to_string()),
     }
 }
 
 fn reason(fragment: &str) -> String {
-    let found = TrimLoop::sites(&original(fragment), &Facts::default(), &params(1, None));
-    assert!(found.sites.is_empty(), "{found:#?}");
-    found.left[0].reason.clone()
+    let found = TrimLoop::run(&original(fragment), &Facts::default(), &params(1, None));
+    found.unwrap_err().left[0].reason.clone()
 }
 
 fn text(plan: &Plan) -> String {
@@ -263,10 +258,10 @@ fn a_loop_without_a_bound_for_less_turns_stays() {
     let stays = reason(alone);
     assert!(stays.contains("no other number"), "{stays}");
     let beside = alone.replace("return", "for (var j = 0; j < 4; j++) { s += x; } return");
-    let found = TrimLoop::sites(&original(&beside), &Facts::default(), &params(1, None));
-    assert!(found.sites[0].what.contains("3 turns instead of 4"));
+    let found = TrimLoop::run(&original(&beside), &Facts::default(), &params(1, None)).unwrap();
+    assert!(found.change.what.contains("3 turns instead of 4"));
     assert_eq!(
-        found.sites[0].what.matches("instead of").count(),
+        found.change.what.matches("instead of").count(),
         2,
         "{found:#?}"
     );

@@ -3,35 +3,17 @@
 
 use std::collections::BTreeSet;
 
+use preshade_passes::examples;
 use preshade_passes::hoist::Metric;
-use preshade_passes::pass::{Facts, Frequency};
-use preshade_passes::pass_named;
+use preshade_passes::pass::{Facts, Frequency, Use};
 
 use crate::recipe::{Recipe, RecipeError};
-
-/// Ways to shade fewer fragments. They keep the picture, so they have no error of their own.
-const COVERAGE: [&str; 5] = [
-    "depth-prepass",
-    "depth-prepass:form=equal",
-    "early-discard",
-    "visibility-buffer",
-    "visibility-buffer:form=compute",
-];
-
-/// Ways to compute less in a fragment without a budget.
-const EXACT: [&str; 2] = ["specialize", "hoist"];
 
 /// Where new vertices are computed.
 const FORMS: [&str; 3] = ["pulled", "shared", "static"];
 
 /// Levels that triangles are divided at: each has about half of the error of the one before.
 const LEVELS: [u32; 7] = [1, 2, 3, 4, 6, 8, 12];
-
-/// Iterations removed from loops.
-const TURNS: [u32; 3] = [1, 2, 3];
-
-/// Taps with a smaller weight are skipped.
-const WEIGHTS: [f64; 4] = [0.0, 0.01, 0.05, 0.15];
 
 /// Most thresholds on measured errors. Each selects another set of values to interpolate.
 const MOST_THRESHOLDS: usize = 6;
@@ -90,19 +72,14 @@ pub fn seeds(facts: &Facts, metric: Metric) -> Vec<Candidate> {
             });
         }
     };
-    for text in COVERAGE {
-        add(text.to_owned(), None, true);
-    }
-    for text in EXACT.iter().filter(|t| pass_named(t).is_some()) {
-        add((*text).to_owned(), None, false);
-    }
-    for turns in TURNS {
-        let text = format!("trim-loop:budget=1,{}turns={turns}", named(metric));
-        add(text, None, false);
-    }
-    for weight in WEIGHTS {
-        let text = format!("skip-taps:budget=1,{}threshold={weight}", named(metric));
-        add(text, None, false);
+    let budget = format!("budget=1,{}", named(metric));
+    let budget = budget.trim_end_matches(',');
+    for (text, used) in examples() {
+        match used {
+            Use::Cover => add(text.to_owned(), None, true),
+            Use::Simplify => add(text.replace("BUDGET", budget), None, false),
+            _ => {}
+        }
     }
     for threshold in thresholds(&facts.frequencies, metric) {
         let hoist = format!("hoist:budget=1,{}threshold={threshold}", named(metric));

@@ -5,13 +5,13 @@ use std::collections::BTreeMap;
 
 use preshade::emit::{self, Target};
 use preshade::parameters::{Parameter, parameters};
-use preshade::passes::PASSES;
 use preshade::passes::naga::Module;
-use preshade::passes::pass::{AnyPass, Facts};
+use preshade::passes::pass::{AnyPass, Facts, Use};
 use preshade::passes::plan::Plan;
 use preshade::passes::specialize::assume::uniform_scalars;
 use preshade::passes::validate::inputs::Random;
 use preshade::passes::validate::{Effort, Verdict, validate};
+use preshade::passes::{PASSES, examples};
 use preshade::recipe::{Recipe, Step};
 use serde_json::{Map, Value, json};
 
@@ -25,18 +25,24 @@ pub fn recipe(module: &Module, random: &mut Random) -> Recipe {
     // Some passes are only of use ahead of others: half of the recipes have them there.
     if random.below(2) == 0 {
         steps.sort_by_key(|s| {
-            ["specialize", "trim-loop", "hoist"]
-                .iter()
-                .rposition(|p| *p == s.pass)
-                .map_or(3, |i| i)
+            let place = ahead().find(|(pass, _)| *pass == s.pass);
+            place.map_or(usize::MAX, |(_, place)| place)
         });
     }
     Recipe { steps }
 }
 
+/// The passes that are useful ahead of others, and their places.
+fn ahead() -> impl Iterator<Item = (&'static str, usize)> {
+    examples().filter_map(|(recipe, used)| match used {
+        Use::Ahead(place) => Some((recipe.split(':').next()?, *place)),
+        _ => None,
+    })
+}
+
 fn step(module: &Module, random: &mut Random) -> Step {
     // What is refused most often is tried most often.
-    let often = ["specialize", "hoist", "trim-loop", "tessellate"];
+    let often: Vec<&str> = ahead().map(|(pass, _)| pass).collect();
     let pass = PASSES[random.below(PASSES.len())];
     let pass = match random.below(3) {
         0 => often

@@ -3,7 +3,8 @@
 use naga::{
     BinaryOperator, Expression, Function, Handle, Literal, MathFunction, Statement, UnaryOperator,
 };
-use preshade::passes::pass::Facts;
+use preshade::passes::examples;
+use preshade::passes::pass::{Facts, Use};
 use preshade::passes::plan::Plan;
 use preshade::passes::program::Program;
 use preshade::recipe::Recipe;
@@ -44,21 +45,6 @@ const MATH: [MathFunction; 14] = [
 
 const FLOATS: [f32; 12] = [
     0.0, -0.0, 1.0, -1.0, 0.5, 1e-40, 1e-30, 1e30, 3.4e38, 43758.547, 1e7, 65504.0,
-];
-
-const RECIPES: [&str; 12] = [
-    "depth-prepass",
-    "depth-prepass:form=equal,vertex=sliced",
-    "early-discard",
-    "early-discard:quad=lane,budget=1",
-    "shadow",
-    "hoist",
-    "hoist:budget=1,finite=assumed,jumps=carried",
-    "hoist:budget=1,finite=assumed,jumps=carried,tessellate:level=3",
-    "trim-loop:budget=1",
-    "visibility-buffer:budget=1",
-    "visibility-buffer:form=compute,budget=1",
-    "specialize",
 ];
 
 /// Changes one thing of a function.
@@ -167,7 +153,11 @@ pub fn ir(data: &[u8]) -> bool {
     let bytes = &mut Bytes(data);
     let all = materials();
     let (name, plan) = &all[bytes.below(all.len())];
-    let recipe = RECIPES[bytes.below(RECIPES.len())];
+    let recipes: Vec<&str> = examples()
+        .filter(|(_, used)| **used == Use::Fuzz)
+        .map(|(recipe, _)| recipe)
+        .collect();
+    let recipe = recipes[bytes.below(recipes.len())];
     let pass = plan.main().unwrap();
     let program = plan.program(pass).unwrap();
     let mut module = program.module().clone();

@@ -12,9 +12,9 @@ use naga::{
     ShaderStage, Span, StructMember, Type, TypeInner, VectorSize,
 };
 
-use super::prologue::{InjectError, link_snippet};
 use crate::core::plan::{Attachment, AttachmentFormat, ClearValue};
 use crate::core::state::{ColorTarget, DepthDirection};
+use crate::rebuild::ahead::{InjectError, link_snippet};
 use crate::rebuild::depth_only::Placed;
 use crate::rebuild::place;
 use crate::rebuild::returns;

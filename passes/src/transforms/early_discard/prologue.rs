@@ -1,24 +1,19 @@
 //! The prologue's text, and its insertion at the start of a fragment entry point.
 
 use naga::{
-    Binding, BuiltIn, Expression, Function, GlobalVariable, Handle, MathFunction, Module, Scalar,
-    Statement, TypeInner, VectorSize,
+    Binding, BuiltIn, Expression, Handle, MathFunction, Module, Scalar, Statement, TypeInner,
+    VectorSize,
 };
 
 use super::{DepthTexture, Mode, Quad, Slot, packed};
 use crate::core::state::{DepthDirection, DepthFormat};
-use crate::rebuild::depth_only::{Argument, DepthFunction};
+use crate::rebuild::ahead::{Ahead, InjectError, link_snippet};
 use crate::rebuild::gradients;
-use crate::rebuild::place::{self, Builder};
+use crate::rebuild::place;
+use crate::rebuild::quad::{self, HIDDEN};
 
 /// Name of the depth texture in the emitted module.
 pub const TEXTURE: &str = "prepass_depth";
-
-/// Name of the prologue's function in the emitted module.
-pub const HIDDEN: &str = "hidden_by_prepass";
-
-/// A source offset beyond every file: our own text has no place in the author's.
-const NOWHERE: u32 = u32::MAX / 2;
 
 /// Range of a fragment's depth before it is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -76,18 +71,9 @@ impl Prologue {
             DepthDirection::Forward => "depth > nearest + tolerance",
             DepthDirection::Reversed => "depth < nearest - tolerance",
         };
-        // A fine derivative is the difference of two adjacent lanes, so a lane minus its magnitude
-        // is 1 only if both are. With coarse derivatives the vote may be wrong about a neighbour,
-        // but never about the lane itself.
         let (vote, hidden) = match self.quad {
-            Quad::Lane => ("", "behind"),
-            Quad::Vote => (
-                "let lane = select(0.0, 1.0, behind);
-    let row = lane - abs(dpdxFine(lane));
-    let quad = row - abs(dpdyFine(row));
-    ",
-                "quad > 0.5",
-            ),
+            Quad::Lane => (String::new(), "behind"),
+            Quad::Vote => (quad::vote_wgsl("behind"), "quad > 0.5"),
         };
         let answer = match self.mode {
             Mode::Cull => hidden.to_owned(),
@@ -161,7 +147,7 @@ impl Prologue {
         &self,
         module: Module,
         entry: usize,
-        depth: Option<&DepthFunction>,
+        depth: Option<&Ahead>,
         taken: &[Handle<Expression>],
     ) -> Result<Module, InjectError> {
         let (module, hidden) = link_snippet(module, &self.wgsl())?;
@@ -177,16 +163,7 @@ impl Prologue {
                 vec4,
                 &Binding::BuiltIn(BuiltIn::Position { invariant: false }),
             );
-            let computed = depth.and_then(|d| {
-                let arguments = d.arguments.iter().map(|a| argument(build, a)).collect();
-                let saved: Vec<_> = d.private.iter().map(|g| save(build, *g)).collect();
-                let written = build.call(d.function, arguments)?;
-                build.name(written, "own_depth");
-                for (pointer, value) in saved {
-                    build.statement(Statement::Store { pointer, value });
-                }
-                Some(written)
-            });
+            let computed = depth.and_then(|d| d.call(build, "own_depth"));
             let depth = computed.unwrap_or_else(|| {
                 build.expression(Expression::AccessIndex {
                     base: position,
@@ -212,51 +189,6 @@ impl Prologue {
         }))
     }
 }
-
-/// Links one of our snippets into `module` and returns the snippet's function.
-///
-/// # Errors
-/// It does not parse or link.
-pub fn link_snippet(module: Module, wgsl: &str) -> Result<(Module, Handle<Function>), InjectError> {
-    let snippet =
-        naga::front::wgsl::parse_str(wgsl).map_err(|e| InjectError(e.message().to_owned()))?;
-    let linked = crate::core::link::link(module, &snippet, NOWHERE, "preshade")
-        .map_err(|e| InjectError(e.to_string()))?;
-    match linked.functions[..] {
-        [function] => Ok((linked.module, function)),
-        _ => Err(InjectError("the snippet is not one function".to_owned())),
-    }
-}
-
-/// A private variable and its saved value.
-fn save(
-    build: &mut Builder<'_>,
-    variable: Handle<GlobalVariable>,
-) -> (Handle<Expression>, Handle<Expression>) {
-    let pointer = build.expression(Expression::GlobalVariable(variable));
-    (pointer, build.expression(Expression::Load { pointer }))
-}
-
-fn argument(build: &mut Builder<'_>, argument: &Argument) -> Handle<Expression> {
-    match argument {
-        Argument::Input(ty, binding) => build.input("input", *ty, binding),
-        Argument::Struct(ty, members) => {
-            let components = members
-                .iter()
-                .map(|(ty, binding)| build.input("input", *ty, binding))
-                .collect();
-            build.expression(Expression::Compose {
-                ty: *ty,
-                components,
-            })
-        }
-    }
-}
-
-/// One of our snippets does not parse: a bug.
-#[derive(Debug, thiserror::Error)]
-#[error("{0}")]
-pub struct InjectError(pub(super) String);
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]

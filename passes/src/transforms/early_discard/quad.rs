@@ -1,13 +1,10 @@
 //! Obstacles to an early return of single lanes, and to a vote.
 
-use naga::{Expression, ShaderStage, Statement};
+use naga::Expression;
 
-use super::{EarlyDiscard, Mode, Params, prologue};
-use crate::analysis::opaque::{self, Opaque};
+use super::{EarlyDiscard, Mode, Params};
+use crate::analysis::opaque::Opaque;
 use crate::core::pass::{Pass, Refusal};
-use crate::core::plan::Plan;
-use crate::graph::effect::{self, Effect};
-use crate::graph::{FunctionId, Graph};
 use crate::rebuild::gradients;
 
 /// Why single lanes must not return: a derivative that cannot be evaluated first, a rounded
@@ -56,41 +53,4 @@ pub fn refuse_lane(opaque: &Opaque, fragment: usize, params: &Params) -> Option<
         VOTE,
         expressions.get_span(*sample),
     ))
-}
-
-/// Whether the quads of the main pass vote to keep their lanes alive for derivatives or
-/// implicit-LOD samples behind the prologue. A language without fine derivatives cannot express
-/// this vote.
-pub fn vote_shields_derivatives(plan: &Plan) -> bool {
-    let votes = plan
-        .steps
-        .iter()
-        .any(|s| s.pass == EarlyDiscard::INFO.name && s.params["quad"] == "vote");
-    let main = plan.main().and_then(|p| Some((p, plan.program(p)?)));
-    let (true, Some((pass, program))) = (votes, main) else {
-        return false;
-    };
-    let Some((entry, _)) = pass
-        .fragment
-        .as_deref()
-        .and_then(|f| program.entry_point(ShaderStage::Fragment, f))
-    else {
-        return false;
-    };
-    let graph = Graph::build(program);
-    let f = graph.function(FunctionId::EntryPoint(entry));
-    f.statements.iter().any(|(_, node)| match node.statement {
-        Statement::Emit(range) => range.clone().any(|e| {
-            matches!(
-                effect::of_expression(&f.function.expressions[e]),
-                Some(Effect::Derivative | Effect::ImplicitLod)
-            )
-        }),
-        Statement::Call { function, .. } => {
-            let name = program.module().functions[*function].name.as_deref();
-            !name.is_some_and(|n| n.starts_with(prologue::HIDDEN))
-                && opaque::derivative(&graph, FunctionId::Function(*function)).is_some()
-        }
-        _ => false,
-    })
 }

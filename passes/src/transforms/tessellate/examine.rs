@@ -10,7 +10,7 @@ use super::split::{self, Outputs, Split};
 use super::{MOST_EDGE_PIXELS, Material, Params, Slots, Tessellate, refuse};
 use crate::core::contract::Contract;
 use crate::core::geometry::{Form, Subdivision};
-use crate::core::pass::{Facts, Pass, Refusal, SiteKey};
+use crate::core::pass::{Facts, Pass, Refusal, Site};
 use crate::core::pattern::MAX_LEVEL;
 use crate::core::plan::{BindingKind, GpuPass, Plan, Role};
 use crate::core::program::Program;
@@ -135,11 +135,10 @@ impl<'a> Material<'a> {
             outputs,
             fixed: Vec::new(),
             contract: hoist.contract.clone(),
-            key: SiteKey {
+            key: Site {
                 role: Role::Main,
                 entry_point: pass.vertex.clone(),
                 slice: hoist.site.slice.clone(),
-                ordinal: 0,
             },
         };
         if params.form == Form::Static {

@@ -182,13 +182,9 @@ mod tests {
         let plan = Plan::original("test", program, "vs", Some("fs"), &MaterialState::default());
         let pass = pass_named("visibility-buffer").unwrap();
         let facts = Facts::without_ties();
-        let found = pass.sites(&plan, &facts, &params).unwrap();
-        match found.sites.first() {
-            Some(site) => {
-                let split = pass.apply(&plan, &facts, &site.key, &params).unwrap();
-                split.contract.kind().to_owned()
-            }
-            None => found.refusals[0].code.clone(),
+        match pass.run(&plan, &facts, &params) {
+            Ok(split) => split.plan.contract.kind().to_owned(),
+            Err(refused) => refused.refusals[0].code.clone(),
         }
     }
 

@@ -46,3 +46,12 @@ pub fn wgsl(program: &Program) -> String {
     }
     text
 }
+
+/// The pass and the parameters of a recipe of one step.
+pub fn step(recipe: &'static str) -> (&'static str, serde_json::Value) {
+    let (pass, params) = recipe.split_once(':').unwrap_or((recipe, ""));
+    let params = params.split(',').filter_map(|p| p.split_once('='));
+    let value = |text: &str| serde_json::from_str(text).unwrap_or_else(|_| text.into());
+    let params = params.map(|(name, text)| (name.to_owned(), value(text)));
+    (pass, serde_json::Value::Object(params.collect()))
+}

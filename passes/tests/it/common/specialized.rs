@@ -31,13 +31,9 @@ pub fn specialized(plan: &Plan, params: &Params) -> Result<Plan, String> {
 
 /// The plan with what is known of its material, or why not.
 pub fn specialized_with(plan: &Plan, facts: &Facts, params: &Params) -> Result<Plan, String> {
-    let found = Specialize::sites(plan, facts, params);
-    match (&found.sites[..], &found.refusals[..]) {
-        ([site], []) => {
-            Specialize::apply(plan, facts, &site.key, params).map_err(|r| r.to_string())
-        }
-        (_, [refusal]) => Err(refusal.to_string()),
-        _ => panic!("{found:#?}"),
+    match Specialize::run(plan, facts, params) {
+        Ok(done) => Ok(done.plan),
+        Err(refused) => Err(refused.first().to_string()),
     }
 }
 
