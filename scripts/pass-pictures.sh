@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Draws the pictures of docs/passes: of each pass the sheet that `verify --out` writes, in few colours so that it stays small. Needs Python with Pillow.
+# Draws the pictures of docs/passes: for each pass the sheet that `verify --out` writes, in few colours so that
+# the file stays small. Needs Python with Pillow.
 # Usage: scripts/pass-pictures.sh [PASS..]
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -10,7 +11,8 @@ out=$(mktemp -d)
 trap 'rm -rf "$out"' EXIT
 
 # What is drawn of a pass, as its page says it.
-awk -F'"' '/" => \($/ { pass = $2 } $2 ~ /^preshade verify / { sub(/^preshade /, "", $2); print pass, $2 }' tests/it/pass_pages.rs |
+awk -F'"' '/" => \($/ { pass = $2 }
+  $2 ~ /^preshade verify / { sub(/^preshade /, "", $2); print pass, $2 }' tests/it/pass_pages.rs |
 while read -r pass arguments; do
   [ $# -eq 0 ] || [[ " $* " == *" $pass "* ]] || continue
   # shellcheck disable=SC2086
