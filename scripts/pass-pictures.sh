@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Draws the pictures of docs/passes: of each pass the sheet that `verify --out` writes, in few colours so that it stays small. Needs Python with Pillow.
+# Draws the pictures of docs/passes: for each pass the sheet that `verify --out` writes, in few colours so that
+# the file stays small. Needs Python with Pillow.
 # Usage: scripts/pass-pictures.sh [PASS..]
 set -euo pipefail
 cd "$(dirname "$0")/.."

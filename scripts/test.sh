@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Runs all tests. Those that draw run beside the others: drawing waits for the adapter, and leaves a core free.
+# Runs all tests. Those that draw run beside the others: drawing waits for the adapter and leaves a core free.
 # The output of the tests that draw is printed when the others have ended.
 set -uo pipefail
 cd "$(dirname "$0")/.."

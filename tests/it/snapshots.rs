@@ -1,5 +1,6 @@
-//! Every fixture shader through every pass, as text: what a reviewer reads when a transform changes.
+//! Every fixture shader through every pass, as text: a reviewer reads these files when a transform changes.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use preshade::emit::{self, Target};
@@ -9,14 +10,14 @@ use preshade::recipe::Recipe;
 
 use crate::fixtures_support::{original, recipes};
 
-/// The variant as a reviewer wants it: the passes of the plan in a few lines, then the text of each program; or the refusal.
-fn describe(plan: &Plan, recipe: &str) -> String {
+/// The variant for a reviewer: the passes of the plan in a few lines, then the text of each program.
+/// The error is the text of a refusal.
+fn describe(plan: &Plan, recipe: &str) -> Result<String, String> {
     let author = plan.programs["main"].author_text().unwrap().to_owned();
     let recipe = Recipe::parse([recipe]).unwrap();
-    let plan = match recipe.apply(plan, &Facts::default()) {
-        Err(refusal) => return format!("refused: {refusal}\nremedy: {}\n", refusal.remedy),
-        Ok(plan) => plan,
-    };
+    let plan = recipe
+        .apply(plan, &Facts::default())
+        .map_err(|refusal| format!("{refusal}\nremedy: {}\n", refusal.remedy))?;
     let mut out = String::new();
     for pass in &plan.passes {
         let depth = pass.depth.as_ref().map_or_else(
@@ -71,18 +72,38 @@ fn describe(plan: &Plan, recipe: &str) -> String {
             writeln!(out, "\n==== {}\n{text}", file.name).unwrap();
         }
     }
-    out
+    Ok(out)
 }
 
+/// A snapshot for each variant; one table of all refusals, each text once, followed by the recipes and
+/// fixtures that it refuses.
 #[test]
 fn every_fixture_through_every_pass() {
+    let mut refused: BTreeMap<String, Vec<String>> = BTreeMap::new();
     insta::glob!("../../fixtures/shaders", "*.wgsl", |path| {
         let plan = original(&[path]);
         for recipe in recipes(&[Use::Snapshot]) {
-            let name = recipe.replace([':', '=', ','], "-");
-            insta::with_settings!({ description => recipe, omit_expression => true }, {
-                insta::assert_snapshot!(name, describe(&plan, recipe));
-            });
+            match describe(&plan, recipe) {
+                Ok(text) => {
+                    let name = recipe.replace([':', '=', ','], "-");
+                    insta::with_settings!({ description => recipe, omit_expression => true }, {
+                        insta::assert_snapshot!(name, text);
+                    });
+                }
+                Err(text) => {
+                    let fixture = path.file_name().unwrap().to_string_lossy();
+                    let row = format!("  {recipe}  {fixture}\n");
+                    refused.entry(text).or_default().push(row);
+                }
+            }
         }
+    });
+    let mut table = String::new();
+    for (text, mut rows) in refused {
+        rows.sort();
+        writeln!(table, "{text}{}", rows.concat()).unwrap();
+    }
+    insta::with_settings!({ omit_expression => true }, {
+        insta::assert_snapshot!("refusals", table);
     });
 }

@@ -5,7 +5,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
-/// Every transcript in `tests/cmd`. `TRYCMD=overwrite` brings them up to date.
+/// Every transcript in `tests/cmd`. `TRYCMD=overwrite` updates them. `tests/gpu` runs those that draw.
 #[test]
 fn transcripts() {
     trycmd::TestCases::new()
@@ -220,29 +220,6 @@ fn an_output_folder_that_cannot_be_written_to_is_told_before_anything_is_drawn()
         said.starts_with("error: /proc/preshade/report: /proc cannot be written to: "),
         "{said}"
     );
-}
-
-#[test]
-fn what_a_bare_shader_was_given_is_told() {
-    let output = run(&[
-        "verify", TOON, "--size", "32x32", "--time", "no", "--pass", "shadow", "--format", "json",
-    ]);
-    let said = stderr(&output);
-    assert_eq!(output.status.code(), Some(0), "{said}");
-    assert!(
-        said.starts_with("note: a scene was made up for `toon`, with these inputs guessed"),
-        "{said}"
-    );
-    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-    let assumed = report["assumed"].as_array().unwrap();
-    let of = |guess: &str| assumed.iter().filter(|a| a["guess"] == guess).count();
-    assert!(
-        of("uniform-by-name") > 0 && of("uniform-made-up") > 0,
-        "{assumed:?}"
-    );
-    for a in assumed {
-        assert!(said.contains(a["name"].as_str().unwrap()), "{a}");
-    }
 }
 
 #[test]

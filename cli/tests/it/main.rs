@@ -1,14 +1,12 @@
-//! Tests of the command line.
+//! Tests of the command line that need no adapter.
 
 #![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
 
+#[path = "../support/hostile_support.rs"]
 mod hostile_support;
+#[path = "../support/trees.rs"]
+mod trees;
 
 mod cli;
 mod hostile;
-mod kept;
 mod many;
-mod page;
-mod plan;
-mod readme;
-mod three;
