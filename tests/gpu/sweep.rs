@@ -137,6 +137,7 @@ fn a_range_has_a_table_a_plot_and_pictures_a_form() {
         };
         variant.kept = vec![preshade::measure::record::Kept {
             material: "waves".to_owned(),
+            without: None,
             why: "it moves".to_owned(),
         }];
     }
