@@ -5,8 +5,8 @@
 demo:
 	scripts/setup.sh vulkan
 	cargo build --profile demo -p preshade-cli --no-default-features
-	target/demo/preshade verify fixtures/scenes/shrine.toml --camera wall --pass depth-prepass \
-		--pass depth-prepass:form=equal --pass early-discard --out out/demo
+	target/demo/preshade verify fixtures/scenes/shrine.toml --camera wall --variant depth-prepass \
+		--variant depth-prepass:form=equal --variant early-discard --out out/demo
 
 # Format, lints and all tests that need no adapter, browser, npm or root.
 check:

@@ -1,8 +1,8 @@
-//! What each code in brackets means: `preshade --explain CODE`.
+//! `preshade --explain CODE`: explanations of codes in messages.
 
-use preshade::nearest::nearest;
-use preshade::passes::contract::Assumption;
-use preshade::passes::{PASSES, pass_named};
+use preshade::unstable::nearest::nearest;
+use preshade::unstable::passes::contract::Assumption;
+use preshade::unstable::passes::{PASSES, pass_named};
 
 use crate::Failure;
 
@@ -19,8 +19,8 @@ pub fn all() -> impl Iterator<Item = (&'static str, &'static str)> {
 
 /// The code of an error that has one.
 pub fn of(error: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
-    use preshade::search::plan as decide;
-    use preshade::{emit, lock, measure, render, scene};
+    use preshade::unstable::search::plan as decide;
+    use preshade::unstable::{emit, lock, measure, render, scene};
     if let Some(error) = error.downcast_ref::<decide::Error>() {
         return match error {
             decide::Error::Measure(error) => of(error),
@@ -80,10 +80,12 @@ fn sentence(text: &str) -> String {
     }
 }
 
-/// The explanation of a code, as it stands in a message: `blended`, `depth-prepass/blended`, `error[parse]` or `parse`. Of a pass, what it does; of no code, which there are.
+/// The explanation of a code, as a message prints it: `blended`, `depth-prepass/blended`,
+/// `error[parse]` or `parse`. The name of a pass gives its description; no code gives the list of
+/// codes.
 ///
 /// # Errors
-/// There is none of that name; those of a similar one, or all.
+/// The code is unknown: similar codes, or all.
 pub fn explain(code: &str) -> Result<String, Failure> {
     if code.is_empty() {
         return Ok(list());
@@ -124,7 +126,7 @@ pub fn explain(code: &str) -> Result<String, Failure> {
 /// How many names are suggested.
 const SUGGESTED: usize = 5;
 
-/// In backquotes, the name that is spelled most alike, and those that contain what was asked for.
+/// In backquotes, the name with the most similar spelling, and names that contain the given one.
 fn near(word: &str, known: &[&str]) -> Vec<String> {
     let nearest = nearest(word, known.iter().copied());
     let containing = known
@@ -161,7 +163,8 @@ mod tests {
                 .all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-')
     }
 
-    /// The codes that a source gives to refusals: in a call of a function that makes one, a word, and behind it a sentence or a `format!` of one.
+    /// The codes of refusals in a source: in calls that make a refusal, a word followed by a
+    /// sentence or a `format!`.
     fn codes(text: &str) -> BTreeSet<String> {
         let text = text.split("#[cfg(test)]").next().unwrap();
         let mut found = BTreeSet::new();
@@ -200,7 +203,7 @@ mod tests {
             missing.is_empty(),
             "cli/src/codes.md says nothing of {missing:?}"
         );
-        // Of errors that are types the type says all.
+        // Typed errors list their own codes.
         for (file, function) in [
             ("front/error.rs", "pub fn name(self)"),
             ("emit/mod.rs", "pub fn code(&self)"),
@@ -220,7 +223,7 @@ mod tests {
                 }
             }
         }
-        assert!(explained.contains(preshade::scene::Error::CODE));
+        assert!(explained.contains(preshade::unstable::scene::Error::CODE));
         let sections = TEXT.matches("\n## ").count() + 1;
         assert_eq!(sections, explained.len(), "a code is explained twice");
     }
@@ -241,7 +244,7 @@ mod tests {
             let said = unknown(code);
             assert!(said.contains(near), "{code}: {said}");
         }
-        // Of nothing near all are told.
+        // Without a similar code, all are listed.
         assert!(unknown("zzzz").contains("there are: adaptive-form, "));
         let pass = explain("depth-prepass").ok().unwrap_or_default();
         assert!(pass.contains("`preshade passes depth-prepass`"), "{pass}");

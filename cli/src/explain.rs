@@ -5,14 +5,14 @@ use std::ops::ControlFlow;
 use codespan_reporting::diagnostic::{Diagnostic, Label};
 use codespan_reporting::files::SimpleFiles;
 use codespan_reporting::term;
-use preshade::measure::{self, EffectUse, Session};
-use preshade::passes::PASSES;
-use preshade::passes::graph::Graph;
-use preshade::passes::neighbours;
-use preshade::passes::pass::{Bound, Change, Facts, Frequency, Left, Refusal, SiteCost};
-use preshade::passes::plan::Plan;
-use preshade::recipe::{Recipe, Step};
-use preshade::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade::unstable::measure::{self, EffectUse, Session};
+use preshade::unstable::passes::PASSES;
+use preshade::unstable::passes::graph::Graph;
+use preshade::unstable::passes::neighbours;
+use preshade::unstable::passes::pass::{Bound, Change, Facts, Frequency, Left, Refusal, SiteCost};
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::recipe::{Recipe, Step};
+use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
 use serde::Serialize;
 
 use crate::input::{Materials, ShaderArgs};
@@ -35,11 +35,12 @@ A refusal says where, why, and what would make the pass legal; it is no failure 
 Static cost is in scalar operations, weighted: an addition of two floats is 1 op, a division 4, a
 texture sample 32 (the whole table: the module `graph::cost`). A site is the hash of its slice.")]
 pub struct Args {
-    /// Explain these passes, with these parameters; default: all, with their defaults.
+    /// Explain these passes, with these parameters, each after those before it; default: all
+    /// passes, each on its own.
     #[arg(long = "pass", value_name = "NAME[:k=v,..]")]
     passes: Vec<String>,
-    /// Draw the scene (for a shader, one is made up) and tell what each value of a fragment stage would cost the picture if it were
-    /// interpolated from the vertices.
+    /// Draw the scene (for a shader, one is made up) and tell what each value of a fragment stage
+    /// would cost the picture if it were interpolated from the vertices.
     #[arg(long)]
     scene: bool,
     /// Part of an adapter's name, driver or backend, for --scene.
@@ -96,6 +97,15 @@ struct PassExplained {
     left: Vec<Left>,
 }
 
+/// Which plan each pass is explained on.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Order {
+    /// The original.
+    Apart,
+    /// The plan that the passes before it made.
+    Chained,
+}
+
 /// Explains a material, or every material of a scene.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let steps = if args.passes.is_empty() {
@@ -108,6 +118,10 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
             .iter()
             .map(|p| Step::parse(p))
             .collect::<Result<Vec<_>, _>>()?
+    };
+    let order = match args.passes.is_empty() {
+        true => Order::Apart,
+        false => Order::Chained,
     };
     let recipe = Recipe {
         steps: steps.clone(),
@@ -130,7 +144,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let effects = args.shader.effects()?;
     let materials = plans
         .iter()
-        .map(|plan| explain(plan, &steps, &facts, &frame, &effects))
+        .map(|plan| explain(plan, &steps, &facts, &frame, &effects, order))
         .collect::<Result<Vec<_>, _>>()?;
     match args.format {
         Format::Json => output::json(&Explanation {
@@ -178,7 +192,9 @@ fn explain(
     facts: &Facts,
     frame: &[Plan],
     effects: &[EffectUse],
+    order: Order,
 ) -> Result<Explained, Failure> {
+    let mut before = plan.clone();
     let mut frequencies: Vec<Frequency> = facts
         .frequencies
         .iter()
@@ -201,15 +217,20 @@ fn explain(
         passes: steps
             .iter()
             .map(|step| {
-                let Some(pass) = preshade::passes::pass_named(&step.pass) else {
+                let Some(pass) = preshade::unstable::passes::pass_named(&step.pass) else {
                     return Err(Failure(format!("error: no pass `{}`", step.pass)));
                 };
                 let info = pass.info();
                 let params = serde_json::Value::Object(step.params.clone());
-                let (sites, refusals, left) = match pass.run(plan, facts, &params) {
+                let (sites, refusals, left) = match pass.run(&before, facts, &params) {
                     // A pass may apply to the material alone and conflict with its neighbours.
                     Ok(done) => match neighbours::conflict(&done.plan, frame) {
-                        None => (vec![done.change], Vec::new(), done.left),
+                        None => {
+                            if order == Order::Chained {
+                                before = done.plan;
+                            }
+                            (vec![done.change], Vec::new(), done.left)
+                        }
                         Some(refusal) => (Vec::new(), vec![refusal], done.left),
                     },
                     Err(refused) => (Vec::new(), refused.refusals, refused.left),
@@ -246,12 +267,12 @@ fn stages(plan: &Plan) -> Vec<StageCost> {
     let mut stages = Vec::new();
     for (stage, word, name) in [
         (
-            preshade::passes::naga::ShaderStage::Vertex,
+            preshade::unstable::passes::naga::ShaderStage::Vertex,
             "vertex",
             Some(&pass.vertex),
         ),
         (
-            preshade::passes::naga::ShaderStage::Fragment,
+            preshade::unstable::passes::naga::ShaderStage::Fragment,
             "fragment",
             pass.fragment.as_ref(),
         ),

@@ -1,18 +1,19 @@
-//! `docs/passes/NAME.md` is what a pass's own source says, its parameters, and an example that is run here: `UPDATE_PAGES=1` writes the pages.
+//! `docs/passes/NAME.md` is what a pass's own source says, its parameters, and an example that is
+//! run here: `UPDATE_PAGES=1` writes the pages.
 
 use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use preshade::emit::{self, Target};
-use preshade::front::{Options, Source, parse};
-use preshade::parameters::parameters;
-use preshade::passes::PASSES;
-use preshade::passes::contract::Contract;
-use preshade::passes::pass::{AnyPass, Facts, PassInfo, Use};
-use preshade::passes::plan::Plan;
-use preshade::passes::state::MaterialState;
-use preshade::recipe::Recipe;
+use preshade::unstable::emit::{self, Target};
+use preshade::unstable::front::{Options, Source, parse};
+use preshade::unstable::parameters::parameters;
+use preshade::unstable::passes::PASSES;
+use preshade::unstable::passes::contract::Contract;
+use preshade::unstable::passes::pass::{AnyPass, Facts, PassInfo, Use};
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::state::MaterialState;
+use preshade::unstable::recipe::Recipe;
 
 /// The recipe of a pass's page and the text it is applied to, by name: a file of `fixtures/pages`.
 fn example(pass: &dyn AnyPass) -> (Vec<String>, &'static str, String) {
@@ -52,7 +53,7 @@ fn picture(pass: &dyn AnyPass) -> (String, &'static str, u32) {
         found.unwrap_or_else(|| panic!("no example of {name} draws its picture"));
     let flag = match Recipe::parse_list(recipe).unwrap().steps.len() {
         1 => "--pass",
-        _ => "--recipe",
+        _ => "--variant",
     };
     (
         format!("preshade verify {scene} {flag} {recipe}"),

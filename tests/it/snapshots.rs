@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use preshade::emit::{self, Target};
-use preshade::passes::pass::{Facts, Use};
-use preshade::passes::plan::Plan;
-use preshade::recipe::Recipe;
+use preshade::unstable::emit::{self, Target};
+use preshade::unstable::passes::pass::{Facts, Use};
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::recipe::Recipe;
 
 use crate::fixtures_support::{original, recipes};
 

@@ -3,11 +3,11 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade::front::{self, Options, Source};
-use preshade::passes::examples;
-use preshade::passes::pass::Use;
-use preshade::passes::plan::Plan;
-use preshade::passes::state::MaterialState;
+use preshade::unstable::front::{self, Options, Source};
+use preshade::unstable::passes::examples;
+use preshade::unstable::passes::pass::Use;
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::state::MaterialState;
 
 /// The recipes of the passes' examples with one of these uses.
 pub fn recipes(of: &[Use]) -> Vec<&'static str> {

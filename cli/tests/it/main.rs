@@ -10,3 +10,4 @@ mod trees;
 mod cli;
 mod hostile;
 mod many;
+mod same_bytes;

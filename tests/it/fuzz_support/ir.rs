@@ -3,11 +3,11 @@
 use naga::{
     BinaryOperator, Expression, Function, Handle, Literal, MathFunction, Statement, UnaryOperator,
 };
-use preshade::passes::examples;
-use preshade::passes::pass::{Facts, Use};
-use preshade::passes::plan::Plan;
-use preshade::passes::program::Program;
-use preshade::recipe::Recipe;
+use preshade::unstable::passes::examples;
+use preshade::unstable::passes::pass::{Facts, Use};
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::program::Program;
+use preshade::unstable::recipe::Recipe;
 
 use super::{Bytes, emitted, recipes::materials};
 
@@ -189,7 +189,7 @@ pub fn ir(data: &[u8]) -> bool {
     if !is_text(&program) {
         return false;
     }
-    let state = preshade::passes::state::MaterialState::default();
+    let state = preshade::unstable::passes::state::MaterialState::default();
     let plan = Plan::original(
         name,
         program,
