@@ -2,7 +2,8 @@
 
 use preshade::limits::Limits;
 use preshade::measure::Outcome;
-use preshade::measure::record::{Budget, Chosen, Report, Unfinished, VariantReport};
+use preshade::measure::record::{Chosen, Report, Unfinished, VariantReport};
+use preshade::passes::budget::Budget;
 use preshade::passes::contract::{Contract, Verdict};
 use preshade::recipe::Recipe;
 

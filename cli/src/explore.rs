@@ -7,9 +7,9 @@ use std::time::Duration;
 
 use preshade::emit::File;
 use preshade::measure;
-use preshade::measure::record::Budget;
+use preshade::passes::budget::Budget;
+use preshade::passes::budget::Metric;
 use preshade::passes::contract::Verdict;
-use preshade::passes::hoist::Metric;
 use preshade::passes::specialize::Params;
 use preshade::render::{AdapterChoice, Gpu, ShaderForm};
 use preshade::report;
@@ -193,7 +193,7 @@ fn one(args: &Args, shader: &ShaderArgs, out: Option<&Path>) -> Result<Outcome, 
             FormArg::Ir => ShaderForm::Ir,
         },
         metric: args.budget.map_or_else(Metric::default, |b| b.metric),
-        budget: args.budget.map(|b| b.most),
+        budget: args.budget.map(|b| b.limit),
         recipes,
         time: Duration::from_secs_f64(args.seconds),
         most: args.candidates,

@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 
 use preshade::emit;
 use preshade::front::{self, Source};
-use preshade::measure::record::Budget;
 use preshade::measure::{self, EffectUse, Session, TimingSettings, Variant};
+use preshade::passes::budget::Budget;
 use preshade::passes::pass::Facts;
 use preshade::passes::plan::Plan;
 use preshade::passes::specialize;

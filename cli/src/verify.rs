@@ -6,8 +6,9 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use preshade::measure::crossover::{Point, Series};
-use preshade::measure::record::{Budget, Chosen, Pictures, Report, SweepReport};
+use preshade::measure::record::{Chosen, Pictures, Report, SweepReport};
 use preshade::measure::{self, Session, Settings, Timed, TimingSettings, Variant};
+use preshade::passes::budget::Budget;
 use preshade::passes::pass::Facts;
 use preshade::recipe::Recipe;
 use preshade::render::{AdapterChoice, Gpu, ShaderForm};

@@ -6,8 +6,8 @@ use std::time::Duration;
 
 use preshade::measure::record::Unfinished;
 use preshade::measure::{self, Session, Settings, Timed, TimingSettings, verify};
+use preshade::passes::budget::Metric;
 use preshade::passes::contract::Verdict;
-use preshade::passes::hoist::Metric;
 use preshade::passes::pass::Facts;
 use preshade::recipe::Recipe;
 use preshade::render::{AdapterChoice, Gpu, ShaderForm};

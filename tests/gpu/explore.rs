@@ -5,14 +5,15 @@ use std::path::Path;
 use std::time::Duration;
 
 use preshade::measure;
+use preshade::passes::budget::Metric;
 use preshade::passes::contract::Verdict;
-use preshade::passes::hoist::Metric;
 use preshade::recipe::Recipe;
 use preshade::render::ShaderForm;
 use preshade::report;
 use preshade::scene::Scene;
-use preshade::search::explore::{Ended, Fate, Journal, Point, SearchStage, Settings, explore};
-use preshade::search::explore::{Explored, of};
+use preshade::search::explore::{
+    Ended, Explored, Fate, Journal, Point, SearchStage, Settings, explore,
+};
 
 use crate::render_support::gpu;
 
@@ -67,7 +68,7 @@ fn check(found: &Explored) {
         assert_eq!(p.fate, Fate::Frontier, "{}", p.name);
         for q in frontier.iter().filter(|q| q.name != p.name) {
             let (a, b) = (p.error.as_ref().unwrap(), q.error.as_ref().unwrap());
-            let beats = of(e.metric, b) <= of(e.metric, a)
+            let beats = e.metric.of(b) <= e.metric.of(a)
                 && q.speedup.unwrap().low > p.speedup.unwrap().high;
             assert!(!beats, "{} is beaten by {}", p.name, q.name);
         }

@@ -3,8 +3,9 @@
 use std::collections::BTreeMap;
 
 use glam::{Mat4, Vec3};
-use preshade::measure::record::{Budget, Choice, Chosen, SweepReport};
+use preshade::measure::record::{Choice, Chosen, SweepReport};
 use preshade::measure::{self, Estimate, Outcome, Session, Settings, Timed, TimingSettings};
+use preshade::passes::budget::Budget;
 use preshade::passes::pass::Facts;
 use preshade::render::ShaderForm;
 use preshade::scene::mesh::Sphere;
