@@ -249,9 +249,7 @@ fn free_entry(module: &Module, name: &str, suffix: &str) -> String {
     free
 }
 
-    /// Adds to `module` a function that computes the material's depth from the fragment stage's
-    /// inputs.
-    pub fn depth_function(&self, opaque: &Opaque, module: &Module) -> Option<(Module, Ahead)> {
+/// Adds `bias` to every depth that the last entry point of `module` returns.
 fn bias_depth(module: &mut Module, bias: f32) {
     let Some(entry) = module.entry_points.last_mut() else {
         return;

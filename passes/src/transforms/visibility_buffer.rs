@@ -18,6 +18,7 @@
 use naga::ShaderStage;
 
 use crate::analysis::opaque::Opaque;
+use crate::core::budget::Budget;
 use crate::core::contract::{Assumption, Contract};
 use crate::core::pass::{
     Change, Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, SamplerState, SiteCost, Use,
@@ -341,8 +342,7 @@ impl<'a> Material<'a> {
                     given,
                 },
                 Some(budget) => Contract::Approximate {
-                    metric: "max_abs".to_owned(),
-                    budget,
+                    budget: Budget::max_abs(budget),
                     given,
                 },
             },

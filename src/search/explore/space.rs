@@ -3,8 +3,8 @@
 
 use std::collections::BTreeSet;
 
+use preshade_passes::budget::Metric;
 use preshade_passes::examples;
-use preshade_passes::hoist::Metric;
 use preshade_passes::pass::{Facts, Frequency, Use};
 
 use crate::recipe::{Recipe, RecipeError};
