@@ -1,6 +1,7 @@
 //! The data that every pass reads and writes: programs, plans, states, contracts and parameters.
 //! Nothing here depends on a transform.
 
+pub mod budget;
 pub mod calls;
 pub mod channels;
 pub mod contract;
@@ -12,6 +13,7 @@ pub mod geometry;
 pub mod guard;
 pub mod limits;
 pub mod link;
+pub mod operands;
 pub mod pass;
 pub mod pattern;
 pub mod plan;

@@ -28,12 +28,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use naga::ShaderStage;
 
 use crate::analysis::{rounding, values};
+pub use crate::core::budget::Metric;
 use crate::core::contract::{Assumption, Contract};
 use crate::core::pass::{
     Change, Example, Facts, Left, Outcome, Pass, PassInfo, Refusal, Refused, Site, SiteCost,
     Source, Use,
 };
-use crate::core::plan::{GpuPass, Plan, Role, Step};
+use crate::core::plan::{GpuPass, HOIST, Plan, Role, Step};
 use crate::core::program::Program;
 use crate::core::reflect;
 use crate::core::state::ColorTarget;
@@ -59,7 +60,7 @@ mod turn;
 mod vertex;
 
 pub use candidates::{Candidate, MOST_CANDIDATES, candidates};
-pub use params::{Allow, Metric, Params};
+pub use params::{Allow, Params};
 pub use rounding::{MOST as MOST_ROUNDING, STEEPEST_SRGB};
 pub use single::{Candidates, Computed, Stages, alone, computed};
 
@@ -76,7 +77,7 @@ impl Pass for Hoist {
     type Params = Params;
 
     const INFO: PassInfo = PassInfo {
-        name: "hoist",
+        name: HOIST,
         summary: "moves slowly changing work of the fragment stage to the vertices, and interpolates it",
         source: "Wang et al., Automatic Shader Simplification using Surface Signal Approximation (2014)",
         when: "fragments compute what changes slowly over a triangle (noise, fog, light of far or large lamps), on meshes whose triangles cover many pixels",

@@ -29,6 +29,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::analysis::contraction;
 use crate::analysis::simplify::{self, Simplified};
+use crate::core::budget::Metric;
 use crate::core::contract::{Assumption, Contract, Turned};
 use crate::core::pass::{
     Change, Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Site, SiteCost, Use,
@@ -37,7 +38,6 @@ use crate::core::plan::{GpuPass, Plan, Role};
 use crate::core::program::Program;
 use crate::graph::Graph;
 use crate::slice::{self, Criterion, OutputFilter};
-use crate::transforms::hoist::Metric;
 
 pub mod branch;
 pub mod find;

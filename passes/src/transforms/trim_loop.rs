@@ -29,6 +29,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::analysis::coverage::Decides;
 use crate::analysis::simplify::{self, Simplified};
+use crate::core::budget::Metric;
 use crate::core::contract::Contract;
 use crate::core::pass::{
     Change, Example, Facts, Left, Outcome, Pass, PassInfo, Refusal, Refused, Site, SiteCost, Use,
@@ -40,7 +41,6 @@ use crate::graph::operands;
 use crate::graph::{FunctionId, Graph, StmtId};
 use crate::rebuild::place::{Replacement, Rewrite, rewritten};
 use crate::slice::{self, Criterion, OutputFilter};
-use crate::transforms::hoist::Metric;
 
 /// The pass.
 pub struct TrimLoop;

@@ -44,18 +44,12 @@ mod stage;
 mod steep;
 mod text;
 
+pub use crate::core::draw_table::{DRAWS, IDS};
 pub use count::counted;
 use jumps::Reached;
 use lists::Lists;
 pub use params::{Form, Ids, Params, Select, Vertices, Words};
 use parts::slots;
-
-/// Name of the attachment of ids.
-pub const IDS: &str = "visibility-ids";
-
-/// Name of the depth attachment of draws' numbers: `depth16unorm`, so that what a rasteriser makes of three equal depths is the number again, whatever its last bits.
-/// Number `n` of [`crate::core::draw_table::Entry`] is `(n + 1.25) / 65535`, which any way of rounding makes the same step of.
-pub const DRAWS: &str = "visibility-draws";
 
 /// The pass.
 pub struct VisibilityBuffer;
