@@ -619,7 +619,7 @@ fn hash(values: &Values<'_, '_>, choice: &Choice) -> String {
             })
         })
         .collect();
-    slice::backward(values.graph, values.entry, &criteria).hash
+    slice::backward(values.graph, values.entry, &criteria).hash(values.graph)
 }
 
 /// Most values of which it is told why they stay.
