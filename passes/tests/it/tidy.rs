@@ -32,22 +32,7 @@ const PRESHADE: [&[&str]; 7] = [
 ];
 
 /// Imports against the order of rooms, as "file -> room".
-const UPWARD: &[&str] = &[
-    "decide::assign -> report",
-    "decide::candidates -> report",
-    "decide::regret -> report",
-    "front::naga_oil -> emit",
-    "frontier::arena -> report",
-    "frontier::explore -> report",
-    "frontier::race -> report",
-    "frontier::verify -> report",
-    "measure::crossover -> report",
-    "measure::elsewhere -> report",
-    "measure::frequency -> report",
-    "measure::variant -> report",
-    "measure::verify -> report",
-    "measure::verify::ended -> report",
-];
+const UPWARD: &[&str] = &["front::naga_oil -> emit"];
 
 /// Transforms that import another, as "file -> transform".
 const TRANSFORMS: &[&str] = &[];
