@@ -3,7 +3,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
-use preshade_passes::guard::{self, Constant, Place};
+use preshade_passes::evaluate::overrides::Constant;
+use preshade_passes::guard::{self, Place};
 use preshade_passes::plan::{
     Attachment, BindingSource, BindingUse, ClearValue, ComputePass, Draws, GpuPass, Phase, Plan,
     SamplesPassed, SelfTest,

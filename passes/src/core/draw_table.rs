@@ -15,8 +15,16 @@ use crate::core::geometry::Stream;
 /// Most instances in a frame: `x` has 32 bits, and 0 means empty.
 pub const MOST_INSTANCES: u64 = u32::MAX as u64 - 1;
 
-/// Most draws that a 16-bit depth distinguishes ([`crate::transforms::visibility_buffer::DRAWS`]):
-/// 0 means empty, and the last step allows for rounding.
+/// Name of the attachment of ids.
+pub const IDS: &str = "visibility-ids";
+
+/// Name of the depth attachment of draw numbers, `depth16unorm`. Number `n` ([`Entry::number`]) is
+/// the depth `(n + 1.25) / 65535`: however an adapter rounds, it becomes the same step, also after
+/// interpolation between three equal depths.
+pub const DRAWS: &str = "visibility-draws";
+
+/// Most draws that a 16-bit depth distinguishes ([`DRAWS`]): 0 means empty, and the last step allows
+/// for rounding.
 pub const MOST_DRAWS: usize = (1 << 16) - 2;
 
 /// The entry of a draw: the words of [`crate::core::plan::GeometryPart::Draw`].

@@ -5,12 +5,8 @@
 //! with their bounds. If a value leaves them, the host draws the original
 //! ([`crate::core::plan::ORIGINAL`]), whose files are emitted beside the variant's.
 
-use naga::{Handle, Module, Override};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-
-use crate::evaluate;
-use crate::evaluate::overrides;
 
 /// The type of an assumed scalar.
 #[derive(
@@ -211,47 +207,6 @@ impl Guard {
             .iter()
             .filter(|a| !matches!(a.place, Place::Uniform { .. }))
     }
-
-    /// The assumptions about overrides, with the data a host needs to set them in `original`, the
-    /// author's module. Overrides that it lacks are skipped.
-    pub fn constants(&self, original: &Module) -> Vec<Constant<'_>> {
-        let assumed = |wanted: &str| {
-            let named =
-                |a: &&Assumed| matches!(&a.place, Place::Override { name } if name == wanted);
-            self.values.iter().find(named)
-        };
-        let given = |handle: Handle<Override>| {
-            let constant = &original.overrides[handle];
-            let assumed = assumed(constant.name.as_deref()?)?;
-            overrides::value(original, constant.ty, assumed.bounds.low)
-        };
-        let all = original.overrides.iter();
-        all.filter_map(|(_, constant)| {
-            let name = constant.name.as_deref()?;
-            let assumed = assumed(name)?;
-            let default = constant.init.and_then(|init| {
-                let value = evaluate::constant(original, init, &given).ok()?;
-                overrides::number(&value)
-            });
-            Some(Constant {
-                assumed,
-                key: constant.id.map_or(name.to_owned(), |id| id.to_string()),
-                is_default: default.is_some_and(|d| assumed.bounds.contains(d)),
-            })
-        })
-        .collect()
-    }
-}
-
-/// An assumption about an override.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Constant<'g> {
-    /// The assumption.
-    pub assumed: &'g Assumed,
-    /// Its key in a pipeline's constants: its `@id`, or else its name.
-    pub key: String,
-    /// Whether the pipeline uses this value by default, if the other overrides are as assumed.
-    pub is_default: bool,
 }
 
 #[cfg(test)]

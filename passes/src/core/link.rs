@@ -17,7 +17,7 @@ mod layout;
 
 pub use layout::Member;
 
-use crate::graph::operands;
+use crate::core::operands;
 
 /// Two modules that can't be linked.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

@@ -361,7 +361,7 @@ pub struct SourceRange {
 pub struct Frequency {
     /// Name of the material.
     pub material: String,
-    /// The value: [`crate::transforms::hoist::Candidate::id`].
+    /// The value: the id of one of `hoist`'s candidates.
     pub value: String,
     /// The author's name for it, or what it is.
     pub name: String,

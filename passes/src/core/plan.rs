@@ -25,6 +25,9 @@ pub const SCHEMA: &str = "preshade.plan.v1";
 /// The [`Plan::fallback`] to the material as its author wrote it.
 pub const ORIGINAL: &str = "original";
 
+/// The pass that moves work to the vertices. Other code finds its step in a plan by this name.
+pub const HOIST: &str = "hoist";
+
 /// Name of the depth attachment that all main passes of a frame share.
 pub const SCENE_DEPTH: &str = "scene-depth";
 /// Name of the first colour attachment; target `i` after it is `scene-color-i`.
@@ -199,7 +202,7 @@ pub enum GeometryPart {
     },
     /// [`crate::core::geometry::Subdivision::vertices`], four bytes each.
     Pattern,
-    /// [`crate::transforms::tessellate::mesh::Mesh::points`] of the draw, sixteen bytes each.
+    /// The points of the draw's subdivided mesh, sixteen bytes each.
     Points,
     /// The new vertices of the draw, one of the plan's [`VertexBuffer`]s.
     Vertices {

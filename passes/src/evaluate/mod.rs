@@ -24,7 +24,7 @@ mod machine;
 mod math;
 mod matrix;
 mod number;
-pub(crate) mod overrides;
+pub mod overrides;
 mod shadow;
 mod value;
 

@@ -4,9 +4,52 @@ use std::collections::BTreeMap;
 
 use naga::{Arena, Expression, Handle, Literal, Module, Override, Span, Type};
 
-use crate::core::guard::{Assumed, Bounds, Place, ScalarType};
+use crate::core::guard::{Assumed, Bounds, Guard, Place, ScalarType};
 use crate::evaluate::{self, Scalar, Value};
 use crate::graph::operands;
+
+impl Guard {
+    /// The assumptions about overrides, with the data a host needs to set them in `original`, the
+    /// author's module. Overrides that it lacks are skipped.
+    pub fn constants(&self, original: &Module) -> Vec<Constant<'_>> {
+        let assumed = |wanted: &str| {
+            let named =
+                |a: &&Assumed| matches!(&a.place, Place::Override { name } if name == wanted);
+            self.values.iter().find(named)
+        };
+        let given = |handle: Handle<Override>| {
+            let constant = &original.overrides[handle];
+            let assumed = assumed(constant.name.as_deref()?)?;
+            value(original, constant.ty, assumed.bounds.low)
+        };
+        let all = original.overrides.iter();
+        all.filter_map(|(_, constant)| {
+            let name = constant.name.as_deref()?;
+            let assumed = assumed(name)?;
+            let default = constant.init.and_then(|init| {
+                let value = evaluate::constant(original, init, &given).ok()?;
+                number(&value)
+            });
+            Some(Constant {
+                assumed,
+                key: constant.id.map_or(name.to_owned(), |id| id.to_string()),
+                is_default: default.is_some_and(|d| assumed.bounds.contains(d)),
+            })
+        })
+        .collect()
+    }
+}
+
+/// An assumption about an override.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Constant<'g> {
+    /// The assumption.
+    pub assumed: &'g Assumed,
+    /// Its key in a pipeline's constants: its `@id`, or else its name.
+    pub key: String,
+    /// Whether the pipeline uses this value by default, if the other overrides are as assumed.
+    pub is_default: bool,
+}
 
 /// The guard's type for an override; booleans are 0 and 1. `None` if unsupported.
 pub(crate) fn scalar_type(module: &Module, ty: Handle<Type>) -> Option<ScalarType> {

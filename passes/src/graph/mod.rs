@@ -24,7 +24,7 @@ mod dot;
 pub mod effect;
 pub mod export;
 pub mod memory;
-pub mod operands;
+pub use crate::core::operands;
 pub mod rate;
 pub mod rates;
 pub mod statements;

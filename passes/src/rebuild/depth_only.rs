@@ -135,7 +135,7 @@ pub fn slice(opaque: &Opaque, stage: VertexStage) -> DepthOnly {
     let span = [&fragment, &vertex]
         .into_iter()
         .flatten()
-        .find_map(|s| s.spans.first().copied());
+        .find_map(|s| s.first_span(graph));
     DepthOnly {
         vertex,
         fragment,
@@ -147,7 +147,8 @@ pub fn slice(opaque: &Opaque, stage: VertexStage) -> DepthOnly {
 impl DepthOnly {
     /// Stable name of the code that was sliced.
     pub fn key(&self, opaque: &Opaque) -> Site {
-        let hash = |s: &Option<Slice>| s.as_ref().map_or("-".repeat(16), |s| s.hash.clone());
+        let graph = &opaque.graph;
+        let hash = |s: &Option<Slice>| s.as_ref().map_or("-".repeat(16), |s| s.hash(graph));
         Site {
             role: Role::Main,
             entry_point: opaque.pass.vertex.clone(),

@@ -160,10 +160,12 @@ pub fn extract(
         ty: result,
         binding,
     });
+    // Only the copy is analysed.
+    let others = module.entry_points.drain(..entry).collect();
     let built = program.with_module(module)?;
     let graph = Graph::build(&built);
     let all = [Criterion::Output(OutputFilter::All)];
-    let slice = slice::backward(&graph, entry, &all);
+    let slice = slice::backward(&graph, 0, &all);
     let mut module = place::entry_point(
         &graph,
         &slice,
@@ -175,8 +177,8 @@ pub fn extract(
     let Some(placed) = module.entry_points.pop() else {
         return Err(Failed::Built("nothing was placed".to_owned()));
     };
-    // The next compaction removes the sliced copy and the functions that only it called.
-    module.entry_points.truncate(entry);
+    // The functions that only the copy called go with the next compaction.
+    module.entry_points = others;
     let arguments = placed
         .function
         .arguments

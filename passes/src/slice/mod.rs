@@ -153,19 +153,39 @@ pub struct Slice {
     pub outputs: Vec<usize>,
     /// Global variables it reads or writes.
     pub globals: Vec<Handle<GlobalVariable>>,
-    /// Spans of the kept statements and expressions, in source order, each once.
-    pub spans: Vec<Span>,
     /// Static cost, in the units of [`crate::graph::cost`].
     pub cost: f64,
-    /// Hash of its canonical form, 16 hex digits: equal for equal computations, whatever the
-    /// handles and names.
-    pub hash: String,
 }
 
 impl Slice {
     /// The entry point's part.
     pub fn root(&self) -> &Part {
         &self.parts[self.parts.len() - 1]
+    }
+
+    /// Hash of its canonical form, 16 hex digits: equal for equal computations, whatever the
+    /// handles and names.
+    pub fn hash(&self, graph: &Graph<'_>) -> String {
+        hash::canonical(graph, self)
+    }
+
+    /// The first kept statement or expression in the source.
+    pub fn first_span(&self, graph: &Graph<'_>) -> Option<Span> {
+        let spans = self.parts.iter().flat_map(|part| {
+            let f = graph.function(part.function);
+            let statements = f.statements.iter().filter(|(id, n)| {
+                part.kept.statements[id.index()] && operands::blocks(n.statement).is_empty()
+            });
+            let expressions = f.function.expressions.iter().filter(|(e, _)| {
+                part.kept.expressions[e.index()].is_some()
+                    && f.statements.evaluated_at(*e).is_some()
+            });
+            let expressions = expressions.map(|(e, _)| f.function.expressions.get_span(e));
+            statements.map(|(_, n)| n.span).chain(expressions)
+        });
+        let ranges = spans.filter_map(|span| Some((span, span.to_range()?)));
+        let first = ranges.min_by_key(|(_, range)| (range.start, range.end));
+        first.map(|(span, _)| span)
     }
 
     /// Whether it keeps all of the entry point.
@@ -279,16 +299,12 @@ pub fn backward_with(
         inputs: Vec::new(),
         outputs: outputs.into_keys().collect(),
         globals: Vec::new(),
-        spans: Vec::new(),
         cost: 0.0,
-        hash: String::new(),
         parts,
     };
     slice.inputs = inputs(graph, slice.root());
     slice.globals = globals(graph, &slice.parts);
-    slice.spans = spans(graph, &slice.parts);
     slice.cost = cost(graph, &slice.parts);
-    slice.hash = hash::canonical(graph, &slice);
     slice
 }
 
@@ -474,33 +490,4 @@ fn globals(graph: &Graph<'_>, parts: &[Part]) -> Vec<Handle<GlobalVariable>> {
         }
     }
     globals.into_iter().collect()
-}
-
-fn spans(graph: &Graph<'_>, parts: &[Part]) -> Vec<Span> {
-    let mut spans = BTreeMap::new();
-    for part in parts {
-        let f = graph.function(part.function);
-        let statements = f
-            .statements
-            .iter()
-            .filter(|(id, n)| {
-                part.kept.statements[id.index()] && operands::blocks(n.statement).is_empty()
-            })
-            .map(|(_, n)| n.span);
-        let expressions = f
-            .function
-            .expressions
-            .iter()
-            .filter(|(e, _)| {
-                part.kept.expressions[e.index()].is_some()
-                    && f.statements.evaluated_at(*e).is_some()
-            })
-            .map(|(e, _)| f.function.expressions.get_span(e));
-        for span in statements.chain(expressions) {
-            if let Some(range) = span.to_range() {
-                spans.insert((range.start, range.end), span);
-            }
-        }
-    }
-    spans.into_values().collect()
 }

@@ -34,7 +34,7 @@ use crate::core::pass::{
     Change, Example, Facts, Left, Outcome, Pass, PassInfo, Refusal, Refused, Site, SiteCost,
     Source, Use,
 };
-use crate::core::plan::{GpuPass, Plan, Role, Step};
+use crate::core::plan::{GpuPass, HOIST, Plan, Role, Step};
 use crate::core::program::Program;
 use crate::core::reflect;
 use crate::core::state::ColorTarget;
@@ -77,7 +77,7 @@ impl Pass for Hoist {
     type Params = Params;
 
     const INFO: PassInfo = PassInfo {
-        name: "hoist",
+        name: HOIST,
         summary: "moves slowly changing work of the fragment stage to the vertices, and interpolates it",
         source: "Wang et al., Automatic Shader Simplification using Surface Signal Approximation (2014)",
         when: "fragments compute what changes slowly over a triangle (noise, fog, light of far or large lamps), on meshes whose triangles cover many pixels",
@@ -621,7 +621,7 @@ fn hash(values: &Values<'_, '_>, choice: &Choice) -> String {
             })
         })
         .collect();
-    slice::backward(values.graph, values.entry, &criteria).hash
+    slice::backward(values.graph, values.entry, &criteria).hash(values.graph)
 }
 
 /// Most values of which it is told why they stay.

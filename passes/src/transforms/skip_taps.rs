@@ -195,7 +195,7 @@ fn skipped(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
             key: Site {
                 role: Role::Main,
                 entry_point: pass.fragment.clone().unwrap_or_default(),
-                slice: slice::backward(&graph, fragment, &all).hash,
+                slice: slice::backward(&graph, fragment, &all).hash(&graph),
             },
             what: described(&graph, &terms, params.threshold),
             location: program.sources().locate(terms[0].span),

@@ -198,7 +198,7 @@ fn less_turns(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
             key: Site {
                 role: Role::Main,
                 entry_point: pass.fragment.clone().unwrap_or_default(),
-                slice: slice::backward(&graph, fragment, &all).hash,
+                slice: slice::backward(&graph, fragment, &all).hash(&graph),
             },
             what: described(&graph, &chosen, params.turns, [whole, rest]),
             location: program.sources().locate(first.span),

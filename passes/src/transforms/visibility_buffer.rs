@@ -26,8 +26,10 @@ use crate::core::pass::{
 use crate::core::plan::{Attachment, ClearValue, GpuPass, Plan, Role, Step};
 use crate::core::rasterizer::{Corners, Rasterizer};
 use crate::core::self_test;
+use crate::graph::Graph;
 use crate::rebuild::depth_only::{self, DepthOnly, VertexStage};
 use crate::rebuild::place;
+use crate::slice::{self, Slice};
 
 mod build;
 mod count;
@@ -45,18 +47,13 @@ mod stage;
 mod steep;
 mod text;
 
+pub use crate::core::draw_table::{DRAWS, IDS};
 pub use count::counted;
+use gradients::Shaded;
 use jumps::Reached;
 use lists::Lists;
 pub use params::{Form, Ids, Params, Select, Vertices, Words};
 use parts::slots;
-
-/// Name of the attachment of ids.
-pub const IDS: &str = "visibility-ids";
-
-/// Name of the depth attachment of draws' numbers: `depth16unorm`, so that what a rasteriser makes of three equal depths is the number again, whatever its last bits.
-/// Number `n` of [`crate::core::draw_table::Entry`] is `(n + 1.25) / 65535`, which any way of rounding makes the same step of.
-pub const DRAWS: &str = "visibility-draws";
 
 /// The pass.
 pub struct VisibilityBuffer;
@@ -203,7 +200,8 @@ fn refuse(code: &str, reason: impl Into<String>, remedy: &str) -> Refusal {
 struct Material<'a> {
     opaque: Opaque<'a>,
     depth: DepthOnly,
-    fragment: usize,
+    /// The slice of the fragment stage's colours.
+    colors: Slice,
 }
 
 impl<'a> Material<'a> {
@@ -221,7 +219,8 @@ impl<'a> Material<'a> {
             return Err(refusals);
         };
         let entry = &opaque.program.module().entry_points[fragment];
-        if resolve::colors_of(opaque.program.module(), &entry.function).is_empty() {
+        let colors = resolve::colors_of(opaque.program.module(), &entry.function);
+        if colors.is_empty() {
             refusals.push(refuse(
                 "no-color",
                 "the fragment stage gives no colour: there is nothing to shade later",
@@ -229,14 +228,15 @@ impl<'a> Material<'a> {
             ));
             return Err(refusals);
         }
-        refusals.extend(legal::fragment(&opaque, fragment));
+        let colors = slice::backward(&opaque.graph, fragment, &colors);
+        refusals.extend(legal::fragment(&opaque, &colors));
         if !refusals.is_empty() {
             return Err(refusals);
         }
         Ok(Self {
             depth: depth_only::slice(&opaque, params.vertex(&opaque)),
             opaque,
-            fragment,
+            colors,
         })
     }
 
@@ -245,7 +245,8 @@ impl<'a> Material<'a> {
         let depth = self.depth.change(&self.opaque, self.describe(params));
         Change {
             cost: SiteCost {
-                slice: 3.0 * graph.entry_cost(self.opaque.vertex) + graph.entry_cost(self.fragment),
+                slice: 3.0 * graph.entry_cost(self.opaque.vertex)
+                    + graph.entry_cost(self.colors.entry),
                 ..depth.cost
             },
             ..depth
@@ -313,9 +314,12 @@ impl<'a> Material<'a> {
         lists
             .add(&mut next, self.opaque.program, params.words)
             .map_err(bug)?;
+        let program = resolve::shaded(&self.opaque.graph, &self.colors).map_err(bug)?;
+        let graph = Graph::build(&program);
+        let shaded = Shaded::new(&graph, self.colors.entry);
         match params.form {
-            Form::Fragment => self.resolve(&mut next, params, slots)?,
-            Form::Compute | Form::Binned => self.compute(&mut next, params, slots)?,
+            Form::Fragment => self.resolve(&mut next, &shaded, params, slots)?,
+            Form::Compute | Form::Binned => self.compute(&mut next, &shaded, params, slots)?,
         }
         for program in next.programs.values_mut() {
             if program.module().overrides.is_empty() {
@@ -328,7 +332,7 @@ impl<'a> Material<'a> {
                 .map_err(|e| bug(e.to_string()))?;
         }
         let k = self.change(params).cost.slice.ceil() as u32;
-        let reached = self.reached(params, samplers)?;
+        let reached = self.reached(&shaded, params, samplers)?;
         let given = self.assumptions(params, &reached);
         next.steps.push(Step {
             pass: VisibilityBuffer::INFO.name.to_owned(),
@@ -374,15 +378,19 @@ impl<'a> Material<'a> {
     }
 
     /// What the roundings of interpolated values reach; refused where it is a jump, or what has no bound, and no budget allows for it.
-    fn reached(&self, params: &Params, samplers: &[SamplerState]) -> Result<Reached, Box<Refusal>> {
-        let program = self.opaque.program;
-        let (shaded, fragment) = resolve::shaded(program, self.fragment)
-            .map_err(|why| Box::new(Refusal::bug(VisibilityBuffer::INFO.name, why)))?;
-        let reached = jumps::reached(&shaded, fragment)
-            .map_err(|why| refuse("too-large", why.to_string(), "leave it as it is"))?;
+    fn reached(
+        &self,
+        shaded: &Shaded<'_, '_>,
+        params: &Params,
+        samplers: &[SamplerState],
+    ) -> Result<Reached, Box<Refusal>> {
+        let values = shaded.values.as_ref();
+        let values =
+            values.map_err(|why| refuse("too-large", why.to_string(), "leave it as it is"))?;
+        let reached = jumps::reached(values);
         let refusal = match params.budget {
             Some(_) => None,
-            None => legal::rounding(&reached, samplers, program.sources()),
+            None => legal::rounding(&reached, samplers, self.opaque.program.sources()),
         };
         refusal.map_or(Ok(reached), |refusal| Err(Box::new(refusal)))
     }

@@ -14,13 +14,13 @@ use super::stage::{POSITION, Slot, Stage};
 use super::verdict::not_evaluated;
 use super::world::{self, Place, Stages};
 use super::{Check, Effort, Proof, Verdict};
+use crate::analysis::rounding;
 use crate::core::contract::Contract;
 use crate::core::guard::{Guard, Place as Assumed};
-use crate::core::plan::{BindingSource, ClearValue, GpuPass, Plan, Role};
+use crate::core::plan::{BindingSource, ClearValue, GpuPass, HOIST, Plan, Role};
 use crate::core::program::Program;
 use crate::core::state::{CompareFunction, DepthDirection};
 use crate::transforms::early_discard;
-use crate::transforms::hoist;
 
 /// One in this many inputs is also run if a proof depends on the slicer.
 const BESIDE: u64 = 8;
@@ -243,14 +243,14 @@ impl<'a> Pair<'a> {
             ))
         };
         for step in &self.variant.steps {
-            let is_moved = step.pass == "hoist";
+            let is_moved = step.pass == HOIST;
             match &step.contract {
                 Contract::Exact { .. } => {}
                 Contract::Rounding { .. } if is_moved => {
                     let is_srgb = |t: &crate::core::state::ColorTarget| t.format.ends_with("-srgb");
                     let most = match self.pass.targets.iter().flatten().any(is_srgb) {
-                        true => hoist::MOST_ROUNDING / hoist::STEEPEST_SRGB,
-                        false => hoist::MOST_ROUNDING,
+                        true => rounding::MOST / rounding::STEEPEST_SRGB,
+                        false => rounding::MOST,
                     };
                     let of_scene = step
                         .contract

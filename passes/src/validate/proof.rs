@@ -146,7 +146,7 @@ fn normal(stage: Stage<'_>, criteria: &[Criterion]) -> Option<Normal> {
     let stage = Stage::new(&placed, kind, "preshade_slice")?;
     let graph = Graph::build(&placed);
     Some(Normal {
-        hash: slice::backward(&graph, stage.entry, criteria).hash,
+        hash: slice::backward(&graph, stage.entry, criteria).hash(&graph),
         read: stage
             .inputs()
             .into_iter()

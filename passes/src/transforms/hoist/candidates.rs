@@ -251,7 +251,7 @@ fn ids(values: &Values<'_, '_>, of: impl Iterator<Item = ValueId>) -> BTreeMap<V
                 function,
                 expression,
             };
-            slice::backward(graph, values.entry, &[value]).hash
+            slice::backward(graph, values.entry, &[value]).hash(graph)
         });
         let mut id = hash.clone();
         let mut at = context;

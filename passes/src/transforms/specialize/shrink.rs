@@ -10,7 +10,7 @@ use crate::core::reflect;
 use crate::graph::effect::Effect;
 use crate::graph::{FunctionId, Graph};
 use crate::rebuild::place::{self, PositionInvariance};
-use crate::slice::{self, Criterion, OutputFilter, Slice, Termination};
+use crate::slice::{self, Criterion, OutputFilter, Termination};
 
 /// Suffixes of generated names while the author's functions still exist, by stage.
 const SUFFIXES: [&str; 2] = ["read", "live"];
@@ -41,9 +41,9 @@ pub fn shrink(
         fragment.and_then(|f| program.entry_point(ShaderStage::Fragment, f))
     {
         let observed = [Criterion::Output(OutputFilter::All), Criterion::Discard];
-        if let Some((next, slice)) = sliced(&program, fragment, &observed)? {
+        if let Some((next, sliced)) = sliced(&program, fragment, &observed)? {
             program = next;
-            hash = slice.hash;
+            hash = sliced;
         }
         let entry = &program.module().entry_points[fragment];
         read = Some(locations(program.module(), entry));
@@ -56,9 +56,9 @@ pub fn shrink(
             read.iter()
                 .map(|l| Criterion::Output(OutputFilter::Location(*l))),
         );
-        if let Some((next, slice)) = sliced(&program, vertex, &criteria)? {
+        if let Some((next, sliced)) = sliced(&program, vertex, &criteria)? {
             program = next;
-            hash.push_str(&slice.hash);
+            hash.push_str(&sliced);
         }
     }
     let mut entries = vec![(ShaderStage::Vertex, vertex)];
@@ -79,12 +79,13 @@ fn short(hash: &str) -> String {
     }
 }
 
-/// The program with an entry point sliced to `criteria`; `None` if it stores.
+/// The program with an entry point sliced to `criteria`, and the hash of the slice; `None` if it
+/// stores.
 fn sliced(
     program: &Program,
     entry: usize,
     criteria: &[Criterion],
-) -> Result<Option<(Program, Slice)>, Box<Invalid>> {
+) -> Result<Option<(Program, String)>, Box<Invalid>> {
     let graph = Graph::build(program);
     let writes = [Effect::Store, Effect::ImageStore, Effect::Atomic];
     let effects = graph.effects(FunctionId::EntryPoint(entry));
@@ -109,7 +110,7 @@ fn sliced(
         placed.function.name = Some(name);
         module.entry_points[entry] = placed;
     }
-    Ok(Some((program.with_module(module)?, slice)))
+    Ok(Some((program.with_module(module)?, slice.hash(&graph))))
 }
 
 fn locations(module: &Module, entry: &naga::EntryPoint) -> BTreeSet<u32> {

@@ -12,10 +12,9 @@ use crate::core::contract::Contract;
 use crate::core::geometry::{Form, Subdivision};
 use crate::core::pass::{Facts, Pass, Refusal, Site};
 use crate::core::pattern::MAX_LEVEL;
-use crate::core::plan::{BindingKind, GpuPass, Plan, Role};
+use crate::core::plan::{BindingKind, GpuPass, HOIST, Plan, Role};
 use crate::core::program::Program;
 use crate::core::reflect;
-use crate::transforms::hoist::Hoist;
 
 /// Storage buffers per stage that every WebGPU device supports.
 const STORAGE_BUFFERS: usize = 8;
@@ -58,7 +57,7 @@ impl<'a> Material<'a> {
                 "start from the original plan",
             ));
         };
-        let hoist = plan.steps.iter().rfind(|s| s.pass == Hoist::INFO.name);
+        let hoist = plan.steps.iter().rfind(|s| s.pass == HOIST);
         let Some(hoist) = hoist else {
             return Err(refuse(
                 "not-hoisted",

@@ -17,12 +17,11 @@ use naga::{
 use super::refuse;
 use super::split::{self, Carried, Outputs, Split};
 use crate::core::pass::{Pass, Refusal};
-use crate::core::plan::{Plan, Step};
+use crate::core::plan::{HOIST, Plan, Step};
 use crate::core::program::Program;
 use crate::core::state::Topology;
 use crate::graph::FunctionId;
 use crate::rebuild::place::{self, Rewrite};
-use crate::transforms::hoist::Hoist;
 
 /// A hoisted vertex stage in two parts.
 #[derive(Clone, Debug)]
@@ -74,7 +73,7 @@ pub enum Blend {
 /// # Errors
 /// Why the plan's main pass cannot be drawn in patches.
 pub fn native(plan: &Plan) -> Result<Native, Box<Refusal>> {
-    let is_hoist = |step: &Step| step.pass == Hoist::INFO.name;
+    let is_hoist = |step: &Step| step.pass == HOIST;
     if !plan.steps.iter().any(is_hoist) {
         return Err(refuse(
             "not-hoisted",

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use naga::{Binding, ShaderStage};
 
-use super::gradients::{self, Failed};
+use super::gradients::{self, Failed, Shaded};
 use super::ids::{self, Triangles};
 use super::kept;
 use super::lists::{self, Lists};
@@ -63,7 +63,7 @@ impl Material<'_> {
             placed.fragment.as_deref(),
             &triangles,
             slots,
-            (params.words, legal::facing(opaque, self.fragment)),
+            (params.words, legal::facing(opaque, &self.colors)),
         )?;
         let entries = [
             (ShaderStage::Vertex, ids::VERTEX),
@@ -171,25 +171,29 @@ impl Material<'_> {
     }
 
     /// The resolve stage.
-    fn resolved(&self, params: &Params, slots: Slots, runs: Runs) -> Result<Built, Box<Refusal>> {
+    fn resolved(
+        &self,
+        shaded: &Shaded<'_, '_>,
+        params: &Params,
+        slots: Slots,
+        runs: Runs,
+    ) -> Result<Built, Box<Refusal>> {
         let bug = |why: String| Box::new(Refusal::bug(VisibilityBuffer::INFO.name, why));
         let opaque = &self.opaque;
-        let (shaded, fragment) = resolve::shaded(opaque.program, self.fragment).map_err(bug)?;
         let like = params.rasterizer();
-        let explicit =
-            gradients::explicit(&shaded, fragment, &like).map_err(|failed| match failed {
-                Failed::Bug(why) => bug(why),
-                Failed::Refused(code, reason, span) => Box::new(
-                    refuse(code, reason, gradients::remedy(code))
-                        .at(opaque.program.sources(), span),
-                ),
-            })?;
+        let explicit = gradients::explicit(shaded, &like).map_err(|failed| match failed {
+            Failed::Bug(why) => bug(why),
+            Failed::Refused(code, reason, span) => Box::new(
+                refuse(code, reason, gradients::remedy(code)).at(opaque.program.sources(), span),
+            ),
+        })?;
         Resolve {
+            graph: &opaque.graph,
             explicit,
-            fragment,
+            fragment: shaded.fragment,
             vertex: opaque.vertex,
             attributes: &opaque.pass.attributes,
-            facing: legal::facing(opaque, self.fragment),
+            facing: legal::facing(opaque, &self.colors),
             select: params.select(),
             runs,
             formats: params.formats,
@@ -254,13 +258,14 @@ impl Material<'_> {
     pub(super) fn compute(
         &self,
         plan: &mut Plan,
+        shaded: &Shaded<'_, '_>,
         params: &Params,
         slots: Slots,
     ) -> Result<(), Box<Refusal>> {
         let bug = |why: String| Box::new(Refusal::bug(VisibilityBuffer::INFO.name, why));
         let pass = self.opaque.pass;
         let targets = legal::stored(pass)?;
-        let built = self.resolved(params, slots, Runs::Compute(targets.clone()))?;
+        let built = self.resolved(shaded, params, slots, Runs::Compute(targets.clone()))?;
         let entries = [(ShaderStage::Compute, resolve::COMPUTE)];
         let with = |module: &naga::Module, entries: &[(ShaderStage, &str)]| {
             let module = place::retain(module, entries);
@@ -336,12 +341,13 @@ impl Material<'_> {
     pub(super) fn resolve(
         &self,
         plan: &mut Plan,
+        shaded: &Shaded<'_, '_>,
         params: &Params,
         slots: Slots,
     ) -> Result<(), Box<Refusal>> {
         let bug = |why: String| Box::new(Refusal::bug(VisibilityBuffer::INFO.name, why));
         let opaque = &self.opaque;
-        let built = self.resolved(params, slots, Runs::Fragment)?;
+        let built = self.resolved(shaded, params, slots, Runs::Fragment)?;
         let entries = [
             (ShaderStage::Vertex, resolve::VERTEX),
             (ShaderStage::Fragment, resolve::FRAGMENT),

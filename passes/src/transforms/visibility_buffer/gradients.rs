@@ -19,7 +19,7 @@ use naga::{
     TypeInner,
 };
 
-use crate::analysis::values::{ContextId, Node, ValueId, Values};
+use crate::analysis::values::{ContextId, Node, TooLarge, ValueId, Values};
 use crate::core::program::Program;
 use crate::core::rasterizer::{Neighbours, Rasterizer};
 use crate::graph::effect::{self, Effect};
@@ -91,63 +91,123 @@ pub fn remedy(code: &str) -> &'static str {
     }
 }
 
-/// Removes the derivatives of the fragment entry point, for the neighbours that a rasteriser uses.
+/// A fragment stage that was sliced to its colours.
+pub struct Shaded<'g, 'p> {
+    /// The values of the stage, unless there are too many.
+    pub values: Result<Values<'g, 'p>, TooLarge>,
+    /// Index of the stage.
+    pub fragment: usize,
+    program: &'p Program,
+}
+
+impl<'g, 'p> Shaded<'g, 'p> {
+    /// The fragment entry point of that index.
+    pub fn new(graph: &'g Graph<'p>, fragment: usize) -> Self {
+        Self {
+            values: Values::new(graph, fragment),
+            fragment,
+            program: graph.program(),
+        }
+    }
+}
+
+/// Replaces the derivatives of the fragment stage by inputs, for the neighbours that a rasteriser
+/// uses.
 ///
 /// # Errors
 /// [`Failed`].
-pub fn explicit(program: &Program, entry: usize, like: &Rasterizer) -> Result<Explicit, Failed> {
-    let mut program = program.clone();
-    let mut levels = Vec::new();
-    // Gradients that may differ between pixels of a quad: derivatives (coarse ones too, by the
-    // driver's choice), and samples if the adapter does so. The function of a further level is
-    // called for the pixel's neighbours with this pixel's gradients.
-    let mut read = BTreeSet::new();
-    let mut next = GRADIENTS;
+pub fn explicit(shaded: &Shaded<'_, '_>, like: &Rasterizer) -> Result<Explicit, Failed> {
+    let entry = shaded.fragment;
+    let mut made = Levels {
+        levels: Vec::new(),
+        read: BTreeSet::new(),
+        next: GRADIENTS,
+    };
+    let mut program = shaded.program.clone();
+    // The values of `shaded` serve as long as its program is unchanged.
+    let mut is_given = true;
+    let mut is_done = false;
     loop {
-        // In each round, a gradient that became an argument may itself be the operand of a
-        // derivative.
-        program = program
-            .with_module(evaluated(program.module(), entry))
-            .map_err(Failed::bug)?;
-        let graph = Graph::build(&program);
-        let values = Values::new(&graph, entry)
-            .map_err(|e| Failed::Refused("too-large", e.to_string(), Span::UNDEFINED))?;
-        let sites = sites(&values, like)?;
-        let Some(neighbours) = sites.first().map(|s| s.neighbours) else {
+        if let Some(module) = evaluated(program.module(), entry) {
+            program = program.with_module(module).map_err(Failed::bug)?;
+            is_given = false;
+        }
+        if is_done {
+            break;
+        }
+        let round = match (is_given, &shaded.values) {
+            (true, Ok(values)) => made.add(&program, values, like)?,
+            (true, Err(why)) => return Err(too_large(*why)),
+            (false, _) => {
+                let graph = Graph::build(&program);
+                let values = Values::new(&graph, entry).map_err(too_large)?;
+                made.add(&program, &values, like)?
+            }
+        };
+        let Some((module, is_last)) = round else {
             break;
         };
-        let level = Round::new(&values, sites, next);
+        program = program.with_module(module).map_err(Failed::bug)?;
+        (is_given, is_done) = (false, is_last);
+    }
+    Ok(Explicit {
+        program,
+        levels: made.levels,
+    })
+}
+
+fn too_large(why: TooLarge) -> Failed {
+    Failed::Refused("too-large", why.to_string(), Span::UNDEFINED)
+}
+
+/// The levels so far.
+struct Levels {
+    levels: Vec<Level>,
+    /// Locations of gradients that may differ between pixels of a quad: derivatives (coarse ones too,
+    /// by the driver's choice), and samples if the adapter does so. The function of a further level
+    /// is called for the pixel's neighbours with this pixel's gradients.
+    read: BTreeSet<u32>,
+    /// Location of the next gradient.
+    next: u32,
+}
+
+impl Levels {
+    /// Adds the level of the derivatives that depend on no other: the module without them, and whether
+    /// none is left. `None` if there is no derivative.
+    fn add(
+        &mut self,
+        program: &Program,
+        values: &Values<'_, '_>,
+        like: &Rasterizer,
+    ) -> Result<Option<(Module, bool)>, Failed> {
+        let Sites { sites, is_all } = sites(values, like)?;
+        let Some(neighbours) = sites.first().map(|s| s.neighbours) else {
+            return Ok(None);
+        };
+        let level = Round::new(values, sites, self.next);
         let module = if level.wanted.is_empty() {
-            level.rewrite(program.module(), &values)
+            level.rewrite(program.module(), values)
         } else {
             let extracted =
-                hoisted::extract(&program, &values, &level.wanted, &NAMES).map_err(Failed::bug)?;
-            if extracted
-                .arguments
-                .iter()
-                .flatten()
-                .any(|b| is_at(&read, b))
-            {
-                return Err(level.of_a_gradient(&values, &read));
+                hoisted::extract(program, values, &level.wanted, &NAMES).map_err(Failed::bug)?;
+            let mut inputs = extracted.arguments.iter().flatten();
+            if inputs.any(|b| is_at(&self.read, b)) {
+                return Err(level.of_a_gradient(values, &self.read));
             }
-            let module = level.rewrite(&extracted.module, &values);
-            levels.push(Level {
+            let module = level.rewrite(&extracted.module, values);
+            self.levels.push(Level {
                 function: extracted.function,
                 arguments: extracted.arguments,
                 values: level.wanted.iter().map(|w| w.inner.clone()).collect(),
-                first: next,
+                first: self.next,
                 neighbours,
             });
             module
         };
-        read.extend(level.read());
-        next += 2 * level.wanted.len() as u32;
-        let module = program.with_module(module).map_err(Failed::bug)?;
-        drop(values);
-        drop(graph);
-        program = module;
+        self.read.extend(level.read());
+        self.next += 2 * level.wanted.len() as u32;
+        Ok(Some((module, is_all)))
     }
-    Ok(Explicit { program, levels })
 }
 
 /// Whether an input is one of these gradients.
@@ -156,9 +216,9 @@ fn is_at(locations: &BTreeSet<u32>, input: &Binding) -> bool {
 }
 
 /// The module with every derivative's operand evaluated by a statement; an argument by itself is
-/// not.
-fn evaluated(module: &Module, entry: usize) -> Module {
-    let mut out = module.clone();
+/// not. `None` if it is already so.
+fn evaluated(module: &Module, entry: usize) -> Option<Module> {
+    let mut out = None;
     let ids = module
         .functions
         .iter()
@@ -189,16 +249,20 @@ fn evaluated(module: &Module, entry: usize) -> Module {
                 _ => None,
             })
             .collect();
-        out = place::rewritten(&out, id, |build| Rewrite {
-            replacements: types
-                .iter()
-                .map(|(argument, index, inner)| {
-                    let value = build.expression(Expression::FunctionArgument(*index));
-                    (*argument, Replacement::Value(same(build, value, inner)))
-                })
-                .collect(),
-            ..Rewrite::default()
-        });
+        out = Some(place::rewritten(
+            out.as_ref().unwrap_or(module),
+            id,
+            |build| Rewrite {
+                replacements: types
+                    .iter()
+                    .map(|(argument, index, inner)| {
+                        let value = build.expression(Expression::FunctionArgument(*index));
+                        (*argument, Replacement::Value(same(build, value, inner)))
+                    })
+                    .collect(),
+                ..Rewrite::default()
+            },
+        ));
     }
     out
 }
@@ -245,7 +309,13 @@ struct Site {
 }
 
 /// The derivatives that depend on no other, of one kind of neighbours.
-fn sites(values: &Values<'_, '_>, like: &Rasterizer) -> Result<Vec<Site>, Failed> {
+struct Sites {
+    sites: Vec<Site>,
+    /// Whether there are no others.
+    is_all: bool,
+}
+
+fn sites(values: &Values<'_, '_>, like: &Rasterizer) -> Result<Sites, Failed> {
     let effect_of = |id: ValueId| match &values.values[id].node {
         Node::Expression(context, e, path) if path.is_empty() => {
             let expression = &values.function(*context).function.expressions[*e];
@@ -316,7 +386,10 @@ fn sites(values: &Values<'_, '_>, like: &Rasterizer) -> Result<Vec<Site>, Failed
             Span::UNDEFINED,
         ));
     }
-    Ok(found)
+    Ok(Sites {
+        is_all: found.len() == all.len(),
+        sites: found,
+    })
 }
 
 /// Whether a value depends on one of `others`, apart from itself.

@@ -13,10 +13,8 @@ use naga::{
 
 use super::steep;
 use crate::analysis::jumps::jump;
-use crate::analysis::values::{ContextId, Node, TooLarge, ValueId, Values};
-use crate::core::program::Program;
-use crate::core::reflect::{self, Io};
-use crate::graph::Graph;
+use crate::analysis::values::{ContextId, Node, ValueId, Values};
+use crate::core::reflect::Io;
 
 /// The places that rounding differences reach, in a fragment stage sliced to its colours.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -74,15 +72,9 @@ impl Taken {
     }
 }
 
-/// Follows rounding differences from the inputs of the fragment entry point.
-///
-/// # Errors
-/// The stage has too many values.
-pub fn reached(program: &Program, entry: usize) -> Result<Reached, TooLarge> {
-    let graph = Graph::build(program);
-    let values = Values::new(&graph, entry)?;
-    let module = program.module();
-    let inputs = reflect::inputs(module, &module.entry_points[entry].function);
+/// Follows rounding differences from the inputs of the fragment stage.
+pub fn reached(values: &Values<'_, '_>) -> Reached {
+    let inputs = &values.inputs;
     let users = values.users();
     let mut is_rounded = vec![false; values.values.len()];
     let mut work: Vec<ValueId> = Vec::new();
@@ -102,14 +94,14 @@ pub fn reached(program: &Program, entry: usize) -> Result<Reached, TooLarge> {
     let all = 0..values.values.len();
     let samples: Vec<Sampled<'_>> = all
         .clone()
-        .filter_map(|id| Sampled::new(&values, id))
+        .filter_map(|id| Sampled::new(values, id))
         .collect();
     let implicit = || samples.iter().filter(|s| s.is_implicit());
     let cube = implicit().find(|s| s.is_cube);
     let derives = |wanted: DerivativeControl| {
         let derives =
             |e: &Expression| matches!(e, Expression::Derivative { ctrl, .. } if *ctrl == wanted);
-        let mut expressions = all.clone().filter_map(|id| expression(&values, id));
+        let mut expressions = all.clone().filter_map(|id| expression(values, id));
         expressions.any(|(e, _)| derives(e))
     };
     let is_linear = |input: &Io| {
@@ -139,7 +131,7 @@ pub fn reached(program: &Program, entry: usize) -> Result<Reached, TooLarge> {
         }
         let of_position = is_position(id);
         for user in &users[id] {
-            let Some((expression, span)) = expression(&values, *user) else {
+            let Some((expression, span)) = expression(values, *user) else {
                 work.push(*user);
                 continue;
             };
@@ -161,11 +153,11 @@ pub fn reached(program: &Program, entry: usize) -> Result<Reached, TooLarge> {
     // A resolve computes its own gradients for implicit levels.
     let differs = |s: &&Sampled<'_>| s.is_implicit() || is_rounded[s.id];
     out.samples = samples.iter().filter(differs).map(|s| s.sample).collect();
-    out.steep = steep::steep(&values, &is_rounded).map(|(id, name)| {
-        let span = expression(&values, id).map(|(_, span)| span);
+    out.steep = steep::steep(values, &is_rounded).map(|(id, name)| {
+        let span = expression(values, id).map(|(_, span)| span);
         (name, span.unwrap_or(Span::UNDEFINED))
     });
-    Ok(out)
+    out
 }
 
 enum Kind {

@@ -5,7 +5,7 @@ use naga::{AddressSpace, Binding, BuiltIn, Expression, GlobalVariable, Handle, M
 
 use super::ids::Facing;
 use super::jumps::Reached;
-use super::{refuse, resolve};
+use super::refuse;
 use crate::analysis::opaque::Opaque;
 use crate::core::pass::{Refusal, SamplerState};
 use crate::core::plan::{GpuPass, Plan};
@@ -13,7 +13,7 @@ use crate::core::program::SourceMap;
 use crate::core::reflect;
 use crate::core::state::{CullMode, DepthBias, Topology};
 use crate::graph::{Effect, FunctionId};
-use crate::slice;
+use crate::slice::Slice;
 
 /// Checks the state of a pass.
 pub fn state(plan: &Plan, pass: &GpuPass) -> Vec<Refusal> {
@@ -148,16 +148,15 @@ pub fn vertex(opaque: &Opaque<'_>) -> Vec<Refusal> {
     refusals
 }
 
-/// Checks that the fragment stage can run on reconstructed inputs.
-pub fn fragment(opaque: &Opaque<'_>, fragment: usize) -> Vec<Refusal> {
+/// Checks that the fragment stage can run on reconstructed inputs. `colors` is the slice of its
+/// colours, because a struct of inputs may have members that they do not need.
+pub fn fragment(opaque: &Opaque<'_>, colors: &Slice) -> Vec<Refusal> {
     let mut refusals = Vec::new();
     let module = opaque.program.module();
+    let fragment = colors.entry;
     let entry = &module.entry_points[fragment];
-    // A struct of inputs may have members that the colours do not need.
-    let colors = resolve::colors_of(module, &entry.function);
-    let slice = slice::backward(&opaque.graph, fragment, &colors);
     let all = reflect::inputs(module, &entry.function);
-    let read = || slice.inputs.iter().filter_map(|i| all.get(*i)).cloned();
+    let read = || colors.inputs.iter().filter_map(|i| all.get(*i)).cloned();
     for input in read() {
         let name = input.name.unwrap_or_default();
         let half = module.types[input.ty].inner.scalar() == Some(naga::Scalar::F16);
@@ -275,13 +274,10 @@ fn user(module: &Module, variable: Handle<GlobalVariable>) -> Option<&str> {
 }
 
 /// How the resolve knows the facing of a pixel.
-pub fn facing(opaque: &Opaque<'_>, fragment: usize) -> Facing {
+pub fn facing(opaque: &Opaque<'_>, colors: &Slice) -> Facing {
     let module = opaque.program.module();
-    let entry = &module.entry_points[fragment];
-    let colors = resolve::colors_of(module, &entry.function);
-    let slice = slice::backward(&opaque.graph, fragment, &colors);
-    let all = reflect::inputs(module, &entry.function);
-    let asks = slice
+    let all = reflect::inputs(module, &module.entry_points[colors.entry].function);
+    let asks = colors
         .inputs
         .iter()
         .filter_map(|i| all.get(*i))

@@ -31,7 +31,7 @@ use crate::graph::{FunctionId, Graph};
 use crate::rebuild::fetch::{Author, Linked, corner, ours};
 use crate::rebuild::hoisted::as_function;
 use crate::rebuild::place::{self, PositionInvariance, Rewrite};
-use crate::slice::{self, Criterion, OutputFilter};
+use crate::slice::{self, Criterion, OutputFilter, Slice};
 
 /// Entry point name.
 pub const VERTEX: &str = "vs_visible";
@@ -42,6 +42,8 @@ pub const COMPUTE: &str = "cs_visible";
 
 /// The inputs of the resolve pass.
 pub struct Resolve<'a> {
+    /// The graph of the author's program.
+    pub graph: &'a Graph<'a>,
     /// The fragment stage without derivatives, sliced to its colours.
     pub explicit: Explicit,
     /// Index of that fragment stage.
@@ -109,27 +111,26 @@ pub fn colors_of(module: &Module, fragment: &Function) -> Vec<Criterion> {
         .collect()
 }
 
-/// The fragment entry point, sliced to its colours.
+/// The program with a fragment entry point replaced by the slice of its colours.
 ///
 /// # Errors
-/// The slice does not validate: a bug.
-pub fn shaded(program: &Program, fragment: usize) -> Result<(Program, usize), String> {
-    let graph = Graph::build(program);
-    let entry = &program.module().entry_points[fragment];
-    let colors = colors_of(program.module(), &entry.function);
-    let slice = slice::backward(&graph, fragment, &colors);
-    let name = format!("{}_shaded", entry.name);
-    let module = place::entry_point(
-        &graph,
-        &slice,
+/// The slice doesn't validate: a bug.
+pub fn shaded(graph: &Graph<'_>, colors: &Slice) -> Result<Program, String> {
+    let program = graph.program();
+    let name = format!(
+        "{}_shaded",
+        program.module().entry_points[colors.entry].name
+    );
+    let mut module = place::entry_point(
+        graph,
+        colors,
         program.module(),
         &name,
         "shaded",
         PositionInvariance::AsWritten,
     );
-    let index = module.entry_points.len() - 1;
-    let program = program.with_module(module).map_err(|e| e.to_string())?;
-    Ok((program, index))
+    module.entry_points.swap_remove(colors.entry);
+    program.with_module(module).map_err(|e| e.to_string())
 }
 
 impl Resolve<'_> {
@@ -139,6 +140,7 @@ impl Resolve<'_> {
     /// A message: our own text does not parse or link, or the stages do not fit together.
     pub fn build(self, slots: Slots) -> Result<Built, String> {
         let Self {
+            graph,
             explicit,
             fragment,
             vertex,
@@ -189,11 +191,7 @@ impl Resolve<'_> {
                 _ => None,
             })
             .collect();
-        let built = explicit
-            .program
-            .with_module(module)
-            .map_err(|e| e.to_string())?;
-        let (module, author) = author(&built, vertex, &read)?;
+        let (module, author) = author(graph, &module, vertex, &read)?;
         let used: Vec<AttributeUse> = {
             let inputs = reflect::opened(&module, &author.inputs);
             let read = |a: &&AttributeUse| {
@@ -203,7 +201,7 @@ impl Resolve<'_> {
             };
             attributes.iter().filter(read).cloned().collect()
         };
-        let name = module.entry_points[vertex].name.clone();
+        let name = graph.module().entry_points[vertex].name.clone();
         let called = Author {
             function: author.function,
             given: author.given,
@@ -338,21 +336,23 @@ pub struct VertexStage {
     pub is_struct: bool,
 }
 
+/// Adds the author's vertex stage to `onto`, sliced to the position and the locations that are read.
+/// `onto` has all that the author's module has, with the same handles.
 fn author(
-    program: &Program,
+    graph: &Graph<'_>,
+    onto: &Module,
     vertex: usize,
     read: &BTreeSet<u32>,
 ) -> Result<(Module, VertexStage), String> {
-    let graph = Graph::build(program);
     let mut criteria = vec![Criterion::Output(OutputFilter::Position)];
     let locations = read.iter();
     criteria.extend(locations.map(|l| Criterion::Output(OutputFilter::Location(*l))));
-    let slice = slice::backward(&graph, vertex, &criteria);
-    let name = format!("{}_author", program.module().entry_points[vertex].name);
+    let slice = slice::backward(graph, vertex, &criteria);
+    let name = format!("{}_author", graph.module().entry_points[vertex].name);
     let mut module = place::entry_point(
-        &graph,
+        graph,
         &slice,
-        program.module(),
+        onto,
         &name,
         "author",
         PositionInvariance::AsWritten,
