@@ -152,7 +152,7 @@ fn padded(
         let at = member.offset;
         if at % own != 0 || at < end {
             return Err(format!(
-                "`{path}` lies {at} bytes from the beginning of its struct"
+                "`{path}` is at byte {at} of its struct"
             ));
         }
         floats.push(match end.next_multiple_of(own) == at {
@@ -204,7 +204,7 @@ fn check(
         let at = member.offset;
         if behind(end, i).next_multiple_of(own) != at {
             return Err(format!(
-                "`{path}` lies {at} bytes from the beginning of its struct"
+                "`{path}` is at byte {at} of its struct"
             ));
         }
         end = at + size;
