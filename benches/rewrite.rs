@@ -91,7 +91,7 @@ fn hoist_grows() -> Result<(), Box<dyn std::error::Error>> {
         print!("{name:<40}");
         for params in [exact, budget] {
             let clock = Instant::now();
-            std::hint::black_box(Hoist::run(&plan, &facts, &params));
+            let _ = std::hint::black_box(Hoist::run(&plan, &facts, &params));
             print!(" {:>10.2}", ms(clock));
         }
         let refused = |r: Box<Refusal>| r.reason;

@@ -101,7 +101,7 @@ pub(super) fn difference(wanted: &[String], found: &[String]) -> Option<String> 
         (Some(m), Some(e)) => format!("`{m}` became `{e}`"),
         (Some(m), None) => format!("`{m}` is lost"),
         (None, Some(e)) => format!("`{e}` is new"),
-        (None, None) => "something is there more often than it was".to_owned(),
+        (None, None) => "something occurs more often than before".to_owned(),
     })
 }
 

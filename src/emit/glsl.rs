@@ -45,7 +45,7 @@ pub(super) fn author(program: &Program, name: &str, target: Target) -> Result<Au
         author::Failed::Layout(what) => Error::Inexpressible {
             file: name.to_owned(),
             target,
-            what: format!("{what}, which neither std140 nor std430 has there"),
+            what: format!("{what}, which neither std140 nor std430 allows"),
             remedy: "emit WGSL or SPIR-V, or declare it as vec4s".to_owned(),
         },
         author::Failed::Samplers => {
@@ -54,7 +54,7 @@ pub(super) fn author(program: &Program, name: &str, target: Target) -> Result<Au
         author::Failed::Names(what) => Error::Writer {
             file: name.to_owned(),
             target,
-            message: format!("{what} cannot be written as its author declared it"),
+            message: format!("{what} cannot be written as the author declared it"),
         },
     })
 }
@@ -109,7 +109,7 @@ pub(super) fn write_named(
         text = with_own_depth(&text).ok_or_else(|| Error::Writer {
             file: name.to_owned(),
             target,
-            message: "the position is not written as it was expected to be".to_owned(),
+            message: "the position has an unexpected form in naga's text".to_owned(),
         })?;
     }
     let dialect = match target {
@@ -120,7 +120,7 @@ pub(super) fn write_named(
     let unexpected = |text::Unexpected(what)| Error::Writer {
         file: name.to_owned(),
         target,
-        message: format!("{what} is not written as it was expected to be"),
+        message: format!("{what} has an unexpected form in naga's text"),
     };
     let (text, said) =
         text::named(authored, &text, stage, dialect, said, loose).map_err(unexpected)?;
@@ -327,8 +327,7 @@ pub(super) fn without_fine_derivatives(plan: &Plan) -> Option<Form> {
             budget: Budget::max_abs(1.0),
             given: Vec::new(),
         },
-        why: "GLSL ES 3.00 has no fine derivatives, so a quad's vote may miss one of its lanes and spoil that lane's level of detail: nothing is promised. Take \
-              early-discard:quad=lane with a budget, or measure"
+        why: "GLSL ES 3.00 has no fine derivatives, so a quad's vote may miss a lane and spoil its level of detail: there is no promise. Use early-discard:quad=lane with a budget, or measure"
             .to_owned(),
     })
 }
@@ -509,7 +508,7 @@ fn inexpressible(error: &glsl::Error, name: &str, target: Target) -> Error {
             )
         }
         glsl::Error::FirstSamplingNotSupported => (
-            "flat interpolation from the first vertex, said explicitly".to_owned(),
+            "explicit flat interpolation from the first vertex".to_owned(),
             "write @interpolate(flat, either)",
         ),
         other => {
@@ -556,10 +555,7 @@ fn in_words(features: glsl::Features) -> String {
         (F::CLIP_DISTANCE, "clip distances"),
         (F::CULL_DISTANCE, "cull distances"),
         (F::SAMPLE_VARIABLES, "sample_index or sample_mask"),
-        (
-            F::DYNAMIC_ARRAY_SIZE,
-            "arrays of a length known at run time",
-        ),
+        (F::DYNAMIC_ARRAY_SIZE, "arrays of dynamic length"),
         (F::MULTI_VIEW, "several views"),
         (F::TEXTURE_SAMPLES, "the number of samples of a texture"),
         (F::TEXTURE_LEVELS, "the number of levels of a texture"),
@@ -580,7 +576,7 @@ fn in_words(features: glsl::Features) -> String {
         .map(|(_, word)| *word)
         .collect();
     match named[..] {
-        [] => "something of a later version".to_owned(),
+        [] => "a feature of a later version".to_owned(),
         _ => named.join(", "),
     }
 }

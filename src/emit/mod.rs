@@ -165,7 +165,7 @@ pub struct File {
 #[non_exhaustive]
 pub enum Error {
     /// The target cannot express the program.
-    #[error("{file}: {target} has no way to say this: {what}; {remedy}")]
+    #[error("{file}: {target} cannot express this: {what}; {remedy}")]
     Inexpressible {
         /// The file.
         file: String,
@@ -242,7 +242,7 @@ pub fn emit(plan: &Plan, targets: &[Target], options: &Options) -> Result<Vec<Fi
             file: plan.material.clone(),
             target: targets.first().copied().unwrap_or(Target::Wgsl),
             message: format!(
-                "it gave up half-way, which is a bug; please report it with the shader ({panicked})"
+                "it panicked, which is a bug; please report it with the shader ({panicked})"
             ),
         })
     })
@@ -330,9 +330,9 @@ fn refuse_rows_of_two_ways(plan: &Plan, targets: &[Target]) -> Result<(), Error>
         true => Err(Error::Inexpressible {
             file: plan.material.clone(),
             target: *target,
-            what: "`layout(origin_upper_left)` beside a texture that another pass has drawn"
+            what: "`layout(origin_upper_left)` together with a texture that another pass draws"
                 .to_owned(),
-            remedy: "leave it out and turn `gl_FragCoord.y` by the height; WGSL and SPIR-V have it"
+            remedy: "remove it and flip `gl_FragCoord.y` by the height; WGSL and SPIR-V support it"
                 .to_owned(),
         }),
     }
@@ -354,8 +354,8 @@ fn refuse_lost_point_sizes(plan: &Plan, targets: &[Target]) -> Result<(), Error>
         true => Err(Error::Inexpressible {
             file: plan.material.clone(),
             target: *target,
-            what: "`gl_PointSize`, which is not kept".to_owned(),
-            remedy: "draw quads in place of points; WGSL and SPIR-V draw points of one pixel"
+            what: "`gl_PointSize`, which is lost".to_owned(),
+            remedy: "draw quads instead of points; WGSL and SPIR-V draw points of one pixel"
                 .to_owned(),
         }),
     }

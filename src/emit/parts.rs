@@ -21,8 +21,7 @@ pub(crate) fn passed(program: &Program) -> Option<String> {
         format!("{}:{}:{}: `{text}`: ", at.file, at.line, at.column)
     });
     Some(format!(
-        "{place}a pointer to a part of a variable is passed to a function, of which naga, through which every adapter and SPIR-V is reached, writes nothing: pass a variable of its own and store it back, \
-         or the whole variable"
+        "{place}a pointer to a part of a variable is passed to a function, which naga cannot write for any adapter or for SPIR-V: pass a copy and store it back, or pass the whole variable"
     ))
 }
 

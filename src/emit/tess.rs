@@ -165,7 +165,7 @@ fn refuse(
     if target == Target::GlslTess {
         return match spaces.any(|s| matches!(s, AddressSpace::Storage { .. })) {
             true => refuse(
-                "a storage buffer (OpenGL has them from 4.3 on)",
+                "a storage buffer (OpenGL has them since 4.3)",
                 "emit glsl-vulkan-tess, or read a uniform buffer or a texture",
             ),
             false => Ok(()),
@@ -208,7 +208,7 @@ fn type_name(ty: &TypeInner, target: Target, file: &str) -> Result<String, Error
     name.ok_or_else(|| Error::Inexpressible {
         file: file.to_owned(),
         target,
-        what: "a varying that is not made of 32-bit numbers".to_owned(),
+        what: "a varying without 32-bit numbers".to_owned(),
         remedy: "declare it f32".to_owned(),
     })
 }
@@ -312,7 +312,7 @@ fn evaluation_text(
     let written_otherwise = |what: &str| Error::Writer {
         file: file.to_owned(),
         target,
-        message: format!("{what} is not written as it was expected to be"),
+        message: format!("{what} has an unexpected form in naga's text"),
     };
     // A name that naga did not use.
     let free = |base: &str| {

@@ -88,7 +88,7 @@ pub(super) enum Spelling {
     /// `1.5`, or `1e-7`.
     #[cfg_attr(
         not(feature = "glsl"),
-        allow(dead_code, reason = "GLSL is written with that feature alone")
+        allow(dead_code, reason = "only GLSL output uses it")
     )]
     Glsl,
 }

@@ -27,7 +27,7 @@ pub(super) fn written(program: &Program, name: &str) -> Result<(Program, String)
     let prepared = match prepare::prepare(program) {
         Some(module) => program
             .with_module(module)
-            .map_err(|invalid| failed(format!("preparing it broke it: {invalid}")))?,
+            .map_err(|invalid| failed(format!("the prepared module is invalid: {invalid}")))?,
         None => program.clone(),
     };
     let raw = |program: &Program| {
@@ -40,8 +40,8 @@ pub(super) fn written(program: &Program, name: &str) -> Result<(Program, String)
         None => raw(&prepared)?,
         Some(apart) => {
             let without = prepared.with_module(apart.module.clone());
-            let without =
-                without.map_err(|invalid| failed(format!("preparing it broke it: {invalid}")))?;
+            let without = without
+                .map_err(|invalid| failed(format!("the prepared module is invalid: {invalid}")))?;
             apart.put_back(&raw(&without)?)
         }
     };
@@ -51,7 +51,7 @@ pub(super) fn written(program: &Program, name: &str) -> Result<(Program, String)
             file: name.to_owned(),
             target: Target::Wgsl,
             what,
-            remedy: "emit SPIR-V or GLSL, or lay the struct out as WGSL does".to_owned(),
+            remedy: "emit SPIR-V or GLSL, or use WGSL's struct layout".to_owned(),
         })?;
     Ok((prepared, repaired))
 }

@@ -53,7 +53,7 @@ impl Dialect {
 /// A file compiled to WGSL.
 #[cfg_attr(
     not(any(feature = "naga-oil", feature = "wesl")),
-    allow(dead_code, reason = "a build with neither makes none")
+    allow(dead_code, reason = "unused without both features")
 )]
 pub(super) struct Compiled {
     /// WGSL.
@@ -95,7 +95,7 @@ pub(crate) fn still_finds(searched: &Searched) -> bool {
 /// The error for a dialect whose Cargo feature is off.
 #[cfg_attr(
     all(feature = "naga-oil", feature = "wesl"),
-    allow(dead_code, reason = "a build with both reads everything")
+    allow(dead_code, reason = "unused with both features")
 )]
 pub(super) fn not_built(source: &Source, language: &str, feature: &str) -> Error {
     Error::new(
@@ -200,7 +200,7 @@ pub(super) enum Defined {
     Int(i32),
     #[cfg_attr(
         not(feature = "naga-oil"),
-        allow(dead_code, reason = "WESL has truths alone")
+        allow(dead_code, reason = "WESL only has booleans")
     )]
     Uint(u32),
 }
@@ -220,7 +220,7 @@ pub(super) fn definitions(options: &Options) -> Result<Vec<(String, Defined)>, E
         let value = value(text).ok_or_else(|| {
             Error::new(
                 Code::Unsupported,
-                format!("`{name}` is defined as `{text}`, and this dialect has true, false and whole numbers"),
+                format!("`{name}` is defined as `{text}`, but this dialect only allows true, false and integers"),
             )
         });
         Ok((name.clone(), value?))

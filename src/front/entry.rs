@@ -72,7 +72,7 @@ pub(super) fn choose(
             error.note("mark a function with @vertex, or add the vertex file")
         } else {
             error.note(format!(
-                "there is {}; add the vertex stage: a file of its own or, in WGSL, a function marked @vertex",
+                "there is {}; add the vertex stage in another file or, in WGSL, as a function marked @vertex",
                 others.join(", ")
             ))
         });
@@ -279,7 +279,7 @@ pub(super) fn check_interface(
         let error = match given {
             None => Error::new(
                 Code::Interface,
-                format!("{what} is written by no output of `{}`", vertex.name),
+                format!("{what} matches no output of `{}`", vertex.name),
             ),
             Some(given) if given.ty != wanted.ty => Error::new(
                 Code::Interface,

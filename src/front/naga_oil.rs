@@ -216,7 +216,7 @@ impl Library {
                 Code::Sources,
                 format!("{} and {other} are both `{name}`", file.path),
             )
-            .note("include the folder of the one that is meant, and not the other's"));
+            .note("include the right folder only"));
         }
         for import in &file.imports {
             self.add(import)?;

@@ -55,7 +55,7 @@ pub(super) fn check(
         return Err(Error::new(
             Code::TooDeep,
             format!(
-                "{} bytes of source; at most {} are read",
+                "{} bytes of source; the limit is {}",
                 text.len(),
                 limits.source_bytes
             ),
@@ -67,7 +67,7 @@ pub(super) fn check(
     let too_many = |what: String, at: usize| {
         Error::new(Code::TooDeep, what)
             .label(here(at), "this one is too many")
-            .note("split it over several variables")
+            .note("split it into several variables")
     };
     // One level per open bracket, outermost first.
     let mut open: Vec<Level> = vec![Level::default()];
@@ -117,7 +117,7 @@ pub(super) fn check(
                         format!("brackets are nested more than {brackets} deep"),
                     )
                     .label(here(start), "this one is too deep")
-                    .note("give the inner parts names of their own"));
+                    .note("move the inner parts to variables"));
                 }
             }
             b')' | b']' | b'}' => {
@@ -188,7 +188,7 @@ pub(super) fn check(
                 if too_many {
                     return Err(Error::new(
                         Code::TooDeep,
-                        format!("more than {ELSES} branches nest in one another"),
+                        format!("more than {ELSES} branches are nested"),
                     )
                     .label(here(start), "this one is too many")
                     .note("use a switch, or a table"));

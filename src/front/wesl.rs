@@ -169,7 +169,7 @@ impl Resolver for Packages<'_> {
         }
         Err(ResolveError::ModuleNotFound(
             path.clone(),
-            "no such file; other packages are looked up in the include folders".to_owned(),
+            "no such file; other packages are searched in the include folders".to_owned(),
         ))
     }
 }

@@ -11,7 +11,7 @@ pub(super) fn parse(text: &str, base: u32) -> Result<naga::Module, Error> {
         // naga reports its recursion limit as an internal error without a span.
         if e.message().contains("recursion limit") {
             return Error::new(Code::TooDeep, "expressions are nested too deeply to parse")
-                .note("naga's parser goes 200 levels deep; give inner parts names of their own");
+                .note("naga's parser stops at 200 levels; move inner parts to variables");
         }
         let mut error = Error::new(Code::Parse, e.message());
         for (span, label) in e.labels() {

@@ -331,7 +331,7 @@ fn included_files_are_found_and_pointed_at() {
     assert!(
         error
             .message()
-            .contains("q.glsl includes itself, and no condition ends it"),
+            .contains("q.glsl includes itself without end"),
         "{error}"
     );
     std::fs::remove_dir_all(dir).unwrap();

@@ -179,7 +179,7 @@ fn a_counter_is_an_index() {
         let error = emitted(&original("a", &texts(functions, body))).unwrap_err();
         assert!(error.to_string().contains(why), "{body}: {error}");
     };
-    let index = "an index that is no constant";
+    let index = "a non-constant index";
     let endless = "a loop that is not seen to end";
     // One that goes on where it was, that something else sets, or that is read behind its loop.
     for body in [
@@ -268,11 +268,7 @@ fn what_the_language_lacks_is_named() {
             "an unsigned integer",
         ),
         ("", "color = vec4(float(count & 3));", "the operator &"),
-        (
-            "",
-            "color = vec4(table[count]);",
-            "an index that is no constant",
-        ),
+        ("", "color = vec4(table[count]);", "a non-constant index"),
         (
             "",
             "color = vec4(1.0); for (int i = 0; i < count; i++) color *= local.x;",

@@ -180,7 +180,7 @@ fn a_target_that_cannot_say_it_does_not_hold_up_the_others() {
     let said = stderr(&output);
     for target in ["glsl", "glsl-es"] {
         assert!(
-            said.contains(&format!(": {target} has no way to say this: textureLoad")),
+            said.contains(&format!(": {target} cannot express this: textureLoad")),
             "{said}"
         );
     }
@@ -422,7 +422,7 @@ fn what_a_language_lacks_is_told_in_words() {
         (
             &storage,
             "glsl-es",
-            "storage buffers, arrays of a length known at run time",
+            "storage buffers, arrays of dynamic length",
         ),
     ] {
         let written = out.join("written");

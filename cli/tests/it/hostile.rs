@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-use crate::hostile_support::{SCENE, SHADER, folder, preshade, run, run_within, stderr};
+use crate::hostile_support::{SCENE, SHADER, folder, run, run_within, stderr};
 
 #[test]
 fn a_scene_stays_in_its_root_unless_it_is_allowed_out() {

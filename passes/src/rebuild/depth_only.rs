@@ -3,8 +3,7 @@
 //! early discard share it.
 
 use naga::{
-    AddressSpace, BinaryOperator, Binding, BuiltIn, Expression, Function, GlobalVariable, Handle,
-    Literal, Module, ShaderStage, Span, Type, TypeInner,
+    BinaryOperator, Binding, BuiltIn, Expression, Literal, Module, ShaderStage, Span, TypeInner,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -59,7 +59,7 @@ pub(super) fn rewritten(
     let mut state = FormattingState::default();
     for declaration in &declarations {
         show_external_declaration(&mut body, declaration, &mut state)
-            .map_err(|e| Lacks(format!("a text that is not written ({e})")))?;
+            .map_err(|e| Lacks(format!("a text that cannot be printed ({e})")))?;
     }
     let mut text = "#version 100\n".to_owned();
     for extension in &rewrite.extensions {
@@ -162,7 +162,7 @@ impl Rewrite {
             if !matches!(*head.ty.ty.ty, ast::TypeSpecifierNonArrayData::Vec4)
                 || head.array_specifier.is_some()
             {
-                return lacks(format!("the output `{name}`, which is no vec4"));
+                return lacks(format!("the output `{name}`, which is not a vec4"));
             }
             found.push((name.to_owned(), types::location(&head.ty).unwrap_or(0)));
         }

@@ -151,9 +151,7 @@ fn padded(
         align = align.max(own);
         let at = member.offset;
         if at % own != 0 || at < end {
-            return Err(format!(
-                "`{path}` lies {at} bytes from the beginning of its struct"
-            ));
+            return Err(format!("`{path}` is at byte {at} of its struct"));
         }
         floats.push(match end.next_multiple_of(own) == at {
             true => 0,
@@ -203,9 +201,7 @@ fn check(
         align = align.max(own);
         let at = member.offset;
         if behind(end, i).next_multiple_of(own) != at {
-            return Err(format!(
-                "`{path}` lies {at} bytes from the beginning of its struct"
-            ));
+            return Err(format!("`{path}` is at byte {at} of its struct"));
         }
         end = at + size;
     }

@@ -357,7 +357,7 @@ impl<'a> Rebuild<'a> {
 
     fn value(&self, old: Handle<Expression>) -> Result<Handle<Expression>, String> {
         let value = self.values.get(&old).copied();
-        value.ok_or_else(|| "a uniform block that is used as a whole".to_owned())
+        value.ok_or_else(|| "a uniform block used as a whole".to_owned())
     }
 
     fn expression(

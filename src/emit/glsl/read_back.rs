@@ -100,7 +100,7 @@ fn uniforms(authored: &Authored, said: &StageFile, read: &Declared) -> Option<St
         .into_iter()
         .filter(|n| types.contains_key(n.as_str()) || found.contains(n));
     if let Some(difference) = differ(&wanted.collect(), &found) {
-        return Some(format!("among the uniforms, {difference}"));
+        return Some(format!("uniforms: {difference}"));
     }
     for uniform in &read.uniforms {
         let (mut wanted, mut found) = (BTreeSet::new(), BTreeSet::new());
@@ -110,7 +110,7 @@ fn uniforms(authored: &Authored, said: &StageFile, read: &Declared) -> Option<St
         type_lines(ty, &uniform.name, &mut wanted);
         type_lines(&uniform.ty, &uniform.name, &mut found);
         if let Some(difference) = differ(&wanted, &found) {
-            return Some(format!("among the uniforms, {difference}"));
+            return Some(format!("uniforms: {difference}"));
         }
     }
     let wanted: BTreeSet<String> = said
@@ -307,7 +307,7 @@ fn interface(
         let names = declared.attributes.iter();
         let found: BTreeSet<String> = names.map(|a| a.declaration.name.clone()).collect();
         if let Some(difference) = differ(&wanted, &found) {
-            return Some(format!("among the attributes, {difference}"));
+            return Some(format!("attributes: {difference}"));
         }
     }
     let number = |io: &Io| match io.binding {

@@ -86,14 +86,14 @@ fn notes(stages: &[Stage<'_>], clip: ClipSpace) -> Vec<String> {
                 return out;
             };
             if uses(stage, &[FRAG_COORD_Y]) && !stage.origin_upper_left {
-                out.push("`gl_FragCoord.y` counts rows from the bottom in OpenGL and from the top in WGSL and SPIR-V: what rests on it comes out upside down there".to_owned());
+                out.push("`gl_FragCoord.y` counts rows from the bottom in OpenGL and from the top in WGSL and SPIR-V: values that depend on it are upside down there".to_owned());
             }
             if uses(stage, &["dFdy", "dFdyFine", "dFdyCoarse"]) {
-                out.push("`dFdy` goes up the picture in OpenGL and down in WGSL and SPIR-V: it has the other sign there".to_owned());
+                out.push("`dFdy` points up in OpenGL and down in WGSL and SPIR-V: it has the opposite sign there".to_owned());
             }
         }
         ClipSpace::AsWritten if stages.iter().any(|s| s.unit.asks_for_vulkan) => out.push(
-            "the text asks for `VULKAN`, which is not defined where `--clip zero-to-one` does not say that it is for Vulkan: `--define VULKAN=100` defines it"
+            "the text tests `VULKAN`, which is only defined with `--clip zero-to-one`; define it by `--define VULKAN=100`"
                 .to_owned(),
         ),
         ClipSpace::AsWritten => {}

@@ -72,7 +72,7 @@ impl Files {
         match &self.root {
             Some(root) if !found.starts_with(root) => Err(io::Error::new(
                 io::ErrorKind::PermissionDenied,
-                format!("{} lies outside of the root folder", path.display()),
+                format!("{} is outside of the root folder", path.display()),
             )),
             _ => Ok(found),
         }

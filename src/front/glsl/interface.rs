@@ -159,11 +159,11 @@ impl Interface {
             let name = &variable.name;
             return Err(Error::new(
                 Code::Link,
-                format!("the two stages have a `{name}` each, at two bindings"),
+                format!("both stages have a `{name}`, at two bindings"),
             )
             .label_if(variable.place)
             .label_if(other.place)
-            .note("give one of them another name: here as in OpenGL a program has one of a name"));
+            .note("rename one of them: as in OpenGL, a name is unique in a program"));
         }
         Ok(())
     }
@@ -184,7 +184,7 @@ impl Interface {
                         return Err(error
                             .label_if(uniform.place)
                             .label_if(*before)
-                            .note("OpenGL gives a program one uniform of a name"));
+                            .note("in OpenGL both stages share a uniform"));
                     }
                     continue;
                 }
@@ -219,7 +219,7 @@ impl Interface {
                             let place = of.members.first().and_then(|m| m.place);
                             return Err(Error::new(
                                 Code::Link,
-                                format!("the two stages declare the struct `{name}` differently, and a uniform is made of it"),
+                                format!("the two stages declare the struct `{name}` of a uniform differently"),
                             )
                             .label_if(place));
                         }
@@ -295,7 +295,7 @@ impl Interface {
                 if matches!(variable.ty, Ty::Array(..)) {
                     return Err(unsupported(
                         format!(
-                            "`{}` is an array of textures or samplers, which WebGPU has no bindings for",
+                            "`{}` is an array of textures or samplers, which WebGPU cannot bind",
                             variable.name
                         ),
                         variable.place,
@@ -555,7 +555,7 @@ fn numbered(
         if let Ty::Array(_, None) = variable.ty {
             return Err(unsupported(
                 format!(
-                    "`{}` has no length: such arrays belong to geometry and tessellation shaders",
+                    "`{}` is unsized: only geometry and tessellation shaders have such arrays",
                     variable.name
                 ),
                 variable.place,

@@ -317,7 +317,7 @@ fn read(
         .map_err(|errors| {
             let mut all = errors.errors.iter();
             let Some(first) = all.next() else {
-                return Error::new(Code::Parse, "the GLSL parser gave up without saying why");
+                return Error::new(Code::Parse, "the GLSL parser failed without a message");
             };
             let at = place(first.meta);
             let called = |g: &&Given| {

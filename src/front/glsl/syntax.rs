@@ -204,9 +204,9 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
     if too_many {
         return Err(Error::new(
             Code::TooDeep,
-            format!("macros expand to more than {TOKENS} words"),
+            format!("macros expand to more than {TOKENS} tokens"),
         )
-        .note("write functions in their place"));
+        .note("use functions instead"));
     }
     match parsed {
         Ok(tree) => Ok(Unit {
@@ -253,7 +253,7 @@ fn explain(
         }
         E::UnrecognizedEof { expected, .. } => Error::new(
             Code::Parse,
-            format!("the file ends too early{}", one_of(&expected)),
+            format!("unexpected end of the file{}", one_of(&expected)),
         )
         .label_if(places.last().copied()),
         E::UnrecognizedToken {

@@ -21,17 +21,17 @@ const INNER: [&str; 12] = [
 /// The message for an error.
 pub(super) fn told(kind: &ErrorKind) -> String {
     match kind {
-        ErrorKind::EndOfFile => "the text ends too early".to_owned(),
+        ErrorKind::EndOfFile => "unexpected end of the text".to_owned(),
         ErrorKind::InvalidToken(..) | ErrorKind::PreprocessorError(_) => {
-            "this is not read here".to_owned()
+            "this is not supported here".to_owned()
         }
-        ErrorKind::NotImplemented(what) => format!("{what}: this is not read here"),
+        ErrorKind::NotImplemented(what) => format!("{what}: this is not supported here"),
         ErrorKind::UnknownVariable(name) => format!("`{name}` is not declared"),
         ErrorKind::UnknownType(name) => format!("there is no type `{name}`"),
         ErrorKind::UnknownField(name) => format!("there is no member `{name}`"),
-        ErrorKind::UnknownLayoutQualifier(name) => format!("the layout `{name}` is not read"),
+        ErrorKind::UnknownLayoutQualifier(name) => format!("the layout `{name}` is not supported"),
         ErrorKind::UnsupportedMatrixWithTwoRowsInStd140 { columns } => {
-            format!("a mat{columns}x2 is not read in this block")
+            format!("a mat{columns}x2 is not supported in this block")
         }
         ErrorKind::VariableAlreadyDeclared(name) => format!("`{name}` is declared twice"),
         ErrorKind::SemanticError(text) => semantic(text),
@@ -45,49 +45,51 @@ fn semantic(text: &str) -> String {
         return format!("no `{name}` takes these arguments");
     }
     if let Some(name) = named("Ambiguous best function for ") {
-        return format!("`{name}` with these arguments may be any of several functions");
+        return format!("`{name}` with these arguments is ambiguous");
     }
     if text.starts_with("Cannot apply operation to ") || text.starts_with("Cannot apply operator ")
     {
-        return "this operator does not go with values of these types".to_owned();
+        return "this operator does not accept values of these types".to_owned();
     }
     if text.starts_with("Can't lookup field on this type ") {
-        return "this has no members".to_owned();
+        return "this type has no members".to_owned();
     }
     if text.contains("cannot be in the left hand side")
         || text == "Variable cannot be used in LHS position"
     {
-        return "this cannot be written to".to_owned();
+        return "this cannot be assigned to".to_owned();
     }
     if text.starts_with("swizzle cannot have duplicate components") {
-        return "a component is written twice".to_owned();
+        return "a component appears twice".to_owned();
     }
     let known = match text {
-        "Expression returns void" => "this returns nothing, where a value is wanted",
-        "Expression is not const-expression" => "this is not known where it must be",
+        "Expression returns void" => "this returns nothing, but a value is expected",
+        "Expression is not const-expression" => "this must be a constant",
         "Function already defined" => "this function is defined twice",
         "Prototype already defined" => "this function is declared twice",
-        "const values must have an initializer" => "a constant wants a value",
+        "const values must have an initializer" => "a constant needs a value",
         "Case values can only be integers" => "a case must be an integer constant",
-        "Constructor: Too many arguments" => "this constructor takes fewer values",
-        "Bad type constructor" => "nothing of this type is made of that",
-        "Bad call" => "a texture function is called with what it does not take",
+        "Constructor: Too many arguments" => "too many values for this constructor",
+        "Bad type constructor" => "this type cannot be constructed from that",
+        "Bad call" => "a texture function does not accept these arguments",
         "Not a texture" | "Not a valid texture expression" | "Type is not an image" => {
-            "this is no texture"
+            "this is not a texture"
         }
-        "Type can't be void" | "Declaration cannot have void type" => "nothing can be of type void",
+        "Type can't be void" | "Declaration cannot have void type" => {
+            "the type cannot be void here"
+        }
         "Increment/decrement only works on scalar/vector/matrix" => {
-            "only numbers, vectors and matrices can be counted up or down"
+            "only numbers, vectors and matrices can be incremented or decremented"
         }
-        "Invalid struct member type" => "this type cannot lie in a block",
-        "There must be at least one argument" => "an argument is wanted",
+        "Invalid struct member type" => "this type cannot be in a block",
+        "There must be at least one argument" => "an argument is missing",
         "image types require a format layout qualifier" => {
-            "an image wants a format, as in `layout(rgba8)`"
+            "an image needs a format, as in `layout(rgba8)`"
         }
         "last case/default label must be followed by statements" => {
             "the last case has no statement"
         }
-        "Array size must be greater than zero" => "an array wants an element",
+        "Array size must be greater than zero" => "an array needs at least one element",
         other => return plain(other),
     };
     known.to_owned()
@@ -100,7 +102,7 @@ fn plain(text: &str) -> String {
         digits > 0 && rest[digits..].starts_with(']')
     });
     match numbered || INNER.iter().any(|sign| text.contains(sign)) {
-        true => "this is of a type that does not go here, or is not read".to_owned(),
+        true => "this type is wrong here, or not supported".to_owned(),
         false => text.to_owned(),
     }
 }

@@ -132,7 +132,7 @@ impl Rewrite {
                         | AssignmentOpData::Sub
                 );
                 if !has {
-                    return lacks("an assignment of bits");
+                    return lacks("a bitwise assignment");
                 }
                 self.expression(to)?;
                 self.expression(from)?;
@@ -140,7 +140,7 @@ impl Rewrite {
             ExprData::Bracket(of, index) => {
                 self.expression(of)?;
                 match (self.stage, self.index(index)) {
-                    (ShaderStage::Fragment, None) => return lacks("an index that is no constant"),
+                    (ShaderStage::Fragment, None) => return lacks("a non-constant index"),
                     (ShaderStage::Fragment, Some(by_turns)) => **index = by_turns,
                     _ => self.expression(index)?,
                 }
@@ -159,7 +159,7 @@ impl Rewrite {
                 let name = match &mut **function {
                     FunIdentifierData::TypeSpecifier(ty) => {
                         if ty.array_specifier.is_some() {
-                            return lacks("an array made of its elements");
+                            return lacks("an array constructor");
                         }
                         return types::non_array(&mut ty.ty);
                     }
@@ -206,7 +206,7 @@ impl Rewrite {
                 return lacks(format!("the function {name} of integers"));
             }
             if name == "mix" && arguments.last().is_some_and(|a| self.is_boolean(a)) {
-                return lacks("the function mix by booleans");
+                return lacks("the function mix with booleans");
             }
             return Ok(None);
         }
@@ -239,12 +239,12 @@ impl Rewrite {
             }
             ("texelFetch", [sampler, pixel, level]) => {
                 let ExprData::Variable(of) = &**sampler else {
-                    return lacks("texelFetch of a texture that is handed on");
+                    return lacks("texelFetch of a texture parameter");
                 };
                 let of = of.as_str();
                 if !matches!(**level, ExprData::IntConst(0)) || !self.fetched.contains(of) {
                     return lacks(format!(
-                        "texelFetch of `{of}` beside samples of it, or of another level than 0"
+                        "texelFetch of `{of}`, which is also sampled, or of a level other than 0"
                     ));
                 }
                 let size = self.size(of);
@@ -264,7 +264,7 @@ impl Rewrite {
                         ExprData::variable(self.size(of.as_str()).as_str()).into();
                     Ok(Some(constructed(TypeSpecifierNonArrayData::IVec2, size)))
                 }
-                _ => lacks("textureSize of another level than 0"),
+                _ => lacks("textureSize of a level other than 0"),
             },
             _ if is_struct => Ok(None),
             _ => lacks(format!("the function {name}")),
@@ -281,7 +281,7 @@ impl Rewrite {
         match self.samplers.get(name) {
             Some(Sampler::Two) => Ok("texture2D"),
             Some(Sampler::Cube) => Ok("textureCube"),
-            None => lacks("a sampler of another kind than 2D and cube"),
+            None => lacks("a sampler other than 2D and cube"),
         }
     }
 

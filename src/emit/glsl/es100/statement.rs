@@ -88,7 +88,7 @@ impl Rewrite {
                     {
                         std::mem::replace(&mut **body, compound(Vec::new()))
                     }
-                    _ => return lacks("a loop that is no plain `while`"),
+                    _ => return lacks("a loop other than a plain `while`"),
                 };
                 out.push(self.turned(body, known, out)?);
                 return Ok(());
@@ -116,9 +116,7 @@ impl Rewrite {
         ahead: &[ast::Statement],
     ) -> Result<ast::Statement> {
         let Some(counted) = known.loop_of(&body, ahead, self.entered) else {
-            return lacks(
-                "a loop that is not seen to end after a number of turns known beforehand",
-            );
+            return lacks("a loop without a constant bound on its iterations");
         };
         self.loops += 1;
         let mut turn = format!("turn_{}", self.loops);
@@ -194,7 +192,7 @@ impl Rewrite {
                 if let ast::TypeSpecifierNonArrayData::TypeName(of) = &*head.ty.ty.ty
                     && self.holds_arrays.contains(of.as_str())
                 {
-                    return lacks("a struct with an array, made whole");
+                    return lacks("a constructor of a struct with an array");
                 }
                 if let Some(initial) = &mut head.initializer {
                     self.initializer(initial, &name)?;
@@ -248,7 +246,7 @@ impl Rewrite {
                 let element = |i| element(from.as_str(), i).into();
                 Ok((0..length).map(element).collect())
             }
-            _ => lacks("an array that is neither a variable nor made of its elements"),
+            _ => lacks("an array that is neither a variable nor a constructor"),
         }
     }
 }

@@ -92,7 +92,7 @@ pub(super) fn qualify(
             | Ty::Mat44
     );
     if kept.iter().any(travels) && !is_float {
-        return lacks(format!("`{name}`, which is not of floats"));
+        return lacks(format!("`{name}`, which has no floats"));
     }
     qualifier.qualifiers = kept;
     if qualifier.qualifiers.is_empty() {
@@ -164,7 +164,7 @@ pub(super) fn length(array: Option<&ast::ArraySpecifier>) -> Result<Option<i32>>
     match &**one {
         ast::ArraySpecifierDimensionData::ExplicitlySized(size) => match ***size {
             ExprData::IntConst(n) => Ok(Some(n)),
-            _ => lacks("an array whose length is no number"),
+            _ => lacks("an array whose length is not a number"),
         },
         ast::ArraySpecifierDimensionData::Unsized => lacks("an array without a length"),
     }

@@ -329,7 +329,7 @@ impl Lower<'_, '_> {
             let pair = value.pair.clone();
             if value.choice.is_some() {
                 return Err(unsupported(
-                    "a sampler that is chosen by an index the GPU computes cannot be an argument",
+                    "a sampler selected by a dynamic index cannot be an argument",
                     place,
                 ));
             }
@@ -361,7 +361,7 @@ impl Lower<'_, '_> {
             for (path, _) in found {
                 let pair = self.pairs.get(&path).cloned();
                 let pair =
-                    pair.ok_or_else(|| unsupported("these samplers cannot be told apart", place))?;
+                    pair.ok_or_else(|| unsupported("these samplers cannot be resolved", place))?;
                 parts.push(Argument::of(pair.texture));
                 parts.push(Argument::of(pair.sampler));
             }
@@ -479,20 +479,22 @@ impl Lower<'_, '_> {
             }
             ("interpolateAtCentroid" | "interpolateAtSample" | "interpolateAtOffset", _) => {
                 return Err(unsupported(
-                    format!("`{name}` is not read: WebGPU interpolates an input in one way"),
+                    format!(
+                        "`{name}` is not supported: in WebGPU each input has one interpolation"
+                    ),
                     place,
                 )
                 .note("qualify the input itself with `centroid` or `sample`"));
             }
             ("subpassLoad", _) => {
                 return Err(unsupported(
-                    "`subpassLoad` is not read: WebGPU has no subpasses",
+                    "`subpassLoad` is not supported: WebGPU has no subpasses",
                     place,
                 ));
             }
             ("ftransform", _) => {
                 return Err(unsupported(
-                    "`ftransform` is not read: it rests on OpenGL's fixed functions",
+                    "`ftransform` is not supported: it depends on OpenGL's fixed functions",
                     place,
                 ));
             }
@@ -557,8 +559,10 @@ impl Lower<'_, '_> {
             ),
             ("umulExtended", Ty::Scalar(_)) => (Ty::Void, multiplied(&helper)),
             _ => {
-                return Err(unsupported(format!("`{name}` of {t} is not read"), place)
-                    .note("write out what it does: naga has no such function"));
+                return Err(
+                    unsupported(format!("`{name}` of {t} is not supported"), place)
+                        .note("naga has no such function: write it yourself"),
+                );
             }
         };
         self.helpers.insert(helper.clone(), text);

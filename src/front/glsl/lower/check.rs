@@ -97,7 +97,7 @@ impl Lower<'_, '_> {
             true => Ok(()),
             false => Err(Error::new(
                 Code::Parse,
-                format!("`{word}` does not go between {} and {}", a(left), a(right)),
+                format!("`{word}` does not accept {} and {}", a(left), a(right)),
             )
             .label_if(place)),
         }
@@ -109,8 +109,8 @@ impl Lower<'_, '_> {
             return Ok(());
         }
         let message = match from {
-            Ty::Void => format!("this returns nothing, where {} is wanted", a(to)),
-            _ => format!("{} stands where {} is wanted", a(from), a(to)),
+            Ty::Void => format!("this returns nothing, but {} is expected", a(to)),
+            _ => format!("{} is given, but {} is expected", a(from), a(to)),
         };
         let error = Error::new(Code::Parse, message).label_if(place);
         let asked = to.kind().is_some() && from.kind().is_some();
@@ -119,7 +119,7 @@ impl Lower<'_, '_> {
             .zip(to.components())
             .is_some_and(|(f, t)| f < t && f > 1);
         Err(match asked && !smaller && !matches!(to, Ty::Matrix(..)) {
-            true => error.note(format!("say so where it is meant: `{}(..)`", to.spelled())),
+            true => error.note(format!("convert it explicitly: `{}(..)`", to.spelled())),
             false => error,
         })
     }
@@ -130,7 +130,7 @@ impl Lower<'_, '_> {
             true => Ok(()),
             false => Err(Error::new(
                 Code::Parse,
-                format!("a condition is a bool, and this is {}", a(&of.ty)),
+                format!("a condition must be a bool, but this is {}", a(&of.ty)),
             )
             .label_if(place)),
         }
@@ -146,11 +146,10 @@ impl Lower<'_, '_> {
             };
         match fits {
             true => Ok(()),
-            false => Err(Error::new(
-                Code::Parse,
-                format!("`{word}` does not go before {}", a(of)),
-            )
-            .label_if(place)),
+            false => Err(
+                Error::new(Code::Parse, format!("`{word}` does not accept {}", a(of)))
+                    .label_if(place),
+            ),
         }
     }
 
@@ -168,7 +167,10 @@ impl Lower<'_, '_> {
         ) {
             (true, true) => return Ok(()),
             (false, _) => format!("{} has no elements", a(of)),
-            _ => format!("an index is an int or a uint, and this is {}", a(index)),
+            _ => format!(
+                "an index must be an int or a uint, but this is {}",
+                a(index)
+            ),
         };
         Err(Error::new(Code::Parse, message).label_if(place))
     }
@@ -191,12 +193,12 @@ impl Lower<'_, '_> {
         }
         let each = |wanted: &[Ty]| -> Result<(), Error> {
             if wanted.len() != given.len() {
-                return wrong(format!("{} values are wanted", wanted.len()));
+                return wrong(format!("{} values are expected", wanted.len()));
             }
             let not = given.iter().zip(wanted).find(|(g, w)| !becomes(g, w));
             match not {
                 None => Ok(()),
-                Some((g, w)) => wrong(format!("{} stands where {} is wanted", a(g), a(w))),
+                Some((g, w)) => wrong(format!("{} is given, but {} is expected", a(g), a(w))),
             }
         };
         let wanted = match ty {
@@ -216,10 +218,10 @@ impl Lower<'_, '_> {
             _ => return Ok(()),
         };
         if let Some(other) = given.iter().find(|t| t.kind().is_none()) {
-            return wrong(format!("{} is no number", a(other)));
+            return wrong(format!("{} is not a number", a(other)));
         }
         if given.is_empty() {
-            return wrong("a value is wanted".to_owned());
+            return wrong("a value is expected".to_owned());
         }
         let matrices = given.iter().any(|t| matches!(t, Ty::Matrix(..)));
         if matrices {
@@ -229,7 +231,7 @@ impl Lower<'_, '_> {
         if matches!(ty, Ty::Scalar(_)) {
             return match given.len() {
                 1 => Ok(()),
-                _ => wrong("one value is wanted".to_owned()),
+                _ => wrong("one value is expected".to_owned()),
             };
         }
         if let [Ty::Scalar(_)] = given {
@@ -244,10 +246,10 @@ impl Lower<'_, '_> {
         let before: usize = sizes().take(given.len() - 1).sum();
         match () {
             () if have < wanted => wrong(format!(
-                "{wanted} components are wanted, and {have} are given"
+                "{wanted} components are expected, but {have} are given"
             )),
             () if before >= wanted => wrong(format!(
-                "{wanted} components are there without the last value"
+                "{wanted} components are already given without the last value"
             )),
             () => Ok(()),
         }

@@ -121,7 +121,7 @@ impl Lower<'_, '_> {
             ),
             ExprData::DoubleConst(d) => {
                 return Err(unsupported(
-                    format!("the 64-bit literal {d:?} has more digits than naga reads"),
+                    format!("the 64-bit literal {d:?} is too precise for naga"),
                     place,
                 ));
             }
@@ -133,14 +133,15 @@ impl Lower<'_, '_> {
                 self.check_condition(&condition, of)?;
                 let (a, b) = (self.expr(a)?, self.expr(b)?);
                 if a.ty == Ty::Void || b.ty == Ty::Void {
-                    return Err(
-                        unsupported("`?` chooses between values, and this is none", place)
-                            .note("write an `if`"),
-                    );
+                    return Err(unsupported(
+                        "`?` selects between values, and this has none",
+                        place,
+                    )
+                    .note("write an `if`"));
                 }
                 if !check::meet(&a.ty, &b.ty) {
                     let message = format!(
-                        "`?` chooses between {} and {}",
+                        "`?` selects between {} and {}",
                         check::a(&a.ty),
                         check::a(&b.ty)
                     );
@@ -255,14 +256,14 @@ impl Lower<'_, '_> {
             | "gl_MaxFragmentUniformVectors" => Ex::primary("16", Ty::INT),
             "gl_PointCoord" => {
                 return Err(unsupported(
-                    "`gl_PointCoord` is not read: WebGPU's points are one pixel large and have no coordinates inside",
+                    "`gl_PointCoord` is not supported: WebGPU's points are one pixel large",
                     place,
                 )
-                .note("draw quads in their place, with a coordinate of their own"));
+                .note("draw quads with a coordinate instead"));
             }
             "gl_ClipDistance" | "gl_CullDistance" => {
                 return Err(unsupported(
-                    format!("`{name}` is not read: WebGPU clips by it only as an extension"),
+                    format!("`{name}` is not supported: WebGPU only has it as an extension"),
                     place,
                 )
                 .note("discard by the distance in the fragment stage"));
@@ -275,7 +276,7 @@ impl Lower<'_, '_> {
             }
             _ => {
                 return Err(unsupported(
-                    format!("`{name}` is not read: WebGPU has nothing like it"),
+                    format!("`{name}` is not supported: WebGPU has no equivalent"),
                     place,
                 ));
             }
@@ -364,7 +365,7 @@ impl Lower<'_, '_> {
         {
             return Err(Error::new(
                 Code::TooDeep,
-                format!("values of more than {COMPARED} elements are not compared"),
+                format!("values of more than {COMPARED} elements cannot be compared"),
             )
             .label_if(place)
             .note("compare them in a loop"));
@@ -429,10 +430,10 @@ impl Lower<'_, '_> {
             && base.lay.stored(&base.lay.turned(&base.ty)) != base.lay.turned(&base.ty);
         if of_columns && self.writes(of) {
             return Err(unsupported(
-                "this index does something, and what it chooses is put together of several parts",
+                "this index has side effects and selects a value with several parts",
                 place,
             )
-            .note("put the index into a variable first"));
+            .note("assign the index to a variable first"));
         }
         let index = match index.ty.kind() {
             Some(Kind::Float | Kind::Bool) => format!("int({})", index.text),
@@ -467,7 +468,7 @@ impl Lower<'_, '_> {
         let pairs = (0..length.unwrap_or(0))
             .map(|i| self.pairs.get(&format!("{path}[{i}]")).cloned())
             .collect::<Option<Vec<_>>>()
-            .ok_or_else(|| unsupported("these samplers cannot be told apart", place))?;
+            .ok_or_else(|| unsupported("these samplers cannot be resolved", place))?;
         ex.choice = Some((Box::new(index.clone()), pairs));
         Ok(ex)
     }

@@ -160,13 +160,13 @@ impl Lower<'_, '_> {
             Choice::Several(which) => Err(Error::new(
                 Code::Parse,
                 format!(
-                    "`{name}` with ({}) may be any of {}",
+                    "`{name}` with ({}) is ambiguous: {}",
                     called(),
                     list(&which)
                 ),
             )
             .label_if(place)
-            .note("convert an argument, so that one of them fits better than the others")),
+            .note("convert an argument, so that one of them fits best")),
             Choice::None => {
                 let all: Vec<usize> = (0..signatures.len()).collect();
                 let error = Error::new(Code::Parse, format!("no `{name}` takes ({})", called()))
@@ -175,7 +175,7 @@ impl Lower<'_, '_> {
                 let would = !implicit && choose(signatures, &given, true) != Choice::None;
                 Err(match would {
                     true => error.note(
-                        "GLSL ES converts no argument: write what it is to be, as in `float(i)`",
+                        "GLSL ES has no implicit conversions: convert explicitly, as in `float(i)`",
                     ),
                     false => error,
                 })

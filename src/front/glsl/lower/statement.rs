@@ -160,7 +160,7 @@ impl Lower<'_, '_> {
             let text = self.statement(statement)?;
             self.written += text.len();
             if self.written > super::WRITTEN {
-                let message = "the statements come to more than 64 MiB, element by element";
+                let message = "the expanded statements exceed 64 MiB";
                 return Err(Error::new(Code::TooDeep, message).label_if(self.place(statement.span)));
             }
             if reached {
@@ -300,7 +300,7 @@ impl Lower<'_, '_> {
                 })
             }
             ConditionData::Assignment(..) => Err(unsupported(
-                "a variable that is declared in a loop's condition is not read",
+                "a variable declared in a loop's condition is not supported",
                 self.place(condition.span),
             )
             .note("declare it before the loop")),
@@ -320,7 +320,7 @@ impl Lower<'_, '_> {
             | DeclarationData::Invariant(_) => return Ok(Vec::new()),
             _ => {
                 return Err(unsupported(
-                    "this declaration cannot stand in a function",
+                    "this declaration cannot be in a function",
                     place,
                 ));
             }

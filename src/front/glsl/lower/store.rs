@@ -301,11 +301,8 @@ impl Lower<'_, '_> {
         }
         let (first, value) = self.once(value);
         let packed = self.packed(&value, &target.ty, target.lay).ok_or_else(|| {
-            unsupported(
-                "this part of a block cannot be written to as a whole",
-                place,
-            )
-            .note("write to its members one by one")
+            unsupported("this part of a block cannot be assigned as a whole", place)
+                .note("assign its members one by one")
         })?;
         let store = format!("{} = {packed}", target.at(level::UNARY));
         Ok(first.into_iter().chain([store]).collect())
@@ -345,10 +342,10 @@ impl Lower<'_, '_> {
             }
             _ => {
                 return Err(unsupported(
-                    "this part of a block cannot be written to as a whole",
+                    "this part of a block cannot be assigned as a whole",
                     place,
                 )
-                .note("write to its elements one by one"));
+                .note("assign its elements one by one"));
             }
         }
         Ok(all)
@@ -382,7 +379,7 @@ impl Lower<'_, '_> {
             }
             ExprData::Bracket(of, _) => return self.check_written(of),
             _ => {
-                return Err(Error::new(Code::Parse, "this cannot be written to")
+                return Err(Error::new(Code::Parse, "this cannot be assigned to")
                     .label_if(self.place(target.span)));
             }
         };
@@ -390,7 +387,7 @@ impl Lower<'_, '_> {
             None => Ok(()),
             Some(what) => Err(Error::new(
                 Code::Parse,
-                format!("`{name}` is {what}, and cannot be written to"),
+                format!("`{name}` is {what} and cannot be assigned to"),
             )
             .label_if(self.place(target.span))),
         }
@@ -406,8 +403,7 @@ impl Lower<'_, '_> {
     /// A temporary; an error if none can be declared here.
     pub(super) fn needed(&mut self, ty: &Ty, place: Option<Span>) -> Result<String, Error> {
         self.temporary(ty).ok_or_else(|| {
-            unsupported("this cannot stand outside of a function", place)
-                .note("do it where `main` begins")
+            unsupported("this must be in a function", place).note("move it to the start of `main`")
         })
     }
 

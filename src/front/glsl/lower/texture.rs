@@ -211,20 +211,20 @@ impl Lower<'_, '_> {
         match name.as_str() {
             "textureQueryLod" => {
                 return Err(unsupported(
-                    format!("`{author}` is not read: WebGPU has no such query"),
+                    format!("`{author}` is not supported: WebGPU has no such query"),
                     place,
                 )
-                .note("take the level from the coordinates' derivatives"));
+                .note("compute the level from the coordinates' derivatives"));
             }
             "textureGatherOffsets" => {
                 return Err(unsupported(
-                    "`textureGatherOffsets` is not read: WebGPU gathers one square",
+                    "`textureGatherOffsets` is not supported: WebGPU only gathers a square",
                     place,
                 ));
             }
             "textureGatherOffset" => {
                 return Err(unsupported(
-                    "`textureGatherOffset` is not read: `textureGather` is, of textures without layers",
+                    "`textureGatherOffset` is not supported: use `textureGather`, on textures without layers",
                     place,
                 ));
             }
@@ -290,7 +290,7 @@ impl Lower<'_, '_> {
                 let bare = unmarked(&index.text);
                 if before.is_none() && (bare.contains(['(', '=']) || bare.contains("++")) {
                     return Err(unsupported(
-                        "a sampler can be chosen by a call within a function alone",
+                        "a call that selects a sampler must be in a function",
                         place,
                     ));
                 }
@@ -326,15 +326,12 @@ impl Lower<'_, '_> {
         place: Option<naga::Span>,
     ) -> Result<Ex, Error> {
         let Some(pair) = &sampler.pair else {
-            return Err(unsupported(
-                "`textureGather` takes a sampler that is named",
-                place,
-            ));
+            return Err(unsupported("`textureGather` needs a named sampler", place));
         };
         let shadow = combined.ends_with("Shadow");
         if rest.len() > 2 || combined.contains("Array") {
             return Err(unsupported(
-                "`textureGather` is read for textures without layers, without an offset",
+                "`textureGather` is only supported for textures without layers, without an offset",
                 place,
             ));
         }

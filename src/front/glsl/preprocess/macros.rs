@@ -163,7 +163,7 @@ impl Preprocessor<'_> {
             let ending = if wanted == 1 { "" } else { "s" };
             return Err(self.stop(
                 format!(
-                    "the macro `{name}` takes {wanted} argument{ending}, and {} are given",
+                    "the macro `{name}` takes {wanted} argument{ending}, but {} are given",
                     arguments.len()
                 ),
                 place,
@@ -292,7 +292,7 @@ impl Preprocessor<'_> {
                 begins_line: false,
                 hidden: left.hidden.clone(),
             }),
-            _ => Err(self.stop(format!("`##` makes `{text}`, which is no token"), place)),
+            _ => Err(self.stop(format!("`##` makes `{text}`, which is not a token"), place)),
         }
     }
 }

@@ -225,12 +225,9 @@ impl Preprocessor<'_> {
     }
 
     fn too_deep(&self, place: (u32, u32)) -> Stop {
-        Error::new(
-            Code::TooDeep,
-            "macros are called within one another too deeply",
-        )
-        .label(Span::new(place.0, place.1), "")
-        .note("write functions in their place")
+        Error::new(Code::TooDeep, "macro calls are nested too deeply")
+            .label(Span::new(place.0, place.1), "")
+            .note("use functions instead")
     }
 
     /// Counts work against [`WORK`].
@@ -239,9 +236,9 @@ impl Preprocessor<'_> {
         match self.done > WORK {
             true => Err(Error::new(
                 Code::TooDeep,
-                format!("macros and included files come to more than {WORK} words"),
+                format!("macros and included files have more than {WORK} tokens"),
             )
-            .note("write functions in their place")),
+            .note("use functions instead")),
             false => Ok(()),
         }
     }
@@ -346,13 +343,13 @@ impl Preprocessor<'_> {
             }
             "elif" | "else" | "endif" => {
                 let Some(mut open) = self.conditions.pop() else {
-                    return Err(self.stop(format!("this `#{word}` belongs to no `#if`"), place));
+                    return Err(self.stop(format!("this `#{word}` has no `#if`"), place));
                 };
                 if &*word == "endif" {
                     return Ok(());
                 }
                 if open.seen_else {
-                    return Err(self.stop(format!("this `#{word}` stands behind `#else`"), place));
+                    return Err(self.stop(format!("this `#{word}` follows `#else`"), place));
                 }
                 let holds = match &*word {
                     "else" => {
@@ -453,10 +450,7 @@ impl Preprocessor<'_> {
             || self.computed.contains(&name)
             || &*text == "defined";
         match is_own || text.starts_with("GL_") {
-            true => Err(self.stop(
-                format!("`{text}` is a name that GLSL keeps for itself"),
-                place,
-            )),
+            true => Err(self.stop(format!("GLSL reserves the name `{text}`"), place)),
             false => Ok(()),
         }
     }
@@ -555,7 +549,10 @@ impl Preprocessor<'_> {
             let text = self.names.text(token.name);
             words.push(match token.kind {
                 Kind::Number => Word::Number(integer(&text).ok_or_else(|| {
-                    self.stop(format!("`{text}` is no integer, as `#if` needs"), place)
+                    self.stop(
+                        format!("`{text}` is not an integer, which `#if` needs"),
+                        place,
+                    )
                 })?),
                 Kind::Word => Word::Undefined(i),
                 _ => Word::Operator(text.to_string()),
@@ -569,11 +566,11 @@ impl Preprocessor<'_> {
             match wrong {
                 Wrong::Undefined(i) => self
                     .stop(format!("`{}` is not defined", text(i)), at(i))
-                    .note("in GLSL ES a name that is not defined is no 0 in `#if` (ES 3.00, section 3.4): ask `defined(..)` first"),
+                    .note("in GLSL ES an undefined name is an error in `#if` (ES 3.00, section 3.4): test `defined(..)` first"),
                 Wrong::Malformed(Some(i)) if i < words.len() => {
-                    self.stop(format!("`{}` cannot stand here in a condition", text(i)), at(i))
+                    self.stop(format!("`{}` cannot be here in a condition", text(i)), at(i))
                 }
-                Wrong::Malformed(_) => self.stop("this condition ends too early", place),
+                Wrong::Malformed(_) => self.stop("this condition is incomplete", place),
                 Wrong::DivisionByZero => self.stop("this condition divides by 0", place),
                 Wrong::TooDeep => self.too_deep(place),
             }
@@ -592,7 +589,7 @@ impl Preprocessor<'_> {
         if !is_name(self, &line) {
             return Err(self
                 .stop("`#include` names no file", place)
-                .note("a name is in quotes or angle brackets, or a macro that stands for one"));
+                .note("put the name in quotes or angle brackets, or use a macro for it"));
         }
         let texts: Vec<Rc<str>> = line.iter().map(|t| self.names.text(t.name)).collect();
         let angled = line.first().is_some_and(|t| t.kind != Kind::Quoted);
@@ -629,7 +626,7 @@ impl Preprocessor<'_> {
         let asked: Vec<PathBuf> = beside.iter().map(|f| f.join(&name)).collect();
         let told = |e: &std::io::Error| {
             self.stop(e.to_string(), place)
-                .note("included files are looked up beside the file, then in the include paths")
+                .note("included files are searched beside the file, then in the include paths")
         };
         let mut first = None;
         let hit = asked.iter().find_map(|path| match self.files.find(path) {
@@ -663,9 +660,9 @@ impl Preprocessor<'_> {
             let round = round.and_then(|i| self.known.get(self.open[i].found.as_ref()?));
             return Err(match round {
                 Some((name, _)) => self
-                    .stop(format!("{name} includes itself, and no condition ends it"), place)
+                    .stop(format!("{name} includes itself without end"), place)
                     .note("begin it with `#ifndef A_NAME` and `#define A_NAME`, and end it with `#endif`"),
-                None => self.stop(format!("files include one another more than {OPEN} deep"), place),
+                None => self.stop(format!("includes are nested more than {OPEN} deep"), place),
             });
         }
         self.open.push(Reading {

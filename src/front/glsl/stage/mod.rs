@@ -222,9 +222,7 @@ impl<'u> Stage<'u> {
                 ];
                 if let Some(word) = tessellation.iter().find(|w| q.says(w)) {
                     return Err(unsupported(
-                        format!(
-                            "`layout({word})` belongs to a stage that a material does not have"
-                        ),
+                        format!("`layout({word})` is not for a vertex or fragment stage"),
                         place,
                     ));
                 }
@@ -270,10 +268,10 @@ impl<'u> Stage<'u> {
             self.origin_upper_left |= qualifiers.says("origin_upper_left");
             if qualifiers.says("pixel_center_integer") {
                 return Err(unsupported(
-                    "`pixel_center_integer` is not read: the centres of WebGPU's pixels lie at halves",
+                    "`pixel_center_integer` is not supported: WebGPU's pixel centres are at halves",
                     place,
                 )
-                .note("leave it out, and take 0.5 off where `gl_FragCoord` is read"));
+                .note("remove it and subtract 0.5 from `gl_FragCoord`"));
             }
             return Ok(());
         }
@@ -345,7 +343,7 @@ impl<'u> Stage<'u> {
             .is_some_and(|i| i.array_spec.is_some())
         {
             return Err(unsupported(
-                format!("`{name}` is an array of blocks, which WebGPU has no bindings for"),
+                format!("`{name}` is an array of blocks, which WebGPU cannot bind"),
                 place,
             ));
         }
@@ -431,12 +429,12 @@ impl<'u> Stage<'u> {
             if asked != at || own.number("align").is_some_and(|n| at % n.max(1) != 0) {
                 return Err(unsupported(
                     format!(
-                        "`{}` is asked to lie elsewhere than at byte {at}, where it comes without being asked",
+                        "`{}` has an explicit offset other than its default, byte {at}",
                         member.name
                     ),
                     member.place,
                 )
-                .note("put members in their order, with others to fill what is left between"));
+                .note("order the members by offset, and fill gaps with other members"));
             }
             // No buffer is this large. The validator rejects it.
             end = at.saturating_add(size).min(1 << 31);

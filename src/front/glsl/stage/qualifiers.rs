@@ -90,7 +90,7 @@ impl Stage<'_> {
                     }
                     S::Subroutine(_) => {
                         return Err(unsupported(
-                            "subroutines are not read: WebGPU has none",
+                            "subroutines are not supported: WebGPU has none",
                             place,
                         ));
                     }

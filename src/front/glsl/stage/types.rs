@@ -51,7 +51,7 @@ impl Stage<'_> {
                     return Err(Error::new(
                         Code::TooDeep,
                         format!(
-                            "`{name}` holds {} elements in {} members; at most {} in {MEMBERS} are read",
+                            "`{name}` has {} elements in {} members; the limit is {} in {MEMBERS}",
                             count.elements, count.members, self.unit.array_elements
                         ),
                     )
@@ -125,7 +125,10 @@ impl Stage<'_> {
                     let n = constant::evaluate(e, &self.constants);
                     let n = n.and_then(|n| u32::try_from(n).ok()).filter(|n| *n > 0);
                     let n = n.ok_or_else(|| {
-                        unsupported("the length of this array is not an integer constant above 0 that is known here", place)
+                        unsupported(
+                            "the length of this array must be an integer constant above 0",
+                            place,
+                        )
                     })?;
                     Some(n)
                 }
@@ -153,7 +156,7 @@ impl Stage<'_> {
             false => Ok(()),
             true => Err(Error::new(
                 Code::TooDeep,
-                format!("an array of {n} elements, more than {most}, is not read"),
+                format!("an array of {n} elements exceeds the limit of {most}"),
             )
             .label_if(place)),
         }
