@@ -18,6 +18,8 @@ pub mod nearest;
 #[cfg(feature = "compiler")]
 pub mod parameters;
 #[cfg(feature = "compiler")]
+pub mod pipeline;
+#[cfg(feature = "compiler")]
 pub mod recipe;
 #[cfg(feature = "compiler")]
 pub mod regular;

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::nearest::nearest;
 use crate::parameters::{Parameter, parameters};
+use crate::pipeline::{self, Applied};
 
 /// One step: a pass, its parameters, and the site if the recipe pins it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -339,19 +340,22 @@ impl Recipe {
         Ok(())
     }
 
-    /// Applies every step. `plan` is untouched.
+    /// Applies every step to a material on its own, for callers that need all of them.
     ///
     /// # Errors
-    /// The first refusal. A step whose site is gone, or that finds several, is refused as `stale` or `ambiguous`.
-    pub fn apply(&self, plan: &Plan, facts: &Facts) -> Result<Plan, Box<Refusal>> {
-        self.steps
-            .iter()
-            .try_fold(plan.clone(), |plan, step| step.apply(&plan, facts))
+    /// The first refusal.
+    pub fn apply(&self, plan: &Plan, facts: &Facts) -> Applied {
+        let (plan, skipped) = pipeline::apply(plan, self, facts);
+        match skipped.into_iter().next() {
+            None => Ok(plan),
+            Some(first) => Err(first.refusal),
+        }
     }
 }
 
 impl Step {
-    fn apply(&self, plan: &Plan, facts: &Facts) -> Result<Plan, Box<Refusal>> {
+    /// Applies the step. A site that is gone is refused as `stale`, several sites as `ambiguous`.
+    pub(crate) fn apply(&self, plan: &Plan, facts: &Facts) -> Applied {
         let refuse = |code: &str, reason: String, remedy: &str| {
             Box::new(Refusal::new(&self.pass, code, reason, remedy))
         };

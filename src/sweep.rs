@@ -94,12 +94,12 @@ impl Sweep {
         Self::of(text.to_owned(), recipe::split_list(text))
     }
 
-    /// Reads one step.
+    /// Reads one step a string.
     ///
     /// # Errors
     /// As [`Sweep::parse_list`].
-    pub fn parse_step(text: &str) -> Result<Self, SweepError> {
-        Self::of(text.to_owned(), vec![text.to_owned()])
+    pub fn parse_steps(steps: &[String]) -> Result<Self, SweepError> {
+        Self::of(steps.join(","), steps.to_vec())
     }
 
     fn of(text: String, steps: Vec<String>) -> Result<Self, SweepError> {
@@ -218,55 +218,35 @@ fn words(parameter: &Parameter, value: &str) -> Option<Vec<String>> {
     (parts.len() > 1).then_some(parts)
 }
 
-/// What a pass does nothing without: the pass before it, and the parameters that one must be given where it was given none.
-struct Foundation {
-    pass: &'static str,
-    on: &'static str,
-    /// A parameter without which the pass underneath is no foundation.
-    needs: &'static str,
-    given: &'static [&'static str],
-    /// What varies over all its words where the pass is swept and it is not said.
-    each: &'static str,
-}
+/// Parameters that a sweep of `tessellate` on `hoist` needs: without a budget, nothing is hoisted.
+const UNDER_TESSELLATE: [&str; 4] = ["budget=1", "finite=assumed", "jumps=carried", "threshold=1"];
 
-const FOUNDATIONS: [Foundation; 1] = [Foundation {
-    pass: "tessellate",
-    on: "hoist",
-    needs: "budget",
-    given: &["budget=1", "finite=assumed", "jumps=carried", "threshold=1"],
-    each: "form",
-}];
-
-/// `step` on the nearest of `before` that it does nothing without: `tessellate` divides what `hoist` moved. A hoist that was given no budget gets one that allows anything, since a
-/// sweep measures what each point is off by; a range over the pass is drawn in every one of its forms where none is named. `None` where the pass stands alone, or
-/// none of `before` is what it stands on.
-pub fn founded(step: &str, before: &[String]) -> Option<String> {
+/// `steps` with the parameters that a swept `tessellate` needs, if any are missing: the `hoist` before it gets
+/// a budget that allows any error, since a sweep measures the error of each point, and `tessellate` is
+/// drawn in all its forms.
+pub fn completed(steps: &[String]) -> Option<Vec<String>> {
     let name = |step: &str| step.split(':').next().unwrap_or_default().trim().to_owned();
-    let of = FOUNDATIONS.iter().find(|f| f.pass == name(step))?;
-    let under = before.iter().rfind(|b| name(b) == of.on)?;
+    let is_swept = |s: &String| name(s) == "tessellate" && s.contains("..");
+    let swept = steps.iter().position(is_swept)?;
+    let under = steps[..swept].iter().rposition(|s| name(s) == "hoist")?;
     let has = |step: &str, key: &str| {
         let rest = step.split_once(':').map_or("", |(_, rest)| rest);
-        rest.split(',')
-            .filter_map(|p| p.split_once('='))
-            .any(|(k, _)| k.trim() == key)
+        let mut pairs = rest.split(',').filter_map(|p| p.split_once('='));
+        pairs.any(|(k, _)| k.trim() == key)
     };
-    let add = |step: &mut String, part: &str| {
-        step.push(if step.contains(':') { ',' } else { ':' });
-        step.push_str(part);
-    };
-    let mut under = under.clone();
-    if !has(&under, of.needs) {
-        for part in of.given {
-            if !has(&under, part.split('=').next().unwrap_or_default()) {
-                add(&mut under, part);
-            }
+    let key = |part: &str| part.split('=').next().unwrap_or_default().to_owned();
+    let mut all = steps.to_vec();
+    let mut add = |step: usize, part: &str| {
+        if !has(&all[step], &key(part)) {
+            let separator = if all[step].contains(':') { ',' } else { ':' };
+            all[step] = format!("{}{separator}{part}", all[step]);
         }
+    };
+    if !has(&steps[under], "budget") {
+        UNDER_TESSELLATE.iter().for_each(|part| add(under, part));
     }
-    let mut step = step.to_owned();
-    if step.contains("..") && !has(&step, of.each) {
-        add(&mut step, &format!("{}=all", of.each));
-    }
-    Some(format!("{under},{step}"))
+    add(swept, "form=all");
+    (all != steps).then_some(all)
 }
 
 /// The value of a point as a number, where it is one.
@@ -341,20 +321,24 @@ mod tests {
     }
 
     #[test]
-    fn tessellate_stands_on_the_hoist_before_it() {
-        let founded = |step: &str, before: &[&str]| {
-            let before: Vec<String> = before.iter().map(|b| (*b).to_owned()).collect();
-            founded(step, &before)
+    fn a_swept_tessellate_gets_the_parameters_it_needs() {
+        let completed = |steps: &[&str]| {
+            let steps: Vec<String> = steps.iter().map(|s| (*s).to_owned()).collect();
+            completed(&steps).map(|steps| steps.join(" "))
         };
         assert_eq!(
-            founded("tessellate:level=1..8", &["depth-prepass", "hoist"]).unwrap(),
-            "hoist:budget=1,finite=assumed,jumps=carried,threshold=1,tessellate:level=1..8,form=all"
+            completed(&["shadow", "hoist", "tessellate:level=1..8"]).unwrap(),
+            "shadow hoist:budget=1,finite=assumed,jumps=carried,threshold=1 tessellate:level=1..8,form=all"
         );
         assert_eq!(
-            founded("tessellate", &["hoist:budget=0.1"]).unwrap(),
-            "hoist:budget=0.1,tessellate"
+            completed(&["hoist:budget=0.1", "tessellate:level=1..8"]).unwrap(),
+            "hoist:budget=0.1 tessellate:level=1..8,form=all"
         );
-        assert_eq!(founded("tessellate", &["early-discard"]), None);
-        assert_eq!(founded("hoist", &["hoist"]), None);
+        assert_eq!(
+            completed(&["hoist:budget=1", "tessellate:level=1..8,form=pulled"]),
+            None
+        );
+        assert_eq!(completed(&["hoist", "tessellate"]), None);
+        assert_eq!(completed(&["early-discard", "tessellate:level=1..8"]), None);
     }
 }

@@ -8,9 +8,9 @@ use codespan_reporting::term;
 use preshade::measure::{self, EffectUse, Session};
 use preshade::passes::PASSES;
 use preshade::passes::graph::Graph;
-use preshade::passes::neighbours;
 use preshade::passes::pass::{Bound, Facts, Frequency, Left, Refusal, SiteCost, Sites};
 use preshade::passes::plan::Plan;
+use preshade::pipeline::{self, Frame};
 use preshade::recipe::{Recipe, Step};
 use preshade::render::{AdapterChoice, Gpu, ShaderForm};
 use serde::Serialize;
@@ -35,7 +35,8 @@ A refusal says where, why, and what would make the pass legal; it is no failure 
 Static cost is in scalar operations, weighted: an addition of two floats is 1 op, a division 4, a
 texture sample 32 (the whole table: the module `graph::cost`). A site is the hash of its slice.")]
 pub struct Args {
-    /// Explain these passes, with these parameters; default: all, with their defaults.
+    /// Explain these passes, with these parameters, each after those before it; default: all
+    /// passes, each on its own.
     #[arg(long = "pass", value_name = "NAME[:k=v,..]")]
     passes: Vec<String>,
     /// Draw the scene (for a shader, one is made up) and tell what each value of a fragment stage would cost the picture if it were
@@ -93,6 +94,15 @@ struct PassExplained {
     sites: Sites,
 }
 
+/// Which plan each pass is explained on.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Order {
+    /// The original.
+    Apart,
+    /// The plan that the passes before it made.
+    Chained,
+}
+
 /// Explains a material, or every material of a scene.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let steps = if args.passes.is_empty() {
@@ -105,6 +115,10 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
             .iter()
             .map(|p| Step::parse(p))
             .collect::<Result<Vec<_>, _>>()?
+    };
+    let order = match args.passes.is_empty() {
+        true => Order::Apart,
+        false => Order::Chained,
     };
     let recipe = Recipe {
         steps: steps.clone(),
@@ -127,7 +141,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let effects = args.shader.effects()?;
     let materials = plans
         .iter()
-        .map(|plan| explain(plan, &steps, &facts, &frame, &effects))
+        .map(|plan| explain(plan, &steps, &facts, &frame, &effects, order))
         .collect::<Result<Vec<_>, _>>()?;
     match args.format {
         Format::Json => output::json(&Explanation {
@@ -175,7 +189,9 @@ fn explain(
     facts: &Facts,
     frame: &[Plan],
     effects: &[EffectUse],
+    order: Order,
 ) -> Result<Explained, Failure> {
+    let mut before = plan.clone();
     let mut frequencies: Vec<Frequency> = facts
         .frequencies
         .iter()
@@ -203,15 +219,24 @@ fn explain(
                 };
                 let info = pass.info();
                 let params = serde_json::Value::Object(step.params.clone());
-                let mut sites = pass.sites(plan, facts, &params)?;
+                let mut sites = pass.sites(&before, facts, &params)?;
+                let alone = Recipe {
+                    steps: vec![step.clone()],
+                };
+                let frame = Frame {
+                    materials: std::slice::from_ref(&before),
+                    neighbours: frame,
+                };
+                let (mut after, skipped) =
+                    pipeline::apply_in(frame, &alone, facts, &mut |_, _, _| true);
                 // A plan may be legal alone but not beside the others.
-                let applied = sites
-                    .sites
-                    .first()
-                    .and_then(|site| pass.apply(plan, facts, &site.key, &params).ok());
-                if let Some(refusal) = applied.and_then(|next| neighbours::conflict(&next, frame)) {
+                if let (false, Some(skipped)) = (sites.sites.is_empty(), skipped.into_iter().next())
+                {
                     sites.sites.clear();
-                    sites.refusals.push(refusal);
+                    sites.refusals.push(*skipped.refusal);
+                }
+                if order == Order::Chained {
+                    before = after.remove(0);
                 }
                 Ok(PassExplained {
                     pass: step.to_string(),

@@ -17,9 +17,8 @@ use preshade::scene::{DrawOrder, Scene};
 use preshade::search::explore::{self, Journal, Settings};
 
 use crate::input::ShaderArgs;
-use crate::verify::{
-    FormArg, OrderArg, check_folder, command, grouped, guesses, parse_seconds, sweeps,
-};
+use crate::variants::VariantArgs;
+use crate::verify::{FormArg, OrderArg, check_folder, command, grouped, guesses, parse_seconds};
 use crate::view::ViewArgs;
 use crate::{Failure, Outcome, Table, many, output};
 
@@ -30,7 +29,7 @@ Examples:
   preshade explore scene.toml
   preshade explore scene.toml --budget flip_mean=0.02 --out report/     report/report.html
   preshade explore lit.wgsl --seconds 20
-  preshade explore scene.toml --recipe hoist:budget=1,threshold=1,tessellate:level=1..12,form=all
+  preshade explore scene.toml --variant hoist:budget=1,threshold=1,tessellate:level=1..12,form=all
 
 Looks at ways to shade fewer fragments and at ways to compute less in one, alone and then the best
 of them together; drops on the way what another beats in both error and time, beyond the intervals;
@@ -42,12 +41,8 @@ pub struct Args {
     /// frontier too; default: flip_mean, without an end.
     #[arg(long, value_name = "METRIC=NUMBER", value_parser = Budget::parse)]
     budget: Option<Budget>,
-    /// Look at this pass alone, ranges allowed; may be given several times.
-    #[arg(long = "pass", value_name = "NAME[:k=v,..]")]
-    passes: Vec<String>,
-    /// Look at these passes together, ranges allowed.
-    #[arg(long = "recipe", value_name = "NAME[:k=v,..],NAME..")]
-    recipes: Vec<String>,
+    #[command(flatten)]
+    variants: VariantArgs,
     #[command(flatten)]
     view: ViewArgs,
     /// Draw in this order; default: the scene's first.
@@ -145,7 +140,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
 
 /// Explores one scene or shader.
 fn one(args: &Args, shader: &ShaderArgs, out: Option<&Path>) -> Result<Outcome, Failure> {
-    let sweeps = sweeps(&args.passes, &args.recipes)?;
+    let sweeps = args.variants.sweeps()?;
     let mut scene = args.view.of(shader.scene()?)?;
     if let Some(order) = args.order {
         scene.orders = vec![DrawOrder::from(order)];

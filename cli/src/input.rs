@@ -154,13 +154,7 @@ impl ShaderArgs {
         let (plans, known) = match input {
             Input::Shader(parsed, state) => {
                 files.extend(self.included(&parsed));
-                let plan = Plan::original(
-                    &self.material_name(),
-                    parsed.program,
-                    &parsed.vertex,
-                    parsed.fragment.as_deref(),
-                    &state,
-                );
+                let plan = parsed.plan(&self.material_name(), &state);
                 recipe.check_names(std::slice::from_ref(&plan))?;
                 return Ok(Materials {
                     asked: vec![plan.clone()],

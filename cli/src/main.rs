@@ -39,6 +39,7 @@ mod plan;
 mod rewrite;
 mod state;
 mod variable;
+mod variants;
 mod verify;
 mod view;
 mod watch;

@@ -8,11 +8,11 @@ use std::time::{Duration, Instant};
 use preshade::emit::{self, Target};
 use preshade::measure::validate_on;
 use preshade::passes::contract::Contract;
-use preshade::passes::neighbours;
 use preshade::passes::pass::{AnyPass, Facts, Refusal};
 use preshade::passes::plan::Plan;
 use preshade::passes::validate::{Check, Effort, Verdict, validate};
 use preshade::passes::{PASSES, pass_named};
+use preshade::pipeline::{self, Applied, Frame};
 use preshade::recipe::{Recipe, Step};
 use preshade::render::{AdapterChoice, Gpu};
 use rayon::prelude::*;
@@ -223,8 +223,12 @@ impl Times {
     fn took<T>(&mut self, order: u8, what: &str, work: impl FnOnce() -> T) -> T {
         let began = Instant::now();
         let done = work();
-        *self.0.entry((order, what.to_owned())).or_default() += began.elapsed();
+        self.add(order, what, began.elapsed());
         done
+    }
+
+    fn add(&mut self, order: u8, what: &str, time: Duration) {
+        *self.0.entry((order, what.to_owned())).or_default() += time;
     }
 
     fn table<'t>(all: impl Iterator<Item = &'t Self>) -> String {
@@ -413,22 +417,19 @@ fn make(job: &Job, args: &Args, recipe: &Recipe, targets: &[Target]) -> Result<M
     let materials = made
         .times
         .took(0, "parse", || job.shader.plans_by_draws(recipe))?;
-    let Materials {
-        asked: originals,
-        frame,
-        known,
-        files: read,
-    } = materials;
-    made.read = read;
-    for original in &originals {
+    for original in &materials.asked {
         check_name(&original.material)?;
+    }
+    let applied = apply(&materials, recipe, args, &mut made.times);
+    made.read = materials.files;
+    for (original, (plan, messages, refusals)) in materials.asked.iter().zip(applied) {
         if original.passes.iter().all(|p| p.fragment.is_none()) {
             made.messages.push(format!(
                 "note: `{}` has no fragment stage: it is taken for a material that draws depth alone; where its fragment stage is in another file, give both",
                 original.material
             ));
         }
-        let (plan, refusals) = apply(original, recipe, &known, &frame, args, &mut made);
+        made.messages.extend(messages);
         let budgets = plan.contract.budgets();
         if !budgets.is_empty() {
             let off: Vec<String> = budgets
@@ -477,21 +478,18 @@ fn make(job: &Job, args: &Args, recipe: &Recipe, targets: &[Target]) -> Result<M
         let elsewhere = validation_on.iter().flat_map(|v| &v.checks);
         let mut all = validation.iter().flatten().chain(elsewhere);
         let is_broken = all.any(|c| c.verdict.is_broken());
-        let emitted = match is_broken {
-            true => Emitted {
-                files: Vec::new(),
-                errors: Vec::new(),
-            },
+        let (files, errors) = match is_broken {
+            true => (Vec::new(), Vec::new()),
             false => made
                 .times
-                .took(u8::MAX, "emit", || emit_each(&plan, targets))?,
+                .took(u8::MAX, "emit", || pipeline::emit(&plan, targets)),
         };
         made.errors
-            .extend(emitted.errors.iter().map(|e| format!("error: {e}")));
-        if recipe.steps.is_empty() && emitted.errors.is_empty() && args.out_dir.is_none() {
+            .extend(errors.iter().map(|e| format!("error: {e}")));
+        if recipe.steps.is_empty() && errors.is_empty() && args.out_dir.is_none() {
             made.hints.push(nothing_asked_for(original));
         }
-        let written = emitted.files.iter().map(|file| Written {
+        let written = files.iter().map(|file| Written {
             name: file.name.clone(),
             content: match &job.folder {
                 Some(folder) => Content::Path(folder.join(&file.name)),
@@ -513,7 +511,7 @@ fn make(job: &Job, args: &Args, recipe: &Recipe, targets: &[Target]) -> Result<M
             validation_on,
             files: written.collect(),
         };
-        made.materials.push((rewritten, emitted.files));
+        made.materials.push((rewritten, files));
     }
     Ok(made)
 }
@@ -547,41 +545,6 @@ fn adapter() -> &'static Option<Gpu> {
     ADAPTER.get_or_init(|| Gpu::new(&AdapterChoice::Best).ok())
 }
 
-/// What of a plan could be written.
-struct Emitted {
-    /// Nothing where every target failed.
-    files: Vec<emit::File>,
-    /// One a target that failed.
-    errors: Vec<emit::Error>,
-}
-
-/// Emits `plan` in every target that can say it.
-///
-/// # Errors
-/// When the plan itself is broken: a bug.
-fn emit_each(plan: &Plan, targets: &[Target]) -> Result<Emitted, emit::Error> {
-    let emit = |targets: &[Target]| emit::emit(plan, targets, &emit::Options::default());
-    if let Ok(files) = emit(targets) {
-        return Ok(Emitted {
-            files,
-            errors: Vec::new(),
-        });
-    }
-    let (mut able, mut errors) = (Vec::new(), Vec::new());
-    for target in targets {
-        match emit(&[*target]) {
-            Ok(_) => able.push(*target),
-            Err(error @ emit::Error::BrokenPlan { .. }) => return Err(error),
-            Err(error) => errors.push(error),
-        }
-    }
-    let files = match able.is_empty() {
-        true => Vec::new(),
-        false => emit(&able)?,
-    };
-    Ok(Emitted { files, errors })
-}
-
 /// A note for who gave no `--pass`: the material is written as it is, and these passes would apply.
 fn nothing_asked_for(original: &Plan) -> String {
     let applies = |pass: &&&dyn AnyPass| {
@@ -601,44 +564,43 @@ fn nothing_asked_for(original: &Plan) -> String {
     format!("note: no --pass is given, so `{material}` is written as it is; {list}")
 }
 
-/// The steps of `recipe` that apply to a material drawn in one frame with `frame`; what is refused is told and left out.
+/// Applies the recipe to the materials of a job. Returns the plans, and each material's messages and refusals.
 fn apply(
-    original: &Plan,
+    materials: &Materials,
     recipe: &Recipe,
-    facts: &Facts,
-    frame: &[Plan],
     args: &Args,
-    made: &mut Made,
-) -> (Plan, Vec<Refusal>) {
-    let (mut plan, mut refusals) = (original.clone(), Vec::new());
-    for (order, step) in (1..).zip(&recipe.steps) {
-        match made
-            .times
-            .took(order, &step.pass, || one(step, &plan, facts, frame))
-        {
-            Ok(next) => plan = next,
-            Err(refusal) => {
-                made.messages.push(crate::explain::refusal(&refusal, &plan));
-                refusals.push(*refusal);
-            }
+    times: &mut Times,
+) -> Vec<(Plan, Vec<String>, Vec<Refusal>)> {
+    let frame = Frame {
+        materials: &materials.asked,
+        neighbours: &materials.frame,
+    };
+    let mut messages: BTreeMap<String, Vec<String>> = BTreeMap::new();
+    let mut began = Instant::now();
+    let mut inspect = |step: &Step, plan: &Plan, result: &Applied| {
+        let order = recipe.steps.iter().position(|s| s == step).unwrap_or(0);
+        times.add(1 + order as u8, &step.pass, began.elapsed());
+        let messages = messages.entry(plan.material.clone()).or_default();
+        if let Err(refusal) = result {
+            messages.push(crate::explain::refusal(refusal, plan));
         }
         if args.print_after.iter().any(|p| *p == step.pass || p == ALL) {
-            made.messages
-                .push(format!("// after {step}\n{}", texts(&plan)));
+            let now = result.as_ref().unwrap_or(plan);
+            messages.push(format!("// after {step}\n{}", texts(now)));
         }
-    }
-    (plan, refusals)
-}
-
-fn one(step: &Step, plan: &Plan, facts: &Facts, frame: &[Plan]) -> Result<Plan, Box<Refusal>> {
-    let recipe = Recipe {
-        steps: vec![step.clone()],
+        began = Instant::now();
+        true
     };
-    let next = recipe.apply(plan, facts)?;
-    match neighbours::conflict(&next, frame) {
-        None => Ok(next),
-        Some(refusal) => Err(Box::new(refusal)),
-    }
+    let (plans, skipped) = pipeline::apply_in(frame, recipe, &materials.known, &mut inspect);
+    plans
+        .into_iter()
+        .map(|plan| {
+            let own = skipped.iter().filter(|s| s.material == plan.material);
+            let refusals = own.map(|s| (*s.refusal).clone()).collect();
+            let messages = messages.remove(&plan.material).unwrap_or_default();
+            (plan, messages, refusals)
+        })
+        .collect()
 }
 
 /// The WGSL of a plan.

@@ -13,13 +13,14 @@ use preshade::recipe::Recipe;
 use preshade::render::{AdapterChoice, Gpu, ShaderForm};
 use preshade::report;
 use preshade::scene::{self, DrawOrder, Scene, Variables};
-use preshade::sweep::{self, Sweep};
+use preshade::sweep::Sweep;
 
 use crate::apart::{apart, resumed};
 use crate::input::ShaderArgs;
 use crate::keeper::Keeper;
 use crate::output::{self, Progress};
 use crate::variable::Axis;
+use crate::variants::VariantArgs;
 use crate::view::ViewArgs;
 use crate::{Failure, Outcome, Table, worker};
 
@@ -28,25 +29,21 @@ use crate::{Failure, Outcome, Table, worker};
 #[command(after_help = "\
 Examples:
   preshade verify scene.toml
-  preshade verify scene.toml --pass depth-prepass --pass early-discard:quad=lane,budget=0.02 --out report/
-  preshade verify scene.toml --recipe depth-prepass:form=equal,early-discard --camera wall --order front-to-back
-  preshade verify scene.toml --pass hoist --pass tessellate:level=1..8 --budget flip_mean=0.02
+  preshade verify scene.toml --variant depth-prepass --variant early-discard:quad=lane,budget=0.02 --out report/
+  preshade verify scene.toml --pass depth-prepass:form=equal --pass early-discard --camera wall --order front-to-back
+  preshade verify scene.toml --variant hoist:budget=1,threshold=1,tessellate:level=1..8 --budget flip_mean=0.02
   preshade verify grass.toml --sweep instances=50000..400000 --pass visibility-buffer
   preshade verify lit.wgsl --size 640x360 --time no      a scene is made up for a shader
 
-Each --pass is a variant of its own; --recipe puts several passes into one. But tessellate
-divides what hoist moved: after a --pass hoist it stands on that one, with a budget of 1 if it has
-none, since its error is measured.
-level=1..8 stands for eight variants, form=pulled/shared for two, form=all for one a word: any
-whole number and any choice of any pass. A range gets a table, a plot and rows of pictures.
+Several --pass are one variant, \"a, then b\", as in `rewrite`. Several --variant are several
+variants. Without either, the depth passes are drawn in their main forms. A pass that a material
+refuses is skipped and reported.
+level=1..8 is eight variants, form=pulled/shared is two, form=all is one for each form. A range
+works for any whole number and any choice of any pass. It gets a table, a plot and rows of pictures.
 Exit status 1: a variant broke its contract.")]
 pub struct Args {
-    /// A variant of one pass; may be given several times. Default: the depth passes in their main forms.
-    #[arg(long = "pass", value_name = "NAME[:k=v,..]")]
-    passes: Vec<String>,
-    /// A variant of several passes, separated by commas.
-    #[arg(long = "recipe", value_name = "NAME[:k=v,..],NAME..")]
-    recipes: Vec<String>,
+    #[command(flatten)]
+    variants: VariantArgs,
     /// Name the fastest variant whose error is within this, and what `rewrite` makes it of: flip_mean,
     /// flip_p99 or max_abs, the worst of all views.
     #[arg(long, value_name = "METRIC=NUMBER", value_parser = Budget::parse)]
@@ -160,10 +157,10 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     if worker::mine().is_some() {
         worker::end_with_parent();
     }
-    let mut sweeps = sweeps(&args.passes, &args.recipes)?;
+    let mut sweeps = args.variants.sweeps()?;
     if sweeps.is_empty() {
-        for pass in DEFAULT {
-            sweeps.push(Sweep::parse_step(pass)?);
+        for variant in DEFAULT {
+            sweeps.push(Sweep::parse_list(variant)?);
         }
     }
     let first = match &args.sweep {
@@ -536,8 +533,7 @@ fn choose(
             match measure::leaves_a_choice(&recipe) {
                 true => {
                     let chosen = measure::within_budget(session, &recipe, facts)?;
-                    let is_taken =
-                        measure::variant(originals, &chosen, facts).kept.len() < originals.len();
+                    let is_taken = !measure::variant(originals, &chosen, facts).is_refused();
                     let written = measure::written_out(&chosen, facts).filter(|_| is_taken);
                     if let Some(written) = written {
                         bar.suspend(|| {
@@ -597,26 +593,6 @@ pub fn guesses(scene: &Scene) -> Option<String> {
             .map(|g| format!("  {:<widest$}  {}", g.name, g.guess)),
     );
     Some(lines.join("\n"))
-}
-
-/// What is asked for: a `--pass` is a sweep of one step, or of two where it stands on a pass before it, a `--recipe` one of several.
-pub fn sweeps(passes: &[String], recipes: &[String]) -> Result<Vec<Sweep>, Failure> {
-    let mut sweeps = Vec::new();
-    for (i, pass) in passes.iter().enumerate() {
-        sweeps.push(match sweep::founded(pass, &passes[..i]) {
-            Some(recipe) => {
-                output::message(&format!(
-                    "note: --pass {pass} stands on the pass before it: --recipe {recipe}"
-                ));
-                Sweep::parse_list(&recipe)?
-            }
-            None => Sweep::parse_step(pass)?,
-        });
-    }
-    for list in recipes {
-        sweeps.push(Sweep::parse_list(list)?);
-    }
-    Ok(sweeps)
 }
 
 /// The scene asked for, under the set-up asked for.

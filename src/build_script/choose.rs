@@ -12,6 +12,7 @@ use super::{Asked, Builder, Error};
 use crate::emit::{self, File, Target};
 use crate::front;
 use crate::lock::{Inputs, Left, Lock, LockError, Locked, Mismatch};
+use crate::pipeline::{self, Applied, Frame};
 use crate::recipe::{Recipe, Step};
 
 /// The variants of a material for which nothing is asked: what needs no scene.
@@ -77,8 +78,7 @@ pub(super) fn choose(
     trace.absent.extend(map.absent().iter().map(PathBuf::from));
     trace.searched.extend_from_slice(map.searched());
     let warnings = &mut trace.warnings;
-    let fragment = parsed.fragment.as_deref();
-    let original = Plan::original(name, parsed.program, &parsed.vertex, fragment, &state);
+    let original = parsed.plan(name, &state);
 
     let checked = lock.map(|lock| lock.check(name, &inputs));
     // What was seen of the scene holds for all that is made of the same shader.
@@ -227,35 +227,34 @@ impl Seen<'_> {
         recipe: &Recipe,
         warnings: &mut Vec<String>,
     ) -> (Plan, Vec<String>) {
-        let (mut plan, mut left_out) = (original.clone(), Vec::new());
-        for step in &recipe.steps {
-            let one = Recipe {
-                steps: vec![step.clone()],
-            };
+        let mut left_out: Vec<String> = Vec::new();
+        let mut inspect = |step: &Step, _: &Plan, result: &Applied| {
             let after = match left_out.is_empty() {
                 true => "",
                 false => " (what was to come before it is left out)",
             };
-            let why = match one.apply(&plan, self.facts) {
+            let (told, why) = match result {
                 Err(refusal) => {
                     let of = format!("in `{name}`: ");
-                    warnings.push(refused(self.sources, &refusal, &of, after));
-                    refusal.to_string()
+                    let told = refused(self.sources, refusal, &of, after);
+                    (told, refusal.to_string())
                 }
                 Ok(next) => match self.needs_scene(step, name, &next.contract) {
-                    None => {
-                        plan = next;
-                        continue;
-                    }
-                    Some(why) => {
-                        warnings.push(warning(self.sources, &why));
-                        why
-                    }
+                    None => return true,
+                    Some(why) => (warning(self.sources, &why), why),
                 },
             };
+            warnings.push(told);
             left_out.push(why);
-        }
-        (plan, left_out)
+            false
+        };
+        let alone = std::slice::from_ref(original);
+        let frame = Frame {
+            materials: alone,
+            neighbours: alone,
+        };
+        let (mut plans, _) = pipeline::apply_in(frame, recipe, self.facts, &mut inspect);
+        (plans.remove(0), left_out)
     }
 
     /// Why a promise cannot be relied on before a scene was measured, if it cannot.

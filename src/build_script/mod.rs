@@ -627,8 +627,7 @@ mod tests {
         let sources = [front::Source::new("toon.wgsl", text)];
         let parsed = front::parse(&sources, &front::Options::default()).unwrap();
         let state = MaterialState::default();
-        let fragment = parsed.fragment.as_deref();
-        let original = Plan::original("toon", parsed.program, &parsed.vertex, fragment, &state);
+        let original = parsed.plan("toon", &state);
         let variant = |pass| {
             let recipe = Recipe::parse([pass]).unwrap();
             recipe.apply(&original, &Facts::default()).unwrap()

@@ -15,7 +15,7 @@
 //! let (sources, options, state) = ([Source::new("lit.wgsl", text)], Options::default(), MaterialState::default());
 //! let parsed = parse(&sources, &options)?;
 //! let inputs = Inputs::of(&parsed, &options.defines, &state);
-//! let original = Plan::original("lit", parsed.program, &parsed.vertex, parsed.fragment.as_deref(), &state);
+//! let original = parsed.plan("lit", &state);
 //!
 //! let mut lock = Lock::default();
 //! let recipe = Recipe::parse(["depth-prepass"])?;

@@ -1,52 +1,23 @@
 //! A recipe on a scene: one plan a material, refusals kept beside.
 
 use preshade_passes::count;
-use preshade_passes::neighbours;
-use preshade_passes::pass::{Facts, Refusal};
+use preshade_passes::pass::Facts;
 use preshade_passes::plan::{GpuPass, Plan};
 
 use super::{CountProgram, Variant};
 use crate::measure::record::Kept;
+use crate::pipeline::{self, Frame, Skipped};
 use crate::recipe::Recipe;
 
-/// Applies `recipe` to every material. A material that refuses is drawn as written, and the refusal
-/// is kept.
+/// Applies `recipe` to every material. Refused steps are skipped, as `rewrite` skips them, and kept
+/// with their reasons.
 pub fn variant(originals: &[Plan], recipe: &Recipe, facts: &Facts) -> Variant {
-    let mut kept = Vec::new();
-    let mut plans: Vec<Plan> = originals
-        .iter()
-        .map(|original| {
-            recipe.apply(original, facts).unwrap_or_else(|refusal| {
-                kept.push(Kept {
-                    material: original.material.clone(),
-                    why: with_remedy(&refusal),
-                });
-                original.clone()
-            })
-        })
-        .collect();
-    let mut leave = |plans: &mut [Plan], refusals: Vec<Option<Refusal>>| {
-        for ((plan, original), refusal) in plans.iter_mut().zip(originals).zip(refusals) {
-            if let Some(refusal) = refusal {
-                kept.push(Kept {
-                    material: original.material.clone(),
-                    why: with_remedy(&refusal),
-                });
-                *plan = original.clone();
-            }
-        }
+    let frame = Frame {
+        materials: originals,
+        neighbours: originals,
     };
-    // A plan may be legal alone but not beside the others.
-    let conflicts = plans.iter().map(|p| neighbours::conflict(p, originals));
-    let conflicts = conflicts.collect();
-    leave(&mut plans, conflicts);
-    // Materials resolved from IDs are drawn before all others. If depths tie, this changes the
-    // order.
-    let ties = plans
-        .iter()
-        .map(|p| neighbours::tied(p, &plans, facts.depth_ties));
-    let ties = ties.collect();
-    leave(&mut plans, ties);
+    let (plans, skipped) = pipeline::apply_in(frame, recipe, facts, &mut |_, _, _| true);
+    let kept: Vec<Kept> = skipped.iter().map(|s| kept(s, &plans)).collect();
     // A choice made by measurement is kept as the values it selected.
     let written = super::written_out(recipe, facts);
     Variant {
@@ -54,6 +25,30 @@ pub fn variant(originals: &[Plan], recipe: &Recipe, facts: &Facts) -> Variant {
         name: recipe.to_string(),
         plans,
         kept,
+    }
+}
+
+/// A skipped step, for the report.
+fn kept(skipped: &Skipped, plans: &[Plan]) -> Kept {
+    let Skipped {
+        material,
+        step,
+        refusal,
+    } = skipped;
+    let is_changed = |p: &Plan| p.material == *material && !p.steps.is_empty();
+    Kept {
+        material: material.clone(),
+        without: plans.iter().any(is_changed).then(|| step.to_string()),
+        why: format!("{refusal}; to make it legal: {}", refusal.remedy),
+    }
+}
+
+impl Variant {
+    /// Whether every material refused every step, so that the picture is the original's.
+    pub fn is_refused(&self) -> bool {
+        let is_kept = |p: &Plan| self.kept.iter().any(|k| k.material == p.material);
+        let mut plans = self.plans.iter();
+        !self.plans.is_empty() && plans.all(|p| p.steps.is_empty() && is_kept(p))
     }
 }
 
@@ -65,11 +60,6 @@ pub(crate) fn unwritten(recipe: &Recipe) -> Variant {
         plans: Vec::new(),
         kept: Vec::new(),
     }
-}
-
-/// A refusal with its remedy.
-fn with_remedy(refusal: &Refusal) -> String {
-    format!("{refusal}; to make it legal: {}", refusal.remedy)
 }
 
 /// The counting stage of a pass: the slice that decides whether a fragment is kept. If the slice

@@ -247,9 +247,9 @@ fn self_tests(v: &VariantReport) -> String {
     out
 }
 
-/// One line a reason: which variants leave which materials as written.
+/// One line a reason: which variants leave which materials as written, or without which step.
 fn left_alone(report: &Report) -> String {
-    let mut reasons: Vec<(&str, Vec<&str>, Vec<&str>)> = Vec::new();
+    let mut reasons: Vec<(&str, Vec<&str>, Vec<&str>, Option<&str>)> = Vec::new();
     for v in report
         .variants
         .iter()
@@ -258,9 +258,10 @@ fn left_alone(report: &Report) -> String {
         for kept in &v.kept {
             let at = reasons
                 .iter()
-                .position(|r| r.0 == kept.why)
+                .position(|r| r.0 == kept.why && r.3 == kept.without.as_deref())
                 .unwrap_or_else(|| {
-                    reasons.push((&kept.why, Vec::new(), Vec::new()));
+                    let without = kept.without.as_deref();
+                    reasons.push((&kept.why, Vec::new(), Vec::new(), without));
                     reasons.len() - 1
                 });
             if !reasons[at].1.contains(&v.name.as_str()) {
@@ -280,9 +281,13 @@ fn left_alone(report: &Report) -> String {
     };
     reasons
         .iter()
-        .map(|(why, variants, materials)| {
+        .map(|(why, variants, materials, without)| {
+            let how = match without {
+                Some(step) => format!("without `{step}`"),
+                None => "as written".to_owned(),
+            };
             format!(
-                "{} as written in {}: {why}\n",
+                "{} {how} in {}: {why}\n",
                 quoted(materials),
                 quoted(variants)
             )

@@ -173,6 +173,7 @@ fn the_table_is_aligned_and_names_what_broke() {
     let mut variants = three(&scene);
     variants[0].kept.push(record::Kept {
         material: "glass".to_owned(),
+        without: None,
         why: "blended draws never enter the pre-pass".to_owned(),
     });
     let text = table::render(&run(&scene, &variants, &settings).report);

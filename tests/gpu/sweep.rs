@@ -54,9 +54,9 @@ fn sphere() -> Scene {
 /// The recipe that the command line makes of `--pass hoist --pass tessellate:level=1..3`, drawn.
 fn drawn() -> (Sweep, Vec<String>, Outcome) {
     let scene = sphere();
-    let before = ["hoist".to_owned()];
-    let recipe = preshade::sweep::founded("tessellate:level=1..3", &before).unwrap();
-    let sweep = Sweep::parse_list(&recipe).unwrap();
+    let steps = ["hoist", "tessellate:level=1..3"].map(str::to_owned);
+    let steps = preshade::sweep::completed(&steps).unwrap();
+    let sweep = Sweep::parse_steps(&steps).unwrap();
     let facts = Facts {
         changing: Some(measure::changing(&scene).unwrap()),
         ..Facts::default()
@@ -137,6 +137,7 @@ fn a_range_has_a_table_a_plot_and_pictures_a_form() {
         };
         variant.kept = vec![preshade::measure::record::Kept {
             material: "waves".to_owned(),
+            without: None,
             why: "it moves".to_owned(),
         }];
     }

@@ -378,7 +378,7 @@ fn draw(stage: &Stage<'_>, setup: Setup, recipe: &str, expect: Expect) -> Run {
         max_abs: Some(0.0),
     };
     let kept: Vec<&str> = variant.kept.iter().map(|k| k.why.as_str()).collect();
-    let all_kept = kept.len() == variant.plans.len();
+    let all_kept = variant.is_refused();
     if let Expect::Refused(code) = expect {
         run.contract = code.to_owned();
         run.result = match all_kept && kept.iter().all(|why| why.contains(&format!("[{code}]"))) {

@@ -251,7 +251,7 @@ fn self_tested(stage: &Stage<'_>) -> Red {
     let facts = stage.facts.clone();
     let recipe = |text: &str| preshade::recipe::Recipe::parse_list(text).unwrap();
     let variant = preshade::measure::variant(&stage.originals, &recipe(EQUAL), &facts);
-    if variant.kept.len() == variant.plans.len() {
+    if variant.is_refused() {
         return Red::NotHere {
             why: REFUSED.to_owned(),
         };

@@ -82,7 +82,7 @@ impl Mutation {
         }
         let (recipe, facts) = stage.chosen(recipe);
         let variant = measure::variant(&stage.originals, &recipe, &facts);
-        match variant.kept.len() == variant.plans.len() {
+        match variant.is_refused() {
             true if !matches!(self, Self::Recipe(..)) => Plain::Refused,
             _ => {
                 let contract = contract(&variant.plans);

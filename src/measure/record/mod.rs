@@ -110,11 +110,14 @@ pub struct SelfTestReport {
     pub fallback: Option<String>,
 }
 
-/// A material that a variant leaves alone.
+/// A material that a variant leaves alone, wholly or in part.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Kept {
     /// Material.
     pub material: String,
+    /// The skipped step, if other steps changed the material.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub without: Option<String>,
     /// Why.
     pub why: String,
 }

@@ -158,7 +158,7 @@ impl<'a> Measurement<'a> {
             empty: nothing_drawn(&variant.plans),
             subject,
         };
-        if !variant.plans.is_empty() && variant.kept.len() == variant.plans.len() {
+        if variant.is_refused() {
             // Its picture would equal the original's and prove nothing.
             drawn.subject.verdict = Verdict::NotMeasured {
                 why: "every material refuses it".to_owned(),
@@ -242,6 +242,7 @@ impl<'a> Measurement<'a> {
             if !self.report.kept.iter().any(|k| k.material == *material) {
                 self.report.kept.push(Kept {
                     material: material.clone(),
+                    without: None,
                     why: format!(
                         "its guard does not hold in {}: {assumed} was assumed",
                         view.described()

@@ -4,7 +4,7 @@
 use super::diff::Diff;
 use super::words::{self, or_dash};
 use super::{Error, Gallery, data_uri};
-use crate::measure::record::{Picture, Pictures, VariantReport, Worst};
+use crate::measure::record::{Kept, Picture, Pictures, VariantReport, Worst};
 use crate::measure::{ErrorLadder, Shading};
 use crate::report::picture::flip;
 use crate::report::{frontier, sheet};
@@ -79,7 +79,11 @@ pub fn section(
         facts,
         kept: variant.map_or_else(Vec::new, |v| {
             let kept = v.kept.iter();
-            kept.map(|k| (k.material.clone(), k.why.clone())).collect()
+            let why = |k: &Kept| match &k.without {
+                Some(step) => format!("without `{step}`: {}", k.why),
+                None => k.why.clone(),
+            };
+            kept.map(|k| (k.material.clone(), why(k))).collect()
         }),
         shots: match pictures {
             Some(pictures) => shots(variant, pictures, cameras, gallery)?,

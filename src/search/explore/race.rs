@@ -108,7 +108,6 @@ impl<'a> Search<'a> {
                 .map(|k| (k, ORIGINAL.to_owned())),
         );
         let mut admitted = Vec::new();
-        let is_refused = |v: &Variant| !v.plans.is_empty() && v.kept.len() == v.plans.len();
         let mut refused: Vec<Candidate> = Vec::new();
         let mut kept = Vec::new();
         let mut late = Vec::new();
@@ -124,7 +123,7 @@ impl<'a> Search<'a> {
                 continue;
             }
             let variant = measure::variant(self.session.originals(), &candidate.recipe, self.facts);
-            if is_refused(&variant) {
+            if variant.is_refused() {
                 refused.push(candidate.clone());
             }
             kept.push((candidate, prediction, variant));
@@ -132,10 +131,10 @@ impl<'a> Search<'a> {
         // A refused recipe beats nothing.
         let known: Vec<Prediction> = kept
             .iter()
-            .filter_map(|(_, p, v)| p.filter(|_| !is_refused(v)))
+            .filter_map(|(_, p, v)| p.filter(|_| !v.is_refused()))
             .collect();
         for (candidate, prediction, variant) in kept {
-            let is_refused = is_refused(&variant);
+            let is_refused = variant.is_refused();
             let key = journal::content(&self.subject, &variant.plans);
             let same = key.as_ref().and_then(|k| keys.get(k));
             let hopeless = || hopeless(prediction?, &known, self.settings.budget);

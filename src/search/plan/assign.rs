@@ -74,12 +74,16 @@ impl Assignment {
     /// reasons.
     pub fn mended(mut self, choices: &[Choices]) -> (Self, Vec<String>) {
         let mut notes = Vec::new();
-        // Conflicts with the others' originals were checked when it became a candidate.
-        while self.0.iter().filter(|pick| **pick > 0).count() > 1 {
+        // Conflicts with the others' originals were checked when it became a candidate, but for ties.
+        let has_ties = choices.iter().any(|c| c.depth_ties.is_some_and(|n| n > 0));
+        let checked = usize::from(!has_ties);
+        while self.0.iter().filter(|pick| **pick > 0).count() > checked {
             let candidates = self.candidates(choices);
             let plans: Vec<&Plan> = candidates.iter().map(|c| &c.plan).collect();
             let refused = plans.iter().enumerate().find_map(|(i, plan)| {
-                let refusal = neighbours::conflict(plan, plans.iter().copied())?;
+                let all = || plans.iter().copied();
+                let tied = || neighbours::tied(plan, all(), choices[i].depth_ties);
+                let refusal = neighbours::conflict(plan, all()).or_else(tied)?;
                 Some((i, refusal.to_string()))
             });
             let (material, why) = match (refused, FramePlan::merge(plans.iter().copied())) {

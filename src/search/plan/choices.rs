@@ -1,12 +1,12 @@
 //! The recipes that each material takes.
 
-use preshade_passes::neighbours;
-use preshade_passes::pass::{Facts, Refusal};
+use preshade_passes::pass::Facts;
 use preshade_passes::plan::Plan;
 use serde::Serialize;
 
 use super::work::Counting;
 use crate::measure;
+use crate::pipeline::{self, Frame};
 use crate::recipe::Recipe;
 
 /// A recipe that a material takes.
@@ -38,6 +38,8 @@ pub struct Choices {
     pub candidates: Vec<Candidate>,
     /// The refused recipes.
     pub refused: Vec<Refused>,
+    /// Pixels of the scene in which depths tie: see [`Facts::depth_ties`].
+    pub depth_ties: Option<u64>,
 }
 
 impl Choices {
@@ -64,24 +66,28 @@ pub fn choices(originals: &[Plan], recipes: &[Recipe], facts: &Facts) -> Vec<Cho
                     plan: original.clone(),
                 }],
                 refused: Vec::new(),
+                depth_ties: facts.depth_ties,
             };
             for recipe in recipes {
                 let refuse = |why| Refused {
                     recipe: recipe.to_string(),
                     why,
                 };
-                let told = |r: &Refusal| format!("{r}; to make it legal: {}", r.remedy);
-                let plan = match recipe.apply(original, facts) {
-                    Err(refusal) => {
-                        choices.refused.push(refuse(told(&refusal)));
-                        continue;
-                    }
-                    Ok(plan) => plan,
+                let frame = Frame {
+                    materials: std::slice::from_ref(original),
+                    neighbours: originals,
                 };
-                if let Some(refusal) = neighbours::conflict(&plan, originals) {
-                    choices.refused.push(refuse(told(&refusal)));
+                let (plans, skipped) =
+                    pipeline::apply_in(frame, recipe, facts, &mut |_, _, _| true);
+                // Without a skipped step it is another candidate.
+                if let Some(r) = skipped.first().map(|s| &s.refusal) {
+                    let why = format!("{r}; to make it legal: {}", r.remedy);
+                    choices.refused.push(refuse(why));
                     continue;
                 }
+                let Some(plan) = plans.into_iter().next() else {
+                    continue;
+                };
                 let same =
                     |c: &&Candidate| c.plan.passes == plan.passes && same_programs(&c.plan, &plan);
                 if let Some(same) = choices.candidates.iter().find(same) {
