@@ -4,7 +4,7 @@
 demo:
 	scripts/setup.sh vulkan
 	cargo build --release -p preshade-cli
-	target/release/preshade verify fixtures/scenes/shrine.toml --camera wall --pass depth-prepass --pass depth-prepass:form=equal --pass early-discard --out out/demo
+	target/release/preshade verify fixtures/scenes/shrine.toml --camera wall --variant depth-prepass --variant depth-prepass:form=equal --variant early-discard --out out/demo
 
 # Everything CI checks: format, lints, docs, tests.
 test:

@@ -1,4 +1,4 @@
-//! A recipe: which passes, where, with which parameters. The schedule, apart from the algorithm.
+//! A recipe: passes with their parameters, in order. It is the schedule, apart from the algorithm.
 
 use std::fmt;
 
@@ -26,7 +26,7 @@ pub struct Step {
     pub site: Option<SiteKey>,
 }
 
-/// Steps, applied in order, each to the plan the one before it made.
+/// Steps, applied in order, each to the plan that the step before it made.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(transparent)]
 pub struct Recipe {
@@ -34,7 +34,7 @@ pub struct Recipe {
     pub steps: Vec<Step>,
 }
 
-/// A recipe that cannot be read, or that no longer fits.
+/// A recipe that cannot be read.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RecipeError {
@@ -46,7 +46,7 @@ pub enum RecipeError {
         /// The nearest name there is.
         nearest: Option<&'static str>,
     },
-    /// A parameter names what no material has.
+    /// A parameter names something that no material has.
     #[error("{pass}: {message}{}", suggestion(.nearest))]
     Misnamed {
         /// Name of the pass.
@@ -63,7 +63,7 @@ pub enum RecipeError {
         text: String,
         /// The part that does not fit.
         found: String,
-        /// The parameter it is a word of.
+        /// The parameter that allows this word.
         word_of: Option<String>,
     },
     /// The pass has no parameter of that name.
@@ -78,7 +78,7 @@ pub enum RecipeError {
         /// The names there are, separated by commas.
         known: String,
     },
-    /// The parameter is one of several words, and this is none of them.
+    /// The parameter is a choice, and this is none of its words.
     #[error("{pass}: `{name}` cannot be `{value}`{}; it is one of: {known} (see `preshade passes {pass}`)", suggestion(.nearest))]
     UnknownValue {
         /// Name of the pass.
@@ -92,7 +92,7 @@ pub enum RecipeError {
         /// The words there are, separated by commas.
         known: String,
     },
-    /// The parameter is a number, and this is none.
+    /// The parameter is a number, and this is not.
     #[error("{pass}: `{name}` is {kind}, which `{value}` is not (see `preshade passes {pass}`)")]
     NotNumber {
         /// Name of the pass.
@@ -104,7 +104,7 @@ pub enum RecipeError {
         /// As given.
         value: String,
     },
-    /// The parameter is a number within bounds, and this is beyond them.
+    /// The number is out of the parameter's bounds.
     #[error("{pass}: `{name}` is {range}, which {value} is not (see `preshade passes {pass}`)")]
     OutOfRange {
         /// Name of the pass.
@@ -124,7 +124,7 @@ pub enum RecipeError {
         /// Name of the parameter.
         name: String,
     },
-    /// The values do not fit the pass: another type, or out of range.
+    /// The values have the wrong type, or are out of range.
     #[error(transparent)]
     Params(#[from] ParamError),
 }
@@ -148,7 +148,7 @@ impl Step {
     /// Reads `NAME` or `NAME:key=value,key=value`, as on the command line.
     ///
     /// # Errors
-    /// An unknown pass or parameter, with what there is instead.
+    /// An unknown pass or parameter, with suggestions.
     pub fn parse(text: &str) -> Result<Self, RecipeError> {
         let (name, rest) = text.split_once(':').unwrap_or((text, ""));
         let name = name.trim();
@@ -180,7 +180,7 @@ impl Step {
     }
 }
 
-/// Whether `pass` has a parameter of that name and, where it is a choice, that word for it.
+/// Checks a parameter's name and value.
 fn check(pass: &dyn AnyPass, name: &str, value: &str) -> Result<(), RecipeError> {
     let known = parameters(pass);
     let near = |word: &str, words: &[&str]| nearest(word, words.iter().copied()).map(str::to_owned);
@@ -244,10 +244,10 @@ fn find(name: &str) -> Result<&'static dyn AnyPass, RecipeError> {
     })
 }
 
-/// The steps of [`Recipe::parse_list`], apart.
+/// The texts of the steps of [`Recipe::parse_list`].
 pub(crate) fn split_list(text: &str) -> Vec<String> {
     let mut steps: Vec<String> = Vec::new();
-    // As a recipe is printed; a `+` without spaces joins values.
+    // ` + ` is how a recipe is printed. A `+` without spaces joins values.
     let parts = text.split(" + ").flat_map(|steps| steps.split(','));
     for part in parts {
         match steps.last_mut() {
@@ -255,7 +255,8 @@ pub(crate) fn split_list(text: &str) -> Vec<String> {
                 step.push(if step.contains(':') { ',' } else { ':' });
                 step.push_str(part);
             }
-            // A word where a step is due, of the pass before it: the step's own error tells what was meant.
+            // A word in place of a step belongs to the pass before it, whose error suggests the
+            // right form.
             Some(step) if step.contains('=') && is_word_of(step, part) => {
                 step.push(',');
                 step.push_str(part);
@@ -266,7 +267,7 @@ pub(crate) fn split_list(text: &str) -> Vec<String> {
     steps
 }
 
-/// Whether `part` is no pass, but a word that a parameter of `step`'s may be.
+/// Whether `part` is not a pass, but a word for a parameter of `step`.
 fn is_word_of(step: &str, part: &str) -> bool {
     let pass = step.split(':').next().unwrap_or_default().trim();
     let word = part.trim();
@@ -299,8 +300,9 @@ impl Recipe {
         })
     }
 
-    /// Reads steps separated by commas, `depth-prepass:form=equal,vertex=sliced,early-discard`: a part with an equals sign and no colon belongs to the step
-    /// before it. What [`Recipe`] prints, with ` + ` between steps, is read too.
+    /// Reads steps separated by commas: `depth-prepass:form=equal,vertex=sliced,early-discard`. A
+    /// part with an equals sign and no colon belongs to the step before it. The printed form of a
+    /// [`Recipe`], with ` + ` between steps, is read too.
     ///
     /// # Errors
     /// As [`Step::parse`].
@@ -308,16 +310,17 @@ impl Recipe {
         Self::parse(split_list(text))
     }
 
-    /// The arguments that `rewrite` makes it of.
+    /// The recipe as arguments of `rewrite`.
     pub fn as_passes(&self) -> String {
         let steps: Vec<String> = self.steps.iter().map(|s| format!("--pass {s}")).collect();
         steps.join(" ")
     }
 
-    /// Checks the names among the parameters against the materials that are meant: what some of them have is no slip, though the others refuse it.
+    /// Checks the names among the parameters. A name is wrong only if every material lacks it;
+    /// otherwise the materials without it refuse the step.
     ///
     /// # Errors
-    /// [`RecipeError::Misnamed`], of a name that none of `plans` has.
+    /// [`RecipeError::Misnamed`].
     pub fn check_names(&self, plans: &[Plan]) -> Result<(), RecipeError> {
         for step in &self.steps {
             let Ok(pass) = find(&step.pass) else { continue };
@@ -326,7 +329,7 @@ impl Recipe {
             let slips = slips.unwrap_or_default();
             let Some(first) = slips.first() else { continue };
             let known = slips.iter().flat_map(|s| &s.known);
-            // The end of a path names a thing too.
+            // The last segments of a path are a name too.
             let known = known.flat_map(|path| {
                 let ends = path.match_indices('.').map(|(at, _)| &path[at + 1..]);
                 std::iter::once(path.as_str()).chain(ends)

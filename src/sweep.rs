@@ -1,7 +1,8 @@
-//! A recipe with parameters left to vary: every combination of their values, each a recipe of its own.
+//! A recipe with ranges: each combination of their values is a recipe of its own.
 //!
-//! `tessellate:level=1..8` is eight recipes (both ends are meant), `tessellate:form=pulled/shared` two, `form=all` one for each word that the parameter may be. Any
-//! whole-number parameter of any pass takes a range, and any choice takes words.
+//! `tessellate:level=1..8` is eight recipes (both ends count), `tessellate:form=pulled/shared` is
+//! two, and `form=all` is one for each word that the parameter allows. A range works for any
+//! whole-number parameter of any pass, and words work for any choice.
 
 use preshade_passes::pass_named;
 use serde_json::Value;
@@ -12,32 +13,32 @@ use crate::recipe::{self, Recipe, RecipeError};
 /// Most recipes one sweep may stand for.
 pub const MOST: usize = 256;
 
-/// A recipe with parameters left to vary.
+/// A recipe with ranges.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sweep {
-    /// As it was written.
+    /// Source text.
     pub text: String,
-    /// What varies, in the order of the text.
+    /// The parameters that vary, in the order of the text.
     pub axes: Vec<Axis>,
     /// Every combination; the last axis varies fastest.
     pub points: Vec<Point>,
 }
 
-/// A parameter left to vary.
+/// A parameter that varies.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Axis {
     /// The pass.
     pub pass: String,
     /// Its parameter.
     pub parameter: String,
-    /// What the values are.
+    /// The kind of its values.
     pub kind: AxisKind,
 }
 
-/// What the values of an axis are.
+/// The kind of an axis's values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AxisKind {
-    /// Whole numbers, which a plot can have along its side.
+    /// Whole numbers, which can be the axis of a plot.
     Range,
     /// Words.
     Words,
@@ -59,7 +60,7 @@ pub enum SweepError {
     /// A recipe in it cannot be read.
     #[error(transparent)]
     Recipe(#[from] RecipeError),
-    /// A range of something that is no whole number.
+    /// A range of a parameter that is not a whole number.
     #[error("{pass}: `{parameter}` takes no range: it is not a whole number")]
     NotWhole {
         /// Name of the pass.
@@ -67,7 +68,7 @@ pub enum SweepError {
         /// Name of the parameter.
         parameter: String,
     },
-    /// `8..1`, or an end that is no number.
+    /// `8..1`, or an end that is not a number.
     #[error("`{text}` is not a range: write `1..8`, the smaller end first")]
     Range {
         /// As given.
@@ -86,10 +87,11 @@ pub enum SweepError {
 }
 
 impl Sweep {
-    /// Reads steps separated by commas, as [`Recipe::parse_list`] does, of which any parameter may be left to vary. Without any the sweep has one point and no axis.
+    /// Reads steps separated by commas, as [`Recipe::parse_list`] does, with ranges. Without
+    /// ranges, the sweep has one point and no axis.
     ///
     /// # Errors
-    /// As [`Step::parse`](recipe::Step::parse), and for what is no range.
+    /// As [`Step::parse`](recipe::Step::parse), and for an invalid range.
     pub fn parse_list(text: &str) -> Result<Self, SweepError> {
         Self::of(text.to_owned(), recipe::split_list(text))
     }
@@ -161,14 +163,14 @@ impl Sweep {
     }
 }
 
-/// The values of `part`, which is `key=value`, where it leaves any choice.
+/// The values of `part`, which is `key=value`, if it has a range.
 fn varied(pass: &str, part: &str) -> Result<Option<(Axis, Vec<String>)>, SweepError> {
     let Some((name, value)) = part.split_once('=') else {
         return Ok(None);
     };
     let (name, value) = (name.trim(), value.trim());
     let known = pass_named(pass).map(parameters).unwrap_or_default();
-    // What is unknown is told by the recipe.
+    // The recipe reports unknown names.
     let Some(parameter) = known.iter().find(|p| p.name == name) else {
         return Ok(None);
     };
@@ -221,9 +223,9 @@ fn words(parameter: &Parameter, value: &str) -> Option<Vec<String>> {
 /// Parameters that a sweep of `tessellate` on `hoist` needs: without a budget, nothing is hoisted.
 const UNDER_TESSELLATE: [&str; 4] = ["budget=1", "finite=assumed", "jumps=carried", "threshold=1"];
 
-/// `steps` with the parameters that a swept `tessellate` needs, if any are missing: the `hoist` before it gets
-/// a budget that allows any error, since a sweep measures the error of each point, and `tessellate` is
-/// drawn in all its forms.
+/// `steps` with the parameters that a swept `tessellate` needs, if any are missing: the `hoist`
+/// before it gets a budget that allows any error, since a sweep measures the error of each point,
+/// and `tessellate` is drawn in all its forms.
 pub fn completed(steps: &[String]) -> Option<Vec<String>> {
     let name = |step: &str| step.split(':').next().unwrap_or_default().trim().to_owned();
     let is_swept = |s: &String| name(s) == "tessellate" && s.contains("..");
@@ -249,7 +251,7 @@ pub fn completed(steps: &[String]) -> Option<Vec<String>> {
     (all != steps).then_some(all)
 }
 
-/// The value of a point as a number, where it is one.
+/// The value of a point as a number, if it is one.
 pub fn number(value: &str) -> Option<f64> {
     match serde_json::from_str(value) {
         Ok(Value::Number(n)) => n.as_f64(),

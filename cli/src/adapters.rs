@@ -1,4 +1,4 @@
-//! `preshade adapters`: what can be measured on.
+//! `preshade adapters`: the adapters of this machine.
 
 use preshade::render;
 use serde::Serialize;

@@ -1,4 +1,4 @@
-//! What each code in brackets means: `preshade --explain CODE`.
+//! `preshade --explain CODE`: explanations of codes in messages.
 
 use preshade::nearest::nearest;
 use preshade::passes::contract::Assumption;
@@ -80,10 +80,12 @@ fn sentence(text: &str) -> String {
     }
 }
 
-/// The explanation of a code, as it stands in a message: `blended`, `depth-prepass/blended`, `error[parse]` or `parse`. Of a pass, what it does; of no code, which there are.
+/// The explanation of a code, as a message prints it: `blended`, `depth-prepass/blended`,
+/// `error[parse]` or `parse`. The name of a pass gives its description; no code gives the list of
+/// codes.
 ///
 /// # Errors
-/// There is none of that name; those of a similar one, or all.
+/// The code is unknown: similar codes, or all.
 pub fn explain(code: &str) -> Result<String, Failure> {
     if code.is_empty() {
         return Ok(list());
@@ -124,7 +126,7 @@ pub fn explain(code: &str) -> Result<String, Failure> {
 /// How many names are suggested.
 const SUGGESTED: usize = 5;
 
-/// In backquotes, the name that is spelled most alike, and those that contain what was asked for.
+/// In backquotes, the name with the most similar spelling, and names that contain the given one.
 fn near(word: &str, known: &[&str]) -> Vec<String> {
     let nearest = nearest(word, known.iter().copied());
     let containing = known
@@ -161,7 +163,8 @@ mod tests {
                 .all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-')
     }
 
-    /// The codes that a source gives to refusals: in a call of a function that makes one, a word, and behind it a sentence or a `format!` of one.
+    /// The codes of refusals in a source: in calls that make a refusal, a word followed by a
+    /// sentence or a `format!`.
     fn codes(text: &str) -> BTreeSet<String> {
         let text = text.split("#[cfg(test)]").next().unwrap();
         let mut found = BTreeSet::new();
@@ -200,7 +203,7 @@ mod tests {
             missing.is_empty(),
             "cli/src/codes.md says nothing of {missing:?}"
         );
-        // Of errors that are types the type says all.
+        // Typed errors list their own codes.
         for (file, function) in [
             ("front/error.rs", "pub fn name(self)"),
             ("emit/mod.rs", "pub fn code(&self)"),
@@ -241,7 +244,7 @@ mod tests {
             let said = unknown(code);
             assert!(said.contains(near), "{code}: {said}");
         }
-        // Of nothing near all are told.
+        // Without a similar code, all are listed.
         assert!(unknown("zzzz").contains("there are: adaptive-form, "));
         let pass = explain("depth-prepass").ok().unwrap_or_default();
         assert!(pass.contains("`preshade passes depth-prepass`"), "{pass}");

@@ -39,8 +39,8 @@ pub struct Args {
     /// passes, each on its own.
     #[arg(long = "pass", value_name = "NAME[:k=v,..]")]
     passes: Vec<String>,
-    /// Draw the scene (for a shader, one is made up) and tell what each value of a fragment stage would cost the picture if it were
-    /// interpolated from the vertices.
+    /// Draw the scene (for a shader, one is made up) and tell what each value of a fragment stage
+    /// would cost the picture if it were interpolated from the vertices.
     #[arg(long)]
     scene: bool,
     /// Part of an adapter's name, driver or backend, for --scene.

@@ -1,4 +1,4 @@
-//! What is kept is obeyed, and what differs is told.
+//! Locks are obeyed, and differences are reported.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use preshade_passes::guard::{Assumed, Bounds, Place, ScalarType};

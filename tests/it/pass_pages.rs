@@ -1,4 +1,5 @@
-//! `docs/passes/NAME.md` is what a pass's own source says, its parameters, and an example that is run here: `UPDATE_PAGES=1` writes the pages.
+//! `docs/passes/NAME.md` is what a pass's own source says, its parameters, and an example that is
+//! run here: `UPDATE_PAGES=1` writes the pages.
 
 use std::fmt::Write;
 use std::fs;
@@ -14,7 +15,8 @@ use preshade::passes::plan::Plan;
 use preshade::passes::state::MaterialState;
 use preshade::recipe::Recipe;
 
-/// A material that every pass has something to do with: cut out by a texture, lit by a wave that bends within a triangle.
+/// A material that every pass has something to do with: cut out by a texture, lit by a wave that
+/// bends within a triangle.
 const EXAMPLE: &str = "\
 @group(0) @binding(0) var<uniform> camera: mat4x4<f32>;
 @group(0) @binding(1) var leaf: texture_2d<f32>;
@@ -85,7 +87,8 @@ fn example(name: &str) -> (&'static str, &'static str) {
     }
 }
 
-/// The command that draws what a pass does to a scene: `scripts/pass-pictures.sh` runs it. What to see there comes second.
+/// The command that draws what a pass does to a scene: `scripts/pass-pictures.sh` runs it. What to
+/// see there comes second.
 fn picture(name: &str) -> (&'static str, &'static str) {
     match name {
         "depth-prepass" => (
@@ -105,7 +108,7 @@ fn picture(name: &str) -> (&'static str, &'static str) {
             "a highlight computed at the vertices: it is off where it bends within a triangle",
         ),
         "tessellate" => (
-            "preshade verify fixtures/scenes/teapot-specular.toml --camera article --size 240x220 --frames 1 --recipe hoist:budget=0.05,tessellate:level=4",
+            "preshade verify fixtures/scenes/teapot-specular.toml --camera article --size 240x220 --frames 1 --variant hoist:budget=0.05,tessellate:level=4",
             "the highlight of `hoist` at sixteen times the triangles: less is off",
         ),
         "specialize" => (
@@ -154,7 +157,8 @@ fn recipe(name: &str) -> Vec<&'static str> {
     }
 }
 
-/// The comment that a pass's file opens with, as Markdown: links into the code are left as code, and left out where they stand in parentheses for readers of the code.
+/// The comment that a pass's file opens with, as Markdown: links into the code are left as code,
+/// and left out where they stand in parentheses for readers of the code.
 fn comment(name: &str) -> String {
     let file = name.replace('-', "_");
     let folder = root().join("passes/src/transforms");

@@ -14,9 +14,7 @@ use super::watch::Watch;
 use super::{Fate, SearchStage, Settings};
 use crate::measure::error::counted;
 use crate::measure::record::ORIGINAL;
-use crate::measure::{
-    self, Error, ErrorLadder, Session, TimingSettings, Variant, compare, verdict,
-};
+use crate::measure::{self, Error, ErrorLadder, Session, TimingSettings, compare, verdict};
 use crate::render::{Prepared, Rendered};
 use crate::scene::{DrawOrder, Frame};
 

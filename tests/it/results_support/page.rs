@@ -1,4 +1,5 @@
-//! `docs/results/visibility-buffer.md`: what the files of `docs/results` say of the visibility-buffer split.
+//! `docs/results/visibility-buffer.md`: what the files of `docs/results` say of the
+//! visibility-buffer split.
 
 use std::collections::BTreeSet;
 use std::fmt::Write;
@@ -10,7 +11,8 @@ use super::{
     is_compute, is_split,
 };
 
-/// The article's measurement (Cinevva, part 21): instances, milliseconds of the visibility buffer and of forward shading. At 100,000 it says that they are even, and no times.
+/// The article's measurement (Cinevva, part 21): instances, milliseconds of the visibility buffer
+/// and of forward shading. At 100,000 it says that they are even, and no times.
 const ARTICLE: [(u32, Option<[f64; 2]>); 3] = [
     (50_000, Some([4.13, 5.51])),
     (100_000, None),
@@ -88,7 +90,8 @@ fn article() -> String {
     format!("{THEIRS}{}", table(&rows))
 }
 
-/// What an adapter's series over `instances` say to the article's question; nothing where it has none.
+/// What an adapter's series over `instances` say to the article's question; nothing where it has
+/// none.
 fn beside_the_article(files: &[&File]) -> String {
     let measured = over_instances(files).flat_map(|(_, s)| &s.points);
     let values: BTreeSet<u32> = measured.map(|p| p.value).collect();
@@ -127,7 +130,8 @@ fn over_instances<'a>(files: &'a [&File]) -> impl Iterator<Item = (&'a File, &'a
     })
 }
 
-/// The time of the variant named `baseline` over that of each split, at `values` of the instances: a row a split, under the row `first`.
+/// The time of the variant named `baseline` over that of each split, at `values` of the instances:
+/// a row a split, under the row `first`.
 fn ratios(
     files: &[&File],
     values: &BTreeSet<u32>,
@@ -338,10 +342,10 @@ fn told_of_bench(bench: &Bench) -> String {
 
 fn scene_and_command(report: &Report) -> String {
     let [width, height] = report.resolution;
-    format!(
-        "Scene `{}`, {width}x{height}.\n\n```sh\n{}\n```\n",
-        report.scene, report.command
-    )
+    // Recorded while several --pass were several variants.
+    let command = report.command.replace(" --pass ", " --variant ");
+    let scene = &report.scene;
+    format!("Scene `{scene}`, {width}x{height}.\n\n```sh\n{command}\n```\n")
 }
 
 /// The sentence above a table of times: the clock, and the widest interval.
@@ -385,7 +389,8 @@ fn worse(a: Error, b: Error) -> Error {
     }
 }
 
-/// Self-tests, depths, what broke and what was not drawn, of the reports, each with where it stands in its series.
+/// Self-tests, depths, what broke and what was not drawn, of the reports, each with where it stands
+/// in its series.
 fn notes<'a>(reports: impl Iterator<Item = (String, &'a Report)>) -> String {
     // What is told once, of the first value at which it is so.
     let mut told: BTreeSet<(&str, &str)> = BTreeSet::new();
