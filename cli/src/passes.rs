@@ -1,4 +1,4 @@
-//! `preshade passes`: the transforms there are and what each takes.
+//! `preshade passes`: lists the passes and their parameters.
 
 use std::fmt::Write;
 
@@ -121,7 +121,7 @@ fn details(pass: &PassListed) -> String {
     text
 }
 
-/// `:name=value` of the first choice that is not the default.
+/// `:name=value` with the first choice that is not the default.
 fn example(parameters: &[Parameter]) -> String {
     parameters
         .iter()

@@ -1,4 +1,4 @@
-//! `preshade rewrite`: a recipe applied, the shaders and the plan written.
+//! `preshade rewrite`: applies a recipe, and writes the shaders and the plan.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -45,38 +45,38 @@ pub struct Args {
     /// A pass of the recipe, in order: `depth-prepass`, `early-discard:quad=lane,budget=0.02` and so on.
     #[arg(long = "pass", value_name = "NAME[:k=v,..]")]
     passes: Vec<String>,
-    /// What to write, separated by commas; `plan.json` comes with it.
+    /// Targets to write, separated by commas, beside `plan.json`.
     #[arg(long, value_enum, value_delimiter = ',', default_value = "wgsl")]
     emit: Vec<EmitTarget>,
-    /// Folder to write to, made if it is not there; without it the texts and the plan go to stdout.
+    /// Folder to write to, created if necessary. Without it, shaders and plan go to stdout.
     #[arg(short, long, alias = "output", value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Take each FILE as a material of its own, and every shader below each that is a folder; write below this folder, in the same tree, or in one for each of several folders.
+    /// Rewrite each FILE as a material of its own, and every shader below a folder. Writes below this folder, in the same tree; several input folders get a folder each.
     #[arg(long, value_name = "DIR", conflicts_with = "out")]
     out_dir: Option<PathBuf>,
-    /// Write which files were read for which, in the form of a Makefile's rule.
+    /// Write the dependencies of the written files, as a Makefile rule.
     #[arg(long, value_name = "FILE")]
     depfile: Option<PathBuf>,
-    /// Print the WGSL after this pass to stderr, or after each of them: `all`.
+    /// Print the WGSL after this pass to stderr, or after each pass: `all`.
     #[arg(long, value_name = "PASS", value_parser = parse_pass)]
     print_after: Vec<String>,
-    /// Print the time that reading, each pass and writing took to stderr.
+    /// Print the time of reading, of each pass and of writing to stderr.
     #[arg(long)]
     time_passes: bool,
-    /// Hold each variant against the original before it is written: proved, or run on random and adversarial inputs, by an interpreter and, where an adapter is at hand, on that. One that
-    /// breaks a promise is not written, and the exit status is 1.
+    /// Check each variant against the original before it is written: by proof, or on random and adversarial inputs, with an interpreter and on an adapter if there is one. A variant that breaks its
+    /// contract is not written, and the exit status is 1.
     #[arg(long)]
     validate: bool,
     /// Output form.
     #[arg(long, value_enum, default_value_t = Format::Human)]
     format: Format,
-    // Last, for its help heading holds for what follows it.
+    // Last: its help heading applies to the flags after it.
     #[command(flatten)]
     pub shader: ShaderArgs,
 }
 
 impl Args {
-    /// What it reads; `None` for stdin.
+    /// Its input files. `None`: stdin.
     pub fn reads(&self) -> Option<Reads> {
         if self.shader.reads_stdin() {
             return None;
@@ -124,10 +124,10 @@ enum EmitTarget {
     Glsl,
     /// GLSL ES 3.00 for WebGL 2.
     GlslEs,
-    /// GLSL ES 1.00 for WebGL 1, of what it can say.
+    /// GLSL ES 1.00 for WebGL 1, as far as it can express a material.
     #[value(name = "glsl-es-100")]
     GlslEs100,
-    /// GLSL 4.00 for OpenGL, what was hoisted in a tessellation stage.
+    /// GLSL 4.00 for OpenGL, with hoisted work in a tessellation stage.
     GlslTess,
     /// GLSL 4.50 for Vulkan, likewise.
     GlslVulkanTess,
@@ -147,7 +147,7 @@ impl From<EmitTarget> for Target {
     }
 }
 
-/// What became of one material.
+/// The result for one material.
 #[derive(Serialize)]
 struct Rewritten {
     material: String,
@@ -155,10 +155,10 @@ struct Rewritten {
     contract: Contract,
     refusals: Vec<Refusal>,
     notes: Vec<String>,
-    /// What validation said, where it was asked for: what was proved, and what the interpreter ran.
+    /// Results of validation by proof and interpreter, if requested.
     #[serde(skip_serializing_if = "Option::is_none")]
     validation: Option<Vec<Check>>,
-    /// What running both on an adapter said, where one is at hand.
+    /// Results of validation on an adapter, if there is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     validation_on: Option<OnAdapter>,
     files: Vec<Written>,
@@ -172,18 +172,18 @@ impl Rewritten {
     }
 }
 
-/// What running original and variant on an adapter said.
+/// Results of running original and variant on an adapter.
 #[derive(Serialize)]
 struct OnAdapter {
     adapter: String,
     checks: Vec<Check>,
 }
 
-/// A file that was written, or would have been.
+/// A file that was written or printed.
 #[derive(Serialize)]
 struct Written {
     name: String,
-    /// Where it is, or what is in it where it was written nowhere.
+    /// Its path, or its content if it was printed.
     #[serde(flatten)]
     content: Content,
 }
@@ -202,24 +202,24 @@ struct Report {
     errors: Vec<String>,
 }
 
-/// What a job came to, before anything is written.
+/// The result of a job, before anything is written.
 #[derive(Default)]
 struct Made {
     materials: Vec<(Rewritten, Vec<emit::File>)>,
     read: Vec<PathBuf>,
     messages: Vec<String>,
-    /// To be told once all is written.
+    /// Printed after everything is written.
     hints: Vec<String>,
     errors: Vec<String>,
     times: Times,
 }
 
-/// Time spent, by what it was spent on.
+/// Time by activity.
 #[derive(Default)]
 struct Times(BTreeMap<(u8, String), Duration>);
 
 impl Times {
-    /// Runs `work`; `order` is its line in the table.
+    /// Runs and times `work`; `order` is its line in the table.
     fn took<T>(&mut self, order: u8, what: &str, work: impl FnOnce() -> T) -> T {
         let began = Instant::now();
         let done = work();
@@ -246,7 +246,7 @@ impl Times {
     }
 }
 
-/// Rewrites a material, every material of a scene, or with `--out-dir` many. `config` is the file that flags were taken from.
+/// Rewrites a material, every material of a scene, or many with `--out-dir`. `config` is the configuration file.
 pub fn run(args: &Args, config: Option<&Path>) -> Result<Outcome, Failure> {
     let recipe = Recipe::parse(&args.passes)?;
     let targets: Vec<Target> = args.emit.iter().map(|t| Target::from(*t)).collect();
@@ -342,7 +342,7 @@ pub fn run(args: &Args, config: Option<&Path>) -> Result<Outcome, Failure> {
                     let read = read.into_iter().chain(config.map(Path::to_path_buf));
                     rules.push((paths, read.collect()));
                 }
-                // The files of a job are all there or none, so what other jobs wrote stands.
+                // The files of a job are written all or none. Other jobs are unaffected.
                 Err(Failure(why)) => {
                     sum.failed += usize::from(is_read);
                     errors.push(told(&why, job));
@@ -379,7 +379,7 @@ pub fn run(args: &Args, config: Option<&Path>) -> Result<Outcome, Failure> {
     if args.time_passes {
         output::message(&Times::table(all_times.iter()));
     }
-    // The sum stands last, where it is seen.
+    // The summary comes last, where it is seen.
     let line = (jobs.len() > 1 && args.format == Format::Human).then(|| sum.line());
     if !errors.is_empty() {
         errors.extend(line);
@@ -392,7 +392,7 @@ pub fn run(args: &Args, config: Option<&Path>) -> Result<Outcome, Failure> {
     }
 }
 
-/// Writes the files of one job, tells which changed, and returns how many.
+/// Writes the files of one job, reports the changed ones, and returns their number.
 fn write(
     folder: &Path,
     files: Vec<emit::File>,
@@ -516,7 +516,7 @@ fn make(job: &Job, args: &Args, recipe: &Recipe, targets: &[Target]) -> Result<M
     Ok(made)
 }
 
-/// What became of a promise, as a message.
+/// The result of a check, as a message.
 fn said(plan: &Plan, place: &str, check: &Check) -> String {
     let level = match check.verdict {
         Verdict::Counterexample(_) => "error",
@@ -539,13 +539,13 @@ fn said(plan: &Plan, place: &str, check: &Check) -> String {
     }
 }
 
-/// The adapter that variants are run on, if there is one: opened once.
+/// The adapter for validation, if there is one. It is opened once.
 fn adapter() -> &'static Option<Gpu> {
     static ADAPTER: OnceLock<Option<Gpu>> = OnceLock::new();
     ADAPTER.get_or_init(|| Gpu::new(&AdapterChoice::Best).ok())
 }
 
-/// A note for who gave no `--pass`: the material is written as it is, and these passes would apply.
+/// A note without `--pass`: the material is written as it is, and these passes would apply.
 fn nothing_asked_for(original: &Plan) -> String {
     let applies = |pass: &&&dyn AnyPass| {
         let sites = pass.sites(original, &Facts::default(), &serde_json::json!({}));
@@ -614,9 +614,9 @@ fn texts(plan: &Plan) -> String {
     texts.collect::<Vec<_>>().join("\n")
 }
 
-/// A material's name begins its files' names, so it must not lead out of the folder.
+/// Checks that a material's name is valid in file names, and does not lead out of the folder.
 pub fn check_name(material: &str) -> Result<(), Failure> {
-    // What is locked under a name that no build script can say would be obeyed by none.
+    // A build script could not use a lock with such a name.
     if !emit::is_material_name(material) {
         return Err(Failure(format!(
             "error: `{material}` cannot begin a file name: give another with --name"

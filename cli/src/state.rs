@@ -1,4 +1,4 @@
-//! Flags for the pipeline state of one material, and the file that has it whole.
+//! Flags for a material's pipeline state, and the state file.
 
 use std::path::PathBuf;
 
@@ -15,11 +15,11 @@ use preshade::scene::Scene;
 use crate::Failure;
 use crate::input::unread;
 
-/// Pipeline state, which no shader says of itself.
+/// Pipeline state, which a shader does not contain.
 #[derive(Clone, clap::Args)]
 #[command(next_help_heading = "Pipeline state")]
 pub struct StateArgs {
-    /// A TOML or JSON file with the whole state; the flags below go on top of it.
+    /// A TOML or JSON file with the whole state; the flags below override it.
     #[arg(long, value_name = "FILE")]
     pub state: Option<PathBuf>,
     /// Depth comparison; default: less, or greater with --reversed-z.
@@ -37,7 +37,7 @@ pub struct StateArgs {
     /// Blending of the first colour target: none, alpha or add.
     #[arg(long, value_enum)]
     pub blend: Option<BlendArg>,
-    /// Faces that are dropped.
+    /// Faces to cull.
     #[arg(long, value_parser = words::<CullMode>(&CULL), value_name = "NAME")]
     pub cull: Option<CullMode>,
     /// Primitive topology.
@@ -62,7 +62,7 @@ pub enum BlendArg {
     Add,
 }
 
-/// The names of state enumerations in JSON, which are WebGPU's.
+/// Names of state values in JSON, which are WebGPU's.
 const COMPARE: [&str; 8] = [
     "never",
     "less",
@@ -89,7 +89,7 @@ const TOPOLOGIES: [&str; 5] = [
     "triangle-strip",
 ];
 
-/// Reads a state enumeration by its name.
+/// Reads a state value by its name.
 fn words<T>(names: &'static [&'static str]) -> impl TypedValueParser<Value = T>
 where
     T: serde::de::DeserializeOwned + Clone + Send + Sync + 'static,
@@ -98,7 +98,7 @@ where
         .try_map(|name| serde_json::from_value::<T>(serde_json::Value::String(name)))
 }
 
-/// What serde says of an unknown name, with the nearest of those it expected.
+/// serde's error for an unknown name, with the nearest known name.
 fn with_suggestion(message: &str) -> String {
     let mut words = message.split('`').skip(1).step_by(2);
     let near = message
@@ -113,7 +113,7 @@ fn with_suggestion(message: &str) -> String {
 }
 
 impl StateArgs {
-    /// The state in force.
+    /// The state in effect.
     pub fn state(&self) -> Result<MaterialState, Failure> {
         let mut state = match &self.state {
             None => MaterialState::default(),
@@ -173,7 +173,7 @@ impl StateArgs {
         Ok(state)
     }
 
-    /// The scene with the depth format, direction and samples asked for.
+    /// The scene with the requested depth format, direction and sample count.
     pub fn set_up(&self, mut scene: Scene) -> Scene {
         let format = self.depth_format.unwrap_or(scene.depth_format);
         let direction = match self.reversed_z {
@@ -191,7 +191,7 @@ impl StateArgs {
     }
 }
 
-/// What a state file can say and no adapter can do.
+/// Errors of a state that no adapter supports.
 fn check(state: &MaterialState) -> Result<(), Failure> {
     let samples = state.multisample.count;
     if !matches!(samples, 1 | 4) {
@@ -216,7 +216,7 @@ mod tests {
 
     use super::*;
 
-    /// The names in serde's complaint of an unknown one.
+    /// The known names in serde's error.
     fn expected<T: serde::de::DeserializeOwned>() -> Vec<String> {
         let said = serde_json::from_str::<T>("\"?\"")
             .err()

@@ -1,4 +1,4 @@
-//! `preshade verify`: a scene drawn with the original and its variants, what each costs in accuracy and gains in time.
+//! `preshade verify`: draws a scene with the original and its variants, and measures error and time.
 
 use std::ffi::OsString;
 use std::ops::ControlFlow;
@@ -44,23 +44,23 @@ Exit status 1: a variant broke its contract.")]
 pub struct Args {
     #[command(flatten)]
     variants: VariantArgs,
-    /// Name the fastest variant whose error is within this, and what `rewrite` makes it of: flip_mean,
-    /// flip_p99 or max_abs, the worst of all views.
+    /// Name the fastest variant whose error is within this in all views, and the arguments of `rewrite`
+    /// for it: flip_mean, flip_p99 or max_abs.
     #[arg(long, value_name = "METRIC=NUMBER", value_parser = Budget::parse)]
     budget: Option<Budget>,
-    /// Measure at several values of a scene's variable, and tell where variants cross: 50000..400000
-    /// doubles, 1..9:5 takes five steps of one ratio.
+    /// Measure at several values of a scene's variable, and find where variants cross: 50000..400000
+    /// doubles, 1..9:5 takes five values at a constant ratio.
     #[arg(long, value_name = "NAME=A..B[:STEPS]", value_parser = Axis::parse)]
     sweep: Option<Axis>,
-    /// Write what was measured as one JSON file, to send in: docs/results says how.
+    /// Write the measurements as one JSON file to share: see docs/results.
     #[arg(long, value_name = "FILE")]
     share: Option<PathBuf>,
     #[command(flatten)]
     view: ViewArgs,
-    /// Draw in these orders only; the first is the headline.
+    /// Draw only in these orders; the first is the headline.
     #[arg(long, value_name = "ORDER", value_enum)]
     order: Vec<OrderArg>,
-    /// Hold variants against the original with @invariant on its position.
+    /// Compare variants with the original with @invariant on its position.
     #[arg(long)]
     invariant: bool,
     /// Frames of each camera path to compare, evenly spaced.
@@ -84,7 +84,7 @@ pub struct Args {
     /// Output form.
     #[arg(long, value_enum, default_value_t = Table::Human)]
     format: Table,
-    // Last, for its help heading holds for what follows it.
+    // Last: its help heading applies to the flags after it.
     #[command(flatten)]
     pub shader: ShaderArgs,
 }
@@ -97,13 +97,13 @@ enum TimeArg {
     Headline,
     /// The first frame of every camera in every order.
     FirstFrames,
-    /// Every compared frame in every order; camera paths then get their 95th percentile.
+    /// Every compared frame in every order, with the 95th percentile of camera paths.
     Everything,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum FormArg {
-    /// What users ship.
+    /// The emitted text, which users ship.
     Text,
     /// naga IR.
     Ir,
@@ -149,7 +149,7 @@ pub fn parse_seconds(text: &str) -> Result<f64, String> {
     }
 }
 
-/// The variants `verify` draws when none are named.
+/// The default variants.
 const DEFAULT: [&str; 3] = ["depth-prepass", "depth-prepass:form=equal", "early-discard"];
 
 /// Verifies a scene or a shader.
@@ -240,7 +240,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     Ok(ended)
 }
 
-/// An adapter that is open for a while.
+/// An open adapter.
 struct Opened(Gpu);
 
 impl Opened {
@@ -253,7 +253,7 @@ impl Opened {
         Ok(Self(Gpu::with_trust(&choice, trust)?))
     }
 
-    /// Leaves a device that was lost as it is: closing one that hangs may hang.
+    /// Leaks a lost device: closing one that hangs may hang.
     fn abandon(self) {
         std::mem::forget(self.0);
     }
@@ -315,14 +315,14 @@ fn swept(
     })
 }
 
-/// Tells of one scene, which was drawn with `variants` as far as their plans are known here.
+/// Prints and writes the report of one scene. `variants` is empty if other processes drew them.
 fn told(
     args: &Args,
     outcome: &measure::Outcome,
     variants: &[Variant],
     scene: &Scene,
 ) -> Result<Outcome, Failure> {
-    // Told before it is written: a full disk does not lose what was measured.
+    // Printed before it is written: a full disk must not lose the measurements.
     let json = outcome.report.to_json()?;
     let is_worker = worker::mine().is_some();
     let printed = match args.format {
@@ -333,7 +333,7 @@ fn told(
     };
     if is_worker {
         printed?;
-        // Its report is the other process's to write, which may have pictures from several.
+        // The other process writes the report, from several workers.
         write(args, Vec::new(), &outcome.pictures)?;
         return Ok(Outcome::Fine);
     }
@@ -366,7 +366,7 @@ fn file(name: &str, text: String) -> preshade::emit::File {
     }
 }
 
-/// Writes what `--share` asks for.
+/// Writes the file of `--share`.
 fn share(args: &Args, json: &str) -> Result<(), Failure> {
     let Some(path) = &args.share else {
         return Ok(());
@@ -377,7 +377,7 @@ fn share(args: &Args, json: &str) -> Result<(), Failure> {
     Ok(())
 }
 
-/// A report as it may be sent to others: folders that were typed as absolute paths tell of the machine, and are left out.
+/// A report without folders that were typed as absolute paths, so that it can be shared.
 fn without_folders(json: &str, arguments: impl Iterator<Item = OsString>) -> String {
     let mut folders: Vec<String> = arguments
         .filter_map(|argument| {
@@ -399,7 +399,7 @@ fn without_folders(json: &str, arguments: impl Iterator<Item = OsString>) -> Str
         .fold(json.to_owned(), |json, folder| json.replace(folder, ""))
 }
 
-/// Writes what `--out` asks for, and the pictures.
+/// Writes the files and the pictures to the folder of `--out`.
 fn write(
     args: &Args,
     mut files: Vec<preshade::emit::File>,
@@ -426,7 +426,7 @@ fn write(
     Ok(())
 }
 
-/// Measures one scene in this process; what was measured, and the plans of the variants.
+/// Measures one scene in this process. Returns the outcome and the variants with their plans.
 fn measured(
     args: &Args,
     gpu: &Gpu,
@@ -487,7 +487,7 @@ fn measured(
     Ok((outcome, variants))
 }
 
-/// Every recipe asked for, in the order of the report's variants behind the original.
+/// All requested recipes, in the order of the report's variants.
 fn recipes(sweeps: &[Sweep]) -> Vec<Recipe> {
     let points = sweeps.iter().flat_map(|s| &s.points);
     points.map(|p| p.recipe.clone()).collect()
@@ -510,7 +510,7 @@ fn tell_sweeps(report: &mut Report, sweeps: &[Sweep]) {
     }
 }
 
-/// Recipes whose choices are left to measurement, chosen.
+/// Resolves recipes that leave choices to measurement.
 fn choose(
     session: &Session<'_>,
     recipes: Vec<Recipe>,
@@ -551,7 +551,7 @@ fn choose(
         .collect()
 }
 
-/// Whether `dir` is a folder that can be written to, or can become one: before anything is drawn, so that a slip costs no minute. Nothing is left
+/// Checks before anything is drawn that the folder `dir` can be written to or created. Leaves nothing
 /// behind.
 pub fn check_folder(dir: &Path) -> Result<(), Failure> {
     let here = Path::new(".");
@@ -566,7 +566,7 @@ pub fn check_folder(dir: &Path) -> Result<(), Failure> {
             there.display()
         )));
     }
-    // Permissions say less than trying: file systems are mounted read-only, and some users may do anything.
+    // Try it: permissions do not cover read-only file systems and privileged users.
     let probe = there.join(format!(".preshade.{}.tmp", std::process::id()));
     std::fs::write(&probe, [])
         .and_then(|()| std::fs::remove_file(&probe))
@@ -579,7 +579,7 @@ pub fn check_folder(dir: &Path) -> Result<(), Failure> {
         })
 }
 
-/// What a bare shader was given without having said so.
+/// The guessed inputs of a synthesised scene.
 pub fn guesses(scene: &Scene) -> Option<String> {
     let guessed = scene::bind::guessed(scene);
     let widest = guessed.iter().map(|g| g.name.len()).max()?;
@@ -595,7 +595,7 @@ pub fn guesses(scene: &Scene) -> Option<String> {
     Some(lines.join("\n"))
 }
 
-/// The scene asked for, under the set-up asked for.
+/// The requested scene, with the requested settings.
 fn scene(args: &Args, variables: &Variables) -> Result<Scene, Failure> {
     let mut scene = args.view.of(args.shader.scene_with(variables)?)?;
     if args.invariant {
@@ -607,7 +607,7 @@ fn scene(args: &Args, variables: &Variables) -> Result<Scene, Failure> {
     Ok(scene)
 }
 
-/// The scene with draws of one material told apart, where a recipe specialises: each group gets a version of its own.
+/// If a recipe specialises, splits each material into groups of draws that get versions of their own.
 pub fn grouped(scene: Scene, sweeps: &[Sweep]) -> Result<Scene, Failure> {
     let steps = sweeps
         .iter()
@@ -620,7 +620,7 @@ pub fn grouped(scene: Scene, sweeps: &[Sweep]) -> Result<Scene, Failure> {
     Ok(measure::grouped_for(scene, &all)?)
 }
 
-/// The command as it was typed, without the folder of the binary.
+/// The command line, without the folder of the binary.
 pub fn command() -> String {
     let mut words = vec!["preshade".to_owned()];
     words.extend(

@@ -11,4 +11,5 @@ mod many;
 mod page;
 mod plan;
 mod readme;
+mod same_bytes;
 mod three;
