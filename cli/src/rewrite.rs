@@ -273,122 +273,166 @@ pub fn run(args: &Args, config: Option<&Path>) -> Result<Outcome, Failure> {
         .par_iter()
         .map(|job| make(job, args, &recipe, &targets))
         .collect();
-    let (mut report, mut rules, mut all_times) = (Vec::new(), Vec::new(), Vec::new());
-    let mut errors: Vec<String> = Vec::new();
-    let mut sum = Sum::default();
-    let told = |message: &str, job: &Job| match jobs.len() {
-        1 => message.to_owned(),
-        _ => many::of_files(message, job),
+    let mut run = Run {
+        args,
+        config,
+        jobs: jobs.len(),
+        report: Vec::new(),
+        rules: Vec::new(),
+        times: Vec::new(),
+        errors: Vec::new(),
+        sum: Sum::default(),
+        taken: BTreeMap::new(),
     };
-    let mut taken: BTreeMap<PathBuf, &Path> = BTreeMap::new();
     for (job, made) in jobs.iter().zip(made) {
+        run.add(job, made)?;
+    }
+    run.end()
+}
+
+/// A run over all jobs.
+struct Run<'a> {
+    args: &'a Args,
+    config: Option<&'a Path>,
+    /// Number of jobs.
+    jobs: usize,
+    report: Vec<Rewritten>,
+    rules: Vec<depfile::Rule>,
+    times: Vec<Times>,
+    errors: Vec<String>,
+    sum: Sum,
+    /// Written files, each with the first file of its job.
+    taken: BTreeMap<PathBuf, &'a Path>,
+}
+
+impl<'a> Run<'a> {
+    /// Adds a job, and writes its files.
+    fn add(&mut self, job: &'a Job, made: Result<Made, Failure>) -> Result<(), Failure> {
         if made.is_err() && job.chosen == Chosen::Found && job.shader.is_no_material() {
-            sum.no_material += 1;
+            self.sum.no_material += 1;
             output::message(&many::of_files(
                 "note: no material: there is no entry point of a stage that one needs",
                 job,
             ));
-            continue;
+            return Ok(());
         }
-        let Made {
-            materials,
-            read,
-            messages,
-            hints,
-            errors: failed,
-            times,
-        } = made.unwrap_or_else(|Failure(error)| Made {
+        let mut made = made.unwrap_or_else(|Failure(error)| Made {
             errors: vec![error],
             ..Made::default()
         });
-        messages.iter().for_each(|m| output::message(&told(m, job)));
-        let is_read = failed.is_empty();
-        sum.failed += usize::from(!is_read);
-        for error in failed {
-            let error = told(&error, job);
-            if !errors.contains(&error) {
-                errors.push(error);
+        for message in &made.messages {
+            output::message(&self.named(message, job));
+        }
+        self.sum.failed += usize::from(!made.errors.is_empty());
+        for error in &made.errors {
+            let error = self.named(error, job);
+            if !self.errors.contains(&error) {
+                self.errors.push(error);
             }
         }
-        all_times.push(times);
-        let files: Vec<&emit::File> = materials.iter().flat_map(|(_, files)| files).collect();
+        self.times.push(std::mem::take(&mut made.times));
+        let files = made.materials.iter().flat_map(|(_, files)| files);
+        let files: Vec<emit::File> = files.cloned().collect();
         if let Some(folder) = job.folder.as_ref().filter(|_| !files.is_empty()) {
-            let from = job
-                .shader
-                .files
-                .first()
-                .map_or(Path::new("-"), PathBuf::as_path);
-            let paths = files.iter().map(|f| folder.join(&f.name));
-            let twice = paths
-                .clone()
-                .find_map(|p| taken.get(&p).map(|first| (p, *first)));
-            if let Some((path, first)) = twice {
-                errors.push(format!(
-                    "error: {} is already written of {}: rename {}",
-                    path.display(),
-                    first.display(),
-                    from.display()
-                ));
-                continue;
+            // The files of a job are written all or none. Other jobs are unaffected.
+            if let Err(Failure(why)) = self.write(job, folder, files, &mut made) {
+                self.errors.push(why);
+                return Ok(());
             }
-            taken.extend(paths.clone().map(|p| (p, from)));
-            let paths: Vec<PathBuf> = paths.collect();
-            let all = files.len();
-            let files = files.into_iter().cloned().collect();
-            match write(folder, files, args.format, jobs.len()) {
-                Ok(written) => {
-                    sum.written += written;
-                    sum.up_to_date += all - written;
-                    let read = read.into_iter().chain(config.map(Path::to_path_buf));
-                    rules.push((paths, read.collect()));
-                }
-                // The files of a job are written all or none. Other jobs are unaffected.
-                Err(Failure(why)) => {
-                    sum.failed += usize::from(is_read);
-                    errors.push(told(&why, job));
-                    continue;
-                }
-            }
-        } else if args.format == Format::Human {
+        } else if self.args.format == Format::Human {
             for file in files {
                 let text = String::from_utf8_lossy(&file.bytes);
                 output::data(&format!("// {}\n{text}", file.name))?;
             }
         }
-        for (material, _) in materials.iter().filter(|(_, files)| !files.is_empty()) {
-            sum.add(!material.recipe.is_empty(), &material.refusals);
+        for (material, _) in made.materials.iter().filter(|(_, files)| !files.is_empty()) {
+            self.sum
+                .add(!material.recipe.is_empty(), &material.refusals);
         }
-        hints.iter().for_each(|m| output::message(m));
-        report.extend(materials.into_iter().map(|(rewritten, _)| rewritten));
+        made.hints.iter().for_each(|m| output::message(m));
+        let materials = made.materials.into_iter();
+        self.report
+            .extend(materials.map(|(rewritten, _)| rewritten));
+        Ok(())
     }
-    if let Some(path) = &args.depfile {
-        let written = depfile::write(path, &rules);
-        errors.extend(written.err().map(|Failure(error)| error));
+
+    /// A message with the files of its job, if there are several jobs.
+    fn named(&self, message: &str, job: &Job) -> String {
+        match self.jobs {
+            1 => message.to_owned(),
+            _ => many::of_files(message, job),
+        }
     }
-    if sum.no_material == jobs.len() {
-        errors.push("error: no shader in the folders given is a material".to_owned());
+
+    /// Writes the files of a job.
+    fn write(
+        &mut self,
+        job: &'a Job,
+        folder: &Path,
+        files: Vec<emit::File>,
+        made: &mut Made,
+    ) -> Result<(), Failure> {
+        let from = job.shader.files.first();
+        let from = from.map_or(Path::new("-"), PathBuf::as_path);
+        let paths: Vec<PathBuf> = files.iter().map(|f| folder.join(&f.name)).collect();
+        let twice = paths.iter().find_map(|p| Some((p, self.taken.get(p)?)));
+        if let Some((path, first)) = twice {
+            return Err(Failure(format!(
+                "error: {} is already written of {}: rename {}",
+                path.display(),
+                first.display(),
+                from.display()
+            )));
+        }
+        self.taken.extend(paths.iter().map(|p| (p.clone(), from)));
+        let all = files.len();
+        let written =
+            write(folder, files, self.args.format, self.jobs).map_err(|Failure(why)| {
+                self.sum.failed += usize::from(made.errors.is_empty());
+                Failure(self.named(&why, job))
+            })?;
+        self.sum.written += written;
+        self.sum.up_to_date += all - written;
+        let read = std::mem::take(&mut made.read).into_iter();
+        let read = read.chain(self.config.map(Path::to_path_buf));
+        self.rules.push((paths, read.collect()));
+        Ok(())
     }
-    let is_broken = report.iter().any(Rewritten::is_broken);
-    if args.format == Format::Json {
-        output::json(&Report {
-            schema: "preshade.rewrite.v1",
-            materials: report,
-            errors: errors.clone(),
-        })?;
-    }
-    if args.time_passes {
-        output::message(&Times::table(all_times.iter()));
-    }
-    // The summary comes last, where it is seen.
-    let line = (jobs.len() > 1 && args.format == Format::Human).then(|| sum.line());
-    if !errors.is_empty() {
-        errors.extend(line);
-        return Err(Failure(errors.join("\n")));
-    }
-    line.iter().for_each(|line| output::message(line));
-    match is_broken {
-        true => Ok(Outcome::ContractBroken),
-        false => Ok(Outcome::Fine),
+
+    /// Prints the report and the summary.
+    fn end(mut self) -> Result<Outcome, Failure> {
+        if let Some(path) = &self.args.depfile {
+            let written = depfile::write(path, &self.rules);
+            self.errors
+                .extend(written.err().map(|Failure(error)| error));
+        }
+        if self.sum.no_material == self.jobs {
+            let none = "error: no shader in the folders given is a material";
+            self.errors.push(none.to_owned());
+        }
+        let is_broken = self.report.iter().any(Rewritten::is_broken);
+        if self.args.format == Format::Json {
+            output::json(&Report {
+                schema: "preshade.rewrite.v1",
+                materials: self.report,
+                errors: self.errors.clone(),
+            })?;
+        }
+        if self.args.time_passes {
+            output::message(&Times::table(self.times.iter()));
+        }
+        // The summary comes last, where it is seen.
+        let is_told = self.jobs > 1 && self.args.format == Format::Human;
+        let line = is_told.then(|| self.sum.line());
+        if !self.errors.is_empty() {
+            self.errors.extend(line);
+            return Err(Failure(self.errors.join("\n")));
+        }
+        line.iter().for_each(|line| output::message(line));
+        match is_broken {
+            true => Ok(Outcome::ContractBroken),
+            false => Ok(Outcome::Fine),
+        }
     }
 }
 

@@ -305,7 +305,6 @@ fn variant(
     constants: &[Constant<'_>],
 ) -> Result<String, String> {
     let plan = &drawn.plan;
-    let overrides = drawn.overrides()?;
     // Relative to the module's own file, so that both can be moved together.
     let folder = format!("{material}/{}/", drawn.name);
     let guard = guard(plan);
@@ -324,131 +323,142 @@ fn variant(
         recipe.replace('\n', " "),
         drawn.name
     );
-    let _ = writeln!(text, "/// What was done to the original.");
-    let _ = writeln!(text, "pub const RECIPE: &str = {recipe:?};");
-    let _ = writeln!(
-        text,
-        "/// What it promises, as JSON in the words of the plan."
-    );
-    let _ = writeln!(
-        text,
-        "pub const CONTRACT: &str = {:?};",
-        json(&plan.contract)
-    );
-    let _ = writeln!(text, "/// What was asked for and is not in it, and why.");
-    let _ = writeln!(text, "pub const LEFT_OUT: &[&str] = &{:?};", drawn.left_out);
-    let _ = writeln!(
-        text,
-        "/// What it takes for granted of the values that it is drawn with; empty: it holds for all."
-    );
     let assumed = guard.iter().map(|a| assumed(a, constants));
     let assumed: Vec<String> = assumed.collect::<Result<_, _>>()?;
-    let _ = writeln!(
-        text,
-        "pub const GUARD: &[Assumed] = &[{}];",
-        assumed.join(", ")
+    let given = constants.iter();
+    let given = given.map(|c| format!("({:?}, {})", c.key, number(c.assumed.bounds.low)));
+    let given: Vec<String> = given.collect();
+    let contract = json(&plan.contract);
+    let item = |text: &mut String, doc: &str, code: String| {
+        let _ = writeln!(text, "/// {doc}\n{code};");
+    };
+    item(
+        &mut text,
+        "The applied steps.",
+        format!("pub const RECIPE: &str = {recipe:?}"),
     );
-    let given: Vec<String> = constants
-        .iter()
-        .map(|c| format!("({:?}, {})", c.key, number(c.assumed.bounds.low)))
-        .collect();
-    let _ = writeln!(
-        text,
-        "/// Values of pipeline-overridable constants that it was made for: for [`PipelineOptions::constants`] of its pipelines and of the original's."
+    item(
+        &mut text,
+        "Its contract, as the plan's JSON.",
+        format!("pub const CONTRACT: &str = {contract:?}"),
     );
-    let _ = writeln!(
-        text,
-        "pub const CONSTANTS: &[(&str, f64)] = &[{}];",
-        given.join(", ")
+    item(
+        &mut text,
+        "The reasons of skipped steps.",
+        format!("pub const LEFT_OUT: &[&str] = &{:?}", drawn.left_out),
+    );
+    item(
+        &mut text,
+        "The values that it is valid for. Empty: all values.",
+        format!("pub const GUARD: &[Assumed] = &[{}]", assumed.join(", ")),
+    );
+    item(
+        &mut text,
+        "Values of pipeline-overridable constants that it was made for. Set them in [`PipelineOptions::constants`] of its pipelines and of the original's.",
+        format!(
+            "pub const CONSTANTS: &[(&str, f64)] = &[{}]",
+            given.join(", ")
+        ),
     );
     text.push_str(GUARDED);
-    let _ = writeln!(
-        text,
-        "/// It and, where it has a guard, the original: what [`variant_for`] chooses among, for a host that makes its pipelines ahead."
+    item(
+        &mut text,
+        "The variants that [`variant_for`] may return, for a host that creates pipelines in advance.",
+        format!("pub static CHOICES: &[&Variant] = &[{choices}]"),
     );
-    let _ = writeln!(text, "pub static CHOICES: &[&Variant] = &[{choices}];");
-    let _ = writeln!(text, "/// All of it.");
-    let _ = writeln!(
-        text,
-        "{visible}static VARIANT: Variant = Variant {{ recipe: RECIPE, guard: GUARD, passes: PASSES, compute: COMPUTE, attachments: ATTACHMENTS, self_test: SELF_TEST.as_ref() }};"
+    item(
+        &mut text,
+        "The variant.",
+        format!(
+            "{visible}static VARIANT: Variant = Variant {{ recipe: RECIPE, guard: GUARD, passes: PASSES, compute: COMPUTE, attachments: ATTACHMENTS, self_test: SELF_TEST.as_ref() }}"
+        ),
     );
-    let _ = writeln!(text, "/// What the host should know.");
-    let _ = writeln!(text, "pub const NOTES: &[&str] = &{:?};", plan.notes);
-    let plan_file = format!("{}.plan.json", plan.material);
-    let _ = writeln!(text, "/// The whole plan.");
-    let _ = writeln!(
-        text,
-        "pub const PLAN: &str = {};",
-        included("str", &folder, &plan_file)
+    item(
+        &mut text,
+        "Notes for the host.",
+        format!("pub const NOTES: &[&str] = &{:?}", plan.notes),
     );
-    let _ = writeln!(text, "/// Every file that was written, by name.");
-    let files: Vec<String> = drawn
-        .files
-        .iter()
-        .map(|f| format!("({:?}, {})", f.name, included("bytes", &folder, &f.name)))
-        .collect();
-    let _ = writeln!(
-        text,
-        "pub const FILES: &[(&str, &[u8])] = &[{}];",
-        files.join(", ")
+    let plan_file = included("str", &folder, &format!("{}.plan.json", plan.material));
+    item(
+        &mut text,
+        "The whole plan.",
+        format!("pub const PLAN: &str = {plan_file}"),
     );
-    let names = pass_names(plan);
-    for (pass, name) in plan.passes.iter().zip(&names) {
-        let _ = writeln!(text, "/// The pass `{}`.", pass.role.name());
-        let wgsl = included(
-            "str",
-            &folder,
-            &format!("{}.{}.wgsl", plan.material, pass.program),
-        );
-        let constants = Constants::of(&overrides, &pass.program, keys);
-        let rust = raster(plan, pass, &wgsl, shared, &constants)?;
-        let _ = writeln!(text, "{visible}static {name}: Pass = {rust};");
+    let files = drawn.files.iter();
+    let files = files.map(|f| format!("({:?}, {})", f.name, included("bytes", &folder, &f.name)));
+    let files: Vec<String> = files.collect();
+    item(
+        &mut text,
+        "Every written file, by name.",
+        format!(
+            "pub const FILES: &[(&str, &[u8])] = &[{}]",
+            files.join(", ")
+        ),
+    );
+    for (doc, code) in passes(drawn, &folder, visible, shared, keys)? {
+        item(&mut text, &doc, code);
     }
+    text.push_str("}\n");
+    Ok(text)
+}
+
+/// The items of a plan's passes, with their documentation.
+fn passes(
+    drawn: &Drawn,
+    folder: &str,
+    visible: &str,
+    shared: &Shared<'_>,
+    keys: &BTreeSet<String>,
+) -> Result<Vec<(String, String)>, String> {
+    let plan = &drawn.plan;
+    let overrides = drawn.overrides()?;
+    let wgsl = |program: &str| {
+        let file = format!("{}.{program}.wgsl", plan.material);
+        included("str", folder, &file)
+    };
+    let names = pass_names(plan);
+    let mut items = Vec::new();
+    for (pass, name) in plan.passes.iter().zip(&names) {
+        let constants = Constants::of(&overrides, &pass.program, keys);
+        let rust = raster(plan, pass, &wgsl(&pass.program), shared, &constants)?;
+        items.push((
+            format!("The pass `{}`.", pass.role.name()),
+            format!("{visible}static {name}: Pass = {rust}"),
+        ));
+    }
+    let mut item = |doc: &str, code: String| items.push((doc.to_owned(), code));
     let all: Vec<String> = names.iter().map(|n| format!("&{n}")).collect();
-    let _ = writeln!(text, "/// Its passes, in the order they run.");
-    let _ = writeln!(
-        text,
-        "{visible}static PASSES: &[&Pass] = &[{}];",
-        all.join(", ")
+    item(
+        "Its passes, in the order they run.",
+        format!("{visible}static PASSES: &[&Pass] = &[{}]", all.join(", ")),
     );
-    let compute: Vec<String> = plan
-        .compute
-        .iter()
-        .map(|c| {
-            let file = format!("{}.{}.wgsl", plan.material, c.program);
-            let wgsl = included("str", &folder, &file);
-            let constants = Constants::of(&overrides, &c.program, keys);
-            compute(plan, c, &wgsl, shared, &constants)
-        })
-        .collect::<Result<_, _>>()?;
-    let _ = writeln!(text, "/// Its compute passes, in the order they run.");
-    let _ = writeln!(
-        text,
-        "{visible}static COMPUTE: &[Compute] = &[{}];",
-        compute.join(", ")
-    );
-    let _ = writeln!(
-        text,
-        "/// Textures that its passes write or read, the scene's depth first."
+    let compute = plan.compute.iter().map(|c| {
+        let constants = Constants::of(&overrides, &c.program, keys);
+        compute(plan, c, &wgsl(&c.program), shared, &constants)
+    });
+    let compute: Vec<String> = compute.collect::<Result<_, _>>()?;
+    item(
+        "Its compute passes, in the order they run.",
+        format!(
+            "{visible}static COMPUTE: &[Compute] = &[{}]",
+            compute.join(", ")
+        ),
     );
     let attachments: Vec<String> = plan.attachments.iter().map(attachment).collect();
-    let _ = writeln!(
-        text,
-        "{visible}static ATTACHMENTS: &[Attachment] = &[{}];",
-        attachments.join(", ")
-    );
-    let _ = writeln!(
-        text,
-        "/// To be run at load; where it fails, draw `original`."
+    item(
+        "Textures that its passes write or read. The scene's depth comes first.",
+        format!(
+            "{visible}static ATTACHMENTS: &[Attachment] = &[{}]",
+            attachments.join(", ")
+        ),
     );
     let test = plan.self_test.as_ref().and_then(|t| self_test(plan, t));
     let test = test.map_or("None".to_owned(), |t| format!("Some({t})"));
-    let _ = writeln!(
-        text,
-        "{visible}static SELF_TEST: Option<SelfTest> = {test};"
+    item(
+        "Run it when you load the material. If it fails, draw `original`.",
+        format!("{visible}static SELF_TEST: Option<SelfTest> = {test}"),
     );
-    text.push_str("}\n");
-    Ok(text)
+    Ok(items)
 }
 
 fn included(kind: &str, folder: &str, file: &str) -> String {
