@@ -17,16 +17,16 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use preshade::measure::{self, Session, Settings, Timed, TimingSettings};
-use preshade::passes::contract::{Contract, Verdict};
-use preshade::passes::pass::Facts;
-use preshade::passes::plan::Plan;
-use preshade::passes::validate::Effort;
-use preshade::passes::validate::inputs::Random;
-use preshade::passes::visibility_buffer;
-use preshade::recipe::Recipe;
-use preshade::render::{AdapterChoice, Gpu, ShaderForm};
-use preshade::scene::{DrawOrder, Scene};
+use preshade::unstable::measure::{self, Session, Settings, Timed, TimingSettings};
+use preshade::unstable::passes::contract::{Contract, Verdict};
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::validate::Effort;
+use preshade::unstable::passes::validate::inputs::Random;
+use preshade::unstable::passes::visibility_buffer;
+use preshade::unstable::recipe::Recipe;
+use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade::unstable::scene::{DrawOrder, Scene};
 
 #[path = "../tests/it/combinations_support/mod.rs"]
 mod combinations_support;
@@ -125,7 +125,8 @@ fn scenes() -> Vec<(String, Scene)> {
         .collect();
     paths.sort();
     let load = |path: &PathBuf| {
-        let scene = preshade::scene::load(path).unwrap_or_else(|e| panic!("{}", e.render()));
+        let scene =
+            preshade::unstable::scene::load(path).unwrap_or_else(|e| panic!("{}", e.render()));
         let mut scene = scene.resized(SIZE);
         for camera in &mut scene.cameras {
             camera.frames.truncate(1);

@@ -1,6 +1,6 @@
 //! `preshade adapters`: the adapters of this machine.
 
-use preshade::render;
+use preshade::unstable::render;
 use serde::Serialize;
 
 use crate::output;

@@ -1,10 +1,10 @@
 //! A report put together of variants that were measured in processes of their own.
 
-use preshade::limits::Limits;
-use preshade::measure::Outcome;
-use preshade::measure::record::{Budget, Chosen, Report, Unfinished, VariantReport};
-use preshade::passes::contract::{Contract, Verdict};
-use preshade::recipe::Recipe;
+use preshade::unstable::limits::Limits;
+use preshade::unstable::measure::Outcome;
+use preshade::unstable::measure::record::{Budget, Chosen, Report, Unfinished, VariantReport};
+use preshade::unstable::passes::contract::{Contract, Verdict};
+use preshade::unstable::recipe::Recipe;
 
 use crate::keeper::Keeper;
 use crate::{Failure, worker};

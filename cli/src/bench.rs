@@ -5,17 +5,17 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use preshade::front::{self, Options, Source};
-use preshade::measure::{self, Estimate, Session, TimingSettings};
-use preshade::passes::pass::Facts;
-use preshade::passes::plan::{
+use preshade::unstable::front::{self, Options, Source};
+use preshade::unstable::measure::{self, Estimate, Session, TimingSettings};
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::plan::{
     Attachment, BindingKind, BindingSource, BindingUse, Draws, Phase, Plan, Role, Visibility,
 };
-use preshade::passes::reflect;
-use preshade::passes::state::{CompareFunction, CullMode, DepthBias, MaterialState};
-use preshade::recipe::Recipe;
-use preshade::render::{AdapterChoice, Gpu, ShaderForm};
-use preshade::scene::{Camera, Draw, DrawOrder, Frame, Material, Mesh, Scene, Value};
+use preshade::unstable::passes::reflect;
+use preshade::unstable::passes::state::{CompareFunction, CullMode, DepthBias, MaterialState};
+use preshade::unstable::recipe::Recipe;
+use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade::unstable::scene::{Camera, Draw, DrawOrder, Frame, Material, Mesh, Scene, Value};
 use serde::Serialize;
 
 use crate::output;
@@ -70,7 +70,7 @@ pub struct Args {
 struct Yardstick {
     schema: &'static str,
     resolution: [u32; 2],
-    adapter: preshade::render::AdapterReport,
+    adapter: preshade::unstable::render::AdapterReport,
     rows: Vec<BenchRow>,
 }
 

@@ -1,8 +1,8 @@
 //! `preshade --explain CODE`: explanations of codes in messages.
 
-use preshade::nearest::nearest;
-use preshade::passes::contract::Assumption;
-use preshade::passes::{PASSES, pass_named};
+use preshade::unstable::nearest::nearest;
+use preshade::unstable::passes::contract::Assumption;
+use preshade::unstable::passes::{PASSES, pass_named};
 
 use crate::Failure;
 
@@ -19,8 +19,8 @@ pub fn all() -> impl Iterator<Item = (&'static str, &'static str)> {
 
 /// The code of an error that has one.
 pub fn of(error: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
-    use preshade::search::plan as decide;
-    use preshade::{emit, lock, measure, render, scene};
+    use preshade::unstable::search::plan as decide;
+    use preshade::unstable::{emit, lock, measure, render, scene};
     if let Some(error) = error.downcast_ref::<decide::Error>() {
         return match error {
             decide::Error::Measure(error) => of(error),
@@ -223,7 +223,7 @@ mod tests {
                 }
             }
         }
-        assert!(explained.contains(preshade::scene::Error::CODE));
+        assert!(explained.contains(preshade::unstable::scene::Error::CODE));
         let sections = TEXT.matches("\n## ").count() + 1;
         assert_eq!(sections, explained.len(), "a code is explained twice");
     }

@@ -16,9 +16,9 @@ use clap::builder::{BoolishValueParser, TypedValueParser};
 use clap::error::{ContextKind, ContextValue};
 use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, Command};
-use preshade::limits::Limits;
-use preshade::nearest::nearest;
-use preshade::regular;
+use preshade::unstable::limits::Limits;
+use preshade::unstable::nearest::nearest;
+use preshade::unstable::regular;
 use toml::{Table, Value};
 
 use crate::{Failure, unknown, worker};

@@ -6,7 +6,7 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use preshade::emit;
+use preshade::unstable::emit;
 
 use crate::{Failure, output};
 

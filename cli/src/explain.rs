@@ -5,14 +5,14 @@ use std::ops::ControlFlow;
 use codespan_reporting::diagnostic::{Diagnostic, Label};
 use codespan_reporting::files::SimpleFiles;
 use codespan_reporting::term;
-use preshade::measure::{self, EffectUse, Session};
-use preshade::passes::PASSES;
-use preshade::passes::graph::Graph;
-use preshade::passes::pass::{Bound, Facts, Frequency, Left, Refusal, SiteCost, Sites};
-use preshade::passes::plan::Plan;
-use preshade::pipeline::{self, Frame};
-use preshade::recipe::{Recipe, Step};
-use preshade::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade::unstable::measure::{self, EffectUse, Session};
+use preshade::unstable::passes::PASSES;
+use preshade::unstable::passes::graph::Graph;
+use preshade::unstable::passes::pass::{Bound, Facts, Frequency, Left, Refusal, SiteCost, Sites};
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::pipeline::{self, Frame};
+use preshade::unstable::recipe::{Recipe, Step};
+use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
 use serde::Serialize;
 
 use crate::input::{Materials, ShaderArgs};
@@ -214,7 +214,7 @@ fn explain(
         passes: steps
             .iter()
             .map(|step| {
-                let Some(pass) = preshade::passes::pass_named(&step.pass) else {
+                let Some(pass) = preshade::unstable::passes::pass_named(&step.pass) else {
                     return Err(Failure(format!("error: no pass `{}`", step.pass)));
                 };
                 let info = pass.info();
@@ -268,12 +268,12 @@ fn stages(plan: &Plan) -> Vec<StageCost> {
     let mut stages = Vec::new();
     for (stage, word, name) in [
         (
-            preshade::passes::naga::ShaderStage::Vertex,
+            preshade::unstable::passes::naga::ShaderStage::Vertex,
             "vertex",
             Some(&pass.vertex),
         ),
         (
-            preshade::passes::naga::ShaderStage::Fragment,
+            preshade::unstable::passes::naga::ShaderStage::Fragment,
             "fragment",
             pass.fragment.as_ref(),
         ),

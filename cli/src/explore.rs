@@ -5,16 +5,16 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
-use preshade::emit::File;
-use preshade::measure;
-use preshade::measure::record::Budget;
-use preshade::passes::contract::Verdict;
-use preshade::passes::hoist::Metric;
-use preshade::passes::specialize::Params;
-use preshade::render::{AdapterChoice, Gpu, ShaderForm};
-use preshade::report;
-use preshade::scene::{DrawOrder, Scene};
-use preshade::search::explore::{self, Journal, Settings};
+use preshade::unstable::emit::File;
+use preshade::unstable::measure;
+use preshade::unstable::measure::record::Budget;
+use preshade::unstable::passes::contract::Verdict;
+use preshade::unstable::passes::hoist::Metric;
+use preshade::unstable::passes::specialize::Params;
+use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade::unstable::report;
+use preshade::unstable::scene::{DrawOrder, Scene};
+use preshade::unstable::search::explore::{self, Journal, Settings};
 
 use crate::input::ShaderArgs;
 use crate::variants::VariantArgs;
@@ -241,7 +241,7 @@ fn one(args: &Args, shader: &ShaderArgs, out: Option<&Path>) -> Result<Outcome, 
             file("report.json", json),
             file("report.csv", csv),
         ];
-        preshade::emit::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
+        preshade::unstable::emit::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
         output::message(&format!("wrote {}", dir.join("report.html").display()));
         Ok(())
     };

@@ -1,7 +1,7 @@
 //! `preshade graph`: the dataflow graph, as dot or JSON.
 
-use preshade::passes::graph::Graph;
-use preshade::recipe::Recipe;
+use preshade::unstable::passes::graph::Graph;
+use preshade::unstable::recipe::Recipe;
 
 use crate::input::ShaderArgs;
 use crate::output;

@@ -3,16 +3,16 @@
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use preshade::front::{self, Source};
-use preshade::measure;
-use preshade::passes::naga::ShaderStage;
-use preshade::passes::pass::Facts;
-use preshade::passes::plan::Plan;
-use preshade::passes::program::Language;
-use preshade::passes::state::MaterialState;
-use preshade::recipe::Recipe;
-use preshade::regular;
-use preshade::scene::{self, Scene, Variable, Variables};
+use preshade::unstable::front::{self, Source};
+use preshade::unstable::measure;
+use preshade::unstable::passes::naga::ShaderStage;
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::program::Language;
+use preshade::unstable::passes::state::MaterialState;
+use preshade::unstable::recipe::Recipe;
+use preshade::unstable::regular;
+use preshade::unstable::scene::{self, Scene, Variable, Variables};
 
 use crate::Failure;
 use crate::limits::LimitArgs;

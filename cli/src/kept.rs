@@ -3,8 +3,8 @@
 
 use std::path::Path;
 
-use preshade::render::{AdapterChoice, Gpu};
-use preshade::search::plan::{SceneSoFar, Unfinished, so_far};
+use preshade::unstable::render::{AdapterChoice, Gpu};
+use preshade::unstable::search::plan::{SceneSoFar, Unfinished, so_far};
 
 use crate::Failure;
 use crate::keeper::Keeper;

@@ -1,7 +1,7 @@
 //! `--limits` and `--allow-outside`: limits on input from strangers.
 
-use preshade::limits::Limits;
-use preshade::scene::{Access, Outside};
+use preshade::unstable::limits::Limits;
+use preshade::unstable::scene::{Access, Outside};
 
 /// Limits on input.
 #[derive(Clone, clap::Args)]

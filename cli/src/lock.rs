@@ -4,12 +4,12 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use preshade::front::Parsed;
-use preshade::lock::{FILE_NAME, Inputs, Lock, LockError, Locked, Measured};
-use preshade::passes::pass::Facts;
-use preshade::recipe::Recipe;
-use preshade::scene::{Material, Scene};
-use preshade::search::plan::Decision;
+use preshade::unstable::front::Parsed;
+use preshade::unstable::lock::{FILE_NAME, Inputs, Lock, LockError, Locked, Measured};
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::recipe::Recipe;
+use preshade::unstable::scene::{Material, Scene};
+use preshade::unstable::search::plan::Decision;
 
 use crate::Failure;
 use crate::output;

@@ -12,8 +12,8 @@ use std::sync::OnceLock;
 use clap::parser::ValueSource;
 use clap::{ColorChoice, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use config::{Arguments, Config};
-use preshade::limits::Limits;
-use preshade::nearest::nearest;
+use preshade::unstable::limits::Limits;
+use preshade::unstable::nearest::nearest;
 use watch::Reads;
 
 mod adapters;

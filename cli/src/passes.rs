@@ -2,8 +2,8 @@
 
 use std::fmt::Write;
 
-use preshade::parameters::{Parameter, parameters};
-use preshade::passes::{PASSES, pass_named};
+use preshade::unstable::parameters::{Parameter, parameters};
+use preshade::unstable::passes::{PASSES, pass_named};
 use serde::Serialize;
 
 use crate::output;

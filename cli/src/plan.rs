@@ -5,21 +5,21 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use preshade::emit;
-use preshade::front::{self, Source};
-use preshade::measure::record::Budget;
-use preshade::measure::{self, EffectUse, Session, TimingSettings, Variant};
-use preshade::passes::pass::Facts;
-use preshade::passes::plan::Plan;
-use preshade::passes::specialize;
-use preshade::passes::state::MaterialState;
-use preshade::recipe::Recipe;
-use preshade::regular;
-use preshade::render::{AdapterChoice, Gpu, ShaderForm};
-use preshade::report;
-use preshade::report::html::plan::Redrawn;
-use preshade::scene::{self, DrawOrder, Scene, Variable, Variables};
-use preshade::search::plan::{
+use preshade::unstable::emit;
+use preshade::unstable::front::{self, Source};
+use preshade::unstable::measure::record::Budget;
+use preshade::unstable::measure::{self, EffectUse, Session, TimingSettings, Variant};
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::specialize;
+use preshade::unstable::passes::state::MaterialState;
+use preshade::unstable::recipe::Recipe;
+use preshade::unstable::regular;
+use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade::unstable::report;
+use preshade::unstable::report::html::plan::Redrawn;
+use preshade::unstable::scene::{self, DrawOrder, Scene, Variable, Variables};
+use preshade::unstable::search::plan::{
     self as decide, Decision, Exhausted, Hold, Model, RegretReport, SceneSoFar, Settings, Timed,
 };
 

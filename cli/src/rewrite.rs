@@ -5,16 +5,16 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
-use preshade::emit::{self, Target};
-use preshade::measure::validate_on;
-use preshade::passes::contract::Contract;
-use preshade::passes::pass::{AnyPass, Facts, Refusal};
-use preshade::passes::plan::Plan;
-use preshade::passes::validate::{Check, Effort, Verdict, validate};
-use preshade::passes::{PASSES, pass_named};
-use preshade::pipeline::{self, Applied, Frame};
-use preshade::recipe::{Recipe, Step};
-use preshade::render::{AdapterChoice, Gpu};
+use preshade::unstable::emit::{self, Target};
+use preshade::unstable::measure::validate_on;
+use preshade::unstable::passes::contract::Contract;
+use preshade::unstable::passes::pass::{AnyPass, Facts, Refusal};
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::validate::{Check, Effort, Verdict, validate};
+use preshade::unstable::passes::{PASSES, pass_named};
+use preshade::unstable::pipeline::{self, Applied, Frame};
+use preshade::unstable::recipe::{Recipe, Step};
+use preshade::unstable::render::{AdapterChoice, Gpu};
 use rayon::prelude::*;
 use serde::Serialize;
 

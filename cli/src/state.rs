@@ -3,14 +3,14 @@
 use std::path::PathBuf;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use preshade::limits::Limits;
-use preshade::passes::state::{
+use preshade::unstable::limits::Limits;
+use preshade::unstable::passes::state::{
     Blend, ColorTarget, CompareFunction, CullMode, DepthDirection, DepthFormat, MaterialState,
     Topology,
 };
-use preshade::regular;
-use preshade::render;
-use preshade::scene::Scene;
+use preshade::unstable::regular;
+use preshade::unstable::render;
+use preshade::unstable::scene::Scene;
 
 use crate::Failure;
 use crate::input::unread;
@@ -105,7 +105,7 @@ fn with_suggestion(message: &str) -> String {
         .contains("unknown ")
         .then(|| words.next())
         .flatten()
-        .and_then(|wrong| preshade::nearest::nearest(wrong, words));
+        .and_then(|wrong| preshade::unstable::nearest::nearest(wrong, words));
     match near {
         Some(near) => format!("{}\n  = help: did you mean `{near}`?", message.trim_end()),
         None => message.to_owned(),

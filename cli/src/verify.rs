@@ -5,15 +5,15 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use preshade::measure::crossover::{Point, Series};
-use preshade::measure::record::{Budget, Chosen, Pictures, Report, SweepReport};
-use preshade::measure::{self, Session, Settings, Timed, TimingSettings, Variant};
-use preshade::passes::pass::Facts;
-use preshade::recipe::Recipe;
-use preshade::render::{AdapterChoice, Gpu, ShaderForm};
-use preshade::report;
-use preshade::scene::{self, DrawOrder, Scene, Variables};
-use preshade::sweep::Sweep;
+use preshade::unstable::measure::crossover::{Point, Series};
+use preshade::unstable::measure::record::{Budget, Chosen, Pictures, Report, SweepReport};
+use preshade::unstable::measure::{self, Session, Settings, Timed, TimingSettings, Variant};
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::recipe::Recipe;
+use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade::unstable::report;
+use preshade::unstable::scene::{self, DrawOrder, Scene, Variables};
+use preshade::unstable::sweep::Sweep;
 
 use crate::apart::{apart, resumed};
 use crate::input::ShaderArgs;
@@ -359,8 +359,8 @@ fn told(
     })
 }
 
-fn file(name: &str, text: String) -> preshade::emit::File {
-    preshade::emit::File {
+fn file(name: &str, text: String) -> preshade::unstable::emit::File {
+    preshade::unstable::emit::File {
         name: name.to_owned(),
         bytes: text.into_bytes(),
     }
@@ -402,7 +402,7 @@ fn without_folders(json: &str, arguments: impl Iterator<Item = OsString>) -> Str
 /// Writes the files and the pictures to the folder of `--out`.
 fn write(
     args: &Args,
-    mut files: Vec<preshade::emit::File>,
+    mut files: Vec<preshade::unstable::emit::File>,
     pictures: &[Pictures],
 ) -> Result<(), Failure> {
     let Some(dir) = &args.out else { return Ok(()) };
@@ -413,7 +413,7 @@ fn write(
             }
         }
     }
-    preshade::emit::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
+    preshade::unstable::emit::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
     let beside = match args.shader.limits.limits().isolates() && worker::mine().is_none() {
         true => ", beside the pictures that each variant's own process wrote",
         false => "",

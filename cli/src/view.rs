@@ -1,6 +1,6 @@
 //! `--camera` and `--size`.
 
-use preshade::scene::Scene;
+use preshade::unstable::scene::Scene;
 
 use crate::Failure;
 

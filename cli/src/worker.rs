@@ -5,7 +5,7 @@ use std::io::Read;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use preshade::limits::Limits;
+use preshade::unstable::limits::Limits;
 
 use crate::bounded;
 

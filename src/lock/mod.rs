@@ -8,10 +8,10 @@
 //! reports a mismatch, ship the original.
 //!
 //! ```
-//! use preshade::lock::{Inputs, Lock, Locked};
-//! use preshade::front::{Options, Source, parse};
-//! use preshade::passes::{pass::Facts, plan::Plan, state::MaterialState};
-//! use preshade::recipe::Recipe;
+//! use preshade::unstable::lock::{Inputs, Lock, Locked};
+//! use preshade::unstable::front::{Options, Source, parse};
+//! use preshade::unstable::passes::{pass::Facts, plan::Plan, state::MaterialState};
+//! use preshade::unstable::recipe::Recipe;
 //!
 //! let text = "@vertex fn vs(@location(0) p: vec4<f32>) -> @builtin(position) vec4<f32> { return p; }
 //!             @fragment fn fs() -> @location(0) vec4<f32> { return vec4<f32>(1.0); }";

@@ -2,22 +2,22 @@
 
 use std::time::Duration;
 
-use preshade::measure::Session;
-use preshade::measure::TimingSettings;
-use preshade::passes::contract::Verdict;
-use preshade::passes::pass::Facts;
-use preshade::passes::state::{CompareFunction, DepthDirection, DepthFormat};
-use preshade::recipe::Recipe;
-use preshade::render::{SceneInputs, ShaderForm};
-use preshade::scene::{DrawOrder, Scene};
-use preshade::search::plan::assign::{Assignment, FramePredictor};
-use preshade::search::plan::choose::WORTHWHILE;
-use preshade::search::plan::count::FragmentCounter;
-use preshade::search::plan::model::Model;
-use preshade::search::plan::policy::{Hold, Rule};
-use preshade::search::plan::terms::{Term, Work};
-use preshade::search::plan::work::{Counted, DrawCounts, Fragments, drawn};
-use preshade::search::plan::{Choices, Settings, Timed, choices, decide, recipes};
+use preshade::unstable::measure::Session;
+use preshade::unstable::measure::TimingSettings;
+use preshade::unstable::passes::contract::Verdict;
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::state::{CompareFunction, DepthDirection, DepthFormat};
+use preshade::unstable::recipe::Recipe;
+use preshade::unstable::render::{SceneInputs, ShaderForm};
+use preshade::unstable::scene::{DrawOrder, Scene};
+use preshade::unstable::search::plan::assign::{Assignment, FramePredictor};
+use preshade::unstable::search::plan::choose::WORTHWHILE;
+use preshade::unstable::search::plan::count::FragmentCounter;
+use preshade::unstable::search::plan::model::Model;
+use preshade::unstable::search::plan::policy::{Hold, Rule};
+use preshade::unstable::search::plan::terms::{Term, Work};
+use preshade::unstable::search::plan::work::{Counted, DrawCounts, Fragments, drawn};
+use preshade::unstable::search::plan::{Choices, Settings, Timed, choices, decide, recipes};
 
 use crate::render_support::*;
 

@@ -4,16 +4,18 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Duration;
 
-use preshade::measure::record::Unfinished;
-use preshade::measure::{self, Session, Settings, Timed, TimingSettings, verify};
-use preshade::passes::contract::Verdict;
-use preshade::passes::hoist::Metric;
-use preshade::passes::pass::Facts;
-use preshade::recipe::Recipe;
-use preshade::render::{AdapterChoice, Gpu, ShaderForm};
-use preshade::scene::{DrawOrder, Scene};
-use preshade::search::explore::{Ended, Fate, Journal, SearchStage, Settings as Search, explore};
-use preshade::search::plan::{self as decide, Hold, Model, SceneSoFar};
+use preshade::unstable::measure::record::Unfinished;
+use preshade::unstable::measure::{self, Session, Settings, Timed, TimingSettings, verify};
+use preshade::unstable::passes::contract::Verdict;
+use preshade::unstable::passes::hoist::Metric;
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::recipe::Recipe;
+use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade::unstable::scene::{DrawOrder, Scene};
+use preshade::unstable::search::explore::{
+    Ended, Fate, Journal, SearchStage, Settings as Search, explore,
+};
+use preshade::unstable::search::plan::{self as decide, Hold, Model, SceneSoFar};
 
 /// One of its own: it is lost.
 fn gpu() -> Gpu {
@@ -22,7 +24,9 @@ fn gpu() -> Gpu {
 
 fn scene() -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/scenes/simple.toml");
-    let mut scene = preshade::scene::load(&path).unwrap().resized([64, 48]);
+    let mut scene = preshade::unstable::scene::load(&path)
+        .unwrap()
+        .resized([64, 48]);
     scene.orders = vec![
         DrawOrder::BackToFront,
         DrawOrder::FrontToBack,

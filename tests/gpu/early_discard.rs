@@ -2,15 +2,17 @@
 
 use std::path::Path;
 
-use preshade::measure::{self, Counter, ErrorLadder, counting};
-use preshade::passes::contract::Contract;
-use preshade::passes::early_discard::PREPASS_PACKED;
-use preshade::passes::pass::{Facts, Refusal};
-use preshade::passes::plan::{AttachmentFormat, BindingSource, ClearValue, Plan, Role};
-use preshade::passes::state::{CompareFunction, DepthBias, DepthDirection, DepthFormat};
-use preshade::recipe::Recipe;
-use preshade::render::{FrameSettings, Prepared, Rendered, SceneInputs, ShaderForm, Variant};
-use preshade::scene::{DrawOrder, Scene};
+use preshade::unstable::measure::{self, Counter, ErrorLadder, counting};
+use preshade::unstable::passes::contract::Contract;
+use preshade::unstable::passes::early_discard::PREPASS_PACKED;
+use preshade::unstable::passes::pass::{Facts, Refusal};
+use preshade::unstable::passes::plan::{AttachmentFormat, BindingSource, ClearValue, Plan, Role};
+use preshade::unstable::passes::state::{CompareFunction, DepthBias, DepthDirection, DepthFormat};
+use preshade::unstable::recipe::Recipe;
+use preshade::unstable::render::{
+    FrameSettings, Prepared, Rendered, SceneInputs, ShaderForm, Variant,
+};
+use preshade::unstable::scene::{DrawOrder, Scene};
 
 use crate::render_support::{gpu, originals, planes, with_depth, with_samples};
 
@@ -20,7 +22,9 @@ fn scene(name: &str) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("fixtures/scenes")
         .join(name);
-    preshade::scene::load(&path).unwrap().resized([160, 90])
+    preshade::unstable::scene::load(&path)
+        .unwrap()
+        .resized([160, 90])
 }
 
 /// Five layers of a textured material that fill the screen, seen at a slant. `edit` makes the fixture's text another.
@@ -54,7 +58,7 @@ far = 40
 "#
     );
     std::fs::write(&path, text).unwrap();
-    preshade::scene::load(&path).unwrap()
+    preshade::unstable::scene::load(&path).unwrap()
 }
 
 /// The fixture's one sample.
@@ -250,10 +254,10 @@ fn lanes_with_gradients_taken_first_need_a_budget() {
         apply(original, recipe).unwrap();
     }
     let plan = apply(original, "early-discard:quad=lane,budget=0.02").unwrap();
-    let files = preshade::emit::emit(
+    let files = preshade::unstable::emit::emit(
         &plan,
-        &[preshade::emit::Target::Wgsl],
-        &preshade::emit::Options::default(),
+        &[preshade::unstable::emit::Target::Wgsl],
+        &preshade::unstable::emit::Options::default(),
     )
     .unwrap();
     let main = files
@@ -482,7 +486,7 @@ fn it_saves_where_the_hardware_cannot_test_early() {
 #[cfg(feature = "glsl")]
 #[test]
 fn packed_depth_is_for_webgl() {
-    use preshade::emit::{self, Target};
+    use preshade::unstable::emit::{self, Target};
     let scene = scene("frag-depth.toml");
     for plan in transformed(&self::scene("simple.toml"), "early-discard:texture=packed") {
         let files = emit::emit(&plan, &[Target::GlslEs300], &emit::Options::default()).unwrap();

@@ -4,14 +4,16 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use glam::{Mat4, Vec3};
-use preshade::front;
-use preshade::measure::originals;
-use preshade::passes::evaluate::{self, Environment, Scalar, Value};
-use preshade::passes::state::{
+use preshade::unstable::front;
+use preshade::unstable::measure::originals;
+use preshade::unstable::passes::evaluate::{self, Environment, Scalar, Value};
+use preshade::unstable::passes::state::{
     ColorTarget, CullMode, DepthDirection, DepthFormat, MaterialState, PrimitiveState,
 };
-use preshade::render::{ColorImage, FrameSettings, Prepared, SceneInputs, ShaderForm, Variant};
-use preshade::scene::{
+use preshade::unstable::render::{
+    ColorImage, FrameSettings, Prepared, SceneInputs, ShaderForm, Variant,
+};
+use preshade::unstable::scene::{
     Camera, Draw, DrawOrder, DrawRange, Frame, Light, Material, Mesh, Scene, Stream,
 };
 

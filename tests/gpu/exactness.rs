@@ -3,16 +3,16 @@
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use preshade::measure::{self, ErrorLadder, Session};
-use preshade::passes::contract::Contract;
-use preshade::passes::pass::Facts;
-use preshade::passes::plan::Plan;
-use preshade::passes::state::{DepthBias, DepthDirection, DepthFormat};
-use preshade::recipe::Recipe;
-use preshade::render::{
+use preshade::unstable::measure::{self, ErrorLadder, Session};
+use preshade::unstable::passes::contract::Contract;
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::state::{DepthBias, DepthDirection, DepthFormat};
+use preshade::unstable::recipe::Recipe;
+use preshade::unstable::render::{
     AdapterChoice, FrameSettings, Gpu, Prepared, Rendered, SceneInputs, ShaderForm, Variant,
 };
-use preshade::scene::{DrawOrder, Scene};
+use preshade::unstable::scene::{DrawOrder, Scene};
 
 /// Exact whatever ties there are.
 const TIE_PROOF: [&str; 2] = ["depth-prepass", "early-discard"];
@@ -49,7 +49,7 @@ fn load(name: &str) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("fixtures/scenes")
         .join(name);
-    small(preshade::scene::load(&path).unwrap_or_else(|e| panic!("{}", e.render())))
+    small(preshade::unstable::scene::load(&path).unwrap_or_else(|e| panic!("{}", e.render())))
 }
 
 /// The scene at [`SIZE`], with the first frame of each camera and one from the middle of each path.

@@ -4,15 +4,17 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Duration;
 
-use preshade::measure;
-use preshade::passes::contract::Verdict;
-use preshade::passes::hoist::Metric;
-use preshade::recipe::Recipe;
-use preshade::render::ShaderForm;
-use preshade::report;
-use preshade::scene::Scene;
-use preshade::search::explore::{Ended, Fate, Journal, Point, SearchStage, Settings, explore};
-use preshade::search::explore::{Explored, of};
+use preshade::unstable::measure;
+use preshade::unstable::passes::contract::Verdict;
+use preshade::unstable::passes::hoist::Metric;
+use preshade::unstable::recipe::Recipe;
+use preshade::unstable::render::ShaderForm;
+use preshade::unstable::report;
+use preshade::unstable::scene::Scene;
+use preshade::unstable::search::explore::{
+    Ended, Fate, Journal, Point, SearchStage, Settings, explore,
+};
+use preshade::unstable::search::explore::{Explored, of};
 
 use crate::render_support::gpu;
 
@@ -20,7 +22,9 @@ fn scene(name: &str) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("fixtures/scenes")
         .join(format!("{name}.toml"));
-    preshade::scene::load(&path).unwrap().resized([163, 91])
+    preshade::unstable::scene::load(&path)
+        .unwrap()
+        .resized([163, 91])
 }
 
 fn settings(recipes: &[&str]) -> Settings {

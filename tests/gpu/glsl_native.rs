@@ -3,13 +3,13 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use preshade::emit::{self, Target};
-use preshade::measure;
-use preshade::passes::pass::Facts;
-use preshade::passes::plan::Plan;
-use preshade::recipe::Recipe;
-use preshade::render::ShaderForm;
-use preshade::scene::DrawOrder;
+use preshade::unstable::emit::{self, Target};
+use preshade::unstable::measure;
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::recipe::Recipe;
+use preshade::unstable::render::ShaderForm;
+use preshade::unstable::scene::DrawOrder;
 
 use crate::native::both::{self, Difference};
 use crate::native::pair::{Draw, FirstRow, Texture};

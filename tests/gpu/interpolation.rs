@@ -3,12 +3,12 @@
 use std::ops::ControlFlow;
 use std::path::Path;
 
-use preshade::measure;
-use preshade::measure::Session;
-use preshade::passes::hoist::{self, Hoist};
-use preshade::passes::pass::{Bound, Facts, Frequency, Pass};
-use preshade::render::ShaderForm;
-use preshade::scene::Scene;
+use preshade::unstable::measure;
+use preshade::unstable::measure::Session;
+use preshade::unstable::passes::hoist::{self, Hoist};
+use preshade::unstable::passes::pass::{Bound, Facts, Frequency, Pass};
+use preshade::unstable::render::ShaderForm;
+use preshade::unstable::scene::Scene;
 
 use crate::render_support::gpu;
 
@@ -16,7 +16,11 @@ fn frequencies(name: &str) -> Vec<Frequency> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("fixtures/scenes")
         .join(format!("{name}.toml"));
-    measured(&preshade::scene::load(&path).unwrap().resized([96, 54]))
+    measured(
+        &preshade::unstable::scene::load(&path)
+            .unwrap()
+            .resized([96, 54]),
+    )
 }
 
 fn measured(scene: &Scene) -> Vec<Frequency> {
@@ -121,7 +125,7 @@ target = [0, 0, 0]
     );
     let path = folder.join(format!("{name}.toml"));
     std::fs::write(&path, scene).unwrap();
-    preshade::scene::load(&path).unwrap()
+    preshade::unstable::scene::load(&path).unwrap()
 }
 
 /// At the edge `inverse * inverse` overflows and 0 times it is no number, which a target of 8 bits cannot hold. The value says so itself; a varying of the author's that is infinite

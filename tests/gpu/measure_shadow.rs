@@ -2,15 +2,17 @@
 
 use std::path::Path;
 
-use preshade::measure::record::VariantReport;
-use preshade::measure::{self, Session, Settings, Timed, TimingSettings, Variant, verify};
-use preshade::passes::contract::Verdict;
-use preshade::passes::pass::Facts;
-use preshade::passes::plan::{GpuPass, Phase};
-use preshade::passes::state::{DepthDirection, DepthFormat};
-use preshade::recipe::Recipe;
-use preshade::render::ShaderForm;
-use preshade::scene::{self, Scene};
+use preshade::unstable::measure::record::VariantReport;
+use preshade::unstable::measure::{
+    self, Session, Settings, Timed, TimingSettings, Variant, verify,
+};
+use preshade::unstable::passes::contract::Verdict;
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::plan::{GpuPass, Phase};
+use preshade::unstable::passes::state::{DepthDirection, DepthFormat};
+use preshade::unstable::recipe::Recipe;
+use preshade::unstable::render::ShaderForm;
+use preshade::unstable::scene::{self, Scene};
 
 use crate::render_support::*;
 

@@ -3,14 +3,16 @@
 use std::path::Path;
 
 use glam::{Mat4, Vec3};
-use preshade::measure::record::{Report, VariantReport};
-use preshade::measure::{self, Session, Settings, Timed, TimingSettings, Variant, verify};
-use preshade::passes::contract::Verdict;
-use preshade::passes::pass::Facts;
-use preshade::passes::state::{Blend, ColorTarget, CompareFunction};
-use preshade::recipe::Recipe;
-use preshade::render::ShaderForm;
-use preshade::scene::{self, Scene};
+use preshade::unstable::measure::record::{Report, VariantReport};
+use preshade::unstable::measure::{
+    self, Session, Settings, Timed, TimingSettings, Variant, verify,
+};
+use preshade::unstable::passes::contract::Verdict;
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::state::{Blend, ColorTarget, CompareFunction};
+use preshade::unstable::recipe::Recipe;
+use preshade::unstable::render::ShaderForm;
+use preshade::unstable::scene::{self, Scene};
 
 use crate::render_support::*;
 
@@ -210,7 +212,7 @@ fn slopes_that_are_not_gentle_are_told_with_the_budget_that_holds() {
 /// Where the picture of a plan that was made for an adapter that does otherwise is off, that is said beside.
 #[test]
 fn a_plan_for_another_adapter_is_named() {
-    use preshade::passes::rasterizer::Corners;
+    use preshade::unstable::passes::rasterizer::Corners;
     let seen = measure::rasterizer(gpu()).unwrap();
     let [own, other] = match seen.corners {
         Corners::Snapped => ["snapped", "as-given"],
@@ -246,7 +248,7 @@ fn a_step_of_a_target_of_halves_is_theirs() {
         bright.materials[0].state.targets = vec![Some(ColorTarget::opaque(format))];
         for draw in &mut bright.draws {
             let tint = vec![largest, largest, largest, 1.0];
-            let value = preshade::scene::Value::Numbers(tint);
+            let value = preshade::unstable::scene::Value::Numbers(tint);
             draw.values.insert("object.tint".to_owned(), value);
         }
         let report = run(&bright, made_by(&bright, "visibility-buffer"));

@@ -2,15 +2,15 @@
 
 use std::time::Duration;
 
-use preshade::measure::{
+use preshade::unstable::measure::{
     self, Outcome, Session, Settings, Timed, TimingSettings, Variant, record, verify,
 };
-use preshade::passes::contract::{Assumption, Contract, Surface, Turned, Verdict};
-use preshade::passes::plan::Plan;
-use preshade::passes::state::CompareFunction;
-use preshade::render::ShaderForm;
-use preshade::report::table;
-use preshade::scene::{DrawOrder, Scene};
+use preshade::unstable::passes::contract::{Assumption, Contract, Surface, Turned, Verdict};
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::state::CompareFunction;
+use preshade::unstable::render::ShaderForm;
+use preshade::unstable::report::table;
+use preshade::unstable::scene::{DrawOrder, Scene};
 
 use crate::render_support::*;
 
@@ -224,7 +224,8 @@ fn pictures_are_pngs_of_the_right_size_under_safe_names() {
             "prepass-form-equal.sheet.png",
         ]
     );
-    let decode = |f: &preshade::emit::File| image::load_from_memory(&f.bytes).unwrap().to_rgba8();
+    let decode =
+        |f: &preshade::unstable::emit::File| image::load_from_memory(&f.bytes).unwrap().to_rgba8();
     for file in &files[..5] {
         assert_eq!(decode(file).dimensions(), (320, 200), "{}", file.name);
     }
@@ -238,7 +239,7 @@ fn pictures_are_pngs_of_the_right_size_under_safe_names() {
     let wrong = outcome.pictures[1].files().unwrap();
     assert!(decode(&wrong[2]).pixels().all(|p| p.0[0] >= 16));
     if let Some(dir) = std::env::var_os("PRESHADE_TEST_PICTURES") {
-        preshade::emit::write(dir.as_ref(), &files).unwrap();
+        preshade::unstable::emit::write(dir.as_ref(), &files).unwrap();
     }
 }
 

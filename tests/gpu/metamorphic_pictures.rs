@@ -4,13 +4,15 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use preshade::front::{self, Options, Source};
-use preshade::measure::record::VariantReport;
-use preshade::measure::{self, Session, Settings, Timed, TimingSettings, Variant, verify};
-use preshade::passes::contract::Verdict;
-use preshade::recipe::Recipe;
-use preshade::render::ShaderForm;
-use preshade::scene::{DrawOrder, Scene};
+use preshade::unstable::front::{self, Options, Source};
+use preshade::unstable::measure::record::VariantReport;
+use preshade::unstable::measure::{
+    self, Session, Settings, Timed, TimingSettings, Variant, verify,
+};
+use preshade::unstable::passes::contract::Verdict;
+use preshade::unstable::recipe::Recipe;
+use preshade::unstable::render::ShaderForm;
+use preshade::unstable::scene::{DrawOrder, Scene};
 
 use crate::metamorphic_support::injection;
 use crate::render_support::gpu;
@@ -38,7 +40,7 @@ const RECIPES: [(&str, usize); 11] = [
 
 fn scene(name: &str) -> Scene {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/scenes");
-    let scene = preshade::scene::load(&folder.join(name).with_extension("toml"));
+    let scene = preshade::unstable::scene::load(&folder.join(name).with_extension("toml"));
     let mut scene = scene.unwrap().resized([61, 43]);
     scene.orders = vec![DrawOrder::BackToFront];
     scene.cameras.truncate(1);

@@ -5,16 +5,16 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use glam::{Mat4, Vec3};
-use preshade::emit::{self, File, PlanFile, Target};
-use preshade::passes::pass::Facts;
-use preshade::passes::plan::Plan;
-use preshade::passes::state::{
+use preshade::unstable::emit::{self, File, PlanFile, Target};
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::state::{
     Blend, ColorTarget, CompareFunction, CullMode, DepthBias, DepthFormat, StencilFace,
     StencilOperation, StencilState,
 };
-use preshade::recipe::Recipe;
-use preshade::render::{self, FrameSettings, Prepared, Rendered, SceneInputs, Variant};
-use preshade::scene::{DrawOrder, Scene, Stream, Value};
+use preshade::unstable::recipe::Recipe;
+use preshade::unstable::render::{self, FrameSettings, Prepared, Rendered, SceneInputs, Variant};
+use preshade::unstable::scene::{DrawOrder, Scene, Stream, Value};
 use serde_json::{Value as Json, json};
 
 use crate::render_support::*;

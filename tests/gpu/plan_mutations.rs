@@ -3,11 +3,11 @@
 
 use std::collections::BTreeSet;
 
-use preshade::emit::{self, File, PlanFile, Target};
-use preshade::passes::pass::Facts;
-use preshade::recipe::Recipe;
-use preshade::render::{self, FrameSettings, Prepared, Rendered, SceneInputs, Variant};
-use preshade::scene::DrawOrder;
+use preshade::unstable::emit::{self, File, PlanFile, Target};
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::recipe::Recipe;
+use preshade::unstable::render::{self, FrameSettings, Prepared, Rendered, SceneInputs, Variant};
+use preshade::unstable::scene::DrawOrder;
 use rayon::prelude::*;
 use serde_json::{Value as Json, json};
 

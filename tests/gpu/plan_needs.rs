@@ -4,22 +4,22 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use preshade::emit::{self, PlanFile, Target};
-use preshade::measure;
-use preshade::passes::pass::Facts;
-use preshade::passes::plan::Plan;
-use preshade::passes::state::ColorTarget;
-use preshade::recipe::Recipe;
-use preshade::render::{
+use preshade::unstable::emit::{self, PlanFile, Target};
+use preshade::unstable::measure;
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::state::ColorTarget;
+use preshade::unstable::recipe::Recipe;
+use preshade::unstable::render::{
     AdapterChoice, Error, FrameSettings, Gpu, Prepared, SceneInputs, ShaderForm, Variant,
 };
-use preshade::scene::{DrawOrder, Scene};
+use preshade::unstable::scene::{DrawOrder, Scene};
 
 fn load(name: &str) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("fixtures/scenes")
         .join(name);
-    let scene = preshade::scene::load(&path).unwrap_or_else(|e| panic!("{}", e.render()));
+    let scene = preshade::unstable::scene::load(&path).unwrap_or_else(|e| panic!("{}", e.render()));
     scene.resized([97, 61])
 }
 

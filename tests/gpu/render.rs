@@ -1,15 +1,15 @@
 //! What is drawn is what a plan says: known pixels, exact depth, every depth format and direction, several samples, viewports.
 
 use glam::{Mat4, Vec3};
-use preshade::limits::Limits;
-use preshade::passes::plan::{
+use preshade::unstable::limits::Limits;
+use preshade::unstable::passes::plan::{
     BindingKind, BindingSource, BindingUse, GpuPass, Plan, SCENE_DEPTH, Visibility,
 };
-use preshade::passes::state::{
+use preshade::unstable::passes::state::{
     Blend, ColorTarget, CompareFunction, DepthDirection, DepthFormat, Topology,
 };
-use preshade::render::{self, AdapterChoice, Gpu, SceneInputs, ShaderForm, Variant};
-use preshade::scene::DrawOrder;
+use preshade::unstable::render::{self, AdapterChoice, Gpu, SceneInputs, ShaderForm, Variant};
+use preshade::unstable::scene::DrawOrder;
 
 use crate::render_support::*;
 
@@ -280,7 +280,7 @@ fn reading_depth(plan: &Plan, kind: BindingKind, samples: u32) -> Plan {
             name: SCENE_DEPTH.to_owned(),
         },
     });
-    preshade::passes::reflect::fill(main, &shader);
+    preshade::unstable::passes::reflect::fill(main, &shader);
     let depth = main.depth.as_mut().unwrap();
     depth.compare = CompareFunction::LessEqual;
     depth.read_only = true;

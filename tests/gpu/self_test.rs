@@ -6,16 +6,18 @@ use naga::{
     BinaryOperator, Binding, BuiltIn, Expression, Literal, Module, Scalar, ShaderStage, Span, Type,
     TypeInner, VectorSize,
 };
-use preshade::measure::{self, Session, Settings, Timed, TimingSettings, Variant, verify};
-use preshade::passes::contract::Verdict;
-use preshade::passes::pass::Facts;
-use preshade::passes::plan::{Plan, Role, SamplesPassed};
-use preshade::passes::returns::{self, Emitter};
-use preshade::passes::state::{CompareFunction, DepthBias};
-use preshade::recipe::Recipe;
-use preshade::render::{SceneInputs, SelfTestResult, ShaderForm, self_test};
-use preshade::report::table;
-use preshade::scene::{self, Scene};
+use preshade::unstable::measure::{
+    self, Session, Settings, Timed, TimingSettings, Variant, verify,
+};
+use preshade::unstable::passes::contract::Verdict;
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::plan::{Plan, Role, SamplesPassed};
+use preshade::unstable::passes::returns::{self, Emitter};
+use preshade::unstable::passes::state::{CompareFunction, DepthBias};
+use preshade::unstable::recipe::Recipe;
+use preshade::unstable::render::{SceneInputs, SelfTestResult, ShaderForm, self_test};
+use preshade::unstable::report::table;
+use preshade::unstable::scene::{self, Scene};
 
 use crate::render_support::*;
 

@@ -2,19 +2,21 @@
 
 use std::path::Path;
 
-use preshade::emit;
-use preshade::front::{self, Options, Source};
-use preshade::measure::record::VariantReport;
-use preshade::measure::{self, Session, Settings, Timed, TimingSettings};
-use preshade::passes::contract::Verdict;
-use preshade::passes::graph::Graph;
-use preshade::passes::naga;
-use preshade::passes::pass::Facts;
-use preshade::passes::plan::Plan;
-use preshade::passes::specialize::Params;
-use preshade::recipe::Recipe;
-use preshade::render::{FrameSettings, Prepared, Rendered, SceneInputs, ShaderForm, Variant};
-use preshade::scene::{Scene, Value};
+use preshade::unstable::emit;
+use preshade::unstable::front::{self, Options, Source};
+use preshade::unstable::measure::record::VariantReport;
+use preshade::unstable::measure::{self, Session, Settings, Timed, TimingSettings};
+use preshade::unstable::passes::contract::Verdict;
+use preshade::unstable::passes::graph::Graph;
+use preshade::unstable::passes::naga;
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::specialize::Params;
+use preshade::unstable::recipe::Recipe;
+use preshade::unstable::render::{
+    FrameSettings, Prepared, Rendered, SceneInputs, ShaderForm, Variant,
+};
+use preshade::unstable::scene::{Scene, Value};
 
 use crate::render_support::gpu;
 
@@ -22,7 +24,9 @@ fn scene(name: &str) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("fixtures/scenes")
         .join(format!("{name}.toml"));
-    preshade::scene::load(&path).unwrap().resized([160, 90])
+    preshade::unstable::scene::load(&path)
+        .unwrap()
+        .resized([160, 90])
 }
 
 fn museum() -> Scene {

@@ -3,13 +3,15 @@
 use std::collections::BTreeMap;
 
 use glam::{Mat4, Vec3};
-use preshade::measure;
-use preshade::passes::pass::{Facts, Refusal};
-use preshade::passes::plan::{Plan, When};
-use preshade::recipe::Recipe;
-use preshade::render::{FrameSettings, Prepared, Rendered, SceneInputs, ShaderForm, Variant};
-use preshade::scene::mesh::Sphere;
-use preshade::scene::{Draw, DrawOrder, Frame, Scene};
+use preshade::unstable::measure;
+use preshade::unstable::passes::pass::{Facts, Refusal};
+use preshade::unstable::passes::plan::{Plan, When};
+use preshade::unstable::recipe::Recipe;
+use preshade::unstable::render::{
+    FrameSettings, Prepared, Rendered, SceneInputs, ShaderForm, Variant,
+};
+use preshade::unstable::scene::mesh::Sphere;
+use preshade::unstable::scene::{Draw, DrawOrder, Frame, Scene};
 
 use crate::render_support;
 use crate::render_support::{gpu, material, scene};

@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 
 use naga::{BinaryOperator, Expression, Function, Module, SampleLevel, Statement};
-use preshade::measure::validate_on;
-use preshade::passes::pass::Facts;
-use preshade::passes::plan::Plan;
-use preshade::passes::state::MaterialState;
-use preshade::passes::validate::{Check, Counterexample, Effort, Verdict};
-use preshade::recipe::Recipe;
+use preshade::unstable::measure::validate_on;
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::state::MaterialState;
+use preshade::unstable::passes::validate::{Check, Counterexample, Effort, Verdict};
+use preshade::unstable::recipe::Recipe;
 
 use crate::fixtures_support::{materials, original};
 use crate::render_support::{gpu, program};

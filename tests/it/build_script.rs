@@ -6,13 +6,13 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use preshade::build_script::{Builder, Built, Error, configure};
-use preshade::emit::Target;
-use preshade::front::{Options, Source, parse};
-use preshade::lock::{Inputs, Lock, Locked};
-use preshade::passes::pass::Facts;
-use preshade::passes::plan::Plan;
-use preshade::passes::state::{Blend, ColorTarget, DepthFormat, MaterialState};
-use preshade::recipe::Recipe;
+use preshade::unstable::emit::Target;
+use preshade::unstable::front::{Options, Source, parse};
+use preshade::unstable::lock::{Inputs, Lock, Locked};
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::state::{Blend, ColorTarget, DepthFormat, MaterialState};
+use preshade::unstable::recipe::Recipe;
 
 const SHADER: &str = include_str!("../../fixtures/shaders/toon.wgsl");
 

@@ -1,8 +1,8 @@
 //! Recipes of random passes in random order, on all fixture materials: all compose or refuse.
 #![cfg(all(feature = "glsl", feature = "spirv"))]
 
-use preshade::passes::plan::Plan;
-use preshade::passes::validate::Effort;
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::validate::Effort;
 
 use crate::combinations_support::combinations;
 use crate::fixtures_support::{materials, original};
@@ -34,7 +34,7 @@ fn random_recipes_compose_or_refuse() {
     assert!(tally.refused_whole < count / 2, "{tally:#?}");
     assert_eq!(
         tally.accepted.len(),
-        preshade::passes::PASSES.len(),
+        preshade::unstable::passes::PASSES.len(),
         "{tally:#?}"
     );
 }

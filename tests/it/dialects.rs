@@ -3,8 +3,8 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade::emit::{self, Target};
-use preshade::front::{self, Options, Source};
+use preshade::unstable::emit::{self, Target};
+use preshade::unstable::front::{self, Options, Source};
 use preshade_passes::plan::Plan;
 use preshade_passes::state::MaterialState;
 

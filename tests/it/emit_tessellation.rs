@@ -4,10 +4,10 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use preshade::emit::{self, ClipSpace, Error, File, PlanFile, Target};
-use preshade::passes::pass::Facts;
-use preshade::passes::plan::Plan;
-use preshade::recipe::Recipe;
+use preshade::unstable::emit::{self, ClipSpace, Error, File, PlanFile, Target};
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::recipe::Recipe;
 
 use crate::fixtures_support;
 

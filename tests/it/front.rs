@@ -3,7 +3,7 @@
 
 use std::time::{Duration, Instant};
 
-use preshade::front::{self, Code, Color, Error, Options, Parsed, Source};
+use preshade::unstable::front::{self, Code, Color, Error, Options, Parsed, Source};
 use preshade_passes::program::Language;
 
 const VERTEX: &str = r"

@@ -1,8 +1,8 @@
 //! Damaged source never takes the process down: it is a program or an error. And what parses is emitted, read back and equal.
 #![cfg(all(feature = "glsl", feature = "spirv"))]
 
-use preshade::emit::{self, Target};
-use preshade::front::{self, Source};
+use preshade::unstable::emit::{self, Target};
+use preshade::unstable::front::{self, Source};
 use preshade_passes::plan::Plan;
 use preshade_passes::program::Program;
 use preshade_passes::state::MaterialState;

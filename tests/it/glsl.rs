@@ -3,12 +3,14 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade::emit::{self, Target};
-use preshade::front::{self, ClipSpace, Code, Color, Options, Parsed, Source, normalised_glsl};
-use preshade::passes::pass::Facts;
-use preshade::passes::plan::Plan;
-use preshade::passes::state::{MaterialState, Topology};
-use preshade::recipe::Recipe;
+use preshade::unstable::emit::{self, Target};
+use preshade::unstable::front::{
+    self, ClipSpace, Code, Color, Options, Parsed, Source, normalised_glsl,
+};
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::state::{MaterialState, Topology};
+use preshade::unstable::recipe::Recipe;
 
 fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/glsl/dialects")

@@ -1,12 +1,12 @@
 //! What GLSL says that naga's front end does otherwise or not at all: which function is called, how blocks lie, what the preprocessor is asked, and errors in GLSL's words.
 #![cfg(all(feature = "glsl", feature = "spirv"))]
 
-use preshade::emit::{self, Target};
-use preshade::front::{self, Code, Color, Options, Parsed, Source, normalised_glsl};
-use preshade::passes::pass::Facts;
-use preshade::passes::plan::Plan;
-use preshade::passes::state::MaterialState;
-use preshade::recipe::Recipe;
+use preshade::unstable::emit::{self, Target};
+use preshade::unstable::front::{self, Code, Color, Options, Parsed, Source, normalised_glsl};
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::state::MaterialState;
+use preshade::unstable::recipe::Recipe;
 
 const VERTEX: &str = "attribute vec4 p; void main() { gl_Position = p; }";
 

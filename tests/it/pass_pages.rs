@@ -5,15 +5,15 @@ use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use preshade::emit::{self, Target};
-use preshade::front::{Options, Source, parse};
-use preshade::parameters::parameters;
-use preshade::passes::PASSES;
-use preshade::passes::contract::Contract;
-use preshade::passes::pass::{AnyPass, Facts};
-use preshade::passes::plan::Plan;
-use preshade::passes::state::MaterialState;
-use preshade::recipe::Recipe;
+use preshade::unstable::emit::{self, Target};
+use preshade::unstable::front::{Options, Source, parse};
+use preshade::unstable::parameters::parameters;
+use preshade::unstable::passes::PASSES;
+use preshade::unstable::passes::contract::Contract;
+use preshade::unstable::passes::pass::{AnyPass, Facts};
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::state::MaterialState;
+use preshade::unstable::recipe::Recipe;
 
 /// A material that every pass has something to do with: cut out by a texture, lit by a wave that
 /// bends within a triangle.

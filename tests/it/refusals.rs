@@ -1,17 +1,17 @@
 //! What the depth transforms refuse, by name and with a remedy: a refusal is a normal outcome, and the original is kept.
 
-use preshade::emit::{self, Target};
-use preshade::front::{self, Options, Source};
-use preshade::passes::contract::{Assumption, Contract};
-use preshade::passes::frame::{FrameLoad, FramePlan};
-use preshade::passes::neighbours;
-use preshade::passes::pass::Facts;
-use preshade::passes::plan::Plan;
-use preshade::passes::state::{
+use preshade::unstable::emit::{self, Target};
+use preshade::unstable::front::{self, Options, Source};
+use preshade::unstable::passes::contract::{Assumption, Contract};
+use preshade::unstable::passes::frame::{FrameLoad, FramePlan};
+use preshade::unstable::passes::neighbours;
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::state::{
     Blend, ColorTarget, CompareFunction, DepthBias, MaterialState, StencilFace, StencilOperation,
     StencilState, Topology,
 };
-use preshade::recipe::Recipe;
+use preshade::unstable::recipe::Recipe;
 
 const VERTEX: &str =
     "@vertex fn vs(@location(0) p: vec4<f32>) -> @builtin(position) vec4<f32> { return p; }\n";

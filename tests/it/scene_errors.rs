@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade::scene;
+use preshade::unstable::scene;
 
 /// A scene that is right but for what a case changes.
 const GOOD: &str = r#"size = [64, 32]
@@ -204,7 +204,7 @@ fn load_strictly(case: &str, text: &str) -> Result<scene::Scene, scene::Error> {
     let path = folder(case).join("scenes/bad.toml");
     std::fs::write(&path, text).unwrap();
     let access = scene::Access {
-        limits: preshade::limits::Limits::strict(),
+        limits: preshade::unstable::limits::Limits::strict(),
         ..scene::Access::default()
     };
     scene::load_within(&path, &scene::Variables::new(), access)
@@ -248,7 +248,7 @@ fn draws_are_counted_before_they_are_made() {
     let path = folder("instances").join("scenes/bad.toml");
     std::fs::write(&path, with(&copies)).unwrap();
     let access = scene::Access {
-        limits: preshade::limits::Limits::parse("scene-bytes=300M").unwrap(),
+        limits: preshade::unstable::limits::Limits::parse("scene-bytes=300M").unwrap(),
         ..scene::Access::default()
     };
     let refused = scene::load_within(&path, &scene::Variables::new(), access);
@@ -513,7 +513,7 @@ fn immediate_data_is_told_where_it_would_be_drawn() {
     std::fs::write(&path, GOOD).unwrap();
     let draw = || {
         let scene = scene::load(&path).unwrap();
-        let plan = &preshade::measure::originals(&scene)[0];
+        let plan = &preshade::unstable::measure::originals(&scene)[0];
         let (_, frame) = scene.frames().next().unwrap();
         let pass = plan.main().unwrap();
         scene::bind::draw(&scene, &scene.materials[0], pass, &scene.draws[0], frame).map(drop)

@@ -1,9 +1,9 @@
 //! glTF files that are wrong, or ask for more than they have: an error, and nothing is taken before.
 #![cfg(feature = "verify")]
 
-use preshade::limits::Limits;
-use preshade::scene::mesh::Gltf;
-use preshade::scene::{self, Access, Outside, Variables};
+use preshade::unstable::limits::Limits;
+use preshade::unstable::scene::mesh::Gltf;
+use preshade::unstable::scene::{self, Access, Outside, Variables};
 
 /// Two triangles of four corners: 48 bytes of positions, then 6 indices of two bytes, as zeroes.
 const FILE: &str = r#"{

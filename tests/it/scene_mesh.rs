@@ -4,11 +4,11 @@
 use std::collections::BTreeMap;
 
 use glam::{Vec3, Vec4};
-use preshade::scene::mesh::{
+use preshade::unstable::scene::mesh::{
     Arch, Column, Cuboid, Curtain, Morph, Plane, Skin, Sphere, Stairs, Teapot, WireSphere, merged,
     positions, transformed,
 };
-use preshade::scene::{Mesh, Stream};
+use preshade::unstable::scene::{Mesh, Stream};
 
 fn floats<'a>(mesh: &'a Mesh, name: &str) -> &'a [f32] {
     match &mesh.streams[name] {

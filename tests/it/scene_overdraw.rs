@@ -5,9 +5,9 @@
 use std::path::Path;
 
 use glam::{Vec3, Vec4};
-use preshade::passes::state::{CullMode, DepthDirection};
-use preshade::scene::mesh::positions;
-use preshade::scene::{self, Draw, DrawOrder, Frame, Scene};
+use preshade::unstable::passes::state::{CullMode, DepthDirection};
+use preshade::unstable::scene::mesh::positions;
+use preshade::unstable::scene::{self, Draw, DrawOrder, Frame, Scene};
 
 const SIZE: [usize; 2] = [192, 108];
 

@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade::front::{self, Color, Options, Source};
+use preshade::unstable::front::{self, Color, Options, Source};
 
 fn files(folder: &str, suffix: &str) -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"))

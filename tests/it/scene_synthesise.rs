@@ -3,10 +3,10 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade::front::{self, Options, Parsed, Source};
-use preshade::passes::state::{DepthDirection, MaterialState};
-use preshade::scene::bind::{self, DrawBindings};
-use preshade::scene::{self, Scene};
+use preshade::unstable::front::{self, Options, Parsed, Source};
+use preshade::unstable::passes::state::{DepthDirection, MaterialState};
+use preshade::unstable::scene::bind::{self, DrawBindings};
+use preshade::unstable::scene::{self, Scene};
 
 fn parse(files: &[&str]) -> Parsed {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures");

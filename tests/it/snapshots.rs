@@ -2,10 +2,10 @@
 
 use std::fmt::Write as _;
 
-use preshade::emit::{self, Target};
-use preshade::passes::pass::Facts;
-use preshade::passes::plan::Plan;
-use preshade::recipe::Recipe;
+use preshade::unstable::emit::{self, Target};
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::recipe::Recipe;
 
 use crate::fixtures_support::{RECIPES, original};
 

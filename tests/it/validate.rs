@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use preshade::passes::pass::Facts;
-use preshade::passes::validate::{Check, Effort, Verdict, validate};
-use preshade::recipe::Recipe;
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::validate::{Check, Effort, Verdict, validate};
+use preshade::unstable::recipe::Recipe;
 use rayon::prelude::*;
 
 use crate::fixtures_support::{COMPOSED, RECIPES, materials, original};

@@ -3,17 +3,17 @@
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
-use preshade::measure::verdict::breaks;
-use preshade::measure::{self, Counter, ErrorLadder, Session};
-use preshade::passes::contract::{Assumption, Contract};
-use preshade::passes::pass::Facts;
-use preshade::passes::plan::{Plan, Role};
-use preshade::passes::state::{DepthDirection, DepthFormat};
-use preshade::recipe::Recipe;
-use preshade::render::{
+use preshade::unstable::measure::verdict::breaks;
+use preshade::unstable::measure::{self, Counter, ErrorLadder, Session};
+use preshade::unstable::passes::contract::{Assumption, Contract};
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::plan::{Plan, Role};
+use preshade::unstable::passes::state::{DepthDirection, DepthFormat};
+use preshade::unstable::recipe::Recipe;
+use preshade::unstable::render::{
     FrameSettings, Prepared, Rendered, SceneInputs, ShaderForm, Variant as Host,
 };
-use preshade::scene::{self, DrawOrder, Scene};
+use preshade::unstable::scene::{self, DrawOrder, Scene};
 use serde::{Deserialize, Serialize};
 
 use super::mutate::{Moved, Mutation, Plain, judged, moved, seen};

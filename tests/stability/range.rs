@@ -1,7 +1,7 @@
 //! Range: worlds far from the origin, long times, and the ends of what a float or a half holds.
 
-use preshade::passes::contract::Contract;
-use preshade::passes::state::DepthBias;
+use preshade::unstable::passes::contract::Contract;
+use preshade::unstable::passes::state::DepthBias;
 
 use super::case::Case;
 use super::case::Expect::{Assumes, Holds, Refused, Untied};

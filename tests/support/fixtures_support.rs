@@ -3,9 +3,9 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade::front::{self, Options, Source};
-use preshade::passes::plan::Plan;
-use preshade::passes::state::MaterialState;
+use preshade::unstable::front::{self, Options, Source};
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::state::MaterialState;
 
 /// The recipes whose output is kept as snapshots and shown to other compilers.
 pub const RECIPES: [&str; 13] = [

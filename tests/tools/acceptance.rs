@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade::emit::{self, File, Target};
-use preshade::passes::pass::Facts;
-use preshade::passes::plan::Plan;
-use preshade::passes::uniformity::non_uniform;
-use preshade::recipe::Recipe;
+use preshade::unstable::emit::{self, File, Target};
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::uniformity::non_uniform;
+use preshade::unstable::recipe::Recipe;
 use rayon::prelude::*;
 
 use crate::accept;

@@ -1,8 +1,8 @@
 //! What is emitted reads back, keeps the author's interface, and is the same bytes each time.
 
-use preshade::emit::{self, File, Target};
-use preshade::front::{self, Color, Source};
-use preshade::recipe::Recipe;
+use preshade::unstable::emit::{self, File, Target};
+use preshade::unstable::front::{self, Color, Source};
+use preshade::unstable::recipe::Recipe;
 use preshade_passes::pass::Facts;
 use preshade_passes::plan::{Plan, Role};
 use preshade_passes::program::Program;

@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use preshade::emit::{self, File, Target};
-use preshade::front::{self, Code, Color, Parsed, Source};
-use preshade::recipe::Recipe;
+use preshade::unstable::emit::{self, File, Target};
+use preshade::unstable::front::{self, Code, Color, Parsed, Source};
+use preshade::unstable::recipe::Recipe;
 use preshade_passes::pass::Facts;
 use preshade_passes::place;
 use preshade_passes::plan::{Plan, Role};

@@ -5,8 +5,8 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::process::Command;
 
-use preshade::emit::{self, Target};
-use preshade::front::{self, Source};
+use preshade::unstable::emit::{self, Target};
+use preshade::unstable::front::{self, Source};
 use preshade_passes::plan::Plan;
 use preshade_passes::state::MaterialState;
 

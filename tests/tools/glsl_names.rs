@@ -1,7 +1,7 @@
 //! GLSL out keeps the author's own names for whatever an engine sees of a program: uniforms outside of blocks, blocks, samplers, attributes, outputs.
 
-use preshade::emit::{self, File, Target};
-use preshade::front::{self, Source};
+use preshade::unstable::emit::{self, File, Target};
+use preshade::unstable::front::{self, Source};
 use preshade_passes::plan::Plan;
 use preshade_passes::state::MaterialState;
 

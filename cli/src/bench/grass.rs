@@ -3,16 +3,16 @@
 
 use std::collections::BTreeMap;
 
-use preshade::front::{self, Options, Source};
-use preshade::passes::geometry::Geometry;
-use preshade::passes::plan::{
+use preshade::unstable::front::{self, Options, Source};
+use preshade::unstable::passes::geometry::Geometry;
+use preshade::unstable::passes::plan::{
     Attachment, AttachmentFormat, BindingKind, BindingSource, BindingUse, ClearValue, ComputePass,
     Draws, GpuPass, Phase, Plan, Role, Visibility, When,
 };
-use preshade::passes::program::Program;
-use preshade::passes::reflect;
-use preshade::passes::state::{ColorTarget, CompareFunction, CullMode, MaterialState};
-use preshade::scene::{Draw, Mesh, Scene, Value};
+use preshade::unstable::passes::program::Program;
+use preshade::unstable::passes::reflect;
+use preshade::unstable::passes::state::{ColorTarget, CompareFunction, CullMode, MaterialState};
+use preshade::unstable::scene::{Draw, Mesh, Scene, Value};
 
 use super::layers;
 use crate::Failure;
@@ -95,7 +95,7 @@ pub fn scene(text: &str, size: [u32; 2], count: u32) -> Result<Scene, Failure> {
         size,
         // The background of the hand-written resolves.
         [0.5, 0.7, 0.9, 1.0],
-        preshade::scene::Material {
+        preshade::unstable::scene::Material {
             name: "bounds".to_owned(),
             file: None,
             program: parsed.program,

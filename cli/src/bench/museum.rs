@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use preshade::front::{self, Options, Source};
-use preshade::measure;
-use preshade::passes::pass::Facts;
-use preshade::passes::plan::Plan;
-use preshade::scene::{self, Scene};
+use preshade::unstable::front::{self, Options, Source};
+use preshade::unstable::measure;
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::scene::{self, Scene};
 
 use crate::Failure;
 

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
-use preshade::search::plan::Model;
+use preshade::unstable::search::plan::Model;
 use serde_json::Value;
 
 use crate::hostile_support::{SCENE, folder, kill, preshade, run, stderr, wait};

@@ -6,15 +6,15 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use preshade::emit::{self, Target};
-use preshade::front::{self, Source};
-use preshade::measure;
-use preshade::passes::PASSES;
-use preshade::passes::pass::Facts;
-use preshade::passes::plan::Plan;
-use preshade::passes::state::MaterialState;
-use preshade::recipe::Recipe;
-use preshade::scene::{self, Access, Variables};
+use preshade::unstable::emit::{self, Target};
+use preshade::unstable::front::{self, Source};
+use preshade::unstable::measure;
+use preshade::unstable::passes::PASSES;
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::state::MaterialState;
+use preshade::unstable::recipe::Recipe;
+use preshade::unstable::scene::{self, Access, Variables};
 
 /// Recipes of several steps. The first step of the last three is refused by most or all materials.
 const COMPOSED: [&str; 6] = [

@@ -3,14 +3,14 @@
 use std::collections::BTreeMap;
 
 use naga::{Binding, Module, ResourceBinding, ShaderStage, TypeInner};
-use preshade::front::{self, Source};
-use preshade::measure;
-use preshade::passes::declared::{Declared, Type as Declares};
-use preshade::passes::reflect;
-use preshade::passes::state::{CullMode, MaterialState};
-use preshade::render::{Rendered, ShaderForm};
-use preshade::scene::bind::{self, DrawBindings, TextureContent};
-use preshade::scene::{Address, DrawOrder, Filter, Scene, synthesise};
+use preshade::unstable::front::{self, Source};
+use preshade::unstable::measure;
+use preshade::unstable::passes::declared::{Declared, Type as Declares};
+use preshade::unstable::passes::reflect;
+use preshade::unstable::passes::state::{CullMode, MaterialState};
+use preshade::unstable::render::{Rendered, ShaderForm};
+use preshade::unstable::scene::bind::{self, DrawBindings, TextureContent};
+use preshade::unstable::scene::{Address, DrawOrder, Filter, Scene, synthesise};
 
 use super::pair::{Attribute, Draw, FirstRow, Texture, Vertices};
 use super::{Native, Pixels};
@@ -170,7 +170,7 @@ fn textures(declared: &Declared, bound: &DrawBindings) -> BTreeMap<String, Textu
 
 /// The author's attribute at a location, and which of its columns that is.
 fn attribute(
-    program: &preshade::passes::program::Program,
+    program: &preshade::unstable::passes::program::Program,
     vertex: &str,
     location: u32,
 ) -> (String, u32) {

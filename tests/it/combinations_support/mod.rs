@@ -3,16 +3,16 @@
 
 use std::collections::BTreeMap;
 
-use preshade::emit::{self, Target};
-use preshade::parameters::{Parameter, parameters};
-use preshade::passes::PASSES;
-use preshade::passes::naga::Module;
-use preshade::passes::pass::{AnyPass, Facts};
-use preshade::passes::plan::Plan;
-use preshade::passes::specialize::assume::uniform_scalars;
-use preshade::passes::validate::inputs::Random;
-use preshade::passes::validate::{Effort, Verdict, validate};
-use preshade::recipe::{Recipe, Step};
+use preshade::unstable::emit::{self, Target};
+use preshade::unstable::parameters::{Parameter, parameters};
+use preshade::unstable::passes::PASSES;
+use preshade::unstable::passes::naga::Module;
+use preshade::unstable::passes::pass::{AnyPass, Facts};
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::specialize::assume::uniform_scalars;
+use preshade::unstable::passes::validate::inputs::Random;
+use preshade::unstable::passes::validate::{Effort, Verdict, validate};
+use preshade::unstable::recipe::{Recipe, Step};
 use serde_json::{Map, Value, json};
 
 /// Steps a recipe has at most.
@@ -41,7 +41,7 @@ fn step(module: &Module, random: &mut Random) -> Step {
     let pass = match random.below(3) {
         0 => often
             .get(random.below(often.len()))
-            .and_then(|name| preshade::passes::pass_named(name))
+            .and_then(|name| preshade::unstable::passes::pass_named(name))
             .unwrap_or(pass),
         _ => pass,
     };

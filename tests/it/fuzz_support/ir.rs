@@ -3,10 +3,10 @@
 use naga::{
     BinaryOperator, Expression, Function, Handle, Literal, MathFunction, Statement, UnaryOperator,
 };
-use preshade::passes::pass::Facts;
-use preshade::passes::plan::Plan;
-use preshade::passes::program::Program;
-use preshade::recipe::Recipe;
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::program::Program;
+use preshade::unstable::recipe::Recipe;
 
 use super::{Bytes, emitted, recipes::materials};
 
@@ -199,7 +199,7 @@ pub fn ir(data: &[u8]) -> bool {
     if !is_text(&program) {
         return false;
     }
-    let state = preshade::passes::state::MaterialState::default();
+    let state = preshade::unstable::passes::state::MaterialState::default();
     let plan = Plan::original(
         name,
         program,

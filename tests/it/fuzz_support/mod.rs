@@ -11,13 +11,13 @@ pub mod scenes;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use preshade::emit::{self, Target};
-use preshade::front::{self, Options, Source};
-use preshade::passes::pass::Facts;
-use preshade::passes::plan::Plan;
-use preshade::passes::program::{Language, Program};
-use preshade::passes::state::MaterialState;
-use preshade::recipe::Recipe;
+use preshade::unstable::emit::{self, Target};
+use preshade::unstable::front::{self, Options, Source};
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::program::{Language, Program};
+use preshade::unstable::passes::state::MaterialState;
+use preshade::unstable::recipe::Recipe;
 
 /// Bytes as choices: every choice has an answer, and equal bytes give equal ones.
 pub struct Bytes<'a>(pub &'a [u8]);

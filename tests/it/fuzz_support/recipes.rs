@@ -2,13 +2,13 @@
 
 use std::sync::OnceLock;
 
-use preshade::front::{self, Options, Source};
-use preshade::parameters::{Parameter, parameters};
-use preshade::passes::PASSES;
-use preshade::passes::pass::{AnyPass, Facts};
-use preshade::passes::plan::Plan;
-use preshade::passes::state::{CullMode, DepthDirection, DepthFormat, MaterialState};
-use preshade::recipe::Recipe;
+use preshade::unstable::front::{self, Options, Source};
+use preshade::unstable::parameters::{Parameter, parameters};
+use preshade::unstable::passes::PASSES;
+use preshade::unstable::passes::pass::{AnyPass, Facts};
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::state::{CullMode, DepthDirection, DepthFormat, MaterialState};
+use preshade::unstable::recipe::Recipe;
 
 use super::{Bytes, emitted, root};
 

@@ -2,13 +2,13 @@
 
 use std::sync::OnceLock;
 
-use preshade::emit::{self, File, Target};
-use preshade::limits::Limits;
-use preshade::measure;
-use preshade::passes::pass::Facts;
-use preshade::recipe::Recipe;
-use preshade::render::Variant;
-use preshade::scene::{self, Access, Scene, Variables};
+use preshade::unstable::emit::{self, File, Target};
+use preshade::unstable::limits::Limits;
+use preshade::unstable::measure;
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::recipe::Recipe;
+use preshade::unstable::render::Variant;
+use preshade::unstable::scene::{self, Access, Scene, Variables};
 
 use super::{recipes, root};
 

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use preshade::passes::contract::Verdict;
+use preshade::unstable::passes::contract::Verdict;
 use serde::Deserialize;
 use serde_json::Value;
 

@@ -7,13 +7,13 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 
 use glam::{Mat4, Vec3};
-use preshade::passes::plan::Plan;
-use preshade::passes::program::{Language, Program, SourceMap};
-use preshade::passes::state::{DepthDirection, DepthFormat, MaterialState};
-use preshade::render::{
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::program::{Language, Program, SourceMap};
+use preshade::unstable::passes::state::{DepthDirection, DepthFormat, MaterialState};
+use preshade::unstable::render::{
     AdapterChoice, FrameSettings, Gpu, Prepared, Rendered, SceneInputs, ShaderForm, Variant,
 };
-use preshade::scene::{
+use preshade::unstable::scene::{
     Camera, Draw, DrawOrder, DrawRange, Frame, Light, Material, Mesh, Scene, Stream, Value,
 };
 
@@ -173,7 +173,7 @@ pub fn with_samples(mut scene: Scene, samples: u32) -> Scene {
     scene
 }
 
-pub use preshade::measure::originals;
+pub use preshade::unstable::measure::originals;
 
 /// Draws `plans` as the scene's first camera sees them.
 pub fn render_as(
@@ -204,16 +204,16 @@ pub fn render(gpu: &Gpu, scene: &Scene) -> Rendered {
 
 /// A pre-pass by hand: depth only, then EQUAL without depth write.
 pub fn with_prepass(plan: &Plan) -> Plan {
-    use preshade::passes::plan::{Phase, Role};
+    use preshade::unstable::passes::plan::{Phase, Role};
     let mut plan = plan.clone();
     let mut prepass = plan.passes[0].clone();
     prepass.role = Role::Prepass;
     prepass.phase = Phase::Depth;
     prepass.fragment = None;
     prepass.targets.clear();
-    preshade::passes::reflect::fill(&mut prepass, &plan.programs["main"]);
+    preshade::unstable::passes::reflect::fill(&mut prepass, &plan.programs["main"]);
     let depth = plan.passes[0].depth.as_mut().unwrap();
-    depth.compare = preshade::passes::state::CompareFunction::Equal;
+    depth.compare = preshade::unstable::passes::state::CompareFunction::Equal;
     depth.write = false;
     plan.passes.insert(0, prepass);
     plan

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use glam::{Mat4, Vec3};
-use preshade::passes::state::CullMode;
-use preshade::scene::{Draw, DrawRange, Material, Mesh, Scene, Stream};
+use preshade::unstable::passes::state::CullMode;
+use preshade::unstable::scene::{Draw, DrawRange, Material, Mesh, Scene, Stream};
 
 use super::{draw, material, scene};
 
