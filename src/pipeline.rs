@@ -1,8 +1,7 @@
 //! The pipeline: source text and a recipe in; plans, refusals and files out.
 //!
-//! Every command, build script, lock file and search applies its recipes here, so all of them
-//! follow one policy: a step that a material refuses is skipped and reported, and the next step is
-//! tried on the plan so far.
+//! Every command, build script, lock file and search applies its recipes here, with one policy: a
+//! refused step is skipped and reported, and the next step is tried on the plan so far.
 
 use preshade_passes::neighbours;
 use preshade_passes::pass::{Facts, Refusal};

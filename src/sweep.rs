@@ -223,9 +223,9 @@ fn words(parameter: &Parameter, value: &str) -> Option<Vec<String>> {
 /// Parameters that a sweep of `tessellate` on `hoist` needs: without a budget, nothing is hoisted.
 const UNDER_TESSELLATE: [&str; 4] = ["budget=1", "finite=assumed", "jumps=carried", "threshold=1"];
 
-/// `steps` with the parameters that a swept `tessellate` needs, if any are missing: the `hoist`
-/// before it gets a budget that allows any error, since a sweep measures the error of each point,
-/// and `tessellate` is drawn in all its forms.
+/// `steps` with the parameters that a swept `tessellate` needs, if any are missing. The `hoist` before
+/// it gets a budget that allows any error, since a sweep measures each point. `tessellate` is drawn
+/// in all its forms.
 pub fn completed(steps: &[String]) -> Option<Vec<String>> {
     let name = |step: &str| step.split(':').next().unwrap_or_default().trim().to_owned();
     let is_swept = |s: &String| name(s) == "tessellate" && s.contains("..");

@@ -62,11 +62,11 @@ Examples:
   preshade verify lit.wgsl
   preshade verify scene.toml --pass depth-prepass:form=equal --out report/
 
-Data goes to stdout, messages to stderr. A flag goes before the environment (PRESHADE_ADAPTER for
---adapter; `;` between several values), and that before preshade.toml (adapter = \"llvmpipe\", or
-[verify] and then frames = 4); --FLAG=false takes back a switch that these set.
-Exit status: 0 fine (also where a pass is refused: the original is kept), 1 a variant broke its
-contract, 2 bad usage or input."
+Data goes to stdout, messages to stderr. A flag overrides the environment (PRESHADE_ADAPTER for
+--adapter; `;` separates several values), and the environment overrides preshade.toml
+(adapter = \"llvmpipe\", or [verify] and then frames = 4). --FLAG=false resets a switch.
+Exit status: 0 fine (also if a pass is refused: it is skipped), 1 a variant broke its contract, 2
+bad usage or input."
 )]
 struct Cli {
     #[command(subcommand)]

@@ -36,11 +36,10 @@ Examples:
   preshade rewrite shaders/ --pass depth-prepass --out-dir out/        every shader below a folder
   preshade rewrite - --lang wgsl --pass depth-prepass < lit.wgsl
 
-A pass that does not apply is told on stderr with its reason, and the material is written without
-it. `preshade passes` lists the passes. A target that cannot say what a material does is told on
-stderr with its reason; the other targets are written, plan.json names those alone, and the exit
-status is 2. The files of a material are written whole or not at all. What an earlier run wrote for
-a shader, a pass or a target that is not there any more is left: plan.json names what belongs to it.")]
+A refused pass is skipped, and reported on stderr with its reason. `preshade passes` lists the
+passes. A target that cannot express a material is reported too; the other targets are written, and
+the exit status is 2. The files of a material are written all or none. Files of an earlier run are
+not removed: plan.json lists the current ones.")]
 pub struct Args {
     /// A pass of the recipe, in order: `depth-prepass`, `early-discard:quad=lane,budget=0.02` and so on.
     #[arg(long = "pass", value_name = "NAME[:k=v,..]")]
