@@ -2,7 +2,8 @@
 
 use preshade::unstable::limits::Limits;
 use preshade::unstable::measure::Outcome;
-use preshade::unstable::measure::record::{Budget, Chosen, Report, Unfinished, VariantReport};
+use preshade::unstable::measure::record::{Chosen, Report, Unfinished, VariantReport};
+use preshade::unstable::passes::budget::Budget;
 use preshade::unstable::passes::contract::{Contract, Verdict};
 use preshade::unstable::recipe::Recipe;
 

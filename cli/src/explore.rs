@@ -7,9 +7,9 @@ use std::time::Duration;
 
 use preshade::unstable::emit::File;
 use preshade::unstable::measure;
-use preshade::unstable::measure::record::Budget;
+use preshade::unstable::passes::budget::Budget;
+use preshade::unstable::passes::budget::Metric;
 use preshade::unstable::passes::contract::Verdict;
-use preshade::unstable::passes::hoist::Metric;
 use preshade::unstable::passes::specialize::Params;
 use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
 use preshade::unstable::report;
@@ -188,7 +188,7 @@ fn one(args: &Args, shader: &ShaderArgs, out: Option<&Path>) -> Result<Outcome, 
             FormArg::Ir => ShaderForm::Ir,
         },
         metric: args.budget.map_or_else(Metric::default, |b| b.metric),
-        budget: args.budget.map(|b| b.most),
+        budget: args.budget.map(|b| b.limit),
         recipes,
         time: Duration::from_secs_f64(args.seconds),
         most: args.candidates,

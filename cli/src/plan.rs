@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 
 use preshade::unstable::emit;
 use preshade::unstable::front::{self, Source};
-use preshade::unstable::measure::record::Budget;
 use preshade::unstable::measure::{self, EffectUse, Session, TimingSettings, Variant};
+use preshade::unstable::passes::budget::Budget;
 use preshade::unstable::passes::pass::Facts;
 use preshade::unstable::passes::plan::Plan;
 use preshade::unstable::passes::specialize;

@@ -477,7 +477,7 @@ fn make(job: &Job, args: &Args, recipe: &Recipe, targets: &[Target]) -> Result<M
         if !budgets.is_empty() {
             let off: Vec<String> = budgets
                 .iter()
-                .map(|b| format!("{} ({})", b.budget, b.metric))
+                .map(|b| format!("{} ({})", b.limit, b.metric))
                 .collect();
             made.messages.push(format!(
                 "warning: `{}` is an approximation, allowed to be off by {}, and nothing is measured here: `preshade verify` tells whether it keeps \

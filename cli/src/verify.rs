@@ -6,8 +6,9 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use preshade::unstable::measure::crossover::{Point, Series};
-use preshade::unstable::measure::record::{Budget, Chosen, Pictures, Report, SweepReport};
+use preshade::unstable::measure::record::{Chosen, Pictures, Report, SweepReport};
 use preshade::unstable::measure::{self, Session, Settings, Timed, TimingSettings, Variant};
+use preshade::unstable::passes::budget::Budget;
 use preshade::unstable::passes::pass::Facts;
 use preshade::unstable::recipe::Recipe;
 use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};

@@ -25,8 +25,8 @@ pub mod validate;
 
 pub use analysis::{coverage, neighbours, opaque, uniformity};
 pub use core::{
-    calls, channels, contract, declared, draw_table, features, frame, geometry, guard, limits,
-    link, pass, plan, program, rasterizer, reflect, self_test, state,
+    budget, calls, channels, contract, declared, draw_table, features, frame, geometry, guard,
+    limits, link, pass, plan, program, rasterizer, reflect, self_test, state,
 };
 pub use evaluate::bound;
 pub use rebuild::{count, depth_only, place, returns};

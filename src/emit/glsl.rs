@@ -22,6 +22,7 @@ use naga::{
     Expression, Function, GlobalVariable, Handle, ImageClass, Module, ResourceBinding, ShaderStage,
     TypeInner,
 };
+use preshade_passes::budget::Budget;
 use preshade_passes::contract::Contract;
 use preshade_passes::declared::Depth;
 use preshade_passes::early_discard;
@@ -323,8 +324,7 @@ pub(super) fn without_fine_derivatives(plan: &Plan) -> Option<Form> {
     early_discard::vote_shields_derivatives(plan).then(|| Form {
         // An affected lane can have any colour.
         contract: Contract::Approximate {
-            metric: "max_abs".to_owned(),
-            budget: 1.0,
+            budget: Budget::max_abs(1.0),
             given: Vec::new(),
         },
         why: "GLSL ES 3.00 has no fine derivatives, so a quad's vote may miss one of its lanes and spoil that lane's level of detail: nothing is promised. Take \

@@ -1,7 +1,8 @@
 //! Writes a program as readable WGSL that naga and Tint accept.
 
 use naga::back::wgsl::{Writer, WriterFlags};
-use preshade_passes::contract::{Budget, Contract};
+use preshade_passes::budget::Budget;
+use preshade_passes::contract::Contract;
 use preshade_passes::plan::Plan;
 use preshade_passes::program::{Language, Program};
 

@@ -1,6 +1,7 @@
 //! The error ladder between two pictures: bits, then the largest difference, then the visible
 //! difference.
 
+use preshade_passes::budget::Difference;
 use serde::{Deserialize, Serialize};
 
 use crate::render::{ColorImage, DepthImage, Rendered};
@@ -56,6 +57,12 @@ pub(crate) fn counted(n: u64, one: &str) -> String {
 /// A number, or infinity where JSON has none.
 fn or_infinite<'de, D: serde::Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
     Ok(Option::deserialize(from)?.unwrap_or(f64::INFINITY))
+}
+
+impl Difference for ErrorLadder {
+    fn by_metric(&self) -> [f64; 3] {
+        [self.flip_mean, self.flip_p99, self.max_abs]
+    }
 }
 
 impl ErrorLadder {

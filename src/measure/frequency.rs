@@ -4,8 +4,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::ControlFlow;
 
+use preshade_passes::budget::{Budget, Metric};
 use preshade_passes::graph::Graph;
-use preshade_passes::hoist::{self, Candidate, Candidates, Computed, Hoist, Metric, Stages};
+use preshade_passes::hoist::{self, Candidate, Candidates, Computed, Hoist, Stages};
 use preshade_passes::pass::{Facts, Frequency, Pass};
 use preshade_passes::pass_named;
 use preshade_passes::plan::Plan;
@@ -13,7 +14,6 @@ use preshade_passes::plan::Plan;
 use super::bounds;
 use super::interpolation::{Points, interpolation};
 use super::{Error, ErrorLadder, Session, compare, variant};
-use crate::measure::record::Budget;
 use crate::parameters::parameters;
 use crate::recipe::Recipe;
 use crate::render::Rendered;
@@ -280,11 +280,7 @@ pub fn within_budget(
             let tried = variant(plans, &tried, facts);
             let drawn = session.pictures(&tried.plans, &frames, DrawOrder::AsGiven)?;
             let worst = worst(&references, &drawn)?;
-            let error = match params.metric {
-                Metric::FlipMean => worst.flip_mean,
-                Metric::FlipP99 => worst.flip_p99,
-                Metric::MaxAbs => worst.max_abs,
-            };
+            let error = params.metric.of(&worst);
             Ok(error <= MARGIN * budget && worst.nan_pixels == 0)
         };
         // `low` keeps it: with nothing approximate there is nothing to break it.
@@ -352,11 +348,11 @@ pub fn promised(recipe: &Recipe, budget: Budget, facts: &Facts) -> Option<Recipe
         if !counts || !step.params.contains_key("budget") {
             continue;
         }
-        step.params.insert("budget".to_owned(), budget.most.into());
+        step.params.insert("budget".to_owned(), budget.limit.into());
         step.params.remove("metric");
-        if budget.metric != hoist::Metric::default() {
+        if budget.metric != Metric::default() {
             step.params
-                .insert("metric".to_owned(), budget.name().into());
+                .insert("metric".to_owned(), budget.metric.name().into());
         }
         changed = true;
     }

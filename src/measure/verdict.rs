@@ -1,6 +1,7 @@
 //! Whether a difference keeps a contract.
 
-use preshade_passes::contract::{Assumption, Budget, Contract, Surface, Turned};
+use preshade_passes::budget::Budget;
+use preshade_passes::contract::{Assumption, Contract, Surface, Turned};
 use preshade_passes::plan::{GpuPass, Phase, Plan};
 
 use super::ErrorLadder;
@@ -28,11 +29,11 @@ pub fn breaks(contract: &Contract, error: &ErrorLadder) -> Option<String> {
             let broken: Vec<String> = contract
                 .budgets()
                 .iter()
-                .filter_map(|Budget { metric, budget }| {
-                    let value = measured(metric, error);
-                    // A NaN keeps no budget.
-                    let kept = value <= *budget;
-                    (!kept).then(|| format!("{metric} is {value:.6} of a budget of {budget}"))
+                .filter(|budget| !budget.allows(error))
+                .map(|budget| {
+                    let Budget { metric, limit } = budget;
+                    let value = budget.of(error);
+                    format!("{metric} is {value:.6} of a budget of {limit}")
                 })
                 .collect();
             (!broken.is_empty()).then(|| broken.join(", "))
@@ -103,15 +104,6 @@ pub(super) fn advice(contract: &Contract, error: &ErrorLadder) -> Option<String>
             }
         )
     })
-}
-
-/// The measured value of a budget's metric.
-pub fn measured(metric: &str, error: &ErrorLadder) -> f64 {
-    match metric {
-        "flip_mean" => error.flip_mean,
-        "flip_p99" => error.flip_p99,
-        _ => error.max_abs,
-    }
 }
 
 /// Explains an empty picture of opaque `plans` by the attributes that their vertex stages read.

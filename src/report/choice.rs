@@ -16,7 +16,7 @@ impl Chosen {
     }
 
     fn said_of_verified(&self) -> String {
-        let (name, most) = (self.budget.name(), self.budget.most);
+        let (name, most) = (self.budget.metric, self.budget.limit);
         let times = |speedup: Option<Estimate>| {
             speedup.map_or_else(|| "not timed".to_owned(), frontier::speedup)
         };

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use super::csv::{number as written, quoted};
 use crate::measure::Estimate;
 use crate::measure::record::{Chosen, ORIGINAL, PathTime};
-use crate::search::explore::{self, Ended, Exploration, Fate, Point};
+use crate::search::explore::{Ended, Exploration, Fate, Point};
 
 /// The frontier as lines of text, the least error first, and a summary of the other candidates.
 pub fn table(found: &Exploration) -> String {
@@ -86,7 +86,7 @@ fn cells(found: &Exploration, point: &Point) -> [String; 6] {
     let dash = || "-".to_owned();
     let error = point.error.as_ref();
     [
-        error.map_or_else(dash, |e| number(explore::of(found.metric, e))),
+        error.map_or_else(dash, |e| number(found.metric.of(e))),
         error.map_or_else(dash, |e| number(e.max_abs)),
         point
             .time_ms

@@ -1,5 +1,6 @@
 //! A sweep as a table, a plot and rows of pictures: error and time by parameter.
 
+use preshade_passes::budget::Metric;
 use preshade_passes::contract::Verdict;
 
 use super::picture::file_name;
@@ -253,11 +254,11 @@ impl SweepReport {
                     .filter(|line| !line.points.is_empty())
                     .collect(),
             };
-        let budget = |name: &str| {
+        let budget = |metric: Metric| {
             let chosen = report.chosen.as_ref();
-            let budget = chosen.map(|c| c.budget).filter(|b| b.name() == name);
+            let budget = chosen.map(|c| c.budget).filter(|b| b.metric == metric);
             budget.map(|b| Mark {
-                height: b.most,
+                height: b.limit,
                 name: "budget",
             })
         };
@@ -275,13 +276,13 @@ impl SweepReport {
                 }),
                 &|row| Some(row.variant.time_ms.as_ref()?.estimate.median),
             ),
-            panel("FLIP, mean", budget("flip_mean"), &|row| {
+            panel("FLIP, mean", budget(Metric::FlipMean), &|row| {
                 Some(row.error()?.flip_mean)
             }),
             panel("evaluations a frame", None, &|row| {
                 Some(divided(row)?.evaluations as f64)
             }),
-            panel("FLIP, 99th percentile", budget("flip_p99"), &|row| {
+            panel("FLIP, 99th percentile", budget(Metric::FlipP99), &|row| {
                 Some(row.error()?.flip_p99)
             }),
             panel("megabytes of new vertices", None, &|row| {
@@ -289,7 +290,7 @@ impl SweepReport {
             }),
             panel(
                 "largest difference of a channel",
-                budget("max_abs"),
+                budget(Metric::MaxAbs),
                 &|row| Some(row.error()?.max_abs),
             ),
         ];

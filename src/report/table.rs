@@ -3,7 +3,7 @@
 use preshade_passes::contract::Verdict;
 
 use crate::measure::record::{PathTime, Report, VariantReport};
-use crate::measure::{Clock, ShadowReport, verdict};
+use crate::measure::{Clock, ShadowReport};
 use crate::render::SelfTestResult;
 
 /// The report as lines of text.
@@ -191,7 +191,7 @@ fn budgets(v: &VariantReport) -> String {
     };
     let told: Vec<String> = budgets
         .iter()
-        .map(|b| format!("{b} (measured {:.5})", verdict::measured(&b.metric, error)))
+        .map(|b| format!("{b} (measured {:.5})", b.of(error)))
         .collect();
     format!("{}: an approximation, {}\n", v.name, told.join(", "))
 }

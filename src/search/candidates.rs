@@ -1,8 +1,8 @@
 //! The recipes that are tried: one table, so that you read them in one place.
 
+use preshade_passes::budget::{Budget, Metric};
 use preshade_passes::pass_named;
 
-use crate::measure::record::Budget;
 use crate::recipe::{Recipe, RecipeError};
 
 /// Recipes that are exact, or that compute the same real numbers with other roundings.
@@ -58,9 +58,9 @@ pub fn recipes(budget: Option<Budget>) -> Result<Vec<Recipe>, RecipeError> {
         steps.map(pass).all(|name| pass_named(&name).is_some())
     };
     let within = budget.map(|budget| {
-        let words = format!("budget={},metric={}", budget.most, budget.name());
-        let most = budget.most.to_string();
-        let is_counted = move |r: &&&str| !r.contains("MOST") || budget.name() == "max_abs";
+        let words = format!("budget={},metric={}", budget.limit, budget.metric);
+        let most = budget.limit.to_string();
+        let is_counted = move |r: &&&str| !r.contains("MOST") || budget.metric == Metric::MaxAbs;
         WITHIN_BUDGET
             .iter()
             .filter(is_counted)

@@ -6,8 +6,8 @@ use std::time::Duration;
 
 use preshade::unstable::measure::record::Unfinished;
 use preshade::unstable::measure::{self, Session, Settings, Timed, TimingSettings, verify};
+use preshade::unstable::passes::budget::Metric;
 use preshade::unstable::passes::contract::Verdict;
-use preshade::unstable::passes::hoist::Metric;
 use preshade::unstable::passes::pass::Facts;
 use preshade::unstable::recipe::Recipe;
 use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};

@@ -5,16 +5,16 @@ use std::path::Path;
 use std::time::Duration;
 
 use preshade::unstable::measure;
+use preshade::unstable::passes::budget::Metric;
 use preshade::unstable::passes::contract::Verdict;
-use preshade::unstable::passes::hoist::Metric;
 use preshade::unstable::recipe::Recipe;
 use preshade::unstable::render::ShaderForm;
 use preshade::unstable::report;
 use preshade::unstable::scene::Scene;
+use preshade::unstable::search::explore::Explored;
 use preshade::unstable::search::explore::{
     Ended, Fate, Journal, Point, SearchStage, Settings, explore,
 };
-use preshade::unstable::search::explore::{Explored, of};
 
 use crate::render_support::gpu;
 
@@ -71,7 +71,7 @@ fn check(found: &Explored) {
         assert_eq!(p.fate, Fate::Frontier, "{}", p.name);
         for q in frontier.iter().filter(|q| q.name != p.name) {
             let (a, b) = (p.error.as_ref().unwrap(), q.error.as_ref().unwrap());
-            let beats = of(e.metric, b) <= of(e.metric, a)
+            let beats = e.metric.of(b) <= e.metric.of(a)
                 && q.speedup.unwrap().low > p.speedup.unwrap().high;
             assert!(!beats, "{} is beaten by {}", p.name, q.name);
         }

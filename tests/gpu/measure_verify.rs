@@ -5,6 +5,8 @@ use std::time::Duration;
 use preshade::unstable::measure::{
     self, Outcome, Session, Settings, Timed, TimingSettings, Variant, record, verify,
 };
+use preshade::unstable::passes::budget::Budget;
+use preshade::unstable::passes::budget::Metric;
 use preshade::unstable::passes::contract::{Assumption, Contract, Surface, Turned, Verdict};
 use preshade::unstable::passes::plan::Plan;
 use preshade::unstable::passes::state::CompareFunction;
@@ -320,13 +322,12 @@ fn every_budget_is_told_beside_what_was_measured() {
     let scene = planes([32, 32], 3);
     let mut settings = settings();
     settings.timed = Timed::No;
-    let within = |metric: &str, budget: f64| Contract::Approximate {
-        metric: metric.to_owned(),
-        budget,
+    let within = |metric: Metric, limit: f64| Contract::Approximate {
+        budget: Budget { metric, limit },
         given: Vec::new(),
     };
     let mut plans = measure::originals(&scene);
-    plans[0].contract = within("flip_mean", 0.05).and(within("max_abs", 0.02));
+    plans[0].contract = within(Metric::FlipMean, 0.05).and(within(Metric::MaxAbs, 0.02));
     let outcome = run(&scene, &[variant("off", plans)], &settings);
     let text = table::render(&outcome.report);
     assert!(
@@ -345,9 +346,11 @@ fn contracts_are_held_to_their_own_terms() {
         ..Default::default()
     };
     let broken = |c: &Contract, e: &measure::ErrorLadder| measure::verdict::breaks(c, e).is_some();
-    let approximate = |budget: f64| Contract::Approximate {
-        metric: "flip_mean".to_owned(),
-        budget,
+    let approximate = |limit: f64| Contract::Approximate {
+        budget: Budget {
+            metric: Metric::FlipMean,
+            limit,
+        },
         given: Vec::new(),
     };
     let rounding = Contract::Rounding {
@@ -360,9 +363,8 @@ fn contracts_are_held_to_their_own_terms() {
     assert!(!broken(&approximate(0.01), &error));
     assert!(broken(&approximate(0.001), &error));
     // Of two budgets each binds.
-    let max_abs = |budget: f64| Contract::Approximate {
-        metric: "max_abs".to_owned(),
-        budget,
+    let max_abs = |limit: f64| Contract::Approximate {
+        budget: Budget::max_abs(limit),
         given: Vec::new(),
     };
     assert!(!broken(&approximate(0.01).and(max_abs(0.01)), &error));

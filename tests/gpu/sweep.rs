@@ -3,10 +3,11 @@
 use std::collections::BTreeMap;
 
 use glam::{Mat4, Vec3};
-use preshade::unstable::measure::record::{Budget, Choice, Chosen, SweepReport};
+use preshade::unstable::measure::record::{Choice, Chosen, SweepReport};
 use preshade::unstable::measure::{
     self, Estimate, Outcome, Session, Settings, Timed, TimingSettings,
 };
+use preshade::unstable::passes::budget::Budget;
 use preshade::unstable::passes::pass::Facts;
 use preshade::unstable::render::ShaderForm;
 use preshade::unstable::scene::mesh::Sphere;

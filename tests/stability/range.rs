@@ -1,5 +1,7 @@
 //! Range: worlds far from the origin, long times, and the ends of what a float or a half holds.
 
+use preshade::unstable::passes::budget::Budget;
+use preshade::unstable::passes::budget::Metric;
 use preshade::unstable::passes::contract::Contract;
 use preshade::unstable::passes::state::DepthBias;
 
@@ -232,8 +234,10 @@ fn rounding() -> Contract {
 
 fn within() -> Contract {
     Contract::Approximate {
-        metric: "flip_mean".to_owned(),
-        budget: 0.05,
+        budget: Budget {
+            metric: Metric::FlipMean,
+            limit: 0.05,
+        },
         given: Vec::new(),
     }
 }

@@ -3,6 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::budget::Budget;
+
 /// A condition of a promise. The host or a measurement has to ensure it.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
@@ -122,10 +124,9 @@ pub enum Contract {
     },
     /// May differ by at most the user's budget, measured at the output.
     Approximate {
-        /// `max_abs`, `flip_mean` or `flip_p99`.
-        metric: String,
-        /// Largest value of the metric.
-        budget: f64,
+        /// Largest difference.
+        #[serde(flatten)]
+        budget: Budget,
         /// Sorted, each once.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         given: Vec<Assumption>,
@@ -188,15 +189,6 @@ impl Turned {
     }
 }
 
-/// The permitted error of an output.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Budget {
-    /// `max_abs`, `flip_mean` or `flip_p99`.
-    pub metric: String,
-    /// Largest value of the metric.
-    pub budget: f64,
-}
-
 impl std::fmt::Display for Turned {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(
@@ -208,12 +200,6 @@ impl std::fmt::Display for Turned {
             Surface::Kept => Ok(()),
             Surface::Rounded => write!(f, ", depth is rounded too"),
         }
-    }
-}
-
-impl std::fmt::Display for Budget {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{} at most {}", self.metric, self.budget)
     }
 }
 
@@ -241,7 +227,7 @@ impl Contract {
         let mut narrowest: Vec<Budget> = Vec::new();
         for budget in budgets {
             match narrowest.iter_mut().find(|b| b.metric == budget.metric) {
-                Some(have) => have.budget = have.budget.min(budget.budget),
+                Some(have) => have.limit = have.limit.min(budget.limit),
                 None => narrowest.push(budget),
             }
         }
@@ -268,14 +254,10 @@ impl Contract {
             (Rounding { k, turned, .. }, Exact { .. })
             | (Exact { .. }, Rounding { k, turned, .. }) => Rounding { k, turned, given },
             _ => match narrowest.len() {
-                1 => {
-                    let Budget { metric, budget } = narrowest.remove(0);
-                    Self::Approximate {
-                        metric,
-                        budget,
-                        given,
-                    }
-                }
+                1 => Self::Approximate {
+                    budget: narrowest.remove(0),
+                    given,
+                },
                 _ => Self::Budgets {
                     budgets: narrowest,
                     given,
@@ -298,10 +280,7 @@ impl Contract {
     pub fn budgets(&self) -> Vec<Budget> {
         match self {
             Self::Exact { .. } | Self::Rounding { .. } => Vec::new(),
-            Self::Approximate { metric, budget, .. } => vec![Budget {
-                metric: metric.clone(),
-                budget: *budget,
-            }],
+            Self::Approximate { budget, .. } => vec![*budget],
             Self::Budgets { budgets, .. } => budgets.clone(),
         }
     }
@@ -327,7 +306,8 @@ pub enum Verdict {
 
 #[cfg(test)]
 mod tests {
-    use super::{Assumption, Contract};
+    use super::{Assumption, Budget, Contract};
+    use crate::core::budget::Metric;
 
     #[test]
     fn every_assumption_says_what_it_is() {
@@ -341,10 +321,9 @@ mod tests {
         assert!(all.iter().any(|(name, _)| *name == last), "{all:?}");
     }
 
-    fn approximate(metric: &str, budget: f64) -> Contract {
+    fn approximate(metric: Metric, limit: f64) -> Contract {
         Contract::Approximate {
-            metric: metric.to_owned(),
-            budget,
+            budget: Budget { metric, limit },
             given: Vec::new(),
         }
     }
@@ -356,8 +335,8 @@ mod tests {
             turned: None,
             given: Vec::new(),
         };
-        let mean = approximate("flip_mean", 0.05);
-        let both = mean.clone().and(approximate("max_abs", 0.02));
+        let mean = approximate(Metric::FlipMean, 0.05);
+        let both = mean.clone().and(approximate(Metric::MaxAbs, 0.02));
         let all =
             |c: &Contract| -> Vec<String> { c.budgets().iter().map(ToString::to_string).collect() };
         let expected = ["flip_mean at most 0.05", "max_abs at most 0.02"];
@@ -368,16 +347,16 @@ mod tests {
             assert_eq!(stronger.clone().and(both.clone()), both);
             assert_eq!(stronger.and(mean.clone()), mean);
         }
-        let narrower = both.clone().and(approximate("flip_mean", 0.01));
+        let narrower = both.clone().and(approximate(Metric::FlipMean, 0.01));
         assert_eq!(all(&narrower), ["flip_mean at most 0.01", expected[1]]);
         assert_eq!(
-            approximate("max_abs", 0.5).and(approximate("max_abs", 0.1)),
-            approximate("max_abs", 0.1)
+            approximate(Metric::MaxAbs, 0.5).and(approximate(Metric::MaxAbs, 0.1)),
+            approximate(Metric::MaxAbs, 0.1)
         );
         let exact = Contract::Exact {
             given: vec![Assumption::NoDepthTies],
         };
-        for weaker in [both.clone(), approximate("max_abs", 0.1), rounding(3)] {
+        for weaker in [both.clone(), approximate(Metric::MaxAbs, 0.1), rounding(3)] {
             for under in [weaker.clone().and(exact.clone()), exact.clone().and(weaker)] {
                 assert_eq!(under.given(), [Assumption::NoDepthTies]);
                 assert_eq!(under.clone().and(exact.clone()), under);

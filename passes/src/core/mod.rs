@@ -1,6 +1,7 @@
 //! The data that every pass reads and writes: programs, plans, states, contracts and parameters.
 //! Nothing here depends on a transform.
 
+pub mod budget;
 pub mod calls;
 pub mod channels;
 pub mod contract;

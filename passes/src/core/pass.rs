@@ -3,6 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
+use crate::core::budget::Difference;
 use crate::core::plan::{Plan, Role};
 use crate::core::program::{Location, SourceMap};
 use crate::core::rasterizer::Rasterizer;
@@ -273,6 +274,12 @@ pub struct Frequency {
     pub nan_pixels: u64,
     /// Where it is in the author's source.
     pub location: Option<Location>,
+}
+
+impl Difference for Frequency {
+    fn by_metric(&self) -> [f64; 3] {
+        [self.flip_mean, self.flip_p99, self.max_abs]
+    }
 }
 
 impl Frequency {

@@ -34,6 +34,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::analysis::opaque::{self, Opaque};
+use crate::core::budget::Budget;
 use crate::core::contract::{Assumption, Contract};
 use crate::core::pass::{Facts, Pass, PassInfo, Refusal, SiteKey, Sites};
 use crate::core::plan::{
@@ -483,8 +484,7 @@ fn transform(
     }
     given.sort();
     let max_abs = |budget, given| Contract::Approximate {
-        metric: "max_abs".to_owned(),
-        budget,
+        budget: Budget::max_abs(budget),
         given,
     };
     let contract = match params.mode {

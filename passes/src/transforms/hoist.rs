@@ -28,6 +28,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use naga::ShaderStage;
 
 use crate::analysis::{rounding, values};
+use crate::core::budget::Budget;
 use crate::core::contract::{Assumption, Contract};
 use crate::core::pass::{
     Facts, Left, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites, Source,
@@ -58,7 +59,7 @@ mod turn;
 mod vertex;
 
 pub use candidates::{Candidate, MOST_CANDIDATES, candidates};
-pub use params::{Allow, Metric, Params};
+pub use params::{Allow, Params};
 pub use rounding::{MOST as MOST_ROUNDING, STEEPEST_SRGB};
 pub use single::{Candidates, Computed, Stages, alone, computed};
 
@@ -465,8 +466,10 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
                 given: self.given.clone(),
             },
             Some(Class::Smooth) => Contract::Approximate {
-                metric: params.metric.name().to_owned(),
-                budget: params.budget.unwrap_or_default(),
+                budget: Budget {
+                    metric: params.metric,
+                    limit: params.budget.unwrap_or_default(),
+                },
                 given: Vec::new(),
             },
         };

@@ -29,13 +29,13 @@ use serde::{Deserialize, Serialize};
 
 use crate::analysis::contraction;
 use crate::analysis::simplify::{self, Refused, Simplified};
+use crate::core::budget::{Budget, Metric};
 use crate::core::contract::{Assumption, Contract, Turned};
 use crate::core::pass::{Facts, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites};
 use crate::core::plan::{GpuPass, Plan, Role};
 use crate::core::program::Program;
 use crate::graph::Graph;
 use crate::slice::{self, Criterion, OutputFilter};
-use crate::transforms::hoist::Metric;
 
 pub mod branch;
 pub mod find;
@@ -172,8 +172,10 @@ fn skipped(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
 fn promised(params: &Params, pass: &GpuPass, before: &Program, after: &Program) -> Contract {
     if let Some(budget) = params.budget {
         return Contract::Approximate {
-            metric: params.metric.name().to_owned(),
-            budget,
+            budget: Budget {
+                metric: params.metric,
+                limit: budget,
+            },
             given: Vec::new(),
         };
     }

@@ -29,6 +29,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::analysis::coverage::Decides;
 use crate::analysis::simplify::{self, Refused, Simplified};
+use crate::core::budget::{Budget, Metric};
 use crate::core::contract::Contract;
 use crate::core::pass::{Facts, Left, Pass, PassInfo, Refusal, Site, SiteCost, SiteKey, Sites};
 use crate::core::plan::{GpuPass, Plan, Role};
@@ -38,7 +39,6 @@ use crate::graph::operands;
 use crate::graph::{FunctionId, Graph, StmtId};
 use crate::rebuild::place::{Replacement, Rewrite, rewritten};
 use crate::slice::{self, Criterion, OutputFilter};
-use crate::transforms::hoist::Metric;
 
 /// The pass.
 pub struct TrimLoop;
@@ -177,8 +177,10 @@ fn less_turns(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
         of: pass.program.clone(),
         left,
         contract: Contract::Approximate {
-            metric: params.metric.name().to_owned(),
-            budget,
+            budget: Budget {
+                metric: params.metric,
+                limit: budget,
+            },
             given: Vec::new(),
         },
     })

@@ -18,6 +18,7 @@
 use naga::ShaderStage;
 
 use crate::analysis::opaque::{self, Opaque};
+use crate::core::budget::Budget;
 use crate::core::contract::{Assumption, Contract};
 use crate::core::pass::{
     Facts, Pass, PassInfo, Refusal, SamplerState, Site, SiteCost, SiteKey, Sites,
@@ -300,8 +301,7 @@ impl<'a> Material<'a> {
                     given,
                 },
                 Some(budget) => Contract::Approximate {
-                    metric: "max_abs".to_owned(),
-                    budget,
+                    budget: Budget::max_abs(budget),
                     given,
                 },
             },

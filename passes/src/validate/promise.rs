@@ -237,9 +237,9 @@ impl<'a> Pair<'a> {
     /// The promise about colours at vertices and inside triangles, or why they are not compared.
     fn colors(&self) -> [Result<Colors, String>; 2] {
         let mut promised: [Result<Colors, String>; 2] = [Ok(Colors::Bits), Ok(Colors::Bits)];
-        let budget = |metric: &str, budget: f64| {
+        let budget = |metric: &str, limit: f64| {
             Err(format!(
-                "they may be off by {budget} ({metric}) in the picture, and nobody draws it here: `verify` does"
+                "they may be off by {limit} ({metric}) in the picture, and nobody draws it here: `verify` does"
             ))
         };
         for step in &self.variant.steps {
@@ -274,14 +274,10 @@ impl<'a> Pair<'a> {
                 }
                 // Our texels don't depend on an implicit level.
                 Contract::Approximate { .. } if step.pass == "early-discard" => {}
-                Contract::Approximate {
-                    metric,
-                    budget: most,
-                    ..
-                } => {
-                    promised[1] = budget(metric, *most);
+                Contract::Approximate { budget: of, .. } => {
+                    promised[1] = budget(of.metric.name(), of.limit);
                     if !is_moved {
-                        promised[0] = budget(metric, *most);
+                        promised[0] = budget(of.metric.name(), of.limit);
                     }
                 }
                 Contract::Budgets { .. } => {

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use naga::ShaderStage;
-use preshade_passes::contract::Contract;
+use preshade_passes::budget::{Budget, Metric};
 use preshade_passes::evaluate::{self, Environment, Scalar, Value};
 use preshade_passes::pass::{Facts, Pass};
 use preshade_passes::plan::Plan;
@@ -134,7 +134,11 @@ fn a_callee_is_trimmed_by_its_name() {
     let error = trimmed(&plan, &params(1, Some("octave"))).unwrap_err();
     assert!(error.contains("calls no `octave`"), "{error}");
     assert!(
-        matches!(&one.contract, Contract::Approximate { metric, budget: 0.1, .. } if metric == "flip_mean")
+        one.contract.budgets()
+            == [Budget {
+                metric: Metric::FlipMean,
+                limit: 0.1
+            }]
     );
     assert!(
         one.notes[0].contains("3 turns instead of 4"),

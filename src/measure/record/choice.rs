@@ -2,63 +2,19 @@
 
 use std::cmp::Ordering;
 
+use preshade_passes::budget::Budget;
 use preshade_passes::contract::Verdict;
-use preshade_passes::hoist::Metric;
 use serde::{Deserialize, Serialize};
 
 use super::{ORIGINAL, VariantReport};
-use crate::measure::{ErrorLadder, Estimate};
+use crate::measure::Estimate;
 use crate::recipe::Recipe;
-
-/// How far a picture may be off.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Budget {
-    /// The metric.
-    pub metric: Metric,
-    /// The limit, 0 to 1.
-    pub most: f64,
-}
-
-impl Budget {
-    /// Reads `flip_mean=0.02`.
-    ///
-    /// # Errors
-    /// In words: another metric, or no number above 0 and at most 1.
-    pub fn parse(text: &str) -> Result<Self, String> {
-        let (metric, most) = text
-            .split_once('=')
-            .ok_or("expected METRIC=NUMBER, flip_mean=0.02 say")?;
-        let metric = serde_json::from_value(metric.trim().into())
-            .map_err(|_| format!("`{metric}` is none of flip_mean, flip_p99 and max_abs"))?;
-        match most.trim().parse::<f64>() {
-            Ok(most) if most > 0.0 && most <= 1.0 => Ok(Self { metric, most }),
-            _ => Err(format!("`{most}` is not a number above 0 and at most 1")),
-        }
-    }
-
-    /// The metric's value of an error.
-    pub fn of(self, error: &ErrorLadder) -> f64 {
-        match self.metric {
-            Metric::FlipMean => error.flip_mean,
-            Metric::FlipP99 => error.flip_p99,
-            Metric::MaxAbs => error.max_abs,
-        }
-    }
-
-    /// The metric, as it is written.
-    pub fn name(self) -> &'static str {
-        match self.metric {
-            Metric::FlipMean => "flip_mean",
-            Metric::FlipP99 => "flip_p99",
-            Metric::MaxAbs => "max_abs",
-        }
-    }
-}
 
 /// A budget and the variant it selects.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Chosen {
     /// The budget.
+    #[serde(with = "as_most")]
     pub budget: Budget,
     /// The selection.
     pub choice: Choice,
@@ -70,6 +26,35 @@ pub struct Chosen {
     /// ones, but that were not verified.
     #[serde(skip_serializing_if = "is_zero")]
     pub unverified: usize,
+}
+
+/// A report calls the limit of a budget `most`.
+mod as_most {
+    use preshade_passes::budget::{Budget, Metric};
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    #[derive(Serialize, Deserialize)]
+    struct Most {
+        metric: Metric,
+        most: f64,
+    }
+
+    pub fn serialize<S: Serializer>(budget: &Budget, to: S) -> Result<S::Ok, S::Error> {
+        let Budget { metric, limit } = *budget;
+        let most = Most {
+            metric,
+            most: limit,
+        };
+        most.serialize(to)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Budget, D::Error> {
+        let Most { metric, most } = Most::deserialize(from)?;
+        Ok(Budget {
+            metric,
+            limit: most,
+        })
+    }
 }
 
 fn is_zero(number: &usize) -> bool {
@@ -169,7 +154,7 @@ impl Choice {
                 })
             })
             .collect();
-        let within = || drawn.iter().filter(|d| d.error <= budget.most);
+        let within = || drawn.iter().filter(|d| d.error <= budget.limit);
         let timed = || within().filter_map(|d| Some((d, d.speedup?)));
         let median = |a: &(&Compared<'_>, Estimate), b: &(&Compared<'_>, Estimate)| {
             a.1.median.total_cmp(&b.1.median)

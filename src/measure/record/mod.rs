@@ -15,7 +15,7 @@ use crate::render::{AdapterReport, SelfTestResult, SubdivisionCost};
 use crate::scene::DrawOrder;
 use crate::scene::bind::Guessed;
 
-pub use choice::{Budget, Choice, Chosen};
+pub use choice::{Choice, Chosen};
 pub use path::PathTime;
 pub(super) use path::times;
 pub use picture::{DIFFERENCE_FACTOR, Elsewhere, FAINTEST, Picture, Pictures, Worst};

@@ -1,7 +1,7 @@
 //! The frontier as an SVG picture: error to the right, speedup upwards, intervals as whiskers.
 
 use crate::report::frontier;
-use crate::search::explore::{self, Exploration, Fate, Point};
+use crate::search::explore::{Exploration, Fate, Point};
 
 /// Width and height in SVG's units, and the margins for labels.
 pub const SIZE: [f64; 2] = [860.0, 420.0];
@@ -57,7 +57,7 @@ pub struct Dot {
 
 /// Maps measurements to the picture. `None`: there are none.
 pub fn chart(found: &Exploration, sections: &[&Point]) -> Option<Chart> {
-    let error = |p: &Point| Some(explore::of(found.metric, p.error.as_ref()?));
+    let error = |p: &Point| Some(found.metric.of(p.error.as_ref()?));
     let measured: Vec<(&Point, f64, crate::measure::Estimate)> = found
         .points
         .iter()
@@ -67,7 +67,7 @@ pub fn chart(found: &Exploration, sections: &[&Point]) -> Option<Chart> {
         return None;
     }
     let errors = || measured.iter().map(|m| m.1).filter(|e| *e > 0.0);
-    let budget = found.chosen.as_ref().map(|c| c.budget.most);
+    let budget = found.chosen.as_ref().map(|c| c.budget.limit);
     let least = errors().chain(budget).fold(f64::INFINITY, f64::min);
     let most = errors().chain(budget).fold(0.0, f64::max);
     let decades = match least.is_finite() {
@@ -160,10 +160,7 @@ fn short(value: f64) -> String {
 /// The tooltip of a point.
 fn told(found: &Exploration, point: &Point) -> String {
     let metric = frontier::metric(found);
-    let error = point
-        .error
-        .as_ref()
-        .map_or(0.0, |e| explore::of(found.metric, e));
+    let error = point.error.as_ref().map_or(0.0, |e| found.metric.of(e));
     let time = point
         .time_ms
         .map(|t| format!("{:.3} ms [{:.3}, {:.3}], ", t.median, t.low, t.high));

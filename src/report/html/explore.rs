@@ -162,7 +162,7 @@ fn row(
         .and_then(|v| v.time_ms.as_ref())
         .map(|t| t.estimate)
         .or(point.time_ms);
-    let of = |e| crate::search::explore::of(found.metric, e);
+    let of = |e| found.metric.of(e);
     Row {
         section: sections.iter().position(|p| p.name == point.name),
         name: point.name.clone(),

@@ -2,14 +2,14 @@
 
 use std::time::Duration;
 
-use preshade_passes::hoist::Metric;
+use preshade_passes::budget::Metric;
 
 use super::pareto::{Standing, dominators};
 use super::pick::{instead, pick};
 use super::predict::Prediction;
 use super::race::{FIRST_RUNG, MOST_CROSSED, SUBMISSION, Search};
 use super::space::{self, Candidate};
-use super::{Fate, Point, of};
+use super::{Fate, Point};
 use crate::measure::record::ORIGINAL;
 use crate::measure::{Error, FEWEST_SAMPLES, Variant, estimate};
 use crate::render::{Prepared, Rendered};
@@ -67,7 +67,7 @@ impl<'a> Arena<'a> {
     pub(super) fn standings(&self, metric: Metric) -> Vec<(usize, Standing)> {
         let alive = self.contenders.iter().enumerate().filter(|(_, c)| c.alive);
         let standing = |(i, c): (usize, &Contender<'_>)| {
-            let error = of(metric, c.point.error.as_ref()?);
+            let error = metric.of(c.point.error.as_ref()?);
             let speedup = c.point.speedup?;
             Some((i, Standing { error, speedup }))
         };

@@ -24,12 +24,12 @@ mod watch;
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
-use preshade_passes::hoist::Metric;
+use preshade_passes::budget::Metric;
 use preshade_passes::pass::{Facts, Frequency};
 use serde::Serialize;
 
 use crate::measure::frequency::{choosing, small};
-use crate::measure::record::{Budget, Chosen, PathTime, Pictures, Report};
+use crate::measure::record::{Chosen, PathTime, Pictures, Report};
 use crate::measure::{self, Error, ErrorLadder, Estimate, Session, Variant};
 use crate::recipe::Recipe;
 use crate::render::{AdapterReport, Gpu, ShaderForm};
@@ -321,9 +321,4 @@ fn measured_facts(
         watch.forgive();
     }
     Ok(facts)
-}
-
-/// An error by a metric.
-pub fn of(metric: Metric, error: &ErrorLadder) -> f64 {
-    Budget { metric, most: 1.0 }.of(error)
 }

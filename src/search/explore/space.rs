@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 
-use preshade_passes::hoist::Metric;
+use preshade_passes::budget::Metric;
 use preshade_passes::pass::{Facts, Frequency};
 use preshade_passes::pass_named;
 

@@ -2,16 +2,16 @@
 
 use std::time::Duration;
 
+use preshade_passes::budget::{Budget, Metric};
 use preshade_passes::contract::Verdict;
-use preshade_passes::hoist::Metric;
 
 use super::arena::Arena;
 use super::pareto::{Standing, dominators};
 use super::pick::{pick, still_left, unbeaten};
 use super::race::{FIRST_RUNG, SUBMISSION, Search};
 use super::watch::Watch;
-use super::{Exploration, Explored, Fate, Point, SCHEMA, SearchStage, Settings, of};
-use crate::measure::record::{Budget, Chosen, ORIGINAL, Report, VariantReport};
+use super::{Exploration, Explored, Fate, Point, SCHEMA, SearchStage, Settings};
+use crate::measure::record::{Chosen, ORIGINAL, Report, VariantReport};
 use crate::measure::{self, Error, ErrorLadder, Session, Timed, TimingSettings, Variant};
 use crate::recipe::Recipe;
 
@@ -70,18 +70,19 @@ impl<'a> Search<'a> {
         let error = |p: &Point| {
             p.error
                 .as_ref()
-                .map_or(f64::NAN, |e| of(self.settings.metric, e))
+                .map_or(f64::NAN, |e| self.settings.metric.of(e))
         };
         frontier.sort_by(|a, b| error(a).total_cmp(&error(b)));
         let frontier = frontier.into_iter().map(|p| p.name.clone()).collect();
-        let budget = self.settings.budget.map(|most| Budget {
+        let budget = self.settings.budget.map(|limit| Budget {
             metric: self.settings.metric,
-            most,
+            limit,
         });
         let chosen = budget.zip(report.as_ref()).map(|(budget, report)| {
             let unverified = points.iter().filter(|p| {
                 let error = p.error.as_ref().map(|e| budget.of(e));
-                matches!(p.fate, Fate::Unverified { .. }) && error.is_some_and(|e| e <= budget.most)
+                matches!(p.fate, Fate::Unverified { .. })
+                    && error.is_some_and(|e| e <= budget.limit)
             });
             let chosen = Chosen::among(&report.variants, budget).beside(unverified.count());
             chosen.made_by(|name| {
@@ -214,7 +215,7 @@ fn reopen(
     budget: Option<f64>,
 ) -> Vec<(usize, Standing)> {
     let standing = |p: &Point| {
-        let error = of(metric, p.error.as_ref()?);
+        let error = metric.of(p.error.as_ref()?);
         let speedup = p.speedup?;
         Some(Standing { error, speedup })
     };
@@ -289,7 +290,7 @@ fn judge(points: &mut [Point], report: &Report, metric: Metric) {
             },
             (Verdict::NotMeasured { why }, ..) => Fate::NotMeasured { why: why.clone() },
             (_, Some(error), Some(speedup)) => {
-                let error = of(metric, error);
+                let error = metric.of(error);
                 judged.push((i, Standing { error, speedup }));
                 Fate::Frontier
             }

@@ -6,7 +6,8 @@ use serde::{Deserialize, Serialize};
 use super::Hoist;
 use super::choose::Terms;
 use super::travel::{Assumed, Class, Finite, Jumps};
-use crate::core::pass::{Facts, Frequency, Pass, Refusal};
+use crate::core::budget::Metric;
+use crate::core::pass::{Facts, Pass, Refusal};
 
 /// The weakest contract for a moved value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -18,38 +19,6 @@ pub enum Allow {
     Rounding,
     /// Any value.
     Approximate,
-}
-
-/// The metric of a budget.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Metric {
-    /// Mean of FLIP over the picture, 0 to 1.
-    #[default]
-    FlipMean,
-    /// 99th percentile of FLIP.
-    FlipP99,
-    /// Largest difference of a channel, 0 to 1.
-    MaxAbs,
-}
-
-impl Metric {
-    /// The measured error of a value.
-    pub fn of(self, frequency: &Frequency) -> f64 {
-        match self {
-            Self::FlipMean => frequency.flip_mean,
-            Self::FlipP99 => frequency.flip_p99,
-            Self::MaxAbs => frequency.max_abs,
-        }
-    }
-
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::FlipMean => "flip_mean",
-            Self::FlipP99 => "flip_p99",
-            Self::MaxAbs => "max_abs",
-        }
-    }
 }
 
 /// Parameters.
