@@ -106,15 +106,6 @@ enum Order {
     Chained,
 }
 
-/// Which plan each pass is explained on.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Order {
-    /// The original.
-    Apart,
-    /// The plan that the passes before it made.
-    Chained,
-}
-
 /// Explains a material, or every material of a scene.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let steps = if args.passes.is_empty() {
