@@ -38,6 +38,8 @@ mod output;
 mod passes;
 mod plan;
 mod rewrite;
+mod rewritten;
+mod share;
 mod state;
 mod variable;
 mod variants;

@@ -3,11 +3,10 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use preshade::unstable::emit::{self, Target};
 use preshade::unstable::measure::validate_on;
-use preshade::unstable::passes::contract::Contract;
 use preshade::unstable::passes::pass::{AnyPass, Facts, Refusal};
 use preshade::unstable::passes::plan::Plan;
 use preshade::unstable::passes::validate::{Check, Effort, Verdict, validate};
@@ -16,12 +15,12 @@ use preshade::unstable::pipeline::{self, Applied, Frame};
 use preshade::unstable::recipe::{Recipe, Step};
 use preshade::unstable::render::{AdapterChoice, Gpu};
 use rayon::prelude::*;
-use serde::Serialize;
 
 use crate::depfile;
 use crate::input::{Materials, ShaderArgs};
 use crate::many::{self, Chosen, Job, Sum};
 use crate::output;
+use crate::rewritten::{Content, Made, OnAdapter, Report, Rewritten, Times, Written};
 use crate::watch::Reads;
 use crate::{Failure, Format, Outcome, unknown};
 
@@ -143,105 +142,6 @@ impl From<EmitTarget> for Target {
             EmitTarget::GlslTess => Self::GlslTess,
             EmitTarget::GlslVulkanTess => Self::GlslVulkanTess,
         }
-    }
-}
-
-/// The result for one material.
-#[derive(Serialize)]
-struct Rewritten {
-    material: String,
-    recipe: String,
-    contract: Contract,
-    refusals: Vec<Refusal>,
-    notes: Vec<String>,
-    /// Results of validation by proof and interpreter, if requested.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    validation: Option<Vec<Check>>,
-    /// Results of validation on an adapter, if there is one.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    validation_on: Option<OnAdapter>,
-    files: Vec<Written>,
-}
-
-impl Rewritten {
-    fn is_broken(&self) -> bool {
-        let elsewhere = self.validation_on.iter().flat_map(|v| &v.checks);
-        let checks = self.validation.iter().flatten().chain(elsewhere);
-        checks.into_iter().any(|c| c.verdict.is_broken())
-    }
-}
-
-/// Results of running original and variant on an adapter.
-#[derive(Serialize)]
-struct OnAdapter {
-    adapter: String,
-    checks: Vec<Check>,
-}
-
-/// A file that was written or printed.
-#[derive(Serialize)]
-struct Written {
-    name: String,
-    /// Its path, or its content if it was printed.
-    #[serde(flatten)]
-    content: Content,
-}
-
-#[derive(Serialize)]
-#[serde(rename_all = "kebab-case")]
-enum Content {
-    Path(PathBuf),
-    Text(String),
-}
-
-#[derive(Serialize)]
-struct Report {
-    schema: &'static str,
-    materials: Vec<Rewritten>,
-    errors: Vec<String>,
-}
-
-/// The result of a job, before anything is written.
-#[derive(Default)]
-struct Made {
-    materials: Vec<(Rewritten, Vec<emit::File>)>,
-    read: Vec<PathBuf>,
-    messages: Vec<String>,
-    /// Printed after everything is written.
-    hints: Vec<String>,
-    errors: Vec<String>,
-    times: Times,
-}
-
-/// Time by activity.
-#[derive(Default)]
-struct Times(BTreeMap<(u8, String), Duration>);
-
-impl Times {
-    /// Runs and times `work`; `order` is its line in the table.
-    fn took<T>(&mut self, order: u8, what: &str, work: impl FnOnce() -> T) -> T {
-        let began = Instant::now();
-        let done = work();
-        self.add(order, what, began.elapsed());
-        done
-    }
-
-    fn add(&mut self, order: u8, what: &str, time: Duration) {
-        *self.0.entry((order, what.to_owned())).or_default() += time;
-    }
-
-    fn table<'t>(all: impl Iterator<Item = &'t Self>) -> String {
-        let mut sums: BTreeMap<&(u8, String), Duration> = BTreeMap::new();
-        for (what, time) in all.flat_map(|t| &t.0) {
-            *sums.entry(what).or_default() += *time;
-        }
-        let line = |(what, time): (&str, Duration)| {
-            format!("{:>10.3} ms  {what}", time.as_secs_f64() * 1e3)
-        };
-        let whole: Duration = sums.values().sum();
-        let sums = sums.iter().map(|((_, what), time)| (what.as_str(), *time));
-        let lines: Vec<String> = sums.chain([("in all", whole)]).map(line).collect();
-        lines.join("\n")
     }
 }
 

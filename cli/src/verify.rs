@@ -1,6 +1,5 @@
 //! `preshade verify`: draws a scene with the original and its variants, and measures error and time.
 
-use std::ffi::OsString;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -20,6 +19,7 @@ use crate::apart::{apart, resumed};
 use crate::input::ShaderArgs;
 use crate::keeper::Keeper;
 use crate::output::{self, Progress};
+use crate::share::share;
 use crate::variable::Axis;
 use crate::variants::VariantArgs;
 use crate::view::ViewArgs;
@@ -301,7 +301,7 @@ fn swept(
         Table::Json => output::data(&json),
         Table::Csv => output::data(&report::csv::series(&series)),
     };
-    let shared = share(args, &json);
+    let shared = share(args.share.as_deref(), &json);
     let mut files = vec![
         file("series.json", json),
         file("series.csv", report::csv::series(&series)),
@@ -338,7 +338,7 @@ fn told(
         write(args, Vec::new(), &outcome.pictures)?;
         return Ok(Outcome::Fine);
     }
-    let shared = share(args, &json);
+    let shared = share(args.share.as_deref(), &json);
     let mut files = vec![
         file("report.json", json),
         file("report.csv", report::csv::verify(&outcome.report)),
@@ -365,39 +365,6 @@ fn file(name: &str, text: String) -> preshade::unstable::emit::File {
         name: name.to_owned(),
         bytes: text.into_bytes(),
     }
-}
-
-/// Writes the file of `--share`.
-fn share(args: &Args, json: &str) -> Result<(), Failure> {
-    let Some(path) = &args.share else {
-        return Ok(());
-    };
-    let json = without_folders(json, std::env::args_os());
-    std::fs::write(path, json).map_err(|e| Failure(format!("error: {}: {e}", path.display())))?;
-    output::message(&format!("wrote {}", path.display()));
-    Ok(())
-}
-
-/// A report without folders that were typed as absolute paths, so that it can be shared.
-fn without_folders(json: &str, arguments: impl Iterator<Item = OsString>) -> String {
-    let mut folders: Vec<String> = arguments
-        .filter_map(|argument| {
-            let argument = argument.to_str()?;
-            let path = argument
-                .split_once('=')
-                .map_or(argument, |(_, value)| value);
-            let folder = Path::new(path)
-                .parent()
-                .filter(|_| Path::new(path).is_absolute())?;
-            let folder = serde_json::to_string(&folder.join("")).ok()?;
-            Some(folder.trim_matches('"').to_owned())
-        })
-        .filter(|folder| folder.len() > 1)
-        .collect();
-    folders.sort_by_key(|folder| std::cmp::Reverse(folder.len()));
-    folders
-        .iter()
-        .fold(json.to_owned(), |json, folder| json.replace(folder, ""))
 }
 
 /// Writes the files and the pictures to the folder of `--out`.
@@ -630,24 +597,4 @@ pub fn command() -> String {
             .map(|word| word.to_string_lossy().into_owned()),
     );
     shell_words::join(words)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_is_shared_names_no_folder_of_the_machine() {
-        let json = r#"{"command":"preshade verify /home/ada/shop/a.toml --out=/home/ada/out scenes/b.toml","file":"/home/ada/shop/shaders/a.wgsl"}"#;
-        let typed = [
-            "verify",
-            "/home/ada/shop/a.toml",
-            "--out=/home/ada/out",
-            "scenes/b.toml",
-        ];
-        assert_eq!(
-            without_folders(json, typed.map(OsString::from).into_iter()),
-            r#"{"command":"preshade verify a.toml --out=out scenes/b.toml","file":"shaders/a.wgsl"}"#
-        );
-    }
 }
