@@ -15,7 +15,7 @@ use super::inputs::SceneInputs;
 use super::layout::Made;
 use super::picture::{ColorImage, DepthImage};
 use super::pipeline::{Build, PipelineKey, blank_fragment};
-use super::shader::Variant;
+use super::shader::{Member, Variant};
 use super::subdivided::{Meshes, Subdivided, SubdivisionCost};
 use super::targets::Targets;
 use super::{Error, compute, order, readback};
@@ -168,101 +168,19 @@ impl<'a> Prepared<'a> {
             })?;
         let compute = compute::prepare(inputs, variant, &shaders, &targets, &mut meshes, &table)?;
         compute::load(inputs.gpu(), &compute)?;
-        let mut passes = Vec::new();
-        for frame_pass in &variant.frame().passes {
-            let mut pass = PreparedPass {
-                frame: frame_pass.clone(),
-                pipelines: Vec::new(),
-                items: Vec::new(),
-                sequence: Vec::new(),
-            };
-            let mut built: Vec<(PipelineKey, usize)> = Vec::new();
-            'draws: for (index, draw) in scene.draws.iter().enumerate() {
-                let Some(material) = scene.materials.get(draw.material) else {
-                    continue;
-                };
-                for (_, member) in frame_pass
-                    .members
-                    .iter()
-                    .filter(|(name, _)| *name == material.name)
-                {
-                    let found = variant.member(&material.name, *member)?;
-                    let gpu_pass = found.pass;
-                    if gpu_pass.draws == Draws::Opaque && material.state.is_blended() {
-                        continue;
-                    }
-                    let Some(bound) = inputs.draw(index) else {
-                        continue;
-                    };
-                    let (geometry, bindings) = (&gpu_pass.geometry, &gpu_pass.bindings);
-                    let subdivided = meshes
-                        .of(gpu, found.plan, geometry, bindings, (index, bound))
-                        .map_err(|message| found.failed(message))?;
-                    let drawn = table
-                        .of(gpu, bindings, (index, bound))
-                        .map_err(|message| found.failed(message))?;
-                    let made = match &subdivided {
-                        Some(subdivided) => Made::Subdivided(subdivided),
-                        None => Made::Drawn(&drawn),
-                    };
-                    let build = Build {
-                        gpu,
-                        targets: &targets,
-                        shaders: &shaders,
-                        plan: found.plan,
-                        pass: gpu_pass,
-                        stages: found.stages,
-                        frame: frame_pass,
-                        draw: bound,
-                        made,
-                    };
-                    build.requirements()?;
-                    let vertex = build.vertex_layout()?;
-                    let key = PipelineKey {
-                        material: draw.material,
-                        member: *member,
-                        vertex: vertex.clone(),
-                        strip: build.strip_format(),
-                    };
-                    let groups = build.groups()?;
-                    let pipeline = match built.iter().find(|(k, _)| *k == key) {
-                        Some((_, i)) => *i,
-                        None => {
-                            let layouts =
-                                groups.iter().map(|(g, l, _)| (*g, l)).collect::<Vec<_>>();
-                            pass.pipelines.push(build.pipeline(&blank, &layouts, &key)?);
-                            built.push((key, pass.pipelines.len() - 1));
-                            pass.pipelines.len() - 1
-                        }
-                    };
-                    pass.items.push(Item {
-                        draw: index,
-                        pipeline,
-                        groups: groups.into_iter().map(|(g, _, b)| (g, b)).collect(),
-                        stencil_reference: gpu_pass.stencil.as_ref().map_or(0, |s| s.reference),
-                        vertex_buffers: vertex.iter().map(|v| v.source).collect(),
-                        call: match (subdivided, geometry) {
-                            (Some(subdivided), _) => Call::Subdivided(subdivided),
-                            (None, Geometry::Unindexed) => Call::Unindexed(drawn.triangles * 3),
-                            (None, Geometry::FullScreen) => Call::FullScreen,
-                            (None, Geometry::Indirect { buffer }) => {
-                                let arguments = table.arguments(buffer, &drawn);
-                                Call::Indirect(arguments.map_err(|m| found.failed(m))?)
-                            }
-                            (None, Geometry::Instances | Geometry::Vertices) => {
-                                let message = "its geometry is computed, not drawn".to_owned();
-                                return Err(found.failed(message));
-                            }
-                            (None, _) => Call::AsGiven,
-                        },
-                    });
-                    if gpu_pass.draws == Draws::Once {
-                        break 'draws;
-                    }
-                }
-            }
-            passes.push(pass);
-        }
+        let mut builder = FrameBuilder {
+            inputs,
+            variant,
+            targets: &targets,
+            shaders: &shaders,
+            blank: &blank,
+            table: &table,
+            meshes: &mut meshes,
+        };
+        let frame_passes = variant.frame().passes.iter();
+        let passes = frame_passes
+            .map(|pass| builder.pass(pass))
+            .collect::<Result<Vec<_>, _>>()?;
         let mut prepared = Self {
             gpu,
             inputs,
@@ -664,6 +582,132 @@ impl<'a> Prepared<'a> {
                 None => render.draw(corners, instances),
             }
         }
+    }
+}
+
+/// Builds the render passes of a frame.
+struct FrameBuilder<'b, 'a> {
+    inputs: &'a SceneInputs<'a>,
+    variant: &'b Variant,
+    targets: &'b Targets,
+    shaders: &'b BTreeMap<&'b str, wgpu::ShaderModule>,
+    blank: &'b wgpu::ShaderModule,
+    table: &'b DrawTable,
+    meshes: &'b mut Meshes,
+}
+
+impl FrameBuilder<'_, '_> {
+    fn pass(&mut self, frame_pass: &FramePass) -> Result<PreparedPass, Error> {
+        let scene = self.inputs.scene();
+        let mut pass = PreparedPass {
+            frame: frame_pass.clone(),
+            pipelines: Vec::new(),
+            items: Vec::new(),
+            sequence: Vec::new(),
+        };
+        let mut built: Vec<(PipelineKey, usize)> = Vec::new();
+        for (index, draw) in scene.draws.iter().enumerate() {
+            let Some(material) = scene.materials.get(draw.material) else {
+                continue;
+            };
+            let members = frame_pass.members.iter();
+            for (_, member) in members.filter(|(name, _)| *name == material.name) {
+                let found = self.variant.member(&material.name, *member)?;
+                if found.pass.draws == Draws::Opaque && material.state.is_blended() {
+                    continue;
+                }
+                let (of, index) = ((draw.material, *member), index);
+                let Some(item) = self.item(&mut pass, &mut built, &found, of, index)? else {
+                    continue;
+                };
+                pass.items.push(item);
+                if found.pass.draws == Draws::Once {
+                    return Ok(pass);
+                }
+            }
+        }
+        Ok(pass)
+    }
+
+    /// The item of one draw, with a new pipeline if none of `built` fits. `None` without inputs.
+    fn item(
+        &mut self,
+        pass: &mut PreparedPass,
+        built: &mut Vec<(PipelineKey, usize)>,
+        found: &Member<'_>,
+        (material, member): (usize, usize),
+        index: usize,
+    ) -> Result<Option<Item>, Error> {
+        let gpu = self.inputs.gpu();
+        let gpu_pass = found.pass;
+        let Some(bound) = self.inputs.draw(index) else {
+            return Ok(None);
+        };
+        let (geometry, bindings) = (&gpu_pass.geometry, &gpu_pass.bindings);
+        let subdivided = self
+            .meshes
+            .of(gpu, found.plan, geometry, bindings, (index, bound))
+            .map_err(|message| found.failed(message))?;
+        let drawn = self
+            .table
+            .of(gpu, bindings, (index, bound))
+            .map_err(|message| found.failed(message))?;
+        let made = match &subdivided {
+            Some(subdivided) => Made::Subdivided(subdivided),
+            None => Made::Drawn(&drawn),
+        };
+        let build = Build {
+            gpu,
+            targets: self.targets,
+            shaders: self.shaders,
+            plan: found.plan,
+            pass: gpu_pass,
+            stages: found.stages,
+            frame: &pass.frame,
+            draw: bound,
+            made,
+        };
+        build.requirements()?;
+        let vertex = build.vertex_layout()?;
+        let key = PipelineKey {
+            material,
+            member,
+            vertex: vertex.clone(),
+            strip: build.strip_format(),
+        };
+        let groups = build.groups()?;
+        let pipeline = match built.iter().find(|(k, _)| *k == key) {
+            Some((_, i)) => *i,
+            None => {
+                let layouts = groups.iter().map(|(g, l, _)| (*g, l)).collect::<Vec<_>>();
+                let pipeline = build.pipeline(self.blank, &layouts, &key)?;
+                pass.pipelines.push(pipeline);
+                built.push((key, pass.pipelines.len() - 1));
+                pass.pipelines.len() - 1
+            }
+        };
+        let call = match (subdivided, geometry) {
+            (Some(subdivided), _) => Call::Subdivided(subdivided),
+            (None, Geometry::Unindexed) => Call::Unindexed(drawn.triangles * 3),
+            (None, Geometry::FullScreen) => Call::FullScreen,
+            (None, Geometry::Indirect { buffer }) => {
+                let arguments = self.table.arguments(buffer, &drawn);
+                Call::Indirect(arguments.map_err(|m| found.failed(m))?)
+            }
+            (None, Geometry::Instances | Geometry::Vertices) => {
+                let message = "its geometry is computed, not drawn".to_owned();
+                return Err(found.failed(message));
+            }
+            (None, _) => Call::AsGiven,
+        };
+        Ok(Some(Item {
+            draw: index,
+            pipeline,
+            groups: groups.into_iter().map(|(g, _, b)| (g, b)).collect(),
+            stencil_reference: gpu_pass.stencil.as_ref().map_or(0, |s| s.reference),
+            vertex_buffers: vertex.iter().map(|v| v.source).collect(),
+            call,
+        }))
     }
 }
 

@@ -162,6 +162,58 @@ impl Loader<'_> {
     fn scene(&self, stem: String) -> Result<Scene, Error> {
         let f = &self.file;
         let at = |e: Error, range: Range<usize>| self.source.at(e, range);
+        let (size, viewport, samples) = self.target()?;
+        let limits = &self.access.limits;
+        let light = Light::read(&f.light, limits).map_err(|e| at(e.error, e.at))?;
+        let materials = f
+            .materials
+            .iter()
+            .map(|(name, entry)| {
+                self.material(name, entry.get_ref(), samples)
+                    .map_err(|e| at(e, entry.span()))
+            })
+            .collect::<Result<Vec<_>, _>>()?;
+        let meshes = meshes::build(
+            &self.source,
+            &self.folder,
+            &self.variables,
+            &f.meshes,
+            limits,
+            self.held.get(),
+        )?;
+        let draws = self.draws(&materials, &meshes)?;
+        let mut scene = Scene {
+            name: f.name.clone().unwrap_or(stem),
+            size,
+            viewport,
+            depth_format: f.depth.format,
+            depth_direction: f.depth.direction,
+            samples,
+            clear_color: f.clear,
+            materials,
+            meshes: meshes.into_iter().map(|m| m.mesh).collect(),
+            draws,
+            cameras: Vec::new(),
+            orders: match &f.orders {
+                Some(orders) if !orders.is_empty() => orders.clone(),
+                _ => vec![
+                    DrawOrder::FrontToBack,
+                    DrawOrder::BackToFront,
+                    DrawOrder::Shuffled,
+                ],
+            },
+            light,
+            files: self.folder.files(),
+        };
+        scene.cameras = self.cameras(scene.aspect())?;
+        self.check_values(&scene)?;
+        Ok(scene)
+    }
+
+    /// Size, viewport and samples of the colour target.
+    fn target(&self) -> Result<([u32; 2], Option<[u32; 4]>, u32), Error> {
+        let f = &self.file;
+        let at = |e: Error, range: Range<usize>| self.source.at(e, range);
         let size = match &f.size {
             None => [640, 360],
             Some(s) if s.get_ref().iter().all(|n| (1..=MAX_SIZE).contains(n)) => *s.get_ref(),
@@ -198,40 +250,28 @@ impl Loader<'_> {
                 return Err(at(e, s.span()));
             }
         };
-        let limits = &self.access.limits;
         let pixels = size.into_iter().map(u64::from).product::<u64>() * u64::from(samples);
-        if let Err(e) = limits.check("pixels", pixels, "the samples of the target") {
-            let e = Error::from(e);
-            return Err(match &f.size {
-                Some(s) => at(e, s.span()),
-                None => e,
-            });
-        }
-        let light = Light::read(&f.light, limits).map_err(|e| at(e.error, e.at))?;
-        let materials = f
-            .materials
-            .iter()
-            .map(|(name, entry)| {
-                self.material(name, entry.get_ref(), samples)
-                    .map_err(|e| at(e, entry.span()))
-            })
-            .collect::<Result<Vec<_>, _>>()?;
-        let meshes = meshes::build(
-            &self.source,
-            &self.folder,
-            &self.variables,
-            &f.meshes,
-            limits,
-            self.held.get(),
-        )?;
+        let checked = self
+            .access
+            .limits
+            .check("pixels", pixels, "the samples of the target");
+        checked.map_err(|e| match &f.size {
+            Some(s) => at(e.into(), s.span()),
+            None => e.into(),
+        })?;
+        Ok((size, viewport, samples))
+    }
+
+    /// All draws, in the order of the file.
+    fn draws(&self, materials: &[Material], meshes: &[Rigged]) -> Result<Vec<Draw>, Error> {
         let mut draws = Vec::new();
         let data = meshes
             .iter()
             .map(|m| size::of_mesh(&m.mesh) + size::of_joints(m.joints.len()));
         self.hold(data.sum())?;
-        for entry in &f.draws {
+        for entry in &self.file.draws {
             let before = draws.len();
-            let drawn = self.draw(entry.get_ref(), &materials, &meshes, &mut draws);
+            let drawn = self.draw(entry.get_ref(), materials, meshes, &mut draws);
             let counted = drawn.and_then(|()| {
                 // The draws of a field differ only in their place.
                 if let Some(draw) = draws.get(before) {
@@ -239,53 +279,33 @@ impl Loader<'_> {
                 }
                 Ok(())
             });
-            counted.map_err(|e| at(e, entry.span()))?;
+            counted.map_err(|e| self.source.at(e, entry.span()))?;
         }
         if draws.is_empty() {
             return Err(Error::new(format!("`{}` draws nothing", self.source.name))
                 .help("add a [[draws]] table with a mesh and a material"));
         }
-        let mut scene = Scene {
-            name: f.name.clone().unwrap_or(stem),
-            size,
-            viewport,
-            depth_format: f.depth.format,
-            depth_direction: f.depth.direction,
-            samples,
-            clear_color: f.clear,
-            materials,
-            meshes: meshes.into_iter().map(|m| m.mesh).collect(),
-            draws,
-            cameras: Vec::new(),
-            orders: match &f.orders {
-                Some(orders) if !orders.is_empty() => orders.clone(),
-                _ => vec![
-                    DrawOrder::FrontToBack,
-                    DrawOrder::BackToFront,
-                    DrawOrder::Shuffled,
-                ],
-            },
-            light,
-            files: self.folder.files(),
-        };
+        Ok(draws)
+    }
+
+    fn cameras(&self, aspect: f32) -> Result<Vec<Camera>, Error> {
+        let mut cameras = Vec::new();
         let mut frames = 0_u64;
-        for (i, entry) in f.cameras.iter().enumerate() {
+        for (i, entry) in self.file.cameras.iter().enumerate() {
             let path = entry.get_ref().path.as_ref();
             frames = frames.saturating_add(path.map_or(1, |p| p.frames.into()));
-            limits
-                .check("frames", frames, "the frames of all cameras")
-                .map_err(|e| at(e.into(), entry.span()))?;
-            let camera = self
-                .camera(i, entry.get_ref(), scene.aspect())
-                .map_err(|e| at(e, entry.span()))?;
-            scene.cameras.push(camera);
+            let limits = &self.access.limits;
+            let checked = limits.check("frames", frames, "the frames of all cameras");
+            let camera = checked
+                .map_err(Error::from)
+                .and_then(|()| self.camera(i, entry.get_ref(), aspect));
+            cameras.push(camera.map_err(|e| self.source.at(e, entry.span()))?);
         }
-        if scene.cameras.is_empty() {
+        if cameras.is_empty() {
             return Err(Error::new(format!("`{}` has no camera", self.source.name))
                 .help("add a [[cameras]] table with an eye and a target"));
         }
-        self.check_values(&scene)?;
-        Ok(scene)
+        Ok(cameras)
     }
 
     /// Checks that every value fits its variable. Each error points at the value.
@@ -496,6 +516,15 @@ impl Loader<'_> {
         }
     }
 
+    /// Index of the mesh or material with this name among `names`.
+    fn find(&self, what: &str, wanted: &Spanned<String>, names: Vec<&str>) -> Result<usize, Error> {
+        let name = wanted.get_ref();
+        names.iter().position(|n| n == name).ok_or_else(|| {
+            let e = Error::new(format!("there is no {what} `{name}`")).suggest(name, names);
+            self.source.at(e, wanted.span())
+        })
+    }
+
     fn draw(
         &self,
         entry: &DrawEntry,
@@ -503,23 +532,10 @@ impl Loader<'_> {
         meshes: &[Rigged],
         draws: &mut Vec<Draw>,
     ) -> Result<(), Error> {
-        let find = |what: &str, wanted: &Spanned<String>, names: Vec<&str>| {
-            let name = wanted.get_ref();
-            names.iter().position(|n| n == name).ok_or_else(|| {
-                let e = Error::new(format!("there is no {what} `{name}`")).suggest(name, names);
-                self.source.at(e, wanted.span())
-            })
-        };
-        let mesh = find(
-            "mesh",
-            &entry.mesh,
-            meshes.iter().map(|m| m.mesh.name.as_str()).collect(),
-        )?;
-        let material = find(
-            "material",
-            &entry.material,
-            materials.iter().map(|m| m.name.as_str()).collect(),
-        )?;
+        let mesh = meshes.iter().map(|m| m.mesh.name.as_str());
+        let mesh = self.find("mesh", &entry.mesh, mesh.collect())?;
+        let material = materials.iter().map(|m| m.name.as_str());
+        let material = self.find("material", &entry.material, material.collect())?;
         let rigged = &meshes[mesh];
         let mut draw = Draw {
             name: entry
@@ -579,32 +595,7 @@ impl Loader<'_> {
             FieldKind::Instances => {
                 draw.instances = places.len() as u32;
                 take(&mut draw, Some(places.len() as u32))?;
-                let transforms = places.iter().flat_map(|p| p.transform.to_cols_array());
-                let colors = places.iter().flat_map(|p| p.color);
-                let on_ground = places.iter().flat_map(|p| p.on_ground);
-                draw.instance_streams = BTreeMap::from([
-                    (
-                        "instance_transform".to_owned(),
-                        Stream::Float {
-                            components: 16,
-                            data: transforms.collect(),
-                        },
-                    ),
-                    (
-                        "instance_color".to_owned(),
-                        Stream::Float {
-                            components: 4,
-                            data: colors.collect(),
-                        },
-                    ),
-                    (
-                        "instance_place".to_owned(),
-                        Stream::Float {
-                            components: 4,
-                            data: on_ground.collect(),
-                        },
-                    ),
-                ]);
+                draw.instance_streams = instance_streams(&places);
                 draws.push(draw);
             }
             FieldKind::Draws => {
@@ -745,6 +736,21 @@ impl Looks {
         Error::new("a camera needs an eye and a target, or an orbit, or a path of them")
             .help("a path has at least 2 keys and 2 to 1000 frames")
     }
+}
+
+/// The instance streams of a field's copies.
+fn instance_streams(places: &[meshes::Place]) -> BTreeMap<String, Stream> {
+    let stream = |name: &str, components: u32, data: Vec<f32>| {
+        (name.to_owned(), Stream::Float { components, data })
+    };
+    let transforms = places.iter().flat_map(|p| p.transform.to_cols_array());
+    let colors = places.iter().flat_map(|p| p.color);
+    let on_ground = places.iter().flat_map(|p| p.on_ground);
+    BTreeMap::from([
+        stream("instance_transform", 16, transforms.collect()),
+        stream("instance_color", 4, colors.collect()),
+        stream("instance_place", 4, on_ground.collect()),
+    ])
 }
 
 /// Scales, then rotates around x, y and z in degrees, then translates.

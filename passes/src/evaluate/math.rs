@@ -268,20 +268,7 @@ pub fn call<F: Number>(fun: MathFunction, arguments: &[&Value<F>]) -> Result<Val
                 other => Err(mismatch("a direction", &[other])),
             })
         }
-        M::Cross => {
-            let (a, b) = (arguments[0].floats()?, arguments[1].floats()?);
-            let [ax, ay, az] = a[..] else {
-                return Err(Stuck::Type("cross of no vec3".to_owned()));
-            };
-            let [bx, by, bz] = b[..] else {
-                return Err(Stuck::Type("cross of no vec3".to_owned()));
-            };
-            Ok(Value::composite(&[
-                minus(times(ay, bz)?, times(az, by)?)?,
-                minus(times(az, bx)?, times(ax, bz)?)?,
-                minus(times(ax, by)?, times(ay, bx)?)?,
-            ]))
-        }
+        M::Cross => cross(arguments),
         M::Reflect => {
             let twice = times(F::of(2.0), dot(arguments[1], arguments[0])?)?;
             let along = binary(
@@ -291,23 +278,7 @@ pub fn call<F: Number>(fun: MathFunction, arguments: &[&Value<F>]) -> Result<Val
             )?;
             binary(BinaryOperator::Subtract, arguments[0], &along)
         }
-        M::Refract => {
-            let [incident, normal, ratio] = three(arguments)?;
-            let ratio = ratio.float()?;
-            let along = dot(normal, incident)?;
-            let square = beyond_total(along, ratio)?;
-            if holds(BinaryOperator::Less, square, F::of(0.0))? {
-                return binary(
-                    BinaryOperator::Multiply,
-                    incident,
-                    &Value::number(F::of(0.0)),
-                );
-            }
-            let back = plus(times(ratio, along)?, root(square)?)?;
-            let bent = binary(BinaryOperator::Multiply, incident, &Value::number(ratio))?;
-            let back = binary(BinaryOperator::Multiply, normal, &Value::number(back))?;
-            binary(BinaryOperator::Subtract, &bent, &back)
-        }
+        M::Refract => refract(arguments),
         M::FaceForward => {
             let [normal, incident, reference] = three(arguments)?;
             match holds(BinaryOperator::Less, dot(incident, reference)?, F::of(0.0))? {
@@ -321,25 +292,7 @@ pub fn call<F: Number>(fun: MathFunction, arguments: &[&Value<F>]) -> Result<Val
             let fraction = binary(BinaryOperator::Subtract, arguments[0], &whole)?;
             Ok(Value::Composite(vec![fraction, whole]))
         }
-        M::Frexp => {
-            let mut exponents = Vec::new();
-            let fraction = arguments[0].map(&mut |s| match s {
-                Scalar::F32(v) => {
-                    let exponent = exponent(single(v)?);
-                    exponents.push(Value::i32(exponent));
-                    Ok(Scalar::F32(shifted(v, -exponent)?))
-                }
-                other => Err(mismatch("a fraction", &[other])),
-            })?;
-            let exponents = match (&fraction, exponents.pop()) {
-                (Value::Scalar(_), Some(one)) => one,
-                (_, last) => {
-                    exponents.extend(last);
-                    Value::Composite(exponents)
-                }
-            };
-            Ok(Value::Composite(vec![fraction, exponents]))
-        }
+        M::Frexp => frexp(arguments),
         M::Outer => {
             let columns = arguments[1].parts()?.iter();
             let columns =
@@ -348,24 +301,83 @@ pub fn call<F: Number>(fun: MathFunction, arguments: &[&Value<F>]) -> Result<Val
         }
         M::Determinant => matrix::determinant(arguments[0]).map(Value::number),
         M::Inverse => matrix::inverse(arguments[0]),
-        M::Transpose => {
-            let columns = arguments[0].parts()?;
-            let rows = columns
-                .first()
-                .map_or(Ok(0), |c| c.parts().map(<[_]>::len))?;
-            (0..rows)
-                .map(|r| {
-                    columns
-                        .iter()
-                        .map(|c| c.parts().map(|p| p[r].clone()))
-                        .collect::<Result<_, _>>()
-                        .map(Value::Composite)
-                })
-                .collect::<Result<_, _>>()
-                .map(Value::Composite)
-        }
+        M::Transpose => transpose(arguments),
         _ => Value::zip(arguments, &mut |s| by_component(fun, s)),
     }
+}
+
+/// `cross`.
+fn cross<F: Number>(arguments: &[&Value<F>]) -> Result<Value<F>, Stuck> {
+    let (a, b) = (arguments[0].floats()?, arguments[1].floats()?);
+    let [ax, ay, az] = a[..] else {
+        return Err(Stuck::Type("cross of no vec3".to_owned()));
+    };
+    let [bx, by, bz] = b[..] else {
+        return Err(Stuck::Type("cross of no vec3".to_owned()));
+    };
+    Ok(Value::composite(&[
+        minus(times(ay, bz)?, times(az, by)?)?,
+        minus(times(az, bx)?, times(ax, bz)?)?,
+        minus(times(ax, by)?, times(ay, bx)?)?,
+    ]))
+}
+
+/// `refract`.
+fn refract<F: Number>(arguments: &[&Value<F>]) -> Result<Value<F>, Stuck> {
+    let [incident, normal, ratio] = three(arguments)?;
+    let ratio = ratio.float()?;
+    let along = dot(normal, incident)?;
+    let square = beyond_total(along, ratio)?;
+    if holds(BinaryOperator::Less, square, F::of(0.0))? {
+        return binary(
+            BinaryOperator::Multiply,
+            incident,
+            &Value::number(F::of(0.0)),
+        );
+    }
+    let back = plus(times(ratio, along)?, root(square)?)?;
+    let bent = binary(BinaryOperator::Multiply, incident, &Value::number(ratio))?;
+    let back = binary(BinaryOperator::Multiply, normal, &Value::number(back))?;
+    binary(BinaryOperator::Subtract, &bent, &back)
+}
+
+/// `frexp`: a structure of fraction and exponent.
+fn frexp<F: Number>(arguments: &[&Value<F>]) -> Result<Value<F>, Stuck> {
+    let mut exponents = Vec::new();
+    let fraction = arguments[0].map(&mut |s| match s {
+        Scalar::F32(v) => {
+            let exponent = exponent(single(v)?);
+            exponents.push(Value::i32(exponent));
+            Ok(Scalar::F32(shifted(v, -exponent)?))
+        }
+        other => Err(mismatch("a fraction", &[other])),
+    })?;
+    let exponents = match (&fraction, exponents.pop()) {
+        (Value::Scalar(_), Some(one)) => one,
+        (_, last) => {
+            exponents.extend(last);
+            Value::Composite(exponents)
+        }
+    };
+    Ok(Value::Composite(vec![fraction, exponents]))
+}
+
+/// `transpose`.
+fn transpose<F: Number>(arguments: &[&Value<F>]) -> Result<Value<F>, Stuck> {
+    let columns = arguments[0].parts()?;
+    let rows = columns
+        .first()
+        .map_or(Ok(0), |c| c.parts().map(<[_]>::len))?;
+    (0..rows)
+        .map(|r| {
+            columns
+                .iter()
+                .map(|c| c.parts().map(|p| p[r].clone()))
+                .collect::<Result<_, _>>()
+                .map(Value::Composite)
+        })
+        .collect::<Result<_, _>>()
+        .map(Value::Composite)
 }
 
 /// The squared cosine of the refracted direction; below 0 is total reflection.

@@ -3,7 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use naga::{Block, Statement};
+use naga::{Block, Expression, Handle, Statement, SwitchCase};
 
 use super::cells::{Place, Root};
 use super::memory::{self, CellIndex, Certainty, Memory, Origin, VersionId};
@@ -161,93 +161,12 @@ impl Walk<'_, '_, '_> {
                 self.merge(Some(id), &deltas);
                 self.live &= live;
             }
-            Statement::Switch { cases, .. } => {
-                let live = self.live;
-                let mark = self.log.len();
-                let mut inner = Jumps {
-                    break_mark: mark,
-                    continue_mark: jumps.continue_mark,
-                    ..Jumps::default()
-                };
-                let mut exits = Vec::new();
-                let mut falling: Option<Delta> = None;
-                for case in cases {
-                    self.live = live;
-                    if let Some(delta) = falling.take() {
-                        self.merge(Some(id), &[Delta::new(), delta]);
-                    }
-                    self.block(&case.body, &mut inner);
-                    let delta = self.live.then(|| self.delta(mark));
-                    self.undo(mark);
-                    if case.fall_through {
-                        falling = delta;
-                    } else {
-                        exits.extend(delta);
-                    }
-                }
-                exits.append(&mut inner.breaks);
-                jumps.continues.append(&mut inner.continues);
-                self.merge(Some(id), &exits);
-                self.live &= live;
-            }
+            Statement::Switch { cases, .. } => self.switch(id, cases, jumps),
             Statement::Loop {
                 body,
                 continuing,
                 break_if,
-            } => {
-                let live = self.live;
-                let end = self.statements.get(id).end;
-                let from = self.defined.partition_point(|(s, _)| *s <= id);
-                let to = self.defined.partition_point(|(s, _)| *s < end);
-                let changed: BTreeSet<CellIndex> = self.defined[from..to]
-                    .iter()
-                    .flat_map(|(_, cells)| cells.iter().copied())
-                    .collect();
-                let before = self.log.len();
-                let mut headers = Vec::new();
-                for cell in changed {
-                    let phi = self.memory.add(
-                        cell,
-                        Origin::Phi {
-                            at: Some(id),
-                            operands: vec![self.state[cell]],
-                        },
-                    );
-                    self.define(cell, phi);
-                    headers.push((cell, phi));
-                }
-                let mark = self.log.len();
-                let mut inner = Jumps {
-                    break_mark: before,
-                    continue_mark: mark,
-                    ..Jumps::default()
-                };
-                self.block(body, &mut inner);
-                if self.live {
-                    inner.continues.push(self.delta(mark));
-                }
-                self.undo(mark);
-                let continues = std::mem::take(&mut inner.continues);
-                self.merge(Some(id), &continues);
-                self.block(continuing, &mut Jumps::default());
-                if self.live {
-                    for (cell, phi) in headers {
-                        let latch = self.state[cell];
-                        if let Origin::Phi { operands, .. } =
-                            &mut self.memory.versions[phi.index()].origin
-                            && !operands.contains(&latch)
-                        {
-                            operands.push(latch);
-                        }
-                    }
-                    if break_if.is_some() {
-                        inner.breaks.push(self.delta(before));
-                    }
-                }
-                self.undo(before);
-                self.merge(Some(id), &inner.breaks);
-                self.live &= live;
-            }
+            } => self.merge_loop(id, body, continuing, *break_if),
             Statement::Break => {
                 if self.live {
                     jumps.breaks.push(self.delta(jumps.break_mark));
@@ -263,6 +182,98 @@ impl Walk<'_, '_, '_> {
             Statement::Return { .. } => self.leave(),
             other => self.effect(id, other),
         }
+    }
+
+    /// Each case starts from the state before the switch, or falls through from the case before.
+    fn switch(&mut self, id: StmtId, cases: &[SwitchCase], jumps: &mut Jumps) {
+        let live = self.live;
+        let mark = self.log.len();
+        let mut inner = Jumps {
+            break_mark: mark,
+            continue_mark: jumps.continue_mark,
+            ..Jumps::default()
+        };
+        let mut exits = Vec::new();
+        let mut falling: Option<Delta> = None;
+        for case in cases {
+            self.live = live;
+            if let Some(delta) = falling.take() {
+                self.merge(Some(id), &[Delta::new(), delta]);
+            }
+            self.block(&case.body, &mut inner);
+            let delta = self.live.then(|| self.delta(mark));
+            self.undo(mark);
+            if case.fall_through {
+                falling = delta;
+            } else {
+                exits.extend(delta);
+            }
+        }
+        exits.append(&mut inner.breaks);
+        jumps.continues.append(&mut inner.continues);
+        self.merge(Some(id), &exits);
+        self.live &= live;
+    }
+
+    /// Every cell that the loop writes gets a merge at its header.
+    fn merge_loop(
+        &mut self,
+        id: StmtId,
+        body: &Block,
+        continuing: &Block,
+        break_if: Option<Handle<Expression>>,
+    ) {
+        let live = self.live;
+        let end = self.statements.get(id).end;
+        let from = self.defined.partition_point(|(s, _)| *s <= id);
+        let to = self.defined.partition_point(|(s, _)| *s < end);
+        let changed: BTreeSet<CellIndex> = self.defined[from..to]
+            .iter()
+            .flat_map(|(_, cells)| cells.iter().copied())
+            .collect();
+        let before = self.log.len();
+        let mut headers = Vec::new();
+        for cell in changed {
+            let phi = self.memory.add(
+                cell,
+                Origin::Phi {
+                    at: Some(id),
+                    operands: vec![self.state[cell]],
+                },
+            );
+            self.define(cell, phi);
+            headers.push((cell, phi));
+        }
+        let mark = self.log.len();
+        let mut inner = Jumps {
+            break_mark: before,
+            continue_mark: mark,
+            ..Jumps::default()
+        };
+        self.block(body, &mut inner);
+        if self.live {
+            inner.continues.push(self.delta(mark));
+        }
+        self.undo(mark);
+        let continues = std::mem::take(&mut inner.continues);
+        self.merge(Some(id), &continues);
+        self.block(continuing, &mut Jumps::default());
+        if self.live {
+            for (cell, phi) in headers {
+                let latch = self.state[cell];
+                if let Origin::Phi { operands, .. } = &mut self.memory.versions[phi.index()].origin
+                    && !operands.contains(&latch)
+                {
+                    operands.push(latch);
+                }
+            }
+            if break_if.is_some() {
+                inner.breaks.push(self.delta(before));
+            }
+        }
+        self.undo(before);
+        self.merge(Some(id), &inner.breaks);
+        self.live &= live;
     }
 
     /// A statement without blocks: its reads, then its writes.

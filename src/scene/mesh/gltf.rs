@@ -66,21 +66,27 @@ impl Gltf {
         })
     }
 
-    fn loaded(
+    fn wrong(&self, what: impl std::fmt::Display) -> Error {
+        Error::new(format!("`{}`: {what}", self.file))
+    }
+
+    fn is_wanted(&self, mesh: &gltf::Mesh<'_>) -> bool {
+        let wanted = self.mesh.as_deref();
+        wanted.is_none_or(|m| mesh.name() == Some(m))
+    }
+
+    /// The content of all buffers.
+    fn buffers<'g>(
         &self,
-        name: &str,
+        gltf: &'g gltf::Gltf,
         read: &dyn Fn(&str) -> Result<Vec<u8>, Error>,
         take: &dyn Fn(u64, u64) -> Result<(), Error>,
-    ) -> Result<Rigged, Error> {
-        let wrong = |what: String| Error::new(format!("`{}`: {what}", self.file));
-        let bytes = read(&self.file)?;
-        let gltf =
-            gltf::Gltf::from_slice(&bytes).map_err(|e| wrong(format!("no glTF 2.0: {e}")))?;
+    ) -> Result<Vec<Cow<'g, [u8]>>, Error> {
         let folder = match self.file.rsplit_once('/') {
             Some((folder, _)) => format!("{folder}/"),
             None => String::new(),
         };
-        let mut buffers: Vec<Cow<'_, [u8]>> = Vec::new();
+        let mut buffers: Vec<Cow<'g, [u8]>> = Vec::new();
         let mut held = 0;
         for buffer in gltf.buffers() {
             let data = match buffer.source() {
@@ -88,10 +94,10 @@ impl Gltf {
                     .blob
                     .as_deref()
                     .map(Cow::Borrowed)
-                    .ok_or_else(|| wrong("no binary chunk".into()))?,
+                    .ok_or_else(|| self.wrong("no binary chunk"))?,
                 Source::Uri(uri) => match uri.split_once(";base64,") {
                     Some((head, data)) if head.starts_with("data:") => Cow::Owned(
-                        base64(data).ok_or_else(|| wrong("a data URI that is no base64".into()))?,
+                        base64(data).ok_or_else(|| self.wrong("a data URI that is no base64"))?,
                     ),
                     _ => Cow::Owned(read(&format!("{folder}{uri}"))?),
                 },
@@ -100,7 +106,7 @@ impl Gltf {
             held += data.len() as u64;
             take(0, held)?;
             if data.len() < buffer.length() {
-                return Err(wrong(format!(
+                return Err(self.wrong(format!(
                     "buffer {} holds {} of {} bytes",
                     buffer.index(),
                     data.len(),
@@ -109,54 +115,58 @@ impl Gltf {
             }
             buffers.push(data);
         }
-        // Collect the nodes with their world transforms.
+        Ok(buffers)
+    }
+
+    /// The nodes of the default scene in depth-first order, and their world transforms by index.
+    fn nodes<'g>(
+        &self,
+        gltf: &'g gltf::Gltf,
+    ) -> Result<(Vec<gltf::Node<'g>>, BTreeMap<usize, Mat4>), Error> {
         let mut nodes = Vec::new();
         let roots: Vec<_> = match gltf.default_scene().or_else(|| gltf.scenes().next()) {
             Some(scene) => scene.nodes().collect(),
             None => gltf.nodes().collect(),
         };
-        let mut stack: Vec<(gltf::Node<'_>, Mat4)> = roots
-            .into_iter()
-            .rev()
-            .map(|n| (n, Mat4::IDENTITY))
-            .collect();
+        let roots = roots.into_iter().rev();
+        let mut stack: Vec<(gltf::Node<'_>, Mat4)> = roots.map(|n| (n, Mat4::IDENTITY)).collect();
         let mut world: BTreeMap<usize, Mat4> = BTreeMap::new();
         while let Some((node, parent)) = stack.pop() {
             let here = parent * Mat4::from_cols_array_2d(&node.transform().matrix());
             if world.insert(node.index(), here).is_some() {
-                return Err(wrong("a node has two parents".into()));
+                return Err(self.wrong("a node has two parents"));
             }
-            stack.extend(
-                node.children()
-                    .map(|c| (c, here))
-                    .collect::<Vec<_>>()
-                    .into_iter()
-                    .rev(),
-            );
+            let children: Vec<_> = node.children().map(|c| (c, here)).collect();
+            stack.extend(children.into_iter().rev());
             nodes.push(node);
         }
-        let asked = |mesh: &gltf::Mesh<'_>| {
-            let wanted = self.mesh.as_deref();
-            wanted.is_none_or(|m| mesh.name() == Some(m))
-        };
-        // Check sizes before reading: many nodes may share a mesh.
-        let lengths: Vec<usize> = buffers.iter().map(|b| b.len()).collect();
+        Ok((nodes, world))
+    }
+
+    /// Checks sizes before reading: many nodes may share a mesh. `lengths` are those of the buffers.
+    fn check_sizes(
+        &self,
+        nodes: &[gltf::Node<'_>],
+        lengths: &[usize],
+        take: &dyn Fn(u64, u64) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        let held: u64 = lengths.iter().map(|l| *l as u64).sum();
         let mut cost = Cost::default();
         let mut costs: BTreeMap<usize, Cost> = BTreeMap::new();
-        for node in &nodes {
-            let Some(mesh) = node.mesh().filter(asked) else {
+        for node in nodes {
+            let Some(mesh) = node.mesh().filter(|m| self.is_wanted(m)) else {
                 continue;
             };
             if let Some(skin) = node.skin() {
-                accessors::of_skin(&skin, &lengths).map_err(wrong)?;
+                accessors::of_skin(&skin, lengths).map_err(|e| self.wrong(e))?;
             }
             let of_mesh = match costs.get(&mesh.index()) {
                 Some(known) => *known,
                 None => {
                     let mut all = Cost::default();
                     for primitive in mesh.primitives() {
-                        let of_it = accessors::of_primitive(&primitive, &lengths);
-                        all = all.and(of_it.map_err(wrong)?);
+                        let of_it = accessors::of_primitive(&primitive, lengths);
+                        all = all.and(of_it.map_err(|e| self.wrong(e))?);
                     }
                     costs.insert(mesh.index(), all);
                     all
@@ -165,10 +175,27 @@ impl Gltf {
             cost = cost.and(of_mesh);
             take(cost.vertices, held.saturating_add(cost.bytes))?;
         }
+        Ok(())
+    }
+
+    fn loaded(
+        &self,
+        name: &str,
+        read: &dyn Fn(&str) -> Result<Vec<u8>, Error>,
+        take: &dyn Fn(u64, u64) -> Result<(), Error>,
+    ) -> Result<Rigged, Error> {
+        let wrong = |what: String| self.wrong(what);
+        let bytes = read(&self.file)?;
+        let gltf =
+            gltf::Gltf::from_slice(&bytes).map_err(|e| wrong(format!("no glTF 2.0: {e}")))?;
+        let buffers = self.buffers(&gltf, read, take)?;
+        let (nodes, world) = self.nodes(&gltf)?;
+        let lengths: Vec<usize> = buffers.iter().map(|b| b.len()).collect();
+        self.check_sizes(&nodes, &lengths, take)?;
         let (mut parts, mut joints, mut weights, mut skins) =
             (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for node in &nodes {
-            let Some(mesh) = node.mesh().filter(asked) else {
+            let Some(mesh) = node.mesh().filter(|m| self.is_wanted(m)) else {
                 continue;
             };
             if let Some(skin) = node.skin()
