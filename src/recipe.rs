@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use preshade_passes::core::refusals::{self, RefusalInfo};
 use preshade_passes::pass::{AnyPass, Facts, ParamError, Refusal, Refused, Site};
 use preshade_passes::plan::Plan;
 use preshade_passes::{PASSES, pass_named};
@@ -359,16 +360,16 @@ impl Recipe {
 impl Step {
     /// Applies the step. A site that is gone is refused as `stale`, several sites as `ambiguous`.
     pub(crate) fn apply(&self, plan: &Plan, facts: &Facts) -> Applied {
-        let refuse = |code: &str, reason: String, remedy: &str| {
+        let refuse = |code: &RefusalInfo, reason: String, remedy: &str| {
             Box::new(Refusal::new(&self.pass, code, reason, remedy))
         };
         let pass = find(&self.pass)
-            .map_err(|e| refuse("unknown", e.to_string(), "name one of the passes"))?;
+            .map_err(|e| refuse(&refusals::UNKNOWN, e.to_string(), "name one of the passes"))?;
         let params = serde_json::Value::Object(self.params.clone());
         let outcome = pass.run(plan, facts, &params).map_err(Refused::first)?;
         match &self.site {
             Some(site) if *site != outcome.change.key => Err(refuse(
-                "stale",
+                &refusals::STALE,
                 format!(
                     "the recipe was recorded for the slice {} of `{}`, which is no longer in the shader",
                     site.slice, site.entry_point

@@ -37,7 +37,7 @@ pub use transforms::{
 
 pub use naga;
 
-pub use transforms::{PASSES, examples};
+pub use transforms::{PASSES, examples, refusals};
 
 /// The pass of that name.
 pub fn pass_named(name: &str) -> Option<&'static dyn pass::AnyPass> {

@@ -15,7 +15,7 @@ use preshade::unstable::passes::plan::Plan;
 use preshade::unstable::passes::state::MaterialState;
 use preshade::unstable::recipe::Recipe;
 
-/// The recipe of a pass's page and the text it is applied to, by name: a file of `fixtures/pages`.
+/// The recipe of a pass's page and the text it is applied to, by name.
 fn example(pass: &dyn AnyPass) -> (Vec<String>, &'static str, String) {
     let mut uses = pass.examples().iter();
     let found = uses.find_map(|e| {
@@ -26,13 +26,11 @@ fn example(pass: &dyn AnyPass) -> (Vec<String>, &'static str, String) {
     });
     let name = pass.info().name;
     let (recipe, file) = found.unwrap_or_else(|| panic!("no example of {name} is for its page"));
-    let path = root()
-        .join("fixtures/pages")
-        .join(file)
-        .with_extension("wgsl");
+    let path = root().join("fixtures").join(file).with_extension("wgsl");
+    let stem = file.rsplit('/').next().unwrap();
     let steps = Recipe::parse_list(recipe).unwrap().steps;
     let steps = steps.iter().map(ToString::to_string).collect();
-    (steps, file, fs::read_to_string(path).unwrap())
+    (steps, stem, fs::read_to_string(path).unwrap())
 }
 
 /// The command that draws the picture of a pass's page, and a sentence about it.

@@ -9,6 +9,7 @@ pub mod neighbours;
 pub mod opaque;
 pub(crate) mod range;
 pub(crate) mod reach;
+pub mod refusals;
 pub(crate) mod rounding;
 pub mod sign;
 pub(crate) mod simplify;

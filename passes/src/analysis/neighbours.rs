@@ -8,6 +8,7 @@
 //! before their neighbours are drawn, so the neighbours must write depth.
 
 use crate::analysis::opaque;
+use crate::analysis::refusals;
 use crate::core::channels::{self, Channels};
 use crate::core::pass::Refusal;
 use crate::core::plan::{BindingSource, GpuPass, Phase, Plan, Role};
@@ -45,7 +46,7 @@ pub fn conflict<'a>(
         if moves_depth && trusts_depth {
             return Some(Refusal::new(
                 &step.pass,
-                "neighbour-moves-depth",
+                &refusals::NEIGHBOUR_MOVES_DEPTH,
                 format!(
                     "material `{}` writes depth without comparing it, over what was drawn ahead of it",
                     neighbour.material
@@ -57,7 +58,7 @@ pub fn conflict<'a>(
         if main.is_none() && !pass.depth.as_ref().is_some_and(|d| d.write) {
             return Some(Refusal::new(
                 &step.pass,
-                "neighbour-without-depth",
+                &refusals::NEIGHBOUR_WITHOUT_DEPTH,
                 format!(
                     "material `{}` is opaque and writes no depth: what is drawn after it covers it, whatever is nearer, and what is shaded from ids would be drawn before it",
                     neighbour.material
@@ -68,7 +69,7 @@ pub fn conflict<'a>(
         leaves_traces(neighbour, pass).then(|| {
             Refusal::new(
                 &step.pass,
-                "neighbour-counts-fragments",
+                &refusals::NEIGHBOUR_COUNTS_FRAGMENTS,
                 format!(
                     "material `{}` writes stencil or memory, hidden fragments of it too: which of them run depends on who drew depth before",
                     neighbour.material
@@ -97,7 +98,7 @@ pub fn tied<'a>(
     let drawn = others.into_iter().find(is_drawn)?;
     Some(Refusal::new(
         &step.pass,
-        "depth-ties",
+        &refusals::DEPTH_TIES,
         format!(
             "material `{}` is not shaded from ids and so is drawn after what is, and where two surfaces share the winning depth (pixels: {ties}, over all views) the order of draws decides which is seen",
             drawn.material
@@ -135,7 +136,7 @@ fn shows_through(plan: &Plan, neighbours: &[&Plan], pass: &str) -> Option<Refusa
             (!left.is_empty()).then(|| {
                 Refusal::new(
                     pass,
-                    "color-mask",
+                    &refusals::COLOR_MASK,
                     format!("material `{front}` hides what lies behind it and leaves {left} as it is, which material `{behind}` writes: there a hidden surface shows, if it was drawn first"),
                     format!("let `{front}` write all channels that the frame's opaque materials write, or draw it in a pass of its own after them, without depth-prepass and early-discard"),
                 )

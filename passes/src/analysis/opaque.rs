@@ -7,12 +7,14 @@
 use naga::{Binding, BuiltIn, EarlyDepthTest, ShaderStage, Span, Statement};
 
 use crate::analysis::coverage::{self, Decides};
+use crate::analysis::refusals;
 use crate::core::channels;
 use crate::core::contract::Assumption;
 use crate::core::pass::{Facts, Refusal};
 use crate::core::plan::{ClearValue, GpuPass, Phase, Plan, Role};
 use crate::core::program::Program;
 use crate::core::reflect;
+use crate::core::refusals::RefusalInfo;
 use crate::core::state::{CompareFunction, DepthDirection, DepthState};
 use crate::graph::effect::{self, Effect};
 use crate::graph::{FunctionId, Graph};
@@ -77,11 +79,12 @@ impl<'a> Opaque<'a> {
     /// # Errors
     /// Every reason not to, not just the first.
     pub fn examine(plan: &'a Plan, name: &'static str) -> Result<Self, Vec<Refusal>> {
-        let refuse =
-            |code: &str, reason: &str, remedy: &str| Refusal::new(name, code, reason, remedy);
+        let refuse = |code: &RefusalInfo, reason: &str, remedy: &str| {
+            Refusal::new(name, code, reason, remedy)
+        };
         let Some((pass, program)) = plan.main().and_then(|p| Some((p, plan.program(p)?))) else {
             return Err(vec![refuse(
-                "no-main-pass",
+                &refusals::NO_MAIN_PASS,
                 "the plan has no main pass",
                 "start from the original plan",
             )]);
@@ -89,14 +92,14 @@ impl<'a> Opaque<'a> {
         let mut refusals = Vec::new();
         if plan.passes.iter().any(|p| p.role == Role::Prepass) {
             refusals.push(refuse(
-                "has-prepass",
+                &refusals::HAS_PREPASS,
                 "the plan already draws this material's depth ahead of it",
                 "take one of the two recipes",
             ));
         }
         if pass.phase == Phase::Blended || pass.targets.iter().flatten().any(|t| t.is_blended()) {
             refusals.push(refuse(
-                "blended",
+                &refusals::BLENDED,
                 "the material is blended: what lies behind it shows through, so its depth must not hide anything",
                 "keep blended materials out of the pre-pass (they are drawn last, as they are), or draw it opaque",
             ));
@@ -104,7 +107,7 @@ impl<'a> Opaque<'a> {
         let depth_and_direction = match &pass.depth {
             None => {
                 refusals.push(refuse(
-                    "no-depth",
+                    &refusals::NO_DEPTH,
                     "the material binds no depth attachment",
                     "give it a depth state",
                 ));
@@ -113,7 +116,7 @@ impl<'a> Opaque<'a> {
             Some(depth) => {
                 if !depth.write {
                     refusals.push(refuse(
-                        "depth-write-off",
+                        &refusals::DEPTH_WRITE_OFF,
                         "the material does not write depth, so nothing of it hides anything",
                         "turn depth writes on if it is opaque",
                     ));
@@ -121,7 +124,7 @@ impl<'a> Opaque<'a> {
                 let direction = depth.compare.direction();
                 if direction.is_none() {
                     refusals.push(refuse(
-                        "compare",
+                        &refusals::COMPARE,
                         &format!(
                             "depth compare is {:?}, which does not let the nearest fragment win",
                             depth.compare
@@ -135,7 +138,7 @@ impl<'a> Opaque<'a> {
                     && clear != d.clear_depth()
                 {
                     refusals.push(refuse(
-                        "compare-direction",
+                        &refusals::COMPARE_DIRECTION,
                         &format!("depth is cleared to {clear}, against which {:?} lets nothing pass", depth.compare),
                         "say which way depth grows (--reversed-z, depth_direction), or compare the other way",
                     ));
@@ -145,10 +148,10 @@ impl<'a> Opaque<'a> {
         };
         if let Some(stencil) = &pass.stencil {
             refusals.push(if stencil.writes() {
-                refuse("stencil-write", "the material writes stencil, which drawing it twice would do twice", "move the stencil write to a pass of its own")
+                refuse(&refusals::STENCIL_WRITE, "the material writes stencil, which drawing it twice would do twice", "move the stencil write to a pass of its own")
             } else {
                 refuse(
-                    "stencil-test",
+                    &refusals::STENCIL_TEST,
                     "the material is masked by stencil, whose contents at the time of a pre-pass are not known",
                     "mask by discard, or draw it in the main phase only",
                 )
@@ -165,7 +168,7 @@ impl<'a> Opaque<'a> {
         {
             refusals.push(
                 refuse(
-                    "vertex-store",
+                    &refusals::VERTEX_STORE,
                     "the vertex stage stores to memory, which drawing it twice would do twice",
                     "move the store to a compute pass",
                 )
@@ -177,7 +180,7 @@ impl<'a> Opaque<'a> {
             if let Some(span) = find(&graph, FunctionId::EntryPoint(index), &STORES) {
                 refusals.push(
                     refuse(
-                        "fragment-store",
+                        &refusals::FRAGMENT_STORE,
                         "the fragment stage stores to memory: fragments that are hidden in the end are part of what it does",
                         "move the store to a pass of its own",
                     )
@@ -190,7 +193,7 @@ impl<'a> Opaque<'a> {
                 .any(|o| o.binding == Some(Binding::BuiltIn(BuiltIn::SampleMask)))
             {
                 refusals.push(refuse(
-                    "sample-mask",
+                    &refusals::SAMPLE_MASK,
                     "the fragment stage writes the sample mask, so coverage is decided there sample by sample",
                     "decide coverage by discard",
                 ));
@@ -199,7 +202,7 @@ impl<'a> Opaque<'a> {
                 && (decides.discards || decides.depth)
             {
                 refusals.push(refuse(
-                    "forced-early-test",
+                    &refusals::FORCED_EARLY_TEST,
                     "the fragment stage forces the early depth test and discards: a discarded fragment still writes depth, which no slice reproduces",
                     "remove @early_depth_test(force)",
                 ));
@@ -208,7 +211,7 @@ impl<'a> Opaque<'a> {
         if let Some((reason, remedy)) =
             coverage::refuse_alpha(program, fragment.map(|(i, _)| i), pass)
         {
-            refusals.push(refuse("alpha-to-coverage", &reason, remedy));
+            refusals.push(refuse(&refusals::ALPHA_TO_COVERAGE, &reason, remedy));
         }
         match (depth_and_direction, vertex) {
             (Some((depth, direction)), Some((vertex, _))) if refusals.is_empty() => Ok(Self {
@@ -223,7 +226,7 @@ impl<'a> Opaque<'a> {
             }),
             (_, None) => {
                 refusals.push(refuse(
-                    "no-vertex-stage",
+                    &refusals::NO_VERTEX_STAGE,
                     "the main pass names no vertex entry point of its program",
                     "name one",
                 ));
@@ -293,7 +296,7 @@ pub fn refuse_ties(name: &'static str, facts: &Facts, remedy: &str) -> Option<Re
     facts.depth_ties.filter(|n| *n > 0).map(|n| {
         Refusal::new(
             name,
-            "depth-ties",
+            &refusals::DEPTH_TIES,
             format!("several surfaces were measured to share the nearest depth, or one to have that of the cleared buffer (pixels: {n}): once it is in the buffer all of them pass, and the last one wins"),
             remedy,
         )

@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 use naga::ShaderStage;
 use serde::Serialize;
 
+use crate::analysis::refusals;
 use crate::core::contract::Contract;
 use crate::core::pass::{Change, Left, Outcome, Refusal};
 use crate::core::plan::{GpuPass, Plan, Step};
@@ -65,11 +66,11 @@ pub fn examine<'p>(
         |code, reason, remedy: &str| Err(Box::new(Refusal::new(name, code, reason, remedy)));
     let Some((pass, program)) = plan.main().and_then(|p| Some((p, plan.program(p)?))) else {
         let remedy = "start from the original plan";
-        return refuse("no-main-pass", "the plan has no main pass", remedy);
+        return refuse(&refusals::NO_MAIN_PASS, "the plan has no main pass", remedy);
     };
     if plan.passes.len() > 1 || !plan.compute.is_empty() || !pass.geometry.is_as_given() {
         let reason = "another pass of the plan was made of the stage that would change";
-        return refuse("not-first", reason, first);
+        return refuse(&refusals::NOT_FIRST, reason, first);
     }
     let fragment = pass.fragment.as_deref();
     let found = fragment.and_then(|f| program.entry_point(ShaderStage::Fragment, f));
@@ -77,7 +78,7 @@ pub fn examine<'p>(
         Some((fragment, _)) => Ok((pass, program, fragment)),
         None => {
             let reason = "the material has no fragment stage";
-            refuse("no-fragment-stage", reason, nothing)
+            refuse(&refusals::NO_FRAGMENT_STAGE, reason, nothing)
         }
     }
 }
@@ -106,7 +107,7 @@ pub fn meant(
                 let names: Vec<String> = below.iter().map(|id| graph.name(*id)).collect();
                 Box::new(Refusal::new(
                     name,
-                    "unknown-function",
+                    &refusals::UNKNOWN_FUNCTION,
                     format!("the fragment stage calls no `{wanted}`"),
                     format!("`of` names functions of its own: {}", names.join(", ")),
                 ))

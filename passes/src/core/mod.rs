@@ -20,5 +20,6 @@ pub mod plan;
 pub mod program;
 pub mod rasterizer;
 pub mod reflect;
+pub mod refusals;
 pub mod self_test;
 pub mod state;

@@ -7,6 +7,7 @@ use crate::core::budget::Difference;
 use crate::core::plan::{Plan, Role};
 use crate::core::program::{Location, SourceMap};
 use crate::core::rasterizer::Rasterizer;
+use crate::core::refusals::{self, RefusalInfo};
 
 /// The name of a pass and its description.
 #[derive(Clone, Copy, Debug)]
@@ -74,7 +75,7 @@ pub enum Use {
     Simplify,
     /// Useful ahead of other passes: random recipes sort it to this place.
     Ahead(usize),
-    /// The example of the pass's page, applied to this file of `fixtures/pages`.
+    /// The example of the pass's page, applied to this WGSL file of `fixtures`.
     Page(&'static str),
     /// The picture of the pass's page.
     Picture {
@@ -140,7 +141,7 @@ impl Refused {
         Box::new(first.unwrap_or_else(|| {
             Refusal::new(
                 "",
-                "refused",
+                &refusals::REFUSED,
                 "the pass does not apply",
                 "see `preshade explain`",
             )
@@ -213,13 +214,13 @@ impl Refusal {
     /// A refusal that points at no place.
     pub fn new(
         pass: &str,
-        code: &str,
+        info: &RefusalInfo,
         reason: impl Into<String>,
         remedy: impl Into<String>,
     ) -> Self {
         Self {
             pass: pass.to_owned(),
-            code: code.to_owned(),
+            code: info.code.to_owned(),
             reason: reason.into(),
             remedy: remedy.into(),
             location: None,
@@ -237,7 +238,7 @@ impl Refusal {
     pub fn bug(pass: &str, what: impl std::fmt::Display) -> Self {
         Self::new(
             pass,
-            "internal",
+            &refusals::INTERNAL,
             format!("the transform built an invalid program ({what}); this is a bug in preshade"),
             "please report it with the shader; the original is kept",
         )
@@ -466,6 +467,9 @@ pub trait Pass {
     /// What it is.
     const INFO: PassInfo;
 
+    /// Its own refusals; those of shared analyses are in [`crate::analysis::refusals`].
+    const REFUSALS: &'static [RefusalInfo];
+
     /// Recipes that show it.
     const EXAMPLES: &'static [Example];
 
@@ -506,6 +510,8 @@ pub struct ParamError {
 pub trait AnyPass: Sync {
     /// What it is.
     fn info(&self) -> &'static PassInfo;
+    /// As [`Pass::REFUSALS`].
+    fn refusals(&self) -> &'static [RefusalInfo];
     /// As [`Pass::EXAMPLES`].
     fn examples(&self) -> &'static [Example];
     /// JSON schema of its parameters.
@@ -553,6 +559,10 @@ impl<P: Pass + 'static> AnyPass for Erased<P> {
         &P::INFO
     }
 
+    fn refusals(&self) -> &'static [RefusalInfo] {
+        P::REFUSALS
+    }
+
     fn examples(&self) -> &'static [Example] {
         P::EXAMPLES
     }
@@ -581,7 +591,7 @@ impl<P: Pass + 'static> AnyPass for Erased<P> {
         let params = Self::params(params).map_err(|e| {
             vec![Refusal::new(
                 P::INFO.name,
-                "parameters",
+                &refusals::PARAMETERS,
                 e.to_string(),
                 format!("see `preshade passes {}`", P::INFO.name),
             )]

@@ -33,13 +33,17 @@ use serde::{Deserialize, Serialize};
 use crate::analysis::coverage;
 use crate::analysis::near_plane;
 use crate::analysis::opaque::{self, Opaque};
+use crate::analysis::refusals as shared;
 use crate::core::contract::{Assumption, Contract};
 use crate::core::pass::{Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Use};
 use crate::core::plan::{Phase, Plan, Role, Step};
+use crate::core::refusals::RefusalInfo;
 use crate::core::self_test::{self, MainDiscards};
 use crate::core::state::{CompareFunction, DepthBias, DepthDirection, DepthFormat, DepthState};
 use crate::rebuild::depth_only::{self, DepthOnly, Invariance, VertexStage};
 use crate::rebuild::place::{self, PositionInvariance};
+
+pub mod refusals;
 
 /// The pass.
 pub struct DepthPrepass;
@@ -133,6 +137,8 @@ impl Pass for DepthPrepass {
         reads_scene: false,
     };
 
+    const REFUSALS: &'static [RefusalInfo] = refusals::REFUSALS;
+
     const EXAMPLES: &'static [Example] = &[
         Example {
             recipe: "depth-prepass",
@@ -145,7 +151,7 @@ impl Pass for DepthPrepass {
                 Use::Plan,
                 Use::Cover,
                 Use::Exact,
-                Use::Page("leaf"),
+                Use::Page("pages/leaf"),
                 Use::Picture {
                     scene: "fixtures/scenes/shrine.toml --camera wall --size 256x144 --frames 1 --order front-to-back",
                     caption: "a wall that hides a shrine: no pixel differs, and each is shaded once instead of 3.2 times",
@@ -195,7 +201,7 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
             if !opaque.pass.primitive.topology.is_triangles() {
                 refusals.push(Refusal::new(
                     name,
-                    "bias-needs-triangles",
+                    &refusals::BIAS_NEEDS_TRIANGLES,
                     "depth bias applies to triangles only; these are lines or points",
                     "take form=equal",
                 ));
@@ -210,7 +216,7 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
             if opaque.depth.bias.clamp != 0.0 {
                 refusals.push(Refusal::new(
                     name,
-                    "depth-bias-clamp",
+                    &refusals::DEPTH_BIAS_CLAMP,
                     "the material clamps a depth bias of its own: both passes would be clamped to one bias, and no margin be left between them",
                     "take form=equal, or leave the clamp out",
                 ));
@@ -218,7 +224,7 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
             if params.bias_constant.is_some_and(|c| c > MOST_BIAS) {
                 refusals.push(Refusal::new(
                     name,
-                    "bias-constant",
+                    &refusals::BIAS_CONSTANT,
                     format!(
                         "a bias of more than {MOST_BIAS} steps is more than the whole depth range"
                     ),
@@ -228,7 +234,7 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
             if params.bias_constant == Some(0) {
                 refusals.push(Refusal::new(
                     name,
-                    "no-bias",
+                    &refusals::NO_BIAS,
                     "a bias of 0 makes the pre-pass hide what it was drawn for",
                     "give bias-constant=1 or more",
                 ));
@@ -239,7 +245,7 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
             {
                 refusals.push(Refusal::new(
                     name,
-                    "bias-slope",
+                    &refusals::BIAS_SLOPE,
                     "the slope bias is not a finite number of at least 0",
                     "leave it out for 2",
                 ));
@@ -250,7 +256,7 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
                 // Measured on an NVIDIA H200: 5 of 2,073,600 pixels lost, with 0 depths different, in a material whose depth both passes compute.
                 refusals.push(Refusal::new(
                     name,
-                    "depth-not-invariant",
+                    &refusals::DEPTH_NOT_INVARIANT,
                     "the fragment stage writes depth, and no language can mark that invariant: two pipelines may round it differently, and EQUAL would drop the pixel",
                     "take form=biased",
                 ));
@@ -282,7 +288,7 @@ fn reads_biased_depth(opaque: &Opaque) -> Option<Refusal> {
     coverage::reads_rasterised_depth(opaque.program, &slice).then(|| {
         Refusal::new(
             DepthPrepass::INFO.name,
-            "biased-position",
+            &shared::BIASED_POSITION,
             "what decides whether a fragment is kept reads the z of @builtin(position), of which a depth bias is part on some APIs: the pre-pass would keep others",
             "take form=equal, or early-discard, where both passes have one bias; or pass the depth along as a varying of its own",
         )
@@ -303,7 +309,7 @@ fn on_near_plane(opaque: &Opaque, facts: &Facts) -> Option<Refusal> {
     let refuse = |reason: String| {
         Refusal::new(
             DepthPrepass::INFO.name,
-            "near-plane",
+            &refusals::NEAR_PLANE,
             format!(
                 "{reason}, where a bias pushes nothing away (float depth formats, surfaces that are clamped, triangles of no area) and the pre-pass would hide what it was drawn for"
             ),

@@ -34,12 +34,14 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::analysis::opaque::{self, Opaque};
+use crate::analysis::refusals as shared;
 use crate::core::budget::Budget;
 use crate::core::contract::{Assumption, Contract};
 use crate::core::pass::{Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Use};
 use crate::core::plan::{
     Attachment, BindingKind, BindingSource, BindingUse, Phase, Plan, Role, Step, Visibility,
 };
+use crate::core::refusals::RefusalInfo;
 use crate::core::self_test;
 use crate::core::state::{CompareFunction, DepthDirection, DepthState};
 use crate::rebuild::depth_only::{self, DepthOnly, Invariance, VertexStage};
@@ -49,6 +51,7 @@ use crate::slice::{self, Criterion, OutputFilter};
 mod packed;
 mod prologue;
 mod quad;
+pub mod refusals;
 pub use packed::PREPASS_PACKED;
 pub(crate) use packed::stored as packed_depth;
 use prologue::{DepthRange, Prologue};
@@ -170,6 +173,8 @@ impl Pass for EarlyDiscard {
         reads_scene: false,
     };
 
+    const REFUSALS: &'static [RefusalInfo] = refusals::REFUSALS;
+
     const EXAMPLES: &'static [Example] = &[
         Example {
             recipe: "early-discard",
@@ -182,7 +187,7 @@ impl Pass for EarlyDiscard {
                 Use::Plan,
                 Use::Cover,
                 Use::Exact,
-                Use::Page("leaf"),
+                Use::Page("pages/leaf"),
                 Use::Picture {
                     scene: "fixtures/scenes/late-depth.toml --size 256x144 --frames 1 --order front-to-back",
                     caption: "five layers that write depth, which hardware cannot test early: each pixel is shaded once instead of five times",
@@ -232,12 +237,12 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
     let name = EarlyDiscard::INFO.name;
     let opaque = Opaque::examine(plan, name)?;
     let mut refusals = Vec::new();
-    let mut refuse = |code: &str, reason: &str, remedy: &str| {
+    let mut refuse = |code: &RefusalInfo, reason: &str, remedy: &str| {
         refusals.push(Refusal::new(name, code, reason, remedy))
     };
     if opaque.fragment.is_none() {
         refuse(
-            "no-fragment-stage",
+            &shared::NO_FRAGMENT_STAGE,
             "the material has no fragment stage to leave early",
             "nothing to do",
         );
@@ -247,21 +252,21 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
         .is_some_and(|t| !(t >= 0.0 && t.is_finite()))
     {
         refuse(
-            "tolerance",
+            &refusals::TOLERANCE,
             "the tolerance is not a finite number of at least 0",
             "leave it out to have it derived",
         );
     }
     if params.budget.is_some_and(|b| !(0.0..=1.0).contains(&b)) {
         refuse(
-            "budget",
+            &crate::core::refusals::BUDGET,
             "the budget is the largest difference of a channel, which lies between 0 and 1",
             "give budget=0.02, say",
         );
     }
     if !opaque.pass.primitive.topology.is_triangles() && params.quad == Quad::Vote {
         refuse(
-            "vote-needs-triangles",
+            &shared::VOTE_NEEDS_TRIANGLES,
             "lines and points have no 2x2 quads to vote in",
             "take quad=lane",
         );
@@ -280,7 +285,7 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
     {
         refusals.push(Refusal::new(
             name,
-            "depth-bias",
+            &refusals::DEPTH_BIAS,
             "the material has a depth bias of its own, which a fragment stage does not see on every API: it could take itself for hidden",
             "take depth-prepass, where the hardware compares biased depths with biased depths",
         ));
@@ -288,7 +293,7 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
     if params.attachment == MainAttachment::Readonly && opaque.decides.depth {
         refusals.push(Refusal::new(
             name,
-            "readonly-depth-writer",
+            &refusals::READONLY_DEPTH_WRITER,
             "the material writes depth, which a read-only attachment cannot take",
             "take attachment=own",
         ));
@@ -300,7 +305,7 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
             // Run twice, and ahead of discards that may be all that ends it.
             let refusal = Refusal::new(
                 name,
-                "depth-loop",
+                &refusals::DEPTH_LOOP,
                 "the depth that the material writes rests on a loop that is not seen to end, which the prologue would run a second time, without the discards that leave it",
                 "count its turns by constants (for i < 32), or take depth-prepass",
             );
@@ -310,7 +315,7 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
     if params.attachment == MainAttachment::Readonly && params.mode == Mode::Invert {
         refusals.push(Refusal::new(
             name,
-            "readonly-invert",
+            &refusals::READONLY_INVERT,
             "under a read-only attachment the hardware rejects what mode=invert would show",
             "take attachment=own",
         ));
@@ -319,7 +324,7 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
         if params.attachment == MainAttachment::Readonly {
             refusals.push(Refusal::new(
                 name,
-                "packed-readonly",
+                &refusals::PACKED_READONLY,
                 "a packed depth is a colour, which cannot be attached as depth",
                 "take attachment=own, or texture=float",
             ));
@@ -327,7 +332,7 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
         if opaque.pass.multisample.count > 1 {
             refusals.push(Refusal::new(
                 name,
-                "packed-msaa",
+                &refusals::PACKED_MSAA,
                 "under multisampling the fragment stage packs one depth for all samples of a pixel, which is not that of each",
                 "take texture=depth or texture=float, which hold every sample's depth",
             ));
@@ -374,7 +379,7 @@ fn transform(
     let Some(fragment) = opaque.fragment else {
         return Err(Box::new(Refusal::new(
             name,
-            "no-fragment-stage",
+            &shared::NO_FRAGMENT_STAGE,
             "the material has no fragment stage",
             "nothing to do",
         )));
@@ -573,7 +578,7 @@ fn free_slot(module: &Module, params: &Params, name: &str) -> Result<Slot, Box<R
     if group > highest.max(LAST_GROUP) {
         return Err(Box::new(Refusal::new(
             name,
-            "group-limit",
+            &refusals::GROUP_LIMIT,
             format!(
                 "@group({group}) is beyond the bind groups that every WebGPU device has (maxBindGroups is 4)"
             ),
@@ -587,7 +592,7 @@ fn free_slot(module: &Module, params: &Params, name: &str) -> Result<Slot, Box<R
         None => Ok(Slot { group, binding }),
         Some((_, g)) => Err(Box::new(Refusal::new(
             name,
-            "binding-taken",
+            &refusals::BINDING_TAKEN,
             format!(
                 "@group({group}) @binding({binding}) is `{}`",
                 g.name.as_deref().unwrap_or("a variable of the shader")

@@ -27,6 +27,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use naga::ShaderStage;
 
+use crate::analysis::refusals as shared;
 use crate::analysis::{rounding, values};
 use crate::core::budget::Budget;
 use crate::core::contract::{Assumption, Contract};
@@ -37,6 +38,7 @@ use crate::core::pass::{
 use crate::core::plan::{GpuPass, HOIST, Plan, Role, Step};
 use crate::core::program::Program;
 use crate::core::reflect;
+use crate::core::refusals::RefusalInfo;
 use crate::core::state::ColorTarget;
 use crate::graph::effect::Effect;
 use crate::graph::{FunctionId, Graph};
@@ -53,6 +55,7 @@ mod flow;
 mod form;
 pub mod pack;
 mod params;
+pub mod refusals;
 mod remainder;
 mod single;
 pub mod travel;
@@ -84,6 +87,8 @@ impl Pass for Hoist {
         hurts: "where triangles are about as small as pixels, where varyings are the bottleneck, and in the picture where a value bends within a triangle",
         reads_scene: true,
     };
+
+    const REFUSALS: &'static [RefusalInfo] = refusals::REFUSALS;
 
     const EXAMPLES: &'static [Example] = &[
         Example {
@@ -127,7 +132,7 @@ impl Pass for Hoist {
         Example {
             recipe: "hoist:budget=0.05",
             uses: &[
-                Use::Page("leaf"),
+                Use::Page("pages/leaf"),
                 Use::Picture {
                     scene: "fixtures/scenes/teapot-specular.toml --camera article --size 240x220 --frames 1",
                     caption: "a highlight computed at the vertices: it is off where it bends within a triangle",
@@ -187,7 +192,7 @@ struct Material<'a> {
 impl<'a> Material<'a> {
     fn examine(plan: &'a Plan, params: &Params) -> Result<Self, Box<Refusal>> {
         let name = Hoist::INFO.name;
-        let refuse = |code: &str, reason: &str, remedy: &str| {
+        let refuse = |code: &RefusalInfo, reason: &str, remedy: &str| {
             Err(Box::new(Refusal::new(name, code, reason, remedy)))
         };
         if let Some(refusal) = params.check() {
@@ -195,14 +200,14 @@ impl<'a> Material<'a> {
         }
         let Some((pass, program)) = plan.main().and_then(|p| Some((p, plan.program(p)?))) else {
             return refuse(
-                "no-main-pass",
+                &shared::NO_MAIN_PASS,
                 "the plan has no main pass",
                 "start from the original plan",
             );
         };
         if plan.passes.len() > 1 {
             return refuse(
-                "has-prepass",
+                &shared::HAS_PREPASS,
                 "another pass of the plan draws the same surface, and its positions come from the vertex stage that would be rebuilt",
                 "hoist first, then add the pre-pass",
             );
@@ -214,7 +219,7 @@ impl<'a> Material<'a> {
             .and_then(|f| program.entry_point(ShaderStage::Fragment, f));
         let (Some((vertex, _)), Some((fragment, _))) = (vertex, fragment) else {
             return refuse(
-                "no-fragment-stage",
+                &shared::NO_FRAGMENT_STAGE,
                 "the material has no fragment stage",
                 "there is nothing to hoist",
             );
@@ -261,7 +266,7 @@ impl<'a> Material<'a> {
         if graph.effects(id).iter().any(|e| writes.contains(e)) {
             return Err(Box::new(Refusal::new(
                 name,
-                "fragment-stores",
+                &refusals::FRAGMENT_STORES,
                 "the fragment stage writes memory, and what it writes is not followed",
                 "move the writes to a pass of their own",
             )));
@@ -269,7 +274,7 @@ impl<'a> Material<'a> {
         Values::new(graph, self.fragment).map_err(|e| {
             Box::new(Refusal::new(
                 name,
-                "too-large",
+                &shared::TOO_LARGE,
                 e.to_string(),
                 "split the shader",
             ))
@@ -283,13 +288,13 @@ fn refuse(why: Failed) -> Refusal {
     match why {
         Failed::NotSeparable => Refusal::new(
             name,
-            "not-separable",
+            &refusals::NOT_SEPARABLE,
             why.to_string(),
             "compute it ahead of the branch or the return that it stands behind",
         ),
         Failed::NoOutput(_) => Refusal::new(
             name,
-            "interface",
+            &refusals::INTERFACE,
             why.to_string(),
             "let the vertex stage write every input of the fragment stage",
         ),
@@ -309,7 +314,7 @@ fn not_here(unknown: &[String]) -> String {
 fn unknown_values(unknown: &[String]) -> Refusal {
     Refusal::new(
         Hoist::INFO.name,
-        "unknown-values",
+        &refusals::UNKNOWN_VALUES,
         not_here(unknown),
         "choose anew with `verify`: the shader was edited since, or they are another material's",
     )

@@ -11,6 +11,8 @@ pub mod trim_loop;
 pub mod visibility_buffer;
 
 use crate::core::pass::{AnyPass, Erased, Use};
+use crate::core::refusals::RefusalInfo;
+use crate::{analysis, core};
 
 /// Every pass, in the order in which `explain` lists them.
 pub const PASSES: &[&dyn AnyPass] = &[
@@ -24,6 +26,13 @@ pub const PASSES: &[&dyn AnyPass] = &[
     &Erased::<trim_loop::TrimLoop>::NEW,
     &Erased::<visibility_buffer::VisibilityBuffer>::NEW,
 ];
+
+/// Every refusal of a pass, of a shared analysis or of a recipe.
+pub fn refusals() -> impl Iterator<Item = &'static RefusalInfo> {
+    let shared = [core::refusals::REFUSALS, analysis::refusals::REFUSALS];
+    let own = PASSES.iter().map(|pass| pass.refusals());
+    shared.into_iter().chain(own).flatten()
+}
 
 /// The recipes of all passes that have a use, each with the use.
 pub fn examples() -> impl Iterator<Item = (&'static str, &'static Use)> {

@@ -19,10 +19,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::analysis::coverage;
 use crate::analysis::opaque::Opaque;
+use crate::analysis::refusals as shared;
 use crate::core::contract::Contract;
 use crate::core::pass::{Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Use};
 use crate::core::plan::{Attachment, Phase, Plan, Role, Step};
 use crate::core::program::Program;
+use crate::core::refusals::RefusalInfo;
 use crate::core::state::{
     AttachmentOps, CompareFunction, DepthBias, DepthDirection, DepthFormat, DepthState, Multisample,
 };
@@ -55,6 +57,8 @@ impl Pass for Shadow {
         reads_scene: false,
     };
 
+    const REFUSALS: &'static [RefusalInfo] = &[];
+
     const EXAMPLES: &'static [Example] = &[Example {
         recipe: "shadow",
         uses: &[
@@ -63,7 +67,7 @@ impl Pass for Shadow {
             Use::Break,
             Use::Pictures(4),
             Use::Fuzz,
-            Use::Page("leaf"),
+            Use::Page("pages/leaf"),
             Use::Picture {
                 scene: "fixtures/scenes/lit-room.toml --size 256x144 --frames 1 --order front-to-back",
                 caption: "the main pass is as it was; what is new is drawn under the light alone",
@@ -134,7 +138,7 @@ fn check(plan: &Plan) -> Result<Opaque<'_>, Vec<Refusal>> {
     if opaque.decides.alpha {
         return Err(vec![Refusal::new(
             Shadow::INFO.name,
-            "alpha-to-coverage",
+            &shared::ALPHA_TO_COVERAGE,
             "coverage comes from alpha, sample by sample, and a shadow map has one sample and no colour target to take alpha from",
             "test alpha by discard",
         )]);

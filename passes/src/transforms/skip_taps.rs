@@ -28,6 +28,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::analysis::contraction;
+use crate::analysis::refusals as shared;
 use crate::analysis::simplify::{self, Simplified};
 use crate::core::budget::{Budget, Metric};
 use crate::core::contract::{Assumption, Contract, Turned};
@@ -36,11 +37,13 @@ use crate::core::pass::{
 };
 use crate::core::plan::{GpuPass, Plan, Role};
 use crate::core::program::Program;
+use crate::core::refusals::RefusalInfo;
 use crate::graph::Graph;
 use crate::slice::{self, Criterion, OutputFilter};
 
 pub mod branch;
 pub mod find;
+pub mod refusals;
 
 use find::{Term, Terms};
 
@@ -88,6 +91,8 @@ impl Pass for SkipTaps {
         reads_scene: false,
     };
 
+    const REFUSALS: &'static [RefusalInfo] = refusals::REFUSALS;
+
     const EXAMPLES: &'static [Example] = &[
         Example {
             recipe: "skip-taps:budget=1",
@@ -104,7 +109,7 @@ impl Pass for SkipTaps {
         Example {
             recipe: "skip-taps:budget=0.01",
             uses: &[
-                Use::Page("rock"),
+                Use::Page("pages/rock"),
                 Use::Picture {
                     scene: "fixtures/scenes/terrain-triplanar.toml --camera slope --size 256x144 --frames 1",
                     caption: "a slope between two sides of its texture: off by two steps at most where a third one was left out",
@@ -147,7 +152,11 @@ impl Pass for SkipTaps {
     }
 }
 
-fn refuse(code: &str, reason: impl Into<String>, remedy: impl Into<String>) -> Box<Refusal> {
+fn refuse(
+    code: &RefusalInfo,
+    reason: impl Into<String>,
+    remedy: impl Into<String>,
+) -> Box<Refusal> {
     Box::new(Refusal::new(SkipTaps::INFO.name, code, reason, remedy))
 }
 
@@ -168,7 +177,7 @@ fn skipped(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
             false => "no weighted texture sample of the fragment stage can be left out",
         };
         let remedy = "explain lists what it weighs, and why each stays";
-        return Err((refuse("no-tap", reason, remedy), left).into());
+        return Err((refuse(&refusals::NO_TAP, reason, remedy), left).into());
     }
     let is_implicit = terms.iter().any(|t| !t.implicit.is_empty());
     if params.budget.is_none() && (params.threshold > 0.0 || is_implicit) {
@@ -182,7 +191,7 @@ fn skipped(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
                 "give budget=0.01 (of flip_mean, or say metric=max_abs), or sample with gradients or a level",
             ),
         };
-        return Err((refuse("no-budget", reason, remedy), left).into());
+        return Err((refuse(&shared::NO_BUDGET, reason, remedy), left).into());
     }
     let module = branch::skipping(&graph, &terms, params.threshold as f32);
     let bug = |e| Box::new(Refusal::bug(SkipTaps::INFO.name, e));

@@ -27,6 +27,7 @@ use std::collections::BTreeSet;
 use naga::{Binding, Expression, Handle, Interpolation, ShaderStage};
 
 use crate::analysis::contraction;
+use crate::analysis::refusals as shared;
 use crate::core::contract::{Assumption, Contract, Turned};
 use crate::core::guard::Guard;
 use crate::core::pass::{
@@ -36,6 +37,7 @@ use crate::core::pass::{
 use crate::core::plan::{GpuPass, ORIGINAL, Plan, Role, Step};
 use crate::core::program::Program;
 use crate::core::reflect;
+use crate::core::refusals::RefusalInfo;
 use crate::evaluate::overrides;
 use crate::graph::{FunctionId, Graph};
 
@@ -48,6 +50,7 @@ mod expressions;
 pub mod fold;
 pub mod known;
 mod params;
+pub mod refusals;
 mod shrink;
 mod unroll;
 mod versions;
@@ -75,6 +78,8 @@ impl Pass for Specialize {
         reads_scene: true,
     };
 
+    const REFUSALS: &'static [RefusalInfo] = refusals::REFUSALS;
+
     const EXAMPLES: &'static [Example] = &[
         Example {
             recipe: "specialize",
@@ -98,7 +103,7 @@ impl Pass for Specialize {
         },
         Example {
             recipe: "specialize:set=fog=0",
-            uses: &[Use::Page("leaf")],
+            uses: &[Use::Page("pages/leaf")],
         },
         Example {
             recipe: "specialize:set=material.fog=0",
@@ -181,7 +186,7 @@ impl Pass for Specialize {
     }
 }
 
-fn refusal(code: &str, reason: impl Into<String>, remedy: impl Into<String>) -> Refusal {
+fn refusal(code: &RefusalInfo, reason: impl Into<String>, remedy: impl Into<String>) -> Refusal {
     Refusal::new(Specialize::INFO.name, code, reason, remedy)
 }
 
@@ -211,7 +216,7 @@ impl Specialized {
         let folded = folded(&graph, pass, &assumptions, params);
         if folded.used.is_empty() {
             return Err(Box::new(refusal(
-                "nothing-known",
+                &refusals::NOTHING_KNOWN,
                 match assumptions.values.is_empty() {
                     true => "no value of the material is known to stay as it is",
                     false => {
@@ -232,7 +237,7 @@ impl Specialized {
         let before = plan.guard.clone().unwrap_or_default();
         if let Some(none) = before.and(guard.clone()).contradicted() {
             return Err(Box::new(refusal(
-                "unfit-values",
+                &refusals::UNFIT_VALUES,
                 format!(
                     "an earlier step of the recipe takes another value of `{}`",
                     none.name
@@ -347,14 +352,14 @@ fn bug(what: impl std::fmt::Display) -> Box<Refusal> {
 fn examine(plan: &Plan) -> Result<(&GpuPass, &Program), Box<Refusal>> {
     let Some((pass, program)) = plan.main().and_then(|p| Some((p, plan.program(p)?))) else {
         return Err(Box::new(refusal(
-            "no-main-pass",
+            &shared::NO_MAIN_PASS,
             "the plan has no main pass",
             "start from the original plan",
         )));
     };
     if plan.passes.len() > 1 || !plan.compute.is_empty() || !pass.geometry.is_as_given() {
         return Err(Box::new(refusal(
-            "not-first",
+            &shared::NOT_FIRST,
             "another pass of the plan draws the same surface, with stages that were made of the ones that would change",
             "specialise first, then apply the other passes",
         )));
@@ -376,7 +381,7 @@ fn assumptions(
     )
     .map_err(|e| {
         Box::new(refusal(
-            "unfit-values",
+            &refusals::UNFIT_VALUES,
             e.to_string(),
             "`set` is `name=number`, joined by `+`; names are those of the shader",
         ))

@@ -37,6 +37,7 @@ use crate::core::plan::{BindingKind, BindingSource, BindingUse, ComputePass, Dra
 use crate::core::plan::{GpuPass, Plan, Step, VertexBuffer, Visibility, When};
 use crate::core::program::Program;
 use crate::core::reflect;
+use crate::core::refusals::RefusalInfo;
 use crate::core::state::Topology;
 use crate::graph::{FunctionId, Graph};
 use crate::rebuild::place;
@@ -47,6 +48,7 @@ mod examine;
 mod fixed;
 pub mod mesh;
 pub mod native;
+pub mod refusals;
 mod split;
 mod stored;
 mod text;
@@ -137,6 +139,8 @@ impl Pass for Tessellate {
         reads_scene: true,
     };
 
+    const REFUSALS: &'static [RefusalInfo] = refusals::REFUSALS;
+
     const EXAMPLES: &'static [Example] = &[
         Example {
             recipe: "tessellate",
@@ -165,7 +169,7 @@ impl Pass for Tessellate {
         Example {
             recipe: "hoist:budget=0.05,tessellate:level=4",
             uses: &[
-                Use::Page("leaf"),
+                Use::Page("pages/leaf"),
                 Use::Picture {
                     scene: "fixtures/scenes/teapot-specular.toml --camera article --size 240x220 --frames 1",
                     caption: "the highlight of `hoist` at sixteen times the triangles: less is off",
@@ -198,7 +202,7 @@ impl Pass for Tessellate {
     }
 }
 
-fn refuse(code: &str, reason: impl Into<String>, remedy: &str) -> Box<Refusal> {
+fn refuse(code: &RefusalInfo, reason: impl Into<String>, remedy: &str) -> Box<Refusal> {
     Box::new(Refusal::new(
         Tessellate::INFO.name,
         code,

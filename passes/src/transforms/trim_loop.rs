@@ -28,6 +28,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::analysis::coverage::Decides;
+use crate::analysis::refusals as shared;
 use crate::analysis::simplify::{self, Simplified};
 use crate::core::budget::{Budget, Metric};
 use crate::core::contract::Contract;
@@ -35,6 +36,7 @@ use crate::core::pass::{
     Change, Example, Facts, Left, Outcome, Pass, PassInfo, Refusal, Refused, Site, SiteCost, Use,
 };
 use crate::core::plan::{GpuPass, Plan, Role};
+use crate::core::refusals::RefusalInfo;
 use crate::graph::counted::Counted;
 use crate::graph::effect::Effect;
 use crate::graph::operands;
@@ -45,6 +47,7 @@ use crate::slice::{self, Criterion, OutputFilter};
 /// The pass.
 pub struct TrimLoop;
 
+pub mod refusals;
 mod series;
 
 /// Parameters.
@@ -88,6 +91,8 @@ impl Pass for TrimLoop {
         reads_scene: false,
     };
 
+    const REFUSALS: &'static [RefusalInfo] = refusals::REFUSALS;
+
     const EXAMPLES: &'static [Example] = &[
         Example {
             recipe: "trim-loop:budget=1",
@@ -106,7 +111,7 @@ impl Pass for TrimLoop {
         Example {
             recipe: "trim-loop:budget=0.05",
             uses: &[
-                Use::Page("leaf"),
+                Use::Page("pages/leaf"),
                 Use::Picture {
                     scene: "fixtures/scenes/teapot-noise.toml --camera article --size 240x220 --frames 1",
                     caption: "noise without its last octave: fine detail is missing everywhere, by four steps at most",
@@ -137,7 +142,11 @@ impl Pass for TrimLoop {
     }
 }
 
-fn refuse(code: &str, reason: impl Into<String>, remedy: impl Into<String>) -> Box<Refusal> {
+fn refuse(
+    code: &RefusalInfo,
+    reason: impl Into<String>,
+    remedy: impl Into<String>,
+) -> Box<Refusal> {
     Box::new(Refusal::new(TrimLoop::INFO.name, code, reason, remedy))
 }
 
@@ -164,7 +173,7 @@ fn less_turns(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
     )?;
     let Some(budget) = params.budget else {
         let refusal = refuse(
-            "no-budget",
+            &shared::NO_BUDGET,
             "less turns are another picture, and how much it may differ is not said",
             "give budget=0.01 (of flip_mean, or say metric=max_abs)",
         );
@@ -184,7 +193,7 @@ fn less_turns(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
             false => "no loop of the fragment stage can lose a turn",
         };
         let remedy = "explain lists its loops, and why each stays";
-        return Err((refuse("no-loop", reason, remedy), left).into());
+        return Err((refuse(&refusals::NO_LOOP, reason, remedy), left).into());
     }
     let module = trimmed(&graph, &chosen, params.turns);
     let bug = |e| Box::new(Refusal::bug(TrimLoop::INFO.name, e));

@@ -18,6 +18,7 @@
 use naga::ShaderStage;
 
 use crate::analysis::opaque::Opaque;
+use crate::analysis::refusals as shared;
 use crate::core::budget::Budget;
 use crate::core::contract::{Assumption, Contract};
 use crate::core::pass::{
@@ -25,6 +26,7 @@ use crate::core::pass::{
 };
 use crate::core::plan::{Attachment, ClearValue, GpuPass, Plan, Role, Step};
 use crate::core::rasterizer::{Corners, Rasterizer};
+use crate::core::refusals::RefusalInfo;
 use crate::core::self_test;
 use crate::graph::Graph;
 use crate::rebuild::depth_only::{self, DepthOnly, VertexStage};
@@ -42,6 +44,7 @@ mod lists;
 mod names;
 mod params;
 mod parts;
+pub mod refusals;
 mod resolve;
 mod stage;
 mod steep;
@@ -69,6 +72,8 @@ impl Pass for VisibilityBuffer {
         hurts: "where little is hidden or vertices are dear: each shaded pixel fetches and runs three vertices; and where neighbouring pixels show far-apart instances, whose data no cache holds",
         reads_scene: true,
     };
+
+    const REFUSALS: &'static [RefusalInfo] = refusals::REFUSALS;
 
     const EXAMPLES: &'static [Example] = &[
         Example {
@@ -120,7 +125,7 @@ impl Pass for VisibilityBuffer {
         },
         Example {
             recipe: "visibility-buffer:budget=0.02",
-            uses: &[Use::Page("leaf")],
+            uses: &[Use::Page("pages/leaf")],
         },
         Example {
             recipe: "visibility-buffer:budget=MOST",
@@ -192,7 +197,7 @@ fn alone(plan: &Plan) -> Plan {
     plan
 }
 
-fn refuse(code: &str, reason: impl Into<String>, remedy: &str) -> Refusal {
+fn refuse(code: &RefusalInfo, reason: impl Into<String>, remedy: &str) -> Refusal {
     Refusal::new(VisibilityBuffer::INFO.name, code, reason.into(), remedy)
 }
 
@@ -212,7 +217,7 @@ impl<'a> Material<'a> {
         refusals.extend(legal::vertex(&opaque));
         let Some(fragment) = opaque.fragment else {
             refusals.push(refuse(
-                "no-fragment-stage",
+                &shared::NO_FRAGMENT_STAGE,
                 "the material draws depth alone: there is nothing to shade later",
                 "leave it as it is",
             ));
@@ -222,7 +227,7 @@ impl<'a> Material<'a> {
         let colors = resolve::colors_of(opaque.program.module(), &entry.function);
         if colors.is_empty() {
             refusals.push(refuse(
-                "no-color",
+                &refusals::NO_COLOR,
                 "the fragment stage gives no colour: there is nothing to shade later",
                 "leave it as it is",
             ));
@@ -289,7 +294,7 @@ impl<'a> Material<'a> {
         let bug = |why: String| Box::new(Refusal::bug(VisibilityBuffer::INFO.name, why));
         if params.budget.is_some_and(|b| !(0.0..=1.0).contains(&b)) {
             return Err(Box::new(refuse(
-                "budget",
+                &crate::core::refusals::BUDGET,
                 "the budget is the largest difference of a channel, which lies between 0 and 1",
                 "give budget=0.01, say",
             )));
@@ -368,7 +373,7 @@ impl<'a> Material<'a> {
             return Ok(());
         }
         Err(Box::new(refuse(
-            "too-many-varyings",
+            &refusals::TOO_MANY_VARYINGS,
             format!(
                 "the id pass hands on the author's varyings and the id, {} in all, which is more than the material asks a device for ({LIMIT})",
                 asked(ids)
@@ -385,8 +390,8 @@ impl<'a> Material<'a> {
         samplers: &[SamplerState],
     ) -> Result<Reached, Box<Refusal>> {
         let values = shaded.values.as_ref();
-        let values =
-            values.map_err(|why| refuse("too-large", why.to_string(), "leave it as it is"))?;
+        let values = values
+            .map_err(|why| refuse(&shared::TOO_LARGE, why.to_string(), "leave it as it is"))?;
         let reached = jumps::reached(values);
         let refusal = match params.budget {
             Some(_) => None,

@@ -1,6 +1,7 @@
 //! The remedy if nothing pays: the one relaxation that would help, or that there is none.
 
 use super::choose::{self, Terms};
+use super::refusals;
 use super::travel::{self, Assumed, Class, Judged, Jumps, Precision};
 use super::{Hoist, Material, Params};
 use crate::analysis::values::Values;
@@ -93,7 +94,7 @@ impl Advice {
         };
         Refusal::new(
             Hoist::INFO.name,
-            "nothing-pays",
+            &refusals::NOTHING_PAYS,
             "no value that may travel saves a fragment more than carrying it costs",
             remedy,
         )

@@ -5,7 +5,9 @@ use serde::{Deserialize, Serialize};
 
 use super::Hoist;
 use super::choose::Terms;
+use super::refusals;
 use super::travel::{Assumed, Class, Finite, Jumps};
+use crate::analysis::refusals as shared;
 use crate::core::budget::Metric;
 use crate::core::pass::{Facts, Pass, Refusal};
 
@@ -87,7 +89,7 @@ impl Params {
         if self.allow == Some(Allow::Approximate) && self.budget.is_none() {
             return Some(Refusal::new(
                 name,
-                "no-budget",
+                &shared::NO_BUDGET,
                 "an approximate hoist needs a budget: how much the picture may differ",
                 "give budget=0.01 (of flip_mean, or say metric=max_abs)",
             ));
@@ -95,7 +97,7 @@ impl Params {
         if self.budget.is_some_and(|b| !(b > 0.0 && b <= 1.0)) {
             return Some(Refusal::new(
                 name,
-                "budget",
+                &crate::core::refusals::BUDGET,
                 "the budget is not a number above 0 and at most 1",
                 "give budget=0.01, say",
             ));
@@ -103,7 +105,7 @@ impl Params {
         if self.threshold.is_some_and(|t| t.is_nan() || t < 0.0) {
             return Some(Refusal::new(
                 name,
-                "threshold",
+                &refusals::THRESHOLD,
                 "the threshold is not a number of at least 0",
                 "leave it out",
             ));
@@ -114,7 +116,7 @@ impl Params {
         {
             return Some(Refusal::new(
                 name,
-                "vertices-per-fragment",
+                &refusals::VERTICES_PER_FRAGMENT,
                 "the number of vertices for each fragment is not a finite number of at least 0",
                 "leave it out",
             ));

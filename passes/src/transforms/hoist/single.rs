@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::candidates::{self, Candidate};
+use super::refusals;
 use super::travel::{self, Class, Precision, Verdict};
 use super::{Found, Hoist, Material, Params, choose, hoisted, refuse};
 use crate::analysis::values::{ValueId, Values};
@@ -125,7 +126,7 @@ impl<'a, 'p> Candidates<'a, 'p> {
         let Some(choice) = choice else {
             return Err(Box::new(Refusal::new(
                 Hoist::INFO.name,
-                "not-carried",
+                &refusals::NOT_CARRIED,
                 format!("there is no value `{id}`, or the varyings leave it no room"),
                 "take one of those that explain --scene lists",
             )));

@@ -6,8 +6,10 @@ use naga::valid::GlobalUse;
 use naga::{AddressSpace, Binding, BuiltIn, Handle, Module, ShaderStage};
 
 use super::fixed::{self, Read};
+use super::refusals;
 use super::split::{self, Outputs, Split};
 use super::{MOST_EDGE_PIXELS, Material, Params, Slots, Tessellate, refuse};
+use crate::analysis::refusals as shared;
 use crate::core::contract::Contract;
 use crate::core::geometry::{Form, Subdivision};
 use crate::core::pass::{Facts, Pass, Refusal, Site};
@@ -27,7 +29,7 @@ impl<'a> Material<'a> {
     ) -> Result<Self, Box<Refusal>> {
         if !(1..=MAX_LEVEL).contains(&params.level) {
             return Err(refuse(
-                "level",
+                &refusals::LEVEL,
                 format!("{} is no level of tessellation", params.level),
                 "give a level of 1 to 64",
             ));
@@ -37,14 +39,14 @@ impl<'a> Material<'a> {
             .is_some_and(|p| !(1..=MOST_EDGE_PIXELS).contains(&p))
         {
             return Err(refuse(
-                "edge-pixels",
+                &refusals::EDGE_PIXELS,
                 "a segment is 1 to 256 pixels long",
                 "give edge-pixels=8, say",
             ));
         }
         if params.edge_pixels.is_some() && params.form != Form::Pulled {
             return Err(refuse(
-                "adaptive-form",
+                &refusals::ADAPTIVE_FORM,
                 "the vertices of a mesh that is made once cannot follow the camera",
                 "take form=pulled",
             ));
@@ -52,7 +54,7 @@ impl<'a> Material<'a> {
         let main = plan.main().and_then(|p| Some((p, plan.program(p)?)));
         let Some((pass, program)) = main else {
             return Err(refuse(
-                "no-main-pass",
+                &shared::NO_MAIN_PASS,
                 "the plan has no main pass",
                 "start from the original plan",
             ));
@@ -60,42 +62,42 @@ impl<'a> Material<'a> {
         let hoist = plan.steps.iter().rfind(|s| s.pass == HOIST);
         let Some(hoist) = hoist else {
             return Err(refuse(
-                "not-hoisted",
+                &refusals::NOT_HOISTED,
                 "nothing was moved to the vertices: more of them would change nothing but the time",
                 "put hoist:budget=0.01 before it in the recipe",
             ));
         };
         if !matches!(hoist.contract, Contract::Approximate { .. }) {
             return Err(refuse(
-                "nothing-bends",
+                &refusals::NOTHING_BENDS,
                 "all that was hoisted interpolates to what it was: more vertices would change nothing but the time",
                 "give hoist a budget, so that it moves what bends",
             ));
         }
         if plan.passes.len() > 1 {
             return Err(refuse(
-                "has-prepass",
+                &shared::HAS_PREPASS,
                 "another pass of the plan draws the same surface, undivided",
                 "tessellate first, then add the pre-pass: it is then divided alike",
             ));
         }
         if !pass.geometry.is_as_given() || !plan.compute.is_empty() {
             return Err(refuse(
-                "not-first",
+                &shared::NOT_FIRST,
                 "its triangles are divided already, and its vertex stage makes vertices of new ones",
                 "tessellate once, at the level that is wanted",
             ));
         }
         if !pass.primitive.topology.is_triangles() {
             return Err(refuse(
-                "topology",
+                &shared::TOPOLOGY,
                 "only triangles are divided",
                 "draw triangles",
             ));
         }
         let Some((vertex, _)) = program.entry_point(ShaderStage::Vertex, &pass.vertex) else {
             return Err(refuse(
-                "no-vertex-stage",
+                &shared::NO_VERTEX_STAGE,
                 "the plan names a vertex stage that its program has not",
                 "start from the original plan",
             ));
@@ -103,7 +105,7 @@ impl<'a> Material<'a> {
         let module = program.module();
         let Some(split) = split::split(module, vertex) else {
             return Err(refuse(
-                "not-split",
+                &refusals::NOT_SPLIT,
                 "the vertex stage is not the one that hoist built",
                 "tessellate straight after hoist",
             ));
@@ -113,14 +115,14 @@ impl<'a> Material<'a> {
         Self::check_fragment(pass, program)?;
         let outputs = Outputs::of(module, split.given).map_err(|(name, why)| {
             refuse(
-                "varying",
+                &refusals::VARYING,
                 format!("the varying `{name}` cannot be had at a new vertex: {why}"),
                 "make it a perspective-correct f32, or flat",
             )
         })?;
         if params.form.is_indexed() && outputs.has_flat() {
             return Err(refuse(
-                "flat-shared",
+                &refusals::FLAT_SHARED,
                 "a flat varying differs between the triangles around a vertex, which would share it",
                 "take form=pulled",
             ));
@@ -157,7 +159,7 @@ impl<'a> Material<'a> {
         let built = self.at_load(slots, &Subdivision::new(params.pattern, 1, Form::Static));
         let (compute, entry, _) = built.map_err(|why| match why.as_str() {
             fixed::NO_CORNERS => refuse(
-                "no-attributes",
+                &refusals::NO_ATTRIBUTES,
                 "what was hoisted reads no vertex buffer (its vertices are made from their index), which work at load does not follow",
                 "take form=shared",
             ),
@@ -174,7 +176,7 @@ impl<'a> Material<'a> {
         if let Some(unknown) = promised.iter().find(|p| !known.contains(**p)) {
             let known: Vec<&str> = known.iter().map(String::as_str).collect();
             return Err(refuse(
-                "unknown-fixed",
+                &refusals::UNKNOWN_FIXED,
                 format!("`fixed` names `{unknown}`, and the program has no such variable"),
                 &format!("name some of: {}", known.join(", ")),
             ));
@@ -197,7 +199,7 @@ impl<'a> Material<'a> {
             .collect();
         if !changing.is_empty() {
             return Err(refuse(
-                "changes",
+                &refusals::CHANGES,
                 format!(
                     "what was hoisted reads {}, and the scene shows that changing from frame to frame: it cannot be computed once at load",
                     quoted(&changing)
@@ -209,7 +211,7 @@ impl<'a> Material<'a> {
         if facts.changing.is_none() && !unknown.is_empty() {
             let names: Vec<String> = reads.iter().map(ToString::to_string).collect();
             return Err(refuse(
-                "may-change",
+                &refusals::MAY_CHANGE,
                 format!(
                     "what was hoisted reads {}, and without a scene it is not known whether that changes from frame to frame",
                     quoted(&unknown)
@@ -232,14 +234,14 @@ impl<'a> Material<'a> {
             let name = global.name.as_deref().unwrap_or_default();
             return Err(match global.space {
                 AddressSpace::Private => refuse(
-                    "vertex-state",
+                    &shared::VERTEX_STATE,
                     format!(
                         "the vertex stage keeps state in the private variable `{name}`, and it would run several times in one invocation"
                     ),
                     "make the variable local",
                 ),
                 _ => refuse(
-                    "vertex-stores",
+                    &refusals::VERTEX_STORES,
                     format!(
                         "the vertex stage writes `{name}`, and it would run more often than the material has vertices"
                     ),
@@ -254,7 +256,7 @@ impl<'a> Material<'a> {
         let half = pass.attributes.iter().find(|a| a.ty.contains("f16"));
         if let Some(attribute) = half {
             return Err(refuse(
-                "half-attribute",
+                &shared::HALF_ATTRIBUTE,
                 format!(
                     "the attribute `{}` is of half precision, which is not decoded here",
                     attribute.name
@@ -268,7 +270,7 @@ impl<'a> Material<'a> {
                 && !known.contains(&b)
             {
                 return Err(refuse(
-                    "vertex-builtin",
+                    &shared::VERTEX_BUILTIN,
                     format!("the vertex stage reads {b:?}, which a new vertex has not"),
                     "leave it out",
                 ));
@@ -292,7 +294,7 @@ impl<'a> Material<'a> {
             Form::Shared => "compute",
         };
         Err(refuse(
-            "storage-buffers",
+            &refusals::STORAGE_BUFFERS,
             format!(
                 "its {stage} stage would read {count} storage buffers, and WebGPU promises {STORAGE_BUFFERS} (maxStorageBuffersPerShaderStage)"
             ),
@@ -312,7 +314,7 @@ impl<'a> Material<'a> {
                 input.binding
             {
                 return Err(refuse(
-                    "knows-triangles",
+                    &refusals::KNOWS_TRIANGLES,
                     "the fragment stage reads the index of its triangle, or its place in it: both would be the small ones'",
                     "pass them as varyings",
                 ));

@@ -14,8 +14,10 @@ use naga::{
     Span, Statement, Type, TypeInner,
 };
 
+use super::refusals;
 use super::refuse;
 use super::split::{self, Carried, Outputs, Split};
+use crate::analysis::refusals as shared;
 use crate::core::pass::{Pass, Refusal};
 use crate::core::plan::{HOIST, Plan, Step};
 use crate::core::program::Program;
@@ -76,14 +78,14 @@ pub fn native(plan: &Plan) -> Result<Native, Box<Refusal>> {
     let is_hoist = |step: &Step| step.pass == HOIST;
     if !plan.steps.iter().any(is_hoist) {
         return Err(refuse(
-            "not-hoisted",
+            &refusals::NOT_HOISTED,
             "nothing was moved to the vertices, so that more of them would change nothing",
             "hoist first",
         ));
     }
     if !plan.steps.last().is_some_and(is_hoist) {
         return Err(refuse(
-            "not-last",
+            &refusals::NOT_LAST,
             "another pass came behind hoist, and these stages are made of the vertex stage that hoist built",
             "hoist last: the stages divide the triangles themselves, at a level of the host's choice",
         ));
@@ -94,14 +96,14 @@ pub fn native(plan: &Plan) -> Result<Native, Box<Refusal>> {
     };
     let Some((pass, program)) = found else {
         return Err(refuse(
-            "has-passes",
+            &refusals::HAS_PASSES,
             "the plan has other passes than the main one, and they would draw the surface undivided",
             "hoist alone",
         ));
     };
     if pass.primitive.topology != Topology::TriangleList {
         return Err(refuse(
-            "topology",
+            &shared::TOPOLOGY,
             "a patch is three vertices of a list of triangles",
             "draw a triangle list",
         ));
@@ -111,14 +113,14 @@ pub fn native(plan: &Plan) -> Result<Native, Box<Refusal>> {
     let split = entry.and_then(|(index, _)| Some((index, split::split(module, index)?)));
     let Some((entry, split)) = split else {
         return Err(refuse(
-            "not-split",
+            &refusals::NOT_SPLIT,
             "the vertex stage is not the one that hoist built",
             "hoist last",
         ));
     };
     let outputs = Outputs::of(module, split.given).map_err(|(name, why)| {
         refuse(
-            "varying",
+            &refusals::VARYING,
             format!("the varying `{name}` cannot be had at a new vertex: {why}"),
             "make it a perspective-correct f32, or flat",
         )

@@ -19,9 +19,12 @@ use naga::{
     TypeInner,
 };
 
+use super::refusals;
+use crate::analysis::refusals as shared;
 use crate::analysis::values::{ContextId, Node, TooLarge, ValueId, Values};
 use crate::core::program::Program;
 use crate::core::rasterizer::{Neighbours, Rasterizer};
+use crate::core::refusals::RefusalInfo;
 use crate::graph::effect::{self, Effect};
 use crate::graph::{FunctionId, Graph};
 use crate::rebuild::hoisted::{self, Wanted};
@@ -66,7 +69,7 @@ pub struct Explicit {
 #[derive(Clone, Debug)]
 pub enum Failed {
     /// The author's code prevents it: code, reason and place.
-    Refused(&'static str, String, Span),
+    Refused(&'static RefusalInfo, String, Span),
     /// A bug in preshade.
     Bug(String),
 }
@@ -78,8 +81,8 @@ impl Failed {
 }
 
 /// The remedy for a refused derivative.
-pub fn remedy(code: &str) -> &'static str {
-    match code {
+pub fn remedy(info: &RefusalInfo) -> &'static str {
+    match info.code {
         "gradient-in-loop" => {
             "take the derivative ahead of the loop, and sample with gradients or a level of your own in it"
         }
@@ -157,7 +160,7 @@ pub fn explicit(shaded: &Shaded<'_, '_>, like: &Rasterizer) -> Result<Explicit, 
 }
 
 fn too_large(why: TooLarge) -> Failed {
-    Failed::Refused("too-large", why.to_string(), Span::UNDEFINED)
+    Failed::Refused(&shared::TOO_LARGE, why.to_string(), Span::UNDEFINED)
 }
 
 /// The levels so far.
@@ -338,14 +341,14 @@ fn sites(values: &Values<'_, '_>, like: &Rasterizer) -> Result<Sites, Failed> {
             && !has_gradient_form(values.graph.module(), f.function, expression)
         {
             return Err(Failed::Refused(
-                "no-gradient-form",
+                &refusals::NO_GRADIENT_FORM,
                 "a sample takes its level of detail from its neighbours, and its texture has no sampling with gradients".to_owned(),
                 span,
             ));
         }
         if repeats(values, context, e) {
             return Err(Failed::Refused(
-                "gradient-in-loop",
+                &refusals::GRADIENT_IN_LOOP,
                 "a derivative is taken within a loop: each turn's would be another".to_owned(),
                 span,
             ));
@@ -381,7 +384,7 @@ fn sites(values: &Values<'_, '_>, like: &Rasterizer) -> Result<Sites, Failed> {
         found.retain(|s| s.neighbours == first);
     } else if !all.is_empty() {
         return Err(Failed::Refused(
-            "circular-gradient",
+            &refusals::CIRCULAR_GRADIENT,
             "a derivative rests on itself".to_owned(),
             Span::UNDEFINED,
         ));
@@ -543,7 +546,7 @@ impl Round {
             function.expressions.get_span(site.expression)
         });
         Failed::Refused(
-            "gradient-of-gradient",
+            &refusals::GRADIENT_OF_GRADIENT,
             "a derivative, or the level of detail of a sample, is taken of what rests on a derivative: the neighbours' own are not at hand".to_owned(),
             span.unwrap_or(Span::UNDEFINED),
         )

@@ -5,12 +5,15 @@ use naga::{AddressSpace, Binding, BuiltIn, Expression, GlobalVariable, Handle, M
 
 use super::ids::Facing;
 use super::jumps::Reached;
+use super::refusals;
 use super::refuse;
 use crate::analysis::opaque::Opaque;
+use crate::analysis::refusals as shared;
 use crate::core::pass::{Refusal, SamplerState};
 use crate::core::plan::{GpuPass, Plan};
 use crate::core::program::SourceMap;
 use crate::core::reflect;
+use crate::core::refusals::RefusalInfo;
 use crate::core::state::{CullMode, DepthBias, Topology};
 use crate::graph::{Effect, FunctionId};
 use crate::slice::Slice;
@@ -20,21 +23,21 @@ pub fn state(plan: &Plan, pass: &GpuPass) -> Vec<Refusal> {
     let mut refusals = Vec::new();
     if pass.primitive.topology != Topology::TriangleList {
         refusals.push(refuse(
-            "topology",
+            &shared::TOPOLOGY,
             "only lists of triangles have ids here (a strip's restarts are not followed)",
             "draw a triangle list",
         ));
     }
     if pass.multisample.count > 1 {
         refusals.push(refuse(
-            "multisampled",
+            &refusals::MULTISAMPLED,
             "a pixel of several samples shows several triangles, and would be shaded for one of them",
             "draw it with one sample a pixel",
         ));
     }
     if !pass.geometry.is_as_given() {
         refusals.push(refuse(
-            "subdivided",
+            &refusals::SUBDIVIDED,
             "the triangles are subdivided ones, whose corners are not the author's vertices",
             "leave tessellate out of the recipe",
         ));
@@ -47,7 +50,7 @@ pub fn state(plan: &Plan, pass: &GpuPass) -> Vec<Refusal> {
         || plan.passes.len() > 1
     {
         refusals.push(refuse(
-            "has-other-passes",
+            &refusals::HAS_OTHER_PASSES,
             "another pass of the plan draws the same surface",
             "start from the original plan",
         ));
@@ -67,23 +70,23 @@ pub fn rounding(
         let reason = format!(
             "what is interpolated reaches {operation}, which may make any difference of a last bit, and a resolve's last bits are not a rasteriser's"
         );
-        return Some(refuse("discontinuous", reason, MEASURE).at(sources, *span));
+        return Some(refuse(&refusals::DISCONTINUOUS, reason, MEASURE).at(sources, *span));
     }
     if let Some((operation, span)) = &reached.steep {
         let reason = format!(
             "what is interpolated reaches {operation}, whose slope has no bound where that comes to its end: it makes steps of the last bits in which a resolve and a rasteriser differ"
         );
         let remedy = format!("{MEASURE}, or keep the operand away from there (`max(.., 0.001)`)");
-        return Some(refuse("steep", reason, &remedy).at(sources, *span));
+        return Some(refuse(&refusals::STEEP, reason, &remedy).at(sources, *span));
     }
     let own_level = format!("{MEASURE}, or sample with gradients or a level of your own");
     if let Some(span) = reached.biased {
         let reason = "a sample's level has a bias, which a resolve makes of scaled gradients: levels round differently, by more than the promise of rounding allows";
-        return Some(refuse("biased-sample", reason, &own_level).at(sources, span));
+        return Some(refuse(&refusals::BIASED_SAMPLE, reason, &own_level).at(sources, span));
     }
     if let Some(span) = reached.cube {
         let reason = "a cube is sampled at an implicit level, which adapters make of gradients of their own, and not as of gradients that are given";
-        return Some(refuse("cube-sample", reason, &own_level).at(sources, span));
+        return Some(refuse(&refusals::CUBE_SAMPLE, reason, &own_level).at(sources, span));
     }
     reached.samples.iter().find_map(|sample| {
         // An unknown sampler may be any.
@@ -94,12 +97,12 @@ pub fn rounding(
         let mut candidates = samplers.iter().filter(may_be);
         let refusal = candidates.find_map(|state| match (state.filtered, state.anisotropy) {
             (false, _) => Some(refuse(
-                "nearest-sample",
+                &refusals::NEAREST_SAMPLE,
                 "a nearest sampler of the scene reads where interpolated values or gradients say: between two texels, or two levels, it jumps",
                 MEASURE,
             )),
             (true, 2..) if sample.by_gradients => Some(refuse(
-                "anisotropic-sample",
+                &refusals::ANISOTROPIC_SAMPLE,
                 format!(
                     "the scene samples with an anisotropy of {}: how many texels that takes, and along which line, jumps with the last bits of the gradients",
                     state.anisotropy
@@ -120,7 +123,7 @@ pub fn vertex(opaque: &Opaque<'_>) -> Vec<Refusal> {
     refusals.extend(kept_state(
         opaque,
         opaque.vertex,
-        "vertex-state",
+        &shared::VERTEX_STATE,
         "the vertex stage",
         "it would run three times in one invocation",
     ));
@@ -129,7 +132,7 @@ pub fn vertex(opaque: &Opaque<'_>) -> Vec<Refusal> {
             && !matches!(b, BuiltIn::VertexIndex | BuiltIn::InstanceIndex)
         {
             refusals.push(refuse(
-                "vertex-builtin",
+                &shared::VERTEX_BUILTIN,
                 format!("the vertex stage reads {b:?}, which a resolve pass has not"),
                 "leave it out",
             ));
@@ -137,7 +140,7 @@ pub fn vertex(opaque: &Opaque<'_>) -> Vec<Refusal> {
     }
     if let Some(attribute) = opaque.pass.attributes.iter().find(|a| a.ty.contains("f16")) {
         refusals.push(refuse(
-            "half-attribute",
+            &shared::HALF_ATTRIBUTE,
             format!(
                 "the attribute `{}` is of half precision, which is not decoded here",
                 attribute.name
@@ -165,12 +168,12 @@ pub fn fragment(opaque: &Opaque<'_>, colors: &Slice) -> Vec<Refusal> {
                 BuiltIn::Position { .. } | BuiltIn::FrontFacing | BuiltIn::PrimitiveIndex,
             )) => {}
             Some(Binding::BuiltIn(b)) => refusals.push(refuse(
-                "fragment-builtin",
+                &refusals::FRAGMENT_BUILTIN,
                 format!("the fragment stage reads {b:?}, which is not reconstructed"),
                 "leave it out",
             )),
             Some(Binding::Location { .. }) if half => refusals.push(refuse(
-                "half-varying",
+                &refusals::HALF_VARYING,
                 format!(
                     "the varying `{name}` is of half precision, which is not interpolated here"
                 ),
@@ -183,7 +186,7 @@ pub fn fragment(opaque: &Opaque<'_>, colors: &Slice) -> Vec<Refusal> {
         read().any(|i| matches!(i.binding, Some(Binding::BuiltIn(BuiltIn::Position { .. }))));
     if reads_position && opaque.depth.bias != DepthBias::default() {
         refusals.push(refuse(
-            "biased-position",
+            &shared::BIASED_POSITION,
             "the fragment stage reads the position, whose depth has the material's bias on some graphics interfaces and not on others",
             "leave the bias out, or pass what is needed of the position as a varying",
         ));
@@ -191,14 +194,14 @@ pub fn fragment(opaque: &Opaque<'_>, colors: &Slice) -> Vec<Refusal> {
     refusals.extend(kept_state(
         opaque,
         fragment,
-        "fragment-state",
+        &refusals::FRAGMENT_STATE,
         "the fragment stage",
         "parts of it run for several pixels in one invocation",
     ));
     let effects = opaque.graph.effects(FunctionId::EntryPoint(fragment));
     if effects.contains(&Effect::Subgroup) {
         refusals.push(refuse(
-            "subgroup",
+            &refusals::SUBGROUP,
             "the fragment stage talks to its neighbours, which in a resolve pass are others",
             "leave it out",
         ));
@@ -211,7 +214,7 @@ pub fn fragment(opaque: &Opaque<'_>, colors: &Slice) -> Vec<Refusal> {
 fn kept_state(
     opaque: &Opaque<'_>,
     entry: usize,
-    code: &str,
+    code: &RefusalInfo,
     stage: &str,
     why: &str,
 ) -> Option<Refusal> {
@@ -328,7 +331,7 @@ pub fn stored(pass: &GpuPass) -> Result<Vec<Stored>, Box<Refusal>> {
             let found = FORMATS.iter().find(|(drawn, ..)| *drawn == target.format);
             let Some((_, format, encoding)) = found else {
                 return Err(Box::new(refuse(
-                    "target-format",
+                    &refusals::TARGET_FORMAT,
                     format!(
                         "colour target {location} is {}: WebGPU does not promise it as a storage texture",
                         target.format
@@ -338,7 +341,7 @@ pub fn stored(pass: &GpuPass) -> Result<Vec<Stored>, Box<Refusal>> {
             };
             if target.write_mask != 0b1111 {
                 return Err(Box::new(refuse(
-                    "write-mask",
+                    &refusals::WRITE_MASK,
                     format!("colour target {location} is written in part, and a storage texture is written whole"),
                     "take form=fragment",
                 )));

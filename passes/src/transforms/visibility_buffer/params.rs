@@ -4,6 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::jumps::Taken;
+use super::refusals;
 use super::refuse;
 use crate::analysis::opaque::Opaque;
 use crate::core::geometry::Formats;
@@ -151,7 +152,7 @@ impl Params {
             (Form::Compute, None) => Some(Select::Id),
             (Form::Compute, Some(Select::Depth)) => {
                 return Err(Box::new(refuse(
-                    "select",
+                    &refusals::SELECT,
                     "a compute pass has no depth test to tell draws apart by",
                     "leave select out, or take select=tiles",
                 )));
@@ -160,7 +161,7 @@ impl Params {
             (Form::Binned, None) => None,
             (Form::Binned, Some(_)) => {
                 return Err(Box::new(refuse(
-                    "select",
+                    &refusals::SELECT,
                     "with form=binned each draw has a list of its own pixels, and nothing is left to select",
                     "leave select out",
                 )));
