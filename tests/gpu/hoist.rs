@@ -92,6 +92,7 @@ fn a_budget_is_kept_on_frames_the_choice_was_not_made_on() {
     facts.frequencies = measure::frequencies(
         &Session::new(gpu(), &scene, ShaderForm::Text).unwrap(),
         &facts,
+        measure::Detail::Choice,
         &mut |_| ControlFlow::Continue(()),
     )
     .unwrap();
@@ -120,6 +121,7 @@ fn noise_that_bends_within_a_triangle_is_refused_with_the_number() {
         frequencies: measure::frequencies(
             &Session::new(gpu(), &scene, ShaderForm::Text).unwrap(),
             &Facts::default(),
+            measure::Detail::Choice,
             &mut |_| ControlFlow::Continue(()),
         )
         .unwrap(),

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use preshade::unstable::measure;
-use preshade::unstable::measure::Session;
+use preshade::unstable::measure::{Detail, Session};
 use preshade::unstable::passes::hoist::{self, Hoist};
 use preshade::unstable::passes::pass::{Bound, Facts, Frequency, Pass};
 use preshade::unstable::render::ShaderForm;
@@ -24,20 +24,11 @@ fn frequencies(name: &str) -> Vec<Frequency> {
 }
 
 fn measured(scene: &Scene) -> Vec<Frequency> {
-    let found = measure::frequencies(
+    measure::frequencies(
         &Session::new(gpu(), scene, ShaderForm::Text).unwrap(),
         &Facts::default(),
+        Detail::Table,
         &mut |_| ControlFlow::Continue(()),
-    )
-    .unwrap();
-    let facts = Facts {
-        frequencies: found,
-        ..Facts::default()
-    };
-    measure::interpolations(
-        &Session::new(gpu(), scene, ShaderForm::Text).unwrap(),
-        &facts,
-        &mut |_| {},
     )
     .unwrap()
 }

@@ -292,6 +292,7 @@ impl<'a> Stage<'a> {
         let found = measure::frequencies(
             &Session::new(gpu(), scene, ShaderForm::Text).unwrap(),
             &facts,
+            measure::Detail::Choice,
             &mut |_| ControlFlow::Continue(()),
         );
         facts.frequencies = found.unwrap();
