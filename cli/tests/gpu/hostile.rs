@@ -51,9 +51,9 @@ fn variants_apart_are_told_as_variants_together() {
         "no",
         "--format",
         "json",
-        "--pass",
+        "--variant",
         "depth-prepass",
-        "--pass",
+        "--variant",
         "early-discard",
         "--out",
         "out",
@@ -93,12 +93,12 @@ fn measured_apart(here: &Path) -> Command {
     command.args(["verify", "a.toml", "--time", "no"]);
     command.args(["--limits", "seconds=300", "--out", "out"]);
     command.args([
-        "--pass",
+        "--variant",
         "depth-prepass",
-        "--pass",
+        "--variant",
         "depth-prepass:form=equal",
     ]);
-    command.args(["--pass", "early-discard"]);
+    command.args(["--variant", "early-discard"]);
     command
 }
 
