@@ -8,9 +8,9 @@ use codespan_reporting::term;
 use preshade::unstable::measure::{self, EffectUse, Session};
 use preshade::unstable::passes::PASSES;
 use preshade::unstable::passes::graph::Graph;
-use preshade::unstable::passes::neighbours;
 use preshade::unstable::passes::pass::{Bound, Change, Facts, Frequency, Left, Refusal, SiteCost};
 use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::pipeline;
 use preshade::unstable::recipe::{Recipe, Step};
 use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
 use serde::Serialize;
@@ -221,18 +221,13 @@ fn explain(
                     return Err(Failure(format!("error: no pass `{}`", step.pass)));
                 };
                 let info = pass.info();
-                let params = serde_json::Value::Object(step.params.clone());
-                let (sites, refusals, left) = match pass.run(&before, facts, &params) {
-                    // A pass may apply to the material alone and conflict with its neighbours.
-                    Ok(done) => match neighbours::conflict(&done.plan, frame) {
-                        None => {
-                            if order == Order::Chained {
-                                before = done.plan;
-                            }
-                            (vec![done.change], Vec::new(), done.left)
+                let (sites, refusals, left) = match pipeline::run(step, &before, frame, facts) {
+                    Ok(done) => {
+                        if order == Order::Chained {
+                            before = done.plan;
                         }
-                        Some(refusal) => (Vec::new(), vec![refusal], done.left),
-                    },
+                        (vec![done.change], Vec::new(), done.left)
+                    }
                     Err(refused) => (Vec::new(), refused.refusals, refused.left),
                 };
                 Ok(PassExplained {
