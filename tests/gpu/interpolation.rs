@@ -1,4 +1,5 @@
-//! How far values are from their interpolation: as the adapter finds it at points of the meshes, and as it is proved for all points.
+//! How far values are from their interpolation: as the adapter finds it at points of the meshes,
+//! and as it is proved for all points.
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -119,8 +120,9 @@ target = [0, 0, 0]
     preshade::unstable::scene::load(&path).unwrap()
 }
 
-/// At the edge `inverse * inverse` overflows and 0 times it is no number, which a target of 8 bits cannot hold. The value says so itself; a varying of the author's that is infinite
-/// there says nothing of a value that does not rest on it.
+/// At the edge `inverse * inverse` overflows and 0 times it is no number, which a target of 8 bits
+/// cannot hold. The value says so itself; a varying of the author's that is infinite there says
+/// nothing of a value that does not rest on it.
 #[test]
 fn a_value_that_is_not_finite_is_left_whatever_the_target_holds() {
     let scene = plane(
@@ -154,7 +156,8 @@ fn a_value_that_is_not_finite_is_left_whatever_the_target_holds() {
     assert!(done.left.iter().all(|l| !l.name.contains("sound")));
 }
 
-/// 0.7 times 10 is 7 once it is rounded: what an adapter takes for it is not known, and either is within what is proved.
+/// 0.7 times 10 is 7 once it is rounded: what an adapter takes for it is not known, and either is
+/// within what is proved.
 #[test]
 fn what_a_rounding_decides_is_not_proved_to_be_near() {
     let scene = plane(

@@ -1,4 +1,5 @@
-//! Shaders and scenes come from strangers: what is too large, reaches too far, or never ends is refused or stopped, and told; what was measured stays.
+//! Shaders and scenes come from strangers: what is too large, reaches too far, or never ends is
+//! refused or stopped, and told; what was measured stays.
 
 use std::fs;
 use std::path::{Path, PathBuf};
