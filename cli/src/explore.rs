@@ -13,7 +13,7 @@ use preshade::unstable::passes::contract::Verdict;
 use preshade::unstable::passes::specialize::Params;
 use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
 use preshade::unstable::report;
-use preshade::unstable::scene::{DrawOrder, Scene};
+use preshade::unstable::scene::DrawOrder;
 use preshade::unstable::search::explore::{self, Journal, Settings};
 
 use crate::input::ShaderArgs;
