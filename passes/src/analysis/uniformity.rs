@@ -11,7 +11,7 @@
 
 use naga::{
     AddressSpace, Binding, Block, BuiltIn, Expression, Function, GatherMode, Handle, ImageClass,
-    Module, SampleLevel, ShaderStage, Span, Statement, StorageAccess, TypeInner,
+    Module, SampleLevel, ShaderStage, Span, Statement, StorageAccess, SwitchCase, TypeInner,
 };
 
 use crate::graph::{FunctionId, operands};
@@ -350,38 +350,7 @@ impl<'a> Walk<'a> {
                 let ends = a.into_iter().chain(b).collect();
                 return self.joined(flow.control, control, ends, of_a | of_b);
             }
-            Statement::Switch { selector, cases } => {
-                let chosen = self.value(*selector);
-                let control = self.node([flow.control, chosen]);
-                self.breaks.push(Vec::new());
-                let mut ends = Vec::new();
-                let mut left = 0;
-                let mut fallen: Option<Flow> = None;
-                for case in cases {
-                    let mut starts = vec![Flow {
-                        control,
-                        variables: flow.variables.clone(),
-                    }];
-                    starts.extend(fallen.take());
-                    let start = self.merged(starts);
-                    let (end, behaviour) = self.block(&case.body, start);
-                    match case.fall_through {
-                        true => {
-                            fallen = end;
-                            left |= behaviour & !NEXT;
-                        }
-                        false => {
-                            ends.extend(end);
-                            left |= behaviour;
-                        }
-                    }
-                }
-                ends.extend(self.breaks.pop().unwrap_or_default());
-                if left & BREAK != 0 {
-                    left = (left & !BREAK) | NEXT;
-                }
-                return self.joined(flow.control, control, ends, left);
-            }
+            Statement::Switch { selector, cases } => return self.switch(*selector, cases, &flow),
             Statement::Loop {
                 body,
                 continuing,
@@ -446,6 +415,44 @@ impl<'a> Walk<'a> {
             | Statement::RayPipelineFunction(_) => self.unknown(statement),
         }
         (Some(flow), NEXT)
+    }
+
+    fn switch(
+        &mut self,
+        selector: Handle<Expression>,
+        cases: &[SwitchCase],
+        flow: &Flow,
+    ) -> (Option<Flow>, Behaviour) {
+        let chosen = self.value(selector);
+        let control = self.node([flow.control, chosen]);
+        self.breaks.push(Vec::new());
+        let mut ends = Vec::new();
+        let mut left = 0;
+        let mut fallen: Option<Flow> = None;
+        for case in cases {
+            let mut starts = vec![Flow {
+                control,
+                variables: flow.variables.clone(),
+            }];
+            starts.extend(fallen.take());
+            let start = self.merged(starts);
+            let (end, behaviour) = self.block(&case.body, start);
+            match case.fall_through {
+                true => {
+                    fallen = end;
+                    left |= behaviour & !NEXT;
+                }
+                false => {
+                    ends.extend(end);
+                    left |= behaviour;
+                }
+            }
+        }
+        ends.extend(self.breaks.pop().unwrap_or_default());
+        if left & BREAK != 0 {
+            left = (left & !BREAK) | NEXT;
+        }
+        self.joined(flow.control, control, ends, left)
     }
 
     /// A statement's result, if any, may be non-uniform.

@@ -58,23 +58,7 @@ pub fn rebuild(
         .chain(outputs.kept)
         .copied()
         .collect();
-    let built = program.with_module(module)?;
-    let graph = Graph::build(&built);
-    let mut criteria = vec![Criterion::Output(OutputFilter::Rasterization)];
-    criteria.extend(
-        needed
-            .iter()
-            .map(|l| Criterion::Output(OutputFilter::Location(*l))),
-    );
-    let slice = slice::backward(&graph, vertex, &criteria);
-    let mut module = place::entry_point(
-        &graph,
-        &slice,
-        built.module(),
-        "preshade_author",
-        "author",
-        PositionInvariance::AsWritten,
-    );
+    let mut module = sliced(&program.with_module(module)?, vertex, &needed);
     let Some(placed) = module.entry_points.pop() else {
         return Err(Failed::Built("nothing was placed".to_owned()));
     };
@@ -156,39 +140,12 @@ pub fn rebuild(
                 return Rewrite::default();
             };
             build.name(carried, "carried");
-            let values: Vec<Handle<Expression>> = match outputs.wanted {
-                [_] => vec![carried],
-                several => (0..several.len() as u32)
-                    .map(|index| {
-                        build.expression(Expression::AccessIndex {
-                            base: carried,
-                            index,
-                        })
-                    })
-                    .collect(),
-            };
+            let values = each(build, outputs, carried);
             let mut components = Vec::new();
             for source in &of_result {
                 components.push(match source {
                     Source::Author(index) => output(build, *index),
-                    Source::Slot(slot) => {
-                        let slot = &outputs.slots[*slot];
-                        let parts: Vec<_> = slot.parts.iter().map(|(i, _)| values[*i]).collect();
-                        match parts[..] {
-                            [one]
-                                if width(&outputs.wanted[slot.parts[0].0].inner) == slot.width =>
-                            {
-                                one
-                            }
-                            _ => {
-                                let ty = build.ty(slot_type(slot));
-                                build.expression(Expression::Compose {
-                                    ty,
-                                    components: parts,
-                                })
-                            }
-                        }
-                    }
+                    Source::Slot(slot) => pack(build, outputs, &values, *slot),
                 });
             }
             let value = build.expression(Expression::Compose {
@@ -202,6 +159,58 @@ pub fn rebuild(
     match failed {
         Some(why) => Err(why),
         None => Ok(module),
+    }
+}
+
+/// The module with the slice of a vertex stage to the position and some locations, as its last entry
+/// point.
+fn sliced(program: &Program, vertex: usize, locations: &BTreeSet<u32>) -> Module {
+    let graph = Graph::build(program);
+    let location = |l: &u32| Criterion::Output(OutputFilter::Location(*l));
+    let mut criteria = vec![Criterion::Output(OutputFilter::Rasterization)];
+    criteria.extend(locations.iter().map(location));
+    let slice = slice::backward(&graph, vertex, &criteria);
+    place::entry_point(
+        &graph,
+        &slice,
+        program.module(),
+        "preshade_author",
+        "author",
+        PositionInvariance::AsWritten,
+    )
+}
+
+/// The interpolated values, each by itself.
+fn each(
+    build: &mut place::Builder<'_>,
+    outputs: &Outputs<'_>,
+    all: Handle<Expression>,
+) -> Vec<Handle<Expression>> {
+    let member = |index| build.expression(Expression::AccessIndex { base: all, index });
+    match outputs.wanted {
+        [_] => vec![all],
+        several => (0..several.len() as u32).map(member).collect(),
+    }
+}
+
+/// The varying of a slot, composed of its values.
+fn pack(
+    build: &mut place::Builder<'_>,
+    outputs: &Outputs<'_>,
+    values: &[Handle<Expression>],
+    slot: usize,
+) -> Handle<Expression> {
+    let slot = &outputs.slots[slot];
+    let parts: Vec<_> = slot.parts.iter().map(|(i, _)| values[*i]).collect();
+    match parts[..] {
+        [one] if width(&outputs.wanted[slot.parts[0].0].inner) == slot.width => one,
+        _ => {
+            let ty = build.ty(slot_type(slot));
+            build.expression(Expression::Compose {
+                ty,
+                components: parts,
+            })
+        }
     }
 }
 

@@ -300,40 +300,7 @@ impl<'p> Folder<'p> {
                 function,
                 arguments,
                 result,
-            } => {
-                let known = arguments
-                    .iter()
-                    .map(|a| frame.known[a.index()].clone())
-                    .collect();
-                let (callee, returned) = self.version(*function, known);
-                frame.record.notes.push(Noted::Call(Call {
-                    callee,
-                    times: frame.f.times[id.index()],
-                    within: frame.within.last().copied(),
-                }));
-                frame.changed |= self.is_folded(*function, callee);
-                for argument in arguments {
-                    frame.forget_all(*argument);
-                }
-                let passed = arguments
-                    .iter()
-                    .map(|a| self.read(frame, *a, out))
-                    .collect();
-                frame.flush(out);
-                let result = result.map(|r| {
-                    let copy = frame.append(Expression::CallResult(callee), r);
-                    frame.map[r.index()] = Some(copy);
-                    frame.known[r.index()] = returned;
-                    frame.name(r, copy);
-                    copy
-                });
-                let call = Statement::Call {
-                    function: callee,
-                    arguments: passed,
-                    result,
-                };
-                out.push(call, span);
-            }
+            } => self.call(frame, id, (*function, &arguments[..], *result), out),
             other => {
                 frame.flush(out);
                 let mut copy = operands::shell(other);
@@ -350,6 +317,53 @@ impl<'p> Folder<'p> {
             }
         }
         Flow::Next
+    }
+
+    /// Copies a call of the version of a function for known arguments.
+    fn call(
+        &mut self,
+        frame: &mut Frame<'p>,
+        id: StmtId,
+        (function, arguments, result): (
+            Handle<Function>,
+            &[Handle<Expression>],
+            Option<Handle<Expression>>,
+        ),
+        out: &mut Block,
+    ) {
+        let span = frame.span;
+        let known = arguments
+            .iter()
+            .map(|a| frame.known[a.index()].clone())
+            .collect();
+        let (callee, returned) = self.version(function, known);
+        frame.record.notes.push(Noted::Call(Call {
+            callee,
+            times: frame.f.times[id.index()],
+            within: frame.within.last().copied(),
+        }));
+        frame.changed |= self.is_folded(function, callee);
+        for argument in arguments {
+            frame.forget_all(*argument);
+        }
+        let passed = arguments
+            .iter()
+            .map(|a| self.read(frame, *a, out))
+            .collect();
+        frame.flush(out);
+        let result = result.map(|r| {
+            let copy = frame.append(Expression::CallResult(callee), r);
+            frame.map[r.index()] = Some(copy);
+            frame.known[r.index()] = returned;
+            frame.name(r, copy);
+            copy
+        });
+        let call = Statement::Call {
+            function: callee,
+            arguments: passed,
+            result,
+        };
+        out.push(call, span);
     }
 }
 

@@ -43,12 +43,16 @@ pub fn adaptive(
     } = Linked::new(module, &text.wgsl())?;
     let place = ours(&by_name, "tessellated_place")?;
     let adapt = ours(&by_name, "tessellated_adapt")?;
-    let mut blends = Vec::new();
-    for width in text.widths {
+    let blend = |width: &u8| {
         let blend = ours(&by_name, &format!("tessellated_blend_{width}_"))?;
         let pick = ours(&by_name, &format!("tessellated_pick_{width}_"))?;
-        blends.push((*width, blend, pick));
-    }
+        Ok((*width, blend, pick))
+    };
+    let blends: Vec<_> = text
+        .widths
+        .iter()
+        .map(blend)
+        .collect::<Result<_, String>>()?;
     let fetch = build::fetch(&by_name, text)?;
     let (module, corner) = build::corner(module, &name, split, &fetch)?;
     let (mut module, rest) = build::rest(module, &name, split);
@@ -73,16 +77,10 @@ pub fn adaptive(
         };
         let all = access(build, place, 0);
         let instance = access(build, place, 2);
-        let mut corners = Vec::new();
-        for (index, name) in (0..).zip(["a", "b", "c"]) {
-            let vertex = access(build, all, index);
-            let Some(given) = build.call(corner, vec![vertex, instance]) else {
-                failed = Some("the author's vertex stage gives nothing");
-                return Rewrite::default();
-            };
-            build.name(given, name);
-            corners.push(given);
-        }
+        let Some(corners) = corners(build, corner, all, instance) else {
+            failed = Some("the author's vertex stage gives nothing");
+            return Rewrite::default();
+        };
         let output = |build: &mut Builder<'_>, base: Handle<Expression>, index: usize| match outputs
             .is_struct
         {
@@ -129,15 +127,14 @@ pub fn adaptive(
         build.name(author, "author");
         let surplus = access(build, point, 2);
         build.if_then(surplus, |build| {
-            let components = origins
-                .iter()
-                .zip(&members)
-                .map(|(origin, (ty, _))| match origin {
+            let mut components = Vec::new();
+            for (origin, (ty, _)) in origins.iter().zip(&members) {
+                components.push(match origin {
                     Origin::Author(Some(of)) => access(build, author, *of),
                     Origin::Author(None) => author,
                     Origin::Hoisted => build.expression(Expression::ZeroValue(*ty)),
-                })
-                .collect();
+                });
+            }
             let value = build.expression(Expression::Compose {
                 ty: result,
                 components,
@@ -152,6 +149,23 @@ pub fn adaptive(
         None => Ok(module),
         Some(why) => Err(why.to_owned()),
     }
+}
+
+/// The results of the author's stage at the three vertices `all`.
+fn corners(
+    build: &mut Builder<'_>,
+    corner: Handle<Function>,
+    all: Handle<Expression>,
+    instance: Handle<Expression>,
+) -> Option<Vec<Handle<Expression>>> {
+    let mut corners = Vec::new();
+    for (index, name) in (0..).zip(["a", "b", "c"]) {
+        let vertex = access(build, all, index);
+        let given = build.call(corner, vec![vertex, instance])?;
+        build.name(given, name);
+        corners.push(given);
+    }
+    Some(corners)
 }
 
 /// The functions that place a vertex, for edges of about `edge_pixels` and at most `most` segments.

@@ -180,31 +180,7 @@ pub fn add(
                 (position, build.call(id_of, vec![instance]))
             }
             Some((pulled, corner_of)) => {
-                let inputs = [
-                    ("vertex", BuiltIn::VertexIndex),
-                    ("instance", BuiltIn::InstanceIndex),
-                ];
-                let [index, instance] =
-                    inputs.map(|(n, b)| build.argument(n, word, Some(Binding::BuiltIn(b))));
-                let three = build.literal(naga::Literal::U32(3));
-                let [triangle, corner] =
-                    [naga::BinaryOperator::Divide, naga::BinaryOperator::Modulo].map(|op| {
-                        build.expression(Expression::Binary {
-                            op,
-                            left: index,
-                            right: three,
-                        })
-                    });
-                build.name(triangle, "triangle");
-                let called = build.call(corner_of, vec![triangle, corner]);
-                let position = called.and_then(|v| build.call(pulled, vec![v, instance]));
-                let id = build.call(id_of, vec![instance]).map(|id| {
-                    build.expression(Expression::Compose {
-                        ty: id_type,
-                        components: vec![id, triangle],
-                    })
-                });
-                (position, id)
+                unindexed(build, [word, id_type], [pulled, corner_of, id_of])
             }
         };
         let (Some(position), Some(id)) = (position, id) else {
@@ -230,6 +206,39 @@ pub fn add(
         (word, written),
         facing,
     ))
+}
+
+/// The position and the id of a vertex that is drawn without indices: vertex `3 n + k` is corner `k`
+/// of triangle `n`.
+fn unindexed(
+    build: &mut Builder<'_>,
+    [word, id_type]: [Handle<Type>; 2],
+    [pulled, corner_of, id_of]: [Handle<Function>; 3],
+) -> (Option<Handle<Expression>>, Option<Handle<Expression>>) {
+    let inputs = [
+        ("vertex", BuiltIn::VertexIndex),
+        ("instance", BuiltIn::InstanceIndex),
+    ];
+    let [index, instance] = inputs.map(|(n, b)| build.argument(n, word, Some(Binding::BuiltIn(b))));
+    let three = build.literal(naga::Literal::U32(3));
+    let operators = [naga::BinaryOperator::Divide, naga::BinaryOperator::Modulo];
+    let [triangle, corner] = operators.map(|op| {
+        build.expression(Expression::Binary {
+            op,
+            left: index,
+            right: three,
+        })
+    });
+    build.name(triangle, "triangle");
+    let called = build.call(corner_of, vec![triangle, corner]);
+    let position = called.and_then(|v| build.call(pulled, vec![v, instance]));
+    let id = build.call(id_of, vec![instance]).map(|id| {
+        build.expression(Expression::Compose {
+            ty: id_type,
+            components: vec![id, triangle],
+        })
+    });
+    (position, id)
 }
 
 fn vec2(module: &mut Module) -> Handle<Type> {

@@ -133,6 +133,67 @@ pub fn shaded(graph: &Graph<'_>, colors: &Slice) -> Result<Program, String> {
     program.with_module(module).map_err(|e| e.to_string())
 }
 
+/// The fragment stage as functions.
+struct Shaders {
+    module: Module,
+    /// The result of the stage.
+    result: Option<FunctionResult>,
+    /// The stage itself.
+    shade: Shader,
+    /// The functions of the gradients.
+    levels: Vec<(Level, Shader)>,
+}
+
+impl Shaders {
+    fn new(explicit: Explicit, fragment: usize) -> Self {
+        let mut module = explicit.program.module().clone();
+        let shaded = module.entry_points.remove(fragment);
+        let result = shaded.function.result.clone();
+        let bindings: Vec<Vec<Binding>> = shaded
+            .function
+            .arguments
+            .iter()
+            .map(|a| match (&a.binding, reflect::members(&module, a.ty)) {
+                (Some(binding), _) => vec![binding.clone()],
+                (None, members) => members
+                    .unwrap_or_default()
+                    .into_iter()
+                    .map(|m| m.1)
+                    .collect(),
+            })
+            .collect();
+        let name = shaded.name.clone();
+        let shaded = as_function(&module, shaded.function, &name);
+        let shaded = module.functions.append(shaded, Span::UNDEFINED);
+        let shade = Shader::new(&module, shaded, &bindings);
+        let levels = explicit
+            .levels
+            .into_iter()
+            .map(|level| {
+                let shader = Shader::new(&module, level.function, &level.arguments);
+                (level, shader)
+            })
+            .collect();
+        Self {
+            module,
+            result,
+            shade,
+            levels,
+        }
+    }
+
+    /// Locations of the author's varyings that the functions read.
+    fn read(&self) -> BTreeSet<u32> {
+        let levels = self.levels.iter().flat_map(|(_, s)| s.inputs());
+        let all = levels.chain(self.shade.inputs());
+        all.filter_map(|(_, b)| match b {
+            Binding::Location { location, .. } if *location < GRADIENTS => Some(*location),
+            _ => None,
+        })
+        .collect()
+    }
+}
+
 impl Resolve<'_> {
     /// The module with the resolve pass's entry points.
     ///
@@ -154,53 +215,16 @@ impl Resolve<'_> {
             lists,
             vertices,
         } = self;
-        let mut module = explicit.program.module().clone();
-        let shaded = module.entry_points.remove(fragment);
-        let result = shaded.function.result.clone();
-        let bindings: Vec<Vec<Binding>> = shaded
-            .function
-            .arguments
-            .iter()
-            .map(|a| match (&a.binding, reflect::members(&module, a.ty)) {
-                (Some(binding), _) => vec![binding.clone()],
-                (None, members) => members
-                    .unwrap_or_default()
-                    .into_iter()
-                    .map(|m| m.1)
-                    .collect(),
-            })
-            .collect();
-        let name = shaded.name.clone();
-        let shaded = as_function(&module, shaded.function, &name);
-        let shaded = module.functions.append(shaded, Span::UNDEFINED);
-        let shade = Shader::new(&module, shaded, &bindings);
-        let levels: Vec<(Level, Shader)> = explicit
-            .levels
-            .into_iter()
-            .map(|level| {
-                let shader = Shader::new(&module, level.function, &level.arguments);
-                (level, shader)
-            })
-            .collect();
-        let read: BTreeSet<u32> = levels
-            .iter()
-            .flat_map(|(_, s)| s.inputs())
-            .chain(shade.inputs())
-            .filter_map(|(_, b)| match b {
-                Binding::Location { location, .. } if *location < GRADIENTS => Some(*location),
-                _ => None,
-            })
-            .collect();
+        let shaders = Shaders::new(explicit, fragment);
+        let read = shaders.read();
+        let Shaders {
+            module,
+            result,
+            shade,
+            levels,
+        } = shaders;
         let (module, author) = author(graph, &module, vertex, &read)?;
-        let used: Vec<AttributeUse> = {
-            let inputs = reflect::opened(&module, &author.inputs);
-            let read = |a: &&AttributeUse| {
-                inputs.iter().any(|i| {
-                    matches!(i.binding, Some(Binding::Location { location, .. }) if location == a.location)
-                })
-            };
-            attributes.iter().filter(read).cloned().collect()
-        };
+        let used = used(&module, &author, attributes);
         let name = graph.module().entry_points[vertex].name.clone();
         let called = Author {
             function: author.function,
@@ -291,6 +315,17 @@ impl Resolve<'_> {
             Some(why) => Err(why),
         }
     }
+}
+
+/// The attributes that the author's vertex stage reads.
+fn used(module: &Module, author: &VertexStage, all: &[AttributeUse]) -> Vec<AttributeUse> {
+    let inputs = reflect::opened(module, &author.inputs);
+    let read = |a: &&AttributeUse| {
+        inputs.iter().any(|i| {
+            matches!(i.binding, Some(Binding::Location { location, .. }) if location == a.location)
+        })
+    };
+    all.iter().filter(read).cloned().collect()
 }
 
 /// The functions of our text that fetch these attributes, by location.
