@@ -14,7 +14,7 @@ use std::time::Instant;
 use preshade::unstable::emit::{self, Options, Target};
 use preshade::unstable::front::{self, Color, Source};
 use preshade::unstable::passes::graph::Graph;
-use preshade::unstable::passes::hoist::travel::Finite;
+use preshade::unstable::passes::hoist::movable::Finite;
 use preshade::unstable::passes::hoist::{self, Candidates, Hoist, Stages};
 use preshade::unstable::passes::pass::{Facts, Pass, Refusal};
 use preshade::unstable::passes::plan::Plan;

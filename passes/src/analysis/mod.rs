@@ -1,9 +1,9 @@
 //! Questions that any pass may ask about a program. An analysis reads the graph and changes nothing.
 
-pub(crate) mod circle;
 pub mod contraction;
 pub mod coverage;
-pub(crate) mod jumps;
+pub(crate) mod cycle;
+pub(crate) mod discontinuity;
 pub(crate) mod near_plane;
 pub mod neighbours;
 pub mod opaque;

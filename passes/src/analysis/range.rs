@@ -11,7 +11,7 @@ use naga::{
     Module, ScalarKind, TypeInner, UnaryOperator,
 };
 
-use crate::analysis::circle::{Merges, UNCOUNTED_TURNS, operands_first};
+use crate::analysis::cycle::{Merges, UNCOUNTED_ITERATIONS, operands_first};
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
 use crate::core::pass::{Source, SourceRange};
 use crate::core::reflect;
@@ -156,7 +156,7 @@ impl AllRanges {
     /// `known` are measured inputs. All others are assumed to lie within `ordinary` of 0.
     pub fn new(
         values: &Values<'_, '_>,
-        circles: &[Vec<ValueId>],
+        cycles: &[Vec<ValueId>],
         known: &[SourceRange],
         ordinary: f64,
     ) -> Self {
@@ -165,16 +165,16 @@ impl AllRanges {
             of: vec![Range::ANYTHING; values.values.len()],
             assumed: known.is_empty().then_some(ordinary),
         };
-        for circle in circles.iter().rev() {
+        for cycle in cycles.iter().rev() {
             let is_circular =
-                circle.len() > 1 || values.values[circle[0]].operands.contains(&circle[0]);
+                cycle.len() > 1 || values.values[cycle[0]].operands.contains(&cycle[0]);
             if !is_circular {
-                ranges.of[circle[0]] = ranges.find(values, circle[0], &outside, &HashSet::new());
+                ranges.of[cycle[0]] = ranges.find(values, cycle[0], &outside, &HashSet::new());
                 continue;
             }
-            let merges = Merges::of(values, circle);
-            if !ranges.turn(values, circle, &merges, &outside) {
-                for id in circle {
+            let merges = Merges::of(values, cycle);
+            if !ranges.iterate(values, cycle, &merges, &outside) {
+                for id in cycle {
                     ranges.of[*id] = Range::ANYTHING;
                 }
             }
@@ -185,22 +185,22 @@ impl AllRanges {
     /// The ranges of a cycle, starting empty: unreached values are ignored in joins. The
     /// loop-carried values change only after the others have settled. `false` if they may grow
     /// further.
-    fn turn(
+    fn iterate(
         &mut self,
         values: &Values<'_, '_>,
-        circle: &[ValueId],
+        cycle: &[ValueId],
         merges: &Merges,
         outside: &Outside<'_>,
     ) -> bool {
-        let mut unseen: HashSet<ValueId> = circle.iter().copied().collect();
-        let turns = merges.turns.unwrap_or(UNCOUNTED_TURNS);
-        if turns.saturating_mul(circle.len()) > MOST_FOLLOWED {
+        let mut unseen: HashSet<ValueId> = cycle.iter().copied().collect();
+        let iterations = merges.iterations.unwrap_or(UNCOUNTED_ITERATIONS);
+        if iterations.saturating_mul(cycle.len()) > MOST_FOLLOWED {
             return false;
         }
         // Without the merges there is hardly a cycle; with operands first, one or two rounds
         // suffice.
-        let rest = operands_first(values, circle, &merges.of);
-        for _ in 0..turns {
+        let rest = operands_first(values, cycle, &merges.of);
+        for _ in 0..iterations {
             for round in 0.. {
                 if !self.join(values, rest.iter(), outside, &mut unseen) {
                     break;
@@ -214,7 +214,7 @@ impl AllRanges {
                 return true;
             }
         }
-        merges.turns.is_some() && unseen.is_empty()
+        merges.iterations.is_some() && unseen.is_empty()
     }
 
     /// Joins new results into the ranges; returns whether any changed.

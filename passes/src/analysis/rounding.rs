@@ -16,7 +16,7 @@ use std::sync::Arc;
 
 use naga::{BinaryOperator, Expression, Handle, MathFunction, ScalarKind, UnaryOperator};
 
-use crate::analysis::jumps;
+use crate::analysis::discontinuity;
 use crate::analysis::range::{AllRanges, Range, dimension, terms};
 use crate::analysis::users::Users;
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
@@ -65,11 +65,11 @@ impl Roundings {
         known: &[SourceRange],
         may: impl Fn(ValueId) -> bool,
     ) -> Self {
-        let circles = values.circles();
-        let ranges = AllRanges::new(values, circles, known, f64::from(ORDINARY));
+        let cycles = values.cycles();
+        let ranges = AllRanges::new(values, cycles, known, f64::from(ORDINARY));
         let slopes = Slopes::new(values, &ranges);
-        let errors = slopes.errors(circles);
-        let gains = slopes.gains(circles);
+        let errors = slopes.errors(cycles);
+        let gains = slopes.gains(cycles);
         // A value without gain has no dependents.
         let through = |id: ValueId, error: f64| match gains[id] {
             0.0 => 0.0,
@@ -191,16 +191,16 @@ impl<'v, 'g, 'p> Slopes<'v, 'g, 'p> {
 
     /// For each value, the difference between computing it from interpolated varyings and computing
     /// it at the vertices, without its own interpolation.
-    fn errors(&self, circles: &[Vec<ValueId>]) -> Vec<f64> {
+    fn errors(&self, cycles: &[Vec<ValueId>]) -> Vec<f64> {
         let values = &self.values.values;
         let mut errors = vec![f64::INFINITY; values.len()];
-        for circle in circles.iter().rev() {
-            let id = circle[0];
+        for cycle in cycles.iter().rev() {
+            let id = cycle[0];
             if is_of_draw(self.values, id) {
                 errors[id] = 0.0;
                 continue;
             }
-            if circle.len() > 1 || values[id].operands.contains(&id) {
+            if cycle.len() > 1 || values[id].operands.contains(&id) {
                 continue;
             }
             let magnitude = self.ranges.of(id).magnitude();
@@ -215,8 +215,8 @@ impl<'v, 'g, 'p> Slopes<'v, 'g, 'p> {
                 }
             };
         }
-        for circle in circles.iter().filter(|c| c.len() > 1) {
-            for id in circle.iter().filter(|id| is_of_draw(self.values, **id)) {
+        for cycle in cycles.iter().filter(|c| c.len() > 1) {
+            for id in cycle.iter().filter(|id| is_of_draw(self.values, **id)) {
                 errors[*id] = 0.0;
             }
         }
@@ -224,7 +224,7 @@ impl<'v, 'g, 'p> Slopes<'v, 'g, 'p> {
     }
 
     /// Change of an output per unit of change of a value.
-    fn gains(&self, circles: &[Vec<ValueId>]) -> Vec<f64> {
+    fn gains(&self, cycles: &[Vec<ValueId>]) -> Vec<f64> {
         let values = &self.values.values;
         let mut gains = vec![0.0; values.len()];
         for root in &self.values.roots {
@@ -233,16 +233,16 @@ impl<'v, 'g, 'p> Slopes<'v, 'g, 'p> {
         for root in &self.values.coverage {
             gains[*root] = f64::INFINITY;
         }
-        for circle in circles {
-            let id = circle[0];
-            if circle.len() > 1 || values[id].operands.contains(&id) {
+        for cycle in cycles {
+            let id = cycle[0];
+            if cycle.len() > 1 || values[id].operands.contains(&id) {
                 // We do not follow how errors accumulate over iterations.
-                if circle.iter().any(|id| gains[*id] != 0.0) {
-                    for id in circle {
+                if cycle.iter().any(|id| gains[*id] != 0.0) {
+                    for id in cycle {
                         gains[*id] = f64::INFINITY;
                     }
                 }
-                for id in circle {
+                for id in cycle {
                     for operand in &values[*id].operands {
                         if gains[*id] != 0.0 {
                             gains[*operand] = f64::INFINITY;
@@ -410,7 +410,7 @@ impl<'v, 'g, 'p> Slopes<'v, 'g, 'p> {
             let operands = crate::graph::operands::of_expression(expression);
             operands.into_iter().map(|o| (o, slope)).collect()
         };
-        if jumps::jump(expression).is_some() {
+        if discontinuity::operation(expression).is_some() {
             return all(f64::INFINITY);
         }
         match expression {

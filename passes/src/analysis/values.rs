@@ -14,7 +14,7 @@ use std::sync::Arc;
 use naga::{Binding, BuiltIn, Expression, Handle, Statement, TypeInner};
 use rustc_hash::FxHashMap;
 
-use crate::analysis::circle;
+use crate::analysis::cycle;
 use crate::analysis::users::Users;
 use crate::core::reflect::{self, Io};
 use crate::graph::memory::VersionId;
@@ -91,7 +91,7 @@ pub struct Values<'g, 'p> {
     /// Room left in `named`.
     room: usize,
     users: Arc<Users>,
-    circles: OnceCell<Vec<Vec<ValueId>>>,
+    cycles: OnceCell<Vec<Vec<ValueId>>>,
     children: BTreeMap<(ContextId, StmtId), ContextId>,
     /// Facts of the values themselves, before operands.
     own: Vec<Fact>,
@@ -135,7 +135,7 @@ impl<'g, 'p> Values<'g, 'p> {
             named: Vec::new(),
             room: MOST_NAMED,
             users: Arc::default(),
-            circles: OnceCell::new(),
+            cycles: OnceCell::new(),
             children: BTreeMap::new(),
             own: Vec::new(),
         };
@@ -204,8 +204,8 @@ impl<'g, 'p> Values<'g, 'p> {
     }
 
     /// The strongly connected components, users before operands.
-    pub fn circles(&self) -> &[Vec<ValueId>] {
-        self.circles.get_or_init(|| circle::circles(&self.values))
+    pub fn cycles(&self) -> &[Vec<ValueId>] {
+        self.cycles.get_or_init(|| cycle::cycles(&self.values))
     }
 
     /// The users of each value.

@@ -42,7 +42,7 @@ use crate::core::refusals::RefusalInfo;
 use crate::core::state::ColorTarget;
 use crate::graph::effect::Effect;
 use crate::graph::{FunctionId, Graph};
-use crate::rebuild::hoisted;
+use crate::rebuild::outline;
 use crate::rebuild::place;
 use crate::slice::{self, Criterion};
 
@@ -53,13 +53,13 @@ pub mod choose;
 pub mod cut;
 mod flow;
 mod form;
+mod iteration;
+pub mod movable;
 pub mod pack;
 mod params;
 pub mod refusals;
 mod remainder;
 mod single;
-pub mod travel;
-mod turn;
 mod vertex;
 
 pub use candidates::{Candidate, MOST_CANDIDATES, candidates};
@@ -69,8 +69,8 @@ pub use single::{Candidates, Computed, Stages, alone, computed};
 
 use advice::Advice;
 use choose::Choice;
-use hoisted::{Failed, Wanted};
-use travel::{Class, Judged, Precision, Stays};
+use movable::{Class, Judged, Missed, Precision};
+use outline::{Failed, Wanted};
 use values::{Node, ValueId, Values};
 
 /// The pass.
@@ -341,7 +341,7 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         facts: &Facts,
     ) -> Result<Self, (Box<Refusal>, Vec<Left>)> {
         let precision = material.precision(facts);
-        let all = travel::judge(values, &precision);
+        let all = movable::judge(values, &precision);
         let judged = candidates::judge(values, material, params, &precision, facts, &all);
         let terms = params.terms(facts);
         let left = left(values, &judged, terms.weakest);
@@ -446,7 +446,7 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
     }
 
     fn rebuild(&self, material: &Material<'_>) -> Result<Program, Failed> {
-        let hoisted = hoisted::add(material.program, self.values, &self.wanted)?;
+        let hoisted = outline::add(material.program, self.values, &self.wanted)?;
         let remainder = remainder::rebuild(
             material.program,
             &hoisted.module,
@@ -645,8 +645,8 @@ fn left(values: &Values<'_, '_>, judged: &Judged, weakest: Class) -> Vec<Left> {
                     _ => "carried, it is rounded elsewhere, and what that comes to at an output has no bound".to_owned(),
                 },
                 Ok(_) => "interpolating it is an approximation, and no budget is given".to_owned(),
-                Err(Stays::NotCarried | Stays::Varying) => return None,
-                Err(stays) => stays.to_string(),
+                Err(Missed::NotCarried | Missed::Varying) => return None,
+                Err(missed) => missed.to_string(),
             };
             Some((id, name(values, id)?, reason))
         });

@@ -157,11 +157,11 @@ struct Found {
     span: Span,
     /// Whether a weight of it is seen to shrink.
     ebbs: bool,
-    counted: Result<Counted, Stays>,
+    counted: Result<Counted, Missed>,
 }
 
 /// Why a loop keeps its turns.
-type Stays = Cow<'static, str>;
+type Missed = Cow<'static, str>;
 
 /// A material's main pass with less turns.
 fn less_turns(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {

@@ -35,9 +35,9 @@ use crate::slice::{self, Slice};
 
 mod build;
 mod count;
+mod differences;
 mod gradients;
 mod ids;
-mod jumps;
 mod kept;
 mod legal;
 mod lists;
@@ -52,8 +52,8 @@ mod text;
 
 pub use crate::core::draw_table::{DRAWS, IDS};
 pub use count::counted;
+use differences::Reached;
 use gradients::Shaded;
-use jumps::Reached;
 use lists::Lists;
 pub use params::{Form, Ids, Params, Select, Vertices, Words};
 use parts::slots;
@@ -392,7 +392,7 @@ impl<'a> Material<'a> {
         let values = shaded.values.as_ref();
         let values = values
             .map_err(|why| refuse(&shared::TOO_LARGE, why.to_string(), "leave it as it is"))?;
-        let reached = jumps::reached(values);
+        let reached = differences::reached(values);
         let refusal = match params.budget {
             Some(_) => None,
             None => legal::rounding(&reached, samplers, self.opaque.program.sources()),

@@ -36,8 +36,8 @@ fn hoisted(source: &str, params: &Params) -> (Plan, String) {
 fn budget() -> Params {
     Params {
         budget: Some(0.02),
-        finite: preshade_passes::hoist::travel::Finite::Assumed,
-        jumps: preshade_passes::hoist::travel::Jumps::Carried,
+        finite: preshade_passes::hoist::movable::Finite::Assumed,
+        jumps: preshade_passes::hoist::movable::Jumps::Carried,
         ..Params::default()
     }
 }
@@ -239,7 +239,7 @@ fn affine_work_that_reaches_a_jump_needs_a_budget() {
 /// What stays where nothing is said of jumps.
 fn without_jumps() -> Params {
     Params {
-        jumps: hoist::travel::Jumps::Stay,
+        jumps: hoist::movable::Jumps::Stay,
         ..budget()
     }
 }
@@ -499,7 +499,7 @@ fn values_that_are_not_there_are_named() {
     let id = &all.first().unwrap().id;
     let carrying = |carry: &str| Params {
         carry: Some(carry.to_owned()),
-        finite: hoist::travel::Finite::Assumed,
+        finite: hoist::movable::Finite::Assumed,
         ..budget()
     };
     let refused = outcome(&plan, &carrying("0123456789abcdef")).unwrap_err();
@@ -520,7 +520,7 @@ fn values_that_are_not_there_are_named() {
 #[test]
 fn advice_comes_to_an_end() {
     use preshade_passes::hoist::Allow;
-    use preshade_passes::hoist::travel::{Finite, Jumps};
+    use preshade_passes::hoist::movable::{Finite, Jumps};
     let sources = [
         NOISE.to_owned(),
         material("", "return vec4(in.world, 1.0);"),

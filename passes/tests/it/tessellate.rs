@@ -22,7 +22,7 @@ fn original(source: &str, state: &MaterialState) -> Plan {
 fn hoisted(plan: &Plan) -> Plan {
     let params = hoist::Params {
         budget: Some(0.02),
-        finite: hoist::travel::Finite::Assumed,
+        finite: hoist::movable::Finite::Assumed,
         ..hoist::Params::default()
     };
     apply::<Hoist>(plan, &params).unwrap()

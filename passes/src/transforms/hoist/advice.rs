@@ -1,8 +1,8 @@
 //! The remedy if nothing pays: the one relaxation that would help, or that there is none.
 
 use super::choose::{self, Terms};
+use super::movable::{self, Assumed, Class, Judged, Jumps, Precision};
 use super::refusals;
-use super::travel::{self, Assumed, Class, Judged, Jumps, Precision};
 use super::{Hoist, Material, Params};
 use crate::analysis::values::Values;
 use crate::core::pass::{Facts, Pass, Refusal};
@@ -48,7 +48,7 @@ impl Advice {
             return Self::Nothing;
         }
         let under = |assumed: Assumed| Judged {
-            verdicts: travel::held_back(values, assumed, precision, &all.verdicts),
+            verdicts: movable::held_back(values, assumed, precision, &all.verdicts),
             ..all.clone()
         };
         let carried = Assumed {

@@ -2,8 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::movable::{self, Assumed, Class, Judged, Missed, Precision, Verdict};
 use super::single::{Candidates, Stages};
-use super::travel::{self, Assumed, Class, Judged, Precision, Stays, Verdict};
 use super::{Material, Params, name, span};
 use super::{below, choose};
 use crate::analysis::values::{ValueId, Values};
@@ -14,7 +14,7 @@ use crate::graph::FunctionId;
 use crate::slice::{self, Criterion};
 
 /// How each value may move according to the code and the measurements. `all` are the verdicts of
-/// [`travel::judge`].
+/// [`movable::judge`].
 pub(super) fn judge(
     values: &Values<'_, '_>,
     material: &Material<'_>,
@@ -32,7 +32,7 @@ pub(super) fn judge(
     let rests_on_measurement = !measured.is_empty() && params.weakest() == Class::Smooth;
     if params.carry.is_none() && !rests_on_measurement {
         return Judged {
-            verdicts: travel::held_back(values, params.assumed(), precision, &all.verdicts),
+            verdicts: movable::held_back(values, params.assumed(), precision, &all.verdicts),
             ..all.clone()
         };
     }
@@ -57,12 +57,12 @@ fn as_chosen(
     precision: &Precision,
 ) -> Judged {
     let chosen = find(values, &all.verdicts, carry);
-    let mut verdicts = travel::held_back(values, otherwise, precision, &all.verdicts);
+    let mut verdicts = movable::held_back(values, otherwise, precision, &all.verdicts);
     for (v, verdict) in verdicts.iter_mut().enumerate() {
         if chosen.contains_key(&v) {
             *verdict = all.verdicts[v].clone();
         } else if is_smooth(verdict) {
-            *verdict = Err(Stays::NotChosen);
+            *verdict = Err(Missed::NotChosen);
         }
     }
     let found: BTreeSet<&str> = chosen.values().map(String::as_str).collect();
@@ -89,15 +89,15 @@ fn as_measured(
             continue;
         }
         match ids.get(&v).and_then(|id| measured.get(id.as_str())) {
-            Some(f) if !f.is_finite() => *verdict = Err(Stays::MeasuredNotFinite),
+            Some(f) if !f.is_finite() => *verdict = Err(Missed::MeasuredNotFinite),
             // A NaN exceeds every threshold.
             Some(f) if params.metric.of(f) <= threshold => {}
             Some(f) => {
-                *verdict = Err(Stays::Measured {
+                *verdict = Err(Missed::Measured {
                     error: format!("{:.4}", params.metric.of(f)),
                 });
             }
-            None => *verdict = Err(Stays::NotMeasured),
+            None => *verdict = Err(Missed::NotMeasured),
         }
     }
     verdicts

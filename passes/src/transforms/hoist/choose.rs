@@ -7,8 +7,8 @@ use naga::{Binding, BuiltIn, TypeInner};
 
 use super::below::below;
 use super::cut::{self, Cut, Item};
+use super::movable::{Carriage, Class, Judged, Verdict};
 use super::pack::{self, Load, Slot};
-use super::travel::{Carriage, Class, Judged, Verdict};
 use crate::analysis::values::{Node, Value, ValueId, Values};
 use crate::graph::rate::Interpolated;
 

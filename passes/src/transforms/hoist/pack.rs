@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 
 use naga::ScalarKind;
 
-use super::travel::Carriage;
+use super::movable::Carriage;
 use crate::graph::rate::{At, Interpolated};
 
 /// A value to assign.
@@ -99,7 +99,7 @@ pub fn letters(index: usize) -> String {
 mod tests {
     #![allow(clippy::unwrap_used)]
 
-    use super::super::travel::Class;
+    use super::super::movable::Class;
     use super::*;
 
     fn load(width: u8, interpolated: Interpolated) -> Load {

@@ -5,8 +5,8 @@ use serde::{Deserialize, Serialize};
 
 use super::Hoist;
 use super::choose::Terms;
+use super::movable::{Assumed, Class, Finite, Jumps};
 use super::refusals;
-use super::travel::{Assumed, Class, Finite, Jumps};
 use crate::analysis::refusals as shared;
 use crate::core::budget::Metric;
 use crate::core::pass::{Facts, Pass, Refusal};

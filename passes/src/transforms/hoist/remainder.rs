@@ -14,8 +14,8 @@ use crate::core::program::Program;
 use crate::core::reflect;
 use crate::graph::rate::{At, Interpolated};
 use crate::graph::{FunctionId, Graph};
-use crate::rebuild::hoisted::{Failed, Wanted};
 use crate::rebuild::isolate::{self, isolate};
+use crate::rebuild::outline::{Failed, Wanted};
 use crate::rebuild::place::{self, Builder, PositionInvariance, Replacement, Rewrite};
 use crate::slice::{self, Criterion, OutputFilter, Termination};
 

@@ -3,9 +3,9 @@
 use std::collections::BTreeSet;
 
 use super::candidates::{self, Candidate};
+use super::movable::{self, Class, Precision, Verdict};
 use super::refusals;
-use super::travel::{self, Class, Precision, Verdict};
-use super::{Found, Hoist, Material, Params, choose, hoisted, refuse};
+use super::{Found, Hoist, Material, Params, choose, outline, refuse};
 use crate::analysis::values::{ValueId, Values};
 use crate::core::pass::{Facts, Pass, Refusal};
 use crate::core::plan::Plan;
@@ -62,7 +62,7 @@ impl<'a, 'p> Candidates<'a, 'p> {
         precision: &Precision,
     ) -> Result<Self, Box<Refusal>> {
         let values = stages.material.values(graph)?;
-        let verdicts = travel::judge(&values, precision).verdicts;
+        let verdicts = movable::judge(&values, precision).verdicts;
         let sources = stages.material.program.sources();
         let found = candidates::describe(&values, &verdicts, sources);
         Ok(Self {
@@ -104,7 +104,7 @@ impl<'a, 'p> Candidates<'a, 'p> {
     pub fn computed(&self, id: &str) -> Result<Computed, Box<Refusal>> {
         let material = &self.stages.material;
         let found = self.one(id)?;
-        let hoisted = hoisted::add(material.program, &self.values, &found.wanted);
+        let hoisted = outline::add(material.program, &self.values, &found.wanted);
         let hoisted = hoisted.map_err(|why| Box::new(refuse(why)))?;
         Ok(Computed {
             module: hoisted.module,

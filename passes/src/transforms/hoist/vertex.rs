@@ -24,7 +24,7 @@ use super::remainder::{slot_binding, slot_name, slot_type, width};
 use crate::core::program::Program;
 use crate::core::reflect;
 use crate::graph::Graph;
-use crate::rebuild::hoisted::{self, Failed, Hoisted, Wanted};
+use crate::rebuild::outline::{self, Failed, Hoisted, Wanted};
 use crate::rebuild::place::{self, PositionInvariance, Rewrite};
 use crate::slice::{self, Criterion, OutputFilter};
 
@@ -73,7 +73,7 @@ pub fn rebuild(
         .result
         .as_ref()
         .and_then(|r| module.types[r.ty].name.clone());
-    let author = hoisted::as_function(&module, placed.function, &format!("{name}_author"));
+    let author = outline::as_function(&module, placed.function, &format!("{name}_author"));
     let author = module.functions.append(author, Span::UNDEFINED);
     let (result, of_result) = result_type(&mut module, &given, struct_name, outputs);
     let hoisted_types: Vec<Handle<Type>> = module.functions[hoisted]

@@ -27,15 +27,15 @@ use crate::core::rasterizer::{Neighbours, Rasterizer};
 use crate::core::refusals::RefusalInfo;
 use crate::graph::effect::{self, Effect};
 use crate::graph::{FunctionId, Graph};
-use crate::rebuild::hoisted::{self, Wanted};
 use crate::rebuild::isolate::{self, isolate};
+use crate::rebuild::outline::{self, Wanted};
 use crate::rebuild::place::{self, Builder, Replacement, Rewrite};
 
 /// First location of gradient inputs, beyond all of the author's.
 pub const GRADIENTS: u32 = 1 << 16;
 
 /// Names of a level's functions.
-const NAMES: hoisted::Names = hoisted::Names {
+const NAMES: outline::Names = outline::Names {
     function: "gradient_roots",
     values: "GradientRoots",
 };
@@ -192,7 +192,7 @@ impl Levels {
             level.rewrite(program.module(), values)
         } else {
             let extracted =
-                hoisted::extract(program, values, &level.wanted, &NAMES).map_err(Failed::bug)?;
+                outline::extract(program, values, &level.wanted, &NAMES).map_err(Failed::bug)?;
             let mut inputs = extracted.arguments.iter().flatten();
             if inputs.any(|b| is_at(&self.read, b)) {
                 return Err(level.of_a_gradient(values, &self.read));

@@ -18,7 +18,7 @@ use crate::core::plan::AttributeUse;
 use crate::core::reflect::{self, Io};
 use crate::graph::FunctionId;
 use crate::rebuild::fetch::{Author, Linked, corner, ours, word};
-use crate::rebuild::hoisted::as_function;
+use crate::rebuild::outline::as_function;
 use crate::rebuild::place::{self, Builder, Rewrite};
 
 /// Entry point name.

@@ -3,8 +3,8 @@
 use naga::valid::GlobalUse;
 use naga::{AddressSpace, Binding, BuiltIn, Expression, GlobalVariable, Handle, Module};
 
+use super::differences::Reached;
 use super::ids::Facing;
-use super::jumps::Reached;
 use super::refusals;
 use super::refuse;
 use crate::analysis::opaque::Opaque;
@@ -66,7 +66,7 @@ pub fn rounding(
     sources: &SourceMap,
 ) -> Option<Refusal> {
     const MEASURE: &str = "give budget=0.02, say, and let `verify` measure it";
-    if let Some((operation, span)) = &reached.jump {
+    if let Some((operation, span)) = &reached.discontinuity {
         let reason = format!(
             "what is interpolated reaches {operation}, which may make any difference of a last bit, and a resolve's last bits are not a rasteriser's"
         );

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::jumps::Taken;
+use super::differences::Taken;
 use super::refusals;
 use super::refuse;
 use crate::analysis::opaque::Opaque;

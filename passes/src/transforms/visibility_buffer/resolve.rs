@@ -29,7 +29,7 @@ use crate::core::rasterizer::Corners;
 use crate::core::reflect::{self, Io};
 use crate::graph::{FunctionId, Graph};
 use crate::rebuild::fetch::{Author, Linked, corner, ours};
-use crate::rebuild::hoisted::as_function;
+use crate::rebuild::outline::as_function;
 use crate::rebuild::place::{self, PositionInvariance, Rewrite};
 use crate::slice::{self, Criterion, OutputFilter, Slice};
 

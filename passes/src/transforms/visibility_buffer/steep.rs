@@ -37,7 +37,7 @@ pub fn steep(values: &Values<'_, '_>, is_rounded: &[bool]) -> Option<(ValueId, &
     });
     let first = found.next()?;
     // Use only ranges from the code, for any input.
-    let ranges = AllRanges::new(values, values.circles(), &[], f64::INFINITY);
+    let ranges = AllRanges::new(values, values.cycles(), &[], f64::INFINITY);
     let reaches = |fun: MathFunction, operand: ValueId, exponent: Range| match fun {
         MathFunction::Acos | MathFunction::Asin => ranges.of(operand).magnitude() >= 1.0,
         // An exponent of 1 or more has a bounded slope; nothing is known about draw inputs.

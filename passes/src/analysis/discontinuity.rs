@@ -40,8 +40,8 @@ pub(crate) fn reached(values: &Values<'_, '_>, ranges: &AllRanges) -> Vec<Option
             Some(Discontinuity::Own { operation })
         })
         .collect();
-    let jumps: Vec<ValueId> = (0..found.len()).filter(|id| found[*id].is_some()).collect();
-    let mut work = jumps.clone();
+    let own: Vec<ValueId> = (0..found.len()).filter(|id| found[*id].is_some()).collect();
+    let mut work = own.clone();
     while let Some(id) = work.pop() {
         for user in &users[id] {
             // A value that is constant over the triangle is safe, however it was computed.
@@ -51,22 +51,22 @@ pub(crate) fn reached(values: &Values<'_, '_>, ranges: &AllRanges) -> Vec<Option
             }
         }
     }
-    let reaches = |stays: &Option<Discontinuity>| match stays {
+    let reaches = |reached: &Option<Discontinuity>| match reached {
         Some(Discontinuity::Own { operation }) if comes_again(operation) => {
             let operation = operation.clone();
             Some(Discontinuity::Amplified { operation })
         }
         _ => None,
     };
-    let mut work: Vec<(ValueId, Discontinuity)> = jumps
+    let mut work: Vec<(ValueId, Discontinuity)> = own
         .into_iter()
         .filter_map(|id| Some((id, reaches(&found[id])?)))
         .collect();
-    while let Some((id, stays)) = work.pop() {
+    while let Some((id, reached)) = work.pop() {
         for operand in &values.values[id].operands {
             if found[*operand].is_none() && !is_flat(values, *operand) {
-                found[*operand] = Some(stays.clone());
-                work.push((*operand, stays.clone()));
+                found[*operand] = Some(reached.clone());
+                work.push((*operand, reached.clone()));
             }
         }
     }
@@ -114,7 +114,7 @@ fn happens(values: &Values<'_, '_>, ranges: &AllRanges, id: ValueId) -> Option<S
         return None;
     }
     let whole = kind(e).is_some_and(|k| k != ScalarKind::Float);
-    let named = jump(expression).or(match expression {
+    let named = operation(expression).or(match expression {
         Expression::ImageSample {
             depth_ref: Some(_), ..
         } => Some("a comparison of depths"),
@@ -213,7 +213,7 @@ fn apart(a: Range, b: Range) -> bool {
 }
 
 /// Name of an operation with a discontinuous result.
-pub(crate) fn jump(expression: &Expression) -> Option<&'static str> {
+pub(crate) fn operation(expression: &Expression) -> Option<&'static str> {
     use BinaryOperator as B;
     Some(match expression {
         Expression::Math { fun, .. } => match fun {

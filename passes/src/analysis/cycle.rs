@@ -11,7 +11,7 @@ use crate::graph::counted;
 use crate::graph::memory::Origin;
 
 /// The strongly connected components, users before operands.
-pub fn circles(values: &[Value]) -> Vec<Vec<ValueId>> {
+pub fn cycles(values: &[Value]) -> Vec<Vec<ValueId>> {
     let edges = values.iter().map(|v| v.operands.len()).sum();
     let mut graph = DiGraph::<(), ()>::with_capacity(values.len(), edges);
     let nodes: Vec<_> = values.iter().map(|_| graph.add_node(())).collect();
@@ -21,26 +21,26 @@ pub fn circles(values: &[Value]) -> Vec<Vec<ValueId>> {
         }
     }
     // Start at the operands.
-    let mut circles: Vec<Vec<ValueId>> = kosaraju_scc(&graph)
+    let mut cycles: Vec<Vec<ValueId>> = kosaraju_scc(&graph)
         .into_iter()
-        .map(|circle| circle.into_iter().map(|node| node.index()).collect())
+        .map(|cycle| cycle.into_iter().map(|node| node.index()).collect())
         .collect();
-    circles.reverse();
-    circles
+    cycles.reverse();
+    cycles
 }
 
 /// The values of a cycle without some of them, operands first, as far as the rest is acyclic.
 pub fn operands_first(
     values: &Values<'_, '_>,
-    circle: &[ValueId],
+    cycle: &[ValueId],
     without: &[ValueId],
 ) -> Vec<ValueId> {
-    let mut left: HashSet<ValueId> = circle.iter().copied().collect();
+    let mut left: HashSet<ValueId> = cycle.iter().copied().collect();
     for id in without {
         left.remove(id);
     }
     let mut ordered = Vec::with_capacity(left.len());
-    for start in circle {
+    for start in cycle {
         if !left.remove(start) {
             continue;
         }
@@ -63,9 +63,9 @@ pub fn operands_first(
 }
 
 /// Iterations after which the ranges of an uncounted loop are assumed to grow without bound.
-pub const UNCOUNTED_TURNS: usize = 8;
+pub const UNCOUNTED_ITERATIONS: usize = 8;
 /// Largest number of iterations of a counted loop to follow.
-const MOST_TURNS: usize = 256;
+const MOST_ITERATIONS: usize = 256;
 
 /// The loop-carried values of a cycle.
 pub struct Merges {
@@ -73,15 +73,15 @@ pub struct Merges {
     pub of: Vec<ValueId>,
     /// How often they are merged, if the loops are counted: once per iteration at the header and in
     /// `continuing`, and once at the exit.
-    pub turns: Option<usize>,
+    pub iterations: Option<usize>,
 }
 
 impl Merges {
     /// The merges of a cycle.
-    pub fn of(values: &Values<'_, '_>, circle: &[ValueId]) -> Self {
+    pub fn of(values: &Values<'_, '_>, cycle: &[ValueId]) -> Self {
         let mut loops = BTreeMap::new();
         let mut of = Vec::new();
-        for id in circle {
+        for id in cycle {
             let Node::Version(context, version) = values.values[*id].node else {
                 continue;
             };
@@ -94,11 +94,13 @@ impl Merges {
                 loops.insert((context, at), counted::trips(values.graph.module(), f, at));
             }
         }
-        let turns = loops.values().try_fold(1_usize, |product, trips| {
-            let turns = 2 * usize::try_from((*trips)?).ok()? + 2;
-            product.checked_mul(turns).filter(|t| *t <= MOST_TURNS)
+        let iterations = loops.values().try_fold(1_usize, |product, trips| {
+            let iterations = 2 * usize::try_from((*trips)?).ok()? + 2;
+            product
+                .checked_mul(iterations)
+                .filter(|t| *t <= MOST_ITERATIONS)
         });
-        let turns = turns.filter(|_| !of.is_empty());
-        Self { of, turns }
+        let iterations = iterations.filter(|_| !of.is_empty());
+        Self { of, iterations }
     }
 }

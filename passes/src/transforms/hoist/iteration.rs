@@ -15,7 +15,7 @@ use crate::graph::memory::Origin;
 /// loop-carried value of an outer loop. So we follow each loop's merges to their users within the
 /// loop, outer loops first. An inner loop need not revisit values that an outer one reached, and
 /// each value is visited once.
-pub fn turning(values: &Values<'_, '_>) -> Vec<bool> {
+pub fn iterated(values: &Values<'_, '_>) -> Vec<bool> {
     let places = Places::new(values);
     let mut merges: Vec<Vec<ValueId>> = vec![Vec::new(); places.loops.len()];
     for (id, value) in values.values.iter().enumerate() {
@@ -28,7 +28,7 @@ pub fn turning(values: &Values<'_, '_>) -> Vec<bool> {
         }
     }
     let users = values.users();
-    let mut turning = vec![false; values.values.len()];
+    let mut iterated = vec![false; values.values.len()];
     // The last loop that visited a value without a fixed place; another loop may visit it again.
     let mut passed: Vec<Option<LoopId>> = vec![None; values.values.len()];
     let mut outer_first: Vec<LoopId> = (0..places.loops.len()).collect();
@@ -36,14 +36,14 @@ pub fn turning(values: &Values<'_, '_>) -> Vec<bool> {
     for this in outer_first {
         let mut work: Vec<ValueId> = Vec::new();
         for merge in std::mem::take(&mut merges[this]) {
-            if !std::mem::replace(&mut turning[merge], true) {
+            if !std::mem::replace(&mut iterated[merge], true) {
                 work.extend(&users[merge]);
             }
         }
         while let Some(id) = work.pop() {
             let is_new = match places.of[id] {
                 Place::In(innermost) if places.is_in(innermost, this) => {
-                    !std::mem::replace(&mut turning[id], true)
+                    !std::mem::replace(&mut iterated[id], true)
                 }
                 Place::In(_) => false,
                 Place::Anywhere => passed[id]
@@ -55,7 +55,7 @@ pub fn turning(values: &Values<'_, '_>) -> Vec<bool> {
             }
         }
     }
-    turning
+    iterated
 }
 
 type LoopId = usize;

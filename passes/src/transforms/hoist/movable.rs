@@ -8,8 +8,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::form::{Form, forms};
-use super::turn::turning;
-use crate::analysis::jumps;
+use super::iteration::iterated;
+use crate::analysis::discontinuity;
 use crate::analysis::range::AllRanges;
 use crate::analysis::reach::{with_operands, with_users};
 use crate::analysis::rounding::Roundings;
@@ -51,7 +51,7 @@ pub struct Carriage {
     Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
 )]
 #[serde(rename_all = "kebab-case", tag = "kind")]
-pub enum Stays {
+pub enum Missed {
     /// No varying can hold it: a pointer, a struct, an array; or it is the same for every draw.
     NotCarried,
     /// It is an incoming varying.
@@ -105,16 +105,16 @@ pub enum Stays {
     },
 }
 
-impl From<jumps::Discontinuity> for Stays {
-    fn from(discontinuity: jumps::Discontinuity) -> Self {
+impl From<discontinuity::Discontinuity> for Missed {
+    fn from(discontinuity: discontinuity::Discontinuity) -> Self {
         match discontinuity {
-            jumps::Discontinuity::Own { operation } => Self::Discontinuous { operation },
-            jumps::Discontinuity::Amplified { operation } => Self::Reaches { operation },
+            discontinuity::Discontinuity::Own { operation } => Self::Discontinuous { operation },
+            discontinuity::Discontinuity::Amplified { operation } => Self::Reaches { operation },
         }
     }
 }
 
-impl std::fmt::Display for Stays {
+impl std::fmt::Display for Missed {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::NotCarried => f.write_str("it is not a value that a varying can hold"),
@@ -197,7 +197,7 @@ impl Assumed {
 }
 
 /// How a value may move, or why it must not.
-pub type Verdict = Result<Carriage, Stays>;
+pub type Verdict = Result<Carriage, Missed>;
 
 /// The verdicts of a fragment stage's values.
 #[derive(Clone, Debug)]
@@ -237,7 +237,7 @@ pub(super) fn held_back(
     all: &[Verdict],
 ) -> Vec<Verdict> {
     let mut verdicts = all.to_vec();
-    let mut hold = |reasons: Vec<Option<Stays>>| {
+    let mut hold = |reasons: Vec<Option<Missed>>| {
         for (verdict, reason) in verdicts.iter_mut().zip(reasons) {
             if let (Ok(carriage), Some(reason)) = (&*verdict, reason)
                 && carriage.class == Class::Smooth
@@ -250,10 +250,10 @@ pub(super) fn held_back(
         return verdicts;
     }
     let known = &precision.ranges;
-    let ranges = AllRanges::new(values, values.circles(), known, sign::LARGEST_INPUT);
+    let ranges = AllRanges::new(values, values.cycles(), known, sign::LARGEST_INPUT);
     if assumed.jumps == Jumps::Stay {
-        let reached = jumps::reached(values, &ranges).into_iter();
-        hold(reached.map(|d| d.map(Stays::from)).collect());
+        let reached = discontinuity::reached(values, &ranges).into_iter();
+        hold(reached.map(|d| d.map(Missed::from)).collect());
     }
     if assumed.finite == Finite::Proved {
         hold(hazards(values, &ranges));
@@ -265,7 +265,7 @@ pub(super) fn held_back(
 pub(super) fn judge(values: &Values<'_, '_>, precision: &Precision) -> Judged {
     let forms = forms(values);
     let endless = endless(values);
-    let turning = turning(values);
+    let iterated = iterated(values);
     let pins = pins(values);
     let may = |id: ValueId| forms[id] == Form::Affine && values.values[id].fact.stages.vertex;
     let roundings = Roundings::new(values, &precision.ranges, may);
@@ -273,20 +273,20 @@ pub(super) fn judge(values: &Values<'_, '_>, precision: &Precision) -> Judged {
     let verdicts = (0..values.values.len())
         .map(|id| {
             let scalar = carried_scalar(values, id)?;
-            let (context, e, at) = values.expression(id).ok_or(Stays::NotCarried)?;
+            let (context, e, at) = values.expression(id).ok_or(Missed::NotCarried)?;
             let fact = values.values[id].fact;
             if !fact.stages.vertex {
                 let because = what_pins(values, pins[id]);
-                return Err(Stays::Fragment { because });
+                return Err(Missed::Fragment { because });
             }
             if endless[id] {
-                return Err(Stays::MayNotEnd);
+                return Err(Missed::MayNotEnd);
             }
-            if turning[id] {
-                return Err(Stays::InLoop);
+            if iterated[id] {
+                return Err(Missed::InLoop);
             }
             if values.control_rate(context, at) > Rate::Draw {
-                return Err(Stays::Conditional);
+                return Err(Missed::Conditional);
             }
             let carriage = |class, interpolated, at| Carriage {
                 class,
@@ -295,16 +295,16 @@ pub(super) fn judge(values: &Values<'_, '_>, precision: &Precision) -> Judged {
             };
             let flat = carriage(Class::Exact, Interpolated::Flat, At::Center);
             let (interpolated, at) = match fact.rate {
-                Rate::Const => return Err(Stays::NotCarried),
+                Rate::Const => return Err(Missed::NotCarried),
                 Rate::Draw | Rate::Instance | Rate::Varying(Interpolated::Flat, _) => {
                     return Ok(flat);
                 }
                 Rate::Varying(interpolated, at) => (interpolated, at),
                 Rate::Mixed => (Interpolated::Perspective, At::Center),
-                Rate::Vertex | Rate::Fragment | Rate::Sample => return Err(Stays::FlatAndSmooth),
+                Rate::Vertex | Rate::Fragment | Rate::Sample => return Err(Missed::FlatAndSmooth),
             };
             if scalar != ScalarKind::Float {
-                return Err(Stays::Discontinuous {
+                return Err(Missed::Discontinuous {
                     operation: "an integer".to_owned(),
                 });
             }
@@ -312,15 +312,15 @@ pub(super) fn judge(values: &Values<'_, '_>, precision: &Precision) -> Judged {
                 return Ok(carriage(Class::Exact, interpolated, at));
             }
             if coverage[id] {
-                return Err(Stays::Coverage);
+                return Err(Missed::Coverage);
             }
             if forms[id] == Form::Affine && roundings.of(id) <= precision.most {
                 return Ok(carriage(Class::Affine, interpolated, at));
             }
             let expression = &values.function(context).function.expressions[e];
-            if let Some(operation) = jumps::jump(expression) {
+            if let Some(operation) = discontinuity::operation(expression) {
                 let operation = operation.to_owned();
-                return Err(Stays::Discontinuous { operation });
+                return Err(Missed::Discontinuous { operation });
             }
             Ok(carriage(Class::Smooth, interpolated, at))
         })
@@ -334,11 +334,11 @@ pub(super) fn judge(values: &Values<'_, '_>, precision: &Precision) -> Judged {
 }
 
 /// Scalar type of a value that a varying can hold: 32-bit scalars and vectors.
-fn carried_scalar(values: &Values<'_, '_>, id: ValueId) -> Result<ScalarKind, Stays> {
+fn carried_scalar(values: &Values<'_, '_>, id: ValueId) -> Result<ScalarKind, Missed> {
     let Some((context, e, _)) = values.expression(id) else {
         return Err(match values.values[id].node {
-            Node::Input(_) => Stays::Varying,
-            _ => Stays::NotCarried,
+            Node::Input(_) => Missed::Varying,
+            _ => Missed::NotCarried,
         });
     };
     match values.function(context).ty(values.graph.module(), e) {
@@ -347,7 +347,7 @@ fn carried_scalar(values: &Values<'_, '_>, id: ValueId) -> Result<ScalarKind, St
         {
             Ok(s.kind)
         }
-        _ => Err(Stays::NotCarried),
+        _ => Err(Missed::NotCarried),
     }
 }
 
@@ -436,24 +436,24 @@ fn endless(values: &Values<'_, '_>) -> Vec<bool> {
 }
 
 /// For each value, an operation in its computation whose result may be NaN or infinite.
-fn hazards(values: &Values<'_, '_>, ranges: &AllRanges) -> Vec<Option<Stays>> {
+fn hazards(values: &Values<'_, '_>, ranges: &AllRanges) -> Vec<Option<Missed>> {
     let signs = Signs::new(values);
     let users = values.users();
     let hazard = |id: ValueId| {
         let (context, e, _) = values.expression(id)?;
         let undefined = signs.hazard(values, context, e);
-        let undefined = undefined.map(|operation| Stays::MayNotBeFinite {
+        let undefined = undefined.map(|operation| Missed::MayNotBeFinite {
             operation: operation.to_owned(),
         });
         undefined.or_else(|| {
-            sign::overflow(values, ranges, id).map(|operation| Stays::MayOverflow {
+            sign::overflow(values, ranges, id).map(|operation| Missed::MayOverflow {
                 operation: operation.to_owned(),
             })
         })
     };
-    let mut hazards: Vec<Option<Stays>> = (0..values.values.len()).map(hazard).collect();
+    let mut hazards: Vec<Option<Missed>> = (0..values.values.len()).map(hazard).collect();
     // An undefined result explains more than the overflow it causes.
-    let is_undefined = |h: &Option<Stays>| matches!(h, Some(Stays::MayNotBeFinite { .. }));
+    let is_undefined = |h: &Option<Missed>| matches!(h, Some(Missed::MayNotBeFinite { .. }));
     let (undefined, rest): (Vec<ValueId>, Vec<ValueId>) = (0..hazards.len())
         .filter(|id| hazards[*id].is_some())
         .partition(|id| is_undefined(&hazards[*id]));

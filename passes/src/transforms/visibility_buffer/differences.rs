@@ -12,7 +12,7 @@ use naga::{
 };
 
 use super::steep;
-use crate::analysis::jumps::jump;
+use crate::analysis::discontinuity::operation;
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
 use crate::core::reflect::Io;
 
@@ -20,7 +20,7 @@ use crate::core::reflect::Io;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Reached {
     /// The first operation with a discontinuity, and its place.
-    pub jump: Option<(String, Span)>,
+    pub discontinuity: Option<(String, Span)>,
     /// The first operation with an unbounded slope, and its place.
     pub steep: Option<(&'static str, Span)>,
     /// Samples whose coordinates or level have rounding differences. They are continuous if their
@@ -141,11 +141,11 @@ pub fn reached(values: &Values<'_, '_>) -> Reached {
             // Depth and w are interpolated between the same corners.
             out.interpolated |= of_position;
             // Of several, take the first among the values, for a stable result.
-            if let Some(name) = jumps(expression)
+            if let Some(name) = discontinuity(expression)
                 && first.is_none_or(|f| *user < f)
             {
                 first = Some(*user);
-                out.jump = Some((name, span));
+                out.discontinuity = Some((name, span));
             }
             work.push(*user);
         }
@@ -262,7 +262,7 @@ fn is_place(expression: &Expression) -> bool {
 
 /// The name of an operation that turns a rounding difference of an operand into an arbitrary
 /// difference.
-fn jumps(expression: &Expression) -> Option<String> {
+fn discontinuity(expression: &Expression) -> Option<String> {
     match expression {
         // Conversions of rounded numbers. Integers have no rounding, unless a conversion already
         // had the discontinuity.
@@ -285,6 +285,6 @@ fn jumps(expression: &Expression) -> Option<String> {
                 | MathFunction::Pack2x16float,
             ..
         } => Some("packing".to_owned()),
-        _ => jump(expression).map(str::to_owned),
+        _ => operation(expression).map(str::to_owned),
     }
 }
