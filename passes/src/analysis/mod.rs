@@ -2,7 +2,6 @@
 
 pub mod contraction;
 pub mod coverage;
-pub(crate) mod cycle;
 pub(crate) mod discontinuity;
 pub(crate) mod near_plane;
 pub mod neighbours;

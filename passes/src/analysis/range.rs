@@ -11,7 +11,7 @@ use naga::{
     Module, ScalarKind, TypeInner, UnaryOperator,
 };
 
-use crate::analysis::cycle::{Merges, UNCOUNTED_ITERATIONS, operands_first};
+use crate::analysis::values::cycle::{Merges, UNCOUNTED_ITERATIONS, operands_first};
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
 use crate::core::pass::{Source, SourceRange};
 use crate::core::reflect;
@@ -388,7 +388,7 @@ impl AllRanges {
                     BinaryOperator::Subtract => a.plus(b.negated()),
                     BinaryOperator::Multiply => {
                         let terms = terms(f.ty(module, *left), f.ty(module, *right));
-                        match terms == 1 && is_same(values, context, *left, *right) {
+                        match terms == 1 && values.is_same(context, *left, *right) {
                             true => a.squared(),
                             false => sum(a.times(b), terms),
                         }
@@ -408,7 +408,7 @@ impl AllRanges {
                 let second = arg1.map_or(Range::ANYTHING, of);
                 let third = arg2.map_or(Range::ANYTHING, of);
                 let dimension = dimension(f.ty(module, *arg));
-                let same = arg1.is_some_and(|b| is_same(values, context, *arg, b));
+                let same = arg1.is_some_and(|b| values.is_same(context, *arg, b));
                 of_function(*fun, [of(*arg), second, third], dimension, same)
             }
             _ => Range::ANYTHING,
@@ -495,16 +495,6 @@ pub fn dimension(ty: &TypeInner) -> f64 {
         TypeInner::Vector { size, .. } => f64::from(*size as u8),
         _ => 1.0,
     }
-}
-
-/// Whether two expressions are one value.
-pub fn is_same(
-    values: &Values<'_, '_>,
-    context: ContextId,
-    a: Handle<Expression>,
-    b: Handle<Expression>,
-) -> bool {
-    crate::analysis::sign::same_value(values, context, a, b)
 }
 
 /// Whether any operand outside of `unseen` adds information. For an operation, all operands must be

@@ -94,7 +94,7 @@ impl Signs {
                 _ => Unknown,
             },
             Expression::Binary { op, left, right } => {
-                let same = same_value(values, context, *left, *right);
+                let same = values.is_same(context, *left, *right);
                 match (op, of(*left), of(*right)) {
                     (BinaryOperator::Add, a, b) if a.max(b) <= NonNegative => a.min(b),
                     (BinaryOperator::Multiply, _, _) if same => NonNegative,
@@ -127,9 +127,7 @@ impl Signs {
                     | MathFunction::Step
                     | MathFunction::Acos => NonNegative,
                     MathFunction::Exp | MathFunction::Exp2 | MathFunction::Cosh => NonNegative,
-                    MathFunction::Dot
-                        if arg1.is_some_and(|b| same_value(values, context, *arg, b)) =>
-                    {
+                    MathFunction::Dot if arg1.is_some_and(|b| values.is_same(context, *arg, b)) => {
                         NonNegative
                     }
                     MathFunction::Max => of(*arg).min(second),
@@ -297,44 +295,6 @@ fn of_constant(module: &naga::Module, e: Handle<Expression>) -> Sign {
         Expression::Splat { value, .. } => of_constant(module, *value),
         _ => Unknown,
     }
-}
-
-/// Whether two operands are one value.
-pub(crate) fn same_value(
-    values: &Values<'_, '_>,
-    context: usize,
-    a: Handle<Expression>,
-    b: Handle<Expression>,
-) -> bool {
-    if a == b {
-        return true;
-    }
-    let (Some(x), Some(y)) = (values.named(context, a), values.named(context, b)) else {
-        return false;
-    };
-    // Two reads of a variable in the same memory versions.
-    let pointer = |e: Handle<Expression>| match values.function(context).function.expressions[e] {
-        Expression::Load { pointer } => Some(pointer),
-        _ => None,
-    };
-    x == y
-        || (same_pointer(values, context, pointer(a), pointer(b))
-            && values.values[x].operands == values.values[y].operands)
-}
-
-fn same_pointer(
-    values: &Values<'_, '_>,
-    context: usize,
-    a: Option<Handle<Expression>>,
-    b: Option<Handle<Expression>>,
-) -> bool {
-    use crate::graph::cells;
-    let (Some(a), Some(b)) = (a, b) else {
-        return false;
-    };
-    let function = values.function(context).function;
-    let place = |p| cells::place(values.graph.module(), function, p).filter(|p| !p.dynamic);
-    a == b || (place(a).is_some() && place(a) == place(b))
 }
 
 /// Whether a value is a literal other than 0.

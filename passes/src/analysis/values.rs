@@ -14,14 +14,15 @@ use std::sync::Arc;
 use naga::{Binding, BuiltIn, Expression, Handle, Statement, TypeInner};
 use rustc_hash::FxHashMap;
 
-use crate::analysis::cycle;
 use crate::analysis::users::Users;
 use crate::core::reflect::{self, Io};
 use crate::graph::memory::VersionId;
 use crate::graph::rate::{Fact, Rate};
 use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId};
 
+pub(crate) mod cycle;
 mod expand;
+mod same;
 
 /// A chain of calls from the entry point; 0 is the entry point itself.
 pub type ContextId = usize;

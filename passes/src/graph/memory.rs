@@ -7,8 +7,11 @@ use naga::{Expression, Function, Handle, Module, Statement};
 
 use super::cells::{self, Cell, Place, Root, Splitter};
 use super::statements::{Statements, StmtId};
-use super::touch::Touch;
-use super::versions;
+
+mod touch;
+mod versions;
+
+use touch::Touch;
 
 /// A version of one cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]

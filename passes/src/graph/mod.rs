@@ -29,8 +29,6 @@ pub mod rate;
 pub mod rates;
 pub mod statements;
 pub mod text;
-mod touch;
-mod versions;
 
 pub use cells::{Cell, Path, Place, Root};
 pub use effect::{Effect, Effects};

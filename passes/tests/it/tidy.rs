@@ -39,16 +39,12 @@ const TRANSFORMS: &[&str] = &[];
 
 /// Modules of `preshade-passes` that import each other.
 const CYCLES: &[&str] = &[
-    "analysis::circle <-> analysis::values",
-    "analysis::range <-> analysis::sign",
     "core::limits <-> core::reflect",
     "core::pass <-> core::plan",
     "core::plan <-> core::reflect",
     "evaluate::bits <-> evaluate::number",
     "evaluate::expression <-> evaluate::machine",
     "evaluate::math <-> evaluate::value",
-    "graph::memory <-> graph::touch",
-    "graph::memory <-> graph::versions",
     "validate::elsewhere <-> validate::promise",
     "validate::inputs <-> validate::world",
 ];

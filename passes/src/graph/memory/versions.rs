@@ -5,10 +5,10 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use naga::{Block, Expression, Handle, Statement, SwitchCase};
 
-use super::cells::{Place, Root};
-use super::memory::{self, CellIndex, Certainty, Memory, Origin, VersionId};
-use super::statements::{Statements, StmtId};
 use super::touch::Touch;
+use crate::graph::cells::{Place, Root};
+use crate::graph::memory::{self, CellIndex, Certainty, Memory, Origin, VersionId};
+use crate::graph::statements::{Statements, StmtId};
 
 /// Numbers the versions of all cells of `memory`, in which only the cells are filled in.
 pub(super) fn number(

@@ -2,8 +2,8 @@
 
 use naga::{Expression, Function, Handle, Module, RayQueryFunction, Statement};
 
-use super::cells::{self, Cell, Place, Root};
-use super::memory::{Certainty, Footprint, in_caller};
+use crate::graph::cells::{self, Cell, Place, Root};
+use crate::graph::memory::{Certainty, Footprint, in_caller};
 
 /// A read or write of memory by a statement or expression.
 #[derive(Clone, Debug)]
