@@ -16,6 +16,8 @@ pub mod lock;
 #[cfg(feature = "compiler")]
 pub mod nearest;
 #[cfg(feature = "compiler")]
+mod panics;
+#[cfg(feature = "compiler")]
 pub mod parameters;
 #[cfg(feature = "compiler")]
 pub mod recipe;
@@ -23,6 +25,8 @@ pub mod recipe;
 pub mod regular;
 #[cfg(feature = "compiler")]
 pub mod sweep;
+#[cfg(feature = "compiler")]
+mod wgsl;
 
 #[cfg(feature = "verify")]
 pub mod decide;

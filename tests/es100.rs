@@ -270,11 +270,7 @@ fn what_the_language_lacks_is_named() {
             "an unsigned integer",
         ),
         ("", "color = vec4(float(count & 3));", "the operator &"),
-        (
-            "",
-            "color = vec4(table[count]);",
-            "a non-constant index",
-        ),
+        ("", "color = vec4(table[count]);", "a non-constant index"),
         (
             "",
             "color = vec4(1.0); for (int i = 0; i < count; i++) color *= local.x;",

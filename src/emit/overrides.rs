@@ -38,7 +38,9 @@ pub(super) fn settle(
             file: file.to_owned(),
             target,
             what: format!("the override `{name}` has no default"),
-            remedy: "give it one in the source: this target has no overrides and uses their defaults".to_owned(),
+            remedy:
+                "give it one in the source: this target has no overrides and uses their defaults"
+                    .to_owned(),
         }),
         Err(e) => Err(Error::Writer {
             file: file.to_owned(),

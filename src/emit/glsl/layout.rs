@@ -6,7 +6,7 @@ use std::collections::{HashMap, HashSet};
 use naga::{AddressSpace, ArraySize, Handle, Module, ResourceBinding, Type, TypeInner};
 
 use super::text::Unexpected;
-use crate::emit::text;
+use crate::wgsl::text;
 
 /// The number of floats before each member of a struct, and at its end.
 pub(super) type Paddings = HashMap<Handle<Type>, Vec<u32>>;
@@ -151,9 +151,7 @@ fn padded(
         align = align.max(own);
         let at = member.offset;
         if at % own != 0 || at < end {
-            return Err(format!(
-                "`{path}` is at byte {at} of its struct"
-            ));
+            return Err(format!("`{path}` is at byte {at} of its struct"));
         }
         floats.push(match end.next_multiple_of(own) == at {
             true => 0,
@@ -203,9 +201,7 @@ fn check(
         align = align.max(own);
         let at = member.offset;
         if behind(end, i).next_multiple_of(own) != at {
-            return Err(format!(
-                "`{path}` is at byte {at} of its struct"
-            ));
+            return Err(format!("`{path}` is at byte {at} of its struct"));
         }
         end = at + size;
     }

@@ -19,7 +19,7 @@ const INNER: [&str; 12] = [
 ];
 
 /// The message for an error.
-pub(super) fn told(kind: &ErrorKind) -> String {
+pub(super) fn message(kind: &ErrorKind) -> String {
     match kind {
         ErrorKind::EndOfFile => "unexpected end of the text".to_owned(),
         ErrorKind::InvalidToken(..) | ErrorKind::PreprocessorError(_) => {
@@ -75,7 +75,9 @@ fn semantic(text: &str) -> String {
         "Not a texture" | "Not a valid texture expression" | "Type is not an image" => {
             "this is not a texture"
         }
-        "Type can't be void" | "Declaration cannot have void type" => "the type cannot be void here",
+        "Type can't be void" | "Declaration cannot have void type" => {
+            "the type cannot be void here"
+        }
         "Increment/decrement only works on scalar/vector/matrix" => {
             "only numbers, vectors and matrices can be incremented or decremented"
         }
@@ -126,7 +128,7 @@ mod tests {
                 "constant_id value 3",
             ),
         ] {
-            let told = told(&ErrorKind::SemanticError(text.into()));
+            let told = message(&ErrorKind::SemanticError(text.into()));
             assert!(told.contains(says), "{told}");
             assert!(!told.contains(['[', '{', '\'']), "{told}");
         }
