@@ -1,12 +1,20 @@
-.PHONY: demo test bench audit fuzz setup
+.PHONY: demo check test bench audit fuzz docs
 
-# Renders the shrine with the original and its variants, and prints what each costs and gains.
+# Draws the shrine with the original and its variants, and prints the cost and gain of each. The features
+# left out read other dialects of WGSL, which the shrine does not use.
 demo:
 	scripts/setup.sh vulkan
-	cargo build --release -p preshade-cli
-	target/release/preshade verify fixtures/scenes/shrine.toml --camera wall --pass depth-prepass --pass depth-prepass:form=equal --pass early-discard --out out/demo
+	cargo build --profile demo -p preshade-cli --no-default-features
+	target/demo/preshade verify fixtures/scenes/shrine.toml --camera wall --variant depth-prepass \
+		--variant depth-prepass:form=equal --variant early-discard --out out/demo
 
-# Everything CI checks: format, lints, docs, tests.
+# Format, lints and all tests that need no adapter, browser, npm or root.
+check:
+	cargo fmt --all --check
+	cargo clippy --workspace --all-targets --all-features --quiet -- -D warnings
+	cargo test --workspace --all-features --quiet --lib --bins --test it
+
+# Everything that CI checks: format, lints, docs, all tests. Installs missing tools on Debian and Ubuntu.
 test:
 	scripts/setup.sh vulkan gl accept three
 	cargo fmt --all --check
@@ -14,12 +22,13 @@ test:
 	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --all-features --no-deps --quiet
 	scripts/test.sh
 
-# The frozen hand-written shaders beside what preshade makes of the same forward entry points, in one process.
+# Times frozen hand-written shaders beside those that preshade generates from the same entry points.
 bench:
 	scripts/setup.sh vulkan
 	cargo run --release -p preshade-cli -- bench
 
-# Advisories, licences and sources of all dependencies, the oldest compiler that is promised, and the public API against the last release. The tools take minutes to build, so this is apart from `test`.
+# Checks advisories, licences and sources of all dependencies, the oldest promised compiler, and the public
+# API against the last release. `test` leaves this out because the tools take minutes to build.
 audit:
 	command -v cargo-deny >/dev/null || cargo install cargo-deny --locked
 	command -v cargo-semver-checks >/dev/null || cargo install cargo-semver-checks --locked
@@ -28,12 +37,20 @@ audit:
 	scripts/features.sh
 	cargo semver-checks --workspace --exclude preshade-cli || test -z "$$(git tag --list 'v*')"
 
-# Each fuzzing target for SECONDS seconds, from seeds made of the fixtures. Needs `cargo install cargo-fuzz`; what is found is in fuzz/artifacts.
+# Fuzzes each target for SECONDS seconds, from seeds made of the fixtures. Needs `cargo install cargo-fuzz`.
+# Crashing inputs are written to fuzz/artifacts.
 SECONDS ?= 300
 fuzz:
 	cd fuzz && cargo run --release --features verify --bin seeds
 	cd fuzz && for target in wgsl glsl scene plan recipes ir module; do \
 		words=dictionaries/$$target.dict; \
-		RUSTC_BOOTSTRAP=1 cargo fuzz run --features verify --sanitizer none $$target -- $$(test -f $$words && echo -dict=$$words) \
-			-max_total_time=$(SECONDS) -max_len=16384 -timeout=25 -rss_limit_mb=1536 || exit 1; \
+		RUSTC_BOOTSTRAP=1 cargo fuzz run --features verify --sanitizer none $$target -- \
+			$$(test -f $$words && echo -dict=$$words) -max_total_time=$(SECONDS) -max_len=16384 -timeout=25 -rss_limit_mb=1536 || exit 1; \
 	done
+
+# Builds the documentation as a book in target/book. Installs mdBook, without its server and search, if it
+# is missing.
+docs:
+	scripts/links.py
+	command -v mdbook >/dev/null || cargo install mdbook --locked --no-default-features
+	mdbook build docs

@@ -8,14 +8,14 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use preshade::emit::{self, Options, Target};
-use preshade::front::{self, Color, Source};
-use preshade::passes::graph::Graph;
-use preshade::passes::pass::Facts;
-use preshade::passes::plan::Plan;
-use preshade::passes::program::Program;
-use preshade::passes::state::MaterialState;
-use preshade::recipe::Recipe;
+use preshade::unstable::emit::{self, Options, Target};
+use preshade::unstable::front::{self, Color, Source};
+use preshade::unstable::passes::graph::Graph;
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::program::Program;
+use preshade::unstable::passes::state::MaterialState;
+use preshade::unstable::recipe::Recipe;
 
 type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
 
@@ -159,7 +159,7 @@ fn milliseconds(work: impl Fn() -> Result<()>) -> Result<f64> {
 
 /// Parses, validates and writes a text.
 fn naga_alone(text: &str) -> Result<()> {
-    use preshade::passes::naga::{back, front, valid};
+    use preshade::unstable::passes::naga::{back, front, valid};
     let module = front::wgsl::parse_str(text)?;
     let info = valid::Validator::new(valid::ValidationFlags::all(), valid::Capabilities::all())
         .validate(&module)?;
@@ -211,11 +211,12 @@ fn time(step: &str, made: &Made) -> Result<f64> {
     let none = Facts::default();
     match step {
         "naga" => milliseconds(|| {
-            let module = preshade::passes::naga::front::wgsl::parse_str(&made.source.text)?;
+            let module =
+                preshade::unstable::passes::naga::front::wgsl::parse_str(&made.source.text)?;
             black_box(Program::new(
                 module,
                 Default::default(),
-                preshade::passes::program::Language::Wgsl,
+                preshade::unstable::passes::program::Language::Wgsl,
             ))?;
             Ok(())
         }),

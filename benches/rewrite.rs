@@ -8,15 +8,15 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use preshade::emit::{self, Options, Target};
-use preshade::front::{self, Color, Source};
-use preshade::passes::graph::Graph;
-use preshade::passes::hoist::travel::Finite;
-use preshade::passes::hoist::{self, Candidates, Hoist, Stages};
-use preshade::passes::pass::{Facts, Pass, Refusal};
-use preshade::passes::plan::Plan;
-use preshade::passes::state::MaterialState;
-use preshade::recipe::Recipe;
+use preshade::unstable::emit::{self, Options, Target};
+use preshade::unstable::front::{self, Color, Source};
+use preshade::unstable::passes::graph::Graph;
+use preshade::unstable::passes::hoist::travel::Finite;
+use preshade::unstable::passes::hoist::{self, Candidates, Hoist, Stages};
+use preshade::unstable::passes::pass::{Facts, Pass, Refusal};
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::state::MaterialState;
+use preshade::unstable::recipe::Recipe;
 
 const RUNS: usize = 20;
 
@@ -91,7 +91,7 @@ fn hoist_grows() -> Result<(), Box<dyn std::error::Error>> {
         print!("{name:<40}");
         for params in [exact, budget] {
             let clock = Instant::now();
-            std::hint::black_box(Hoist::sites(&plan, &facts, &params));
+            let _ = std::hint::black_box(Hoist::run(&plan, &facts, &params));
             print!(" {:>10.2}", ms(clock));
         }
         let refused = |r: Box<Refusal>| r.reason;

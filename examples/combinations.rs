@@ -17,20 +17,20 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use preshade::measure::{self, Settings, Timed, TimingSettings};
-use preshade::passes::contract::{Contract, Verdict};
-use preshade::passes::pass::Facts;
-use preshade::passes::plan::Plan;
-use preshade::passes::validate::Effort;
-use preshade::passes::validate::inputs::Random;
-use preshade::passes::visibility_buffer;
-use preshade::recipe::Recipe;
-use preshade::render::{AdapterChoice, Gpu, ShaderForm};
-use preshade::scene::{DrawOrder, Scene};
+use preshade::unstable::measure::{self, Session, Settings, Timed, TimingSettings};
+use preshade::unstable::passes::contract::{Contract, Verdict};
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::validate::Effort;
+use preshade::unstable::passes::validate::inputs::Random;
+use preshade::unstable::passes::visibility_buffer;
+use preshade::unstable::recipe::Recipe;
+use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade::unstable::scene::{DrawOrder, Scene};
 
-#[path = "../tests/combinations_support/mod.rs"]
+#[path = "../tests/it/combinations_support/mod.rs"]
 mod combinations_support;
-#[path = "../tests/fixtures_support/mod.rs"]
+#[path = "../tests/support/fixtures_support.rs"]
 mod fixtures_support;
 
 use combinations_support::{Tally, combinations, recipe};
@@ -125,7 +125,8 @@ fn scenes() -> Vec<(String, Scene)> {
         .collect();
     paths.sort();
     let load = |path: &PathBuf| {
-        let scene = preshade::scene::load(path).unwrap_or_else(|e| panic!("{}", e.render()));
+        let scene =
+            preshade::unstable::scene::load(path).unwrap_or_else(|e| panic!("{}", e.render()));
         let mut scene = scene.resized(SIZE);
         for camera in &mut scene.cameras {
             camera.frames.truncate(1);
@@ -147,11 +148,9 @@ fn drawn(count: u64, first: u64) -> Pictures {
         ..Pictures::default()
     };
     let settings = Settings {
-        form: ShaderForm::Text,
         timed: Timed::No,
         timing: TimingSettings::default(),
         frames_per_camera: 1,
-        count: &measure::counting,
         command: String::new(),
     };
     for seed in first.. {
@@ -166,7 +165,9 @@ fn drawn(count: u64, first: u64) -> Pictures {
             .module();
         let recipe = recipe(module, &mut random);
         let facts = facts.entry(index).or_insert_with(|| {
-            let counted = measure::facts(&gpu, scene, settings.form, measure::counting);
+            let counted = Session::new(&gpu, scene, ShaderForm::Text)
+                .map_err(measure::Error::from)
+                .and_then(|session| measure::facts(&session));
             Facts {
                 rasterizer: measure::rasterizer(&gpu).ok(),
                 ..merged(counted.unwrap_or_default(), measure::known(scene))
@@ -209,7 +210,10 @@ fn drawn(count: u64, first: u64) -> Pictures {
         let is_of_another =
             |plan: &Plan| seen.is_some_and(|s| visibility_buffer::contradicted(plan, &s).is_some());
         let of_another = variant.plans.iter().any(is_of_another);
-        let outcome = match measure::verify(&gpu, scene, &[variant], &settings, &mut |_| {}) {
+        let outcome = Session::new(&gpu, scene, ShaderForm::Text)
+            .map_err(measure::Error::from)
+            .and_then(|session| measure::verify(&session, &[variant], &settings, &mut |_| {}));
+        let outcome = match outcome {
             Ok(outcome) => outcome,
             Err(error) => {
                 told.not_measured.push(format!("{label}: {error}"));

@@ -19,10 +19,10 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
-use preshade::emit::{self, Target};
-use preshade::front::{self, Code, Options, Source};
-use preshade::passes::plan::Plan;
-use preshade::passes::state::MaterialState;
+use preshade::unstable::emit::{self, Target};
+use preshade::unstable::front::{self, Code, Options, Source};
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::state::MaterialState;
 
 /// What takes longer hangs, unless `--limit` says otherwise.
 const LIMIT: Duration = Duration::from_secs(30);

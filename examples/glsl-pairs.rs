@@ -18,14 +18,14 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 #[allow(dead_code, reason = "patches and made pairs are the tests'")]
-#[path = "../tests/native/mod.rs"]
+#[path = "../tests/gpu/native/mod.rs"]
 mod native;
-#[path = "../tests/render_support/mod.rs"]
+#[path = "../tests/support/render_support/mod.rs"]
 mod render_support;
 
 use native::both;
 use native::pair::FirstRow;
-use preshade::scene::Value;
+use preshade::unstable::scene::Value;
 
 /// What takes longer is left. Mesa's compilers alone take 40 s of a core for one of GraphicsFuzz's.
 const LIMIT: Duration = Duration::from_secs(300);

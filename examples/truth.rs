@@ -14,25 +14,16 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use preshade::measure;
-use preshade::measure::truth::{Nearer, Points, Spread, truth};
-use preshade::recipe::Recipe;
+use preshade::unstable::measure;
+use preshade::unstable::measure::truth::{Nearer, Points, Spread, truth};
+use preshade::unstable::passes::examples;
+use preshade::unstable::passes::pass::Use;
+use preshade::unstable::recipe::Recipe;
 
 /// The comments that the tables stand between.
 const MARKS: [&str; 2] = [
     "<!-- made by `--write`; edits will be lost -->",
     "<!-- to here -->",
-];
-
-/// What moves or folds floats, or leaves some out.
-const RECIPES: [&str; 7] = [
-    "specialize",
-    "specialize:fold=rounding",
-    "hoist:allow=exact",
-    "hoist:allow=rounding",
-    "hoist:budget=0.01,finite=assumed,jumps=carried",
-    "trim-loop:budget=0.1",
-    "skip-taps:budget=0.1,threshold=0.02",
 ];
 
 fn main() {
@@ -58,7 +49,12 @@ fn main() {
         paths.sort();
     }
     let mut rows = String::new();
-    let mut counts = [[0; 4]; RECIPES.len()];
+    // The passes that move or fold floats, or leave some out.
+    let recipes: Vec<&str> = examples()
+        .filter(|(_, used)| **used == Use::Truth)
+        .map(|(recipe, _)| recipe)
+        .collect();
+    let mut counts = vec![[0; 4]; recipes.len()];
     let _ = writeln!(
         rows,
         "| scene | material | recipe | points | flips | original, ULP | variant, ULP | original, steps | variant, steps | the variant is |"
@@ -67,10 +63,11 @@ fn main() {
     let mut not = Vec::new();
     for path in paths {
         let name = path.file_stem().unwrap().to_string_lossy().into_owned();
-        let scene = preshade::scene::load(&path).unwrap_or_else(|e| panic!("{}", e.render()));
+        let scene =
+            preshade::unstable::scene::load(&path).unwrap_or_else(|e| panic!("{}", e.render()));
         let facts = measure::known(&scene);
         let originals = measure::originals(&scene);
-        for (recipe, counted) in RECIPES.iter().zip(&mut counts) {
+        for (recipe, counted) in recipes.iter().zip(&mut counts) {
             let parsed = Recipe::parse_list(recipe).unwrap();
             for (index, original) in originals.iter().enumerate() {
                 let Ok(variant) = parsed.apply(original, &facts) else {
@@ -111,7 +108,7 @@ fn main() {
     }
     let mut out =
         "| recipe | the same bits | better | as good | worse |\n|---|--:|--:|--:|--:|\n".to_owned();
-    for (recipe, [same, better, good, worse]) in RECIPES.iter().zip(counts) {
+    for (recipe, [same, better, good, worse]) in recipes.iter().zip(counts) {
         let _ = writeln!(out, "| `{recipe}` | {same} | {better} | {good} | {worse} |");
     }
     let _ = writeln!(out, "\n{rows}");

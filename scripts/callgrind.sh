@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Instructions of each step of the compiler, in millions, counted by callgrind: unlike times they are the same on a busy machine, to a fraction of a percent.
-# Behind each count stands what the size before it is multiplied by. The reading that a step needs is taken off.
+# Counts the instructions of each step of the compiler, in millions, by callgrind. Unlike times, counts vary
+# by only a fraction of a percent on a busy machine.
+# The factor after each count compares it with the size before. Counts exclude the parsing that a step needs.
 # Usage: scripts/callgrind.sh [EXPRESSIONS..]
 set -euo pipefail
 cd "$(dirname "$0")/.."

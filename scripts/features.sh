@@ -1,5 +1,6 @@
 #!/bin/sh
-# Checks the library with each of its features alone, with none and with the default, and its unit tests with the default: what a user turns off must not be missed.
+# Checks the library with no feature, with each feature alone and with the default, and its unit tests with the
+# default: no code may need a feature that a user turned off.
 set -eu
 cd "$(dirname "$0")/.."
 lint() { cargo clippy -p preshade --quiet "$@" -- -D warnings; }

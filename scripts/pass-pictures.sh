@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Draws the pictures of docs/passes: of each pass the sheet that `verify --out` writes, in few colours so that it stays small. Needs Python with Pillow.
+# Draws the pictures of docs/passes: for each pass the sheet that `verify --out` writes, in few colours so that
+# the file stays small. Needs Python with Pillow.
 # Usage: scripts/pass-pictures.sh [PASS..]
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -9,15 +10,16 @@ preshade=${PRESHADE:-target/release/preshade}
 out=$(mktemp -d)
 trap 'rm -rf "$out"' EXIT
 
-# What is drawn of a pass, as its page says it.
-awk -F'"' '/" => \($/ { pass = $2 } $2 ~ /^preshade verify / { sub(/^preshade /, "", $2); print pass, $2 }' tests/pass_pages.rs |
-while read -r pass arguments; do
+# Each page names the command that draws its picture, and whether the shading count is part of it.
+for page in docs/passes/*.md; do
+  pass=$(basename "$page" .md)
   [ $# -eq 0 ] || [[ " $* " == *" $pass "* ]] || continue
+  arguments=$(sed -n 's/^`preshade \(verify [^`]*\)`: .*/\1/p' "$page")
   # shellcheck disable=SC2086
   "$preshade" $arguments --time no --out "$out/$pass" </dev/null
   sheet=$(ls "$out/$pass"/*.sheet.png)
-  # Where no shading is saved the row of pictures tells all.
-  case $pass in depth-prepass | early-discard | visibility-buffer) rows=2 ;; *) rows=1 ;; esac
+  rows=1
+  ! grep -q '^!\[.*how often each pixel is shaded' "$page" || rows=2
   python3 - "$sheet" "$rows" "docs/images/passes/$pass.png" <<'EOF'
 import sys
 from PIL import Image

@@ -1,5 +1,5 @@
 #!/bin/sh
-# Installs what preshade needs on a bare Debian or Ubuntu machine, and nothing where it is there already.
+# Installs the tools that preshade needs on a bare Debian or Ubuntu machine. Leaves installed ones alone.
 #
 #   setup.sh vulkan    a Vulkan loader, and Mesa's software Vulkan (lavapipe) where no adapter is found
 #   setup.sh gl        EGL and OpenGL 4: Mesa's, in software where there is no graphics card
@@ -22,10 +22,11 @@ install() {
 }
 
 vulkan() {
-    # A loader and any driver description will do: a real driver is preferred to lavapipe when there is one.
+    # A loader and any driver description suffice: wgpu prefers a real driver to lavapipe.
     loader=$(ldconfig -p 2>/dev/null | grep -c 'libvulkan\.so\.1' || true)
     drivers=$(ls /usr/share/vulkan/icd.d /etc/vulkan/icd.d 2>/dev/null | grep -c '\.json$' || true)
-    if [ "$loader" = 0 ] || { [ "$drivers" = 0 ] && [ -z "${VK_DRIVER_FILES:-}${VK_ICD_FILENAMES:-}" ]; }; then
+    named=${VK_DRIVER_FILES:-}${VK_ICD_FILENAMES:-}
+    if [ "$loader" = 0 ] || { [ "$drivers" = 0 ] && [ -z "$named" ]; }; then
         install libvulkan1 mesa-vulkan-drivers
     fi
     have cc || install build-essential
@@ -33,9 +34,10 @@ vulkan() {
 }
 
 gl() {
-    # EGL's loader, and a driver's half behind it.
+    # EGL's loader and a driver.
     loader=$(ldconfig -p 2>/dev/null | grep -c 'libEGL\.so\.1' || true)
-    drivers=$(ls /usr/share/glvnd/egl_vendor.d /etc/glvnd/egl_vendor.d 2>/dev/null | grep -c '\.json$' || true)
+    drivers=$(ls /usr/share/glvnd/egl_vendor.d /etc/glvnd/egl_vendor.d 2>/dev/null |
+        grep -c '\.json$' || true)
     if [ "$loader" = 0 ] || [ "$drivers" = 0 ]; then
         install libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri
     fi

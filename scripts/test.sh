@@ -1,19 +1,20 @@
 #!/usr/bin/env bash
-# All tests, in two halves at once: what draws waits for its adapter, and what is drawn in a browser for that, a third of the time. The second half is printed when the first has ended.
+# Runs all tests. Those that draw run beside the others: drawing waits for the adapter and leaves a core free.
+# The output of the tests that draw is printed when the others have ended.
 set -uo pipefail
 cd "$(dirname "$0")/.."
-of() { cargo test --workspace --all-features --no-fail-fast "$@"; }
+tests() { cargo test --workspace --all-features --no-fail-fast "$@"; }
 
-of --no-run || exit
-said=$(mktemp)
-trap 'rm -f "$said"' EXIT
-of --test '[p-z]*' >"$said" 2>&1 &
-second=$!
-trap 'kill $second; exit 130' INT TERM
+tests --no-run || exit
+drawn=$(mktemp)
+trap 'rm -f "$drawn"' EXIT
+tests --test gpu --test stability >"$drawn" 2>&1 &
+drawing=$!
+trap 'kill $drawing; exit 130' INT TERM
 failed=0
-of --lib --bins --test '[a-o]*' || failed=1
-# Tests of documentation alone, by their names: `--doc` would have cargo build all libraries once more, for other features of what the command line's tests need.
-of --quiet -- '(line ' || failed=1
-wait $second || failed=1
-cat "$said"
+tests --lib --bins --test it --test tools || failed=1
+# Doc tests, selected by their names: `--doc` would build all libraries again with other features.
+tests --quiet -- '(line ' || failed=1
+wait $drawing || failed=1
+cat "$drawn"
 exit $failed

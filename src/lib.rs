@@ -1,52 +1,123 @@
-//! preshade rewrites a material's shaders into faster variants and proves each by picture and clock.
+//! preshade rewrites a material's shaders into faster variants, and verifies each by rendering it.
 //!
-//! Text becomes a program in [`front`], a recipe of passes makes a plan of it in [`recipe`], and [`emit`] writes the plan out. With the
-//! feature `verify`, [`scene`], [`render`], [`measure`] and [`report`] draw the result and say what it costs and gains.
+//! A [`Recipe`] is a list of passes. [`rewrite`] applies it to a shader and emits the variant:
+//!
+//! ```
+//! use preshade::{Facts, MaterialState, Options, Recipe, Shader, Source, Target, rewrite};
+//!
+//! let text = "
+//!     @vertex fn vs(@location(0) p: vec3<f32>) -> @builtin(position) vec4<f32> { return vec4(p, 1.0); }
+//!     @fragment fn fs() -> @location(0) vec4<f32> { return vec4(1.0); }";
+//! let shader = Shader {
+//!     name: "lit",
+//!     sources: &[Source::new("lit.wgsl", text)],
+//!     options: &Options::default(),
+//!     state: &MaterialState::default(),
+//! };
+//! let recipe = Recipe::parse_list("depth-prepass,hoist")?;
+//! let output = rewrite(shader, &recipe, &Facts::default(), &[Target::Wgsl])?;
+//!
+//! // A step that the shader refuses is skipped and reported. The others are applied.
+//! assert_eq!(output.plan.steps[0].pass, "depth-prepass");
+//! for skipped in &output.skipped {
+//!     println!("{}; to make it legal: {}", skipped.refusal, skipped.refusal.remedy);
+//! }
+//! // The emitted shaders, and `lit.plan.json`, which describes how to draw them.
+//! assert!(output.files.iter().any(|f| f.name == "lit.plan.json"));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! - In a `build.rs`, use [`configure`] or [`compile`]: see [`build_script`].
+//! - With the feature `verify`, `verify` draws a `Scene` with the original and its variants, and
+//!   returns a `Report` of errors and times.
+//!
+//! Everything in [`unstable`] may change at any time.
 
 #[cfg(feature = "compiler")]
 pub mod build_script;
 #[cfg(feature = "compiler")]
-pub mod emit;
+mod emit;
 #[cfg(feature = "compiler")]
-pub mod front;
+mod front;
 #[cfg(feature = "compiler")]
-pub mod limits;
+mod limits;
 #[cfg(feature = "compiler")]
-pub mod lock;
+mod lock;
 #[cfg(feature = "compiler")]
-pub mod nearest;
+mod nearest;
 #[cfg(feature = "compiler")]
 mod panics;
 #[cfg(feature = "compiler")]
-pub mod parameters;
+mod parameters;
 #[cfg(feature = "compiler")]
-pub mod recipe;
+mod pipeline;
 #[cfg(feature = "compiler")]
-pub mod regular;
+mod recipe;
 #[cfg(feature = "compiler")]
-pub mod sweep;
+mod regular;
+#[cfg(feature = "compiler")]
+mod sweep;
 #[cfg(feature = "compiler")]
 mod wgsl;
 
 #[cfg(feature = "verify")]
-pub mod decide;
+mod measure;
 #[cfg(feature = "verify")]
-pub mod frontier;
+mod render;
 #[cfg(feature = "verify")]
-pub mod measure;
+mod report;
 #[cfg(feature = "verify")]
-pub mod render;
+mod scene;
 #[cfg(feature = "verify")]
-pub mod report;
+mod search;
 #[cfg(feature = "verify")]
-pub mod scene;
+mod verify;
 
 #[cfg(feature = "compiler")]
 pub use build_script::{compile, configure};
 #[cfg(feature = "compiler")]
-pub use preshade_passes as passes;
+pub use emit::{File, Target};
+#[cfg(feature = "compiler")]
+pub use front::{Options, Source};
+#[cfg(feature = "compiler")]
+pub use pipeline::{Output, Shader, Skipped, rewrite};
+#[cfg(feature = "compiler")]
+pub use preshade_passes::contract::Contract;
+#[cfg(feature = "compiler")]
+pub use preshade_passes::pass::{Facts, Refusal};
+#[cfg(feature = "compiler")]
+pub use preshade_passes::plan::{GpuPass, Plan};
+#[cfg(feature = "compiler")]
+pub use preshade_passes::state::MaterialState;
+#[cfg(feature = "compiler")]
+pub use recipe::{Recipe, Step};
 
-/// The items of a material that the build script compiled: `mod lit { preshade::include_variant!("lit"); }`.
+#[cfg(feature = "verify")]
+pub use measure::record::Report;
+#[cfg(feature = "verify")]
+pub use render::{AdapterChoice, Gpu};
+#[cfg(feature = "verify")]
+pub use scene::Scene;
+#[cfg(feature = "verify")]
+pub use verify::verify;
+
+/// The internals, for preshade's own command line, tests and tools. This module has no stability
+/// promise: anything in it may change in any release.
+#[cfg(feature = "compiler")]
+pub mod unstable {
+    pub use preshade_passes as passes;
+
+    macro_rules! internal {
+        ($($(#[$attribute:meta])* $module:ident)*) => {
+            $($(#[$attribute])* #[allow(missing_docs)] pub mod $module { pub use crate::$module::*; })*
+        };
+    }
+    internal! { build_script emit front limits lock nearest parameters pipeline recipe regular sweep }
+    #[cfg(feature = "verify")]
+    internal! { measure render report scene search }
+}
+
+/// Includes the items of a material that the build script compiled: `mod lit { preshade::include_variant!("lit"); }`.
 #[macro_export]
 macro_rules! include_variant {
     ($material:literal) => {

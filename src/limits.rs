@@ -1,8 +1,9 @@
-//! How much of what strangers wrote is taken on: a shader or a scene that asks for more is refused with the limit's name, before anything of that size is made.
+//! Limits on input from strangers. A shader or a scene that exceeds one is refused by the limit's
+//! name, before anything of that size is allocated.
 
 use std::fmt;
 
-/// One limit, for listings and for what is written on a command line.
+/// One limit, for listings and for the command line.
 struct Named {
     name: &'static str,
     what: &'static str,
@@ -11,7 +12,7 @@ struct Named {
     default: u64,
 }
 
-/// `u64::MAX` is none.
+/// No limit.
 const NONE: u64 = u64::MAX;
 
 const MIB: u64 = 1 << 20;
@@ -37,31 +38,31 @@ const NAMED: [Named; 14] = [
 /// Limits by name. [`u64::MAX`] is none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
-    /// Bytes of one shader's text, included files among them.
+    /// Bytes of one shader's text, with its included files.
     pub source_bytes: u64,
-    /// Brackets open at once. Above 180 naga's parser gives up by itself, or exhausts its stack.
+    /// Brackets open at once. Above 180, naga's parser fails or exhausts its stack.
     pub nesting: u64,
     /// Expressions of a module, all functions together.
     pub expressions: u64,
-    /// Elements of one type: of an array of arrays the product.
+    /// Elements of one type. An array of arrays counts the product.
     pub array_elements: u64,
     /// Bytes of one file that a scene names.
     pub file_bytes: u64,
     /// Width and height of a texture, in texels.
     pub texture_size: u64,
-    /// Vertices of all meshes of a scene together, those of merged meshes among them.
+    /// Vertices of all meshes of a scene together, merged meshes included.
     pub vertices: u64,
-    /// Copies that one field makes, and instances that one draw has.
+    /// Copies of one field, and instances of one draw.
     pub copies: u64,
     /// Draws of a frame.
     pub draws: u64,
-    /// Frames of all cameras together, those of paths among them.
+    /// Frames of all cameras together, camera paths included.
     pub frames: u64,
     /// Pixels of the target times its samples, and of the light's shadow map.
     pub pixels: u64,
     /// Bytes of all vertex data, texels and draws.
     pub scene_bytes: u64,
-    /// Seconds for one variant. Below [`u64::MAX`], each is measured in a process of its own.
+    /// Seconds for one variant. With a limit, each variant is measured in a process of its own.
     pub seconds: u64,
     /// Bytes of memory of that process.
     pub memory: u64,
@@ -73,37 +74,38 @@ impl Default for Limits {
     }
 }
 
-/// A limit that was met.
+/// A limit that was exceeded.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{what} would be {asked}; the limit `{limit}` is {most}")]
 pub struct Exceeded {
     /// Name of the limit.
     pub limit: &'static str,
-    /// What would be beyond it.
+    /// The thing that is too large.
     pub what: String,
-    /// How much it would be; [`u64::MAX`] stands for that or more.
+    /// Its size. [`u64::MAX`] stands for that or more.
     pub asked: u64,
-    /// How much is allowed.
+    /// The allowed size.
     pub most: u64,
 }
 
 impl Exceeded {
-    /// What allows more.
+    /// The flag that allows more.
     pub fn remedy(&self) -> String {
         format!("--limits {}=NUMBER allows more", self.limit)
     }
 }
 
 impl Limits {
-    /// For what comes from strangers: what a material and a scene of some size need, and each variant in a process of its own.
+    /// For input from strangers: enough for a material and a scene of some size, and each variant
+    /// gets a process of its own.
     pub fn strict() -> Self {
         Self::named(|n| n.strict)
     }
 
-    /// No limits but those of the languages and of WebGPU.
+    /// Only the limits of the languages and of WebGPU.
     pub fn none() -> Self {
         let mut all = Self::named(|_| NONE);
-        // What recursion can hold is no choice.
+        // The stack limits recursion anyway.
         all.nesting = Self::default().nesting;
         all
     }
@@ -131,10 +133,11 @@ impl Limits {
         all
     }
 
-    /// Reads `strict`, `vertices=100000`, or both, separated by commas, over the defaults. Numbers may end in k, M or G, for thousands of thousands.
+    /// Reads `strict`, `vertices=100000`, or both, separated by commas, over the defaults. Numbers
+    /// may end in k, M or G.
     ///
     /// # Errors
-    /// A name that is not there, or what is no number, in words.
+    /// An unknown name, or a value that is not a number, as a message.
     pub fn parse(text: &str) -> Result<Self, String> {
         let mut limits = Self::default();
         for part in text.split(',').map(str::trim).filter(|p| !p.is_empty()) {
@@ -176,7 +179,7 @@ impl Limits {
         self.seconds != NONE || self.memory != NONE
     }
 
-    /// Whose the shaders are taken to be: a stranger's where variants are measured in processes of their own.
+    /// Who wrote the shaders: a stranger, if variants are measured in processes of their own.
     #[cfg(feature = "verify")]
     pub fn trust(&self) -> crate::render::Trust {
         match self.isolates() {
@@ -185,7 +188,7 @@ impl Limits {
         }
     }
 
-    /// Each with what it is of, and its values in the named sets, for listings.
+    /// A table of the limits with their descriptions and values, for listings.
     pub fn list() -> String {
         let shown = |n: u64| match n {
             NONE => "none".to_owned(),
@@ -206,7 +209,8 @@ impl Limits {
         named.map_or(0, |n| *(n.of)(&mut own))
     }
 
-    /// Whether each of these is at most what the defaults allow: what a file that nobody named may say.
+    /// Whether no limit is looser than its default. A configuration file that is found and not
+    /// named may set no others.
     pub fn is_no_looser_than_default(&self) -> bool {
         let (mut own, mut default) = (*self, Self::default());
         NAMED
@@ -214,7 +218,7 @@ impl Limits {
             .all(|n| *(n.of)(&mut own) <= *(n.of)(&mut default))
     }
 
-    /// Fails where `asked` of `what` is more than the limit of that name.
+    /// Fails if `asked` exceeds the limit of that name.
     pub(crate) fn check(
         &self,
         limit: &'static str,

@@ -1,4 +1,4 @@
-//! The nearest of a few known words to one that is not known: what every "did you mean" rests on.
+//! Spelling suggestions for "did you mean".
 
 /// The candidate with the most similar spelling, if one is similar enough to suggest.
 pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {

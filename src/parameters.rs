@@ -1,4 +1,4 @@
-//! What a pass takes, read from the JSON schema of its parameters: for listings, and to say what was meant by a name that is not there.
+//! The parameters of a pass, read from their JSON schema, for listings and for error messages.
 
 use preshade_passes::pass::AnyPass;
 use serde::Serialize;
@@ -9,23 +9,23 @@ use serde_json::Value;
 pub struct Parameter {
     /// Name, as in `--pass PASS:NAME=VALUE`.
     pub name: String,
-    /// What it is.
+    /// Description.
     pub what: String,
-    /// Type, where it is not a choice: `number`, `integer` and so on.
+    /// Type, unless it is a choice: `number`, `integer` and so on.
     #[serde(rename = "type", skip_serializing_if = "Option::is_none")]
     pub kind: Option<String>,
-    /// The numbers it may be, where they are bounded.
+    /// The allowed numbers, if they are bounded.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub range: Option<Range>,
-    /// The words it may be; empty where it is not a choice.
+    /// The allowed words, if it is a choice.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub choices: Vec<Choice>,
-    /// Value when it is not given; `None`: the pass derives it, as `what` says.
+    /// Default value. `None`: the pass derives it, and the description says how.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub default: Option<Value>,
 }
 
-/// The numbers a parameter may be, as the JSON schema bounds them.
+/// The allowed numbers of a parameter, from its JSON schema.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Range {
     /// The least.
@@ -50,7 +50,7 @@ impl Range {
         (range != Self::default()).then_some(range)
     }
 
-    /// Whether a number is in it. What is not a number is not.
+    /// Whether a number is allowed. NaN never is.
     pub fn contains(&self, value: f64) -> bool {
         !value.is_nan()
             && self.minimum.is_none_or(|m| value >= m)

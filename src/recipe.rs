@@ -1,8 +1,9 @@
-//! A recipe: which passes, where, with which parameters. The schedule, apart from the algorithm.
+//! A recipe: passes with their parameters, in order. It is the schedule, apart from the algorithm.
 
 use std::fmt;
 
-use preshade_passes::pass::{AnyPass, Facts, ParamError, Refusal, SiteKey};
+use preshade_passes::core::refusals::{self, RefusalInfo};
+use preshade_passes::pass::{AnyPass, Facts, ParamError, Refusal, Refused, Site};
 use preshade_passes::plan::Plan;
 use preshade_passes::{PASSES, pass_named};
 use schemars::JsonSchema;
@@ -10,8 +11,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::nearest::nearest;
 use crate::parameters::{Parameter, parameters};
+use crate::pipeline::{self, Applied};
 
-/// One step: a pass, its parameters, and the site if the recipe pins it.
+/// One step: a pass, its parameters, and the code that it changes where the recipe pins that.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Step {
@@ -20,12 +22,12 @@ pub struct Step {
     /// Parameters that differ from the defaults.
     #[serde(default)]
     pub params: serde_json::Map<String, serde_json::Value>,
-    /// The site; `None` takes the only one there is.
+    /// The code that it changed when the recipe was recorded; `None`: not recorded.
     #[serde(default)]
-    pub site: Option<SiteKey>,
+    pub site: Option<Site>,
 }
 
-/// Steps, applied in order, each to the plan the one before it made.
+/// Steps, applied in order, each to the plan that the step before it made.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(transparent)]
 pub struct Recipe {
@@ -33,7 +35,7 @@ pub struct Recipe {
     pub steps: Vec<Step>,
 }
 
-/// A recipe that cannot be read, or that no longer fits.
+/// A recipe that cannot be read.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RecipeError {
@@ -45,7 +47,7 @@ pub enum RecipeError {
         /// The nearest name there is.
         nearest: Option<&'static str>,
     },
-    /// A parameter names what no material has.
+    /// A parameter names something that no material has.
     #[error("{pass}: {message}{}", suggestion(.nearest))]
     Misnamed {
         /// Name of the pass.
@@ -62,7 +64,7 @@ pub enum RecipeError {
         text: String,
         /// The part that does not fit.
         found: String,
-        /// The parameter it is a word of.
+        /// The parameter that allows this word.
         word_of: Option<String>,
     },
     /// The pass has no parameter of that name.
@@ -77,7 +79,7 @@ pub enum RecipeError {
         /// The names there are, separated by commas.
         known: String,
     },
-    /// The parameter is one of several words, and this is none of them.
+    /// The parameter is a choice, and this is none of its words.
     #[error("{pass}: `{name}` cannot be `{value}`{}; it is one of: {known} (see `preshade passes {pass}`)", suggestion(.nearest))]
     UnknownValue {
         /// Name of the pass.
@@ -91,7 +93,7 @@ pub enum RecipeError {
         /// The words there are, separated by commas.
         known: String,
     },
-    /// The parameter is a number, and this is none.
+    /// The parameter is a number, and this is not.
     #[error("{pass}: `{name}` is {kind}, which `{value}` is not (see `preshade passes {pass}`)")]
     NotNumber {
         /// Name of the pass.
@@ -103,7 +105,7 @@ pub enum RecipeError {
         /// As given.
         value: String,
     },
-    /// The parameter is a number within bounds, and this is beyond them.
+    /// The number is out of the parameter's bounds.
     #[error("{pass}: `{name}` is {range}, which {value} is not (see `preshade passes {pass}`)")]
     OutOfRange {
         /// Name of the pass.
@@ -123,7 +125,7 @@ pub enum RecipeError {
         /// Name of the parameter.
         name: String,
     },
-    /// The values do not fit the pass: another type, or out of range.
+    /// The values have the wrong type, or are out of range.
     #[error(transparent)]
     Params(#[from] ParamError),
 }
@@ -147,7 +149,7 @@ impl Step {
     /// Reads `NAME` or `NAME:key=value,key=value`, as on the command line.
     ///
     /// # Errors
-    /// An unknown pass or parameter, with what there is instead.
+    /// An unknown pass or parameter, with suggestions.
     pub fn parse(text: &str) -> Result<Self, RecipeError> {
         let (name, rest) = text.split_once(':').unwrap_or((text, ""));
         let name = name.trim();
@@ -179,7 +181,7 @@ impl Step {
     }
 }
 
-/// Whether `pass` has a parameter of that name and, where it is a choice, that word for it.
+/// Checks a parameter's name and value.
 fn check(pass: &dyn AnyPass, name: &str, value: &str) -> Result<(), RecipeError> {
     let known = parameters(pass);
     let near = |word: &str, words: &[&str]| nearest(word, words.iter().copied()).map(str::to_owned);
@@ -243,10 +245,10 @@ fn find(name: &str) -> Result<&'static dyn AnyPass, RecipeError> {
     })
 }
 
-/// The steps of [`Recipe::parse_list`], apart.
+/// The texts of the steps of [`Recipe::parse_list`].
 pub(crate) fn split_list(text: &str) -> Vec<String> {
     let mut steps: Vec<String> = Vec::new();
-    // As a recipe is printed; a `+` without spaces joins values.
+    // ` + ` is how a recipe is printed. A `+` without spaces joins values.
     let parts = text.split(" + ").flat_map(|steps| steps.split(','));
     for part in parts {
         match steps.last_mut() {
@@ -254,7 +256,8 @@ pub(crate) fn split_list(text: &str) -> Vec<String> {
                 step.push(if step.contains(':') { ',' } else { ':' });
                 step.push_str(part);
             }
-            // A word where a step is due, of the pass before it: the step's own error tells what was meant.
+            // A word in place of a step belongs to the pass before it, whose error suggests the
+            // right form.
             Some(step) if step.contains('=') && is_word_of(step, part) => {
                 step.push(',');
                 step.push_str(part);
@@ -265,7 +268,7 @@ pub(crate) fn split_list(text: &str) -> Vec<String> {
     steps
 }
 
-/// Whether `part` is no pass, but a word that a parameter of `step`'s may be.
+/// Whether `part` is not a pass, but a word for a parameter of `step`.
 fn is_word_of(step: &str, part: &str) -> bool {
     let pass = step.split(':').next().unwrap_or_default().trim();
     let word = part.trim();
@@ -298,8 +301,9 @@ impl Recipe {
         })
     }
 
-    /// Reads steps separated by commas, `depth-prepass:form=equal,vertex=sliced,early-discard`: a part with an equals sign and no colon belongs to the step
-    /// before it. What [`Recipe`] prints, with ` + ` between steps, is read too.
+    /// Reads steps separated by commas: `depth-prepass:form=equal,vertex=sliced,early-discard`. A
+    /// part with an equals sign and no colon belongs to the step before it. The printed form of a
+    /// [`Recipe`], with ` + ` between steps, is read too.
     ///
     /// # Errors
     /// As [`Step::parse`].
@@ -307,16 +311,17 @@ impl Recipe {
         Self::parse(split_list(text))
     }
 
-    /// The arguments that `rewrite` makes it of.
+    /// The recipe as arguments of `rewrite`.
     pub fn as_passes(&self) -> String {
         let steps: Vec<String> = self.steps.iter().map(|s| format!("--pass {s}")).collect();
         steps.join(" ")
     }
 
-    /// Checks the names among the parameters against the materials that are meant: what some of them have is no slip, though the others refuse it.
+    /// Checks the names among the parameters. A name is wrong only if every material lacks it;
+    /// otherwise the materials without it refuse the step.
     ///
     /// # Errors
-    /// [`RecipeError::Misnamed`], of a name that none of `plans` has.
+    /// [`RecipeError::Misnamed`].
     pub fn check_names(&self, plans: &[Plan]) -> Result<(), RecipeError> {
         for step in &self.steps {
             let Ok(pass) = find(&step.pass) else { continue };
@@ -325,7 +330,7 @@ impl Recipe {
             let slips = slips.unwrap_or_default();
             let Some(first) = slips.first() else { continue };
             let known = slips.iter().flat_map(|s| &s.known);
-            // The end of a path names a thing too.
+            // The last segments of a path are a name too.
             let known = known.flat_map(|path| {
                 let ends = path.match_indices('.').map(|(at, _)| &path[at + 1..]);
                 std::iter::once(path.as_str()).chain(ends)
@@ -339,64 +344,40 @@ impl Recipe {
         Ok(())
     }
 
-    /// Applies every step. `plan` is untouched.
+    /// Applies every step to a material on its own, for callers that need all of them.
     ///
     /// # Errors
-    /// The first refusal. A step whose site is gone, or that finds several, is refused as `stale` or `ambiguous`.
-    pub fn apply(&self, plan: &Plan, facts: &Facts) -> Result<Plan, Box<Refusal>> {
-        self.steps
-            .iter()
-            .try_fold(plan.clone(), |plan, step| step.apply(&plan, facts))
+    /// The first refusal. A step that would change other code than was recorded is refused as `stale`.
+    pub fn apply(&self, plan: &Plan, facts: &Facts) -> Applied {
+        let (plan, skipped) = pipeline::apply(plan, self, facts);
+        match skipped.into_iter().next() {
+            None => Ok(plan),
+            Some(first) => Err(first.refusal),
+        }
     }
 }
 
 impl Step {
-    fn apply(&self, plan: &Plan, facts: &Facts) -> Result<Plan, Box<Refusal>> {
-        let refuse = |code: &str, reason: String, remedy: &str| {
+    /// Applies the step. A site that is gone is refused as `stale`, several sites as `ambiguous`.
+    pub(crate) fn apply(&self, plan: &Plan, facts: &Facts) -> Applied {
+        let refuse = |code: &RefusalInfo, reason: String, remedy: &str| {
             Box::new(Refusal::new(&self.pass, code, reason, remedy))
         };
         let pass = find(&self.pass)
-            .map_err(|e| refuse("unknown", e.to_string(), "name one of the passes"))?;
+            .map_err(|e| refuse(&refusals::UNKNOWN, e.to_string(), "name one of the passes"))?;
         let params = serde_json::Value::Object(self.params.clone());
-        let found = pass.sites(plan, facts, &params).map_err(|e| {
-            refuse(
-                "parameters",
-                e.to_string(),
-                &format!("see `preshade passes {}`", self.pass),
-            )
-        })?;
-        let site = match (&self.site, found.sites.as_slice()) {
-            (Some(key), sites) => sites.iter().find(|s| s.key == *key).ok_or_else(|| {
-                refuse(
-                    "stale",
-                    format!("the recipe's site {key:?} is no longer in the shader"),
-                    "make the recipe anew",
-                )
-            })?,
-            (None, [only]) => only,
-            (None, []) => {
-                return Err(found
-                    .refusals
-                    .into_iter()
-                    .next()
-                    .map(Box::new)
-                    .unwrap_or_else(|| {
-                        refuse(
-                            "no-site",
-                            "there is no place to apply it".to_owned(),
-                            "see `preshade explain`",
-                        )
-                    }));
-            }
-            (None, several) => {
-                return Err(refuse(
-                    "ambiguous",
-                    format!("it applies in {} places", several.len()),
-                    "name a site in the recipe",
-                ));
-            }
-        };
-        pass.apply(plan, facts, &site.key, &params)
+        let outcome = pass.run(plan, facts, &params).map_err(Refused::first)?;
+        match &self.site {
+            Some(site) if *site != outcome.change.key => Err(refuse(
+                &refusals::STALE,
+                format!(
+                    "the recipe was recorded for the slice {} of `{}`, which is no longer in the shader",
+                    site.slice, site.entry_point
+                ),
+                "make the recipe anew",
+            )),
+            _ => Ok(outcome.plan),
+        }
     }
 }
 

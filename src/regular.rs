@@ -1,4 +1,5 @@
-//! Files read whole, if they are files and no larger than a limit: a device or a pipe may have no end, and what a sparse file claims to hold need not be anywhere.
+//! Reads whole files up to a size limit. Devices and pipes are refused, since they may never end,
+//! and the limit holds for sparse files too.
 
 use std::fs::File;
 use std::io::{self, Read as _};
@@ -6,11 +7,11 @@ use std::path::Path;
 
 use crate::limits::{Exceeded, Limits};
 
-/// Why there is nothing.
+/// A file that was not read.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The system says so.
+    /// The system's own error.
     #[error(transparent)]
     Io(#[from] io::Error),
     /// A folder.
@@ -22,7 +23,7 @@ pub enum Error {
     /// It is larger than allowed.
     #[error("{0}")]
     TooLarge(#[from] Exceeded),
-    /// It is to be text, and is none from this byte on.
+    /// It is not UTF-8 from this byte on.
     #[error("not UTF-8 text (byte {0})")]
     NoText(usize),
 }
@@ -36,12 +37,12 @@ impl From<Error> for io::Error {
     }
 }
 
-/// The bytes of a file of at most as many as the limit of that name says.
+/// Reads a file, up to the number of bytes that the named limit allows.
 ///
 /// # Errors
 /// [`Error`].
 pub fn bytes(path: &Path, limits: &Limits, limit: &'static str) -> Result<Vec<u8>, Error> {
-    // Looked at by name: opening a pipe waits for who writes to it.
+    // By name: opening a pipe would wait for its writer.
     let about = std::fs::metadata(path)?;
     if about.is_dir() {
         return Err(Error::Folder);
@@ -52,7 +53,7 @@ pub fn bytes(path: &Path, limits: &Limits, limit: &'static str) -> Result<Vec<u8
     let check = |n: u64| limits.check(limit, n, format_args!("the bytes of {}", path.display()));
     check(about.len())?;
     let mut bytes = Vec::new();
-    // It may grow meanwhile.
+    // The file may grow meanwhile.
     let most = limits.of(limit);
     File::open(path)?
         .take(most.saturating_add(1))
@@ -92,7 +93,7 @@ mod tests {
         assert!(matches!(read(&path), Err(Error::TooLarge(_))));
         std::fs::write(&path, b"ab\xff").unwrap();
         assert!(matches!(read(&path), Err(Error::NoText(2))));
-        // Of a terabyte that is nowhere.
+        // A sparse file of one terabyte.
         File::create(&path).unwrap().set_len(1 << 40).unwrap();
         assert!(matches!(read(&path), Err(Error::TooLarge(_))));
         assert!(matches!(read(&folder), Err(Error::Folder)));

@@ -1,7 +1,8 @@
-//! A recipe with parameters left to vary: every combination of their values, each a recipe of its own.
+//! A recipe with ranges: each combination of their values is a recipe of its own.
 //!
-//! `tessellate:level=1..8` is eight recipes (both ends are meant), `tessellate:form=pulled/shared` two, `form=all` one for each word that the parameter may be. Any
-//! whole-number parameter of any pass takes a range, and any choice takes words.
+//! `tessellate:level=1..8` is eight recipes (both ends count), `tessellate:form=pulled/shared` is
+//! two, and `form=all` is one for each word that the parameter allows. A range works for any
+//! whole-number parameter of any pass, and words work for any choice.
 
 use preshade_passes::pass_named;
 use serde_json::Value;
@@ -12,32 +13,32 @@ use crate::recipe::{self, Recipe, RecipeError};
 /// Most recipes one sweep may stand for.
 pub const MOST: usize = 256;
 
-/// A recipe with parameters left to vary.
+/// A recipe with ranges.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sweep {
-    /// As it was written.
+    /// Source text.
     pub text: String,
-    /// What varies, in the order of the text.
+    /// The parameters that vary, in the order of the text.
     pub axes: Vec<Axis>,
     /// Every combination; the last axis varies fastest.
     pub points: Vec<Point>,
 }
 
-/// A parameter left to vary.
+/// A parameter that varies.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Axis {
     /// The pass.
     pub pass: String,
     /// Its parameter.
     pub parameter: String,
-    /// What the values are.
+    /// The kind of its values.
     pub kind: AxisKind,
 }
 
-/// What the values of an axis are.
+/// The kind of an axis's values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AxisKind {
-    /// Whole numbers, which a plot can have along its side.
+    /// Whole numbers, which can be the axis of a plot.
     Range,
     /// Words.
     Words,
@@ -59,7 +60,7 @@ pub enum SweepError {
     /// A recipe in it cannot be read.
     #[error(transparent)]
     Recipe(#[from] RecipeError),
-    /// A range of something that is no whole number.
+    /// A range of a parameter that is not a whole number.
     #[error("{pass}: `{parameter}` takes no range: it is not a whole number")]
     NotWhole {
         /// Name of the pass.
@@ -67,7 +68,7 @@ pub enum SweepError {
         /// Name of the parameter.
         parameter: String,
     },
-    /// `8..1`, or an end that is no number.
+    /// `8..1`, or an end that is not a number.
     #[error("`{text}` is not a range: write `1..8`, the smaller end first")]
     Range {
         /// As given.
@@ -86,20 +87,21 @@ pub enum SweepError {
 }
 
 impl Sweep {
-    /// Reads steps separated by commas, as [`Recipe::parse_list`] does, of which any parameter may be left to vary. Without any the sweep has one point and no axis.
+    /// Reads steps separated by commas, as [`Recipe::parse_list`] does, with ranges. Without
+    /// ranges, the sweep has one point and no axis.
     ///
     /// # Errors
-    /// As [`Step::parse`](recipe::Step::parse), and for what is no range.
+    /// As [`Step::parse`](recipe::Step::parse), and for an invalid range.
     pub fn parse_list(text: &str) -> Result<Self, SweepError> {
         Self::of(text.to_owned(), recipe::split_list(text))
     }
 
-    /// Reads one step.
+    /// Reads one step a string.
     ///
     /// # Errors
     /// As [`Sweep::parse_list`].
-    pub fn parse_step(text: &str) -> Result<Self, SweepError> {
-        Self::of(text.to_owned(), vec![text.to_owned()])
+    pub fn parse_steps(steps: &[String]) -> Result<Self, SweepError> {
+        Self::of(steps.join(","), steps.to_vec())
     }
 
     fn of(text: String, steps: Vec<String>) -> Result<Self, SweepError> {
@@ -161,14 +163,14 @@ impl Sweep {
     }
 }
 
-/// The values of `part`, which is `key=value`, where it leaves any choice.
+/// The values of `part`, which is `key=value`, if it has a range.
 fn varied(pass: &str, part: &str) -> Result<Option<(Axis, Vec<String>)>, SweepError> {
     let Some((name, value)) = part.split_once('=') else {
         return Ok(None);
     };
     let (name, value) = (name.trim(), value.trim());
     let known = pass_named(pass).map(parameters).unwrap_or_default();
-    // What is unknown is told by the recipe.
+    // The recipe reports unknown names.
     let Some(parameter) = known.iter().find(|p| p.name == name) else {
         return Ok(None);
     };
@@ -218,58 +220,38 @@ fn words(parameter: &Parameter, value: &str) -> Option<Vec<String>> {
     (parts.len() > 1).then_some(parts)
 }
 
-/// What a pass does nothing without: the pass before it, and the parameters that one must be given where it was given none.
-struct Foundation {
-    pass: &'static str,
-    on: &'static str,
-    /// A parameter without which the pass underneath is no foundation.
-    needs: &'static str,
-    given: &'static [&'static str],
-    /// What varies over all its words where the pass is swept and it is not said.
-    each: &'static str,
-}
+/// Parameters that a sweep of `tessellate` on `hoist` needs: without a budget, nothing is hoisted.
+const UNDER_TESSELLATE: [&str; 4] = ["budget=1", "finite=assumed", "jumps=carried", "threshold=1"];
 
-const FOUNDATIONS: [Foundation; 1] = [Foundation {
-    pass: "tessellate",
-    on: "hoist",
-    needs: "budget",
-    given: &["budget=1", "finite=assumed", "jumps=carried", "threshold=1"],
-    each: "form",
-}];
-
-/// `step` on the nearest of `before` that it does nothing without: `tessellate` divides what `hoist` moved. A hoist that was given no budget gets one that allows anything, since a
-/// sweep measures what each point is off by; a range over the pass is drawn in every one of its forms where none is named. `None` where the pass stands alone, or
-/// none of `before` is what it stands on.
-pub fn founded(step: &str, before: &[String]) -> Option<String> {
+/// `steps` with the parameters that a swept `tessellate` needs, if any are missing. The `hoist` before
+/// it gets a budget that allows any error, since a sweep measures each point. `tessellate` is drawn
+/// in all its forms.
+pub fn completed(steps: &[String]) -> Option<Vec<String>> {
     let name = |step: &str| step.split(':').next().unwrap_or_default().trim().to_owned();
-    let of = FOUNDATIONS.iter().find(|f| f.pass == name(step))?;
-    let under = before.iter().rfind(|b| name(b) == of.on)?;
+    let is_swept = |s: &String| name(s) == "tessellate" && s.contains("..");
+    let swept = steps.iter().position(is_swept)?;
+    let under = steps[..swept].iter().rposition(|s| name(s) == "hoist")?;
     let has = |step: &str, key: &str| {
         let rest = step.split_once(':').map_or("", |(_, rest)| rest);
-        rest.split(',')
-            .filter_map(|p| p.split_once('='))
-            .any(|(k, _)| k.trim() == key)
+        let mut pairs = rest.split(',').filter_map(|p| p.split_once('='));
+        pairs.any(|(k, _)| k.trim() == key)
     };
-    let add = |step: &mut String, part: &str| {
-        step.push(if step.contains(':') { ',' } else { ':' });
-        step.push_str(part);
-    };
-    let mut under = under.clone();
-    if !has(&under, of.needs) {
-        for part in of.given {
-            if !has(&under, part.split('=').next().unwrap_or_default()) {
-                add(&mut under, part);
-            }
+    let key = |part: &str| part.split('=').next().unwrap_or_default().to_owned();
+    let mut all = steps.to_vec();
+    let mut add = |step: usize, part: &str| {
+        if !has(&all[step], &key(part)) {
+            let separator = if all[step].contains(':') { ',' } else { ':' };
+            all[step] = format!("{}{separator}{part}", all[step]);
         }
+    };
+    if !has(&steps[under], "budget") {
+        UNDER_TESSELLATE.iter().for_each(|part| add(under, part));
     }
-    let mut step = step.to_owned();
-    if step.contains("..") && !has(&step, of.each) {
-        add(&mut step, &format!("{}=all", of.each));
-    }
-    Some(format!("{under},{step}"))
+    add(swept, "form=all");
+    (all != steps).then_some(all)
 }
 
-/// The value of a point as a number, where it is one.
+/// The value of a point as a number, if it is one.
 pub fn number(value: &str) -> Option<f64> {
     match serde_json::from_str(value) {
         Ok(Value::Number(n)) => n.as_f64(),
@@ -341,20 +323,24 @@ mod tests {
     }
 
     #[test]
-    fn tessellate_stands_on_the_hoist_before_it() {
-        let founded = |step: &str, before: &[&str]| {
-            let before: Vec<String> = before.iter().map(|b| (*b).to_owned()).collect();
-            founded(step, &before)
+    fn a_swept_tessellate_gets_the_parameters_it_needs() {
+        let completed = |steps: &[&str]| {
+            let steps: Vec<String> = steps.iter().map(|s| (*s).to_owned()).collect();
+            completed(&steps).map(|steps| steps.join(" "))
         };
         assert_eq!(
-            founded("tessellate:level=1..8", &["depth-prepass", "hoist"]).unwrap(),
-            "hoist:budget=1,finite=assumed,jumps=carried,threshold=1,tessellate:level=1..8,form=all"
+            completed(&["shadow", "hoist", "tessellate:level=1..8"]).unwrap(),
+            "shadow hoist:budget=1,finite=assumed,jumps=carried,threshold=1 tessellate:level=1..8,form=all"
         );
         assert_eq!(
-            founded("tessellate", &["hoist:budget=0.1"]).unwrap(),
-            "hoist:budget=0.1,tessellate"
+            completed(&["hoist:budget=0.1", "tessellate:level=1..8"]).unwrap(),
+            "hoist:budget=0.1 tessellate:level=1..8,form=all"
         );
-        assert_eq!(founded("tessellate", &["early-discard"]), None);
-        assert_eq!(founded("hoist", &["hoist"]), None);
+        assert_eq!(
+            completed(&["hoist:budget=1", "tessellate:level=1..8,form=pulled"]),
+            None
+        );
+        assert_eq!(completed(&["hoist", "tessellate"]), None);
+        assert_eq!(completed(&["early-discard", "tessellate:level=1..8"]), None);
     }
 }

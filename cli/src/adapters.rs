@@ -1,6 +1,6 @@
-//! `preshade adapters`: what can be measured on.
+//! `preshade adapters`: the adapters of this machine.
 
-use preshade::render;
+use preshade::unstable::render;
 use serde::Serialize;
 
 use crate::output;
@@ -9,8 +9,8 @@ use crate::{Failure, Format, Outcome};
 /// Arguments of `adapters`.
 #[derive(clap::Args)]
 #[command(after_help = "\
-The first one listed is the one that is used. `preshade verify --adapter TEXT` takes another, by a
-part of its name, driver or backend.")]
+preshade uses the first one. `preshade verify --adapter TEXT` selects another, by a part of its
+name, driver or backend.")]
 pub struct Args {
     /// Output form.
     #[arg(long, value_enum, default_value_t = Format::Human)]

@@ -1,10 +1,11 @@
 //! A report put together of variants that were measured in processes of their own.
 
-use preshade::limits::Limits;
-use preshade::measure::Outcome;
-use preshade::passes::contract::{Contract, Verdict};
-use preshade::recipe::Recipe;
-use preshade::report::{Budget, Chosen, Report, Unfinished, VariantReport};
+use preshade::unstable::limits::Limits;
+use preshade::unstable::measure::Outcome;
+use preshade::unstable::measure::record::{Chosen, Report, Unfinished, VariantReport};
+use preshade::unstable::passes::budget::Budget;
+use preshade::unstable::passes::contract::{Contract, Verdict};
+use preshade::unstable::recipe::Recipe;
 
 use crate::keeper::Keeper;
 use crate::{Failure, worker};
@@ -37,7 +38,8 @@ pub fn apart(
     })
 }
 
-/// What a run that lost its adapter did not measure, measured in processes of their own. What it did measure stands.
+/// Measures in separate processes the variants that a run missed because it lost its adapter.
+/// Measured variants remain.
 pub fn resumed(
     mut outcome: Outcome,
     recipes: &[Recipe],

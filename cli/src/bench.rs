@@ -1,23 +1,21 @@
-//! `preshade bench`: the yardstick. The frozen hand-written shaders of `fixtures/handwritten` beside what preshade makes of the same forward entry
-//! points, timed A B B A in one process.
+//! `preshade bench`: the yardstick. Times the frozen hand-written shaders of `fixtures/handwritten`
+//! beside generated ones from the same forward entry points, A B B A in one process.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use preshade::front::{self, Options, Source};
-use preshade::measure::{self, Estimate, TimingSettings};
-use preshade::passes::pass::Facts;
-use preshade::passes::plan::{
+use preshade::unstable::front::{self, Options, Source};
+use preshade::unstable::measure::{self, Estimate, Session, TimingSettings};
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::plan::{
     Attachment, BindingKind, BindingSource, BindingUse, Draws, Phase, Plan, Role, Visibility,
 };
-use preshade::passes::reflect;
-use preshade::passes::state::{CompareFunction, CullMode, DepthBias, MaterialState};
-use preshade::recipe::Recipe;
-use preshade::render::{
-    AdapterChoice, FrameSettings, Gpu, Prepared, SceneInputs, ShaderForm, Variant,
-};
-use preshade::scene::{Camera, Draw, DrawOrder, Frame, Material, Mesh, Scene, Value};
+use preshade::unstable::passes::reflect;
+use preshade::unstable::passes::state::{CompareFunction, CullMode, DepthBias, MaterialState};
+use preshade::unstable::recipe::Recipe;
+use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade::unstable::scene::{Camera, Draw, DrawOrder, Frame, Material, Mesh, Scene, Value};
 use serde::Serialize;
 
 use crate::output;
@@ -69,15 +67,15 @@ pub struct Args {
 }
 
 #[derive(Serialize)]
-struct Report {
+struct Yardstick {
     schema: &'static str,
     resolution: [u32; 2],
-    adapter: preshade::render::AdapterReport,
-    rows: Vec<Row>,
+    adapter: preshade::unstable::render::AdapterReport,
+    rows: Vec<BenchRow>,
 }
 
 #[derive(Serialize)]
-struct Row {
+struct BenchRow {
     /// Quads along each side of a layer.
     grid: u32,
     layers: u32,
@@ -202,7 +200,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
             &timing,
         )?);
     }
-    let report = Report {
+    let report = Yardstick {
         schema: "preshade.bench.v1",
         resolution: size,
         adapter: gpu.adapter().clone(),
@@ -215,17 +213,17 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     Ok(Outcome::Fine)
 }
 
-/// What is drawn: layers of noise, one over the other.
+/// The scene: layers of noise over each other.
 struct Stack {
     /// Quads along each side of a layer.
     grid: u32,
     layers: u32,
     order: &'static str,
-    /// The order, as the shader is told it.
+    /// The order, as a number for the shader.
     number: u32,
 }
 
-/// Times each form beside what the recipe makes of the forward entry points.
+/// Times each hand-written form beside the generated one.
 fn compare(
     gpu: &Gpu,
     scene: &Scene,
@@ -233,11 +231,11 @@ fn compare(
     forms: &[(&'static str, &'static str)],
     handwritten: impl Fn(&Plan, &str) -> Result<Plan, Failure>,
     timing: &TimingSettings,
-) -> Result<Vec<Row>, Failure> {
-    let inputs = SceneInputs::new(gpu, scene)?;
-    let forward = measure::originals(scene)
-        .into_iter()
-        .next()
+) -> Result<Vec<BenchRow>, Failure> {
+    let session = Session::new(gpu, scene, ShaderForm::Text)?;
+    let forward = session
+        .originals()
+        .first()
         .ok_or_else(|| Failure("error: no plan".to_owned()))?;
     let mut rows = Vec::new();
     for (form, recipe) in forms {
@@ -247,23 +245,19 @@ fn compare(
             stack.grid * stack.grid,
             stack.order
         ));
-        let hand = handwritten(&forward, form)?;
+        let hand = handwritten(forward, form)?;
         let generated = Recipe::parse([recipe])?
-            .apply(&forward, facts)
+            .apply(forward, facts)
             .map_err(|r| Failure(format!("error: {r}")))?;
-        let prepare = |plan: &Plan| -> Result<Prepared<'_>, Failure> {
-            let variant = Variant::new(std::slice::from_ref(plan), ShaderForm::Text)?;
-            let settings = FrameSettings::of(scene);
-            Ok(Prepared::new(&inputs, &variant, &settings)?)
-        };
+        let prepare = |plan: &Plan| session.prepare(std::slice::from_ref(plan));
         let (original, hand, generated) =
-            (prepare(&forward)?, prepare(&hand)?, prepare(&generated)?);
+            (prepare(forward)?, prepare(&hand)?, prepare(&generated)?);
         let error = measure::compare(&hand.render()?, &generated.render()?)?;
         let (_, times) = measure::time(gpu, &[&hand, &generated, &original], timing, |_| {})?;
         let [hand, generated, original] = &times[..] else {
             continue;
         };
-        rows.push(Row {
+        rows.push(BenchRow {
             grid: stack.grid,
             layers: stack.layers,
             order: stack.order,
@@ -279,7 +273,7 @@ fn compare(
     Ok(rows)
 }
 
-fn table(report: &Report) -> String {
+fn table(report: &Yardstick) -> String {
     let mut lines = vec![
         format!(
             "{}x{} on {}\n",

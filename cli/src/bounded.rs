@@ -1,26 +1,27 @@
-//! A command's own work under `--limits seconds` and `memory`: reading, transforming, telling, and what it draws in this process. A thread of its own looks, for nothing takes
-//! work back from a parser, an analysis or a driver that does not end; so the whole process ends. What is measured in other processes [`crate::worker`] bounds.
+//! Enforces `--limits seconds` and `memory` for this process. A watchdog thread ends the whole
+//! process, because a parser, an analysis or a driver that hangs cannot be stopped otherwise.
+//! [`crate::worker`] bounds the processes that measure variants.
 
 use std::sync::{Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
-use preshade::limits::Limits;
+use preshade::unstable::limits::Limits;
 
 use crate::{output, worker};
 
-/// How often the clock is looked at.
+/// Interval of the watchdog.
 const TICK: Duration = Duration::from_millis(20);
 
 /// How long the process may take to end: a driver that hangs may hold it up.
 const GRACE: Duration = Duration::from_secs(2);
 
-/// What is bounded.
+/// The limits.
 struct Bound {
     seconds: u64,
     memory: u64,
     /// When the work now in hand was begun; `None` while others work.
     since: Option<Instant>,
-    /// Whether who reads stdout is left with JSON.
+    /// Whether the reader of stdout expects JSON.
     wants_json: bool,
 }
 
@@ -30,7 +31,7 @@ fn with<T>(work: impl FnOnce(&mut Option<Bound>) -> T) -> T {
     work(&mut BOUND.lock().unwrap_or_else(PoisonError::into_inner))
 }
 
-/// Bounds all that this process does from now on, where the limits say so and no other process does it.
+/// Bounds this process from now on, if the limits say so and no parent process does.
 pub fn start(limits: &Limits, wants_json: bool) {
     if !limits.isolates() || worker::mine().is_some() {
         return;
@@ -73,7 +74,7 @@ fn watch() {
         let Some((why, wants_json)) = with(|bound| bound.as_ref().and_then(exceeded)) else {
             continue;
         };
-        // Whoever holds stdout or stderr may be what hangs, and so may what runs when a process ends.
+        // The holder of stdout or stderr may be the one that hangs, and so may an exit handler.
         std::thread::spawn(|| {
             std::thread::sleep(GRACE);
             std::process::abort();

@@ -1,25 +1,30 @@
-//! What each code in brackets means: `preshade --explain CODE`.
+//! The explanation of each code in brackets: `preshade --explain CODE`.
 
-use preshade::nearest::nearest;
-use preshade::passes::contract::Assumption;
-use preshade::passes::{PASSES, pass_named};
+use std::collections::BTreeMap;
+
+use preshade::unstable::nearest::nearest;
+use preshade::unstable::passes::contract::Assumption;
+use preshade::unstable::passes::{PASSES, pass_named, refusals};
 
 use crate::Failure;
 
-/// One section a code, by name.
+/// A section for each code that is no pass's: errors of front ends, scenes, locks and emission.
 const TEXT: &str = include_str!("codes.md");
 
-/// Every code with its explanation.
-pub fn all() -> impl Iterator<Item = (&'static str, &'static str)> {
-    TEXT.split("## ").skip(1).filter_map(|section| {
+/// Every code with its explanation, by name.
+pub fn all() -> BTreeMap<&'static str, String> {
+    let sections = TEXT.split("## ").skip(1).filter_map(|section| {
         let (code, text) = section.split_once('\n')?;
-        Some((code.trim(), text.trim()))
-    })
+        Some((code.trim(), text.trim().to_owned()))
+    });
+    let refusals = refusals().map(|r| (r.code, format!("{} {}", r.explanation, r.remedy)));
+    sections.chain(refusals).collect()
 }
 
 /// The code of an error that has one.
 pub fn of(error: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
-    use preshade::{decide, emit, lock, measure, render, scene};
+    use preshade::unstable::search::plan as decide;
+    use preshade::unstable::{emit, lock, measure, render, scene};
     if let Some(error) = error.downcast_ref::<decide::Error>() {
         return match error {
             decide::Error::Measure(error) => of(error),
@@ -49,7 +54,9 @@ pub fn of(error: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
 
 /// Every code, pass and assumption, each with the first sentence of its explanation.
 fn list() -> String {
-    let codes = all().map(|(code, text)| (code.to_owned(), sentence(text)));
+    let codes = all()
+        .into_iter()
+        .map(|(code, text)| (code.to_owned(), sentence(&text)));
     let passes = PASSES.iter().map(|p| p.info());
     let passes = passes.map(|info| (info.name.to_owned(), sentence(info.summary)));
     let given = Assumption::all().into_iter();
@@ -79,18 +86,20 @@ fn sentence(text: &str) -> String {
     }
 }
 
-/// The explanation of a code, as it stands in a message: `blended`, `depth-prepass/blended`, `error[parse]` or `parse`. Of a pass, what it does; of no code, which there are.
+/// The explanation of a code, as a message prints it: `blended`, `depth-prepass/blended`,
+/// `error[parse]` or `parse`. The name of a pass gives its description; no code gives the list of
+/// codes.
 ///
 /// # Errors
-/// There is none of that name; those of a similar one, or all.
+/// The code is unknown: similar codes, or all.
 pub fn explain(code: &str) -> Result<String, Failure> {
     if code.is_empty() {
         return Ok(list());
     }
     let bare = code.rsplit(['/', '[']).next().unwrap_or(code);
     let bare = bare.trim_end_matches(']');
-    if let Some((code, text)) = all().find(|(known, _)| *known == bare) {
-        return Ok(format!("{code}\n\n{text}\n"));
+    if let Some(text) = all().get(bare) {
+        return Ok(format!("{bare}\n\n{text}\n"));
     }
     if let Some(pass) = pass_named(bare) {
         let info = pass.info();
@@ -107,7 +116,7 @@ pub fn explain(code: &str) -> Result<String, Failure> {
             "{name} is something that a contract takes as given.\n\n{text}\n\ndocs/reference/plan-json.md says what each asks of a host.\n"
         ));
     }
-    let codes = all().map(|(code, _)| code);
+    let codes = all().into_keys();
     let passes = PASSES.iter().map(|p| p.info().name);
     let given = assumptions.iter().map(|(name, _)| name.as_str());
     let known: Vec<&str> = codes.chain(passes).chain(given).collect();
@@ -123,7 +132,7 @@ pub fn explain(code: &str) -> Result<String, Failure> {
 /// How many names are suggested.
 const SUGGESTED: usize = 5;
 
-/// In backquotes, the name that is spelled most alike, and those that contain what was asked for.
+/// In backquotes, the name with the most similar spelling, and names that contain the given one.
 fn near(word: &str, known: &[&str]) -> Vec<String> {
     let nearest = nearest(word, known.iter().copied());
     let containing = known
@@ -139,67 +148,20 @@ mod tests {
     #![allow(clippy::unwrap_used, clippy::panic)]
 
     use std::collections::BTreeSet;
-    use std::path::{Path, PathBuf};
+    use std::path::Path;
 
     use super::*;
-
-    fn sources(folder: &Path, all: &mut Vec<PathBuf>) {
-        for entry in std::fs::read_dir(folder).unwrap().map(Result::unwrap) {
-            match entry.path() {
-                path if path.is_dir() => sources(&path, all),
-                path if path.extension().is_some_and(|e| e == "rs") => all.push(path),
-                _ => {}
-            }
-        }
-    }
-
-    fn is_code(word: &str) -> bool {
-        word.starts_with(|c: char| c.is_ascii_lowercase())
-            && word
-                .chars()
-                .all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-')
-    }
-
-    /// The codes that a source gives to refusals: in a call of a function that makes one, a word, and behind it a sentence or a `format!` of one.
-    fn codes(text: &str) -> BTreeSet<String> {
-        let text = text.split("#[cfg(test)]").next().unwrap();
-        let mut found = BTreeSet::new();
-        for call in ["Refusal::new(", "refuse(", "Refused(", "refusal("] {
-            for (at, _) in text.match_indices(call) {
-                let arguments: String = text[at + call.len()..].chars().take(300).collect();
-                // `code, reason, remedy` or `pass, code, reason, remedy`.
-                let literals: Vec<&str> = arguments.split('"').skip(1).step_by(2).collect();
-                let between = arguments.split('"').next().unwrap();
-                let is_first = between.chars().filter(|c| *c == ',').count() <= 1
-                    && !between.contains(['{', ';', ')']);
-                if let ([code, reason, ..], true) = (&literals[..], is_first)
-                    && is_code(code)
-                    && reason.contains(' ')
-                {
-                    found.insert((*code).to_owned());
-                }
-            }
-        }
-        found
-    }
 
     #[test]
     fn every_code_is_explained() {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-        let mut files = vec![root.join("src/recipe.rs")];
-        sources(&root.join("passes/src"), &mut files);
-        let explained: BTreeSet<String> = all().map(|(code, _)| code.to_owned()).collect();
-        let mut used: BTreeSet<String> = BTreeSet::new();
-        for file in files {
-            used.extend(codes(&std::fs::read_to_string(file).unwrap()));
+        let all = all();
+        let explained: BTreeSet<&str> = all.keys().copied().collect();
+        for refusal in refusals() {
+            assert!(refusal.explanation.ends_with('.'), "{refusal:?}");
+            assert!(!refusal.remedy.is_empty(), "{refusal:?}");
         }
-        assert!(used.len() > 60, "{used:?}");
-        let missing: Vec<&String> = used.difference(&explained).collect();
-        assert!(
-            missing.is_empty(),
-            "cli/src/codes.md says nothing of {missing:?}"
-        );
-        // Of errors that are types the type says all.
+        // Typed errors list their own codes.
         for (file, function) in [
             ("front/error.rs", "pub fn name(self)"),
             ("emit/mod.rs", "pub fn code(&self)"),
@@ -219,9 +181,10 @@ mod tests {
                 }
             }
         }
-        assert!(explained.contains(preshade::scene::Error::CODE));
-        let sections = TEXT.matches("\n## ").count() + 1;
-        assert_eq!(sections, explained.len(), "a code is explained twice");
+        assert!(explained.contains(preshade::unstable::scene::Error::CODE));
+        let codes: Vec<&str> = refusals().map(|r| r.code).collect();
+        let each: BTreeSet<&str> = codes.iter().copied().collect();
+        assert_eq!(codes.len(), each.len(), "a code is declared twice");
     }
 
     #[test]
@@ -240,7 +203,7 @@ mod tests {
             let said = unknown(code);
             assert!(said.contains(near), "{code}: {said}");
         }
-        // Of nothing near all are told.
+        // Without a similar code, all are listed.
         assert!(unknown("zzzz").contains("there are: adaptive-form, "));
         let pass = explain("depth-prepass").ok().unwrap_or_default();
         assert!(pass.contains("`preshade passes depth-prepass`"), "{pass}");

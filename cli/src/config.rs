@@ -1,8 +1,11 @@
-//! `preshade.toml`: values for flags, under the environment and under the flags themselves.
+//! `preshade.toml`: default values of flags. Flags come before the environment, and the environment
+//! comes before the file.
 //!
-//! A key is a long flag's name. At the top of the file it holds for every command that has the flag, in a table named after a command for that one alone.
-//! `PRESHADE_` and the flag's name in capitals is the environment's word for it; one that is empty counts as not there, and `;` stands between the values of a flag that takes several.
-//! `--FLAG=false` takes back a switch. What a flag says also goes before what is said, further down, of a flag that cannot stand beside it.
+//! A key is the long name of a flag. At the top of the file it holds for every command that has the
+//! flag, in a table named after a command for that command only. The environment variable is
+//! `PRESHADE_` and the flag's name in capitals. An empty variable counts as unset, and `;`
+//! separates several values. `--FLAG=false` resets a switch. A flag also hides values of flags that
+//! conflict with it from the environment and the file.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -13,23 +16,24 @@ use clap::builder::{BoolishValueParser, TypedValueParser};
 use clap::error::{ContextKind, ContextValue};
 use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, Command};
-use preshade::limits::Limits;
-use preshade::nearest::nearest;
-use preshade::regular;
+use preshade::unstable::limits::Limits;
+use preshade::unstable::nearest::nearest;
+use preshade::unstable::regular;
 use toml::{Table, Value};
 
 use crate::{Failure, unknown, worker};
 
-/// The file that is read where there is one.
+/// The file that is read if it exists.
 pub const FILE: &str = "preshade.toml";
 
-/// Flags that say how the command line itself is read.
+/// Flags about the command line itself.
 const NOT_KEYS: [&str; 5] = ["config", "print-config", "explain", "help", "version"];
 
-/// Flags that lift a protection: a file that nobody named does not.
+/// Flags that lift a protection. A file that is found and not named may not set them.
 const NOT_FOUND: [&str; 1] = ["allow-outside"];
 
-/// Flags that say where files are written: a file that nobody named may say so of its own folder alone.
+/// Flags for output paths. A file that is found and not named may only set paths below its own
+/// folder.
 const WRITTEN: [&str; 5] = ["out", "out-dir", "depfile", "share", "model"];
 
 /// Values by command and flag.
@@ -37,18 +41,18 @@ const WRITTEN: [&str; 5] = ["out", "out-dir", "depfile", "share", "model"];
 pub struct Config {
     path: Option<PathBuf>,
     values: Values,
-    /// Switches that the command line says `false` of.
+    /// Switches that the command line sets to `false`.
     taken_back: Vec<String>,
 }
 
-/// Where a value comes from that no flag says; what is later goes before.
+/// The source of a value that no flag sets. Later sources take precedence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum From {
     File,
     Environment,
 }
 
-/// What is said of a flag.
+/// The values of a flag.
 #[derive(Clone, Debug)]
 struct Said {
     words: Vec<OsString>,
@@ -56,10 +60,12 @@ struct Said {
 }
 
 impl Config {
-    /// Reads the environment, and the file that `--config` or `PRESHADE_CONFIG` names, or `preshade.toml` where there is one, and checks both against what `command` takes.
+    /// Reads the environment, and the file of `--config` or `PRESHADE_CONFIG`, or else
+    /// `preshade.toml` if it exists. Checks both against the flags of `command`.
     ///
     /// # Errors
-    /// The file cannot be read, has a key that is no flag, or a value that is no text, number, truth or list of those; or two flags are set that exclude each other.
+    /// The file cannot be read, has an unknown key or a value of the wrong type, or sets two flags
+    /// that conflict.
     pub fn read(arguments: &Arguments, command: &Command) -> Result<Self, Failure> {
         let mut config = Self::of_flags(arguments);
         config.path = path(arguments);
@@ -75,7 +81,7 @@ impl Config {
                 .parse()
                 .map_err(|e: toml::de::Error| failed(e.to_string()))?;
             config.values = values(&table, command).map_err(failed)?;
-            // The file of a folder may be a stranger's, as its scenes may.
+            // A file that is found may be a stranger's.
             let mut said = config.values.iter();
             if is_found
                 && let Some((key, why)) =
@@ -91,7 +97,7 @@ impl Config {
         Ok(config)
     }
 
-    /// What the command line says alone, for commands that must run whatever the file has in it.
+    /// Only the command line, for commands that must run whatever the file contains.
     pub fn of_flags(arguments: &Arguments) -> Self {
         Self {
             taken_back: arguments.taken_back.clone(),
@@ -99,16 +105,17 @@ impl Config {
         }
     }
 
-    /// The file that was read, if there is one.
+    /// The file that was read.
     pub fn path(&self) -> Option<&Path> {
         self.path.as_deref()
     }
 
-    /// Drops what the command line, or the environment over the file, has decided otherwise.
+    /// Drops values that conflict with the command line, or values of the file that conflict with
+    /// the environment.
     fn settle(&mut self, arguments: &Arguments, command: &Command) -> Result<(), Failure> {
         self.values
             .retain(|(_, flag), _| !arguments.taken_back.contains(flag));
-        // What is wrong on the command line is told when it is read in earnest.
+        // Errors of the command line are reported when it is parsed.
         let look = command
             .clone()
             .ignore_errors(true)
@@ -166,7 +173,7 @@ impl Config {
         Ok(())
     }
 
-    /// A complaint of the argument parser, with where the value comes from if no flag says it.
+    /// An error of the argument parser, with the source of the value if it is not a flag.
     pub fn explained(&self, error: &clap::Error, arguments: &Arguments) -> Option<String> {
         let ContextValue::String(flag) = error.get(ContextKind::InvalidArg)? else {
             return None;
@@ -192,7 +199,7 @@ impl Config {
         })
     }
 
-    /// `command` with the file's values for defaults, and with names in the environment.
+    /// `command` with the file's and the environment's values as defaults.
     pub fn apply(&self, command: Command) -> Command {
         let names: Vec<String> = command
             .get_subcommands()
@@ -204,7 +211,7 @@ impl Config {
         })
     }
 
-    /// [`Self::apply`] to the flags of one command; of no name, to those that all have.
+    /// [`Self::apply`] to the flags of one command. An empty name stands for the global flags.
     fn apply_to(&self, name: &str, command: Command) -> Command {
         let flags: Vec<(String, String)> = keys(&command)
             .map(|(long, arg)| (long.to_owned(), arg.get_id().to_string()))
@@ -212,7 +219,7 @@ impl Config {
         flags.into_iter().fold(command, |command, (long, id)| {
             let value = self.values.get(&(name.to_owned(), long.clone()));
             command.mut_arg(id, |arg| match value {
-                // Help has no word on a switch's default, and none can be hidden.
+                // Help prints no default of a switch, and there is none to hide.
                 Some(said) if is_switch(&arg) => arg.default_values(said.words.clone()),
                 Some(said) => arg
                     .default_values(said.words.clone())
@@ -222,7 +229,7 @@ impl Config {
         })
     }
 
-    /// The values in force for a command line, as a file that says the same; where each comes from stands behind it.
+    /// The values in effect, as a configuration file with the source of each value in a comment.
     pub fn print(&self, command: &Command, matches: &ArgMatches) -> String {
         let mut text = self.lines("", command, matches);
         if let Some((name, of_it)) = matches.subcommand()
@@ -236,7 +243,7 @@ impl Config {
 
     fn lines(&self, name: &str, command: &Command, matches: &ArgMatches) -> String {
         let mut text = String::new();
-        // A flag that all commands have is told once.
+        // A global flag is printed once.
         let own = keys(command).filter(|(_, arg)| name.is_empty() || !arg.is_global_set());
         for (long, arg) in own {
             let id = arg.get_id().as_str();
@@ -267,16 +274,17 @@ impl Config {
     }
 }
 
-/// A command line, without the switches that it takes back.
+/// A command line, without the switches that it resets.
 pub struct Arguments {
-    /// As given, for the argument parser.
+    /// The words, for the argument parser.
     pub words: Vec<OsString>,
-    /// Names of the switches that stand there as `--FLAG=false`.
+    /// Names of the switches that are given as `--FLAG=false`.
     taken_back: Vec<String>,
 }
 
 impl Arguments {
-    /// Takes `--FLAG=true` and `--FLAG=false` of the switches of `command` out: the argument parser knows them without a value alone.
+    /// Removes `--FLAG=true` and `--FLAG=false`, since the argument parser only accepts switches
+    /// without a value.
     pub fn of(words: &[OsString], command: &Command) -> Self {
         let all = command
             .get_subcommands()
@@ -316,7 +324,7 @@ fn is_switch(arg: &Arg) -> bool {
     matches!(arg.get_action(), ArgAction::SetTrue)
 }
 
-/// What a word says of a switch: yes, no, true, false, on, off, 1, 0.
+/// Reads a boolean: yes, no, true, false, on, off, 1, 0.
 fn truth(word: &OsStr) -> Option<bool> {
     let command = Command::new("");
     BoolishValueParser::new()
@@ -324,7 +332,7 @@ fn truth(word: &OsStr) -> Option<bool> {
         .ok()
 }
 
-/// The file that values are taken from, if there is one.
+/// The configuration file, if there is one.
 pub fn path(arguments: &Arguments) -> Option<PathBuf> {
     asked(arguments).or_else(|| {
         let file = Path::new(FILE);
@@ -332,19 +340,19 @@ pub fn path(arguments: &Arguments) -> Option<PathBuf> {
     })
 }
 
-/// The file that a flag or the environment names.
+/// The configuration file that a flag or the environment names.
 fn asked(arguments: &Arguments) -> Option<PathBuf> {
     let variable = || std::env::var_os("PRESHADE_CONFIG").filter(|v| !v.is_empty());
     let flag = early(arguments, "--config");
     flag.or_else(variable).map(PathBuf::from)
 }
 
-/// What `--color` or the environment says of colours, ahead of the command line's own reading, which may complain.
+/// The value of `--color` or its variable, read before the command line is parsed and may fail.
 pub fn color(arguments: &Arguments) -> Option<OsString> {
     early(arguments, "--color").or_else(|| std::env::var_os(variable("color")))
 }
 
-/// The value of a flag, looked for ahead of the command line's own reading.
+/// The value of a flag, read before the command line is parsed.
 fn early(arguments: &Arguments, flag: &str) -> Option<OsString> {
     let mut words = arguments.words.iter();
     while let Some(word) = words.next() {
@@ -362,10 +370,11 @@ fn early(arguments: &Arguments, flag: &str) -> Option<OsString> {
     None
 }
 
-/// How the names of our variables of the environment begin.
+/// Prefix of environment variables.
 const PREFIX: &str = "PRESHADE_";
 
-/// A warning for each of `names` that begins as our variables do and is none: a slip, or of another version.
+/// A warning for each of `names` that has our prefix and is unknown: misspelled, or of another
+/// version.
 pub fn unknown_variables(command: &Command, names: impl Iterator<Item = OsString>) -> Vec<String> {
     let flags = command
         .get_subcommands()
@@ -392,10 +401,10 @@ fn variable(long: &str) -> String {
     format!("{PREFIX}{}", long.replace('-', "_").to_uppercase())
 }
 
-/// Commands about preshade itself: where shaders go is nothing to them.
+/// Commands about preshade itself, which have no output paths for shaders.
 pub const OF_ITSELF: [&str; 2] = ["man", "completions"];
 
-/// The flags of a command that can stand in a file.
+/// The flags of a command that a file may set.
 fn keys(command: &Command) -> impl Iterator<Item = (&str, &Arg)> {
     let of = match OF_ITSELF.contains(&command.get_name()) {
         true => None,
@@ -406,7 +415,7 @@ fn keys(command: &Command) -> impl Iterator<Item = (&str, &Arg)> {
     flags.filter(|(long, _)| !NOT_KEYS.contains(long))
 }
 
-/// A number where it is written as TOML's would be: `007` stays a text.
+/// A number if it is written as in TOML. `007` is a string.
 fn scalar(text: &str) -> Value {
     match text.parse::<i64>() {
         Ok(number) if number.to_string() == text => Value::Integer(number),
@@ -416,10 +425,10 @@ fn scalar(text: &str) -> Value {
 
 type Values = BTreeMap<(String, String), Said>;
 
-/// What stands between several values in the environment: names of passes and paths have commas and blanks.
+/// Separates several values in the environment. Recipes and paths may contain commas and blanks.
 const SEPARATOR: char = ';';
 
-/// What the environment says. One word holds for every command that has the flag.
+/// Values of the environment. A variable holds for every command that has the flag.
 fn environment(command: &Command) -> Result<Values, Failure> {
     let mut values = Values::new();
     let of = |name: &str, command: &Command, values: &mut Values| {
@@ -493,7 +502,7 @@ fn values(table: &Table, command: &Command) -> Result<Values, String> {
             .filter(|c| keys(c).any(|(long, _)| long == key));
         for sub in with {
             let at = (sub.get_name().to_owned(), key.clone());
-            // What is said of one command goes before what is said of all.
+            // A command's own table takes precedence.
             let words = said(sub, key, value)?;
             if table
                 .get(sub.get_name())
@@ -506,7 +515,7 @@ fn values(table: &Table, command: &Command) -> Result<Values, String> {
     Ok(values)
 }
 
-/// Which protection a found file would lift by what it says of a flag, in words that follow the flag's name.
+/// The protection that a found file would lift by this value, in words that follow the flag's name.
 fn lifts(key: &str, said: &Said) -> Option<&'static str> {
     let mut words = said.words.iter();
     if NOT_FOUND.contains(&key) {
@@ -515,7 +524,7 @@ fn lifts(key: &str, said: &Said) -> Option<&'static str> {
     if key == "limits" {
         let is_looser = |word: &OsString| {
             let limits = word.to_str().and_then(|w| Limits::parse(w).ok());
-            // What is no limit is told as that.
+            // Invalid limits are reported by their own error.
             limits.is_some_and(|l| !l.is_no_looser_than_default())
         };
         return words
@@ -527,7 +536,7 @@ fn lifts(key: &str, said: &Said) -> Option<&'static str> {
         .then_some(", which would write outside of this folder,")
 }
 
-/// Whether a path leads to somewhere below the current folder, links followed as far as there is anything.
+/// Whether a path is below the current folder, with links resolved.
 fn is_below_here(path: &Path) -> bool {
     let is_plain = |part: Component<'_>| matches!(part, Component::Normal(_) | Component::CurDir);
     if !path.components().all(is_plain) {
@@ -550,7 +559,7 @@ fn is_below_here(path: &Path) -> bool {
     there.starts_with(here)
 }
 
-/// What the file says of a flag of `command`.
+/// The file's values for a flag of `command`.
 fn said(command: &Command, key: &str, value: &Value) -> Result<Said, String> {
     let word = |value: &Value| match value {
         Value::String(text) => Ok(text.clone()),

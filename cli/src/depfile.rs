@@ -1,4 +1,4 @@
-//! `--depfile`: what files rest on, in the form of make's rules, which ninja reads too.
+//! `--depfile`: dependencies of the written files, as make rules, which ninja reads too.
 
 use std::collections::BTreeSet;
 use std::fmt::Write;
@@ -6,14 +6,15 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use preshade::emit;
+use preshade::unstable::emit;
 
 use crate::{Failure, output};
 
-/// What was written, and what was read for it.
+/// Written files, and the files that they depend on.
 pub type Rule = (Vec<PathBuf>, Vec<PathBuf>);
 
-/// Writes `rules` to a file that is touched only where they differ, to stdout for `-`, or into whatever else stands there: a pipe, a terminal.
+/// Writes `rules` to a file if they differ from its content, to stdout for `-`, or to a pipe or
+/// terminal.
 ///
 /// # Errors
 /// It cannot be written.
@@ -24,7 +25,7 @@ pub fn write(path: &Path, rules: &[Rule]) -> Result<(), Failure> {
     }
     let is_file = fs::metadata(path).map_or(true, |about| about.is_file() || about.is_dir());
     if !is_file {
-        // Nothing can be compared: to read it would wait for what is written here.
+        // Reading a pipe would wait for ourselves.
         return match fs::write(path, text) {
             Err(e) if e.kind() != ErrorKind::BrokenPipe => {
                 Err(Failure(format!("error: {}: {e}", path.display())))
@@ -43,7 +44,8 @@ pub fn write(path: &Path, rules: &[Rule]) -> Result<(), Failure> {
         .map_err(|e| Failure(format!("error: {e}")))
 }
 
-/// A rule a line, and one without prerequisites for each file that was read: make goes on where one is gone, as after `gcc -MP`.
+/// One rule a line, and an empty rule for each file that was read, so that make goes on if one is
+/// deleted, as with `gcc -MP`.
 fn text(rules: &[Rule]) -> String {
     let mut text = String::new();
     let list = |paths: &[PathBuf], place: Place| {
@@ -66,7 +68,7 @@ fn text(rules: &[Rule]) -> String {
     text
 }
 
-/// Where in a rule a path stands.
+/// Position of a path in a rule.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Place {
     Target,
@@ -83,7 +85,7 @@ fn escaped(path: &Path, place: Place) -> String {
         match c {
             '$' => escaped.push('$'),
             ' ' | '#' => {
-                // Backslashes there would each take the next one's meaning away.
+                // Backslashes before it would escape each other.
                 let before = text[..at].bytes().rev().take_while(|b| *b == b'\\').count();
                 escaped.extend(std::iter::repeat_n('\\', before + 1));
             }

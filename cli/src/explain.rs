@@ -5,14 +5,14 @@ use std::ops::ControlFlow;
 use codespan_reporting::diagnostic::{Diagnostic, Label};
 use codespan_reporting::files::SimpleFiles;
 use codespan_reporting::term;
-use preshade::measure::{self, EffectUse};
-use preshade::passes::PASSES;
-use preshade::passes::graph::Graph;
-use preshade::passes::neighbours;
-use preshade::passes::pass::{Bound, Facts, Frequency, Left, Refusal, SiteCost, Sites};
-use preshade::passes::plan::Plan;
-use preshade::recipe::{Recipe, Step};
-use preshade::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade::unstable::measure::{self, EffectUse, Session};
+use preshade::unstable::passes::PASSES;
+use preshade::unstable::passes::graph::Graph;
+use preshade::unstable::passes::neighbours;
+use preshade::unstable::passes::pass::{Bound, Change, Facts, Frequency, Left, Refusal, SiteCost};
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::recipe::{Recipe, Step};
+use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
 use serde::Serialize;
 
 use crate::input::{Materials, ShaderArgs};
@@ -35,11 +35,12 @@ A refusal says where, why, and what would make the pass legal; it is no failure 
 Static cost is in scalar operations, weighted: an addition of two floats is 1 op, a division 4, a
 texture sample 32 (the whole table: the module `graph::cost`). A site is the hash of its slice.")]
 pub struct Args {
-    /// Explain these passes, with these parameters; default: all, with their defaults.
+    /// Explain these passes, with these parameters, each after those before it; default: all
+    /// passes, each on its own.
     #[arg(long = "pass", value_name = "NAME[:k=v,..]")]
     passes: Vec<String>,
-    /// Draw the scene (for a shader, one is made up) and tell what each value of a fragment stage would cost the picture if it were
-    /// interpolated from the vertices.
+    /// Draw the scene (for a shader, one is made up) and tell what each value of a fragment stage
+    /// would cost the picture if it were interpolated from the vertices.
     #[arg(long)]
     scene: bool,
     /// Part of an adapter's name, driver or backend, for --scene.
@@ -50,13 +51,13 @@ pub struct Args {
     /// Output form.
     #[arg(long, value_enum, default_value_t = Format::Human)]
     format: Format,
-    // Last, for its help heading holds for what follows it.
+    // Last, because its help heading applies to all following arguments.
     #[command(flatten)]
     pub shader: ShaderArgs,
 }
 
 #[derive(Serialize)]
-struct Report {
+struct Explanation {
     schema: &'static str,
     materials: Vec<Explained>,
 }
@@ -64,8 +65,8 @@ struct Report {
 #[derive(Serialize)]
 struct Explained {
     material: String,
-    stages: Vec<Stage>,
-    /// What the scene's draws call for; the dearest first.
+    stages: Vec<StageCost>,
+    /// The effects that the scene's draws use, the most expensive first.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     effects: Vec<EffectUse>,
     passes: Vec<PassExplained>,
@@ -75,7 +76,7 @@ struct Explained {
 }
 
 #[derive(Serialize)]
-struct Stage {
+struct StageCost {
     stage: &'static str,
     entry_point: String,
     cost: f64,
@@ -89,8 +90,20 @@ struct PassExplained {
     summary: &'static str,
     hurts: &'static str,
     source: &'static str,
-    #[serde(flatten)]
-    sites: Sites,
+    /// The change that it makes; at most one.
+    sites: Vec<Change>,
+    refusals: Vec<Refusal>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    left: Vec<Left>,
+}
+
+/// Which plan each pass is explained on.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Order {
+    /// The original.
+    Apart,
+    /// The plan that the passes before it made.
+    Chained,
 }
 
 /// Explains a material, or every material of a scene.
@@ -105,6 +118,10 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
             .iter()
             .map(|p| Step::parse(p))
             .collect::<Result<Vec<_>, _>>()?
+    };
+    let order = match args.passes.is_empty() {
+        true => Order::Apart,
+        false => Order::Chained,
     };
     let recipe = Recipe {
         steps: steps.clone(),
@@ -127,10 +144,10 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let effects = args.shader.effects()?;
     let materials = plans
         .iter()
-        .map(|plan| explain(plan, &steps, &facts, &frame, &effects))
+        .map(|plan| explain(plan, &steps, &facts, &frame, &effects, order))
         .collect::<Result<Vec<_>, _>>()?;
     match args.format {
-        Format::Json => output::json(&Report {
+        Format::Json => output::json(&Explanation {
             schema: "preshade.explain.v1",
             materials,
         })?,
@@ -146,7 +163,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     Ok(Outcome::Fine)
 }
 
-/// What drawing the scene tells.
+/// Measures the facts of a scene by drawing it.
 fn measured(args: &Args) -> Result<Facts, Failure> {
     let scene = args.view.of(args.shader.scene()?)?;
     let choice = args
@@ -154,17 +171,17 @@ fn measured(args: &Args) -> Result<Facts, Failure> {
         .clone()
         .map_or(AdapterChoice::Best, AdapterChoice::Matching);
     let gpu = Gpu::with_trust(&choice, args.shader.limits.limits().trust())?;
-    let form = ShaderForm::Text;
-    let mut facts = measure::facts(&gpu, &scene, form, measure::counting)?;
+    let session = Session::new(&gpu, &scene, ShaderForm::Text)?;
+    let mut facts = measure::facts(&session)?;
     let bar = output::bar();
     bar.set_message("measuring what can be interpolated");
     let mut progress = |done: f64| bar.set_position((done * 1000.0) as u64);
-    facts.frequencies = measure::frequencies(&gpu, &scene, &facts, form, &mut |done| {
+    facts.frequencies = measure::frequencies(&session, &facts, &mut |done| {
         progress(done);
         ControlFlow::Continue(())
     })?;
     bar.set_message("bounding how far it is off");
-    facts.frequencies = measure::interpolations(&gpu, &scene, &facts, form, &mut progress)?;
+    facts.frequencies = measure::interpolations(&session, &facts, &mut progress)?;
     bar.finish_and_clear();
     Ok(facts)
 }
@@ -175,7 +192,9 @@ fn explain(
     facts: &Facts,
     frame: &[Plan],
     effects: &[EffectUse],
+    order: Order,
 ) -> Result<Explained, Failure> {
+    let mut before = plan.clone();
     let mut frequencies: Vec<Frequency> = facts
         .frequencies
         .iter()
@@ -198,34 +217,40 @@ fn explain(
         passes: steps
             .iter()
             .map(|step| {
-                let Some(pass) = preshade::passes::pass_named(&step.pass) else {
+                let Some(pass) = preshade::unstable::passes::pass_named(&step.pass) else {
                     return Err(Failure(format!("error: no pass `{}`", step.pass)));
                 };
                 let info = pass.info();
                 let params = serde_json::Value::Object(step.params.clone());
-                let mut sites = pass.sites(plan, facts, &params)?;
-                // What applies to the material by itself may not stand beside the others.
-                let applied = sites
-                    .sites
-                    .first()
-                    .and_then(|site| pass.apply(plan, facts, &site.key, &params).ok());
-                if let Some(refusal) = applied.and_then(|next| neighbours::conflict(&next, frame)) {
-                    sites.sites.clear();
-                    sites.refusals.push(refusal);
-                }
+                let (sites, refusals, left) = match pass.run(&before, facts, &params) {
+                    // A pass may apply to the material alone and conflict with its neighbours.
+                    Ok(done) => match neighbours::conflict(&done.plan, frame) {
+                        None => {
+                            if order == Order::Chained {
+                                before = done.plan;
+                            }
+                            (vec![done.change], Vec::new(), done.left)
+                        }
+                        Some(refusal) => (Vec::new(), vec![refusal], done.left),
+                    },
+                    Err(refused) => (Vec::new(), refused.refusals, refused.left),
+                };
                 Ok(PassExplained {
                     pass: step.to_string(),
                     summary: info.summary,
                     hurts: info.hurts,
                     source: info.source,
                     sites,
+                    refusals,
+                    left,
                 })
             })
             .collect::<Result<_, _>>()?,
     })
 }
 
-/// What a site's slice costs of what it is sliced from; a pass that runs a stage several times has more than that.
+/// The cost of a site's slice and of its source. A pass that runs a stage several times costs more
+/// than its source.
 fn cost(of: SiteCost) -> String {
     let between = match of.slice > of.whole {
         true => "in place of",
@@ -234,7 +259,7 @@ fn cost(of: SiteCost) -> String {
     format!("{:.0} {between} {:.0} ops", of.slice, of.whole)
 }
 
-fn stages(plan: &Plan) -> Vec<Stage> {
+fn stages(plan: &Plan) -> Vec<StageCost> {
     let Some((pass, program)) = plan.main().and_then(|p| Some((p, plan.program(p)?))) else {
         return Vec::new();
     };
@@ -242,12 +267,12 @@ fn stages(plan: &Plan) -> Vec<Stage> {
     let mut stages = Vec::new();
     for (stage, word, name) in [
         (
-            preshade::passes::naga::ShaderStage::Vertex,
+            preshade::unstable::passes::naga::ShaderStage::Vertex,
             "vertex",
             Some(&pass.vertex),
         ),
         (
-            preshade::passes::naga::ShaderStage::Fragment,
+            preshade::unstable::passes::naga::ShaderStage::Fragment,
             "fragment",
             pass.fragment.as_ref(),
         ),
@@ -255,7 +280,7 @@ fn stages(plan: &Plan) -> Vec<Stage> {
         let Some((index, entry)) = name.and_then(|n| program.entry_point(stage, n)) else {
             continue;
         };
-        stages.push(Stage {
+        stages.push(StageCost {
             stage: word,
             entry_point: entry.name.clone(),
             cost: graph.entry_cost(index),
@@ -282,7 +307,7 @@ fn print(explained: &Explained, plan: &Plan) -> String {
     lines.extend(effect_table(&explained.effects));
     for p in &explained.passes {
         lines.push(format!("\n{}\n  {}", p.pass, p.summary));
-        for site in &p.sites.sites {
+        for site in &p.sites {
             lines.push(format!(
                 "  applies to `{}`: {}\n    static cost {}{}\n    hurts {}",
                 site.key.entry_point,
@@ -296,10 +321,10 @@ fn print(explained: &Explained, plan: &Plan) -> String {
                 p.hurts
             ));
         }
-        for r in &p.sites.refusals {
+        for r in &p.refusals {
             lines.push(indent(&refusal(r, plan)));
         }
-        lines.extend(left(&p.sites.left));
+        lines.extend(left(&p.left));
         lines.push(format!("  source: {}", p.source));
     }
     if !explained.frequencies.is_empty() {
@@ -377,10 +402,10 @@ fn short(number: f64) -> String {
     }
 }
 
-/// Most values told of that stayed: the dearest.
+/// Most values to list as not hoisted, the most expensive first.
 const MOST_LEFT: usize = 8;
 
-/// What a pass left where it was, in a line each.
+/// The values that a pass did not move, one a line.
 fn left(left: &[Left]) -> Vec<String> {
     let mut lines: Vec<String> = left
         .iter()

@@ -1,24 +1,24 @@
-//! `preshade explore`: what accuracy costs in time.
+//! `preshade explore`: finds the recipes with the best trade between accuracy and time.
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
-use preshade::emit::File;
-use preshade::frontier::{self, Journal, Settings};
-use preshade::measure;
-use preshade::passes::contract::Verdict;
-use preshade::passes::hoist::Metric;
-use preshade::passes::specialize::Params;
-use preshade::render::{AdapterChoice, Gpu, ShaderForm};
-use preshade::report::{self, Budget};
-use preshade::scene::{DrawOrder, Scene};
+use preshade::unstable::emit::File;
+use preshade::unstable::measure;
+use preshade::unstable::passes::budget::Budget;
+use preshade::unstable::passes::budget::Metric;
+use preshade::unstable::passes::contract::Verdict;
+use preshade::unstable::passes::specialize::Params;
+use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade::unstable::report;
+use preshade::unstable::scene::{DrawOrder, Scene};
+use preshade::unstable::search::explore::{self, Journal, Settings};
 
 use crate::input::ShaderArgs;
-use crate::verify::{
-    FormArg, OrderArg, check_folder, command, grouped, guesses, parse_seconds, sweeps,
-};
+use crate::variants::VariantArgs;
+use crate::verify::{FormArg, OrderArg, check_folder, command, grouped, guesses, parse_seconds};
 use crate::view::ViewArgs;
 use crate::{Failure, Outcome, Table, many, output};
 
@@ -29,7 +29,7 @@ Examples:
   preshade explore scene.toml
   preshade explore scene.toml --budget flip_mean=0.02 --out report/     report/report.html
   preshade explore lit.wgsl --seconds 20
-  preshade explore scene.toml --recipe hoist:budget=1,threshold=1,tessellate:level=1..12,form=all
+  preshade explore scene.toml --variant hoist:budget=1,threshold=1,tessellate:level=1..12,form=all
 
 Looks at ways to shade fewer fragments and at ways to compute less in one, alone and then the best
 of them together; drops on the way what another beats in both error and time, beyond the intervals;
@@ -41,12 +41,8 @@ pub struct Args {
     /// frontier too; default: flip_mean, without an end.
     #[arg(long, value_name = "METRIC=NUMBER", value_parser = Budget::parse)]
     budget: Option<Budget>,
-    /// Look at this pass alone, ranges allowed; may be given several times.
-    #[arg(long = "pass", value_name = "NAME[:k=v,..]")]
-    passes: Vec<String>,
-    /// Look at these passes together, ranges allowed.
-    #[arg(long = "recipe", value_name = "NAME[:k=v,..],NAME..")]
-    recipes: Vec<String>,
+    #[command(flatten)]
+    variants: VariantArgs,
     #[command(flatten)]
     view: ViewArgs,
     /// Draw in this order; default: the scene's first.
@@ -79,15 +75,16 @@ pub struct Args {
     /// Output form.
     #[arg(long, value_enum, default_value_t = Table::Human)]
     format: Table,
-    // Last, for its help heading holds for what follows it.
+    // Last, because its help heading applies to all following arguments.
     #[command(flatten)]
     pub shader: ShaderArgs,
 }
 
-/// Largest picture that is drawn on a software adapter where no size is said: a frontier in less than a minute on two cores.
+/// Default for the most pixels on a software adapter, so that a search takes less than a minute on
+/// two cores.
 const SOFTWARE_PIXELS: f64 = 480.0 * 270.0;
 
-/// Name of the file that keeps what was measured.
+/// Name of the journal's file.
 const JOURNAL: &str = "measured.jsonl";
 
 /// How often Ctrl-C was pressed.
@@ -120,7 +117,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         match one(args, &shader, out.as_deref()) {
             Ok(Outcome::Fine) => {}
             Ok(Outcome::ContractBroken) => outcome = Outcome::ContractBroken,
-            // It is told, and no reason to leave the others.
+            // One failing scene is reported and does not stop the others.
             Err(Failure(why)) => {
                 let why = why.strip_prefix("error: ").unwrap_or(&why);
                 output::message(&format!("error: {name}: {why}"));
@@ -143,7 +140,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
 
 /// Explores one scene or shader.
 fn one(args: &Args, shader: &ShaderArgs, out: Option<&Path>) -> Result<Outcome, Failure> {
-    let sweeps = sweeps(&args.passes, &args.recipes)?;
+    let sweeps = args.variants.sweeps()?;
     let mut scene = args.view.of(shader.scene()?)?;
     if let Some(order) = args.order {
         scene.orders = vec![DrawOrder::from(order)];
@@ -154,7 +151,7 @@ fn one(args: &Args, shader: &ShaderArgs, out: Option<&Path>) -> Result<Outcome, 
         output::message(&note);
     }
     let effects = measure::effects(&scene).unwrap_or_default();
-    // What is looked at without a list specialises.
+    // Without a list of recipes, the search tries to specialise.
     scene = match sweeps.is_empty() {
         true => measure::grouped(&scene, &Params::default(), measure::MOST_GROUPS)?,
         false => grouped(scene, &sweeps)?,
@@ -191,24 +188,24 @@ fn one(args: &Args, shader: &ShaderArgs, out: Option<&Path>) -> Result<Outcome, 
             FormArg::Ir => ShaderForm::Ir,
         },
         metric: args.budget.map_or_else(Metric::default, |b| b.metric),
-        budget: args.budget.map(|b| b.most),
+        budget: args.budget.map(|b| b.limit),
         recipes,
         time: Duration::from_secs_f64(args.seconds),
         most: args.candidates,
         finalists: args.finalists,
         frames_per_camera: args.frames,
         seed: args.seed,
-        count: &measure::counting,
         command: command(),
     };
-    // The first Ctrl-C ends the search and tells what was measured; the second ends it all. Where no handler can be set, the first does.
+    // The first Ctrl-C ends the search and prints its results; the second ends the process. Without
+    // a handler, the first does.
     let _ = ctrlc::set_handler(|| {
         if INTERRUPTS.fetch_add(1, Ordering::Relaxed) > 0 {
             std::process::exit(130);
         }
     });
     let bar = output::bar();
-    let found = frontier::explore(&gpu, &scene, &settings, &mut journal, &mut |p| {
+    let found = explore::explore(&gpu, &scene, &settings, &mut journal, &mut |p| {
         bar.set_position((p.done * 1000.0) as u64);
         bar.set_message(format!("{:.0} s left, {}", p.left.as_secs_f64(), p.what));
         match INTERRUPTS.load(Ordering::Relaxed) {
@@ -222,7 +219,7 @@ fn one(args: &Args, shader: &ShaderArgs, out: Option<&Path>) -> Result<Outcome, 
             "warning: what was measured is not kept: {trouble}"
         ));
     }
-    // Told before it is written: a full disk does not lose what was measured.
+    // Print before writing: a full disk then loses no results.
     let exploration = &found.exploration;
     let json = serde_json::to_string_pretty(exploration)? + "\n";
     let csv = report::frontier::csv(exploration);
@@ -244,7 +241,7 @@ fn one(args: &Args, shader: &ShaderArgs, out: Option<&Path>) -> Result<Outcome, 
             file("report.json", json),
             file("report.csv", csv),
         ];
-        preshade::emit::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
+        preshade::unstable::emit::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
         output::message(&format!("wrote {}", dir.join("report.html").display()));
         Ok(())
     };

@@ -1,7 +1,7 @@
 //! `preshade graph`: the dataflow graph, as dot or JSON.
 
-use preshade::passes::graph::Graph;
-use preshade::recipe::Recipe;
+use preshade::unstable::passes::graph::Graph;
+use preshade::unstable::recipe::Recipe;
 
 use crate::input::ShaderArgs;
 use crate::output;
@@ -18,7 +18,7 @@ pub struct Args {
     /// Output form.
     #[arg(long, value_enum, default_value_t = GraphFormat::Dot)]
     format: GraphFormat,
-    // Last, for its help heading holds for what follows it.
+    // Last: its help heading applies to the flags after it.
     #[command(flatten)]
     pub shader: ShaderArgs,
 }
@@ -27,7 +27,7 @@ pub struct Args {
 enum GraphFormat {
     /// Graphviz.
     Dot,
-    /// One object: nodes and edges.
+    /// One object with nodes and edges.
     Json,
 }
 

@@ -1,39 +1,41 @@
-//! What every command that takes a shader takes: files, entry points, pipeline state.
+//! Arguments of every command that takes a shader: files, entry points, pipeline state.
 
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use preshade::front::{self, Source};
-use preshade::measure;
-use preshade::passes::naga::ShaderStage;
-use preshade::passes::pass::Facts;
-use preshade::passes::plan::Plan;
-use preshade::passes::program::Language;
-use preshade::passes::state::MaterialState;
-use preshade::recipe::Recipe;
-use preshade::regular;
-use preshade::scene::{self, Scene, Variable, Variables};
+use preshade::unstable::front::{self, Source};
+use preshade::unstable::measure;
+use preshade::unstable::passes::naga::ShaderStage;
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::program::Language;
+use preshade::unstable::passes::state::MaterialState;
+use preshade::unstable::recipe::Recipe;
+use preshade::unstable::regular;
+use preshade::unstable::scene::{self, Scene, Variable, Variables};
 
 use crate::Failure;
 use crate::limits::LimitArgs;
 use crate::state::StateArgs;
 
-/// A shader and the state it is drawn with, or a scene.
+/// A shader and its pipeline state, or a scene.
 #[derive(Clone, clap::Args)]
 pub struct ShaderArgs {
-    /// A WGSL file with both entry points, or a vertex and a fragment file, or a scene (.toml); `-` is stdin and needs --lang.
+    /// A WGSL file with both entry points, or a vertex and a fragment file, or a scene (.toml); `-`
+    /// is stdin and needs --lang.
     #[arg(required = true, num_args = 1.., value_name = "FILE")]
     pub files: Vec<PathBuf>,
-    /// Language of the input; needed for stdin, otherwise told by the file's ending: .wgsl, and .vert, .vs, .frag, .fs or .glsl for GLSL.
+    /// Language of the input. Required for stdin; default: by the file's ending (.wgsl, or .vert,
+    /// .vs, .frag, .fs or .glsl for GLSL).
     #[arg(long, value_enum)]
     pub lang: Option<Lang>,
-    /// Vertex entry point, where the shader has several.
+    /// Vertex entry point, if the shader has several.
     #[arg(long, value_name = "NAME")]
     pub vertex: Option<String>,
-    /// Fragment entry point, where the shader has several.
+    /// Fragment entry point, if the shader has several.
     #[arg(long, value_name = "NAME")]
     pub fragment: Option<String>,
-    /// Name of the material, default: the file's; of a scene's materials, the one to take.
+    /// Name of the material; default: the file's. With a scene, the material to take.
     #[arg(long)]
     pub name: Option<String>,
     /// Set a variable of a scene; may be given several times.
@@ -47,17 +49,20 @@ pub struct ShaderArgs {
     pub state: StateArgs,
 }
 
-/// How GLSL is read, and WGSL with imports.
+/// Options for GLSL, and for WGSL with imports.
 #[derive(Clone, Default, clap::Args)]
 #[command(next_help_heading = "GLSL, and WGSL with imports")]
 pub struct GlslArgs {
-    /// A folder for #include, after the including file's own, or with the modules of #import and WESL; may be given several times.
+    /// A folder to search for #include (after the including file's own), and for modules of #import
+    /// and WESL; may be given several times.
     #[arg(long, value_name = "DIR")]
     pub include: Vec<PathBuf>,
-    /// Define a macro, as 1 where no value is given, or what #ifdef and @if ask for; may be given several times.
+    /// Define a macro (as 1 without a value), or a condition of #ifdef and @if; may be given
+    /// several times.
     #[arg(long, value_name = "NAME[=VALUE]")]
     pub define: Vec<String>,
-    /// Depth of clip space that positions are written for; default: OpenGL's, but for Vulkan's GLSL.
+    /// Depth range of clip space that the shader writes; default: OpenGL's, or Vulkan's for its
+    /// GLSL.
     #[arg(long, value_enum, value_name = "RANGE")]
     pub clip: Option<Clip>,
 }
@@ -114,33 +119,35 @@ impl From<Lang> for Language {
     }
 }
 
-/// What the files are.
+/// The parsed input.
 pub enum Input {
     /// One material and its state.
     Shader(front::Parsed, MaterialState),
-    /// A scene, under the depth format, direction and samples asked for.
+    /// A scene, with the requested depth format, direction and sample count.
     Scene(Scene),
 }
 
 /// The original plans of materials.
 pub struct Materials {
-    /// Those that are asked for: of a shader its one; of a scene all, or the one that `--name` says.
+    /// The requested ones: a shader's material, or a scene's materials, or the one that `--name`
+    /// selects.
     pub asked: Vec<Plan>,
-    /// All that are drawn in one frame with them, themselves among them.
+    /// All materials of the frame, the requested ones among them.
     pub frame: Vec<Plan>,
-    /// What a scene tells of them without being drawn, as far as the recipe asks.
+    /// Facts that a scene provides without being drawn, as far as the recipe needs them.
     pub known: Facts,
-    /// Files that they were read from.
+    /// Files that were read.
     pub files: Vec<PathBuf>,
 }
 
 impl ShaderArgs {
-    /// The original plan of each material, and what a scene tells the steps of `recipe`.
+    /// The original plan of each material, and the facts for `recipe`.
     pub fn plans(&self, recipe: &Recipe) -> Result<Materials, Failure> {
         self.plans_of(self.input()?, recipe)
     }
 
-    /// The same, where `recipe` specialises with a material for each group of draws that want the same version.
+    /// The same. If `recipe` specialises, each group of draws that needs its own version is a
+    /// material.
     pub fn plans_by_draws(&self, recipe: &Recipe) -> Result<Materials, Failure> {
         let input = match self.input()? {
             Input::Scene(scene) => Input::Scene(measure::grouped_for(scene, recipe)?),
@@ -154,13 +161,7 @@ impl ShaderArgs {
         let (plans, known) = match input {
             Input::Shader(parsed, state) => {
                 files.extend(self.included(&parsed));
-                let plan = Plan::original(
-                    &self.material_name(),
-                    parsed.program,
-                    &parsed.vertex,
-                    parsed.fragment.as_deref(),
-                    &state,
-                );
+                let plan = parsed.plan(&self.material_name(), &state);
                 recipe.check_names(std::slice::from_ref(&plan))?;
                 return Ok(Materials {
                     asked: vec![plan.clone()],
@@ -196,7 +197,7 @@ impl ShaderArgs {
         })
     }
 
-    /// Which effects of its materials a scene's draws call for; none of a shader.
+    /// The effects that a scene's draws use. Empty for a shader.
     pub fn effects(&self) -> Result<Vec<measure::EffectUse>, Failure> {
         Ok(match self.input()? {
             Input::Shader(..) => Vec::new(),
@@ -204,13 +205,13 @@ impl ShaderArgs {
         })
     }
 
-    /// The files that are given by name, stdin apart.
+    /// The given files, without stdin.
     fn given(&self) -> Vec<PathBuf> {
         let files = self.files.iter().chain(&self.state.state);
         files.filter(|f| !is_stdin(f)).cloned().collect()
     }
 
-    /// The files that a command on these arguments reads, whether or not it could.
+    /// The files that a command with these arguments reads, even if it fails.
     pub fn reads(&self) -> Vec<PathBuf> {
         let mut files = self.given();
         match self.input() {
@@ -221,9 +222,9 @@ impl ShaderArgs {
         files
     }
 
-    /// The files that a shader's own ones include.
+    /// The included files of a shader.
     fn included(&self, parsed: &front::Parsed) -> Vec<PathBuf> {
-        // They come after the author's own; a path that was asked for and is not there was looked for elsewhere.
+        // They follow the given files. A missing path was found in another folder.
         let all = parsed.program.sources().files().iter();
         let here = std::env::current_dir().and_then(|d| d.canonicalize());
         let path = |name: &str| {
@@ -247,7 +248,8 @@ impl ShaderArgs {
         found
     }
 
-    /// Whether the files are read well but have no entry point of a stage that a material needs: functions to be included, or a compute shader.
+    /// Whether the files can be parsed but lack an entry point of a material: functions to include,
+    /// or a compute shader.
     pub fn is_no_material(&self) -> bool {
         let parsed = self.sources().map(|sources| {
             let options = self.options();
@@ -266,7 +268,7 @@ impl ShaderArgs {
         self.input_with(&Variables::new())
     }
 
-    /// The variables that `--set` says, and `more`.
+    /// The variables of `--set`, and `more`.
     fn variables(&self, more: &Variables) -> Result<Variables, Failure> {
         let mut all = Variables::new();
         for text in &self.set {
@@ -298,7 +300,7 @@ impl ShaderArgs {
         }
     }
 
-    /// The scene, or one made up for a shader.
+    /// The scene, or a synthesised one for a shader.
     pub fn scene(&self) -> Result<scene::Scene, Failure> {
         self.scene_with(&Variables::new())
     }
@@ -321,18 +323,18 @@ impl ShaderArgs {
         }
     }
 
-    /// Whether a scene is given, and not a shader.
+    /// Whether the input is a scene.
     pub fn is_scene(&self) -> bool {
         self.scene_file().is_some()
     }
 
-    /// The scene among the files, by its ending.
+    /// The scene file, by its ending.
     fn scene_file(&self) -> Option<&Path> {
         let toml = |f: &&PathBuf| f.extension().is_some_and(|e| e == "toml");
         self.files.iter().find(toml).map(PathBuf::as_path)
     }
 
-    /// A scene says itself what belongs to a material: flags would be ignored, so they are refused.
+    /// Refuses flags of a material, since a scene file defines its own.
     fn check_scene_flags(&self) -> Result<(), Failure> {
         let s = &self.state;
         let given = [
@@ -374,7 +376,7 @@ impl ShaderArgs {
         })
     }
 
-    /// How the shader is read.
+    /// Options for the parser.
     fn options(&self) -> Result<front::Options, Failure> {
         Ok(front::Options {
             vertex: self.vertex.clone(),
@@ -393,7 +395,7 @@ impl ShaderArgs {
         files.map(|(i, f)| self.source(f, i)).collect()
     }
 
-    /// Reads the file at place `index` among those given.
+    /// Reads the file at position `index`.
     fn source(&self, path: &Path, index: usize) -> Result<Source, Failure> {
         let language = self.lang.map(Language::from);
         if is_stdin(path) {
@@ -401,7 +403,7 @@ impl ShaderArgs {
                 return Err(Failure("error: stdin has no file name to tell its language from: give --lang wgsl or --lang glsl".to_owned()));
             }
             let mut bytes = Vec::new();
-            // One more than may be, for the front to refuse.
+            // One byte more than the limit, so that the parser refuses it.
             let most = self.limits.limits().source_bytes.saturating_add(1);
             std::io::stdin()
                 .lock()
@@ -412,7 +414,7 @@ impl ShaderArgs {
                 name: "<stdin>".to_owned(),
                 text: utf8(bytes, "stdin")?,
                 language,
-                // No ending tells the stage: of two files the vertex stage comes first.
+                // Without an ending, the first of two files is the vertex stage.
                 stage: (self.files.len() == 2).then_some(match index {
                     0 => ShaderStage::Vertex,
                     _ => ShaderStage::Fragment,
@@ -442,7 +444,7 @@ impl ShaderArgs {
         })
     }
 
-    /// Name of the material: as given, or the file's without the endings for stage and language.
+    /// Name of the material: the given one, or the file's without its endings.
     pub fn material_name(&self) -> String {
         if let Some(name) = &self.name {
             return name.clone();
@@ -460,14 +462,14 @@ impl ShaderArgs {
     }
 }
 
-/// What to do with more files than make a material.
+/// A hint for more files than a material has.
 const EACH_ITS_OWN: &str = "`preshade rewrite .. --out-dir DIR` takes each file as a material of its own, and every shader below a folder";
 
 pub fn is_stdin(path: &Path) -> bool {
     path == Path::new("-")
 }
 
-/// Why a file that a command names is not read.
+/// The error of a file that cannot be read.
 pub fn unread(path: &Path, error: &regular::Error) -> Failure {
     let remedy = match error {
         regular::Error::TooLarge(exceeded) => format!("\n = {}", exceeded.remedy()),

@@ -1,10 +1,10 @@
-//! What is measured so far, kept in the folder of the report while a run goes on: one that is killed leaves it there.
+//! Keeps the results so far in the report's folder. A run that is killed leaves them there.
 
 use std::path::{Path, PathBuf};
 
-use preshade::decide::so_far;
-use preshade::emit::{self, File};
-use preshade::report::{Unfinished, unfinished};
+use preshade::unstable::emit::{self, File};
+use preshade::unstable::measure::record::{Unfinished, unfinished};
+use preshade::unstable::search::plan::so_far;
 
 use crate::{Failure, output};
 
@@ -31,7 +31,7 @@ impl Keeper {
         }
     }
 
-    /// Keeps `text` under `name`, in place of what was there. What cannot be written is told once, and the run goes on.
+    /// Writes `text` to `name`. If that fails, warns once and the run continues.
     pub fn keep(&mut self, name: &str, text: String) {
         let Some(folder) = &self.folder else { return };
         let file = File {
@@ -53,7 +53,7 @@ impl Keeper {
         }
     }
 
-    /// A failure, with the files that have what was measured before it.
+    /// A failure that also names the files with the results so far.
     pub fn named(&self, Failure(mut why): Failure) -> Failure {
         let Some(folder) = &self.folder else {
             return Failure(why);
@@ -69,7 +69,8 @@ impl Keeper {
         Failure(why)
     }
 
-    /// The report is written: nothing is unfinished any more, nor what an earlier run left.
+    /// Removes the files of unfinished runs, this one's and earlier ones', because the report is
+    /// written.
     pub fn done(&self) {
         let Some(folder) = &self.folder else { return };
         let names = self.written.iter().map(String::as_str);

@@ -1,15 +1,16 @@
-//! Scenes measured one after the other: what is measured of each is kept on the way, and one that fails takes no other with it.
+//! Scenes measured one after the other. Keeps the results of each on the way. A failing scene does
+//! not stop the others.
 
 use std::path::Path;
 
-use preshade::decide::{SceneSoFar, Unfinished, so_far};
-use preshade::render::{AdapterChoice, Gpu};
+use preshade::unstable::render::{AdapterChoice, Gpu};
+use preshade::unstable::search::plan::{SceneSoFar, Unfinished, so_far};
 
 use crate::Failure;
 use crate::keeper::Keeper;
 use crate::output;
 
-/// What is known of the scenes of a run.
+/// The results of the scenes of a run.
 pub struct Kept {
     unfinished: Unfinished,
     keeper: Keeper,
@@ -30,7 +31,7 @@ impl Kept {
         }
     }
 
-    /// Keeps what was measured of a scene of this name so far.
+    /// Keeps the results of a scene so far.
     pub fn keep(&mut self, scene: &str, so_far: &SceneSoFar) {
         self.unfinished.take(SceneSoFar {
             scene: scene.to_owned(),
@@ -39,7 +40,7 @@ impl Kept {
         self.write();
     }
 
-    /// Tells why a scene comes to no end; the run goes on with the next one.
+    /// Reports why a scene failed. The run continues with the next one.
     pub fn fail(&mut self, scene: &str, Failure(why): Failure) {
         let why = why.strip_prefix("error: ").unwrap_or(&why).trim_end();
         output::message(&format!("error: {scene}: {why}"));
@@ -55,10 +56,11 @@ impl Kept {
         }
     }
 
-    /// The run is over. Nothing is unfinished any more, unless a scene failed: then what was measured of it stays.
+    /// Ends the run and removes its file, unless a scene failed.
     ///
     /// # Errors
-    /// Which scenes failed.
+    ///
+    /// The scenes that failed.
     pub fn end(&self) -> Result<(), Failure> {
         if self.failed.is_empty() {
             self.keeper.done();
@@ -70,7 +72,7 @@ impl Kept {
         Err(self.keeper.named(Failure(error)))
     }
 
-    /// The failure of a run's only scene, with what is kept of it.
+    /// The failure of a run's only scene, with the files that have its results.
     pub fn named(&self, failure: Failure) -> Failure {
         self.keeper.named(failure)
     }

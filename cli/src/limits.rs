@@ -1,27 +1,28 @@
-//! How much of what others wrote is taken on.
+//! `--limits` and `--allow-outside`: limits on input from strangers.
 
-use preshade::limits::Limits;
-use preshade::scene::{Access, Outside};
+use preshade::unstable::limits::Limits;
+use preshade::unstable::scene::{Access, Outside};
 
-/// Limits on what is read.
+/// Limits on input.
 #[derive(Clone, clap::Args)]
 pub struct LimitArgs {
-    /// Refuse what is larger than this: default, strict (for what strangers wrote; each variant then gets a process of its own, and so many seconds) or none, and NAME=NUMBER
-    /// over them. docs/reference/limits.md lists the names.
+    /// Refuse larger input than this: default, strict (for files from strangers; each variant then
+    /// runs in a process of its own, with a time limit) or none, and NAME=NUMBER over them.
+    /// docs/reference/limits.md lists the names.
     #[arg(long, value_name = "SET,NAME=N,..", value_parser = Limits::parse)]
     limits: Option<Limits>,
-    /// Let a scene's files lie outside of its root folder.
+    /// Allow a scene's files outside of its root folder.
     #[arg(long)]
     allow_outside: bool,
 }
 
 impl LimitArgs {
-    /// Those in force.
+    /// The limits in effect.
     pub fn limits(&self) -> Limits {
         self.limits.unwrap_or_default()
     }
 
-    /// What a scene may reach and ask for.
+    /// A scene's access to files, and its limits.
     pub fn access(&self) -> Access {
         Access {
             outside: match self.allow_outside {

@@ -1,27 +1,28 @@
-//! `preshade plan --lock`: a decision kept for builds without a GPU, in a `preshade.lock` beside each material's shader.
+//! `preshade plan --lock`: keeps a decision in `preshade.lock` beside each material's shader, for
+//! builds without a GPU.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use preshade::decide::Decision;
-use preshade::front::Parsed;
-use preshade::lock::{FILE_NAME, Inputs, Lock, LockError, Locked, Measured};
-use preshade::passes::pass::Facts;
-use preshade::recipe::Recipe;
-use preshade::scene::{Material, Scene};
+use preshade::unstable::front::Parsed;
+use preshade::unstable::lock::{FILE_NAME, Inputs, Lock, LockError, Locked, Measured};
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::recipe::Recipe;
+use preshade::unstable::scene::{Material, Scene};
+use preshade::unstable::search::plan::Decision;
 
 use crate::Failure;
 use crate::output;
 
-/// The lock files beside a scene's shaders, as they were before anything was measured.
+/// The lock files beside a scene's shaders, as read before anything is measured.
 #[derive(Debug, Default)]
 pub struct Locks(BTreeMap<PathBuf, Lock>);
 
 impl Locks {
-    /// Reads them. One that another preshade wrote is told, and will be written anew.
+    /// Reads them. A file of another version is reported and will be replaced.
     ///
     /// # Errors
-    /// One cannot be read, or is none: what stands in it may be somebody's.
+    /// A file cannot be read, or is not a lock file, so that it must not be overwritten.
     pub fn read(scene: &Scene) -> Result<Self, Failure> {
         let mut locks = BTreeMap::new();
         for path in scene.materials.iter().filter_map(beside) {
@@ -48,7 +49,8 @@ impl Locks {
     }
 }
 
-/// Keeps the first plan that `decision` draws with, and tells which files changed. What cannot be kept of a material is told, and the others are.
+/// Keeps the first plan of `decision`, and reports changed files. A material that cannot be kept is
+/// reported; the others are kept.
 pub fn keep(
     scene: &Scene,
     facts: &Facts,
@@ -87,7 +89,7 @@ pub fn keep(
         match lock.write(path) {
             Ok(true) => output::message(&format!("wrote {}", path.display())),
             Ok(false) => output::message(&format!("{} is up to date", path.display())),
-            // The others are kept.
+            // The other files are still written.
             Err(error) => {
                 failed.push(format!("error: {error}"));
                 continue;
@@ -110,7 +112,7 @@ fn beside(material: &Material) -> Option<PathBuf> {
     Some(material.file.as_ref()?.with_file_name(FILE_NAME))
 }
 
-/// Whether anything of a material lies in any view: of one that does not, no figure of the frame speaks.
+/// Whether any view shows the material. If none does, the measurements say nothing about it.
 fn is_seen(decision: &Decision, material: usize) -> bool {
     let mut views = decision.views.iter();
     views.any(|v| v.materials.get(material).is_none_or(|m| m.rasterised > 0.0))
@@ -144,7 +146,7 @@ fn locked(
     )?)
 }
 
-/// What was measured of a plan in the first view; `None` where nothing was timed.
+/// The measurements of a plan in the first view. `None`: nothing was timed.
 fn measured(decision: &Decision, plan: usize) -> Option<Measured> {
     let of = |plan: usize| decision.plans.get(plan)?.by_view.first();
     let (original, variant) = (of(0)?.time_ms.as_ref()?, of(plan)?);

@@ -1,6 +1,7 @@
 //! `preshade` at the command line. One file a subcommand; data on stdout, messages on stderr.
 //!
-//! Exit status: 0 fine (a refusal is fine: the original is kept), 1 a contract broke, 2 bad usage or input.
+//! Exit status: 0 fine (a refusal is fine: the original is kept), 1 a contract broke, 2 bad usage
+//! or input.
 
 use std::ffi::OsString;
 use std::io::IsTerminal;
@@ -11,8 +12,8 @@ use std::sync::OnceLock;
 use clap::parser::ValueSource;
 use clap::{ColorChoice, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use config::{Arguments, Config};
-use preshade::limits::Limits;
-use preshade::nearest::nearest;
+use preshade::unstable::limits::Limits;
+use preshade::unstable::nearest::nearest;
 use watch::Reads;
 
 mod adapters;
@@ -37,14 +38,17 @@ mod output;
 mod passes;
 mod plan;
 mod rewrite;
+mod rewritten;
+mod share;
 mod state;
 mod variable;
+mod variants;
 mod verify;
 mod view;
 mod watch;
 mod worker;
 
-/// Writes faster variants of a material's shaders, and proves each by picture and clock.
+/// Writes faster variants of a material's shaders, and verifies each by rendering and timing it.
 #[derive(Parser)]
 #[command(
     name = "preshade",
@@ -60,22 +64,23 @@ Examples:
   preshade verify lit.wgsl
   preshade verify scene.toml --pass depth-prepass:form=equal --out report/
 
-Data goes to stdout, messages to stderr. A flag goes before the environment (PRESHADE_ADAPTER for
---adapter; `;` between several values), and that before preshade.toml (adapter = \"llvmpipe\", or
-[verify] and then frames = 4); --FLAG=false takes back a switch that these set.
-Exit status: 0 fine (also where a pass is refused: the original is kept), 1 a variant broke its
-contract, 2 bad usage or input."
+Data goes to stdout, messages to stderr. A flag overrides the environment (PRESHADE_ADAPTER for
+--adapter; `;` separates several values), and the environment overrides preshade.toml
+(adapter = \"llvmpipe\", or [verify] and then frames = 4). --FLAG=false resets a switch.
+Exit status: 0 fine (also if a pass is refused: it is skipped), 1 a variant broke its contract, 2
+bad usage or input."
 )]
 struct Cli {
     #[command(subcommand)]
     command: Option<Command>,
-    /// What a code in brackets means: `blended` of `note[depth-prepass/blended]`. Without a code, which there are.
+    /// Explain a code of a message: `blended` for `note[depth-prepass/blended]`. Without a code,
+    /// list all.
     #[arg(long, value_name = "CODE", num_args = 0..=1, default_missing_value = "")]
     explain: Option<String>,
-    /// Colours on stderr; NO_COLOR counts where this is auto.
+    /// Colours on stderr. With auto, NO_COLOR is respected.
     #[arg(long, global = true, value_enum, value_name = "WHEN", default_value_t = Colors::Auto, help_heading = "All commands")]
     color: Colors,
-    /// File with values for flags, in place of `preshade.toml` in the current folder.
+    /// File with values for flags; default: `preshade.toml` in the current folder.
     #[arg(
         long,
         global = true,
@@ -83,15 +88,15 @@ struct Cli {
         help_heading = "All commands"
     )]
     config: Option<PathBuf>,
-    /// Print the value of each flag and where it comes from, and do nothing else.
+    /// Only print the value of each flag and its source.
     #[arg(long, global = true, help_heading = "All commands")]
     print_config: bool,
-    /// Run again whenever a file that was read changes.
+    /// Run again whenever an input file changes.
     #[arg(long, global = true, help_heading = "All commands")]
     watch: bool,
 }
 
-/// When messages are in colour: of itself on a terminal, unless NO_COLOR is set.
+/// When to colour messages. Auto: on a terminal, unless NO_COLOR is set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum Colors {
     Auto,
@@ -99,37 +104,37 @@ enum Colors {
     Never,
 }
 
-/// As `--color` says; set once, before anything is printed in colour.
+/// The value of `--color`, set before anything is printed.
 static COLORS: OnceLock<Colors> = OnceLock::new();
 
 #[derive(Subcommand)]
 enum Command {
-    /// What applies to a shader, what is refused and why, rates and costs.
+    /// Lists the passes that apply to a shader, refusals with their reasons, rates and costs.
     Explain(explain::Args),
-    /// The dataflow graph, as dot or JSON.
+    /// Prints the dataflow graph, as dot or JSON.
     Graph(graph::Args),
-    /// The passes there are, and the parameters of each.
+    /// Lists the passes and their parameters.
     Passes(passes::Args),
     /// Rewrites a shader by a recipe of passes.
     Rewrite(rewrite::Args),
-    /// Draws a scene (or a bare shader) with the original and its variants: error, time, verdict.
+    /// Draws a scene or a shader with the original and its variants: error, time, verdict.
     Verify(verify::Args),
-    /// What a scene calls for on this adapter: per material the passes that pay, chosen by measurement.
+    /// Chooses the passes that pay for each material of a scene on this adapter, by measurement.
     Plan(plan::Args),
-    /// What accuracy costs in time: the recipes that no other beats in both.
+    /// Finds the best recipes by error and time: those that no other recipe beats in both.
     Explore(explore::Args),
-    /// What can be measured on.
+    /// Lists the adapters of this machine.
     Adapters(adapters::Args),
-    /// The frozen hand-written shaders beside what preshade makes of the same forward entry points.
+    /// Compares frozen hand-written shaders with preshade's variants of the same entry points.
     Bench(bench::Args),
-    /// A script that completes preshade's commands and flags in a shell.
+    /// Prints a completion script for a shell.
     Completions(completions::Args),
-    /// The manual pages.
+    /// Prints the manual pages.
     Man(man::Args),
 }
 
 impl Command {
-    /// Does what it says; `config` is the file that flags were taken from.
+    /// Runs the command. `config` is the configuration file.
     fn run(&self, config: Option<&Path>) -> Result<Outcome, Failure> {
         match self {
             Self::Explain(a) => explain::run(a),
@@ -146,7 +151,7 @@ impl Command {
         }
     }
 
-    /// How much of what others wrote it takes on, where it reads any.
+    /// Limits on its input, if it reads any.
     fn limits(&self) -> Option<Limits> {
         let limits = match self {
             Self::Explain(a) => &a.shader.limits,
@@ -160,7 +165,7 @@ impl Command {
         Some(limits.limits())
     }
 
-    /// What it reads; `None` where that is stdin, or nothing that could change.
+    /// Its input files. `None`: stdin, or nothing that could change.
     fn reads(&self) -> Option<Reads> {
         let shader = match self {
             Self::Explain(a) => &a.shader,
@@ -185,26 +190,26 @@ impl Command {
     }
 }
 
-/// How a command ended, apart from bad usage or input.
+/// How a command ended, unless it failed.
 pub enum Outcome {
-    /// All is well.
+    /// Success.
     Fine,
     /// A variant broke its contract.
     ContractBroken,
 }
 
-/// Bad usage or input: a message that is already fit to print.
+/// Bad usage or input, as a message to print.
 #[derive(Debug)]
 pub struct Failure(pub String);
 
 impl Failure {
-    /// There is no `what` of that name: the nearest one, and all there are.
+    /// There is no `what` of that name. Suggests the nearest name, and lists all.
     pub fn unknown(what: &str, name: &str, known: &[&str]) -> Self {
         Self(format!("error: {}", unknown(what, name, known)))
     }
 }
 
-/// As [`Failure::unknown`], for the argument parser, which says `error:` itself.
+/// As [`Failure::unknown`], for the argument parser, which prints `error:` itself.
 pub fn unknown(what: &str, name: &str, known: &[&str]) -> String {
     let near = nearest(name, known.iter().copied())
         .map(|n| format!(" (did you mean `{n}`?)"))
@@ -234,7 +239,7 @@ impl<E: std::error::Error + 'static> From<E> for Failure {
 /// Output form of commands that print data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Format {
-    /// For reading.
+    /// For people.
     Human,
     /// For programs.
     Json,
@@ -243,7 +248,7 @@ pub enum Format {
 /// Output form of commands whose data is a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Table {
-    /// For reading.
+    /// For people.
     Human,
     /// For programs.
     Json,
@@ -251,7 +256,7 @@ pub enum Table {
     Csv,
 }
 
-/// Whether stderr takes colour.
+/// Whether messages on stderr are coloured.
 pub fn color_on_stderr() -> bool {
     match COLORS.get() {
         Some(Colors::Always) => true,
@@ -263,8 +268,8 @@ pub fn color_on_stderr() -> bool {
     }
 }
 
-/// Keeps Mesa's device-select layer from looking for a Wayland display where there is none, which it complains of on stderr: nothing is
-/// shown on a screen, and adapters are sorted by kind here.
+/// Keeps Mesa's device-select layer from looking for a Wayland display, which prints errors if
+/// there is none. Nothing is shown on a screen, and preshade sorts adapters itself.
 fn keep_drivers_quiet() {
     const ABOUT_DISPLAYS: [&str; 4] = [
         "XDG_RUNTIME_DIR",
@@ -273,7 +278,7 @@ fn keep_drivers_quiet() {
         "NODEVICE_SELECT",
     ];
     if cfg!(target_os = "linux") && ABOUT_DISPLAYS.iter().all(|v| std::env::var_os(v).is_none()) {
-        // SAFETY: called first thing in `main`, while this is the only thread.
+        // SAFETY: called first in `main`, while this is the only thread.
         #[allow(unsafe_code)]
         unsafe {
             std::env::set_var("NODEVICE_SELECT", "1");
@@ -293,7 +298,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// What there is to say, in the colours that are asked for.
+/// A message in the requested colours.
 fn command_line() -> clap::Command {
     Cli::command().color(match COLORS.get() {
         Some(Colors::Always) => ColorChoice::Always,
@@ -302,7 +307,7 @@ fn command_line() -> clap::Command {
     })
 }
 
-/// Reads the command line over the environment over the configuration, and does what they say.
+/// Reads the command line, the environment and the configuration, and runs the command.
 fn run(arguments: &[OsString]) -> Result<Outcome, Failure> {
     if worker::mine().is_none() {
         let names = std::env::vars_os().map(|(name, _)| name);
@@ -337,7 +342,7 @@ fn run(arguments: &[OsString]) -> Result<Outcome, Failure> {
         bounded::start(&limits, wants_json(&matches));
     }
     let is_asked = matches.value_source("watch") == Some(ValueSource::CommandLine);
-    // To be watched it is read once more than to be run.
+    // `--watch` parses the command line again in each round.
     let watched = cli.watch.then(|| wanted.reads());
     match watched {
         Some(Some(_)) => watch::run(|| round(&arguments)),
@@ -352,7 +357,7 @@ fn run(arguments: &[OsString]) -> Result<Outcome, Failure> {
     }
 }
 
-/// Whether a command's data is asked for as JSON.
+/// Whether the requested output form is JSON.
 fn wants_json(matches: &clap::ArgMatches) -> bool {
     let Some((_, of_it)) = matches.subcommand() else {
         return false;
@@ -365,7 +370,7 @@ fn no_command() -> Failure {
     Failure("error: no command is given; see `preshade --help`".to_owned())
 }
 
-/// A command line with the values of the environment and of the file.
+/// The command line with the values of the environment and the file.
 struct CommandLine {
     cli: Cli,
     command: clap::Command,
@@ -373,9 +378,9 @@ struct CommandLine {
     config: Config,
 }
 
-/// Reads a command line; help and versions are printed here, and end the process.
+/// Parses the command line. Help and version are printed here, and end the process.
 fn read(arguments: &Arguments) -> Result<CommandLine, Failure> {
-    // These must not rest on what is in a file.
+    // These must work whatever the file contains.
     let plain = command_line().try_get_matches_from(&arguments.words);
     let needs_no_file = match &plain {
         Err(error) if !error.use_stderr() => error.exit(),
@@ -415,7 +420,7 @@ fn read(arguments: &Arguments) -> Result<CommandLine, Failure> {
     })
 }
 
-/// A round of `--watch`: what is read, the file with values for flags too, and what is then done.
+/// A round of `--watch`: the input files with the configuration file, and the command.
 fn round(
     arguments: &Arguments,
 ) -> Result<(Reads, impl FnOnce() -> Result<Outcome, Failure> + use<>), Failure> {

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap_mangen::Man;
-use preshade::emit::{self, File};
+use preshade::unstable::emit::{self, File};
 
 use crate::output;
 use crate::{Failure, Outcome};

@@ -1,40 +1,42 @@
-//! Many materials in one process: which of the files given make one, and where below `--out-dir` it goes.
+//! Many materials in one process: groups the given files by material, and places each below
+//! `--out-dir`.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
 use std::path::{Component, Path, PathBuf};
 
-use preshade::passes::pass::Refusal;
+use preshade::unstable::passes::pass::Refusal;
 
 use crate::input::{ShaderArgs, is_stdin};
 use crate::{Failure, config};
 
 /// One material, or the materials of one scene.
 pub struct Job {
-    /// What to read.
+    /// The input.
     pub shader: ShaderArgs,
     /// Folder to write to.
     pub folder: Option<PathBuf>,
-    /// Whose choice the files are.
+    /// How the files were chosen.
     pub chosen: Chosen,
 }
 
-/// How the files of a job came to be taken.
+/// How the files of a job were chosen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Chosen {
-    /// They are given by name.
+    /// By name.
     Given,
-    /// They lie below a folder that is: some may be no materials.
+    /// In a given folder, which may contain other files than materials.
     Found,
 }
 
-/// A job for each material among the files of `shader`, folders searched. A vertex and a fragment file of one name and folder are one material. The folders below `out`
-/// are those of the files as they were given, or below the one folder that was given.
+/// A job for each material among the files of `shader` and in its folders. A vertex and a fragment
+/// file with the same name and folder are one material. Below `out`, files keep their given paths,
+/// or their paths below the one given folder.
 ///
 /// # Errors
 /// A folder cannot be read, or there is no shader.
 pub fn jobs(shader: &ShaderArgs, out: &Path) -> Result<Vec<Job>, Failure> {
-    // By the folder below `out`, the folder as given, and the name.
+    // By the folder below `out`, the given folder, and the name.
     type Key = (PathBuf, PathBuf, Name);
     let mut materials: BTreeMap<Key, (Chosen, Vec<PathBuf>)> = BTreeMap::new();
     let mut add = |to: PathBuf, chosen: Chosen, file: PathBuf| {
@@ -56,7 +58,7 @@ pub fn jobs(shader: &ShaderArgs, out: &Path) -> Result<Vec<Job>, Failure> {
         }
         let found =
             found(file, out).map_err(|e| Failure(format!("error: {}: {e}", file.display())))?;
-        // What a folder is called tells it from the others that are given.
+        // Its name distinguishes it from the other given folders.
         let root = match shader.files.len() {
             1 => PathBuf::new(),
             _ => below(file),
@@ -91,26 +93,26 @@ pub fn jobs(shader: &ShaderArgs, out: &Path) -> Result<Vec<Job>, Failure> {
     Ok(jobs.collect())
 }
 
-/// What became of many materials.
+/// Results of many materials.
 #[derive(Default)]
 pub struct Sum {
     rewritten: usize,
-    /// Those that no pass was applied to.
+    /// Materials without an applied pass.
     kept: usize,
-    /// Jobs of which something could not be read or written.
+    /// Jobs that failed to read or write something.
     pub failed: usize,
-    /// Files found in a folder that are no material.
+    /// Files in a folder that are not materials.
     pub no_material: usize,
-    /// By code.
+    /// Number of refusals by code.
     refused: BTreeMap<String, usize>,
     /// Files that changed.
     pub written: usize,
-    /// Files that did not.
+    /// Files that did not change.
     pub up_to_date: usize,
 }
 
 impl Sum {
-    /// Counts a material that was written: whether a pass was applied, and what was refused.
+    /// Counts a written material, and its refusals.
     pub fn add(&mut self, was_rewritten: bool, refusals: &[Refusal]) {
         match was_rewritten {
             true => self.rewritten += 1,
@@ -122,7 +124,7 @@ impl Sum {
         }
     }
 
-    /// In one line.
+    /// A summary in one line.
     pub fn line(&self) -> String {
         let mut parts = vec![format!("{} rewritten", self.rewritten)];
         if self.kept > 0 {
@@ -152,7 +154,7 @@ impl Sum {
     }
 }
 
-/// A message with the files that it is of, where it names none of them.
+/// A message with the job's files, unless it names one of them.
 pub fn of_files(message: &str, job: &Job) -> String {
     let files = job.shader.files.iter().map(|f| f.display().to_string());
     let files: Vec<String> = files.collect();
@@ -162,7 +164,7 @@ pub fn of_files(message: &str, job: &Job) -> String {
     }
 }
 
-/// The part of a path that can be made again below another folder.
+/// The part of a path that can be repeated below another folder.
 fn below(path: &Path) -> PathBuf {
     let normal = path
         .components()
@@ -173,7 +175,7 @@ fn below(path: &Path) -> PathBuf {
     }
 }
 
-/// Endings that say a stage, before the language's where there is one.
+/// Endings for stages. The language's ending may follow.
 const STAGES: [&str; 4] = ["vert", "frag", "vs", "fs"];
 
 fn ending(path: &Path) -> &str {
@@ -182,12 +184,12 @@ fn ending(path: &Path) -> &str {
         .unwrap_or_default()
 }
 
-/// What files of one material have in common.
+/// The common name of a material's files.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Name {
-    /// A file that names no stage has all of them.
+    /// A file with all stages.
     Whole(String),
-    /// The name without the stage, but with the language, so that a WGSL and a GLSL file of one name are two.
+    /// The name without the stage, but with the language: a WGSL and a GLSL file are two materials.
     Stages(String),
 }
 
@@ -199,7 +201,7 @@ fn name(file: &Path) -> Name {
             .into_owned()
     };
     if is_stdin(file) {
-        // As two stages, where it is given twice: the reader refuses that.
+        // Given twice, it is two stages, which the reader refuses.
         return Name::Stages("-".to_owned());
     }
     let (stem, last) = (name(file), ending(file));
@@ -220,7 +222,7 @@ fn vertex_first(mut files: Vec<PathBuf>) -> Vec<PathBuf> {
     files
 }
 
-/// The scenes given, each folder standing for the scenes in it, by name.
+/// The given scenes, and the scenes in given folders, sorted by name.
 ///
 /// # Errors
 /// A folder cannot be read, or has no scene.
@@ -248,12 +250,12 @@ pub fn scenes(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     Ok(all)
 }
 
-/// Whether a file is a scene by its name, which that of the flags' values is not.
+/// Whether a file is a scene, and not the configuration file.
 pub fn is_scene(path: &Path) -> bool {
     ending(path) == "toml" && path.file_name() != Some(config::FILE.as_ref())
 }
 
-/// Refuses scenes whose folders below one `--out` would be the same.
+/// Refuses scenes that would share a folder below `--out`.
 pub fn told_apart(scenes: &[PathBuf]) -> Result<(), Failure> {
     let mut seen: BTreeMap<&OsStr, &PathBuf> = BTreeMap::new();
     for scene in scenes {
@@ -270,12 +272,12 @@ pub fn told_apart(scenes: &[PathBuf]) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Where below `out` one of several scenes goes.
+/// The folder of a scene below `out`.
 pub fn folder_of(out: &Path, scene: &Path) -> PathBuf {
     out.join(scene.file_stem().unwrap_or_default())
 }
 
-/// Whether a file's ending is a shader's.
+/// Whether a file is a shader by its ending.
 pub fn is_shader(path: &Path) -> bool {
     let ending = ending(path);
     ["wgsl", "glsl", "slang"].contains(&ending)
@@ -283,12 +285,12 @@ pub fn is_shader(path: &Path) -> bool {
         || (cfg!(feature = "wesl") && ending == "wesl")
 }
 
-/// The shader files below a folder, in order, but for what lies below `out`: that is what was made of them. A link to a folder is followed where it leads out of the tree, and each
-/// folder is searched once.
+/// The shader files below a folder, sorted, except for those below `out`, which are our own output.
+/// Links to folders outside of the tree are followed, and each folder is searched once.
 fn found(folder: &Path, out: &Path) -> std::io::Result<Vec<PathBuf>> {
     let root = folder.canonicalize()?;
     let mut seen = BTreeSet::from([root.clone()]);
-    // There is none before the first run.
+    // It does not exist before the first run.
     seen.extend(out.canonicalize().ok().filter(|out| *out != root));
     let (mut found, mut folders) = (Vec::new(), vec![folder.to_owned()]);
     while let Some(folder) = folders.pop() {

@@ -1,4 +1,4 @@
-//! Data onto stdout, messages and progress onto stderr.
+//! Output: data to stdout, messages and progress to stderr.
 
 use std::cell::{Cell, RefCell};
 use std::io::{self, ErrorKind, IsTerminal, Write};
@@ -7,23 +7,23 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
-use preshade::report::plain::is_obeyed;
+use preshade::unstable::report::plain::is_obeyed;
 
 use crate::{Failure, bounded, worker};
 
 /// Whether anything was printed to stdout.
 static HAS_DATA: AtomicBool = AtomicBool::new(false);
 
-/// Prints what went wrong to stdout as JSON, where nothing is there yet: whoever reads JSON is not left without.
+/// Prints an error to stdout as JSON if nothing was printed yet, for readers of JSON.
 pub fn failed(message: &str) {
     if HAS_DATA.load(Ordering::Relaxed) {
         return;
     }
-    // The status tells of the failure in any case.
+    // The exit status reports the failure anyway.
     let _ = json(&serde_json::json!({ "schema": "preshade.error.v1", "errors": [message] }));
 }
 
-/// Prints `text` to stdout, with a newline at its end. A reader that has seen enough and closed the pipe (`| head -1`) is no failure.
+/// Prints `text` to stdout, with a newline at its end. A closed pipe (`| head -1`) is not a failure.
 pub fn data(text: &str) -> Result<(), Failure> {
     HAS_DATA.store(true, Ordering::Relaxed);
     let mut out = io::stdout().lock();
@@ -38,12 +38,13 @@ pub fn data(text: &str) -> Result<(), Failure> {
     }
 }
 
-/// Prints a table, in which names of others may stand, as [`data`].
+/// Prints a table, which may contain names from strangers, as [`data`].
 pub fn table(text: &str) -> Result<(), Failure> {
     data(&plain(text))
 }
 
-/// The text with what a terminal would obey told as a number: control characters, and those that turn the direction of writing. Lines, tabs and our own colours stay.
+/// Escapes characters that a terminal interprets: control characters, and those that change the
+/// direction of text. Newlines, tabs and our own colours are kept.
 fn plain(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     let mut rest = text;
@@ -71,7 +72,8 @@ pub fn json(value: &impl serde::Serialize) -> Result<(), Failure> {
     data(&serde_json::to_string_pretty(value)?)
 }
 
-/// What is told twice, on stdout and in a folder: where one of them fails the other stands, and is named.
+/// Combines the results of printing and of writing to a folder. If one fails, the message names the
+/// other output.
 ///
 /// # Errors
 /// Those of either.
@@ -104,25 +106,25 @@ pub fn count(n: usize, what: &str) -> String {
     }
 }
 
-/// Prints a message to stderr; one that nobody reads is dropped.
+/// Prints a message to stderr. Errors are ignored.
 pub fn message(text: &str) {
     let _ = writeln!(io::stderr().lock(), "{}", plain(text.trim_end()));
 }
 
-/// How long a command that draws no bar is silent.
+/// Interval of progress messages without a bar.
 const SILENCE: Duration = Duration::from_secs(10);
 
-/// How far a command is: a bar on a terminal; where messages go elsewhere a line now and then, so that what takes long is not taken for stuck.
+/// Progress of a command: a bar on a terminal, otherwise a line from time to time.
 pub struct Progress {
     bar: Option<ProgressBar>,
     began: Instant,
     told: Cell<Instant>,
     what: RefCell<String>,
-    /// Of 1000.
+    /// Steps done, of 1000.
     done: Cell<u64>,
 }
 
-/// Progress that begins now, of 1000 steps.
+/// Starts progress of 1000 steps.
 pub fn bar() -> Progress {
     let bar = io::stderr().is_terminal().then(|| {
         let bar = ProgressBar::new(1000);
@@ -141,7 +143,7 @@ pub fn bar() -> Progress {
 }
 
 impl Progress {
-    /// What is done now.
+    /// Sets the current activity.
     pub fn set_message(&self, what: impl Into<String>) {
         let what = what.into();
         match &self.bar {
@@ -153,7 +155,7 @@ impl Progress {
         }
     }
 
-    /// How much of it is done, of 1000.
+    /// Sets the number of steps done, of 1000.
     pub fn set_position(&self, done: u64) {
         bounded::step();
         match &self.bar {
@@ -165,7 +167,7 @@ impl Progress {
         }
     }
 
-    /// Begins anew, for something else that takes as long.
+    /// Starts again from 0.
     pub fn reset(&self) {
         match &self.bar {
             Some(bar) => bar.reset(),
@@ -173,7 +175,7 @@ impl Progress {
         }
     }
 
-    /// Does `work`, which prints, while no bar is in the way.
+    /// Hides the bar while `work` prints.
     pub fn suspend(&self, work: impl FnOnce()) {
         match &self.bar {
             Some(bar) => bar.suspend(work),
@@ -181,14 +183,14 @@ impl Progress {
         }
     }
 
-    /// Takes the bar away.
+    /// Removes the bar.
     pub fn finish_and_clear(&self) {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
     }
 
-    /// A line, where the last one is long ago. A process that measures for another one leaves that to it.
+    /// Prints a line if the last one is long ago. A worker process prints none.
     fn tell(&self) {
         if self.told.get().elapsed() < SILENCE || worker::mine().is_some() {
             return;

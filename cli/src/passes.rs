@@ -1,9 +1,9 @@
-//! `preshade passes`: the transforms there are and what each takes.
+//! `preshade passes`: lists the passes and their parameters.
 
 use std::fmt::Write;
 
-use preshade::parameters::{Parameter, parameters};
-use preshade::passes::{PASSES, pass_named};
+use preshade::unstable::parameters::{Parameter, parameters};
+use preshade::unstable::passes::{PASSES, pass_named};
 use serde::Serialize;
 
 use crate::output;
@@ -121,7 +121,7 @@ fn details(pass: &PassListed) -> String {
     text
 }
 
-/// `:name=value` of the first choice that is not the default.
+/// `:name=value` with the first choice that is not the default.
 fn example(parameters: &[Parameter]) -> String {
     parameters
         .iter()

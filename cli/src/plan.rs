@@ -1,25 +1,27 @@
-//! `preshade plan`: what a scene calls for on an adapter, material by material, chosen by measurement.
+//! `preshade plan`: decides by measurement which recipe each material of a scene needs on an
+//! adapter.
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use preshade::decide::{
-    self, Decision, Exhausted, Hold, Model, RegretReport, SceneSoFar, Settings, Timed,
+use preshade::unstable::emit;
+use preshade::unstable::front::{self, Source};
+use preshade::unstable::measure::{self, EffectUse, Session, TimingSettings, Variant};
+use preshade::unstable::passes::budget::Budget;
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::specialize;
+use preshade::unstable::passes::state::MaterialState;
+use preshade::unstable::recipe::Recipe;
+use preshade::unstable::regular;
+use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade::unstable::report;
+use preshade::unstable::report::html::plan::Redrawn;
+use preshade::unstable::scene::{self, DrawOrder, Scene, Variable, Variables};
+use preshade::unstable::search::plan::{
+    self as decide, Decision, Exhausted, Hold, Model, RegretReport, SceneSoFar, Settings, Timed,
 };
-use preshade::emit;
-use preshade::front::{self, Source};
-use preshade::measure::{self, EffectUse, TimingSettings, Variant};
-use preshade::passes::pass::Facts;
-use preshade::passes::plan::Plan;
-use preshade::passes::specialize;
-use preshade::passes::state::MaterialState;
-use preshade::recipe::Recipe;
-use preshade::regular;
-use preshade::render::{AdapterChoice, Gpu, ShaderForm};
-use preshade::report::html::plan::Drawn;
-use preshade::report::{self, Budget};
-use preshade::scene::{self, DrawOrder, Scene, Variable, Variables};
 
 use crate::input::unread;
 use crate::kept::{Kept, reopened};
@@ -125,7 +127,7 @@ impl Args {
 enum TimeArg {
     /// Predictions only.
     No,
-    /// What the choice rests on.
+    /// Everything the choice depends on.
     Yes,
 }
 
@@ -169,7 +171,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         let kept = Kept::new(args.out.as_deref(), &gpu, names.collect());
         return exhaustive(args, &scenes, (gpu, &choice), kept, &bar);
     }
-    // What cannot be read is told before anything is drawn; of several scenes the others are planned.
+    // Scenes that cannot be read are reported before anything is drawn. The others are planned.
     let read = |path: &PathBuf| {
         let scene = scene(args, path)?;
         let mut written = scene.materials.iter().filter(|_| args.out.is_some());
@@ -240,8 +242,9 @@ fn one(
     let effects = measure::effects(&scene).unwrap_or_default();
     let scene = grouped(args, scene)?;
     let settings = settings(args, model);
-    let (recipes, facts) = prepare(args, gpu, &scene, bar)?;
-    let decision = decide::decide(gpu, &scene, &recipes, &facts, &settings, &mut |p| {
+    let session = Session::new(gpu, &scene, ShaderForm::Text)?;
+    let (recipes, facts) = prepare(args, &session, bar)?;
+    let decision = decide::decide(&session, &recipes, &facts, &settings, &mut |p| {
         bar.set_position((p.done * 1000.0) as u64);
         bar.set_message(p.what);
         p.so_far.into_iter().for_each(&mut *keep);
@@ -249,18 +252,18 @@ fn one(
     bar.finish_and_clear();
     let json = decision.to_json()?;
     let printed = match args.format {
-        Table::Human => output::table(&decide::table::render(&decision)),
+        Table::Human => output::table(&report::decision::render(&decision)),
         Table::Json => output::data(&json),
         Table::Csv => output::data(&report::csv::decision(&decision)),
     };
     let written = || -> Result<(), Failure> {
         let Some(dir) = out else { return Ok(()) };
         let planned = Planned {
-            scene: &scene,
+            session: &session,
             facts: &facts,
             decision: &decision,
         };
-        let page = planned.page(gpu, &effects)?;
+        let page = planned.page(&effects)?;
         planned.write(dir, json, page)
     };
     output::both(printed, written(), out)?;
@@ -293,12 +296,13 @@ fn exhaustive(
         let start = Instant::now();
         let measured = scene(args, path).and_then(|scene| {
             let scene = grouped(args, scene)?;
-            let (recipes, facts) = prepare(args, &gpu, &scene, bar)?;
+            let session = Session::new(&gpu, &scene, ShaderForm::Text)?;
+            let (recipes, facts) = prepare(args, &session, bar)?;
             let mut progress = |p: decide::Progress<'_>| {
                 let so_far = p.so_far.into_iter();
                 so_far.for_each(|so_far| kept.keep(&whole, so_far));
             };
-            let found = decide::exhaust(&gpu, &scene, &recipes, &facts, &settings, &mut progress);
+            let found = decide::exhaust(&session, &recipes, &facts, &settings, &mut progress);
             Ok(found?)
         });
         let spent = start.elapsed().as_secs_f64();
@@ -315,7 +319,7 @@ fn exhaustive(
                     ..measured
                 });
             }
-            // One scene that this adapter cannot draw is told, and no reason to lose the others.
+            // A scene that this adapter cannot draw is reported and does not stop the others.
             Err(failure) => {
                 failed.push((name.into_owned(), failure.0.clone()));
                 bar.suspend(|| kept.fail(&whole, failure));
@@ -355,7 +359,6 @@ fn exhaustive(
 
 fn settings<'a>(args: &Args, model: &'a Model) -> Settings<'a> {
     Settings {
-        form: ShaderForm::Text,
         timed: match args.time {
             TimeArg::No => Timed::No,
             TimeArg::Yes => Timed::Yes,
@@ -378,7 +381,8 @@ fn settings<'a>(args: &Args, model: &'a Model) -> Settings<'a> {
     }
 }
 
-/// The cost model: read, or fitted to the built-in probes, and then kept where that is asked for.
+/// The cost model: read from a file, or fitted to the built-in probes and then written if
+/// requested.
 fn model(
     args: &Args,
     gpu: &Gpu,
@@ -418,22 +422,20 @@ fn model(
     Ok((model, observations))
 }
 
-/// The recipes to weigh, with whatever they leave to measurement chosen, and what is known of the scene.
+/// The recipes to try, with measured choices made, and the facts of the scene.
 fn prepare(
     args: &Args,
-    gpu: &Gpu,
-    scene: &Scene,
+    session: &Session<'_>,
     bar: &Progress,
 ) -> Result<(Vec<Recipe>, Facts), Failure> {
-    let form = ShaderForm::Text;
     bar.set_message("looking for depth ties");
-    let mut facts = measure::facts(gpu, scene, form, measure::counting)?;
+    let mut facts = measure::facts(session)?;
     let recipes = decide::recipes(args.budget)?;
     if !recipes.iter().any(measure::leaves_a_choice) {
         return Ok((recipes, facts));
     }
     bar.set_message("measuring what can be interpolated");
-    facts.frequencies = measure::frequencies(gpu, scene, &facts, form, &mut |done| {
+    facts.frequencies = measure::frequencies(session, &facts, &mut |done| {
         bar.set_position((done * 1000.0) as u64);
         bar.set_message(format!(
             "measuring what can be interpolated, {:.0} %",
@@ -446,7 +448,7 @@ fn prepare(
         .map(|recipe| match measure::leaves_a_choice(&recipe) {
             true => {
                 bar.set_message(format!("choosing within the budget of {recipe}"));
-                measure::within_budget(gpu, scene, &recipe, &facts, form)
+                measure::within_budget(session, &recipe, &facts)
             }
             false => Ok(recipe),
         })
@@ -494,7 +496,8 @@ fn scene(args: &Args, path: &Path) -> Result<Scene, Failure> {
     Ok(scene)
 }
 
-/// The scene with draws of a material that want different versions made materials of their own, which are decided on apart.
+/// Splits the draws of a material that need different versions into materials of their own, which
+/// get their own decisions.
 fn grouped(args: &Args, scene: Scene) -> Result<Scene, Failure> {
     match args.lock {
         true => Ok(scene),
@@ -506,9 +509,9 @@ fn grouped(args: &Args, scene: Scene) -> Result<Scene, Failure> {
     }
 }
 
-/// What was decided, and what it was decided on.
+/// A decision and its inputs.
 struct Planned<'a> {
-    scene: &'a Scene,
+    session: &'a Session<'a>,
     facts: &'a Facts,
     decision: &'a Decision,
 }
@@ -525,7 +528,7 @@ impl Planned<'_> {
             let plan = recipe.apply(original, self.facts);
             plan.map_err(|r| Failure(format!("error: {r}")))
         };
-        measure::originals(self.scene).iter().map(of).collect()
+        self.session.originals().iter().map(of).collect()
     }
 
     /// The plans that the policy draws with, but for the original.
@@ -549,35 +552,34 @@ impl Planned<'_> {
         drawn.into_iter().map(variant).collect()
     }
 
-    /// The page. What is drawn with is drawn once more for its pictures.
-    fn page(&self, gpu: &Gpu, effects: &[EffectUse]) -> Result<String, Failure> {
+    /// The page. Draws the chosen plans once more for their pictures.
+    fn page(&self, effects: &[EffectUse]) -> Result<String, Failure> {
         let variants = self.variants()?;
         let settings = measure::Settings {
-            form: ShaderForm::Text,
             timed: measure::Timed::No,
             timing: TimingSettings::default(),
             frames_per_camera: 1,
-            count: &measure::counting,
             command: self.decision.command.clone(),
         };
         let outcome = match variants.is_empty() {
             true => None,
             // Without pictures it is still a report.
-            false => measure::verify(gpu, self.scene, &variants, &settings, &mut |_| ()).ok(),
+            false => measure::verify(self.session, &variants, &settings, &mut |_| ()).ok(),
         };
-        let drawn = Drawn {
+        let drawn = Redrawn {
             variants: &variants,
             outcome: outcome.as_ref(),
         };
         Ok(report::html::plan::page(
             self.decision,
             drawn,
-            self.scene,
+            self.session.scene(),
             effects,
         )?)
     }
 
-    /// Writes the shaders and `plan.json` of each plan that the policy draws with, and what tells of the decision. Where there are several, each has a folder.
+    /// Writes the shaders and `plan.json` of each plan of the policy, and the reports. Several
+    /// plans have a folder each.
     fn write(&self, dir: &Path, json: String, page: String) -> Result<(), Failure> {
         let told = |name: &str, text: String| emit::File {
             name: name.to_owned(),

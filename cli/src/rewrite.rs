@@ -1,27 +1,26 @@
-//! `preshade rewrite`: a recipe applied, the shaders and the plan written.
+//! `preshade rewrite`: applies a recipe, and writes the shaders and the plan.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-use preshade::emit::{self, Target};
-use preshade::measure::validate_on;
-use preshade::passes::contract::Contract;
-use preshade::passes::neighbours;
-use preshade::passes::pass::{AnyPass, Facts, Refusal};
-use preshade::passes::plan::Plan;
-use preshade::passes::validate::{Check, Effort, Verdict, validate};
-use preshade::passes::{PASSES, pass_named};
-use preshade::recipe::{Recipe, Step};
-use preshade::render::{AdapterChoice, Gpu};
+use preshade::unstable::emit::{self, Target};
+use preshade::unstable::measure::validate_on;
+use preshade::unstable::passes::pass::{AnyPass, Facts, Refusal};
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::validate::{Check, Effort, Verdict, validate};
+use preshade::unstable::passes::{PASSES, pass_named};
+use preshade::unstable::pipeline::{self, Applied, Frame};
+use preshade::unstable::recipe::{Recipe, Step};
+use preshade::unstable::render::{AdapterChoice, Gpu};
 use rayon::prelude::*;
-use serde::Serialize;
 
 use crate::depfile;
 use crate::input::{Materials, ShaderArgs};
 use crate::many::{self, Chosen, Job, Sum};
 use crate::output;
+use crate::rewritten::{Content, Made, OnAdapter, Report, Rewritten, Times, Written};
 use crate::watch::Reads;
 use crate::{Failure, Format, Outcome, unknown};
 
@@ -36,47 +35,46 @@ Examples:
   preshade rewrite shaders/ --pass depth-prepass --out-dir out/        every shader below a folder
   preshade rewrite - --lang wgsl --pass depth-prepass < lit.wgsl
 
-A pass that does not apply is told on stderr with its reason, and the material is written without
-it. `preshade passes` lists the passes. A target that cannot say what a material does is told on
-stderr with its reason; the other targets are written, plan.json names those alone, and the exit
-status is 2. The files of a material are written whole or not at all. What an earlier run wrote for
-a shader, a pass or a target that is not there any more is left: plan.json names what belongs to it.")]
+A refused pass is skipped, and reported on stderr with its reason. `preshade passes` lists the
+passes. A target that cannot express a material is reported too; the other targets are written, and
+the exit status is 2. The files of a material are written all or none. Files of an earlier run are
+not removed: plan.json lists the current ones.")]
 pub struct Args {
     /// A pass of the recipe, in order: `depth-prepass`, `early-discard:quad=lane,budget=0.02` and so on.
     #[arg(long = "pass", value_name = "NAME[:k=v,..]")]
     passes: Vec<String>,
-    /// What to write, separated by commas; `plan.json` comes with it.
+    /// Targets to write, separated by commas, beside `plan.json`.
     #[arg(long, value_enum, value_delimiter = ',', default_value = "wgsl")]
     emit: Vec<EmitTarget>,
-    /// Folder to write to, made if it is not there; without it the texts and the plan go to stdout.
+    /// Folder to write to, created if necessary. Without it, shaders and plan go to stdout.
     #[arg(short, long, alias = "output", value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Take each FILE as a material of its own, and every shader below each that is a folder; write below this folder, in the same tree, or in one for each of several folders.
+    /// Rewrite each FILE as a material of its own, and every shader below a folder. Writes below this folder, in the same tree; several input folders get a folder each.
     #[arg(long, value_name = "DIR", conflicts_with = "out")]
     out_dir: Option<PathBuf>,
-    /// Write which files were read for which, in the form of a Makefile's rule.
+    /// Write the dependencies of the written files, as a Makefile rule.
     #[arg(long, value_name = "FILE")]
     depfile: Option<PathBuf>,
-    /// Print the WGSL after this pass to stderr, or after each of them: `all`.
+    /// Print the WGSL after this pass to stderr, or after each pass: `all`.
     #[arg(long, value_name = "PASS", value_parser = parse_pass)]
     print_after: Vec<String>,
-    /// Print the time that reading, each pass and writing took to stderr.
+    /// Print the time of reading, of each pass and of writing to stderr.
     #[arg(long)]
     time_passes: bool,
-    /// Hold each variant against the original before it is written: proved, or run on random and adversarial inputs, by an interpreter and, where an adapter is at hand, on that. One that
-    /// breaks a promise is not written, and the exit status is 1.
+    /// Check each variant against the original before it is written: by proof, or on random and adversarial inputs, with an interpreter and on an adapter if there is one. A variant that breaks its
+    /// contract is not written, and the exit status is 1.
     #[arg(long)]
     validate: bool,
     /// Output form.
     #[arg(long, value_enum, default_value_t = Format::Human)]
     format: Format,
-    // Last, for its help heading holds for what follows it.
+    // Last: its help heading applies to the flags after it.
     #[command(flatten)]
     pub shader: ShaderArgs,
 }
 
 impl Args {
-    /// What it reads; `None` for stdin.
+    /// Its input files. `None`: stdin.
     pub fn reads(&self) -> Option<Reads> {
         if self.shader.reads_stdin() {
             return None;
@@ -124,10 +122,10 @@ enum EmitTarget {
     Glsl,
     /// GLSL ES 3.00 for WebGL 2.
     GlslEs,
-    /// GLSL ES 1.00 for WebGL 1, of what it can say.
+    /// GLSL ES 1.00 for WebGL 1, as far as it can express a material.
     #[value(name = "glsl-es-100")]
     GlslEs100,
-    /// GLSL 4.00 for OpenGL, what was hoisted in a tessellation stage.
+    /// GLSL 4.00 for OpenGL, with hoisted work in a tessellation stage.
     GlslTess,
     /// GLSL 4.50 for Vulkan, likewise.
     GlslVulkanTess,
@@ -147,102 +145,7 @@ impl From<EmitTarget> for Target {
     }
 }
 
-/// What became of one material.
-#[derive(Serialize)]
-struct Rewritten {
-    material: String,
-    recipe: String,
-    contract: Contract,
-    refusals: Vec<Refusal>,
-    notes: Vec<String>,
-    /// What validation said, where it was asked for: what was proved, and what the interpreter ran.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    validation: Option<Vec<Check>>,
-    /// What running both on an adapter said, where one is at hand.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    validation_on: Option<OnAdapter>,
-    files: Vec<Written>,
-}
-
-impl Rewritten {
-    fn is_broken(&self) -> bool {
-        let elsewhere = self.validation_on.iter().flat_map(|v| &v.checks);
-        let checks = self.validation.iter().flatten().chain(elsewhere);
-        checks.into_iter().any(|c| c.verdict.is_broken())
-    }
-}
-
-/// What running original and variant on an adapter said.
-#[derive(Serialize)]
-struct OnAdapter {
-    adapter: String,
-    checks: Vec<Check>,
-}
-
-/// A file that was written, or would have been.
-#[derive(Serialize)]
-struct Written {
-    name: String,
-    /// Where it is, or what is in it where it was written nowhere.
-    #[serde(flatten)]
-    content: Content,
-}
-
-#[derive(Serialize)]
-#[serde(rename_all = "kebab-case")]
-enum Content {
-    Path(PathBuf),
-    Text(String),
-}
-
-#[derive(Serialize)]
-struct Report {
-    schema: &'static str,
-    materials: Vec<Rewritten>,
-    errors: Vec<String>,
-}
-
-/// What a job came to, before anything is written.
-#[derive(Default)]
-struct Made {
-    materials: Vec<(Rewritten, Vec<emit::File>)>,
-    read: Vec<PathBuf>,
-    messages: Vec<String>,
-    /// To be told once all is written.
-    hints: Vec<String>,
-    errors: Vec<String>,
-    times: Times,
-}
-
-/// Time spent, by what it was spent on.
-#[derive(Default)]
-struct Times(BTreeMap<(u8, String), Duration>);
-
-impl Times {
-    /// Runs `work`; `order` is its line in the table.
-    fn took<T>(&mut self, order: u8, what: &str, work: impl FnOnce() -> T) -> T {
-        let began = Instant::now();
-        let done = work();
-        *self.0.entry((order, what.to_owned())).or_default() += began.elapsed();
-        done
-    }
-
-    fn table<'t>(all: impl Iterator<Item = &'t Self>) -> String {
-        let mut sums: BTreeMap<&(u8, String), Duration> = BTreeMap::new();
-        for (what, time) in all.flat_map(|t| &t.0) {
-            *sums.entry(what).or_default() += *time;
-        }
-        let line = |(what, time): (&str, Duration)| {
-            format!("{:>10.3} ms  {what}", time.as_secs_f64() * 1e3)
-        };
-        let whole: Duration = sums.values().sum();
-        let sums = sums.iter().map(|((_, what), time)| (what.as_str(), *time));
-        let lines: Vec<String> = sums.chain([("in all", whole)]).map(line).collect();
-        lines.join("\n")
-    }
-}
-
-/// Rewrites a material, every material of a scene, or with `--out-dir` many. `config` is the file that flags were taken from.
+/// Rewrites a material, every material of a scene, or many with `--out-dir`. `config` is the configuration file.
 pub fn run(args: &Args, config: Option<&Path>) -> Result<Outcome, Failure> {
     let recipe = Recipe::parse(&args.passes)?;
     let targets: Vec<Target> = args.emit.iter().map(|t| Target::from(*t)).collect();
@@ -269,126 +172,170 @@ pub fn run(args: &Args, config: Option<&Path>) -> Result<Outcome, Failure> {
         .par_iter()
         .map(|job| make(job, args, &recipe, &targets))
         .collect();
-    let (mut report, mut rules, mut all_times) = (Vec::new(), Vec::new(), Vec::new());
-    let mut errors: Vec<String> = Vec::new();
-    let mut sum = Sum::default();
-    let told = |message: &str, job: &Job| match jobs.len() {
-        1 => message.to_owned(),
-        _ => many::of_files(message, job),
+    let mut run = Run {
+        args,
+        config,
+        jobs: jobs.len(),
+        report: Vec::new(),
+        rules: Vec::new(),
+        times: Vec::new(),
+        errors: Vec::new(),
+        sum: Sum::default(),
+        taken: BTreeMap::new(),
     };
-    let mut taken: BTreeMap<PathBuf, &Path> = BTreeMap::new();
     for (job, made) in jobs.iter().zip(made) {
+        run.add(job, made)?;
+    }
+    run.end()
+}
+
+/// A run over all jobs.
+struct Run<'a> {
+    args: &'a Args,
+    config: Option<&'a Path>,
+    /// Number of jobs.
+    jobs: usize,
+    report: Vec<Rewritten>,
+    rules: Vec<depfile::Rule>,
+    times: Vec<Times>,
+    errors: Vec<String>,
+    sum: Sum,
+    /// Written files, each with the first file of its job.
+    taken: BTreeMap<PathBuf, &'a Path>,
+}
+
+impl<'a> Run<'a> {
+    /// Adds a job, and writes its files.
+    fn add(&mut self, job: &'a Job, made: Result<Made, Failure>) -> Result<(), Failure> {
         if made.is_err() && job.chosen == Chosen::Found && job.shader.is_no_material() {
-            sum.no_material += 1;
+            self.sum.no_material += 1;
             output::message(&many::of_files(
                 "note: no material: there is no entry point of a stage that one needs",
                 job,
             ));
-            continue;
+            return Ok(());
         }
-        let Made {
-            materials,
-            read,
-            messages,
-            hints,
-            errors: failed,
-            times,
-        } = made.unwrap_or_else(|Failure(error)| Made {
+        let mut made = made.unwrap_or_else(|Failure(error)| Made {
             errors: vec![error],
             ..Made::default()
         });
-        messages.iter().for_each(|m| output::message(&told(m, job)));
-        let is_read = failed.is_empty();
-        sum.failed += usize::from(!is_read);
-        for error in failed {
-            let error = told(&error, job);
-            if !errors.contains(&error) {
-                errors.push(error);
+        for message in &made.messages {
+            output::message(&self.named(message, job));
+        }
+        self.sum.failed += usize::from(!made.errors.is_empty());
+        for error in &made.errors {
+            let error = self.named(error, job);
+            if !self.errors.contains(&error) {
+                self.errors.push(error);
             }
         }
-        all_times.push(times);
-        let files: Vec<&emit::File> = materials.iter().flat_map(|(_, files)| files).collect();
+        self.times.push(std::mem::take(&mut made.times));
+        let files = made.materials.iter().flat_map(|(_, files)| files);
+        let files: Vec<emit::File> = files.cloned().collect();
         if let Some(folder) = job.folder.as_ref().filter(|_| !files.is_empty()) {
-            let from = job
-                .shader
-                .files
-                .first()
-                .map_or(Path::new("-"), PathBuf::as_path);
-            let paths = files.iter().map(|f| folder.join(&f.name));
-            let twice = paths
-                .clone()
-                .find_map(|p| taken.get(&p).map(|first| (p, *first)));
-            if let Some((path, first)) = twice {
-                errors.push(format!(
-                    "error: {} is already written of {}: rename {}",
-                    path.display(),
-                    first.display(),
-                    from.display()
-                ));
-                continue;
+            // The files of a job are written all or none. Other jobs are unaffected.
+            if let Err(Failure(why)) = self.write(job, folder, files, &mut made) {
+                self.errors.push(why);
+                return Ok(());
             }
-            taken.extend(paths.clone().map(|p| (p, from)));
-            let paths: Vec<PathBuf> = paths.collect();
-            let all = files.len();
-            let files = files.into_iter().cloned().collect();
-            match write(folder, files, args.format, jobs.len()) {
-                Ok(written) => {
-                    sum.written += written;
-                    sum.up_to_date += all - written;
-                    let read = read.into_iter().chain(config.map(Path::to_path_buf));
-                    rules.push((paths, read.collect()));
-                }
-                // The files of a job are all there or none, so what other jobs wrote stands.
-                Err(Failure(why)) => {
-                    sum.failed += usize::from(is_read);
-                    errors.push(told(&why, job));
-                    continue;
-                }
-            }
-        } else if args.format == Format::Human {
+        } else if self.args.format == Format::Human {
             for file in files {
                 let text = String::from_utf8_lossy(&file.bytes);
                 output::data(&format!("// {}\n{text}", file.name))?;
             }
         }
-        for (material, _) in materials.iter().filter(|(_, files)| !files.is_empty()) {
-            sum.add(!material.recipe.is_empty(), &material.refusals);
+        for (material, _) in made.materials.iter().filter(|(_, files)| !files.is_empty()) {
+            self.sum
+                .add(!material.recipe.is_empty(), &material.refusals);
         }
-        hints.iter().for_each(|m| output::message(m));
-        report.extend(materials.into_iter().map(|(rewritten, _)| rewritten));
+        made.hints.iter().for_each(|m| output::message(m));
+        let materials = made.materials.into_iter();
+        self.report
+            .extend(materials.map(|(rewritten, _)| rewritten));
+        Ok(())
     }
-    if let Some(path) = &args.depfile {
-        let written = depfile::write(path, &rules);
-        errors.extend(written.err().map(|Failure(error)| error));
+
+    /// A message with the files of its job, if there are several jobs.
+    fn named(&self, message: &str, job: &Job) -> String {
+        match self.jobs {
+            1 => message.to_owned(),
+            _ => many::of_files(message, job),
+        }
     }
-    if sum.no_material == jobs.len() {
-        errors.push("error: no shader in the folders given is a material".to_owned());
+
+    /// Writes the files of a job.
+    fn write(
+        &mut self,
+        job: &'a Job,
+        folder: &Path,
+        files: Vec<emit::File>,
+        made: &mut Made,
+    ) -> Result<(), Failure> {
+        let from = job.shader.files.first();
+        let from = from.map_or(Path::new("-"), PathBuf::as_path);
+        let paths: Vec<PathBuf> = files.iter().map(|f| folder.join(&f.name)).collect();
+        let twice = paths.iter().find_map(|p| Some((p, self.taken.get(p)?)));
+        if let Some((path, first)) = twice {
+            return Err(Failure(format!(
+                "error: {} is already written of {}: rename {}",
+                path.display(),
+                first.display(),
+                from.display()
+            )));
+        }
+        self.taken.extend(paths.iter().map(|p| (p.clone(), from)));
+        let all = files.len();
+        let written =
+            write(folder, files, self.args.format, self.jobs).map_err(|Failure(why)| {
+                self.sum.failed += usize::from(made.errors.is_empty());
+                Failure(self.named(&why, job))
+            })?;
+        self.sum.written += written;
+        self.sum.up_to_date += all - written;
+        let read = std::mem::take(&mut made.read).into_iter();
+        let read = read.chain(self.config.map(Path::to_path_buf));
+        self.rules.push((paths, read.collect()));
+        Ok(())
     }
-    let is_broken = report.iter().any(Rewritten::is_broken);
-    if args.format == Format::Json {
-        output::json(&Report {
-            schema: "preshade.rewrite.v1",
-            materials: report,
-            errors: errors.clone(),
-        })?;
-    }
-    if args.time_passes {
-        output::message(&Times::table(all_times.iter()));
-    }
-    // The sum stands last, where it is seen.
-    let line = (jobs.len() > 1 && args.format == Format::Human).then(|| sum.line());
-    if !errors.is_empty() {
-        errors.extend(line);
-        return Err(Failure(errors.join("\n")));
-    }
-    line.iter().for_each(|line| output::message(line));
-    match is_broken {
-        true => Ok(Outcome::ContractBroken),
-        false => Ok(Outcome::Fine),
+
+    /// Prints the report and the summary.
+    fn end(mut self) -> Result<Outcome, Failure> {
+        if let Some(path) = &self.args.depfile {
+            let written = depfile::write(path, &self.rules);
+            self.errors
+                .extend(written.err().map(|Failure(error)| error));
+        }
+        if self.sum.no_material == self.jobs {
+            let none = "error: no shader in the folders given is a material";
+            self.errors.push(none.to_owned());
+        }
+        let is_broken = self.report.iter().any(Rewritten::is_broken);
+        if self.args.format == Format::Json {
+            output::json(&Report {
+                schema: "preshade.rewrite.v1",
+                materials: self.report,
+                errors: self.errors.clone(),
+            })?;
+        }
+        if self.args.time_passes {
+            output::message(&Times::table(self.times.iter()));
+        }
+        // The summary comes last, where it is seen.
+        let is_told = self.jobs > 1 && self.args.format == Format::Human;
+        let line = is_told.then(|| self.sum.line());
+        if !self.errors.is_empty() {
+            self.errors.extend(line);
+            return Err(Failure(self.errors.join("\n")));
+        }
+        line.iter().for_each(|line| output::message(line));
+        match is_broken {
+            true => Ok(Outcome::ContractBroken),
+            false => Ok(Outcome::Fine),
+        }
     }
 }
 
-/// Writes the files of one job, tells which changed, and returns how many.
+/// Writes the files of one job, reports the changed ones, and returns their number.
 fn write(
     folder: &Path,
     files: Vec<emit::File>,
@@ -413,27 +360,24 @@ fn make(job: &Job, args: &Args, recipe: &Recipe, targets: &[Target]) -> Result<M
     let materials = made
         .times
         .took(0, "parse", || job.shader.plans_by_draws(recipe))?;
-    let Materials {
-        asked: originals,
-        frame,
-        known,
-        files: read,
-    } = materials;
-    made.read = read;
-    for original in &originals {
+    for original in &materials.asked {
         check_name(&original.material)?;
+    }
+    let applied = apply(&materials, recipe, args, &mut made.times);
+    made.read = materials.files;
+    for (original, (plan, messages, refusals)) in materials.asked.iter().zip(applied) {
         if original.passes.iter().all(|p| p.fragment.is_none()) {
             made.messages.push(format!(
                 "note: `{}` has no fragment stage: it is taken for a material that draws depth alone; where its fragment stage is in another file, give both",
                 original.material
             ));
         }
-        let (plan, refusals) = apply(original, recipe, &known, &frame, args, &mut made);
+        made.messages.extend(messages);
         let budgets = plan.contract.budgets();
         if !budgets.is_empty() {
             let off: Vec<String> = budgets
                 .iter()
-                .map(|b| format!("{} ({})", b.budget, b.metric))
+                .map(|b| format!("{} ({})", b.limit, b.metric))
                 .collect();
             made.messages.push(format!(
                 "warning: `{}` is an approximation, allowed to be off by {}, and nothing is measured here: `preshade verify` tells whether it keeps \
@@ -477,21 +421,18 @@ fn make(job: &Job, args: &Args, recipe: &Recipe, targets: &[Target]) -> Result<M
         let elsewhere = validation_on.iter().flat_map(|v| &v.checks);
         let mut all = validation.iter().flatten().chain(elsewhere);
         let is_broken = all.any(|c| c.verdict.is_broken());
-        let emitted = match is_broken {
-            true => Emitted {
-                files: Vec::new(),
-                errors: Vec::new(),
-            },
+        let (files, errors) = match is_broken {
+            true => (Vec::new(), Vec::new()),
             false => made
                 .times
-                .took(u8::MAX, "emit", || emit_each(&plan, targets))?,
+                .took(u8::MAX, "emit", || pipeline::emit(&plan, targets)),
         };
         made.errors
-            .extend(emitted.errors.iter().map(|e| format!("error: {e}")));
-        if recipe.steps.is_empty() && emitted.errors.is_empty() && args.out_dir.is_none() {
+            .extend(errors.iter().map(|e| format!("error: {e}")));
+        if recipe.steps.is_empty() && errors.is_empty() && args.out_dir.is_none() {
             made.hints.push(nothing_asked_for(original));
         }
-        let written = emitted.files.iter().map(|file| Written {
+        let written = files.iter().map(|file| Written {
             name: file.name.clone(),
             content: match &job.folder {
                 Some(folder) => Content::Path(folder.join(&file.name)),
@@ -513,12 +454,12 @@ fn make(job: &Job, args: &Args, recipe: &Recipe, targets: &[Target]) -> Result<M
             validation_on,
             files: written.collect(),
         };
-        made.materials.push((rewritten, emitted.files));
+        made.materials.push((rewritten, files));
     }
     Ok(made)
 }
 
-/// What became of a promise, as a message.
+/// The result of a check, as a message.
 fn said(plan: &Plan, place: &str, check: &Check) -> String {
     let level = match check.verdict {
         Verdict::Counterexample(_) => "error",
@@ -541,52 +482,17 @@ fn said(plan: &Plan, place: &str, check: &Check) -> String {
     }
 }
 
-/// The adapter that variants are run on, if there is one: opened once.
+/// The adapter for validation, if there is one. It is opened once.
 fn adapter() -> &'static Option<Gpu> {
     static ADAPTER: OnceLock<Option<Gpu>> = OnceLock::new();
     ADAPTER.get_or_init(|| Gpu::new(&AdapterChoice::Best).ok())
 }
 
-/// What of a plan could be written.
-struct Emitted {
-    /// Nothing where every target failed.
-    files: Vec<emit::File>,
-    /// One a target that failed.
-    errors: Vec<emit::Error>,
-}
-
-/// Emits `plan` in every target that can say it.
-///
-/// # Errors
-/// When the plan itself is broken: a bug.
-fn emit_each(plan: &Plan, targets: &[Target]) -> Result<Emitted, emit::Error> {
-    let emit = |targets: &[Target]| emit::emit(plan, targets, &emit::Options::default());
-    if let Ok(files) = emit(targets) {
-        return Ok(Emitted {
-            files,
-            errors: Vec::new(),
-        });
-    }
-    let (mut able, mut errors) = (Vec::new(), Vec::new());
-    for target in targets {
-        match emit(&[*target]) {
-            Ok(_) => able.push(*target),
-            Err(error @ emit::Error::BrokenPlan { .. }) => return Err(error),
-            Err(error) => errors.push(error),
-        }
-    }
-    let files = match able.is_empty() {
-        true => Vec::new(),
-        false => emit(&able)?,
-    };
-    Ok(Emitted { files, errors })
-}
-
-/// A note for who gave no `--pass`: the material is written as it is, and these passes would apply.
+/// A note without `--pass`: the material is written as it is, and these passes would apply.
 fn nothing_asked_for(original: &Plan) -> String {
     let applies = |pass: &&&dyn AnyPass| {
-        let sites = pass.sites(original, &Facts::default(), &serde_json::json!({}));
-        sites.is_ok_and(|s| !s.sites.is_empty())
+        let outcome = pass.run(original, &Facts::default(), &serde_json::json!({}));
+        outcome.is_ok()
     };
     let names: Vec<&str> = PASSES
         .iter()
@@ -601,44 +507,43 @@ fn nothing_asked_for(original: &Plan) -> String {
     format!("note: no --pass is given, so `{material}` is written as it is; {list}")
 }
 
-/// The steps of `recipe` that apply to a material drawn in one frame with `frame`; what is refused is told and left out.
+/// Applies the recipe to the materials of a job. Returns the plans, and each material's messages and refusals.
 fn apply(
-    original: &Plan,
+    materials: &Materials,
     recipe: &Recipe,
-    facts: &Facts,
-    frame: &[Plan],
     args: &Args,
-    made: &mut Made,
-) -> (Plan, Vec<Refusal>) {
-    let (mut plan, mut refusals) = (original.clone(), Vec::new());
-    for (order, step) in (1..).zip(&recipe.steps) {
-        match made
-            .times
-            .took(order, &step.pass, || one(step, &plan, facts, frame))
-        {
-            Ok(next) => plan = next,
-            Err(refusal) => {
-                made.messages.push(crate::explain::refusal(&refusal, &plan));
-                refusals.push(*refusal);
-            }
+    times: &mut Times,
+) -> Vec<(Plan, Vec<String>, Vec<Refusal>)> {
+    let frame = Frame {
+        materials: &materials.asked,
+        neighbours: &materials.frame,
+    };
+    let mut messages: BTreeMap<String, Vec<String>> = BTreeMap::new();
+    let mut began = Instant::now();
+    let mut inspect = |step: &Step, plan: &Plan, result: &Applied| {
+        let order = recipe.steps.iter().position(|s| s == step).unwrap_or(0);
+        times.add(1 + order as u8, &step.pass, began.elapsed());
+        let messages = messages.entry(plan.material.clone()).or_default();
+        if let Err(refusal) = result {
+            messages.push(crate::explain::refusal(refusal, plan));
         }
         if args.print_after.iter().any(|p| *p == step.pass || p == ALL) {
-            made.messages
-                .push(format!("// after {step}\n{}", texts(&plan)));
+            let now = result.as_ref().unwrap_or(plan);
+            messages.push(format!("// after {step}\n{}", texts(now)));
         }
-    }
-    (plan, refusals)
-}
-
-fn one(step: &Step, plan: &Plan, facts: &Facts, frame: &[Plan]) -> Result<Plan, Box<Refusal>> {
-    let recipe = Recipe {
-        steps: vec![step.clone()],
+        began = Instant::now();
+        true
     };
-    let next = recipe.apply(plan, facts)?;
-    match neighbours::conflict(&next, frame) {
-        None => Ok(next),
-        Some(refusal) => Err(Box::new(refusal)),
-    }
+    let (plans, skipped) = pipeline::apply_in(frame, recipe, &materials.known, &mut inspect);
+    plans
+        .into_iter()
+        .map(|plan| {
+            let own = skipped.iter().filter(|s| s.material == plan.material);
+            let refusals = own.map(|s| (*s.refusal).clone()).collect();
+            let messages = messages.remove(&plan.material).unwrap_or_default();
+            (plan, messages, refusals)
+        })
+        .collect()
 }
 
 /// The WGSL of a plan.
@@ -652,9 +557,9 @@ fn texts(plan: &Plan) -> String {
     texts.collect::<Vec<_>>().join("\n")
 }
 
-/// A material's name begins its files' names, so it must not lead out of the folder.
+/// Checks that a material's name is valid in file names, and does not lead out of the folder.
 pub fn check_name(material: &str) -> Result<(), Failure> {
-    // What is locked under a name that no build script can say would be obeyed by none.
+    // A build script could not use a lock with such a name.
     if !emit::is_material_name(material) {
         return Err(Failure(format!(
             "error: `{material}` cannot begin a file name: give another with --name"

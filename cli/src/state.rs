@@ -1,25 +1,25 @@
-//! Flags for the pipeline state of one material, and the file that has it whole.
+//! Flags for a material's pipeline state, and the state file.
 
 use std::path::PathBuf;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use preshade::limits::Limits;
-use preshade::passes::state::{
+use preshade::unstable::limits::Limits;
+use preshade::unstable::passes::state::{
     Blend, ColorTarget, CompareFunction, CullMode, DepthDirection, DepthFormat, MaterialState,
     Topology,
 };
-use preshade::regular;
-use preshade::render;
-use preshade::scene::Scene;
+use preshade::unstable::regular;
+use preshade::unstable::render;
+use preshade::unstable::scene::Scene;
 
 use crate::Failure;
 use crate::input::unread;
 
-/// Pipeline state, which no shader says of itself.
+/// Pipeline state, which a shader does not contain.
 #[derive(Clone, clap::Args)]
 #[command(next_help_heading = "Pipeline state")]
 pub struct StateArgs {
-    /// A TOML or JSON file with the whole state; the flags below go on top of it.
+    /// A TOML or JSON file with the whole state; the flags below override it.
     #[arg(long, value_name = "FILE")]
     pub state: Option<PathBuf>,
     /// Depth comparison; default: less, or greater with --reversed-z.
@@ -37,7 +37,7 @@ pub struct StateArgs {
     /// Blending of the first colour target: none, alpha or add.
     #[arg(long, value_enum)]
     pub blend: Option<BlendArg>,
-    /// Faces that are dropped.
+    /// Faces to cull.
     #[arg(long, value_parser = words::<CullMode>(&CULL), value_name = "NAME")]
     pub cull: Option<CullMode>,
     /// Primitive topology.
@@ -62,7 +62,7 @@ pub enum BlendArg {
     Add,
 }
 
-/// The names of state enumerations in JSON, which are WebGPU's.
+/// Names of state values in JSON, which are WebGPU's.
 const COMPARE: [&str; 8] = [
     "never",
     "less",
@@ -89,7 +89,7 @@ const TOPOLOGIES: [&str; 5] = [
     "triangle-strip",
 ];
 
-/// Reads a state enumeration by its name.
+/// Reads a state value by its name.
 fn words<T>(names: &'static [&'static str]) -> impl TypedValueParser<Value = T>
 where
     T: serde::de::DeserializeOwned + Clone + Send + Sync + 'static,
@@ -98,14 +98,14 @@ where
         .try_map(|name| serde_json::from_value::<T>(serde_json::Value::String(name)))
 }
 
-/// What serde says of an unknown name, with the nearest of those it expected.
+/// serde's error for an unknown name, with the nearest known name.
 fn with_suggestion(message: &str) -> String {
     let mut words = message.split('`').skip(1).step_by(2);
     let near = message
         .contains("unknown ")
         .then(|| words.next())
         .flatten()
-        .and_then(|wrong| preshade::nearest::nearest(wrong, words));
+        .and_then(|wrong| preshade::unstable::nearest::nearest(wrong, words));
     match near {
         Some(near) => format!("{}\n  = help: did you mean `{near}`?", message.trim_end()),
         None => message.to_owned(),
@@ -113,7 +113,7 @@ fn with_suggestion(message: &str) -> String {
 }
 
 impl StateArgs {
-    /// The state in force.
+    /// The state in effect.
     pub fn state(&self) -> Result<MaterialState, Failure> {
         let mut state = match &self.state {
             None => MaterialState::default(),
@@ -173,7 +173,7 @@ impl StateArgs {
         Ok(state)
     }
 
-    /// The scene with the depth format, direction and samples asked for.
+    /// The scene with the requested depth format, direction and sample count.
     pub fn set_up(&self, mut scene: Scene) -> Scene {
         let format = self.depth_format.unwrap_or(scene.depth_format);
         let direction = match self.reversed_z {
@@ -191,7 +191,7 @@ impl StateArgs {
     }
 }
 
-/// What a state file can say and no adapter can do.
+/// Errors of a state that no adapter supports.
 fn check(state: &MaterialState) -> Result<(), Failure> {
     let samples = state.multisample.count;
     if !matches!(samples, 1 | 4) {
@@ -216,7 +216,7 @@ mod tests {
 
     use super::*;
 
-    /// The names in serde's complaint of an unknown one.
+    /// The known names in serde's error.
     fn expected<T: serde::de::DeserializeOwned>() -> Vec<String> {
         let said = serde_json::from_str::<T>("\"?\"")
             .err()

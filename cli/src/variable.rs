@@ -1,8 +1,8 @@
-//! `--sweep`: the values of a scene's variable that `verify` measures at.
+//! `--sweep`: the values of a scene variable at which `verify` measures.
 
-use preshade::scene::{Variable, Variables};
+use preshade::unstable::scene::{Variable, Variables};
 
-/// What a sweep moves.
+/// A swept variable.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Axis {
     /// Name of the variable.
@@ -12,10 +12,10 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// Reads `NAME=A..B[:STEPS]`: steps of one ratio, as near to doubling as it goes where none are given.
+    /// Reads `NAME=A..B[:STEPS]`: values at a constant ratio, about 2 by default.
     ///
     /// # Errors
-    /// What is wrong with it.
+    /// A message.
     pub fn parse(text: &str) -> Result<Self, String> {
         let expected = "expected NAME=A..B[:STEPS], instances=50000..400000 say";
         let (variable, range) = text.split_once('=').ok_or(expected)?;

@@ -1,25 +1,27 @@
-//! `preshade verify`: a scene drawn with the original and its variants, what each costs in accuracy and gains in time.
+//! `preshade verify`: draws a scene with the original and its variants, and measures error and time.
 
-use std::ffi::OsString;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use preshade::measure::crossover::{Point, Series};
-use preshade::measure::{self, Settings, Timed, TimingSettings, Variant};
-use preshade::passes::pass::Facts;
-use preshade::recipe::Recipe;
-use preshade::render::{AdapterChoice, Gpu, ShaderForm};
-use preshade::report;
-use preshade::report::{Budget, Chosen, SweepReport};
-use preshade::scene::{self, DrawOrder, Scene, Variables};
-use preshade::sweep::{self, Sweep};
+use preshade::unstable::measure::crossover::{Point, Series};
+use preshade::unstable::measure::record::{Chosen, Pictures, Report, SweepReport};
+use preshade::unstable::measure::{self, Session, Settings, Timed, TimingSettings, Variant};
+use preshade::unstable::passes::budget::Budget;
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::recipe::Recipe;
+use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade::unstable::report;
+use preshade::unstable::scene::{self, DrawOrder, Scene, Variables};
+use preshade::unstable::sweep::Sweep;
 
 use crate::apart::{apart, resumed};
 use crate::input::ShaderArgs;
 use crate::keeper::Keeper;
 use crate::output::{self, Progress};
+use crate::share::share;
 use crate::variable::Axis;
+use crate::variants::VariantArgs;
 use crate::view::ViewArgs;
 use crate::{Failure, Outcome, Table, worker};
 
@@ -28,42 +30,38 @@ use crate::{Failure, Outcome, Table, worker};
 #[command(after_help = "\
 Examples:
   preshade verify scene.toml
-  preshade verify scene.toml --pass depth-prepass --pass early-discard:quad=lane,budget=0.02 --out report/
-  preshade verify scene.toml --recipe depth-prepass:form=equal,early-discard --camera wall --order front-to-back
-  preshade verify scene.toml --pass hoist --pass tessellate:level=1..8 --budget flip_mean=0.02
+  preshade verify scene.toml --variant depth-prepass --variant early-discard:quad=lane,budget=0.02 --out report/
+  preshade verify scene.toml --pass depth-prepass:form=equal --pass early-discard --camera wall --order front-to-back
+  preshade verify scene.toml --variant hoist:budget=1,threshold=1,tessellate:level=1..8 --budget flip_mean=0.02
   preshade verify grass.toml --sweep instances=50000..400000 --pass visibility-buffer
   preshade verify lit.wgsl --size 640x360 --time no      a scene is made up for a shader
 
-Each --pass is a variant of its own; --recipe puts several passes into one. But tessellate
-divides what hoist moved: after a --pass hoist it stands on that one, with a budget of 1 if it has
-none, since its error is measured.
-level=1..8 stands for eight variants, form=pulled/shared for two, form=all for one a word: any
-whole number and any choice of any pass. A range gets a table, a plot and rows of pictures.
+Several --pass are one variant, \"a, then b\", as in `rewrite`. Several --variant are several
+variants. Without either, the depth passes are drawn in their main forms. A pass that a material
+refuses is skipped and reported.
+level=1..8 is eight variants, form=pulled/shared is two, form=all is one for each form. A range
+works for any whole number and any choice of any pass. It gets a table, a plot and rows of pictures.
 Exit status 1: a variant broke its contract.")]
 pub struct Args {
-    /// A variant of one pass; may be given several times. Default: the depth passes in their main forms.
-    #[arg(long = "pass", value_name = "NAME[:k=v,..]")]
-    passes: Vec<String>,
-    /// A variant of several passes, separated by commas.
-    #[arg(long = "recipe", value_name = "NAME[:k=v,..],NAME..")]
-    recipes: Vec<String>,
-    /// Name the fastest variant whose error is within this, and what `rewrite` makes it of: flip_mean,
-    /// flip_p99 or max_abs, the worst of all views.
+    #[command(flatten)]
+    variants: VariantArgs,
+    /// Name the fastest variant whose error is within this in all views, and the arguments of `rewrite`
+    /// for it: flip_mean, flip_p99 or max_abs.
     #[arg(long, value_name = "METRIC=NUMBER", value_parser = Budget::parse)]
     budget: Option<Budget>,
-    /// Measure at several values of a scene's variable, and tell where variants cross: 50000..400000
-    /// doubles, 1..9:5 takes five steps of one ratio.
+    /// Measure at several values of a scene's variable, and find where variants cross: 50000..400000
+    /// doubles, 1..9:5 takes five values at a constant ratio.
     #[arg(long, value_name = "NAME=A..B[:STEPS]", value_parser = Axis::parse)]
     sweep: Option<Axis>,
-    /// Write what was measured as one JSON file, to send in: docs/results says how.
+    /// Write the measurements as one JSON file to share: see docs/results.
     #[arg(long, value_name = "FILE")]
     share: Option<PathBuf>,
     #[command(flatten)]
     view: ViewArgs,
-    /// Draw in these orders only; the first is the headline.
+    /// Draw only in these orders; the first is the headline.
     #[arg(long, value_name = "ORDER", value_enum)]
     order: Vec<OrderArg>,
-    /// Hold variants against the original with @invariant on its position.
+    /// Compare variants with the original with @invariant on its position.
     #[arg(long)]
     invariant: bool,
     /// Frames of each camera path to compare, evenly spaced.
@@ -87,7 +85,7 @@ pub struct Args {
     /// Output form.
     #[arg(long, value_enum, default_value_t = Table::Human)]
     format: Table,
-    // Last, for its help heading holds for what follows it.
+    // Last: its help heading applies to the flags after it.
     #[command(flatten)]
     pub shader: ShaderArgs,
 }
@@ -100,13 +98,13 @@ enum TimeArg {
     Headline,
     /// The first frame of every camera in every order.
     FirstFrames,
-    /// Every compared frame in every order; camera paths then get their 95th percentile.
+    /// Every compared frame in every order, with the 95th percentile of camera paths.
     Everything,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum FormArg {
-    /// What users ship.
+    /// The emitted text, which users ship.
     Text,
     /// naga IR.
     Ir,
@@ -152,7 +150,7 @@ pub fn parse_seconds(text: &str) -> Result<f64, String> {
     }
 }
 
-/// The variants `verify` draws when none are named.
+/// The default variants.
 const DEFAULT: [&str; 3] = ["depth-prepass", "depth-prepass:form=equal", "early-discard"];
 
 /// Verifies a scene or a shader.
@@ -160,10 +158,10 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     if worker::mine().is_some() {
         worker::end_with_parent();
     }
-    let mut sweeps = sweeps(&args.passes, &args.recipes)?;
+    let mut sweeps = args.variants.sweeps()?;
     if sweeps.is_empty() {
-        for pass in DEFAULT {
-            sweeps.push(Sweep::parse_step(pass)?);
+        for variant in DEFAULT {
+            sweeps.push(Sweep::parse_list(variant)?);
         }
     }
     let first = match &args.sweep {
@@ -243,7 +241,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     Ok(ended)
 }
 
-/// An adapter that is open for a while.
+/// An open adapter.
 struct Opened(Gpu);
 
 impl Opened {
@@ -256,7 +254,7 @@ impl Opened {
         Ok(Self(Gpu::with_trust(&choice, trust)?))
     }
 
-    /// Leaves a device that was lost as it is: closing one that hangs may hang.
+    /// Leaks a lost device: closing one that hangs may hang.
     fn abandon(self) {
         std::mem::forget(self.0);
     }
@@ -303,7 +301,7 @@ fn swept(
         Table::Json => output::data(&json),
         Table::Csv => output::data(&report::csv::series(&series)),
     };
-    let shared = share(args, &json);
+    let shared = share(args.share.as_deref(), &json);
     let mut files = vec![
         file("series.json", json),
         file("series.csv", report::csv::series(&series)),
@@ -318,14 +316,14 @@ fn swept(
     })
 }
 
-/// Tells of one scene, which was drawn with `variants` as far as their plans are known here.
+/// Prints and writes the report of one scene. `variants` is empty if other processes drew them.
 fn told(
     args: &Args,
     outcome: &measure::Outcome,
     variants: &[Variant],
     scene: &Scene,
 ) -> Result<Outcome, Failure> {
-    // Told before it is written: a full disk does not lose what was measured.
+    // Printed before it is written: a full disk must not lose the measurements.
     let json = outcome.report.to_json()?;
     let is_worker = worker::mine().is_some();
     let printed = match args.format {
@@ -336,11 +334,11 @@ fn told(
     };
     if is_worker {
         printed?;
-        // Its report is the other process's to write, which may have pictures from several.
+        // The other process writes the report, from several workers.
         write(args, Vec::new(), &outcome.pictures)?;
         return Ok(Outcome::Fine);
     }
-    let shared = share(args, &json);
+    let shared = share(args.share.as_deref(), &json);
     let mut files = vec![
         file("report.json", json),
         file("report.csv", report::csv::verify(&outcome.report)),
@@ -362,51 +360,18 @@ fn told(
     })
 }
 
-fn file(name: &str, text: String) -> preshade::emit::File {
-    preshade::emit::File {
+fn file(name: &str, text: String) -> preshade::unstable::emit::File {
+    preshade::unstable::emit::File {
         name: name.to_owned(),
         bytes: text.into_bytes(),
     }
 }
 
-/// Writes what `--share` asks for.
-fn share(args: &Args, json: &str) -> Result<(), Failure> {
-    let Some(path) = &args.share else {
-        return Ok(());
-    };
-    let json = without_folders(json, std::env::args_os());
-    std::fs::write(path, json).map_err(|e| Failure(format!("error: {}: {e}", path.display())))?;
-    output::message(&format!("wrote {}", path.display()));
-    Ok(())
-}
-
-/// A report as it may be sent to others: folders that were typed as absolute paths tell of the machine, and are left out.
-fn without_folders(json: &str, arguments: impl Iterator<Item = OsString>) -> String {
-    let mut folders: Vec<String> = arguments
-        .filter_map(|argument| {
-            let argument = argument.to_str()?;
-            let path = argument
-                .split_once('=')
-                .map_or(argument, |(_, value)| value);
-            let folder = Path::new(path)
-                .parent()
-                .filter(|_| Path::new(path).is_absolute())?;
-            let folder = serde_json::to_string(&folder.join("")).ok()?;
-            Some(folder.trim_matches('"').to_owned())
-        })
-        .filter(|folder| folder.len() > 1)
-        .collect();
-    folders.sort_by_key(|folder| std::cmp::Reverse(folder.len()));
-    folders
-        .iter()
-        .fold(json.to_owned(), |json, folder| json.replace(folder, ""))
-}
-
-/// Writes what `--out` asks for, and the pictures.
+/// Writes the files and the pictures to the folder of `--out`.
 fn write(
     args: &Args,
-    mut files: Vec<preshade::emit::File>,
-    pictures: &[report::Pictures],
+    mut files: Vec<preshade::unstable::emit::File>,
+    pictures: &[Pictures],
 ) -> Result<(), Failure> {
     let Some(dir) = &args.out else { return Ok(()) };
     for pictures in pictures {
@@ -416,7 +381,7 @@ fn write(
             }
         }
     }
-    preshade::emit::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
+    preshade::unstable::emit::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
     let beside = match args.shader.limits.limits().isolates() && worker::mine().is_none() {
         true => ", beside the pictures that each variant's own process wrote",
         false => "",
@@ -429,7 +394,7 @@ fn write(
     Ok(())
 }
 
-/// Measures one scene in this process; what was measured, and the plans of the variants.
+/// Measures one scene in this process. Returns the outcome and the variants with their plans.
 fn measured(
     args: &Args,
     gpu: &Gpu,
@@ -448,20 +413,19 @@ fn measured(
         FormArg::Ir => ShaderForm::Ir,
     };
     bar.set_message("looking for depth ties");
-    let mut facts = measure::facts(gpu, scene, form, measure::counting).unwrap_or_else(|e| {
+    let session = Session::new(gpu, scene, form)?;
+    let mut facts = measure::facts(&session).unwrap_or_else(|e| {
         bar.suspend(|| {
             output::message(&format!("warning: depth ties were not measured: {e}"));
         });
         Facts::default()
     });
-    let recipes = choose(gpu, scene, form, mine, &mut facts, bar)?;
-    let originals = measure::originals(scene);
+    let recipes = choose(&session, mine, &mut facts, bar)?;
     let variants: Vec<_> = recipes
         .iter()
-        .map(|r| measure::variant(&originals, r, &facts))
+        .map(|r| measure::variant(session.originals(), r, &facts))
         .collect();
     let settings = Settings {
-        form,
         timed: match args.time {
             TimeArg::No => Timed::No,
             TimeArg::Headline => Timed::Headline,
@@ -473,10 +437,9 @@ fn measured(
             ..TimingSettings::default()
         },
         frames_per_camera: args.frames,
-        count: &measure::counting,
         command: command(),
     };
-    let mut outcome = measure::verify(gpu, scene, &variants, &settings, &mut |p| {
+    let mut outcome = measure::verify(&session, &variants, &settings, &mut |p| {
         bar.set_position((p.done * 1000.0) as u64);
         bar.set_message(p.what);
         if let (Some(so_far), None) = (p.so_far, worker::mine()) {
@@ -492,14 +455,14 @@ fn measured(
     Ok((outcome, variants))
 }
 
-/// Every recipe asked for, in the order of the report's variants behind the original.
+/// All requested recipes, in the order of the report's variants.
 fn recipes(sweeps: &[Sweep]) -> Vec<Recipe> {
     let points = sweeps.iter().flat_map(|s| &s.points);
     points.map(|p| p.recipe.clone()).collect()
 }
 
 /// Adds to a report which of its variants are the points of which sweep.
-fn tell_sweeps(report: &mut report::Report, sweeps: &[Sweep]) {
+fn tell_sweeps(report: &mut Report, sweeps: &[Sweep]) {
     let names: Vec<String> = report
         .variants
         .iter()
@@ -515,11 +478,9 @@ fn tell_sweeps(report: &mut report::Report, sweeps: &[Sweep]) {
     }
 }
 
-/// Recipes whose choices are left to measurement, chosen.
+/// Resolves recipes that leave choices to measurement.
 fn choose(
-    gpu: &Gpu,
-    scene: &Scene,
-    form: ShaderForm,
+    session: &Session<'_>,
     recipes: Vec<Recipe>,
     facts: &mut Facts,
     bar: &Progress,
@@ -528,20 +489,19 @@ fn choose(
         return Ok(recipes);
     }
     bar.set_message("measuring what can be interpolated");
-    facts.frequencies = measure::frequencies(gpu, scene, facts, form, &mut |done| {
+    facts.frequencies = measure::frequencies(session, facts, &mut |done| {
         bar.set_position((done * 1000.0) as u64);
         ControlFlow::Continue(())
     })?;
-    let originals = measure::originals(scene);
+    let originals = session.originals();
     recipes
         .into_iter()
         .map(|recipe| {
             bar.set_message(format!("choosing within the budget of {recipe}"));
             match measure::leaves_a_choice(&recipe) {
                 true => {
-                    let chosen = measure::within_budget(gpu, scene, &recipe, facts, form)?;
-                    let is_taken =
-                        measure::variant(&originals, &chosen, facts).kept.len() < originals.len();
+                    let chosen = measure::within_budget(session, &recipe, facts)?;
+                    let is_taken = !measure::variant(originals, &chosen, facts).is_refused();
                     let written = measure::written_out(&chosen, facts).filter(|_| is_taken);
                     if let Some(written) = written {
                         bar.suspend(|| {
@@ -559,7 +519,7 @@ fn choose(
         .collect()
 }
 
-/// Whether `dir` is a folder that can be written to, or can become one: before anything is drawn, so that a slip costs no minute. Nothing is left
+/// Checks before anything is drawn that the folder `dir` can be written to or created. Leaves nothing
 /// behind.
 pub fn check_folder(dir: &Path) -> Result<(), Failure> {
     let here = Path::new(".");
@@ -574,7 +534,7 @@ pub fn check_folder(dir: &Path) -> Result<(), Failure> {
             there.display()
         )));
     }
-    // Permissions say less than trying: file systems are mounted read-only, and some users may do anything.
+    // Try it: permissions do not cover read-only file systems and privileged users.
     let probe = there.join(format!(".preshade.{}.tmp", std::process::id()));
     std::fs::write(&probe, [])
         .and_then(|()| std::fs::remove_file(&probe))
@@ -587,7 +547,7 @@ pub fn check_folder(dir: &Path) -> Result<(), Failure> {
         })
 }
 
-/// What a bare shader was given without having said so.
+/// The guessed inputs of a synthesised scene.
 pub fn guesses(scene: &Scene) -> Option<String> {
     let guessed = scene::bind::guessed(scene);
     let widest = guessed.iter().map(|g| g.name.len()).max()?;
@@ -603,27 +563,7 @@ pub fn guesses(scene: &Scene) -> Option<String> {
     Some(lines.join("\n"))
 }
 
-/// What is asked for: a `--pass` is a sweep of one step, or of two where it stands on a pass before it, a `--recipe` one of several.
-pub fn sweeps(passes: &[String], recipes: &[String]) -> Result<Vec<Sweep>, Failure> {
-    let mut sweeps = Vec::new();
-    for (i, pass) in passes.iter().enumerate() {
-        sweeps.push(match sweep::founded(pass, &passes[..i]) {
-            Some(recipe) => {
-                output::message(&format!(
-                    "note: --pass {pass} stands on the pass before it: --recipe {recipe}"
-                ));
-                Sweep::parse_list(&recipe)?
-            }
-            None => Sweep::parse_step(pass)?,
-        });
-    }
-    for list in recipes {
-        sweeps.push(Sweep::parse_list(list)?);
-    }
-    Ok(sweeps)
-}
-
-/// The scene asked for, under the set-up asked for.
+/// The requested scene, with the requested settings.
 fn scene(args: &Args, variables: &Variables) -> Result<Scene, Failure> {
     let mut scene = args.view.of(args.shader.scene_with(variables)?)?;
     if args.invariant {
@@ -635,7 +575,7 @@ fn scene(args: &Args, variables: &Variables) -> Result<Scene, Failure> {
     Ok(scene)
 }
 
-/// The scene with draws of one material told apart, where a recipe specialises: each group gets a version of its own.
+/// If a recipe specialises, splits each material into groups of draws that get versions of their own.
 pub fn grouped(scene: Scene, sweeps: &[Sweep]) -> Result<Scene, Failure> {
     let steps = sweeps
         .iter()
@@ -648,7 +588,7 @@ pub fn grouped(scene: Scene, sweeps: &[Sweep]) -> Result<Scene, Failure> {
     Ok(measure::grouped_for(scene, &all)?)
 }
 
-/// The command as it was typed, without the folder of the binary.
+/// The command line, without the folder of the binary.
 pub fn command() -> String {
     let mut words = vec!["preshade".to_owned()];
     words.extend(
@@ -657,24 +597,4 @@ pub fn command() -> String {
             .map(|word| word.to_string_lossy().into_owned()),
     );
     shell_words::join(words)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_is_shared_names_no_folder_of_the_machine() {
-        let json = r#"{"command":"preshade verify /home/ada/shop/a.toml --out=/home/ada/out scenes/b.toml","file":"/home/ada/shop/shaders/a.wgsl"}"#;
-        let typed = [
-            "verify",
-            "/home/ada/shop/a.toml",
-            "--out=/home/ada/out",
-            "scenes/b.toml",
-        ];
-        assert_eq!(
-            without_folders(json, typed.map(OsString::from).into_iter()),
-            r#"{"command":"preshade verify a.toml --out=out scenes/b.toml","file":"shaders/a.wgsl"}"#
-        );
-    }
 }

@@ -1,25 +1,25 @@
-//! From where, and how large, a scene is drawn.
+//! `--camera` and `--size`.
 
-use preshade::scene::Scene;
+use preshade::unstable::scene::Scene;
 
 use crate::Failure;
 
-/// What of a scene is drawn.
+/// Cameras and resolution.
 #[derive(clap::Args)]
 pub struct ViewArgs {
-    /// Draw these cameras only; the first is the headline.
+    /// Draw only these cameras; the first is the headline.
     #[arg(long, value_name = "NAME")]
     camera: Vec<String>,
-    /// Resolution, `1920x1080` say.
+    /// Resolution, for example `1920x1080`.
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     size: Option<[u32; 2]>,
 }
 
 impl ViewArgs {
-    /// The scene, seen so.
+    /// The scene with these cameras and this resolution.
     ///
     /// # Errors
-    /// A camera that it does not have.
+    /// The scene has no camera of that name.
     pub fn of(&self, mut scene: Scene) -> Result<Scene, Failure> {
         if let Some(size) = self.size {
             scene = scene.resized(size);
@@ -40,17 +40,17 @@ impl ViewArgs {
         Ok(scene)
     }
 
-    /// The resolution asked for.
+    /// The requested resolution.
     pub fn size(&self) -> Option<[u32; 2]> {
         self.size
     }
 
-    /// Whether a size is said.
+    /// Whether a resolution is given.
     pub fn is_sized(&self) -> bool {
         self.size.is_some()
     }
 
-    /// Whether anything is said.
+    /// Whether anything is given.
     pub fn is_given(&self) -> bool {
         self.size.is_some() || !self.camera.is_empty()
     }

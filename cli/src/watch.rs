@@ -1,4 +1,4 @@
-//! `--watch`: a command again, whenever something changes that it read, looked for or would find.
+//! `--watch`: runs a command again whenever its inputs change.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -13,23 +13,23 @@ use same_file::Handle;
 use crate::output::{self, count};
 use crate::{Failure, Outcome, config, many};
 
-/// How long a burst of changes is gathered.
+/// Changes within this time are one change.
 const QUIET: Duration = Duration::from_millis(80);
 
-/// What a command rests on.
+/// The inputs of a command.
 #[derive(Clone, Debug, Default)]
 pub struct Reads {
-    /// Files by name, there or not.
+    /// Files, which need not exist.
     pub files: Vec<PathBuf>,
-    /// Folders that it finds shaders or scenes in.
+    /// Folders that it searches for shaders or scenes.
     pub trees: Vec<PathBuf>,
-    /// Folders that `#include` and `#import` are looked up in.
+    /// Folders that it searches for includes and imports.
     pub includes: Vec<PathBuf>,
-    /// Where it writes: what changes there is its own doing.
+    /// Its output folder, whose changes are ignored.
     pub out: Option<PathBuf>,
 }
 
-/// What is waited for, in paths that name the same file however it is written.
+/// The watched paths, in canonical form.
 #[derive(Default)]
 struct Awaited {
     files: BTreeSet<PathBuf>,
@@ -39,11 +39,11 @@ struct Awaited {
 }
 
 impl Awaited {
-    /// Adds what a round reads. A file that is gone for a moment, as editors have it, stays.
+    /// Adds the inputs of a round. A file stays watched while an editor replaces it.
     fn add(&mut self, reads: &Reads) {
         for file in &reads.files {
             self.files.insert(whole(file));
-            // Of a link, what it points at too.
+            // The target of a link too.
             self.files.extend(file.canonicalize());
         }
         self.trees.extend(reads.trees.iter().map(|t| folder(t)));
@@ -52,7 +52,8 @@ impl Awaited {
         self.out = reads.out.as_deref().map(folder);
     }
 
-    /// The folders to be told of. Of one that is not there the nearest that is; of each the one above too, for it may be removed and made again.
+    /// The folders to watch. A missing folder is replaced by its nearest existing parent. Parents are
+    /// watched too, since a folder may be removed and created again.
     fn folders(&self) -> BTreeSet<PathBuf> {
         let parents = self.files.iter().filter_map(|f| f.parent());
         let all = parents.chain(
@@ -67,7 +68,7 @@ impl Awaited {
         above.chain(there.iter().cloned()).collect()
     }
 
-    /// What the system is asked to tell of.
+    /// Registers the folders with the system.
     fn watched(&self) -> Vec<(PathBuf, RecursiveMode)> {
         let trees = self.trees.iter().filter(|t| t.is_dir()).cloned();
         let trees = trees.map(|tree| (tree, RecursiveMode::Recursive));
@@ -76,7 +77,7 @@ impl Awaited {
         folders.chain(trees).collect()
     }
 
-    /// Whether a change at `path` can make another outcome, after one that was `last`.
+    /// Whether a change at `path` can change the outcome, after `last`.
     fn concerns(&self, path: &Path, last: Last) -> bool {
         let path = whole(path);
         let is_named = |known: &PathBuf| known.starts_with(&path);
@@ -90,11 +91,11 @@ impl Awaited {
             return true;
         }
         let is_below = |folders: &BTreeSet<PathBuf>| folders.iter().any(|f| path.starts_with(f));
-        // Where `preshade.toml` is looked for, which every command does, anything may lie.
+        // The folder of `preshade.toml` may contain anything.
         let beside = |f: &&PathBuf| f.parent() == path.parent() && !f.ends_with(config::FILE);
         let is_beside = || self.files.iter().find(beside).is_some();
         match last {
-            // Whatever was missing may have come.
+            // A missing file may have appeared.
             Last::Failed => is_below(&self.trees) || is_below(&self.includes) || is_beside(),
             Last::Fine => {
                 let is_found = many::is_shader(&path) || many::is_scene(&path) || path.is_dir();
@@ -111,11 +112,11 @@ enum Last {
     Failed,
 }
 
-/// Runs a command until the process is ended. What fails is told, and tried again at the next change. Each round is made anew by `round`, from the file with values for flags on:
-/// what it reads, and what it does.
+/// Runs a command again and again until the process ends. Failures are printed. `round` reads the
+/// configuration again, and returns the inputs and the command.
 ///
 /// # Errors
-/// The system tells of no changes.
+/// The system cannot watch files.
 pub fn run<C: FnOnce() -> Result<Outcome, Failure>>(
     round: impl Fn() -> Result<(Reads, C), Failure>,
 ) -> Result<Outcome, Failure> {
@@ -126,14 +127,14 @@ pub fn run<C: FnOnce() -> Result<Outcome, Failure>>(
         if let Ok((reads, _)) = &now {
             awaited.add(reads);
         }
-        // Anew each time: a folder that is made again is another one to the system.
+        // Register again each time: to the system, a folder that was created again is another one.
         let (send, changes) = mpsc::channel();
         let mut watcher = new_debouncer(QUIET, None, send)?;
         let (mut watched, mut failed) = (0, None);
         for (folder, mode) in awaited.watched() {
             match watcher.watch(&folder, mode) {
                 Ok(()) => watched += 1,
-                // One that went away meanwhile is told of by the one above.
+                // The parent reports a folder that was removed meanwhile.
                 Err(e) if is_gone(&e) => {}
                 Err(e) => {
                     let message = format!("{}: {e}", folder.display());
@@ -165,10 +166,10 @@ pub fn run<C: FnOnce() -> Result<Outcome, Failure>>(
 
 type Changes = mpsc::Receiver<notify_debouncer_full::DebounceEventResult>;
 
-/// Waits until something changes that is awaited.
+/// Waits for a relevant change.
 fn wait(changes: &Changes, awaited: &Awaited, last: Last) -> Result<(), Failure> {
     loop {
-        // What the system could not tell may have been anything.
+        // After an error of the system, anything may have changed.
         let Ok(events) = changes.recv()? else {
             return Ok(());
         };
@@ -184,7 +185,7 @@ fn wait(changes: &Changes, awaited: &Awaited, last: Last) -> Result<(), Failure>
     }
 }
 
-/// Whether what this process tells goes into the file: `2> log` beside the shaders would change them with each message.
+/// Whether stdout or stderr is this file: `2> log` beside the shaders changes with each message.
 fn is_told_to(path: &Path) -> bool {
     let Ok(file) = Handle::from_path(path) else {
         return false;
@@ -204,7 +205,7 @@ fn is_gone(error: &notify::Error) -> bool {
     }
 }
 
-/// A path that names the same file however it is written; the file may be gone.
+/// The canonical path of a file, which need not exist.
 fn whole(path: &Path) -> PathBuf {
     let parent = match path.parent() {
         Some(parent) if parent != Path::new("") => parent,
@@ -215,7 +216,7 @@ fn whole(path: &Path) -> PathBuf {
         .map_or(parent.clone(), |name| parent.join(name))
 }
 
-/// The same of a folder, which may be gone and those above it too.
+/// The canonical path of a folder. It and its parents need not exist.
 fn folder(path: &Path) -> PathBuf {
     let there = |a: &&Path| *a != Path::new("") && a.exists();
     let (above, from) = match path.ancestors().find(there) {

@@ -1,20 +1,22 @@
-//! Variants measured in processes of their own: one that hangs, is killed, loses its device or uses up its memory takes nothing else with it.
+//! Measures variants in separate processes, so that a variant that hangs, crashes, loses its device
+//! or uses up its memory does not affect the others.
 
 use std::io::Read;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use preshade::limits::Limits;
+use preshade::unstable::limits::Limits;
 
 use crate::bounded;
 
 /// Names, to the process that does it, which of the variants it measures: 0 is the original alone.
 pub const VARIABLE: &str = "PRESHADE_WORKER";
 
-/// How often a worker is looked at.
+/// Interval of checks on a worker.
 const TICK: Duration = Duration::from_millis(20);
 
-/// How long a worker is given before it counts as hung, where no limit says: a scene's variants draw in seconds, and a submission in 120 at most.
+/// Seconds before a worker counts as hung, if no limit is set. A scene's variants draw in seconds,
+/// and a submission takes 120 at most.
 const PATIENCE: u64 = 600;
 
 /// The variant that this process is to measure for another one, if it is.
@@ -22,7 +24,8 @@ pub fn mine() -> Option<usize> {
     std::env::var(VARIABLE).ok()?.parse().ok()
 }
 
-/// Ends this process when the one that started it ends, however that does: the pipe that is its stdin then has no writer.
+/// Ends this process when its parent ends for any reason: the pipe that is its stdin then has no
+/// writer.
 pub fn end_with_parent() {
     std::thread::spawn(|| {
         let mut rest = Vec::new();
@@ -32,10 +35,11 @@ pub fn end_with_parent() {
     });
 }
 
-/// Runs this command again for one variant, within `limits`, and returns what it wrote to stdout.
+/// Runs this command again for one variant, within `limits`, and returns its stdout.
 ///
 /// # Errors
-/// Why there is nothing: in words, for a report.
+///
+/// Why it has no result, in words for a report.
 pub fn run(variant: usize, limits: &Limits) -> Result<String, String> {
     bounded::elsewhere(|| ended(variant, limits))
 }
@@ -88,7 +92,7 @@ fn ended(variant: usize, limits: &Limits) -> Result<String, String> {
     Err(format!("its process ended with {status}{last}"))
 }
 
-/// Reads a pipe to its end, beside what waits for the process: a full pipe would hold it up.
+/// Reads a pipe to its end in a thread, because a full pipe would block the process.
 fn drain(pipe: Option<impl Read + Send + 'static>) -> std::thread::JoinHandle<Vec<u8>> {
     std::thread::spawn(move || {
         let mut bytes = Vec::new();
@@ -99,18 +103,18 @@ fn drain(pipe: Option<impl Read + Send + 'static>) -> std::thread::JoinHandle<Ve
     })
 }
 
-/// What is said of a process that was still at it.
+/// The reason for stopping a process that took too long.
 pub fn too_long(seconds: u64) -> String {
     format!("it was stopped after {seconds} s (--limits seconds=N)")
 }
 
-/// What is said of a process that has too much memory.
+/// The reason for stopping a process that used too much memory.
 pub fn too_large(bytes: u64) -> String {
     let mib = bytes >> 20;
     format!("it was stopped at {mib} MiB of memory (--limits memory=N)")
 }
 
-/// Bytes of memory that a process has, where the system tells: `VmRSS` of `/proc`.
+/// Resident bytes of a process from `VmRSS` of `/proc`, if available.
 pub fn resident(process: u32) -> Option<u64> {
     let status = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
     let line = status.lines().find(|l| l.starts_with("VmRSS:"))?;

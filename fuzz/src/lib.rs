@@ -1,6 +1,6 @@
 //! The targets, and the seeds of their corpora.
 
-#[path = "../../tests/fuzz_support/mod.rs"]
+#[path = "../../tests/it/fuzz_support/mod.rs"]
 pub mod support;
 
 use std::sync::Once;

@@ -1,4 +1,5 @@
-//! Bind groups of a generated material: the author's resources are laid out alike in every pass, so that one bind group serves them all.
+//! Bind groups of a generated material. The author's resources have the same layout in every pass,
+//! so that one bind group serves them all.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -7,12 +8,12 @@ use preshade_passes::plan::{BindingLayout, BindingSource, BindingUse, Plan};
 use super::generate::json;
 use super::wgpu_words as words;
 
-/// What a host says of the author's resources that no shader does, by group and binding.
+/// Properties of the author's resources that no shader states, by group and binding.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Said {
     /// Buffers that are bound at a dynamic offset.
     pub dynamic: BTreeSet<(u32, u32)>,
-    /// Textures that cannot be filtered, and samplers that do not filter.
+    /// Unfilterable textures, and non-filtering samplers.
     pub unfilterable: BTreeSet<(u32, u32)>,
 }
 
@@ -28,7 +29,7 @@ impl Said {
         )
     }
 
-    /// What is said of no binding that it can be said of.
+    /// A setting for a binding that does not exist, or has another type.
     fn amiss(&self, used: &BTreeMap<(u32, u32), BindingUse>) -> Option<String> {
         let is = |at: &(u32, u32), fits: fn(&BindingLayout) -> bool| {
             used.get(at)
@@ -56,7 +57,7 @@ impl Said {
     }
 }
 
-/// The author's resources by group and binding, each as all passes of all plans together see it.
+/// The author's resources by group and binding, as all passes of all plans together use them.
 pub(super) struct Shared<'s> {
     resources: BTreeMap<(u32, u32), Resource>,
     said: &'s Said,
@@ -69,7 +70,7 @@ struct Resource {
     stages: Stages,
 }
 
-/// Stages that see a binding.
+/// Stages that use a binding.
 #[derive(Clone, Copy)]
 struct Stages {
     vertex: bool,
@@ -77,7 +78,7 @@ struct Stages {
     compute: bool,
 }
 
-/// The kind of pass that bindings are of.
+/// The kind of pass that has the bindings.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     Raster,
@@ -115,10 +116,10 @@ impl Stages {
 }
 
 impl<'s> Shared<'s> {
-    /// Of the plans of one material.
+    /// Collects the resources of one material's plans.
     ///
     /// # Errors
-    /// Something is said of what is not there.
+    /// A setting names a binding that does not exist.
     pub(super) fn of<'p>(
         plans: impl Iterator<Item = &'p Plan>,
         said: &'s Said,
@@ -154,7 +155,8 @@ impl<'s> Shared<'s> {
         }
     }
 
-    /// The bind groups of a pass that uses `bindings`, as Rust: of each group that it uses anything of, all that the author has in it.
+    /// The bind groups of a pass that uses `bindings`, as Rust. If a pass uses any binding of a
+    /// group, it gets the author's whole group.
     pub(super) fn groups(&self, bindings: &[BindingUse], kind: Kind) -> String {
         let count = bindings.iter().map(|b| b.group + 1).max().unwrap_or(0);
         let groups: Vec<String> = (0..count)

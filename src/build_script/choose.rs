@@ -1,4 +1,5 @@
-//! Which plans a material is built as: the lock's, or what is asked for and needs no scene.
+//! Chooses the plans that a material is built as: the lock's, or the requested ones that need no
+//! scene.
 
 use std::path::PathBuf;
 
@@ -12,9 +13,10 @@ use super::{Asked, Builder, Error};
 use crate::emit::{self, File, Target};
 use crate::front;
 use crate::lock::{Inputs, Left, Lock, LockError, Locked, Mismatch};
+use crate::pipeline::{self, Applied, Frame};
 use crate::recipe::{Recipe, Step};
 
-/// The variants of a material for which nothing is asked: what needs no scene.
+/// The default variants, which need no scene.
 pub(super) const BY_DEFAULT: [(&str, &str); 3] = [
     ("depth_prepass", "depth-prepass:form=biased"),
     ("early_discard", "early-discard:quad=vote"),
@@ -25,13 +27,14 @@ pub(super) const BY_DEFAULT: [(&str, &str); 3] = [
 pub(super) enum Keeping {
     /// There is none.
     Nothing,
-    /// This preshade's.
+    /// This version's.
     Own(Lock),
-    /// Another preshade's: obeyed by none but that one. What it says in words that are known here is how the material is drawn, if it says anything of it.
+    /// Another version's. Only entry points and pipeline state are used, if they can be read.
     Foreign(LockError, Option<Left>),
 }
 
-/// Chooses the plans of a material: the original, its own variant, then those with names of their own.
+/// Chooses the plans of a material: the original, its own variant, then those with names of their
+/// own.
 pub(super) fn choose(
     builder: &Builder,
     name: &str,
@@ -49,7 +52,8 @@ pub(super) fn choose(
         Keeping::Nothing | Keeping::Foreign(..) => None,
     };
     let locked = lock.and_then(|lock| lock.materials.get(name));
-    // The pipeline state and the entry points are no part of the shader: what the lock says of them holds also where the shader was edited, and whoever wrote it.
+    // Pipeline state and entry points hold even if the shader was edited, or another version wrote
+    // the lock.
     let left = match (keeping, locked) {
         (Keeping::Foreign(_, left), _) => left.clone(),
         (_, locked) => locked.map(|Locked { inputs, .. }| Left {
@@ -77,11 +81,10 @@ pub(super) fn choose(
     trace.absent.extend(map.absent().iter().map(PathBuf::from));
     trace.searched.extend_from_slice(map.searched());
     let warnings = &mut trace.warnings;
-    let fragment = parsed.fragment.as_deref();
-    let original = Plan::original(name, parsed.program, &parsed.vertex, fragment, &state);
+    let original = parsed.plan(name, &state);
 
     let checked = lock.map(|lock| lock.check(name, &inputs));
-    // What was seen of the scene holds for all that is made of the same shader.
+    // Facts about the scene hold for all variants of the same shader.
     let facts = match &checked {
         Some(Ok(locked)) => locked.facts.clone(),
         _ => Facts::default(),
@@ -101,7 +104,7 @@ pub(super) fn choose(
             (original.clone(), vec![why])
         }
         (_, Some(Ok(plan))) => (plan, Vec::new()),
-        // No lock, or one of other materials.
+        // There is no lock, or it is for other materials.
         (_, None | Some(Err(Mismatch::NoMaterial { .. }))) => {
             let others = lock.map(|lock| lock.same_files(name, &inputs));
             if let Some([first, ..]) = others.as_deref() {
@@ -130,7 +133,7 @@ pub(super) fn choose(
         ("variant".to_owned(), variant),
     ];
     for (name, recipe) in named {
-        // What nobody asked for is told by `LEFT_OUT` alone.
+        // Refusals of default variants appear only in `LEFT_OUT`.
         let mut unasked = Vec::new();
         let warnings = match is_default {
             true => &mut unasked,
@@ -142,7 +145,8 @@ pub(super) fn choose(
     made(builder, plans, sources, warnings)
 }
 
-/// The plans with their files, by name and with what was left out; the original is the first. One that cannot be written is told, and the original stands in its place.
+/// Emits the plans; the original is the first. A variant that cannot be emitted is reported and
+/// replaced by the original.
 pub(super) fn made(
     builder: &Builder,
     plans: Vec<(String, (Plan, Vec<String>))>,
@@ -160,7 +164,7 @@ pub(super) fn made(
                 left_out,
             },
             (Err(error), None) => return Err(error),
-            // Only the original's own failure ends a build.
+            // Only a failure of the original fails the build.
             (Err(error), Some(original)) => {
                 let mut drawn = Drawn {
                     name,
@@ -176,7 +180,7 @@ pub(super) fn made(
     Ok(all)
 }
 
-/// The original in the place of a variant that cannot be made, told.
+/// Replaces a variant that cannot be made by the original, with a warning.
 pub(super) fn give_up(
     variant: &mut Drawn,
     original: &Drawn,
@@ -192,7 +196,8 @@ pub(super) fn give_up(
     variant.give_up(original, why.to_owned());
 }
 
-/// The shader, with the entry points that are asked for, or else those of the lock where the shader still has them.
+/// Parses the shader with the requested entry points, or with the lock's if the shader still has
+/// them.
 fn parse(
     sources: &[front::Source],
     options: &front::Options,
@@ -211,15 +216,16 @@ fn parse(
     front::parse(sources, options).map_err(Error::Shader)
 }
 
-/// What a build may rest on.
+/// What a build may depend on.
 struct Seen<'s> {
-    /// What a lock that fits knows of the scene.
+    /// Facts about the scene, from a lock that matches.
     facts: &'s Facts,
     sources: &'s [front::Source],
 }
 
 impl Seen<'_> {
-    /// The steps of `recipe` that apply and need no more of a scene than is known; why others are left out. `name` is the variant's.
+    /// Applies the steps of `recipe` that need no more facts than are known. Returns the reasons of
+    /// the skipped steps too. `name` is the variant's.
     fn plan(
         &self,
         original: &Plan,
@@ -227,38 +233,37 @@ impl Seen<'_> {
         recipe: &Recipe,
         warnings: &mut Vec<String>,
     ) -> (Plan, Vec<String>) {
-        let (mut plan, mut left_out) = (original.clone(), Vec::new());
-        for step in &recipe.steps {
-            let one = Recipe {
-                steps: vec![step.clone()],
-            };
+        let mut left_out: Vec<String> = Vec::new();
+        let mut inspect = |step: &Step, _: &Plan, result: &Applied| {
             let after = match left_out.is_empty() {
                 true => "",
                 false => " (what was to come before it is left out)",
             };
-            let why = match one.apply(&plan, self.facts) {
+            let (told, why) = match result {
                 Err(refusal) => {
                     let of = format!("in `{name}`: ");
-                    warnings.push(refused(self.sources, &refusal, &of, after));
-                    refusal.to_string()
+                    let told = refused(self.sources, refusal, &of, after);
+                    (told, refusal.to_string())
                 }
                 Ok(next) => match self.needs_scene(step, name, &next.contract) {
-                    None => {
-                        plan = next;
-                        continue;
-                    }
-                    Some(why) => {
-                        warnings.push(warning(self.sources, &why));
-                        why
-                    }
+                    None => return true,
+                    Some(why) => (warning(self.sources, &why), why),
                 },
             };
+            warnings.push(told);
             left_out.push(why);
-        }
-        (plan, left_out)
+            false
+        };
+        let alone = std::slice::from_ref(original);
+        let frame = Frame {
+            materials: alone,
+            neighbours: alone,
+        };
+        let (mut plans, _) = pipeline::apply_in(frame, recipe, self.facts, &mut inspect);
+        (plans.remove(0), left_out)
     }
 
-    /// Why a promise cannot be relied on before a scene was measured, if it cannot.
+    /// The reason why a contract needs a measured scene, if it does.
     fn needs_scene(&self, step: &Step, name: &str, contract: &Contract) -> Option<String> {
         let is_unknown = |a: &&Assumption| match a {
             Assumption::NoDepthTies => self.facts.depth_ties != Some(0),
@@ -312,12 +317,12 @@ fn warning(sources: &[front::Source], text: &str) -> String {
     one_line(&format!("{file}: {text}"))
 }
 
-/// Cargo's protocol ends a message at the end of the line.
+/// Cargo's protocol allows one line a message.
 fn one_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// Emits a plan in WGSL, and in each other target that can say it.
+/// Emits a plan as WGSL, and for each requested target that can express it.
 fn emitted(
     builder: &Builder,
     name: &str,
@@ -328,7 +333,7 @@ fn emitted(
     let options = emit::Options::default();
     let mut targets = vec![Target::Wgsl];
     targets.extend(builder.targets.iter().filter(|t| **t != Target::Wgsl));
-    // Once for all of them; one by one only where that fails, to tell by whom.
+    // All at once. Only if that fails, one by one, to name the target.
     match emit::emit(plan, &targets, &options) {
         Ok(files) => Ok(files),
         Err(error) if targets == [Target::Wgsl] => Err(Error::Emit(error)),

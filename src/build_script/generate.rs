@@ -1,25 +1,21 @@
-//! A material's plans as a Rust module that needs wgpu alone.
+//! Writes a material's plans as a Rust module that depends only on wgpu.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
-use preshade_passes::guard::{self, Constant, Place};
-use preshade_passes::plan::{
-    Attachment, BindingSource, BindingUse, ClearValue, ComputePass, Draws, GpuPass, Phase, Plan,
-    SamplesPassed, SelfTest,
-};
-use preshade_passes::program::Program;
-use preshade_passes::reflect;
-use preshade_passes::state::{AttachmentOps, DepthState, LoadOp};
+use preshade_passes::evaluate::overrides::Constant;
+use preshade_passes::guard::{self, Place};
+use preshade_passes::plan::{BindingSource, BindingUse, Plan};
 
-use super::bindings::{Kind, Said, Shared};
+use super::bindings::{Said, Shared};
+use super::passes;
 use super::wgpu_words as words;
 use crate::emit::File;
 
-/// What a host calls: `host.rs`, which is compiled with this crate's tests.
+/// The code that a host calls: `host.rs`, which is compiled with this crate's tests.
 const HOST: &str = include_str!("host.rs");
 
-/// The part of it that is in a file of its own, and how it says so.
+/// The part of it in a file of its own, and the line that includes it.
 const SELF_TEST: &str = include_str!("host/self_test.rs");
 const SELF_TEST_IS: &str = "#[path = \"host/self_test.rs\"]\nmod preshade_self_test;\n";
 
@@ -51,7 +47,9 @@ const TYPES: [&str; 24] = [
     "VertexBuffers",
 ];
 
-/// What a host may deny and the module is not written by. Of clippy's restrictions each by its name: a host that forbids one of the others could not include a module that allows them all.
+/// Lints that a host may deny and the module does not follow. Clippy's restrictions are named one
+/// by one: a host that forbids any other restriction could not include a module that allows them
+/// all.
 const LINTS: [&str; 38] = [
     "dead_code",
     "unused_imports",
@@ -93,7 +91,7 @@ const LINTS: [&str; 38] = [
     "clippy::std_instead_of_core",
 ];
 
-/// One plan of a material, with the files that were written of it.
+/// One plan of a material, with its emitted files.
 #[derive(Clone)]
 pub(super) struct Drawn {
     /// Name of its module, and of the folder of its files.
@@ -102,21 +100,22 @@ pub(super) struct Drawn {
     pub plan: Plan,
     /// Its files, named as in `plan.json`.
     pub files: Vec<File>,
-    /// Why steps that were asked for are not in it.
+    /// The reasons of the skipped steps.
     pub left_out: Vec<String>,
 }
 
-/// What a host says of the module.
+/// The host's settings for the module.
 pub(super) struct Module<'b> {
-    /// Where the types are, if not in it.
+    /// Path of the types, if they are not in the module.
     pub types: Option<&'b str>,
-    /// Where wgpu is, if not at the crate's root.
+    /// Path of wgpu, if it is not the crate `wgpu`.
     pub wgpu: Option<&'b str>,
-    /// Of the author's resources.
+    /// Settings of the author's resources.
     pub said: &'b Said,
 }
 
-/// A path that is meant from the module that a generated one is included in, from the module within that which holds it all.
+/// A path relative to the including module, made relative to the module inside that holds
+/// everything.
 fn from_within(path: &str) -> String {
     if let Some(rest) = path.strip_prefix("self::") {
         return format!("super::{rest}");
@@ -127,18 +126,19 @@ fn from_within(path: &str) -> String {
     }
 }
 
-/// What the module has no words for.
+/// Something that the module cannot express.
 pub(super) struct Wordless {
-    /// The plan that needs them, of those that are drawn; `None` where it is none's.
+    /// Index of the plan that needs it. `None`: it concerns no single plan.
     pub of: Option<usize>,
-    /// What it is.
+    /// Description.
     pub why: String,
 }
 
-/// The module of one material. `original` comes first among `drawn`; the second is what the module's own names mean, unless it holds for some values alone.
+/// The module of one material. `original` comes first among `drawn`. The module's own names refer
+/// to the second, unless that has a guard.
 ///
 /// # Errors
-/// What it has no words for.
+/// Something cannot be expressed.
 pub(super) fn material(
     name: &str,
     drawn: &[Drawn],
@@ -181,7 +181,7 @@ pub(super) fn material(
     }
     if let Some(chosen) = drawn.get(1) {
         let name = &chosen.name;
-        // What holds for some values alone is never what a host gets that asks nothing.
+        // A host never gets a guarded variant by default.
         let names = match guard(&chosen.plan).is_empty() {
             true => format!("pub use {name}::*;"),
             false => format!(
@@ -190,7 +190,7 @@ pub(super) fn material(
         };
         let _ = writeln!(text, "{names}");
     }
-    // A file that is included can have no attributes of its own.
+    // An included file cannot have inner attributes.
     let lints = format!("#[allow({})]\n", LINTS.join(", "));
     Ok(format!(
         "// Generated by preshade; edits will be lost.\n{lints}mod preshade_generated {{\n{text}}}\n{lints}pub use preshade_generated::*;\n"
@@ -199,23 +199,23 @@ pub(super) fn material(
 
 /// A pipeline-overridable constant of a shader.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-struct Override {
-    /// Its number, or else its name.
-    key: String,
-    /// It has to be given a value.
-    is_needed: bool,
+pub(super) struct Override {
+    /// Its number, or its name if it has none.
+    pub key: String,
+    /// It has no default.
+    pub is_needed: bool,
 }
 
 impl Drawn {
-    /// The original in its place, where it cannot be made: `why`.
+    /// Replaces the variant by the original. `why` becomes a reason of `LEFT_OUT`.
     pub(super) fn give_up(&mut self, original: &Self, why: String) {
         self.plan = original.plan.clone();
         self.files.clone_from(&original.files);
         self.left_out.push(why);
     }
 
-    /// The overrides that are left in the WGSL of each program that has any.
-    fn overrides(&self) -> Result<BTreeMap<&str, Vec<Override>>, String> {
+    /// The overrides that remain in the WGSL of each program.
+    pub fn overrides(&self) -> Result<BTreeMap<&str, Vec<Override>>, String> {
         let mut out = BTreeMap::new();
         for (key, program) in &self.plan.programs {
             if program.module().overrides.is_empty() {
@@ -224,7 +224,7 @@ impl Drawn {
             let name = format!("{}.{key}.wgsl", self.plan.material);
             let file = self.files.iter().find(|f| f.name == name);
             let text = file.map(|f| String::from_utf8_lossy(&f.bytes));
-            // It was read back when it was written.
+            // The emitter has read it back before.
             let module = text.map(|text| naga::front::wgsl::parse_str(&text));
             let Some(Ok(module)) = module else {
                 return Err(format!("{name} cannot be read"));
@@ -244,8 +244,9 @@ impl Drawn {
     }
 }
 
-/// Whether the samples of a pixel may be other than what the plan was made for: its steps know of none, and no pass reads what another wrote.
-fn samples_are_free(plan: &Plan) -> bool {
+/// Whether the plan works with any sample count: no step depends on it, and no pass reads an
+/// attachment that another pass wrote.
+pub(super) fn samples_are_free(plan: &Plan) -> bool {
     let known = ["depth-prepass", "shadow"];
     let own = |b: &BindingUse| b.source == BindingSource::Author;
     plan.steps.iter().all(|s| known.contains(&s.pass.as_str()))
@@ -275,12 +276,12 @@ fn interleaved(drawn: &[Drawn]) -> String {
     )
 }
 
-/// Plain data, whose serialising cannot fail.
+/// Serialises plain data, which cannot fail.
 pub(super) fn json(value: &impl serde::Serialize) -> String {
     serde_json::to_string(value).unwrap_or_default()
 }
 
-/// What a plan assumes of overrides, which are those of the original.
+/// A plan's assumptions about overrides, which are the original's.
 fn constants<'p>(plan: &'p Plan, original: Option<&Plan>) -> Vec<Constant<'p>> {
     let programs = original.iter().flat_map(|o| o.programs.values());
     let all = programs.flat_map(|program| {
@@ -290,7 +291,8 @@ fn constants<'p>(plan: &'p Plan, original: Option<&Plan>) -> Vec<Constant<'p>> {
     all.collect()
 }
 
-/// The module of one plan. `keys` are those of all overrides of the material, `constants` those that it was made for.
+/// The module of one plan. `keys` are those of all overrides of the material, `constants` are the
+/// values that the plan was made for.
 fn variant(
     material: &str,
     drawn: &Drawn,
@@ -299,13 +301,12 @@ fn variant(
     constants: &[Constant<'_>],
 ) -> Result<String, String> {
     let plan = &drawn.plan;
-    let overrides = drawn.overrides()?;
-    // From the module's own file on, so that both may be moved together.
+    // Relative to the module's own file, so that both can be moved together.
     let folder = format!("{material}/{}/", drawn.name);
     let guard = guard(plan);
     let (visible, choices) = match guard.is_empty() {
         true => ("pub ", "&VARIANT"),
-        // What its guard has not spoken for is had by way of the guard alone.
+        // A guarded variant is reached only through its guard.
         false => ("", "&VARIANT, &super::original::VARIANT"),
     };
     let recipe: Vec<String> = plan.steps.iter().map(ToString::to_string).collect();
@@ -318,148 +319,101 @@ fn variant(
         recipe.replace('\n', " "),
         drawn.name
     );
-    let _ = writeln!(text, "/// What was done to the original.");
-    let _ = writeln!(text, "pub const RECIPE: &str = {recipe:?};");
-    let _ = writeln!(
-        text,
-        "/// What it promises, as JSON in the words of the plan."
-    );
-    let _ = writeln!(
-        text,
-        "pub const CONTRACT: &str = {:?};",
-        json(&plan.contract)
-    );
-    let _ = writeln!(text, "/// What was asked for and is not in it, and why.");
-    let _ = writeln!(text, "pub const LEFT_OUT: &[&str] = &{:?};", drawn.left_out);
-    let _ = writeln!(
-        text,
-        "/// What it takes for granted of the values that it is drawn with; empty: it holds for all."
-    );
     let assumed = guard.iter().map(|a| assumed(a, constants));
     let assumed: Vec<String> = assumed.collect::<Result<_, _>>()?;
-    let _ = writeln!(
-        text,
-        "pub const GUARD: &[Assumed] = &[{}];",
-        assumed.join(", ")
+    let given = constants.iter();
+    let given = given.map(|c| format!("({:?}, {})", c.key, number(c.assumed.bounds.low)));
+    let given: Vec<String> = given.collect();
+    let contract = json(&plan.contract);
+    let item = |text: &mut String, doc: &str, code: String| {
+        let _ = writeln!(text, "/// {doc}\n{code};");
+    };
+    item(
+        &mut text,
+        "The applied steps.",
+        format!("pub const RECIPE: &str = {recipe:?}"),
     );
-    let given: Vec<String> = constants
-        .iter()
-        .map(|c| format!("({:?}, {})", c.key, number(c.assumed.bounds.low)))
-        .collect();
-    let _ = writeln!(
-        text,
-        "/// Values of pipeline-overridable constants that it was made for: for [`PipelineOptions::constants`] of its pipelines and of the original's."
+    item(
+        &mut text,
+        "Its contract, as the plan's JSON.",
+        format!("pub const CONTRACT: &str = {contract:?}"),
     );
-    let _ = writeln!(
-        text,
-        "pub const CONSTANTS: &[(&str, f64)] = &[{}];",
-        given.join(", ")
+    item(
+        &mut text,
+        "The reasons of skipped steps.",
+        format!("pub const LEFT_OUT: &[&str] = &{:?}", drawn.left_out),
+    );
+    item(
+        &mut text,
+        "The values that it is valid for. Empty: all values.",
+        format!("pub const GUARD: &[Assumed] = &[{}]", assumed.join(", ")),
+    );
+    item(
+        &mut text,
+        "Values of pipeline-overridable constants that it was made for. Set them in [`PipelineOptions::constants`] of its pipelines and of the original's.",
+        format!(
+            "pub const CONSTANTS: &[(&str, f64)] = &[{}]",
+            given.join(", ")
+        ),
     );
     text.push_str(GUARDED);
-    let _ = writeln!(
-        text,
-        "/// It and, where it has a guard, the original: what [`variant_for`] chooses among, for a host that makes its pipelines ahead."
+    item(
+        &mut text,
+        "The variants that [`variant_for`] may return, for a host that creates pipelines in advance.",
+        format!("pub static CHOICES: &[&Variant] = &[{choices}]"),
     );
-    let _ = writeln!(text, "pub static CHOICES: &[&Variant] = &[{choices}];");
-    let _ = writeln!(text, "/// All of it.");
-    let _ = writeln!(
-        text,
-        "{visible}static VARIANT: Variant = Variant {{ recipe: RECIPE, guard: GUARD, passes: PASSES, compute: COMPUTE, attachments: ATTACHMENTS, self_test: SELF_TEST.as_ref() }};"
+    item(
+        &mut text,
+        "The variant.",
+        format!(
+            "{visible}static VARIANT: Variant = Variant {{ recipe: RECIPE, guard: GUARD, passes: PASSES, compute: COMPUTE, attachments: ATTACHMENTS, self_test: SELF_TEST.as_ref() }}"
+        ),
     );
-    let _ = writeln!(text, "/// What the host should know.");
-    let _ = writeln!(text, "pub const NOTES: &[&str] = &{:?};", plan.notes);
-    let plan_file = format!("{}.plan.json", plan.material);
-    let _ = writeln!(text, "/// The whole plan.");
-    let _ = writeln!(
-        text,
-        "pub const PLAN: &str = {};",
-        included("str", &folder, &plan_file)
+    item(
+        &mut text,
+        "Notes for the host.",
+        format!("pub const NOTES: &[&str] = &{:?}", plan.notes),
     );
-    let _ = writeln!(text, "/// Every file that was written, by name.");
-    let files: Vec<String> = drawn
-        .files
-        .iter()
-        .map(|f| format!("({:?}, {})", f.name, included("bytes", &folder, &f.name)))
-        .collect();
-    let _ = writeln!(
-        text,
-        "pub const FILES: &[(&str, &[u8])] = &[{}];",
-        files.join(", ")
+    let plan_file = included("str", &folder, &format!("{}.plan.json", plan.material));
+    item(
+        &mut text,
+        "The whole plan.",
+        format!("pub const PLAN: &str = {plan_file}"),
     );
-    let names = pass_names(plan);
-    for (pass, name) in plan.passes.iter().zip(&names) {
-        let _ = writeln!(text, "/// The pass `{}`.", pass.role.name());
-        let wgsl = included(
-            "str",
-            &folder,
-            &format!("{}.{}.wgsl", plan.material, pass.program),
-        );
-        let constants = Constants::of(&overrides, &pass.program, keys);
-        let rust = raster(plan, pass, &wgsl, shared, &constants)?;
-        let _ = writeln!(text, "{visible}static {name}: Pass = {rust};");
+    let files = drawn.files.iter();
+    let files = files.map(|f| format!("({:?}, {})", f.name, included("bytes", &folder, &f.name)));
+    let files: Vec<String> = files.collect();
+    item(
+        &mut text,
+        "Every written file, by name.",
+        format!(
+            "pub const FILES: &[(&str, &[u8])] = &[{}]",
+            files.join(", ")
+        ),
+    );
+    for (doc, code) in passes::items(drawn, &folder, visible, shared, keys)? {
+        item(&mut text, &doc, code);
     }
-    let all: Vec<String> = names.iter().map(|n| format!("&{n}")).collect();
-    let _ = writeln!(text, "/// Its passes, in the order they run.");
-    let _ = writeln!(
-        text,
-        "{visible}static PASSES: &[&Pass] = &[{}];",
-        all.join(", ")
-    );
-    let compute: Vec<String> = plan
-        .compute
-        .iter()
-        .map(|c| {
-            let file = format!("{}.{}.wgsl", plan.material, c.program);
-            let wgsl = included("str", &folder, &file);
-            let constants = Constants::of(&overrides, &c.program, keys);
-            compute(plan, c, &wgsl, shared, &constants)
-        })
-        .collect::<Result<_, _>>()?;
-    let _ = writeln!(text, "/// Its compute passes, in the order they run.");
-    let _ = writeln!(
-        text,
-        "{visible}static COMPUTE: &[Compute] = &[{}];",
-        compute.join(", ")
-    );
-    let _ = writeln!(
-        text,
-        "/// Textures that its passes write or read, the scene's depth first."
-    );
-    let attachments: Vec<String> = plan.attachments.iter().map(attachment).collect();
-    let _ = writeln!(
-        text,
-        "{visible}static ATTACHMENTS: &[Attachment] = &[{}];",
-        attachments.join(", ")
-    );
-    let _ = writeln!(
-        text,
-        "/// To be run at load; where it fails, draw `original`."
-    );
-    let test = plan.self_test.as_ref().and_then(|t| self_test(plan, t));
-    let test = test.map_or("None".to_owned(), |t| format!("Some({t})"));
-    let _ = writeln!(
-        text,
-        "{visible}static SELF_TEST: Option<SelfTest> = {test};"
-    );
     text.push_str("}\n");
     Ok(text)
 }
 
-fn included(kind: &str, folder: &str, file: &str) -> String {
+pub(super) fn included(kind: &str, folder: &str, file: &str) -> String {
     let path = format!("{folder}{file}");
     format!("include_{kind}!({path:?})")
 }
 
-/// What each plan's module has to check its guard with.
+/// The part of each plan's module that checks its guard.
 const GUARDED: &str = "\
-/// Whether constants and the uniforms of a draw are as [`GUARD`] says: see [`Variant::guard_holds`].
+/// Whether constants and the uniforms of a draw are as [`GUARD`] says: see
+/// [`Variant::guard_holds`].
 pub fn guard_holds<'b>(
     constants: &[(&str, f64)],
     bytes: impl Fn(u32, u32) -> Option<&'b [u8]>,
 ) -> bool {
     VARIANT.guard_holds(constants, bytes)
 }
-/// What to draw with: this where its guard holds, else the original.
+/// The variant to draw with: this one if its guard holds, else the original.
 pub fn variant_for<'b>(
     constants: &[(&str, f64)],
     bytes: impl Fn(u32, u32) -> Option<&'b [u8]>,
@@ -471,7 +425,7 @@ pub fn variant_for<'b>(
 }
 ";
 
-/// What a plan takes for granted of values.
+/// A plan's assumptions about values.
 fn guard(plan: &Plan) -> &[guard::Assumed] {
     plan.guard.as_ref().map_or(&[], |g| &g.values)
 }
@@ -521,266 +475,4 @@ fn number(number: f64) -> String {
         false if number > 0.0 => "f64::INFINITY".to_owned(),
         false => "f64::NEG_INFINITY".to_owned(),
     }
-}
-
-/// A name for each pass: its role, and a number where several have one.
-fn pass_names(plan: &Plan) -> Vec<String> {
-    let role = |i: usize| plan.passes[i].role;
-    (0..plan.passes.len())
-        .map(|i| {
-            let name = role(i).name().to_uppercase();
-            match (0..i).filter(|j| role(*j) == role(i)).count() {
-                0 => name,
-                earlier => format!("{name}_{}", earlier + 1),
-            }
-        })
-        .collect()
-}
-
-fn raster(
-    plan: &Plan,
-    pass: &GpuPass,
-    wgsl: &str,
-    shared: &Shared<'_>,
-    constants: &Constants<'_>,
-) -> Result<String, String> {
-    let program = plan.program(pass);
-    no_arrays(program, &pass.bindings)?;
-    let immediates = program.map_or(0, |p| reflect::immediate_size(p, &reflect::stages(pass)));
-    let free = pass.phase == Phase::Shadow || samples_are_free(plan);
-    let depth = pass.depth.as_ref().map(|d| depth(plan, pass, d));
-    let depth = depth.transpose()?.flatten();
-    let depth = depth.map_or("None".to_owned(), |d| format!("Some({d})"));
-    let mut targets: Vec<String> = Vec::new();
-    let mut colors: Vec<String> = Vec::new();
-    for target in &pass.targets {
-        let Some(target) = target else {
-            targets.push("None".to_owned());
-            colors.push("None".to_owned());
-            continue;
-        };
-        if let Some(why) = words::no_target(&target.format) {
-            return Err(why);
-        }
-        targets.push(format!("Some({})", words::color_target(target)));
-        colors.push(format!(
-            "Some(Color {{ attachment: {:?}, ops: {} }})",
-            target.attachment,
-            ops(target.ops)
-        ));
-    }
-    let attributes: Vec<String> = pass
-        .attributes
-        .iter()
-        .map(|a| {
-            let (format, _) = words::vertex_format(&a.ty).ok_or_else(|| {
-                format!(
-                    "the attribute `{}` is of the type {}, which no vertex format of WebGPU holds",
-                    a.name, a.ty
-                )
-            })?;
-            Ok(format!(
-                "Attribute {{ location: {}, name: {:?}, format: wgpu::VertexFormat::{format} }}",
-                a.location, a.name
-            ))
-        })
-        .collect::<Result<_, String>>()?;
-    let draws = match pass.draws {
-        Draws::All => "All",
-        Draws::Opaque => "Opaque",
-        Draws::Once => "Once",
-    };
-    let geometry = match pass.geometry.is_as_given() {
-        true => "as-given".to_owned(),
-        false => json(&pass.geometry),
-    };
-    Ok(format!(
-        "Pass {{ role: {:?}, phase: Phase::{:?}, wgsl: {wgsl}, vertex: {:?}, fragment: {:?}, primitive: {}, depth: {depth}, multisample: {}, targets: &[{}], colors: &[{}], groups: {}, attributes: &[{}], features: {}, raise_limits: {}, draws: Draws::{draws}, geometry: {geometry:?}, view_dependent: &{:?}, immediate_size: {immediates}, {}, samples_are_free: {free} }}",
-        pass.role.name(),
-        pass.phase,
-        pass.vertex,
-        pass.fragment,
-        words::primitive(&pass.primitive),
-        words::multisample(&pass.multisample),
-        targets.join(", "),
-        colors.join(", "),
-        shared.groups(&pass.bindings, Kind::Raster),
-        attributes.join(", "),
-        words::features(&pass.features)?,
-        words::raise_limits(&pass.limits),
-        pass.view_dependent,
-        constants.fields(),
-    ))
-}
-
-/// Pipeline-overridable constants as a pass has them.
-struct Constants<'p> {
-    /// Those that its program reads.
-    own: &'p [Override],
-    /// Keys of all that the material has.
-    keys: &'p BTreeSet<String>,
-}
-
-impl<'p> Constants<'p> {
-    fn of(
-        overrides: &'p BTreeMap<&str, Vec<Override>>,
-        program: &str,
-        keys: &'p BTreeSet<String>,
-    ) -> Self {
-        Self {
-            own: overrides.get(program).map_or(&[][..], Vec::as_slice),
-            keys,
-        }
-    }
-
-    /// The fields of `Pass` and `Compute` that are about them.
-    fn fields(&self) -> String {
-        let listed: Vec<String> = self
-            .own
-            .iter()
-            .map(|o| {
-                format!(
-                    "Override {{ key: {:?}, is_needed: {} }}",
-                    o.key, o.is_needed
-                )
-            })
-            .collect();
-        let unread = self.keys.iter();
-        let unread: Vec<&String> = unread
-            .filter(|key| !self.own.iter().any(|o| o.key == **key))
-            .collect();
-        format!(
-            "overrides: &[{}], unread_overrides: &{unread:?}, guard: GUARD",
-            listed.join(", ")
-        )
-    }
-}
-
-/// Refuses bindings of several resources.
-fn no_arrays(program: Option<&Program>, bindings: &[BindingUse]) -> Result<(), String> {
-    let array = |b: &&BindingUse| program.is_some_and(|p| reflect::is_array(p.module(), b));
-    match bindings.iter().find(array) {
-        None => Ok(()),
-        Some(array) => Err(format!(
-            "`{}` is a binding array, which the generated module has no words for; `preshade rewrite` writes the shaders alone",
-            array.name
-        )),
-    }
-}
-
-fn compute(
-    plan: &Plan,
-    pass: &ComputePass,
-    wgsl: &str,
-    shared: &Shared<'_>,
-    constants: &Constants<'_>,
-) -> Result<String, String> {
-    let program = plan.programs.get(&pass.program);
-    no_arrays(program, &pass.bindings)?;
-    let stages = [(naga::ShaderStage::Compute, pass.entry_point.as_str())];
-    let immediates = program.map_or(0, |p| reflect::immediate_size(p, &stages));
-    Ok(format!(
-        "Compute {{ wgsl: {wgsl}, entry_point: {:?}, workgroup: {}, geometry: {:?}, when: {:?}, groups: {}, features: {}, raise_limits: {}, immediate_size: {immediates}, {} }}",
-        pass.entry_point,
-        pass.workgroup,
-        json(&pass.geometry),
-        json(&pass.when),
-        shared.groups(&pass.bindings, Kind::Compute),
-        words::features(&pass.features)?,
-        words::raise_limits(&pass.limits),
-        constants.fields(),
-    ))
-}
-
-/// `None` for one whose attachment is none of depth.
-fn depth(plan: &Plan, pass: &GpuPass, depth: &DepthState) -> Result<Option<String>, String> {
-    let Some((clear, format)) = plan.attachment(&depth.attachment).and_then(|attachment| {
-        let ClearValue::Depth(clear) = attachment.clear else {
-            return None;
-        };
-        Some((clear, attachment.format.depth()?))
-    }) else {
-        return Ok(None);
-    };
-    for (what, number) in [
-        ("the slope scale of the depth bias", depth.bias.slope_scale),
-        ("the clamp of the depth bias", depth.bias.clamp),
-        ("what depth is cleared to", clear),
-    ] {
-        if !number.is_finite() {
-            return Err(format!(
-                "{what} is {number}, which no pipeline takes: give a finite number"
-            ));
-        }
-    }
-    let stencil_ops = depth.stencil_ops;
-    Ok(Some(format!(
-        "Depth {{ attachment: {:?}, state: {}, stencil_reference: {}, read_only: {}, clear: {clear:?}, ops: {}, stencil_ops: {} }}",
-        depth.attachment,
-        words::depth_stencil(format, depth, pass.stencil.as_ref()),
-        pass.stencil.as_ref().map_or(0, |s| s.reference),
-        depth.read_only,
-        ops(depth.ops),
-        stencil_ops.map_or("None".to_owned(), |o| format!("Some({})", ops(o))),
-    )))
-}
-
-fn ops(ops: AttachmentOps) -> String {
-    format!(
-        "Ops {{ clear_first: {}, store: wgpu::StoreOp::{:?} }}",
-        ops.load == LoadOp::ClearFirst,
-        ops.store
-    )
-}
-
-fn attachment(attachment: &Attachment) -> String {
-    let sampled = match attachment.sampled {
-        true => ".union(wgpu::TextureUsages::TEXTURE_BINDING)",
-        false => "",
-    };
-    format!(
-        "Attachment {{ name: {:?}, format: {}, samples: {}, usage: wgpu::TextureUsages::RENDER_ATTACHMENT{sampled} }}",
-        attachment.name,
-        words::attachment_format(&attachment.format),
-        attachment.samples,
-    )
-}
-
-/// `None` for one that names a pass that there is not.
-fn self_test(plan: &Plan, test: &SelfTest) -> Option<String> {
-    let names = pass_names(plan);
-    let path = |role| {
-        let own = plan.passes.iter().position(|p| p.role == role);
-        own.map(|i| names[i].clone()).or_else(|| {
-            let original = plan.original.as_ref()?;
-            let at = original.passes.iter().position(|p| p.role == role)?;
-            Some(format!("super::original::{}", pass_names(original)[at]))
-        })
-    };
-    let mut runs = Vec::new();
-    for run in &test.runs {
-        let mut draws = Vec::new();
-        for draw in &run.draws {
-            draws.push(format!(
-                "TestDraw {{ pass: &{}, attachment: {:?}, compare: wgpu::CompareFunction::{:?}, write: {}, must_pass: {} }}",
-                path(draw.role)?,
-                draw.attachment,
-                draw.compare,
-                draw.write,
-                draw.samples == SamplesPassed::Some
-            ));
-        }
-        runs.push(format!(
-            "Run {{ failure: {:?}, draws: &[{}] }}",
-            run.failure,
-            draws.join(", ")
-        ));
-    }
-    let attachments = std::iter::once(&test.attachment).chain(&plan.attachments);
-    let attachments: Vec<String> = attachments.map(attachment).collect();
-    Some(format!(
-        "SelfTest {{ attachments: &[{}], runs: &[{}] }}",
-        attachments.join(", "),
-        runs.join(", ")
-    ))
 }

@@ -1,11 +1,13 @@
-// What a host needs to draw with a generated material: plain data of wgpu's own types, and the calls that make wgpu objects of it. Nothing here knows preshade.
+// The runtime of a generated material: plain data in wgpu's types, and functions that create wgpu
+// objects from it. Nothing here depends on preshade.
 
 /// One GPU pass of a material.
 #[derive(Clone, Debug)]
 pub struct Pass {
-    /// What it is for: `main`, `prepass`, `shadow`, `ids`, `classify`, `resolve` or `clear`.
+    /// Role: `main`, `prepass`, `shadow`, `ids`, `classify`, `resolve` or `clear`.
     pub role: &'static str,
-    /// When in the frame it runs: no pass of a phase starts before those of earlier phases, over all materials, have ended.
+    /// When it runs in the frame: a phase starts after the earlier phases of all materials have
+    /// ended.
     pub phase: Phase,
     /// WGSL of the pass.
     pub wgsl: &'static str,
@@ -21,9 +23,10 @@ pub struct Pass {
     pub multisample: wgpu::MultisampleState,
     /// Colour targets, by location.
     pub targets: &'static [Option<wgpu::ColorTargetState>],
-    /// What is done with each of them in a render pass.
+    /// Load and store operations of each target.
     pub colors: &'static [Option<Color>],
-    /// Bindings of each bind group. Those of the author's resources are laid out alike in all passes of the material, so that one bind group serves them all.
+    /// Bindings of each bind group. The author's resources have the same layout in all passes of
+    /// the material, so that one bind group serves them all.
     pub groups: &'static [&'static [Binding]],
     /// Vertex attributes that it reads.
     pub attributes: &'static [Attribute],
@@ -31,44 +34,50 @@ pub struct Pass {
     pub features: wgpu::Features,
     /// Raises limits to what the pass needs.
     pub raise_limits: fn(&mut wgpu::Limits),
-    /// Which draws of the material it draws.
+    /// The draws that it includes.
     pub draws: Draws,
-    /// What is drawn of them, as in the plan: `as-given`, or what the plan's JSON says more of.
+    /// Geometry of the draws, as in the plan: `as-given`, or another kind that the plan's JSON
+    /// describes.
     pub geometry: &'static str,
-    /// Uniforms that must come from another view than the camera's: the light's, for a shadow pass.
+    /// Uniforms that must describe another view than the camera's. A shadow pass uses the light's.
     pub view_dependent: &'static [&'static str],
     /// Bytes of immediate data that the host sets before it draws.
     pub immediate_size: u32,
     /// Pipeline-overridable constants of the pass: given by [`PipelineOptions::constants`].
     pub overrides: &'static [Override],
-    /// Keys of those that the material has and this pass does not read.
+    /// Keys of the material's constants that this pass does not read.
     pub unread_overrides: &'static [&'static str],
-    /// What its variant takes for granted: of constants, pipelines are made for nothing else.
+    /// The guard of its variant. Pipelines are only created for the constants that it allows.
     pub guard: &'static [Assumed],
-    /// The samples of a pixel may be others than [`Pass::multisample`] says: [`PipelineOptions::samples`].
+    /// [`PipelineOptions::samples`] may differ from [`Pass::multisample`].
     pub samples_are_free: bool,
 }
 
 /// A pipeline-overridable constant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Override {
-    /// Its `@id`, or else its name.
+    /// Its `@id`, or its name if it has none.
     pub key: &'static str,
-    /// It has no default, and has to be given.
+    /// It has no default, so the host must set it.
     pub is_needed: bool,
 }
 
-/// What a host knows of a pipeline only when it runs. The default is what the build script was told.
+/// Properties of a pipeline that a host only knows at run time. The defaults are the build
+/// script's.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PipelineOptions<'a> {
-    /// Formats of the scene's colours, by location, as the surface has them: each of the same kind of numbers as what the build was told. Where there is none the build's is taken.
+    /// Formats of the scene's colours, by location: the surface's, for example. Each must have the
+    /// same sample type as the build's, which is the default.
     pub formats: &'a [Option<wgpu::TextureFormat>],
-    /// Samples of a pixel of the scene's attachments; those of `ATTACHMENTS` are then made by [`Attachment::texture_with`]. Passes of shadow maps keep theirs.
+    /// Samples a pixel of the scene's attachments. Create those of `ATTACHMENTS` with
+    /// [`Attachment::texture_with`]. Shadow maps keep their own count.
     pub samples: Option<u32>,
-    /// Of the index buffer, where strips are drawn; 32 bits by default.
+    /// Index format of strips. Default: 32 bits.
     pub strip_index_format: Option<wgpu::IndexFormat>,
-    /// Values of the material's pipeline-overridable constants, by `@id` or else by name. Give the same to each of its passes, those of the original among them: one that does not read it takes
-    /// none. A variant that was made for other values is an [`Unfit::Guard`]; its `CONSTANTS` are those that it was made for.
+    /// Values of the material's pipeline-overridable constants, by `@id`, or by name without one.
+    /// Give the same values to all its passes, the original's included. A pass ignores constants
+    /// that it does not read. A variant that was made for other values returns [`Unfit::Guard`];
+    /// its `CONSTANTS` list the values that it was made for.
     pub constants: &'a [(&'a str, f64)],
 }
 
@@ -77,26 +86,26 @@ pub struct PipelineOptions<'a> {
 pub enum Phase {
     /// Shadow maps: the light's view, outside the camera's frame.
     Shadow,
-    /// Depth only, opaque draws; ids with it.
+    /// Depth and ids of opaque draws.
     Depth,
-    /// What each pixel shows is told apart, over all materials.
+    /// Pixels are classified by material.
     Classify,
-    /// Shaded from ids.
+    /// Pixels are shaded from ids.
     Resolve,
-    /// Shaded, opaque draws.
+    /// Opaque draws are shaded.
     Opaque,
     /// Blended draws, last, in the host's order.
     Blended,
 }
 
-/// Which draws a pass draws.
+/// The draws of a pass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Draws {
     /// All of the material.
     All,
     /// The opaque ones.
     Opaque,
-    /// None: once for the frame.
+    /// None: the pass runs once a frame.
     Once,
 }
 
@@ -111,29 +120,29 @@ pub struct Depth {
     pub stencil_reference: u32,
     /// It is bound read-only, and may be sampled in the same pass.
     pub read_only: bool,
-    /// What the depth aspect is cleared to.
+    /// Clear value of the depth aspect.
     pub clear: f32,
-    /// What the pass finds and leaves.
+    /// Load and store operations.
     pub ops: Ops,
-    /// The same of the stencil aspect, where the format has one.
+    /// Load and store operations of the stencil aspect, if the format has one.
     pub stencil_ops: Option<Ops>,
 }
 
-/// What a pass does with a colour attachment.
+/// A pass's use of a colour attachment.
 #[derive(Clone, Copy, Debug)]
 pub struct Color {
-    /// Attachment of the material's own that is drawn to; `None`: the scene's colour of this location.
+    /// The material's own attachment. `None`: the scene's colour of this location.
     pub attachment: Option<&'static str>,
-    /// What the pass finds and leaves.
+    /// Load and store operations.
     pub ops: Ops,
 }
 
 /// Load and store operations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Ops {
-    /// The first render pass of the frame that has the attachment clears it; otherwise all of them load.
+    /// The frame's first render pass with the attachment clears it. `false`: every pass loads it.
     pub clear_first: bool,
-    /// What the pass leaves.
+    /// The store operation.
     pub store: wgpu::StoreOp,
 }
 
@@ -142,7 +151,7 @@ pub struct Ops {
 pub struct Binding {
     /// Variable's name in the shader.
     pub name: &'static str,
-    /// Who provides the resource.
+    /// Where the resource comes from.
     pub source: Source,
     /// For the bind group layout.
     pub entry: wgpu::BindGroupLayoutEntry,
@@ -151,26 +160,26 @@ pub struct Binding {
 /// Where a binding's resource comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
-    /// The author's own resource of that group and binding.
+    /// The author's resource of that group and binding.
     Author,
-    /// The whole of an attachment that an earlier pass wrote.
+    /// An attachment that an earlier pass wrote.
     Attachment(&'static str),
     /// The scene's colour of a location, as a storage texture.
     SceneColor(u32),
-    /// A part of the draw's geometry, as JSON in the words of the plan.
+    /// A part of the draw's geometry, as the plan's JSON.
     Geometry(&'static str),
 }
 
-/// A texture that passes write or read, of the size of the scene's colour.
+/// A texture that passes write or read. It has the size of the scene's colour.
 #[derive(Clone, Copy, Debug)]
 pub struct Attachment {
-    /// The name that passes refer to it by. `scene-depth` is the one that all main passes of a frame share.
+    /// The name that passes use. All main passes of a frame share `scene-depth`.
     pub name: &'static str,
     /// Format.
     pub format: wgpu::TextureFormat,
     /// Samples a pixel.
     pub samples: u32,
-    /// Usages it needs.
+    /// Required usages.
     pub usage: wgpu::TextureUsages,
 }
 
@@ -179,24 +188,24 @@ pub struct Attachment {
 pub struct Attribute {
     /// `@location`.
     pub location: u32,
-    /// The author's name for it.
+    /// The author's name.
     pub name: &'static str,
-    /// The format that holds the shader's type as it is.
+    /// The format with the same layout as the shader's type.
     pub format: wgpu::VertexFormat,
 }
 
-/// Work of a compute pass.
+/// One compute pass of a material.
 #[derive(Clone, Copy, Debug)]
 pub struct Compute {
     /// WGSL.
     pub wgsl: &'static str,
     /// Entry point.
     pub entry_point: &'static str,
-    /// Invocations of a workgroup, as the plan counts them.
+    /// Workgroup size.
     pub workgroup: u32,
-    /// What it is run over and when, as JSON in the words of the plan.
+    /// The domain of its dispatch, as the plan's JSON.
     pub geometry: &'static str,
-    /// When it runs, as JSON in the words of the plan.
+    /// When it runs, as the plan's JSON.
     pub when: &'static str,
     /// Bindings of each bind group.
     pub groups: &'static [&'static [Binding]],
@@ -208,33 +217,35 @@ pub struct Compute {
     pub immediate_size: u32,
     /// Pipeline-overridable constants of the pass: given by [`PipelineOptions::constants`].
     pub overrides: &'static [Override],
-    /// Keys of those that the material has and this pass does not read.
+    /// Keys of the material's constants that this pass does not read.
     pub unread_overrides: &'static [&'static str],
-    /// What its variant takes for granted: of constants, pipelines are made for nothing else.
+    /// The guard of its variant. Pipelines are only created for the constants that it allows.
     pub guard: &'static [Assumed],
 }
 
-/// One plan of a material, with all that a frame needs of it.
+/// One plan of a material.
 #[derive(Clone, Copy, Debug)]
 pub struct Variant {
-    /// What was done to the original.
+    /// The applied steps.
     pub recipe: &'static str,
-    /// What it takes for granted of the values that it is drawn with; nothing where that is empty.
+    /// The values that it is valid for. Empty: all values.
     pub guard: &'static [Assumed],
     /// Its passes, in the order they run.
     pub passes: &'static [&'static Pass],
     /// Its compute passes, in the order they run.
     pub compute: &'static [Compute],
-    /// Textures that its passes write or read, the scene's depth first.
+    /// Textures that its passes write or read. The scene's depth comes first.
     pub attachments: &'static [Attachment],
-    /// To be run at load; where it fails, draw the original.
+    /// Run it when you load the material. If it fails, draw the original.
     pub self_test: Option<&'static SelfTest>,
 }
 
 impl Variant {
-    /// Whether the constants of the material's pipelines and the uniforms of a draw are as it takes for granted; asked whenever one is written. `constants` are those of
-    /// [`PipelineOptions::constants`]. `bytes` gives the content of a binding, by group and binding; one that is not there, or is too short, is not. Of attributes and textures no buffer tells: of
-    /// those in [`Variant::guard`] the host sees to it that they stay.
+    /// Whether the variant is valid for the pipelines' constants and a draw's uniforms. Check
+    /// whenever you write one of them. `constants` are [`PipelineOptions::constants`]. `bytes`
+    /// returns the content of a binding, by group and binding; the guard fails if it is missing or
+    /// too short. Attributes and textures in [`Variant::guard`] are not checked: the host must keep
+    /// them constant.
     pub fn guard_holds<'b>(
         &self,
         constants: &[(&str, f64)],
@@ -244,41 +255,41 @@ impl Variant {
     }
 }
 
-/// A number that a variant takes to lie between two others, both included.
+/// A number that must lie in a closed range.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Assumed {
-    /// The author's name for it: `material.fog_density`, `lights[1].color.x`.
+    /// The author's name: `material.fog_density`, `lights[1].color.x`.
     pub name: &'static str,
-    /// Where it comes from.
+    /// Its source.
     pub place: Place,
     /// Its type.
     pub ty: ScalarType,
-    /// The least that it may be.
+    /// Smallest allowed value.
     pub low: f64,
-    /// The greatest.
+    /// Largest allowed value.
     pub high: f64,
 }
 
 /// Where a number comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place {
-    /// A scalar of a uniform buffer, so many bytes into its binding.
+    /// A scalar of a uniform buffer.
     Uniform {
         /// Bind group.
         group: u32,
         /// Binding.
         binding: u32,
-        /// Bytes into it.
+        /// Offset in bytes.
         offset: u32,
     },
-    /// A component of a vertex attribute, the same for every vertex and instance of a draw.
+    /// A component of a vertex attribute that is constant over a draw.
     Attribute {
         /// Location.
         location: u32,
         /// Component, from 0.
         component: u32,
     },
-    /// A channel of a texture, the same in every texel of every level.
+    /// A channel of a texture that is constant over all texels and levels.
     Texture {
         /// Bind group.
         group: u32,
@@ -287,11 +298,12 @@ pub enum Place {
         /// Channel, from 0.
         channel: u32,
     },
-    /// A pipeline-overridable constant. What it decides is decided in the variant's texts: no pipeline of theirs is made for another value, and the original's needs this one given.
+    /// A pipeline-overridable constant. The variant's shaders are compiled for this value. Its
+    /// pipelines are created for no other value, and the original's pipelines need it set too.
     Override {
-        /// Its `@id`, or else its name.
+        /// Its `@id`, or its name if it has none.
         key: &'static str,
-        /// It has such a value where a host gives it none and the other constants that are taken for granted are as they should be.
+        /// Its default is such a value, given that the guard's other constants are valid.
         is_default: bool,
     },
 }
@@ -308,7 +320,7 @@ pub enum ScalarType {
 }
 
 impl Assumed {
-    /// As [`Variant::guard_holds`]; whatever is no uniform and no constant holds.
+    /// As [`Variant::guard_holds`]. Holds for anything that is not a uniform or a constant.
     pub fn holds<'b>(
         &self,
         constants: &[(&str, f64)],
@@ -333,12 +345,12 @@ impl Assumed {
         })
     }
 
-    /// Whether a constant is as it should be; whatever is none holds.
+    /// Whether a constant has a valid value. Holds for anything that is not a constant.
     fn holds_for(&self, constants: &[(&str, f64)]) -> bool {
         let Place::Override { key, is_default } = self.place else {
             return true;
         };
-        // wgpu takes the last of a key.
+        // wgpu uses the last value of a key.
         match constants.iter().rev().find(|(k, _)| *k == key) {
             None => is_default,
             Some((_, value)) => self.contains(match self.ty {
@@ -349,17 +361,19 @@ impl Assumed {
     }
 
     fn contains(&self, number: f64) -> bool {
-        // No comparison holds for NaN.
+        // Comparisons with NaN fail.
         self.low <= number && number <= self.high
     }
 }
 
-/// What a host has does not fit a pass.
+/// The host's data does not fit a pass.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Unfit {
-    /// Vertex buffers, formats, samples or constants are none that the material can be drawn with: why.
+    /// The material cannot be drawn with these vertex buffers, formats, samples or constants. Has
+    /// the reason.
     Host(String),
-    /// The constant has another value than the variant was made for: draw `original`, or give all pipelines of the material what the variant's `CONSTANTS` say.
+    /// The variant was made for another value of this constant. Draw `original`, or set the
+    /// variant's `CONSTANTS` in all pipelines of the material.
     Guard(Assumed),
 }
 
@@ -385,7 +399,7 @@ impl std::fmt::Display for Unfit {
 
 impl std::error::Error for Unfit {}
 
-/// The host's vertex buffers, with the attributes that a pass reads and no others. Slots stay where they are.
+/// The host's vertex buffers, with only the attributes that a pass reads. Slots are unchanged.
 #[derive(Clone, Debug)]
 pub struct VertexBuffers(
     Vec<(
@@ -443,7 +457,7 @@ fn module(device: &wgpu::Device, label: &str, wgsl: &'static str) -> wgpu::Shade
     })
 }
 
-/// Of the host's constants those that a pass reads, where all of them are what its variant was made for.
+/// The host's constants that a pass reads, if all constants satisfy its variant's guard.
 pub(super) fn constants_with<'a>(
     overrides: &[Override],
     unread: &[&str],
@@ -478,10 +492,11 @@ impl Pass {
         group_layouts(device, self.groups)
     }
 
-    /// The host's vertex buffers as this pass reads them. `buffers` hold what the author's shader reads, slot by slot.
+    /// The host's vertex buffers as this pass reads them. `buffers` are the buffers of the author's
+    /// shader, by slot.
     ///
     /// # Errors
-    /// An attribute is in none of them, or in a format whose numbers are of another kind.
+    /// An attribute is missing, or has a format of another sample type.
     pub fn vertex_buffers(
         &self,
         buffers: &[wgpu::VertexBufferLayout<'_>],
@@ -520,7 +535,7 @@ impl Pass {
         Ok(VertexBuffers(buffers.iter().map(buffer).collect()))
     }
 
-    /// The pipeline, complete: shader, layout, states, targets.
+    /// The complete pipeline.
     ///
     /// # Errors
     /// As [`Pass::vertex_buffers`].
@@ -532,11 +547,13 @@ impl Pass {
         self.pipeline_with(device, buffers, &PipelineOptions::default())
     }
 
-    /// As [`Pass::pipeline`], with what the host knows only now: the surface's format, say.
+    /// As [`Pass::pipeline`], with properties that are known at run time, such as the surface's
+    /// format.
     ///
     /// # Errors
-    /// As [`Pass::vertex_buffers`]; a format of another kind of numbers, samples that the variant was not made for, a constant that the material has not, or one without a value. [`Unfit::Guard`]
-    /// where a constant has another value than the variant was made for.
+    /// As [`Pass::vertex_buffers`]; a format of another sample type, an unsupported sample count,
+    /// an unknown constant, or one without a value. [`Unfit::Guard`] if the variant was made for
+    /// another value.
     pub fn pipeline_with(
         &self,
         device: &wgpu::Device,
@@ -547,7 +564,7 @@ impl Pass {
         self.pipeline_of(device, buffers, depth, options)
     }
 
-    /// The colour targets, with the formats that the host has.
+    /// The colour targets, with the host's formats.
     fn targets_with(
         &self,
         options: &PipelineOptions<'_>,
@@ -580,7 +597,7 @@ impl Pass {
         Ok(targets)
     }
 
-    /// The samples of a pixel, as the host has them.
+    /// The multisample state, with the host's sample count.
     fn samples_with(&self, options: &PipelineOptions<'_>) -> Result<u32, Unfit> {
         let built = self.multisample.count;
         match options.samples {
@@ -657,15 +674,15 @@ impl Compute {
     /// The pipeline.
     ///
     /// # Errors
-    /// A constant without a value, or [`Unfit::Guard`] where one has another value than the variant was made for.
+    /// A constant without a value, or [`Unfit::Guard`] if the variant was made for another value.
     pub fn pipeline(&self, device: &wgpu::Device) -> Result<wgpu::ComputePipeline, Unfit> {
         self.pipeline_with(device, &PipelineOptions::default())
     }
 
-    /// As [`Compute::pipeline`], with the constants that the passes of the material are made with.
+    /// As [`Compute::pipeline`], with constants.
     ///
     /// # Errors
-    /// As [`Compute::pipeline`], and for a constant that the material has not.
+    /// As [`Compute::pipeline`], and for an unknown constant.
     pub fn pipeline_with(
         &self,
         device: &wgpu::Device,
@@ -707,7 +724,7 @@ impl Ops {
 }
 
 impl Depth {
-    /// For the render pass; `first`: no render pass of the frame before it had this attachment.
+    /// For the render pass. `first`: no earlier render pass of the frame has this attachment.
     pub fn attach<'v>(
         &self,
         view: &'v wgpu::TextureView,
@@ -725,7 +742,7 @@ impl Depth {
 }
 
 impl Color {
-    /// For the render pass; `first`: no render pass of the frame before it had this attachment.
+    /// For the render pass. `first`: no earlier render pass of the frame has this attachment.
     pub fn attach<'v>(
         &self,
         view: &'v wgpu::TextureView,
@@ -747,7 +764,7 @@ impl Attachment {
         self.texture_with(device, size, self.samples)
     }
 
-    /// The texture, of so many samples a pixel: for passes that are made with [`PipelineOptions::samples`].
+    /// The texture with another sample count, for pipelines with [`PipelineOptions::samples`].
     pub fn texture_with(
         &self,
         device: &wgpu::Device,

@@ -1,4 +1,5 @@
-//! Variants made by a `build.rs`: no GPU, nothing to install, the same bytes on every machine.
+//! Compiles materials in a `build.rs`. It needs no GPU and no installation, and writes the same
+//! bytes on every machine.
 //!
 //! ```no_run
 //! // build.rs
@@ -8,33 +9,42 @@
 //! ```
 //!
 //! ```ignore
-//! // src/main.rs: wgpu 30 is all that the generated code needs.
+//! // src/main.rs: the generated code depends only on wgpu 30.
 //! mod lit {
 //!     preshade::include_variant!("lit");
 //! }
 //! let pipeline = lit::MAIN.pipeline(&device, &[lit::INTERLEAVED])?;
 //! ```
 //!
-//! The module `lit` has `original` and the variant, each with its passes (`PASSES`, and `MAIN`, `PREPASS` and so on by role), attachments, self-test, files and whole plan; the variant's names
-//! are the module's own. A [`Builder::variant`] has a module of its own.
+//! The module `lit` contains the module `original` and the variant. Each has its passes (`PASSES`,
+//! and by role `MAIN`, `PREPASS` and so on), attachments, self-test, files and its whole plan. The
+//! variant's names are also the module's own. A [`Builder::variant`] has its own module.
 //!
-//! A specialised variant holds for some values alone. Its `GUARD` says which, `guard_holds` looks at a draw's uniforms and at what the pipelines have for constants, and `variant_for` gives it or the
-//! original; its passes are had in no other way but `CHOICES`, which is all that `variant_for` may give. `CONSTANTS` are the pipeline-overridable ones that it was made for, which the original's
-//! pipelines then need too. Where the material's own variant is such a one, the module's names are the original's, but for these five.
+//! A specialised variant is only valid for some values. `GUARD` lists them, `guard_holds` checks a
+//! draw's uniforms and the pipelines' constants, and `variant_for` returns the variant or the
+//! original. You reach the variant's passes only through `variant_for` and `CHOICES`, which lists
+//! all that it may return. `CONSTANTS` are the pipeline-overridable constants that the variant was
+//! made for; give them to the original's pipelines too. If the material's own variant has a guard,
+//! the module's names are the original's, except for these five.
 //!
-//! What is made, for each material:
+//! For each material, the build chooses in this order:
 //!
-//! 1. Where `preshade.lock` beside the shader names it, what is kept there ([`crate::lock`]): chosen on a scene, by a developer's adapter. Where the lock does not fit the shader any
-//!    more the build warns and ships the original.
-//! 2. Otherwise the passes asked for, as far as they need no scene: what promises no more than a budget, or rests on what only a scene shows (that no depths tie, say), is told as a warning and left out.
-//! 3. Where none is asked for, `depth_prepass`, `early_discard` and `shadow`, in their forms that need no scene, each as a module beside the original.
+//! 1. If `preshade.lock` beside the shader has an entry, the build uses it ([`unstable::lock`](crate::unstable::lock)). If
+//!    the entry does not match the shader, the build warns and ships the original.
+//! 2. Otherwise it applies the passes that you request. A step that needs a scene is skipped with a
+//!    warning: its contract has an error budget, say, or assumes that no depths tie.
+//! 3. If you request nothing, it makes `depth_prepass`, `early_discard` and `shadow` in their forms
+//!    that need no scene, each as a module beside the original.
 //!
-//! Names do not depend on what was refused: a variant of which every step is refused draws the original.
+//! Names do not depend on refusals: a variant whose steps are all refused draws the original.
 //!
-//! Files go to `OUT_DIR` alone, and only where their bytes differ. A material whose files, options and lock are as they were at the last run is not compiled again.
-//! Cargo is told of the files that were read and of no others; a `preshade.lock` that is not there yet is none of them, so touch the build script after the first.
+//! Files go to `OUT_DIR`, and are only written if their bytes change. A material is not compiled
+//! again if its files, options and lock did not change. Cargo only watches the files that were
+//! read. A `preshade.lock` that does not exist yet is not watched, so touch the build script after
+//! you create the first one.
 //!
-//! A dev profile compiles build scripts without optimisation, preshade and naga with them. That is well so: a material takes some 15 ms of it, and an optimised preshade far longer to compile.
+//! A dev profile compiles build scripts, and preshade with them, without optimisation. Leave it so:
+//! a material takes about 15 ms, and an optimised preshade takes far longer to compile.
 
 mod bindings;
 mod choose;
@@ -44,7 +54,10 @@ mod generate;
 #[allow(dead_code)]
 mod host;
 mod names;
+mod passes;
 mod stamp;
+#[cfg(all(test, feature = "verify"))]
+mod tests;
 mod wgpu_words;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -65,7 +78,7 @@ use stamp::Trace;
 
 pub use error::Error;
 
-/// A build of a material with its options: see the module.
+/// The options of a build: see the module.
 #[must_use]
 pub fn configure() -> Builder {
     Builder::default()
@@ -79,7 +92,7 @@ pub fn compile(shader: impl AsRef<Path>) -> Result<(), Error> {
     configure().compile(shader)
 }
 
-/// What a material is made into.
+/// The files of a material's module.
 #[derive(Clone, Debug, Default)]
 pub struct Builder {
     passes: Vec<String>,
@@ -95,28 +108,30 @@ pub struct Builder {
     out_dir: Option<PathBuf>,
 }
 
-/// What a build came to.
+/// The result of a build.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Built {
-    /// The module, in the folder for output.
+    /// The module's file, in the folder for output.
     pub module: PathBuf,
-    /// Files that the build rests on.
+    /// Files that the build depends on.
     pub read: Vec<PathBuf>,
-    /// What was asked for and is not in the module, in a line each.
+    /// Requested things that the module lacks, one a line.
     pub warnings: Vec<String>,
-    /// Files whose bytes changed.
+    /// Files with changed bytes.
     pub written: Vec<PathBuf>,
 }
 
 impl Builder {
-    /// Adds a pass to the recipe of the material's variant, in the words of the command line: `depth-prepass`, `early-discard:texture=float`. A lock that names the material goes before it.
+    /// Adds a pass to the recipe of the material's variant, in the words of the command line:
+    /// `depth-prepass`, `early-discard:texture=float`. A lock with an entry for the material takes
+    /// precedence.
     #[must_use]
     pub fn pass(mut self, step: impl Into<String>) -> Self {
         self.passes.push(step.into());
         self
     }
 
-    /// Adds a variant in a module of its own, `name`, of these passes.
+    /// Adds a variant of these passes, in the module `name`.
     #[must_use]
     pub fn variant<S: Into<String>>(
         mut self,
@@ -128,28 +143,28 @@ impl Builder {
         self
     }
 
-    /// Name of the material and of its module's file; the default is the shader file's, without endings.
+    /// Name of the material and of its module's file. Default: the shader file's, without endings.
     #[must_use]
     pub fn name(mut self, name: impl Into<String>) -> Self {
         self.name = Some(name.into());
         self
     }
 
-    /// The state that the material is drawn with. The default is the lock's, or [`MaterialState::default`].
+    /// Pipeline state of the material. Default: the lock's, or [`MaterialState::default`].
     #[must_use]
     pub fn state(mut self, state: MaterialState) -> Self {
         self.state = Some(state);
         self
     }
 
-    /// Vertex entry point, where there are several.
+    /// Vertex entry point, if there are several.
     #[must_use]
     pub fn vertex(mut self, entry_point: impl Into<String>) -> Self {
         self.options.vertex = Some(entry_point.into());
         self
     }
 
-    /// Fragment entry point, where there are several.
+    /// Fragment entry point, if there are several.
     #[must_use]
     pub fn fragment(mut self, entry_point: impl Into<String>) -> Self {
         self.options.fragment = Some(entry_point.into());
@@ -170,71 +185,77 @@ impl Builder {
         self
     }
 
-    /// The clip space that GLSL positions are written for; the default goes by the dialect.
+    /// The clip space of GLSL positions. Default: the dialect's.
     #[must_use]
     pub fn clip_space(mut self, clip_space: front::ClipSpace) -> Self {
         self.options.clip_space = Some(clip_space);
         self
     }
 
-    /// Writes this target beside WGSL, which is always written: the files are in `FILES`. One that cannot say what a material does is told as a warning.
+    /// Writes this target too, beside WGSL, into `FILES`. If it cannot express a material, the
+    /// build warns.
     #[must_use]
     pub fn emit(mut self, target: Target) -> Self {
         self.targets.push(target);
         self
     }
 
-    /// The lock file; the default is `preshade.lock` beside the shader, if it is there.
+    /// The lock file. Default: `preshade.lock` beside the shader, if it exists.
     #[must_use]
     pub fn lock(mut self, path: impl Into<PathBuf>) -> Self {
         self.lock = Some(path.into());
         self
     }
 
-    /// Takes `Pass` and the other types from the generated module at this path, `crate::lit` say, in place of having its own: for a host that draws several materials by one piece of code.
+    /// Uses `Pass` and the other types of the generated module at this path, for example
+    /// `crate::lit`, so that the same code can draw several materials.
     #[must_use]
     pub fn types(mut self, module: impl Into<String>) -> Self {
         self.types = Some(module.into());
         self
     }
 
-    /// Where the generated module finds wgpu 30, if not as the crate `wgpu`: `eframe::wgpu`, `crate::gfx::wgpu`.
+    /// Path of wgpu 30, if it is not the crate `wgpu`: for example `eframe::wgpu` or
+    /// `crate::gfx::wgpu`.
     #[must_use]
     pub fn wgpu(mut self, path: impl Into<String>) -> Self {
         self.wgpu = Some(path.into());
         self
     }
 
-    /// The buffer of the author's that is bound there has a dynamic offset.
+    /// Gives the author's buffer at this binding a dynamic offset.
     #[must_use]
     pub fn dynamic_offset(mut self, group: u32, binding: u32) -> Self {
         self.said.dynamic.insert((group, binding));
         self
     }
 
-    /// The texture of the author's that is bound there is of a format that cannot be filtered (`r32float`, say), or the sampler there filters nothing.
+    /// Marks the author's texture at this binding as unfilterable (`r32float`, for example), or the
+    /// sampler as non-filtering.
     #[must_use]
     pub fn unfilterable(mut self, group: u32, binding: u32) -> Self {
         self.said.unfilterable.insert((group, binding));
         self
     }
 
-    /// Folder for output; the default is cargo's `OUT_DIR`, and `include_variant!` looks nowhere else.
+    /// Folder for output. Default: cargo's `OUT_DIR`, the only folder that `include_variant!`
+    /// reads.
     #[must_use]
     pub fn out_dir(mut self, path: impl Into<PathBuf>) -> Self {
         self.out_dir = Some(path.into());
         self
     }
 
-    /// Compiles a material of one file, and tells cargo what it needs to know.
+    /// Compiles a material of one file, and prints instructions for cargo.
     ///
     /// # Errors
-    /// The shader, the lock file or a recipe cannot be read, or the files cannot be written. That a pass does not apply is a warning.
+    /// The shader, the lock file or a recipe cannot be read, or the files cannot be written. A
+    /// refused pass is only a warning.
     pub fn compile(&self, shader: impl AsRef<Path>) -> Result<(), Error> {
         self.tell(&[shader.as_ref()])
     }
 
-    /// As [`Builder::compile`], of a vertex and a fragment file.
+    /// Compiles a material of a vertex and a fragment file.
     ///
     /// # Errors
     /// As [`Builder::compile`].
@@ -246,12 +267,12 @@ impl Builder {
         self.tell(&[vertex.as_ref(), fragment.as_ref()])
     }
 
-    /// Refuses a second material of one name, which would take the place of the first's module in every run.
+    /// Refuses a second material of the same name, since its module would overwrite the first.
     fn claim(&self, files: &[&Path]) -> Result<(), Error> {
-        /// Modules that this process compiled: of which files, and how.
+        /// Modules that this process compiled, with their files and options.
         static CLAIMED: Mutex<BTreeMap<PathBuf, (String, String)>> = Mutex::new(BTreeMap::new());
         let name = self.material(files)?;
-        // Not all file systems tell capitals from small letters.
+        // Some file systems ignore case.
         let module = self
             .output_folder()?
             .join(format!("{}.rs", name.to_lowercase()));
@@ -279,7 +300,7 @@ impl Builder {
     }
 
     fn tell(&self, files: &[&Path]) -> Result<(), Error> {
-        // Also where it fails: mending a file must run the build again.
+        // Also on failure: an edited file must run the build again.
         for file in files {
             println!("cargo::rerun-if-changed={}", file.display());
         }
@@ -294,7 +315,8 @@ impl Builder {
         Ok(())
     }
 
-    /// Compiles a material of one file or two and prints nothing: for build systems other than cargo. Materials of one name in one folder take each other's place.
+    /// Compiles a material of one file or two without printing, for build systems other than cargo.
+    /// Materials of the same name overwrite each other.
     ///
     /// # Errors
     /// As [`Builder::compile`].
@@ -365,7 +387,7 @@ impl Builder {
             hashes.extend(files.iter().map(|f| stamp::hashed(&below, f)));
         }
         stamp::sweep(&folder, &out, &hashes);
-        // Last, so that a build that was cut off is made again.
+        // Last, so that an interrupted build is repeated.
         stamp::write(&folder, &key, &made.trace, hashes).map_err(|error| Error::Write {
             path: folder,
             error,
@@ -454,13 +476,13 @@ impl Builder {
     }
 }
 
-/// The recipes that are asked for.
+/// The requested recipes.
 struct Asked {
-    /// Of the material's own variant, if there is one.
+    /// The material's own variant, if there is one.
     own: Option<Recipe>,
-    /// Of variants with names.
+    /// The named variants.
     named: Vec<(String, Recipe)>,
-    /// Nobody asked for any: they are what needs no scene.
+    /// Nothing was requested: these are the defaults.
     is_default: bool,
 }
 
@@ -470,7 +492,7 @@ struct Made {
     trace: Trace,
 }
 
-/// The module's text. A variant that it has no words for is told, and the original stands in its place.
+/// The module's text. A variant that it cannot express is reported and replaced by the original.
 fn worded(
     name: &str,
     drawn: &mut [Drawn],
@@ -508,172 +530,7 @@ fn read(path: &Path) -> Result<String, Error> {
     })
 }
 
-/// A path as messages and generated files say it on every machine.
+/// A path with `/` on every machine, for messages and generated files.
 fn slashes(path: &Path) -> String {
     path.display().to_string().replace('\\', "/")
-}
-
-#[cfg(all(test, feature = "verify"))]
-#[allow(clippy::unwrap_used, clippy::panic)]
-mod tests {
-    use preshade_passes::guard;
-
-    use preshade_passes::pass::Facts;
-    use preshade_passes::plan::Plan;
-    use preshade_passes::state::MaterialState;
-
-    use super::{Error, choose, generate};
-    use crate::front;
-    use crate::recipe::Recipe;
-
-    use super::host::{Assumed, Override, Place, ScalarType, Unfit, constants_with};
-
-    /// What a generated module says of bytes is what the plan's guard says.
-    #[test]
-    fn a_host_checks_what_the_guard_does() {
-        let types = [
-            (guard::ScalarType::F32, ScalarType::F32),
-            (guard::ScalarType::I32, ScalarType::I32),
-            (guard::ScalarType::U32, ScalarType::U32),
-        ];
-        let (group, binding, offset) = (1, 2, 4);
-        let words = [0.0_f32, -0.0, 0.5, 1.0, 1.5, f32::NAN, f32::INFINITY]
-            .map(f32::to_bits)
-            .into_iter()
-            .chain([1, 2, u32::MAX]);
-        for (word, (ty, hosts)) in words.flat_map(|w| types.map(|t| (w, t))) {
-            let place = guard::Place::Uniform {
-                group,
-                binding,
-                offset,
-            };
-            let of = guard::Guard {
-                values: vec![guard::Assumed {
-                    name: "u.n".to_owned(),
-                    place,
-                    ty,
-                    bounds: guard::Bounds {
-                        low: 0.0,
-                        high: 1.0,
-                    },
-                }],
-            };
-            let host = Assumed {
-                name: "u.n",
-                place: Place::Uniform {
-                    group,
-                    binding,
-                    offset,
-                },
-                ty: hosts,
-                low: 0.0,
-                high: 1.0,
-            };
-            let bytes = [[0; 4], word.to_le_bytes()].concat();
-            for given in [&bytes[..], &bytes[..7]] {
-                let at = |g, b| ((g, b) == (group, binding)).then_some(given);
-                assert_eq!(host.holds(&[], at), of.holds(at), "{word:x} as {ty:?}");
-            }
-        }
-    }
-
-    /// Pipelines of a variant are made for the constants that it was made for, and for no others.
-    #[test]
-    fn a_host_cannot_set_what_a_variant_has_decided() {
-        let of = |name, key, ty, value: f64, is_default| Assumed {
-            name,
-            place: Place::Override { key, is_default },
-            ty,
-            low: value,
-            high: value,
-        };
-        let tenth = f64::from(0.1_f32);
-        let guard = [
-            of("N", "7", ScalarType::U32, 1.0, false),
-            of("K", "K", ScalarType::F32, tenth, false),
-            of("M", "M", ScalarType::U32, 2.0, true),
-        ];
-        let overrides = [Override {
-            key: "K",
-            is_needed: false,
-        }];
-        let given = |constants: &[(&str, f64)]| {
-            let holds = guard.iter().all(|a| a.holds(constants, |_, _| None));
-            let own = constants_with(&overrides, &["7", "M"], &guard, constants)
-                .map(|own| own.iter().map(|(key, v)| ((*key).to_owned(), *v)).collect());
-            assert_eq!(holds, own.is_ok(), "{constants:?}");
-            own.map_err(|unfit| match unfit {
-                Unfit::Guard(assumed) => assumed.name,
-                Unfit::Host(why) => panic!("{why}"),
-            })
-        };
-        let own: Vec<(String, f64)> = vec![("K".to_owned(), 0.1)];
-        // As `f32` both are the same number.
-        assert_eq!(given(&[("7", 1.0), ("K", 0.1)]), Ok(own.clone()));
-        assert_eq!(given(&[("K", 0.1), ("M", 2.0), ("7", 1.0)]), Ok(own));
-        assert_eq!(given(&[]), Err("N"));
-        assert_eq!(given(&[("7", 4.0), ("K", 0.1)]), Err("N"));
-        assert_eq!(given(&[("7", 1.0), ("K", 0.5)]), Err("K"));
-        assert_eq!(given(&[("7", 1.0), ("K", f64::NAN)]), Err("K"));
-        assert_eq!(given(&[("7", 1.0), ("K", 0.1), ("M", 3.0)]), Err("M"));
-        // The last of a key counts.
-        assert_eq!(given(&[("7", 1.0), ("K", 0.1), ("7", 4.0)]), Err("N"));
-    }
-
-    /// What cannot be made of a variant is told, and the original stands in its place: only its own failure ends a build.
-    #[test]
-    fn a_variant_that_cannot_be_made_is_the_original() {
-        let text = include_str!("../../fixtures/shaders/toon.wgsl");
-        let sources = [front::Source::new("toon.wgsl", text)];
-        let parsed = front::parse(&sources, &front::Options::default()).unwrap();
-        let state = MaterialState::default();
-        let fragment = parsed.fragment.as_deref();
-        let original = Plan::original("toon", parsed.program, &parsed.vertex, fragment, &state);
-        let variant = |pass| {
-            let recipe = Recipe::parse([pass]).unwrap();
-            recipe.apply(&original, &Facts::default()).unwrap()
-        };
-        let mut unwritable = variant("shadow");
-        unwritable.passes[0].program = "none".to_owned();
-        let mut wordless = variant("depth-prepass");
-        wordless.passes[0].features.push("telepathy".to_owned());
-        let plans = |original: &Plan| {
-            let all = [
-                ("original", original),
-                ("variant", &unwritable),
-                ("b", &wordless),
-            ];
-            all.map(|(name, plan)| (name.to_owned(), (plan.clone(), Vec::new())))
-                .to_vec()
-        };
-        let builder = super::configure();
-        let mut warnings = Vec::new();
-        let mut drawn = choose::made(&builder, plans(&original), &sources, &mut warnings).unwrap();
-        let module = generate::Module {
-            types: None,
-            wgpu: None,
-            said: &builder.said,
-        };
-        let text = super::worded("toon", &mut drawn, &module, &sources, &mut warnings).unwrap();
-        let [emit, words] = &warnings[..] else {
-            panic!("{warnings:?}");
-        };
-        assert!(
-            emit.starts_with("toon.wgsl: `variant` cannot be made: "),
-            "{emit}"
-        );
-        assert!(emit.ends_with("The original is shipped"), "{emit}");
-        assert!(
-            words.contains("`b` cannot be made: ") && words.contains("telepathy"),
-            "{words}"
-        );
-        for (one, why) in drawn[1..].iter().zip(["`none`", "`telepathy`"]) {
-            assert!(one.plan.steps.is_empty());
-            assert_eq!(one.files, drawn[0].files);
-            assert!(one.left_out[0].contains(why), "{:?}", one.left_out);
-        }
-        assert!(!text.contains("Phase::Depth,"));
-        let failed = choose::made(&builder, plans(&unwritable), &sources, &mut warnings);
-        assert!(matches!(failed, Err(Error::Emit(_))));
-    }
 }

@@ -1,4 +1,4 @@
-//! What materials and variants may be called.
+//! Valid names of materials and variants.
 
 /// Rust's keywords, strict and reserved, of all editions, in small letters.
 const KEYWORDS: [&str; 52] = [
@@ -9,7 +9,7 @@ const KEYWORDS: [&str; 52] = [
     "union", "unsafe", "unsized", "use", "virtual", "where", "while", "yield",
 ];
 
-/// What a module of the name would hide in the generated one: its crates, and the types that need no path.
+/// Names that would hide crates or prelude types in the generated module.
 const HIDDEN: [&str; 24] = [
     "alloc",
     "bool",
@@ -37,7 +37,7 @@ const HIDDEN: [&str; 24] = [
     "wgpu",
 ];
 
-/// Whether a variant's module may be called so.
+/// Whether a variant's module may have this name.
 pub(super) fn is_a_modules(name: &str) -> bool {
     let word = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
     let reserved = ["original", "variant", "u128"];

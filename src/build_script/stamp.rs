@@ -1,4 +1,4 @@
-//! What a build was made of and came to, so that a material that did not change is not compiled again when a build script runs for another.
+//! Inputs and outputs of a build, so that a build script compiles only materials that changed.
 
 use std::collections::BTreeSet;
 use std::io;
@@ -18,31 +18,31 @@ const FILE: &str = "preshade.stamp";
 struct Stamp {
     key: String,
     warnings: Vec<String>,
-    /// Files that the material's own include, and BLAKE3.
+    /// Included files, with BLAKE3.
     included: Vec<(PathBuf, String)>,
-    /// Files that were looked for before those were found, and were not there.
+    /// Files that did not exist when includes were searched for.
     absent: Vec<PathBuf>,
     /// Searches of folders for them.
     searched: Vec<Searched>,
-    /// Path below the folder for output, and BLAKE3.
+    /// Output files, by their path below the folder for output, with BLAKE3.
     files: Vec<(String, String)>,
 }
 
-/// What a build rests on beside the files that it was given, and what it has to tell.
+/// The inputs of a build beside the given files, and its warnings.
 #[derive(Default)]
 pub(super) struct Trace {
-    /// What was asked for and is not made, in a line each.
+    /// Warnings, one a line.
     pub warnings: Vec<String>,
-    /// Files that the material's own include, each with the text that was read.
+    /// Included files with their text.
     pub included: Vec<(PathBuf, String)>,
-    /// Files that were looked for before those were found, and were not there.
+    /// Files that did not exist when includes were searched for.
     pub absent: Vec<PathBuf>,
     /// Searches of folders for them.
     pub searched: Vec<Searched>,
 }
 
 impl Trace {
-    /// The files that were read, each once.
+    /// The files that were read, without duplicates.
     pub fn included(&self) -> Vec<PathBuf> {
         // Both stages may include one.
         let mut paths: Vec<PathBuf> = self.included.iter().map(|(p, _)| p.clone()).collect();
@@ -52,7 +52,8 @@ impl Trace {
     }
 }
 
-/// Hash of all that decides what a build comes to. Which preshade it is, is told by the running program: a build script that was compiled again is another.
+/// Hash of everything that determines a build. It includes the running program: a build script that
+/// was compiled again may contain another version of preshade.
 pub(super) fn key(
     builder: &Builder,
     name: &str,
@@ -76,13 +77,13 @@ pub(super) fn hashed(folder: &Path, file: &File) -> (String, String) {
     (path, hash(&file.bytes))
 }
 
-/// What the last build told.
+/// Messages of the last build.
 pub(super) struct Kept {
     pub warnings: Vec<String>,
     pub included: Vec<PathBuf>,
 }
 
-/// What the last build told, if it was of the same and its files are all still there.
+/// Messages of the last build, if it had the same inputs and its files still exist.
 pub(super) fn still_holds(folder: &Path, key: &str, out: &Path) -> Option<Kept> {
     let stamp = read(folder)?;
     let is_there = |path: &Path, wanted: &String| {
@@ -100,7 +101,8 @@ pub(super) fn still_holds(folder: &Path, key: &str, out: &Path) -> Option<Kept> 
     })
 }
 
-/// Removes what the last build wrote into a material's folder and this one did not: a variant that is not asked for any more, or a pass that is refused now. Who lists the folder would ship it.
+/// Removes files of the last build that this one did not write, such as those of a removed variant.
+/// A host that lists the folder would ship them.
 pub(super) fn sweep(folder: &Path, out: &Path, files: &[(String, String)]) {
     let Some(stamp) = read(folder) else {
         return;
@@ -111,13 +113,13 @@ pub(super) fn sweep(folder: &Path, out: &Path, files: &[(String, String)]) {
         .filter(|(old, _)| !files.iter().any(|(new, _)| new == old));
     for (path, _) in gone {
         let path = out.join(path);
-        // Nothing rests on its being gone; and a stamp is a file that may hold anything.
+        // Errors are ignored: nothing depends on the removal, and a stamp may contain anything.
         let is_below = path.starts_with(folder)
             && path
                 .components()
                 .all(|c| !matches!(c, std::path::Component::ParentDir));
         if is_below && std::fs::remove_file(&path).is_ok() {
-            // Empty or not.
+            // Fails if the folder is not empty.
             let _ = path.parent().map(std::fs::remove_dir);
         }
     }
@@ -128,17 +130,17 @@ fn read(folder: &Path) -> Option<Stamp> {
     serde_json::from_slice(&text).ok()
 }
 
-/// Keeps what a build came to.
+/// Keeps the inputs and outputs of a build.
 pub(super) fn write(
     folder: &Path,
     key: &str,
     trace: &Trace,
     files: Vec<(String, String)>,
 ) -> io::Result<()> {
-    // Of a file that is gone by now, or was saved since it was read, the next build knows nothing: it begins anew.
+    // If a file was saved since it was read, or is gone, the next build compiles again.
     let hashed = |(path, read): &(PathBuf, String)| {
         let bytes = std::fs::read(path).ok()?;
-        // The preprocessor ends a last line.
+        // The preprocessor adds a missing newline at the end.
         let text = read.as_bytes();
         let is_as_read = bytes == text || text.strip_suffix(b"\n") == Some(&bytes);
         is_as_read.then(|| (path.clone(), hash(&bytes)))
@@ -167,7 +169,7 @@ pub(super) fn write(
 mod tests {
     use super::*;
 
-    /// A variant that went away is not shipped by who lists the folder.
+    /// A removed variant is not shipped by a host that lists the folder.
     #[test]
     fn what_is_not_made_any_more_is_removed() {
         let out = std::env::temp_dir().join(format!("preshade-sweep-{}", std::process::id()));
@@ -196,7 +198,7 @@ mod tests {
         std::fs::remove_dir_all(&out).unwrap();
     }
 
-    /// What was saved while it was compiled is not what was compiled.
+    /// A file that is saved during a build is compiled again.
     #[test]
     fn a_file_that_is_not_as_it_was_read_leaves_no_stamp_that_holds() {
         let folder = std::env::temp_dir().join(format!("preshade-stamp-{}", std::process::id()));
@@ -212,7 +214,7 @@ mod tests {
             still_holds(&folder, "key", &folder).map(|kept| kept.included)
         };
         assert_eq!(holds("#define TINT 0.5"), Some(vec![included.clone()]));
-        // Its last line is ended where something is pasted in it.
+        // The preprocessor adds a newline at the end if it pastes anything.
         assert_eq!(holds("#define TINT 0.5\n"), Some(vec![included.clone()]));
         assert_eq!(holds("#define TINT 0.25"), None);
         assert_eq!(holds(""), None);

@@ -1,4 +1,5 @@
-//! A plan's words as Rust expressions of wgpu's types, which can all stand in a constant. Where the plan's enumerations are WebGPU's, their variants have wgpu's names.
+//! Writes a plan's values as Rust expressions of wgpu's types, all of them valid in constants. Enum
+//! variants that the plan shares with WebGPU have wgpu's names.
 
 use std::collections::BTreeMap;
 use std::fmt::Debug;
@@ -9,7 +10,7 @@ use preshade_passes::state::{
     PrimitiveState, StencilFace, StencilState, Topology,
 };
 
-/// `wgpu::PrimitiveState`. Strips are indexed by 32 bits, where a host says nothing else.
+/// `wgpu::PrimitiveState`. Strips have 32-bit indices unless the host sets another format.
 pub(super) fn primitive(p: &PrimitiveState) -> String {
     let strip = match p.topology {
         Topology::LineStrip | Topology::TriangleStrip => "Some(wgpu::IndexFormat::Uint32)",
@@ -133,7 +134,7 @@ const TARGETS: [&str; 39] = [
     "rgba16snorm",
 ];
 
-/// Why no pipeline can draw to a format of this name; `None` where one can.
+/// The reason why no pipeline can draw to a format of this name. `None`: one can.
 pub(super) fn no_target(name: &str) -> Option<String> {
     if TARGETS.contains(&name) {
         return None;
@@ -195,7 +196,7 @@ fn blend(b: &Blend) -> String {
     )
 }
 
-/// `wgpu::BindingType`; `dynamic` and `unfilterable` are what the host says of it.
+/// `wgpu::BindingType`. `dynamic` and `unfilterable` are the host's settings.
 pub(super) fn binding_type(binding: &BindingUse, dynamic: bool, unfilterable: bool) -> String {
     let Some(layout) = &binding.layout else {
         return match binding.kind {
@@ -275,7 +276,7 @@ fn dimension(name: &str) -> &'static str {
     }
 }
 
-/// The variant of `wgpu::VertexFormat` that holds a WGSL type as it is, and its bytes.
+/// The variant of `wgpu::VertexFormat` with the same layout as a WGSL type, and its size in bytes.
 pub(super) fn vertex_format(ty: &str) -> Option<(&'static str, u64)> {
     Some(match ty {
         "f32" => ("Float32", 4),
@@ -292,13 +293,14 @@ pub(super) fn vertex_format(ty: &str) -> Option<(&'static str, u64)> {
         "vec4<u32>" => ("Uint32x4", 16),
         "f16" => ("Float16", 2),
         "vec2<f16>" => ("Float16x2", 4),
-        // No vertex format has three halves; a fourth is dropped.
+        // No vertex format has three halves. The fourth is ignored.
         "vec3<f16>" | "vec4<f16>" => ("Float16x4", 8),
         _ => return None,
     })
 }
 
-/// Features that a plan may name, and wgpu's constants for them: those of [`preshade_passes::features`], and those of formats and states.
+/// Features that a plan may name, with wgpu's constants: those of [`preshade_passes::features`],
+/// and those of formats and states.
 const FEATURES: [(&str, &str); 47] = [
     ("bgra8unorm-storage", "BGRA8UNORM_STORAGE"),
     ("clip-distances", "CLIP_DISTANCES"),
@@ -388,7 +390,7 @@ const FEATURES: [(&str, &str); 47] = [
     ("wgpu-vertex-writable-storage", "VERTEX_WRITABLE_STORAGE"),
 ];
 
-/// `wgpu::Features`, of WebGPU's names and, where only wgpu has one, of wgpu's.
+/// `wgpu::Features` by WebGPU's names, or by wgpu's for native features.
 ///
 /// # Errors
 /// There is no such feature.
@@ -402,7 +404,7 @@ pub(super) fn features(names: &[String]) -> Result<String, String> {
     )
 }
 
-/// A function that raises `wgpu::Limits`, of WebGPU's names.
+/// A function that raises `wgpu::Limits`, by WebGPU's names.
 pub(super) fn raise_limits(limits: &BTreeMap<String, u64>) -> String {
     if limits.is_empty() {
         return "|_| ()".to_owned();

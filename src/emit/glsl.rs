@@ -22,11 +22,12 @@ use naga::{
     Expression, Function, GlobalVariable, Handle, ImageClass, Module, ResourceBinding, ShaderStage,
     TypeInner,
 };
+use preshade_passes::budget::Budget;
 use preshade_passes::contract::Contract;
 use preshade_passes::declared::Depth;
-use preshade_passes::early_discard;
 use preshade_passes::plan::Plan;
 use preshade_passes::program::Program;
+use preshade_passes::rebuild::quad;
 
 use self::author::Authored;
 use self::text::Dialect;
@@ -323,11 +324,10 @@ pub(super) fn write(
 /// too. The quad vote of `early-discard` needs fine derivatives: with coarse ones, three lanes may
 /// exit although the fourth continues, and its derivatives are then undefined.
 pub(super) fn without_fine_derivatives(plan: &Plan) -> Option<Form> {
-    early_discard::vote_shields_derivatives(plan).then(|| Form {
+    quad::vote_shields_derivatives(plan).then(|| Form {
         // An affected lane can have any colour.
         contract: Contract::Approximate {
-            metric: "max_abs".to_owned(),
-            budget: 1.0,
+            budget: Budget::max_abs(1.0),
             given: Vec::new(),
         },
         why: "GLSL ES 3.00 has no fine derivatives, so a quad's vote may miss a lane and spoil its level of detail: there is no promise. Use early-discard:quad=lane with a budget, or measure"

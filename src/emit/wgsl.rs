@@ -1,6 +1,7 @@
 //! The WGSL target: headers, the author's own text, and errors with their file.
 
-use preshade_passes::contract::{Budget, Contract};
+use preshade_passes::budget::Budget;
+use preshade_passes::contract::Contract;
 use preshade_passes::plan::Plan;
 use preshade_passes::program::{Language, Program};
 

@@ -1,4 +1,4 @@
-//! What was chosen for a material: made into a lock's entry, and made again from it.
+//! A lock's entry for one material: made from a chosen recipe, and turned into a plan again.
 
 use preshade_passes::contract::Verdict;
 use preshade_passes::pass::Facts;
@@ -11,20 +11,20 @@ use super::{Inputs, Mismatch};
 use crate::emit::{self, Target};
 use crate::recipe::{Recipe, Step};
 
-/// What was chosen for one material.
+/// The choice for one material.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Locked {
-    /// The recipe, every step with its site and all its parameters. No steps: the original is best.
+    /// The recipe, with all parameters. No steps: the original is best.
     pub recipe: Recipe,
-    /// What it was made of.
+    /// The source and the options that it was chosen for.
     pub inputs: Inputs,
-    /// BLAKE3 of the WGSL that came of it, comments and blanks at the ends of lines apart, in hex.
+    /// BLAKE3 of the resulting WGSL in hex, without comments and trailing blanks.
     pub shaders: String,
-    /// What the passes read of the scene, as far as it is about this material.
+    /// The facts about this material that the passes read.
     #[serde(default, skip_serializing_if = "is_nothing")]
     pub facts: Facts,
-    /// The figures that spoke for it.
+    /// The measurements that decided.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub measured: Option<Measured>,
 }
@@ -33,36 +33,36 @@ fn is_nothing(facts: &Facts) -> bool {
     *facts == Facts::default()
 }
 
-/// What was measured of a choice, beside the original in one process.
+/// Measurements of a choice beside the original, in one process.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Measured {
-    /// The scene it was measured on, by its file's name.
+    /// File name of the scene.
     pub scene: String,
     /// Width and height in pixels.
     pub resolution: [u32; 2],
-    /// Name of the adapter, and `with checked shaders` behind it where they were compiled with checks.
+    /// Name of the adapter, followed by `with checked shaders` if shaders were compiled with
+    /// checks.
     pub adapter: String,
     /// Its driver, with the version.
     pub driver: String,
     /// Whether the contract held there.
     pub verdict: Verdict,
-    /// Median time of a frame of the original in the first view, in milliseconds.
+    /// Median frame time of the original in the first view, in milliseconds.
     pub original_ms: f64,
-    /// Median time of a frame of the choice there, in milliseconds.
+    /// Median frame time of the choice in the first view, in milliseconds.
     pub variant_ms: f64,
-    /// Speedup there: its median between the ends of its confidence interval.
+    /// Speedup in the first view: low end, median and high end of its confidence interval.
     pub speedup: [f64; 3],
 }
 
 impl Locked {
-    /// Applies `recipe` and keeps it with the sites and parameters that it came to.
+    /// Applies `recipe` and keeps it with its resolved parameters.
     ///
-    /// `facts` is what the recipe was measured under; a recipe that rests on measured thresholds has to be written out first (`measure::written_out`), since what is kept here has no
-    /// frequencies.
+    /// Resolve measured thresholds first, with `measure::written_out`: a lock keeps no frequencies.
     ///
     /// # Errors
-    /// [`Mismatch::Refused`], or [`Mismatch::Emit`] where the result cannot be written as WGSL.
+    /// [`Mismatch::Refused`], or [`Mismatch::Emit`] if the result cannot be emitted as WGSL.
     pub fn resolve(
         original: &Plan,
         recipe: &Recipe,
@@ -81,10 +81,10 @@ impl Locked {
         })
     }
 
-    /// Makes the plan that was chosen.
+    /// Makes the chosen plan.
     ///
     /// # Errors
-    /// A step no longer applies, or the shaders that come of it are not those that were measured.
+    /// A step no longer applies, or the resulting shaders differ from the measured ones.
     pub fn apply(&self, original: &Plan) -> Result<Plan, Mismatch> {
         let plan = self.recipe.apply(original, &self.facts);
         let plan = plan.map_err(Mismatch::Refused)?;
@@ -110,9 +110,9 @@ fn resolved(plan: &Plan) -> Recipe {
     }
 }
 
-/// What of `facts` a lock keeps for a material: nothing of the others, and no frequencies.
+/// The facts that a lock keeps: those about the material, without frequencies.
 fn about(material: &str, facts: &Facts) -> Facts {
-    // Every field by name: what is added to the facts has to say here whose it is.
+    // Every field by name: whoever adds a fact decides here which material it belongs to.
     let Facts {
         depth_ties,
         undiscarded_depth_ties,

@@ -1,4 +1,4 @@
-//! Why a lock cannot be read, and why it does not fit.
+//! Errors of a lock that cannot be read, or that does not match the shader.
 
 use std::io;
 use std::path::PathBuf;
@@ -12,37 +12,37 @@ use crate::emit;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LockError {
-    /// What the file system says.
+    /// The file system's error.
     #[error("{}: {error}", path.display())]
     Io {
         /// The file.
         path: PathBuf,
-        /// Why not.
+        /// The error.
         #[source]
         error: io::Error,
     },
-    /// It is no lock file, or one with keys that this preshade does not know.
+    /// It is not a lock file, or has unknown keys.
     #[error("{}: not a lock file that {TOOL} can read: {message}", path.display())]
     Syntax {
-        /// The file, or nothing where a text was read.
+        /// The file. Empty if a text was read.
         path: PathBuf,
         /// Where and why.
         message: String,
     },
-    /// Another preshade wrote it, with keys or a schema that this one does not know.
+    /// Another version of preshade wrote it, with unknown keys or an unknown schema.
     #[error("{}: written by another preshade ({by}), and this is {TOOL}: {message}", path.display())]
     Foreign {
-        /// The file, or nothing where a text was read.
+        /// The file. Empty if a text was read.
         path: PathBuf,
-        /// Its schema, or who wrote it.
+        /// Its schema or its writer.
         by: String,
-        /// What is not known.
+        /// The error.
         message: String,
     },
 }
 
 impl LockError {
-    /// What kind of error it is, as messages have it in brackets; stable.
+    /// The kind of error, as messages print it in brackets. Stable.
     pub fn code(&self) -> &'static str {
         match self {
             Self::Io { .. } => "lock-file",
@@ -52,26 +52,26 @@ impl LockError {
     }
 }
 
-/// A lock does not fit what is there now.
+/// A lock does not match the shader as it is now.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Mismatch {
-    /// It says nothing of the material.
+    /// The lock has no entry for the material.
     #[error("preshade.lock says nothing of `{material}`")]
     NoMaterial {
         /// The material.
         material: String,
     },
-    /// Another preshade chose.
+    /// Another version of preshade chose.
     #[error("preshade.lock was written by {locked}, and this is {TOOL}")]
     Tool {
-        /// Who wrote it.
+        /// Its writer.
         locked: String,
     },
-    /// There are other files than there were.
+    /// The material has other files.
     #[error("preshade.lock was written for {locked}, not for {now}")]
     Files {
-        /// Names of the files then.
+        /// Names of the files when it was locked.
         locked: String,
         /// Names of the files now.
         now: String,
@@ -82,7 +82,7 @@ pub enum Mismatch {
         /// Name of the file.
         file: String,
     },
-    /// Another value of a definition, or none.
+    /// A definition was added, removed or changed.
     #[error("preshade.lock was written with other definitions ({names})")]
     Defines {
         /// Names that differ.
@@ -94,22 +94,22 @@ pub enum Mismatch {
     /// Another pipeline state.
     #[error("preshade.lock was written for another pipeline state: {fields}")]
     State {
-        /// Fields that differ, with what each was and is.
+        /// Fields that differ, with their old and new values.
         fields: String,
     },
     /// A step does not apply any more.
     #[error("a step of preshade.lock no longer applies: {0}")]
     Refused(Box<Refusal>),
-    /// The same recipe makes something else now.
+    /// The same recipe makes other shaders now.
     #[error("the recipe of preshade.lock makes other shaders than were measured")]
     Shaders,
-    /// What it makes cannot be written.
+    /// The result cannot be emitted.
     #[error(transparent)]
     Emit(#[from] emit::Error),
 }
 
 impl Mismatch {
-    /// What kind of mismatch it is, as messages have it in brackets; stable.
+    /// The kind of mismatch, as messages print it in brackets. Stable.
     pub fn code(&self) -> &'static str {
         match self {
             Self::NoMaterial { .. } => "lock-material",

@@ -1,4 +1,4 @@
-//! What a choice was made of, and in what that differs from what is there now.
+//! The inputs of a choice, compared with the inputs of a build.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -10,23 +10,23 @@ use serde::{Deserialize, Serialize};
 use super::{Mismatch, TOOL};
 use crate::front;
 
-/// All that decides what a recipe makes of a material, but for the scene's evidence.
+/// Everything that determines the result of a recipe, except for facts about the scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Inputs {
     /// [`TOOL`].
     pub tool: String,
-    /// The material's files, in order, and what they include.
+    /// The material's files, in order, and the files that they include.
     pub sources: Vec<HashedSource>,
     /// Preprocessor definitions, by name.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub defines: BTreeMap<String, String>,
-    /// Vertex entry point, be it the only one or chosen among several.
+    /// Vertex entry point.
     pub vertex: String,
-    /// Fragment entry point, likewise; `None` where depth alone is drawn.
+    /// Fragment entry point. `None`: the material draws only depth.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fragment: Option<String>,
-    /// The state that the author draws the material with.
+    /// The author's pipeline state.
     pub state: MaterialState,
 }
 
@@ -36,12 +36,12 @@ pub struct Inputs {
 pub struct HashedSource {
     /// File name, without its folder.
     pub file: String,
-    /// BLAKE3 of the text in hex: without comments, empty lines and what blanks end a line.
+    /// BLAKE3 of the text in hex, without comments, empty lines and trailing blanks.
     pub blake3: String,
 }
 
 impl Inputs {
-    /// Of a material as it is read now.
+    /// The inputs of a material as it is read now.
     pub fn of(parsed: &front::Parsed, defines: &[(String, String)], state: &MaterialState) -> Self {
         let files = parsed.program.sources().files();
         let mut sources: Vec<HashedSource> = Vec::new();
@@ -62,7 +62,7 @@ impl Inputs {
         }
     }
 
-    /// Whether both are of files of the same names.
+    /// Whether both have files of the same names.
     pub(super) fn is_of_files(&self, other: &Self) -> bool {
         let names = |inputs: &Self| inputs.sources.iter().map(|s| s.file.clone()).collect();
         let (own, others): (Vec<String>, Vec<String>) = (names(self), names(other));
@@ -74,7 +74,7 @@ impl Inputs {
         names.join(" and ")
     }
 
-    /// The first thing in which `now` differs.
+    /// The first difference from `now`.
     pub(super) fn difference(&self, now: &Self) -> Option<Mismatch> {
         if self.tool != now.tool {
             return Some(Mismatch::Tool {
@@ -161,8 +161,9 @@ impl HashedSource {
     }
 }
 
-/// What a text says, whoever comments on it and whatever ends its lines: comments are one blank, blanks that end a line and lines of nothing else are gone. That it is the same is a hint: what
-/// is shipped is what comes of it, which has a hash of its own. (Comments nest, as WGSL's do and GLSL's do not.)
+/// The text with each comment as one blank, and without trailing blanks and empty lines. Comments
+/// nest, as in WGSL. In GLSL they don't, but equality is only a hint here: the emitted shaders have
+/// a hash of their own.
 pub(super) fn said(text: &str) -> String {
     let mut plain = String::with_capacity(text.len());
     let mut depth = 0_u32;

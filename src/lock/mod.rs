@@ -1,21 +1,24 @@
-//! `preshade.lock`: what was chosen for each material on a developer's adapter, kept beside the shaders so that a build without a GPU makes the same.
+//! `preshade.lock`: the choice for each material, measured on a developer's adapter and kept beside
+//! the shaders, so that a build without a GPU makes the same shaders.
 //!
-//! The file is JSON that is meant to be committed: sorted, the same bytes for the same content, no dates. For each material it holds the *resolved* recipe (sites and cuts, never
-//! budgets to be searched again), the evidence the passes read, what the choice was made of ([`Inputs`]), a hash of the shaders that came of it, and the figures that
-//! spoke for it. Whoever obeys it asks [`Lock::check`] first and [`Locked::apply`] then; each tells by name what no longer fits, and the original is to be shipped.
+//! Commit the file. It is sorted JSON without dates, and the same content always has the same
+//! bytes. For each material it holds the *resolved* recipe (cuts, never budgets to be searched
+//! again), the facts that the passes read, the [`Inputs`], a hash of the resulting shaders, and the
+//! measurements. To use an entry, call [`Lock::check`] and then [`Locked::apply`]. If either
+//! reports a mismatch, ship the original.
 //!
 //! ```
-//! use preshade::lock::{Inputs, Lock, Locked};
-//! use preshade::front::{Options, Source, parse};
-//! use preshade::passes::{pass::Facts, plan::Plan, state::MaterialState};
-//! use preshade::recipe::Recipe;
+//! use preshade::unstable::lock::{Inputs, Lock, Locked};
+//! use preshade::unstable::front::{Options, Source, parse};
+//! use preshade::unstable::passes::{pass::Facts, plan::Plan, state::MaterialState};
+//! use preshade::unstable::recipe::Recipe;
 //!
 //! let text = "@vertex fn vs(@location(0) p: vec4<f32>) -> @builtin(position) vec4<f32> { return p; }
 //!             @fragment fn fs() -> @location(0) vec4<f32> { return vec4<f32>(1.0); }";
 //! let (sources, options, state) = ([Source::new("lit.wgsl", text)], Options::default(), MaterialState::default());
 //! let parsed = parse(&sources, &options)?;
 //! let inputs = Inputs::of(&parsed, &options.defines, &state);
-//! let original = Plan::original("lit", parsed.program, &parsed.vertex, parsed.fragment.as_deref(), &state);
+//! let original = parsed.plan("lit", &state);
 //!
 //! let mut lock = Lock::default();
 //! let recipe = Recipe::parse(["depth-prepass"])?;
@@ -47,13 +50,13 @@ use serde::{Deserialize, Serialize};
 
 use crate::emit;
 
-/// Name of the file, which lies in the folder of the shaders that it is about.
+/// Name of the file, which lies beside the shaders.
 pub const FILE_NAME: &str = "preshade.lock";
 
 /// Version of the JSON.
 pub const SCHEMA: &str = "preshade.lock.v1";
 
-/// This preshade, as a lock names it.
+/// This version of preshade.
 pub const TOOL: &str = concat!("preshade ", env!("CARGO_PKG_VERSION"));
 
 /// The content of a lock file.
@@ -62,7 +65,7 @@ pub const TOOL: &str = concat!("preshade ", env!("CARGO_PKG_VERSION"));
 pub struct Lock {
     /// Always [`SCHEMA`].
     pub schema: String,
-    /// What was chosen, by the material's name.
+    /// Choices by material.
     pub materials: BTreeMap<String, Locked>,
 }
 
@@ -81,10 +84,10 @@ impl Lock {
         shader.with_file_name(FILE_NAME)
     }
 
-    /// Reads a file; `None` where there is none.
+    /// Reads a file. `None`: there is none.
     ///
     /// # Errors
-    /// It cannot be read, or is no lock file.
+    /// It cannot be read, or is not a lock file.
     pub fn read(path: &Path) -> Result<Option<Self>, LockError> {
         let text = match std::fs::read_to_string(path) {
             Ok(text) => text,
@@ -99,7 +102,7 @@ impl Lock {
         Self::parse_file(&text, path).map(Some)
     }
 
-    /// [`Self::parse`] of what `path` holds.
+    /// [`Self::parse`] of the content of `path`.
     pub(crate) fn parse_file(text: &str, path: &Path) -> Result<Self, LockError> {
         match Self::parse(text) {
             Err(LockError::Syntax { message, .. }) => Err(LockError::Syntax {
@@ -118,7 +121,7 @@ impl Lock {
     /// Reads the text of a file.
     ///
     /// # Errors
-    /// It is no lock file, or one that another preshade wrote and this one cannot read.
+    /// It is not a lock file, or one of another version that this one cannot read.
     pub fn parse(text: &str) -> Result<Self, LockError> {
         let path = PathBuf::from(FILE_NAME);
         let message = match serde_json::from_str::<Self>(text) {
@@ -132,10 +135,10 @@ impl Lock {
         }
     }
 
-    /// As [`Self::parse_file`], for one material: what cannot be read of others is left out.
+    /// [`Self::parse_file`] for one material. Unreadable entries of other materials are ignored.
     ///
     /// # Errors
-    /// As [`Self::parse`], where it is the file or this material that cannot be read.
+    /// As [`Self::parse`], if the file or this material cannot be read.
     pub(crate) fn parse_for(text: &str, path: &Path, material: &str) -> Result<Self, LockError> {
         let whole = Self::parse_file(text, path);
         let Err(LockError::Foreign { .. }) = whole else {
@@ -176,10 +179,10 @@ impl Lock {
         text
     }
 
-    /// Writes the file, whole; one that says the same is not touched. Whether it changed.
+    /// Writes the file unless it is up to date. Returns whether it changed.
     ///
     /// # Errors
-    /// What the file system says.
+    /// The file system's error.
     pub fn write(&self, path: &Path) -> Result<bool, LockError> {
         let folder = match path.parent() {
             Some(parent) if parent != Path::new("") => parent,
@@ -197,7 +200,8 @@ impl Lock {
         Ok(!changed.is_empty())
     }
 
-    /// Materials of other names than `material` that were chosen for files called as those of `now`: a scene may name a material otherwise than a build script does.
+    /// Names of other materials with the same file names as `now`. A scene may name a material
+    /// differently than a build script does.
     pub fn same_files(&self, material: &str, now: &Inputs) -> Vec<&str> {
         let others = self.materials.iter().filter(|(name, _)| *name != material);
         others
@@ -206,10 +210,10 @@ impl Lock {
             .collect()
     }
 
-    /// What was chosen for a material, if that was of what is there now.
+    /// The choice for a material, if its inputs are still the same.
     ///
     /// # Errors
-    /// The first thing that differs.
+    /// The first difference.
     pub fn check(&self, material: &str, now: &Inputs) -> Result<&Locked, Mismatch> {
         let Some(locked) = self.materials.get(material) else {
             return Err(Mismatch::NoMaterial {
@@ -223,7 +227,7 @@ impl Lock {
     }
 }
 
-/// Which other preshade a file says that it is of: by another schema of locks, or by the tool of a material.
+/// The other version of preshade that wrote a file, by its schema or by the tool of a material.
 fn written_by_another(text: &str) -> Option<String> {
     let file: serde_json::Value = serde_json::from_str(text).ok()?;
     let schema = file.get("schema")?.as_str()?;
@@ -239,19 +243,19 @@ fn written_by_another(text: &str) -> Option<String> {
     others.next().map(str::to_owned)
 }
 
-/// How a material is drawn, as far as a file of another preshade says so in words that this one knows.
+/// How a material is drawn, as far as a file of another version can be understood.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Left {
     /// Vertex entry point.
     pub vertex: Option<String>,
     /// Fragment entry point.
     pub fragment: Option<String>,
-    /// The state that the author draws the material with.
+    /// The author's pipeline state.
     pub state: Option<MaterialState>,
 }
 
 impl Left {
-    /// Of a text that is no lock of this preshade's; `None` where it has materials, and not this one.
+    /// Reads another version's text. `None`: it has materials, but not this one.
     pub fn of(text: &str, material: &str) -> Option<Self> {
         let file: serde_json::Value = serde_json::from_str(text).unwrap_or_default();
         let Some(all) = file.get("materials").and_then(|m| m.as_object()) else {

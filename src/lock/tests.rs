@@ -1,4 +1,4 @@
-//! What is kept is obeyed, and what differs is told.
+//! Locks are obeyed, and differences are reported.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use preshade_passes::guard::{Assumed, Bounds, Place, ScalarType};
@@ -19,9 +19,7 @@ fn sources(text: &str) -> [front::Source; 1] {
 
 fn original(text: &str) -> Plan {
     let parsed = front::parse(&sources(text), &front::Options::default()).unwrap();
-    let (vertex, fragment) = (parsed.vertex, parsed.fragment);
-    let state = MaterialState::default();
-    Plan::original("lit", parsed.program, &vertex, fragment.as_deref(), &state)
+    parsed.plan("lit", &MaterialState::default())
 }
 
 fn inputs(text: &str) -> Inputs {

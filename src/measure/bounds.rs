@@ -14,14 +14,17 @@ use super::vertices::{self, Vertices, said};
 use crate::scene::Scene;
 use crate::scene::bind::{self, DrawBindings};
 
-/// Steps of the interpreter for a value, over all its triangles: where they would be more, fewer triangles are looked at.
+/// Steps of the interpreter for one value over all its triangles. If all triangles take more, fewer
+/// are checked.
 const MOST_STEPS: u64 = 1_500_000;
-/// Squared, the parts that a triangle is looked at in: in one first, and in more where that gives no bound, or the largest of all.
+/// Squared, the number of parts a triangle is split into. One part comes first. More parts follow
+/// if one gives no bound, or the largest.
 const PARTS: [u32; 3] = [1, 4, 8];
-/// Triangles that are looked at more closely.
+/// Triangles that are split into more parts.
 const REFINED: usize = 256;
 
-/// Bounds a value, given what computes it in the materials of these indices. `None` where there is no triangle to bound it over.
+/// Bounds a value, given the functions that compute it by material index. `None`: there are no
+/// triangles.
 pub fn bound(scene: &Scene, plans: &[Plan], computed: &BTreeMap<usize, Computed>) -> Option<Bound> {
     let frames = choosing(scene);
     let mut drawn = Vec::new();
@@ -35,7 +38,7 @@ pub fn bound(scene: &Scene, plans: &[Plan], computed: &BTreeMap<usize, Computed>
             for frame in &frames {
                 let material = &scene.materials[*material];
                 let bound = bind::draw(scene, material, pass, draw, frame).ok()?;
-                drawn.push(Drawn::new(computed.clone(), bound));
+                drawn.push(MaterialTriangles::new(computed.clone(), bound));
             }
         }
     }
@@ -52,8 +55,9 @@ pub fn bound(scene: &Scene, plans: &[Plan], computed: &BTreeMap<usize, Computed>
     }
 }
 
-/// The largest distance over the triangles of all draws, and how many triangles that is over; `None` where there are none.
-fn over(draws: &mut [Drawn]) -> Result<Option<(Distance, u64)>, String> {
+/// The largest distance over the triangles of all draws, and the number of triangles checked.
+/// `None`: there are none.
+fn over(draws: &mut [MaterialTriangles]) -> Result<Option<(Distance, u64)>, String> {
     let of: u64 = draws.iter().map(|d| d.triangles).sum();
     let Some(first) = draws.iter_mut().find(|d| d.triangles > 0) else {
         return Ok(None);
@@ -64,7 +68,7 @@ fn over(draws: &mut [Drawn]) -> Result<Option<(Distance, u64)>, String> {
         let mut at = i * of / triangles;
         for (draw, drawn) in draws.iter_mut().enumerate() {
             if at < drawn.triangles {
-                // Where it cannot be said in one, the parts may say it.
+                // If one part gives no bound, several may.
                 let bound = drawn.bound(at, PARTS[0]).unwrap_or(Distance::UNBOUNDED);
                 bounds.push((bound, draw, at));
                 break;
@@ -72,7 +76,7 @@ fn over(draws: &mut [Drawn]) -> Result<Option<(Distance, u64)>, String> {
             at -= drawn.triangles;
         }
     }
-    // The largest is looked at in more parts, until it is still the largest or enough is done.
+    // Split the worst triangle into more parts until it is still the worst, or enough are done.
     bounds.sort_by(|a, b| b.0.max.total_cmp(&a.0.max));
     let mut worst = NONE;
     for (i, (coarse, draw, at)) in bounds.iter().enumerate() {
@@ -90,7 +94,7 @@ fn over(draws: &mut [Drawn]) -> Result<Option<(Distance, u64)>, String> {
         if fine.max.is_infinite() {
             return Err("an operation may leave every bound within a triangle".to_owned());
         }
-        // What roundings add belongs to the bound they are added to.
+        // The rounding term belongs to the bound it was computed with.
         worst = worst.or(if fine.max < coarse.max { fine } else { *coarse });
     }
     Ok(Some((worst, triangles)))
@@ -103,7 +107,7 @@ const NONE: Distance = Distance {
 };
 
 /// A draw in one frame.
-struct Drawn {
+struct MaterialTriangles {
     computed: Computed,
     vertices: Arguments,
     triangles: u64,
@@ -111,7 +115,7 @@ struct Drawn {
     corners: u32,
 }
 
-impl Drawn {
+impl MaterialTriangles {
     fn new(computed: Computed, bound: DrawBindings) -> Self {
         let corners = bound.call.count / 3 * 3;
         Self {
@@ -139,7 +143,7 @@ impl Drawn {
         Ok(bounds.into_iter().fold(NONE, Distance::or))
     }
 
-    /// What the value's function is called with at the corners of a triangle.
+    /// The arguments of the value's function at the corners of a triangle.
     fn arguments(&mut self, triangle: u64) -> Result<[Vec<Value<Affine>>; 3], String> {
         let each = u64::from(self.corners / 3).max(1);
         let (instance, first) = ((triangle / each) as u32, (triangle % each) as u32 * 3);
@@ -167,7 +171,8 @@ impl Drawn {
     }
 }
 
-/// The varyings at vertices, as the value's function takes them, and as far off as an adapter may compute them; each vertex is run once.
+/// The varyings at vertices, as arguments of the value's function, with the errors an adapter may
+/// make. Each vertex runs once.
 struct Arguments {
     vertices: Vertices<Affine>,
     known: HashMap<(u32, u32), Vec<Value<Affine>>>,

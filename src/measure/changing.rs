@@ -1,6 +1,7 @@
-//! Which uniforms change from frame to frame, read off a scene's own frames: no adapter is asked.
+//! Finds uniforms that change from frame to frame. Reads the scene's frames and needs no adapter.
 //!
-//! A still camera stands for a host whose camera moves and whose clock runs. So what follows the view or the time counts as changing, whether the scene's cameras show it or not.
+//! A host moves its camera and runs its clock even if the scene's camera stands still. So
+//! everything that follows the view or the time counts as changing.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -16,9 +17,11 @@ use crate::scene::{Error, Frame, Material, Scene};
 /// The bytes of uniforms, by group and binding.
 type Buffers = BTreeMap<(u32, u32), Arc<[u8]>>;
 
-/// The uniforms, or members of them, that are not the same bytes in all frames of all cameras and in one from elsewhere at another time, in any draw of their material.
+/// The uniforms, or their members, whose bytes differ between frames in any draw of the material.
+/// Besides the frames of all cameras, one frame from another place at another time is compared.
 ///
 /// # Errors
+///
 /// A value that does not fit its variable.
 pub fn changing(scene: &Scene) -> Result<Vec<Changing>, Error> {
     let plans = originals(scene);
@@ -69,7 +72,7 @@ fn moved(frame: &Frame) -> Frame {
     }
 }
 
-/// What of one uniform differs between two contents of it.
+/// The parts of one uniform that differ between two contents.
 fn differing(
     material: &Material,
     (group, binding): (u32, u32),

@@ -1,4 +1,4 @@
-//! Which numbers no frame changes, read off a scene's own frames: no adapter is asked.
+//! Finds numbers that no frame changes. Reads the scene's frames and needs no adapter.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -11,26 +11,28 @@ use super::{changing, originals};
 use crate::scene::bind::{self, DrawBindings, TextureContent};
 use crate::scene::{Error, Image, Material, Scene};
 
-/// What is looked at once for all draws of a scene.
+/// Everything that is computed once for all draws of a scene.
 pub struct Looked<'s> {
     scene: &'s Scene,
     changing: Vec<Changing>,
     /// The plans of its materials, as their authors wrote them.
     pub plans: Vec<Plan>,
-    /// What is the same in every texel, by material.
+    /// By material, textures whose texels are all equal.
     textures: Vec<Vec<Assumed>>,
 }
 
-/// The scalars of uniforms that follow neither camera nor time, and those of vertex attributes and textures that are the same everywhere: for each material between which bounds they lie in
-/// its draws.
+/// Scalars that are constant, each with its bounds over the draws of the material: scalars of
+/// uniforms that follow neither camera nor time, and vertex attributes and textures with one value
+/// everywhere.
 ///
 /// # Errors
+///
 /// A value that does not fit its variable.
 pub fn constants(scene: &Scene) -> Result<Vec<Constant>, Error> {
     constants_beside(scene, changing(scene)?)
 }
 
-/// The same, where it is known already what changes.
+/// [`Looked::at`], with the changing uniforms already known.
 pub(super) fn constants_beside(
     scene: &Scene,
     changing: Vec<Changing>,
@@ -56,7 +58,7 @@ pub(super) fn constants_beside(
     Ok(found)
 }
 
-/// What lies between bounds in both, within the bounds of both.
+/// Scalars that are bounded in both, with bounds that include both.
 fn both(
     before: BTreeMap<Place, Assumed>,
     now: &BTreeMap<Place, Assumed>,
@@ -69,15 +71,16 @@ fn both(
 }
 
 impl<'s> Looked<'s> {
-    /// Looks at a scene's frames and textures.
+    /// Reads the frames and textures of a scene.
     ///
     /// # Errors
+    ///
     /// A value that does not fit its variable.
     pub fn at(scene: &'s Scene) -> Result<Self, Error> {
         Self::beside(scene, changing(scene)?)
     }
 
-    /// The same, where it is known already what changes.
+    /// [`Looked::at`], with the changing uniforms already known.
     fn beside(scene: &'s Scene, changing: Vec<Changing>) -> Result<Self, Error> {
         let plans = originals(scene);
         let first = scene.frames().next().map(|(_, frame)| frame);
@@ -122,9 +125,11 @@ impl<'s> Looked<'s> {
         Ok(found.into_iter().map(|a| (a.place.clone(), a)).collect())
     }
 
-    /// The same without elements of matrices, which are all that differs between many draws and next to nothing that a branch rests on: fewer draws to tell apart.
+    /// [`Looked::of_draw`] without elements of matrices. Matrices differ between many draws, but
+    /// branches seldom depend on them. Without them fewer draws differ.
     ///
     /// # Errors
+    ///
     /// As [`Looked::of_draw`].
     pub fn telling(&self, draw: usize) -> Result<BTreeMap<Place, Assumed>, Error> {
         let mut values = self.of_draw(draw)?;
@@ -263,7 +268,8 @@ fn textures(pass: &GpuPass, bound: &DrawBindings) -> Vec<Assumed> {
     found
 }
 
-/// Between which numbers an adapter decodes and filters a channel whose texels are all the same. The ends of the scale are told exactly.
+/// Bounds of a channel after decoding and filtering, if all its texels are equal. The ends of the
+/// scale are exact.
 fn one_value(image: &Image, channel: u32) -> Option<Bounds> {
     let mut texels = image
         .levels
@@ -279,7 +285,7 @@ fn one_value(image: &Image, channel: u32) -> Option<Bounds> {
         true => ((stored + 0.055) / 1.055).powf(2.4),
         false => stored,
     };
-    // What a filter makes of equal texels, and how well sRGB is decoded, is left open within this.
+    // Error allowed for filtering equal texels and for decoding sRGB.
     let slack = 1.0 / 1024.0;
     Some(match first {
         0 | 255 => Bounds::one(value),

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::Estimate;
 use super::timing::estimate;
-use crate::report::{Report, VariantReport};
+use crate::measure::record::{Report, VariantReport};
 
 /// Version of the JSON that [`Series`] serialises to.
 pub const SCHEMA: &str = "preshade.series.v1";
@@ -18,7 +18,7 @@ pub struct Series {
     pub variable: String,
     /// Where pairs of variants cross.
     pub crossovers: Vec<Crossover>,
-    /// What was measured, by the variable's value, ascending.
+    /// The reports by the variable's value, ascending.
     pub points: Vec<Point>,
 }
 
@@ -27,7 +27,7 @@ pub struct Series {
 pub struct Point {
     /// The value.
     pub value: u32,
-    /// What was measured there.
+    /// The report at that value.
     pub report: Report,
 }
 
@@ -38,13 +38,14 @@ pub struct Crossover {
     pub first: String,
     /// Another.
     pub second: String,
-    /// Time of the first over that of the second, by value: above 1 the second is faster. Of samples taken in the same round, with its 95% interval.
+    /// The first variant's time over the second's, by value, with its 95 % interval. Above 1 the
+    /// second is faster. Samples are from the same round.
     pub ratios: Vec<(u32, Estimate)>,
     /// Values at which the ratio passes 1.
     pub at: Vec<Crossing>,
 }
 
-/// A value at which a ratio passes 1, between two that were measured: interpolated in the logarithms of both.
+/// The value at which a ratio crosses 1 between two measured values, interpolated logarithmically.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Crossing {
     /// Of the medians.
@@ -101,7 +102,7 @@ impl Series {
     }
 }
 
-/// Time of one variant over another's, of the samples taken in the same round where both have all of theirs.
+/// One variant's time over another's, from samples of the same round. Needs all samples of both.
 fn ratio(report: &Report, first: &str, second: &str) -> Option<Estimate> {
     let find =
         |name: &str| -> Option<&VariantReport> { report.variants.iter().find(|v| v.name == name) };
@@ -139,7 +140,7 @@ fn crossings(ratios: &[(u32, Estimate)]) -> Vec<Crossing> {
     };
     let (low, high) = (of(|e| e.low), of(|e| e.high));
     let medians = of(|e| e.median);
-    // With several crossings which end belongs to which is not told by their order.
+    // With several crossings, their order does not say which end belongs to which.
     let alone = medians.len() == 1;
     medians
         .into_iter()

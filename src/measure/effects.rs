@@ -1,4 +1,4 @@
-//! Which effects of each material its draws call for, over a whole scene: no adapter is asked.
+//! Finds the effects that the draws of each material use, over a whole scene. Needs no adapter.
 
 use std::collections::BTreeMap;
 
@@ -15,26 +15,26 @@ use crate::scene::{Error, Scene};
 pub struct EffectUse {
     /// Name of the material.
     pub material: String,
-    /// What it is, or the author's identifier.
+    /// The kind of effect, or the author's identifier.
     pub name: String,
     /// `vertex` or `fragment`.
     pub stage: String,
-    /// Static cost of what stands behind its conditions, in one run of the stage.
+    /// Static cost of the code behind its conditions, in one run of the stage.
     pub cost: f64,
     /// Draws of the material.
     pub draws: usize,
-    /// Draws that call for it.
+    /// Number of draws that use it.
     pub called_for: usize,
     /// Draws that are proved not to.
     pub not_called_for: usize,
-    /// The values that decide it in the draws that call for it, and in those that do not.
+    /// The deciding values in draws that use it, and in draws that do not.
     pub evidence: [Vec<Assumed>; 2],
     /// The first of its conditions.
     pub location: Option<Location>,
 }
 
 impl EffectUse {
-    /// How many draws call for it, in words.
+    /// The number of draws that use it, in words.
     pub fn called_for_by(&self) -> String {
         let open = self.draws - self.called_for - self.not_called_for;
         match (self.called_for, open) {
@@ -63,9 +63,10 @@ impl EffectUse {
     }
 }
 
-/// The effects of a scene's materials, material by material, the dearest first.
+/// The effects of a scene's materials, by material, the most expensive first.
 ///
 /// # Errors
+///
 /// A value that does not fit its variable.
 pub fn effects(scene: &Scene) -> Result<Vec<EffectUse>, Error> {
     let looked = Looked::at(scene)?;

@@ -1,29 +1,32 @@
-//! What the cameras other than the headline's see of a variant, each where it is most off: pictures for a report.
+//! For a report: pictures from the cameras other than the headline's, each where the variant is
+//! worst.
 
 use std::cell::OnceCell;
 use std::sync::Arc;
 
-use super::ErrorLadder;
+use super::{ErrorLadder, View};
+use crate::measure::record::{Elsewhere, Picture};
 use crate::render::Rendered;
-use crate::report::{Elsewhere, Picture};
 
 /// The pictures of a variant by camera, in the order the cameras were first looked through.
 #[derive(Default)]
 pub(super) struct OtherCameras(Vec<Elsewhere>);
 
-/// What a view was drawn as: the original, its picture once it is wanted (which the variants share), and the variant.
+/// One view of the original and a variant. All variants share the original's picture, which is made
+/// on first use.
 #[derive(Clone, Copy)]
-pub(super) struct Seen<'v> {
+pub(super) struct Shown<'v> {
     pub(super) reference: &'v Rendered,
     pub(super) shown: &'v OnceCell<Option<Arc<Picture>>>,
     pub(super) picture: &'v Rendered,
 }
 
 impl OtherCameras {
-    /// Keeps the pictures of a view of `camera`, where no other of that camera is as far off by mean FLIP and then by changed pixels.
-    pub(super) fn look(&mut self, camera: &str, view: String, error: &ErrorLadder, seen: Seen<'_>) {
+    /// Keeps the pictures of this view if it is the camera's worst so far, by mean FLIP and then by
+    /// changed pixels.
+    pub(super) fn look(&mut self, view: &View, error: &ErrorLadder, seen: Shown<'_>) {
         let key = |e: &ErrorLadder| (e.flip_mean, e.changed_pixels);
-        let known = self.0.iter_mut().find(|e| e.camera == camera);
+        let known = self.0.iter_mut().find(|e| e.camera == view.camera);
         if known.as_ref().is_some_and(|k| key(error) <= key(&k.error)) {
             return;
         }
@@ -32,8 +35,8 @@ impl OtherCameras {
             return;
         };
         let there = Elsewhere {
-            camera: camera.to_owned(),
-            view,
+            camera: view.camera.clone(),
+            view: view.described(),
             error: error.clone(),
             variant: Picture::of(seen.picture).filter(|p| *p != *original),
             original,

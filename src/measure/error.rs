@@ -1,5 +1,7 @@
-//! How far two pictures are apart, by the error ladder: bits first, then the largest difference, then what an eye sees.
+//! The error ladder between two pictures: bits, then the largest difference, then the visible
+//! difference.
 
+use preshade_passes::budget::Difference;
 use serde::{Deserialize, Serialize};
 
 use crate::render::{ColorImage, DepthImage, Rendered};
@@ -14,24 +16,27 @@ pub struct ErrorLadder {
     pub changed_pixels: u64,
     /// Pixels where alpha alone differs.
     pub changed_alpha: u64,
-    /// Pixels (samples, under MSAA) whose depth bits differ.
+    /// Pixels (samples with MSAA) whose depth bits differ.
     pub changed_depth: u64,
-    /// Largest difference of a colour channel, in the target's units (0..1 for unorm formats). Infinite where one is NaN and the other is not;
-    /// written as `null` in JSON then.
+    /// Largest difference of a colour channel in the target's units, 0..1 for unorm formats.
+    /// Infinite if exactly one side is NaN; JSON then has `null`.
     #[serde(deserialize_with = "or_infinite")]
     pub max_abs: f64,
-    /// Largest difference of a colour channel in steps: of 8 bits, or between neighbouring numbers of the target's format where they lie further apart.
+    /// Largest difference of a colour channel in steps. A step is 1/255, or the spacing of the
+    /// target's format if that is larger.
     #[serde(default, deserialize_with = "or_infinite")]
     pub max_steps: f64,
-    /// Pixels where a colour channel differs by more than one step: more than a rounding may, that nothing decides by.
+    /// Pixels in which a channel differs by more than one step, which rounding alone does not
+    /// explain.
     #[serde(default)]
     pub beyond_step: u64,
     /// Pixels of the picture.
     #[serde(default)]
     pub pixels: u64,
-    /// Mean of the FLIP error map, 0..1 (Andersson et al. 2020), of colour target 0. 0 without a difference.
+    /// Mean of the FLIP error map of colour target 0, 0..1 (Andersson et al. 2020). 0 without a
+    /// difference.
     pub flip_mean: f64,
-    /// The FLIP error that 99% of the pixels stay under.
+    /// 99th percentile of FLIP.
     pub flip_p99: f64,
     /// Pixels with a NaN or an infinity in the variant where the original has none.
     pub nan_pixels: u64,
@@ -52,6 +57,12 @@ pub(crate) fn counted(n: u64, one: &str) -> String {
 /// A number, or infinity where JSON has none.
 fn or_infinite<'de, D: serde::Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
     Ok(Option::deserialize(from)?.unwrap_or(f64::INFINITY))
+}
+
+impl Difference for ErrorLadder {
+    fn by_metric(&self) -> [f64; 3] {
+        [self.flip_mean, self.flip_p99, self.max_abs]
+    }
 }
 
 impl ErrorLadder {
@@ -167,7 +178,7 @@ pub fn compare(original: &Rendered, variant: &Rendered) -> Result<ErrorLadder, M
     Ok(out)
 }
 
-/// What a channel of that size may be off by for its last bit alone, and no less than a step of 8 bits.
+/// The size of the last bit of a channel of that value, at least 1/255.
 fn step(format: wgpu::TextureFormat, magnitude: f32) -> f64 {
     use wgpu::TextureFormat::{R16Float, Rg11b10Ufloat, Rg16Float, Rgb9e5Ufloat, Rgba16Float};
     // Bits of the significand after the first.

@@ -1,43 +1,55 @@
-//! How well each value of a fragment stage can be interpolated on a scene's own triangles, and the choice under a budget that rests on it.
+//! Measures how well each value of a fragment stage can be interpolated on the scene's triangles,
+//! and chooses under a budget.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::ControlFlow;
 
+use preshade_passes::budget::{Budget, Metric};
 use preshade_passes::graph::Graph;
-use preshade_passes::hoist::{self, Candidate, Candidates, Computed, Hoist, Metric, Stages};
+use preshade_passes::hoist::{self, Candidate, Candidates, Computed, Hoist, Stages};
 use preshade_passes::pass::{Facts, Frequency, Pass};
 use preshade_passes::pass_named;
 use preshade_passes::plan::Plan;
 
 use super::bounds;
 use super::interpolation::{Points, interpolation};
-use super::{Error, ErrorLadder, compare, originals, variant};
+use super::{Error, ErrorLadder, Session, compare, variant};
 use crate::parameters::parameters;
 use crate::recipe::Recipe;
-use crate::render::{
-    FrameSettings, Gpu, Prepared, Rendered, SceneInputs, ShaderForm, Variant as HostVariant,
-};
-use crate::report::Budget;
+use crate::render::Rendered;
 use crate::scene::{DrawOrder, Frame, Scene};
 
-/// Measures every candidate of every material: the picture with that value carried, in all materials that have it, and nothing else approximate, against the original. The worst of the
-/// frames that choices are made on ([`choosing`]). Of `facts` the ranges count. The dearest come first; `progress` is told the part done, and may end it there: what was measured stands.
+/// Measures every candidate value: draws the scene with only that value interpolated, in all
+/// materials that have it, and compares with the original. Keeps the worst of the [`choosing`]
+/// frames. Of `facts` only the ranges matter. The most expensive values come first. `progress` gets
+/// the part done and may stop the measurement.
 ///
 /// # Errors
-/// As [`Prepared::new`] and [`Prepared::render`], of the original. A candidate that cannot be drawn is left out.
+///
+/// As [`Session::pictures`], for the original. A candidate that cannot be drawn is skipped.
 pub fn frequencies(
-    gpu: &Gpu,
-    scene: &Scene,
+    session: &Session<'_>,
     facts: &Facts,
-    form: ShaderForm,
     progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<Vec<Frequency>, Error> {
-    let scene = &small(scene);
-    let inputs = SceneInputs::new(gpu, scene)?;
-    let plans = originals(scene);
-    let frames = choosing(scene);
-    let references = pictures(&inputs, &plans, &frames, form)?;
-    let stages = stages(&plans);
+    match small(session.scene()) {
+        None => measured(session, facts, progress),
+        Some(scene) => {
+            let session = Session::new(session.gpu(), &scene, session.form())?;
+            measured(&session, facts, progress)
+        }
+    }
+}
+
+fn measured(
+    session: &Session<'_>,
+    facts: &Facts,
+    progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
+) -> Result<Vec<Frequency>, Error> {
+    let plans = session.originals();
+    let frames = choosing(session.scene());
+    let references = session.pictures(plans, &frames, DrawOrder::AsGiven)?;
+    let stages = stages(plans);
     let graphs = graphs(&stages);
     let found = found(&stages, &graphs, facts);
     // Materials of one shader have the same candidates, and are measured together.
@@ -71,16 +83,16 @@ pub fn frequencies(
         if carried.is_empty() {
             continue;
         }
-        let mut changed = plans.clone();
+        let mut changed = plans.to_vec();
         for (material, plan) in &alone {
             changed[*material].clone_from(plan);
         }
-        let Ok(drawn) = pictures(&inputs, &changed, &frames, form) else {
+        let Ok(drawn) = session.pictures(&changed, &frames, DrawOrder::AsGiven) else {
             continue;
         };
         let worst = worst(&references, &drawn)?;
         // Whether it is finite is seen by itself: a target of fixed point holds no NaN.
-        let interpolation = interpolation(&inputs, &plans, &alone, form, Points::Few);
+        let interpolation = interpolation(session, &alone, Points::Few);
         let interpolation = interpolation.unwrap_or_default();
         measured.extend(carried.into_iter().map(|(material, candidate)| Frequency {
             material: plans[*material].material.clone(),
@@ -99,7 +111,7 @@ pub fn frequencies(
     Ok(measured)
 }
 
-/// The stages of each plan; `None` of one that nothing can be hoisted in. With [`graphs`] what [`found`] rests on, which is there for all candidates of a stage.
+/// The stages of each plan. `None`: nothing can be hoisted.
 fn stages(plans: &[Plan]) -> Vec<Option<Stages<'_>>> {
     plans.iter().map(|p| Stages::of(p).ok()).collect()
 }
@@ -119,20 +131,19 @@ fn found<'a, 'p>(
         .collect()
 }
 
-/// Those of `facts`, with how far each value itself is from its interpolation, evaluated at more points, and proved: what no choice rests on, and takes a while.
+/// Adds to the frequencies of `facts` how far each value itself is from its interpolation, at more
+/// points and with a proved bound. No choice depends on it, and it takes a while.
 ///
 /// # Errors
-/// As [`SceneInputs::new`].
+///
+/// None yet.
 pub fn interpolations(
-    gpu: &Gpu,
-    scene: &Scene,
+    session: &Session<'_>,
     facts: &Facts,
-    form: ShaderForm,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Vec<Frequency>, Error> {
-    let inputs = SceneInputs::new(gpu, scene)?;
-    let plans = originals(scene);
-    let stages = stages(&plans);
+    let plans = session.originals();
+    let stages = stages(plans);
     let graphs = graphs(&stages);
     let found = found(&stages, &graphs, facts);
     let mut frequencies = facts.frequencies.clone();
@@ -153,14 +164,13 @@ pub fn interpolations(
             .iter()
             .filter_map(|(m, found)| Some((*m, found.alone(value).ok()?)));
         let alone: BTreeMap<usize, Plan> = alone.collect();
-        // What cannot be evaluated away from a picture is still known by it.
-        let interpolation =
-            interpolation(&inputs, &plans, &alone, form, Points::Many).unwrap_or_default();
+        // If it cannot be evaluated, the picture's error remains.
+        let interpolation = interpolation(session, &alone, Points::Many).unwrap_or_default();
         let computed = materials
             .iter()
             .map(|(m, found)| Some((*m, found.computed(value).ok()?)));
         let computed: Option<BTreeMap<usize, Computed>> = computed.collect();
-        let bound = computed.and_then(|of| bounds::bound(scene, &plans, &of));
+        let bound = computed.and_then(|of| bounds::bound(session.scene(), plans, &of));
         for frequency in &mut of {
             frequency.interpolation = interpolation.or(frequency.interpolation);
             frequency.bound.clone_from(&bound);
@@ -169,18 +179,19 @@ pub fn interpolations(
     Ok(frequencies)
 }
 
-/// Most pixels of the pictures that candidates are measured on. How far interpolation is off is a matter of the triangles; whether a budget is kept is
-/// seen at the scene's own size.
+/// Most pixels of a candidate's pictures. Interpolation errors depend on triangles, not on pixels;
+/// the budget is checked at the scene's own size.
 const MOST_PIXELS: u32 = 1 << 17;
 
-pub(crate) fn small(scene: &Scene) -> Scene {
+/// `scene` with fewer pixels; `None` if it has no more than [`MOST_PIXELS`].
+pub(crate) fn small(scene: &Scene) -> Option<Scene> {
     let [width, height] = scene.size;
     let scale = (f64::from(MOST_PIXELS) / (f64::from(width) * f64::from(height))).sqrt();
     if scale >= 1.0 {
-        return scene.clone();
+        return None;
     }
     let side = |n: u32| ((f64::from(n) * scale) as u32).max(1);
-    scene.clone().resized([side(width), side(height)])
+    Some(scene.clone().resized([side(width), side(height)]))
 }
 
 /// The frames that candidates are measured on: the first of every camera and the middle of its path.
@@ -191,7 +202,8 @@ pub fn choosing(scene: &Scene) -> Vec<&Frame> {
 /// Frames of a path on which a choice has to keep the budget. The others are there to check it.
 const KEPT_ON: usize = 9;
 
-/// The part of the budget that a choice may use up on those frames: what lies between them may be a little worse.
+/// The part of the budget that a choice may use on those frames. Frames between them may be a
+/// little worse.
 const MARGIN: f64 = 0.9;
 
 /// At most `most` frames of every camera's path, evenly spaced from its first.
@@ -208,25 +220,6 @@ fn spread(scene: &Scene, most: usize) -> Vec<&Frame> {
         .collect()
 }
 
-fn pictures(
-    inputs: &SceneInputs<'_>,
-    plans: &[Plan],
-    frames: &[&Frame],
-    form: ShaderForm,
-) -> Result<Vec<Rendered>, Error> {
-    let scene = inputs.scene();
-    let host = HostVariant::new(plans, form)?;
-    let mut prepared = Prepared::new(inputs, &host, &FrameSettings::of(scene))?;
-    frames
-        .iter()
-        .map(|frame| {
-            inputs.set_frame(frame)?;
-            prepared.aim(frame, DrawOrder::AsGiven);
-            Ok(prepared.render()?)
-        })
-        .collect()
-}
-
 fn worst(references: &[Rendered], drawn: &[Rendered]) -> Result<ErrorLadder, Error> {
     let mut worst = ErrorLadder::default();
     for (a, b) in references.iter().zip(drawn) {
@@ -235,7 +228,8 @@ fn worst(references: &[Rendered], drawn: &[Rendered]) -> Result<ErrorLadder, Err
     Ok(worst)
 }
 
-/// Whether a recipe leaves a choice to measurement: a hoist with a budget and neither a threshold nor a list of values.
+/// Whether measurement has to choose: the recipe has a hoist with a budget, but without a threshold
+/// and a list of values.
 pub fn leaves_a_choice(recipe: &Recipe) -> bool {
     recipe.steps.iter().any(is_open)
 }
@@ -247,23 +241,22 @@ fn is_open(step: &crate::recipe::Step) -> bool {
         && !step.params.contains_key("carry")
 }
 
-/// The recipe with the threshold on measured errors that saves most and keeps the budget, less a margin, on frames along every path. Errors do not add along a
-/// cut, so that each threshold is drawn: from the largest, halving the interval.
+/// The recipe with the threshold that saves most within the budget, less a margin, on frames along
+/// every path. Errors of values do not add up, so each threshold is drawn. Starts at the largest
+/// and bisects.
 ///
 /// # Errors
-/// As [`frequencies`].
+///
+/// As [`Session::pictures`].
 pub fn within_budget(
-    gpu: &Gpu,
-    scene: &Scene,
+    session: &Session<'_>,
     recipe: &Recipe,
     facts: &Facts,
-    form: ShaderForm,
 ) -> Result<Recipe, Error> {
     let mut recipe = recipe.clone();
-    let inputs = SceneInputs::new(gpu, scene)?;
-    let plans = originals(scene);
-    let frames = spread(scene, KEPT_ON);
-    let references = pictures(&inputs, &plans, &frames, form)?;
+    let plans = session.originals();
+    let frames = spread(session.scene(), KEPT_ON);
+    let references = session.pictures(plans, &frames, DrawOrder::AsGiven)?;
     for index in 0..recipe.steps.len() {
         let step = &recipe.steps[index];
         let Ok(params) = serde_json::from_value::<hoist::Params>(step.params.clone().into()) else {
@@ -284,14 +277,10 @@ pub fn within_budget(
         let keeps = |threshold: f64| -> Result<bool, Error> {
             let mut tried = recipe.clone();
             set(&mut tried.steps[index], threshold);
-            let tried = variant(&plans, &tried, facts);
-            let drawn = pictures(&inputs, &tried.plans, &frames, form)?;
+            let tried = variant(plans, &tried, facts);
+            let drawn = session.pictures(&tried.plans, &frames, DrawOrder::AsGiven)?;
             let worst = worst(&references, &drawn)?;
-            let error = match params.metric {
-                Metric::FlipMean => worst.flip_mean,
-                Metric::FlipP99 => worst.flip_p99,
-                Metric::MaxAbs => worst.max_abs,
-            };
+            let error = params.metric.of(&worst);
             Ok(error <= MARGIN * budget && worst.nan_pixels == 0)
         };
         // `low` keeps it: with nothing approximate there is nothing to break it.
@@ -311,8 +300,8 @@ pub fn within_budget(
     Ok(recipe)
 }
 
-/// The recipe with its thresholds on measured errors written out as the values that keep them, so that it means the same where nothing is measured. `None`
-/// if it rests on no measurement.
+/// The recipe with thresholds replaced by the values they select, so that it means the same without
+/// measurements. `None`: nothing was measured for it.
 pub fn written_out(recipe: &Recipe, facts: &Facts) -> Option<Recipe> {
     let mut recipe = recipe.clone();
     let mut changed = false;
@@ -347,23 +336,23 @@ pub fn written_out(recipe: &Recipe, facts: &Facts) -> Option<Recipe> {
     changed.then_some(recipe)
 }
 
-/// The recipe with its approximations under a promise of `budget`, and what they chose written out: what a host is given of a variant that was found to be within it. `None` if it approximates
-/// nothing.
+/// The recipe for a host: its approximations promise `budget`, and their selected values are
+/// written out. `None`: it approximates nothing.
 pub fn promised(recipe: &Recipe, budget: Budget, facts: &Facts) -> Option<Recipe> {
     let mut recipe = recipe.clone();
     let mut changed = false;
     for step in &mut recipe.steps {
-        // A budget without a metric is of another kind: what a rounding may become, say.
+        // A budget without a metric limits roundings, not the picture.
         let has_metric = |p| parameters(p).iter().any(|p| p.name == "metric");
         let counts = pass_named(&step.pass).is_some_and(has_metric);
         if !counts || !step.params.contains_key("budget") {
             continue;
         }
-        step.params.insert("budget".to_owned(), budget.most.into());
+        step.params.insert("budget".to_owned(), budget.limit.into());
         step.params.remove("metric");
-        if budget.metric != hoist::Metric::default() {
+        if budget.metric != Metric::default() {
             step.params
-                .insert("metric".to_owned(), budget.name().into());
+                .insert("metric".to_owned(), budget.metric.name().into());
         }
         changed = true;
     }
@@ -371,7 +360,7 @@ pub fn promised(recipe: &Recipe, budget: Budget, facts: &Facts) -> Option<Recipe
     changed.then_some(written)
 }
 
-/// The threshold with the fewest digits that chooses what the one at `index` does.
+/// The threshold with the fewest digits that selects the same values as the one at `index`.
 fn shortest(thresholds: &[f64], index: usize) -> f64 {
     let exact = thresholds[index];
     let next = thresholds.get(index + 1).copied().unwrap_or(f64::INFINITY);

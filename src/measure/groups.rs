@@ -1,4 +1,5 @@
-//! Draws of one material told apart by what their constants leave of it, so that each group can have a plan of its own.
+//! Splits the draws of a material into groups with equal constants, so that each group can have its
+//! own plan.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -11,7 +12,7 @@ use super::constants::{Looked, as_facts};
 use crate::recipe::Recipe;
 use crate::scene::{Error, Scene};
 
-/// Groups that a material falls into at most, where nothing else is said.
+/// Default for the most groups of one material.
 pub const MOST_GROUPS: usize = 8;
 
 /// The scene [`grouped`] for the first step of `recipe` that specialises; as it is where none does.
@@ -31,11 +32,14 @@ pub fn grouped_for(scene: Scene, recipe: &Recipe) -> Result<Scene, Error> {
     grouped(&scene, &params, MOST_GROUPS)
 }
 
-/// The scene with each material whose draws want different specialised versions made several: `NAME-1` and so on, each with the draws that want the same. It draws the same picture.
+/// Splits each material whose draws need different specialised versions into `NAME-1`, `NAME-2` and
+/// so on. The picture stays the same.
 ///
-/// At most `most` of one material; beyond that the draws that gain the least share the last one, which is then specialised to what all of them have in common.
+/// A material has at most `most` groups. Beyond that, the draws that gain least share the last
+/// group, which is specialised to their common constants.
 ///
 /// # Errors
+///
 /// A value that does not fit its variable.
 pub fn grouped(scene: &Scene, params: &Params, most: usize) -> Result<Scene, Error> {
     let looked = Looked::at(scene)?;
@@ -117,7 +121,7 @@ struct Group {
     saved: f64,
 }
 
-/// What a draw wants.
+/// The version that a draw needs.
 #[derive(Clone)]
 struct Wanted {
     /// The same for the same version; empty for the author's own.

@@ -1,24 +1,26 @@
-//! How far a value is from its interpolation over a scene's own triangles, evaluated by the adapter before anything is drawn.
+//! Measures how far a value is from its interpolation over the scene's triangles. The adapter
+//! evaluates it without drawing.
 //!
-//! The hoisted material is tessellated, and the compute pass that makes its new vertices run: it evaluates the value at the corners of every triangle and at points
-//! between them. What lies between is held against what the corners make of it. No camera decides which triangles count, and none how much.
+//! The hoisted material is tessellated, and its compute pass evaluates the value at the corners of
+//! every triangle and at points between them. The values between are compared with the interpolated
+//! corners. Every triangle counts equally, whether a camera sees it or not.
 
 use std::collections::{BTreeMap, HashMap};
 
+use preshade_passes::core::pattern::Pattern;
 use preshade_passes::pass::{Facts, Interpolation, Pass};
 use preshade_passes::plan::Plan;
-use preshade_passes::tessellate::pattern::Pattern;
 use preshade_passes::tessellate::{self, Tessellate};
 use preshade_passes::{geometry, reflect};
 
-use super::Error;
 use super::frequency::choosing;
-use crate::render::{ComputedVertices, FrameSettings, Prepared, SceneInputs, ShaderForm, Variant};
+use super::{Error, Session};
+use crate::render::ComputedVertices;
 
 /// How many points between the corners are evaluated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Points {
-    /// 3 a triangle, for a choice that has many values to look at.
+    /// 3 a triangle: for choosing among many values.
     Few,
     /// 12, or 3 where there are many triangles, for a table.
     Many,
@@ -34,19 +36,19 @@ impl Points {
     }
 }
 
-/// Measures a value in the materials that it may be carried in, given the plans that carry it and nothing else, by the materials' indices; `None` where none of them can be tessellated with
-/// it (a flat varying, say), or there are more triangles than are evaluated.
+/// Measures a value. `alone` has, by material index, the plans that interpolate this value and
+/// nothing else. `None`: no plan can be tessellated (a flat varying, say), or there are too many
+/// triangles.
 ///
 /// # Errors
-/// As [`Prepared::new`].
+///
+/// As [`Session::prepare`].
 pub fn interpolation(
-    inputs: &SceneInputs<'_>,
-    plans: &[Plan],
+    session: &Session<'_>,
     alone: &BTreeMap<usize, Plan>,
-    form: ShaderForm,
     points: Points,
 ) -> Result<Option<Interpolation>, Error> {
-    let scene = inputs.scene();
+    let (scene, inputs, plans) = (session.scene(), session.inputs(), session.originals());
     let draws = scene.draws.iter().enumerate();
     let triangles: u64 = draws
         .filter(|(_, draw)| alone.contains_key(&draw.material))
@@ -70,8 +72,7 @@ pub fn interpolation(
     if components.is_empty() {
         return Ok(None);
     }
-    let host = Variant::new(&changed, form)?;
-    let prepared = Prepared::new(inputs, &host, &FrameSettings::of(scene))?;
+    let prepared = session.prepare(&changed)?;
     let mut measured: Option<Measured> = None;
     for frame in choosing(scene) {
         inputs.set_frame(frame)?;
@@ -101,14 +102,14 @@ fn tessellated(original: &Plan, alone: &Plan, level: u32) -> Option<(Plan, Compo
         form: geometry::Form::Shared,
         ..tessellate::Params::default()
     };
-    let facts = Facts::default();
-    let sites = Tessellate::sites(alone, &facts, &params);
-    let plan = Tessellate::apply(alone, &facts, &sites.sites.first()?.key, &params).ok()?;
+    let plan = Tessellate::run(alone, &Facts::default(), &params)
+        .ok()?
+        .plan;
     let denominator = plan.main()?.geometry.subdivision()?.denominator;
     Some((plan, components, denominator))
 }
 
-/// What the vertex stage gives.
+/// The outputs of the vertex stage.
 fn outputs(plan: &Plan) -> Option<(&naga::Module, Vec<reflect::Io>)> {
     let main = plan.main()?;
     let program = plan.program(main)?;
@@ -117,7 +118,7 @@ fn outputs(plan: &Plan) -> Option<(&naga::Module, Vec<reflect::Io>)> {
     Some((module, reflect::outputs(module, &entry.function)))
 }
 
-/// The author's own varyings may be what they like: no choice changes them.
+/// The author's own varyings do not count: no choice changes them.
 fn components(original: &Plan, alone: &Plan) -> Option<Components> {
     let (_, own) = outputs(original)?;
     let (module, outputs) = outputs(alone)?;

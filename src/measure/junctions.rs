@@ -1,7 +1,8 @@
-//! T-junctions between draws: an edge that one draw divides and its neighbour does not.
+//! Finds T-junctions between draws: edges that one draw divides and its neighbour does not.
 //!
-//! New vertices on such an edge lie on it in real numbers, but are snapped to the rasteriser's grid beside it, so that pixels along it may show what is behind or be drawn twice. Within a
-//! draw there are none: all its edges are divided alike.
+//! New vertices lie on the edge in real numbers, but the rasteriser snaps them to its grid beside
+//! it. Pixels along the edge may show the background or be drawn twice. Within one draw all edges
+//! are divided alike.
 
 use std::cmp::Reverse;
 use std::collections::HashSet;
@@ -28,8 +29,9 @@ pub struct Junction {
 /// An edge, as the bits of its ends in the world, the lesser first.
 type Edge = [[u32; 3]; 2];
 
-/// The T-junctions of a scene drawn with `plans`, one a material. Edges are the same where both ends have equal bits in the world; vertices that a shader moves are where they were given.
-/// A draw whose edge is a part of another's edge is not found.
+/// The T-junctions of a scene drawn with `plans`, one a material. Two edges are equal if both ends
+/// have equal bits in world space, before the vertex stage moves them. An edge that is part of
+/// another edge is not found.
 pub fn junctions(scene: &Scene, plans: &[Plan]) -> Vec<Junction> {
     let geometry = |draw: &Draw| plans.get(draw.material)?.main().map(|p| &p.geometry);
     let draws: Vec<(&Draw, &Geometry)> = scene
@@ -65,7 +67,7 @@ pub fn junctions(scene: &Scene, plans: &[Plan]) -> Vec<Junction> {
     found
 }
 
-/// How an edge is divided, the more finely the larger: into how many segments at most, and into fewer where these would be shorter than so many pixels.
+/// How finely an edge is divided: the most segments, and the least length of a segment in pixels.
 fn fineness(geometry: &Geometry) -> (u32, Reverse<u32>) {
     match geometry.subdivision() {
         Some(s) if s.level > 1 => (s.level, Reverse(s.edge_pixels.unwrap_or(0))),

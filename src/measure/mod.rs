@@ -1,9 +1,16 @@
-//! What a variant costs in accuracy and gains in time, measured beside the original.
+//! Measures variants beside the original: accuracy, work and time.
 //!
-//! [`error`] compares two pictures, [`mod@changing`] tells what is not the same in all frames and [`mod@constants`] what is, [`shading`] counts fragments and depth ties, [`timing`] times frames,
-//! [`statistics`] asks the adapter what it invoked; [`frequency`] finds what can be interpolated, by the picture and ([`mod@interpolation`]) by the value itself ([`bounds`] proves how far that can be off);
-//! [`mod@truth`] tells how far original and variant are from what nobody rounded; [`mod@junctions`] finds edges that two draws divide differently; [`mod@rasterizer`] tells what the adapter does that no language decides; [`on_adapter`] runs original and variant there on numbers, without drawing; [`shadow`] draws shadow passes under the light; [`mod@verify`] does all of it for every view of a scene, and
-//! [`crossover`] tells at which value of a scene's variable one variant overtakes another.
+//! A [`Session`] owns a scene on an adapter. [`Subject`]s are plans that it draws in [`View`]s.
+//! [`mod@verify`] draws, compares, counts and times every view, and [`record`] holds the results.
+//!
+//! [`error`] compares pictures, [`shading`] counts fragments and depth ties, [`timing`] times
+//! frames, [`statistics`] reads the adapter's counters, [`shadow`] draws shadow passes under the
+//! light. [`frequency`], [`mod@interpolation`] and [`bounds`] find values that can be interpolated.
+//! [`mod@changing`], [`mod@constants`] and [`mod@ranges`] read a scene's files without drawing.
+//! [`mod@truth`] compares with exact arithmetic, [`mod@junctions`] finds T-junctions,
+//! [`mod@rasterizer`] tests the adapter's rasteriser, and [`on_adapter`] runs both versions on
+//! numbers. [`crossover`] finds the value of a scene's variable at which one variant overtakes
+//! another.
 
 pub mod bounds;
 pub mod changing;
@@ -19,9 +26,12 @@ pub mod junctions;
 pub mod on_adapter;
 pub mod ranges;
 pub mod rasterizer;
+pub mod record;
+mod session;
 pub mod shading;
 pub mod shadow;
 pub mod statistics;
+mod subject;
 pub(crate) mod telling;
 pub mod timing;
 pub mod truth;
@@ -29,6 +39,7 @@ pub mod variant;
 pub mod verdict;
 pub mod verify;
 mod vertices;
+mod view;
 
 pub use changing::changing;
 pub use constants::constants;
@@ -43,14 +54,17 @@ pub use junctions::{Junction, junctions};
 pub use on_adapter::validate_on;
 pub use ranges::ranges;
 pub use rasterizer::rasterizer;
+pub use session::Session;
 pub use shading::{CountProgram, Counter, Discarded, Shading, ShadingSummary, facts};
 pub use shadow::ShadowReport;
+pub use subject::Subject;
 pub use timing::{
     Clock, Estimate, FEWEST_SAMPLES, FrameTime, Timing, TimingSettings, estimate, time,
 };
 pub(crate) use variant::unwritten;
 pub use variant::{counting, variant};
 pub use verify::{Outcome, Progress, Settings, Timed, Variant, verify};
+pub use view::View;
 
 use crate::scene::{Filter, bind};
 
@@ -68,7 +82,14 @@ pub enum Error {
     Clock,
 }
 
-/// What a scene tells without being drawn. What its files do not fit is left out.
+impl Error {
+    /// Whether the adapter is lost, so that nothing more can be drawn.
+    pub fn is_lost(&self) -> bool {
+        matches!(self, Self::Render(crate::render::Error::Lost(_)))
+    }
+}
+
+/// The facts that a scene's files give without drawing. Values that do not fit are skipped.
 pub fn known(scene: &crate::scene::Scene) -> preshade_passes::pass::Facts {
     let changing = changing(scene).ok();
     let constants = changing
@@ -102,32 +123,17 @@ fn samplers(scene: &crate::scene::Scene) -> Vec<preshade_passes::pass::SamplerSt
     found
 }
 
-/// [`known`], as far as the passes of `recipe` read it.
+/// [`known`] if a pass of `recipe` reads it, otherwise nothing.
 pub fn known_for(
     scene: &crate::scene::Scene,
     recipe: &crate::recipe::Recipe,
 ) -> preshade_passes::pass::Facts {
-    use preshade_passes::depth_prepass::DepthPrepass;
-    use preshade_passes::early_discard::EarlyDiscard;
-    use preshade_passes::pass::{Facts, Pass};
-    use preshade_passes::shadow::Shadow;
-    use preshade_passes::skip_taps::SkipTaps;
-    use preshade_passes::trim_loop::TrimLoop;
-    // The passes that read neither: all others may.
-    let names = [
-        DepthPrepass::INFO.name,
-        EarlyDiscard::INFO.name,
-        Shadow::INFO.name,
-        SkipTaps::INFO.name,
-        TrimLoop::INFO.name,
-    ];
-    match recipe
-        .steps
-        .iter()
-        .all(|s| names.contains(&s.pass.as_str()))
-    {
-        true => Facts::default(),
-        false => known(scene),
+    let reads = |step: &crate::recipe::Step| {
+        preshade_passes::pass_named(&step.pass).is_none_or(|pass| pass.info().reads_scene)
+    };
+    match recipe.steps.iter().any(reads) {
+        true => known(scene),
+        false => preshade_passes::pass::Facts::default(),
     }
 }
 

@@ -1,7 +1,9 @@
-//! Between which numbers the fragment stages' inputs lie, read off a scene's own frames: no adapter is asked.
+//! Finds the ranges of the fragment stages' inputs. Reads the scene's frames and needs no adapter.
 //!
-//! Uniforms and buffers are read as the renderer fills them, in every frame. A varying is largest at a vertex, for what is interpolated within a triangle lies between: the vertex stage is run on every
-//! vertex that is drawn, in every frame where that takes no longer than [`MOST_STEPS`], or else in as many frames as it may take, evenly, or on as many vertices of one. Then the ranges are widened.
+//! Uniforms and buffers are read as the renderer fills them, in every frame. A varying is largest
+//! at a vertex, because interpolation stays between the corners. The vertex stage runs on every
+//! drawn vertex in every frame if that takes at most [`MOST_STEPS`]. Otherwise it runs in fewer,
+//! evenly spaced frames, or on some vertices of one frame. The ranges are then widened.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -18,14 +20,16 @@ use crate::scene::{Draw, Error, Frame, Scene};
 
 /// Steps of the interpreter over all vertices of a material.
 pub const MOST_STEPS: u64 = 400_000;
-/// Least number of vertices that are looked at of a draw that has as many.
+/// Least number of vertices to run in a draw that has as many.
 const LEAST_VERTICES: u64 = 500;
 /// Times the steps that may be spent on that.
 const DEAREST: u64 = 8;
 
-/// Where every varying and every constant of the draw lies. A varying of a vertex stage that cannot be run may be anything.
+/// The ranges of every varying and constant of the draw. If the vertex stage cannot be run, its
+/// varyings have no bounds.
 ///
 /// # Errors
+///
 /// A value that does not fit its variable.
 pub fn ranges(scene: &Scene) -> Result<Vec<SourceRange>, Error> {
     let plans = originals(scene);
@@ -43,7 +47,7 @@ pub fn ranges(scene: &Scene) -> Result<Vec<SourceRange>, Error> {
         let frames: Vec<&Frame> = scene.frames().map(|(_, frame)| frame).collect();
         let mut ends = Ends::default();
         let most = MOST_STEPS / draws.len().max(1) as u64;
-        let mut seen = Seen::All;
+        let mut seen = Coverage::All;
         for draw in draws {
             let mut before = BTreeMap::new();
             let mut stage = None;
@@ -51,7 +55,7 @@ pub fn ranges(scene: &Scene) -> Result<Vec<SourceRange>, Error> {
             for (i, frame) in frames.iter().enumerate() {
                 let bound = match &mut bound {
                     None => bound.insert(bind::draw(scene, material, pass, draw, frame)?),
-                    // What follows no frame stays.
+                    // Values that follow no frame do not change.
                     Some(bound) => {
                         for now in bind::frame_buffers(scene, material, pass, draw, frame)? {
                             let same = |b: &&mut bind::BufferBinding| {
@@ -91,10 +95,10 @@ pub fn ranges(scene: &Scene) -> Result<Vec<SourceRange>, Error> {
                         seen = seen.and(if added.is_ok() {
                             sample.seen
                         } else {
-                            Seen::None
+                            Coverage::None
                         });
                     }
-                    Err(_) => seen = Seen::None,
+                    Err(_) => seen = Coverage::None,
                 }
             }
         }
@@ -110,9 +114,9 @@ pub fn ranges(scene: &Scene) -> Result<Vec<SourceRange>, Error> {
     Ok(found)
 }
 
-/// Of which vertices the varyings were looked at.
+/// The vertices that were run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Seen {
+enum Coverage {
     /// All, in all frames.
     All,
     /// All, in some frames.
@@ -123,19 +127,19 @@ enum Seen {
     None,
 }
 
-impl Seen {
+impl Coverage {
     fn and(self, other: Self) -> Self {
         self.max(other)
     }
 }
 
-/// What is looked at of a draw.
+/// Reads a draw.
 struct Sample {
     /// Vertices and instances.
     vertices: Vec<(u32, u32)>,
-    /// Every so many frames.
+    /// Step between frames.
     every: usize,
-    seen: Seen,
+    seen: Coverage,
 }
 
 impl Sample {
@@ -158,11 +162,11 @@ impl Sample {
             return Ok(Self {
                 vertices: Vec::new(),
                 every: 1,
-                seen: Seen::All,
+                seen: Coverage::All,
             });
         };
         let (_, steps) = vertices.run(module, entry, *first, 0)?;
-        // As if each run copied what it reads: it may write to it.
+        // As if each run had its own copy, since it may write to it.
         let copied: u64 = vertices.environment.resources.values().map(numbers).sum();
         let affordable = most / (steps + copied).max(1);
         if affordable * DEAREST < LEAST_VERTICES.min(count) {
@@ -178,9 +182,9 @@ impl Sample {
                 vertices: (0..count).map(at).collect(),
                 every,
                 seen: if every == 1 {
-                    Seen::All
+                    Coverage::All
                 } else {
-                    Seen::SomeFrames
+                    Coverage::SomeFrames
                 },
             });
         }
@@ -193,7 +197,7 @@ impl Sample {
         Ok(Self {
             vertices: spread.collect(),
             every: frames.max(1),
-            seen: Seen::SomeVertices,
+            seen: Coverage::SomeVertices,
         })
     }
 }
@@ -270,12 +274,12 @@ impl Ends {
     }
 
     /// Widens the ranges of varyings that were not seen at all vertices in all frames.
-    fn settle<'a>(&mut self, seen: Seen, outputs: impl Iterator<Item = &'a naga::Binding>) {
+    fn settle<'a>(&mut self, seen: Coverage, outputs: impl Iterator<Item = &'a naga::Binding>) {
         let by = match seen {
-            Seen::All => return,
-            Seen::SomeFrames => 0.5,
-            Seen::SomeVertices => 1.0,
-            Seen::None => {
+            Coverage::All => return,
+            Coverage::SomeFrames => 0.5,
+            Coverage::SomeVertices => 1.0,
+            Coverage::None => {
                 for output in outputs {
                     if let naga::Binding::Location { location, .. } = *output {
                         self.0.insert(Source::Varying { location }, ANYTHING);
@@ -301,7 +305,7 @@ fn numbers(value: &Value) -> u64 {
     }
 }
 
-/// The least and the largest float of a value; `None` where there is none. Of what is not a number nothing is known.
+/// The least and the largest float of a value. `None`: it has none, or one of them is NaN.
 fn ends(value: &Value) -> Option<[f32; 2]> {
     match value {
         Value::Scalar(Scalar::F32(x)) if x.is_finite() => Some([*x, *x]),

@@ -1,4 +1,5 @@
-//! What the adapter's rasteriser does that no language decides, seen in two frames of 16 by 16 pixels.
+//! Finds out, in two frames of 16 by 16 pixels, how the adapter rasterises where the specification
+//! leaves a choice.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -9,22 +10,20 @@ use preshade_passes::state::{
     ColorTarget, CullMode, DepthDirection, DepthFormat, MaterialState, PrimitiveState,
 };
 
-use super::originals;
+use super::Session;
 use crate::front;
-use crate::render::{
-    ColorImage, Error, FrameSettings, Gpu, Prepared, SceneInputs, ShaderForm, Variant,
-};
+use crate::render::{ColorImage, Error, Gpu, ShaderForm};
 use crate::scene::{
     Camera, Draw, DrawOrder, DrawRange, Frame, Image, Light, Material, Mesh, Scene, Stream,
 };
 
 /// Pixels of a side.
 const SIZE: u32 = 16;
-/// What a texel of a mip level is more than one of the level before, of 255.
+/// Difference between the texels of two neighbouring mip levels, of 255.
 const STEP: u8 = 30;
 
-/// Values that change along a row as much as its number says, so that a gradient tells which row it is of: in a quad, the second pixel of an odd row is eight texels from the
-/// first, of an even row one.
+/// Values with a different slope in each row of a quad, so that a gradient names its row. The
+/// second pixel of an odd row is eight texels from the first; of an even row, one.
 const NEIGHBOURS: &str = "
 @group(0) @binding(0) var flat_levels: texture_2d<f32>;
 @group(0) @binding(1) var cube_levels: texture_cube<f32>;
@@ -46,10 +45,11 @@ struct Out { @builtin(position) at: vec4<f32>, @location(0) value: f32 }
 @vertex fn vs(@location(0) position: vec3<f32>) -> Out { return Out(vec4(position.xy, 0.5, 1.0), position.z); }
 @fragment fn fs(in: Out) -> @location(0) vec4<f32> { return vec4(in.value, 0.0, 0.0, 1.0); }";
 
-/// Draws them and looks.
+/// Draws and reads the pictures.
 ///
 /// # Errors
-/// What the adapter says: it cannot draw to `rgba32float`, say.
+///
+/// The adapter's own, for example that it cannot draw to `rgba32float`.
 pub fn rasterizer(gpu: &Gpu) -> Result<Rasterizer, Error> {
     let screen = [[-1.0, -1.0, 0.5], [3.0, -1.0, 0.5], [-1.0, 3.0, 0.5]];
     let picture = drawn(gpu, NEIGHBOURS, &screen)?;
@@ -73,7 +73,8 @@ pub fn rasterizer(gpu: &Gpu) -> Result<Rasterizer, Error> {
     })
 }
 
-/// Draws a triangle whose corners are off the grid of 1/256 pixel, and looks between which corners it is interpolated.
+/// Draws a triangle whose corners are off the grid of 1/256 pixel, and finds out which corners it
+/// interpolates between.
 fn corners(gpu: &Gpu) -> Result<Corners, Error> {
     // In pixels, with the value there.
     let snapped = [[2.0, 3.0, 0.0], [14.0, 2.0, 1.0], [5.0, 14.0, 0.0]];
@@ -93,7 +94,7 @@ fn corners(gpu: &Gpu) -> Result<Corners, Error> {
     });
     let picture = drawn(gpu, CORNERS, &in_clip)?;
     let (mut from_given, mut from_snapped) = (0.0, 0.0);
-    // All of them lie well within the triangle.
+    // All of these pixels are well within the triangle.
     for (x, y) in [(6_u32, 5_u32), (9, 4), (6, 9), (8, 6), (7, 7)] {
         let [value, ..] = picture.rgba((y * SIZE + x) as usize);
         let pixel = [f64::from(x) + 0.5, f64::from(y) + 0.5];
@@ -146,16 +147,18 @@ fn drawn(gpu: &Gpu, source: &str, triangle: &[[f32; 3]; 3]) -> Result<ColorImage
         attributes: BTreeMap::new(),
     };
     let scene = scene(material, triangle);
-    let inputs = SceneInputs::new(gpu, &scene)?;
-    let variant = Variant::new(&originals(&scene), ShaderForm::Text)?;
-    let mut prepared = Prepared::new(&inputs, &variant, &FrameSettings::of(&scene))?;
-    prepared.aim(&scene.cameras[0].frames[0], DrawOrder::AsGiven);
-    let mut colors = prepared.render()?.colors.into_iter();
+    let session = Session::new(gpu, &scene, ShaderForm::Text)?;
+    let mut prepared = session.prepare(session.originals())?;
+    let (frame, order) = (&scene.cameras[0].frames[0], DrawOrder::AsGiven);
+    let mut colors = session
+        .draw(&mut prepared, frame, order)?
+        .colors
+        .into_iter();
     let color = colors.next().flatten();
     color.ok_or_else(|| failed("it draws to no colour".to_owned()))
 }
 
-/// A texture whose mip levels tell which they are.
+/// A texture whose mip levels have different colours.
 fn levels(layers: u32) -> Arc<Image> {
     let size = 64_u32;
     Arc::new(Image {

@@ -1,7 +1,9 @@
-//! Shaded fragments per covered pixel, counted in a way that every adapter agrees on: the frame is drawn with its own depth states, and each
-//! fragment that would have been shaded adds one to a float target. The result is also the picture of overdraw.
+//! Counts shaded fragments per covered pixel, alike on every adapter. The frame is drawn with its
+//! own depth states, and each shaded fragment adds 1 to a float target. The result is also the
+//! overdraw picture.
 //!
-//! Why not the adapter's pipeline statistics: software adapters count fragments before the early depth test.
+//! The adapter's pipeline statistics would not do: software adapters count fragments before the
+//! early depth test.
 
 use naga::{Literal, ShaderStage};
 use preshade_passes::graph::{FunctionId, Graph};
@@ -13,18 +15,20 @@ use preshade_passes::state::{Blend, ColorTarget, CompareFunction, DepthDirection
 use preshade_passes::visibility_buffer;
 use serde::{Deserialize, Serialize};
 
-use super::Error;
+use super::{Error, Session, counting};
 use crate::render::{
     self, DepthImage, FrameSettings, Gpu, Prepared, SceneInputs, ShaderForm, Variant,
 };
-use crate::scene::{DrawOrder, Frame, Scene};
+use crate::scene::{DrawOrder, Frame};
 
-/// The fragment stage that stands in for a pass's own while fragments are counted.
+/// Replaces a pass's fragment stage while fragments are counted.
 #[derive(Clone, Debug)]
 pub enum CountProgram {
-    /// Every fragment that passes the depth test counts. Right for a material that neither discards nor writes depth.
+    /// Counts every fragment that passes the depth test. For materials that neither discard nor
+    /// write depth.
     Constant,
-    /// A program whose fragment stage keeps the pass's discards, its depth output and the alpha of its coverage, and returns 1 otherwise, at location 0.
+    /// A program with the pass's discards, depth output and coverage alpha, which otherwise returns
+    /// 1 at location 0.
     Sliced {
         /// Both stages.
         program: Program,
@@ -38,7 +42,8 @@ pub enum CountProgram {
 /// How often each pixel was shaded.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shading {
-    /// Fragments shaded in opaque main passes. Under MSAA, samples: a fragment that covers three samples of a pixel counts three times.
+    /// Fragments shaded in opaque main passes. With MSAA these are samples: a fragment that covers
+    /// three samples counts three times.
     pub fragments: u64,
     /// Pixels (samples, under MSAA) with at least one.
     pub covered: u64,
@@ -79,7 +84,7 @@ impl Shading {
     }
 }
 
-/// A frame prepared for counting: plans whose main passes add one instead of shading.
+/// A frame whose main passes add 1 instead of shading.
 #[derive(Debug)]
 pub struct Counter<'a> {
     prepared: Prepared<'a>,
@@ -88,10 +93,11 @@ pub struct Counter<'a> {
 }
 
 impl<'a> Counter<'a> {
-    /// Prepares counting what the opaque main passes of `plans` shade. `count` says what stands in for a pass's fragment stage. Passes
-    /// before the main ones are drawn as they are; blended draws are left out.
+    /// Prepares counting the fragments of the opaque main passes. `count` makes the counting stage
+    /// of a pass. Earlier passes are drawn as they are, blended draws are left out.
     ///
     /// # Errors
+    ///
     /// As [`Prepared::new`].
     pub fn shaded(
         inputs: &'a SceneInputs<'a>,
@@ -110,10 +116,12 @@ impl<'a> Counter<'a> {
         })
     }
 
-    /// Prepares counting the fragments that share the winning depth of their pixel: 2 or more are a tie, and so is one where the original draws none, whose depth is that of the
-    /// cleared buffer. `plans` are the original ones, drawn first with their own state, then with EQUAL.
+    /// Prepares counting depth ties: fragments that share the winning depth of their pixel. One
+    /// fragment at the cleared depth is a tie too. `plans` are the original ones, drawn first with
+    /// their own state, then with EQUAL.
     ///
     /// # Errors
+    ///
     /// As [`Prepared::new`].
     pub fn ties(
         inputs: &'a SceneInputs<'a>,
@@ -190,9 +198,11 @@ impl<'a> Counter<'a> {
         Ok(Shading::of(counted(&mut self.prepared, frame, order)?))
     }
 
-    /// Pixels (samples) counted twice or more, or once where the original draws nothing: for [`Counter::ties`], the number of depth ties.
+    /// Number of depth ties, for a counter made by [`Counter::ties`]: samples counted twice or
+    /// more, or once where the original draws nothing.
     ///
     /// # Errors
+    ///
     /// As [`Prepared::draw`].
     pub fn ties_in(&mut self, frame: &Frame, order: DrawOrder) -> Result<u64, Error> {
         let equal = counted(&mut self.prepared, frame, order)?.values;
@@ -208,7 +218,7 @@ impl<'a> Counter<'a> {
     }
 }
 
-/// What a frame prepared for counting counts, by pixel (sample).
+/// The counts of a frame, by sample.
 fn counted(
     prepared: &mut Prepared<'_>,
     frame: &Frame,
@@ -222,19 +232,15 @@ fn counted(
     }))
 }
 
-/// Counts the depth ties of a scene over every frame of every camera, which is what `equal` forms of a pre-pass must know, and looks at what the adapter does that no language decides.
+/// Measures the facts that passes need: depth ties over every frame of every camera, pixels at the
+/// near plane, vertices per fragment, and the adapter's rasteriser.
 ///
 /// # Errors
+///
 /// As [`Prepared::new`].
-pub fn facts(
-    gpu: &Gpu,
-    scene: &Scene,
-    form: ShaderForm,
-    count: impl Fn(&Plan, &GpuPass) -> CountProgram,
-) -> Result<Facts, Error> {
-    let inputs = SceneInputs::new(gpu, scene)?;
-    let plans = super::originals(scene);
-    let counter = |discarded| Counter::ties(&inputs, &plans, form, discarded, &count);
+pub fn facts(session: &Session<'_>) -> Result<Facts, Error> {
+    let (inputs, plans, form) = (session.inputs(), session.originals(), session.form());
+    let counter = |discarded| Counter::ties(inputs, plans, form, discarded, counting);
     let mut kept = counter(Discarded::LeftOut)?;
     // Where nothing is discarded both are the same.
     let mut all = match plans.iter().any(discards) {
@@ -242,7 +248,7 @@ pub fn facts(
         false => None,
     };
     let (mut ties, mut undiscarded) = (0, 0);
-    for (_, frame) in scene.frames() {
+    for (_, frame) in session.scene().frames() {
         inputs.set_frame(frame)?;
         let here = kept.ties_in(frame, DrawOrder::AsGiven)?;
         ties += here;
@@ -254,11 +260,11 @@ pub fn facts(
     Ok(Facts {
         depth_ties: Some(ties),
         undiscarded_depth_ties: Some(undiscarded),
-        near_plane_pixels: near_plane_pixels(&inputs, &plans, form)?,
-        vertices_per_fragment: vertices_per_fragment(&inputs, &plans, form, &count)?,
+        near_plane_pixels: near_plane_pixels(session)?,
+        vertices_per_fragment: vertices_per_fragment(session)?,
         // Of an adapter that does not show it the usual is taken.
-        rasterizer: super::rasterizer(gpu).ok(),
-        ..super::known(scene)
+        rasterizer: super::rasterizer(session.gpu()).ok(),
+        ..super::known(session.scene())
     })
 }
 
@@ -274,14 +280,10 @@ fn discards(plan: &Plan) -> bool {
     })
 }
 
-/// Vertices of the scene's draws, each index once, for each fragment shaded in the first frame of every camera. `None` where no camera sees anything.
-fn vertices_per_fragment(
-    inputs: &SceneInputs<'_>,
-    plans: &[Plan],
-    form: ShaderForm,
-    count: impl Fn(&Plan, &GpuPass) -> CountProgram,
-) -> Result<Option<f64>, Error> {
-    let scene = inputs.scene();
+/// Vertices of the scene's draws per shaded fragment in the first frame of every camera, each index
+/// once. `None`: no camera sees anything.
+fn vertices_per_fragment(session: &Session<'_>) -> Result<Option<f64>, Error> {
+    let (scene, inputs) = (session.scene(), session.inputs());
     let vertices: f64 = scene
         .draws
         .iter()
@@ -289,7 +291,7 @@ fn vertices_per_fragment(
             Some(f64::from(scene.meshes.get(d.mesh)?.vertex_count) * f64::from(d.instances))
         })
         .sum();
-    let mut counter = Counter::shaded(inputs, plans, form, count)?;
+    let mut counter = Counter::shaded(inputs, session.originals(), session.form(), counting)?;
     let (mut shaded, mut frames) = (0.0, 0.0);
     for frame in scene.cameras.iter().filter_map(|c| c.frames.first()) {
         inputs.set_frame(frame)?;
@@ -302,23 +304,19 @@ fn vertices_per_fragment(
 }
 
 /// Pixels of the original at the depth of the near plane, in the first frame of every camera.
-fn near_plane_pixels(
-    inputs: &SceneInputs<'_>,
-    plans: &[Plan],
-    form: ShaderForm,
-) -> Result<Option<u64>, Error> {
-    let scene = inputs.scene();
+fn near_plane_pixels(session: &Session<'_>) -> Result<Option<u64>, Error> {
+    let scene = session.scene();
     let near = match scene.depth_direction {
         DepthDirection::Forward => 0.0,
         DepthDirection::Reversed => 1.0,
     };
-    let variant = Variant::new(plans, form)?;
-    let mut prepared = Prepared::new(inputs, &variant, &FrameSettings::of(scene))?;
+    let mut prepared = session.prepare(session.originals())?;
     let mut pixels = 0;
     for frame in scene.cameras.iter().filter_map(|c| c.frames.first()) {
-        inputs.set_frame(frame)?;
-        prepared.aim(frame, DrawOrder::AsGiven);
-        let Some(depth) = prepared.render()?.depth else {
+        let Some(depth) = session
+            .draw(&mut prepared, frame, DrawOrder::AsGiven)?
+            .depth
+        else {
             return Ok(None);
         };
         pixels += depth.values.iter().filter(|d| **d == near).count() as u64;
@@ -331,12 +329,13 @@ fn near_plane_pixels(
 pub enum Discarded {
     /// Only those that survive.
     LeftOut,
-    /// All: what would tie if the discard were gone.
+    /// All, as if nothing were discarded.
     Counted,
 }
 
-/// A float format that additive blending is exact in: to 2^24 where the adapter blends 32-bit floats, else to 2^11. Alpha to coverage wants one with alpha,
-/// which has several samples a pixel at 16 bits only.
+/// A float format with exact additive blending: to 2^24 if the adapter blends 32-bit floats,
+/// otherwise to 2^11. Alpha to coverage needs an alpha channel, which only a 16-bit format has with
+/// several samples.
 fn count_format(gpu: &Gpu, plans: &[Plan]) -> &'static str {
     let mut passes = plans.iter().flat_map(|p| &p.passes);
     if passes.any(|p| p.multisample.alpha_to_coverage) {
@@ -348,8 +347,8 @@ fn count_format(gpu: &Gpu, plans: &[Plan]) -> &'static str {
     }
 }
 
-/// A fragment that writes depth runs before it is tested, whatever lies in front: it is counted whenever it is drawn, and its depth is laid by a pass
-/// of its own.
+/// A stage that writes depth runs before its depth test, so it is counted whenever it is drawn. A
+/// second pass then writes its depth.
 fn every_late_fragment(mut plan: Plan) -> Plan {
     let writes_depth = |pass: &GpuPass| {
         let entry = plan
@@ -438,7 +437,7 @@ fn counting_plan(
         }
         out.passes.push(pass);
     }
-    // What a compute pass shades is counted by a pass over the same pixels.
+    // A pass over the same pixels counts for a compute pass.
     for compute in std::mem::take(&mut out.compute) {
         let shades = |b: &BindingUse| matches!(b.source, BindingSource::SceneColor { .. });
         if !compute.bindings.iter().any(shades) {

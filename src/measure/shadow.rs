@@ -1,7 +1,9 @@
-//! Shadow passes under the scene's light: the depth that a material's whole program leaves there, against what its depth-only version leaves.
+//! Compares shadow passes under the scene's light: the depth of a material's whole program and of
+//! its depth-only version.
 //!
-//! The reference draws everything from the light. The variant draws with the cameras' uniforms, but for those that its plan lists as
-//! [`view_dependent`](GpuPass::view_dependent): a plan that forgets one breaks its own shadow.
+//! The reference draws everything from the light. The variant draws with the cameras' uniforms,
+//! except those its plan lists as [`view_dependent`](GpuPass::view_dependent). So a plan that
+//! forgets one breaks its own shadow.
 
 use std::collections::BTreeMap;
 
@@ -13,18 +15,16 @@ use serde::{Deserialize, Serialize};
 
 use super::error::counted;
 use super::verify::{Settings, Timed, Variant};
-use super::{Error, ErrorLadder, Estimate, FrameTime, compare, originals, time};
-use crate::render::{
-    FrameSettings, Gpu, Prepared, Rendered, SceneInputs, ShaderForm, Variant as HostVariant,
-};
-use crate::scene::{DrawOrder, Scene};
+use super::{Error, ErrorLadder, Estimate, FrameTime, Session, compare, time};
+use crate::render::Rendered;
+use crate::scene::DrawOrder;
 
-/// The shadow passes of a variant, drawn under the scene's light as the first frame of each camera has it.
+/// The shadow passes of a variant, in the first frame of each camera.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ShadowReport {
     /// Width and height of the shadow map, in pixels.
     pub map: [u32; 2],
-    /// Materials that have a shadow pass; the others are in neither map.
+    /// Materials with a shadow pass. No other material is drawn.
     pub materials: Vec<String>,
     /// Pixels of the maps with anything in them, over all cameras.
     pub covered: u64,
@@ -43,8 +43,8 @@ pub struct ShadowReport {
 }
 
 impl ShadowReport {
-    /// What the maps say of the promise that they are the same. `invariant`: every material drawn marks its position `@invariant`, without
-    /// which two programs may round it apart and neither is wrong.
+    /// Whether the maps keep the promise to be equal. `invariant`: every material drawn marks its
+    /// position `@invariant`. Without it, two programs may round positions differently.
     pub fn verdict(&self, invariant: bool) -> Verdict {
         let Some((camera, [x, y])) = &self.first_difference else {
             return match self.covered {
@@ -94,23 +94,24 @@ fn shadow_pass(plan: &Plan) -> Option<&GpuPass> {
     plan.passes.iter().find(|p| p.phase == Phase::Shadow)
 }
 
-/// Draws the shadow passes of `variant` and the whole programs of their materials under the light, compares the depths and, in the first
-/// camera, the times.
+/// Draws the shadow passes and the whole programs under the light, and compares their depths. Times
+/// them in the first camera.
 ///
 /// # Errors
-/// As [`Prepared::new`] and [`Prepared::render`].
+///
+/// As [`Session::new`] and [`Session::draw`].
 pub(super) fn measure(
-    gpu: &Gpu,
-    scene: &Scene,
+    session: &Session<'_>,
     variant: &Variant,
-    settings: &Settings<'_>,
+    settings: &Settings,
 ) -> Result<ShadowReport, Error> {
+    let (gpu, scene) = (session.gpu(), session.scene());
     let (mut whole, mut shadows) = (Vec::new(), Vec::new());
     let mut listed = BTreeMap::new();
-    for (original, plan) in originals(scene).into_iter().zip(&variant.plans) {
+    for (original, plan) in session.originals().iter().zip(&variant.plans) {
         if let Some(pass) = shadow_pass(plan) {
             listed.insert(plan.material.clone(), pass.view_dependent.clone());
-            whole.push(whole_program(original, plan, pass));
+            whole.push(whole_program(original.clone(), plan, pass));
             shadows.push(shadow_alone(plan, pass));
         }
     }
@@ -139,16 +140,11 @@ pub(super) fn measure(
                     draw: scene.name.clone(),
                     message: e.to_string(),
                 })?;
-        let (whole_inputs, shadow_inputs) =
-            (SceneInputs::new(gpu, &lit)?, SceneInputs::new(gpu, &fed)?);
-        let prepare = |inputs, plans: &[Plan], form: ShaderForm| -> Result<_, Error> {
-            let host = HostVariant::new(plans, form)?;
-            let mut prepared = Prepared::new(inputs, &host, &FrameSettings::of(scene))?;
-            prepared.aim(&light, DrawOrder::FrontToBack);
-            Ok(prepared)
-        };
-        let reference = prepare(&whole_inputs, &whole, settings.form)?;
-        let subject = prepare(&shadow_inputs, &shadows, settings.form)?;
+        let on = |scene| Session::new(gpu, scene, session.form());
+        let (lit, fed) = (on(&lit)?, on(&fed)?);
+        let (mut reference, mut subject) = (lit.prepare(&whole)?, fed.prepare(&shadows)?);
+        reference.aim(&light, DrawOrder::FrontToBack);
+        subject.aim(&light, DrawOrder::FrontToBack);
         let depth = |picture: Rendered| Rendered {
             colors: Vec::new(),
             ..picture
@@ -211,8 +207,8 @@ fn shadow_alone(plan: &Plan, pass: &GpuPass) -> Plan {
     alone
 }
 
-/// The author's program drawn into the map as a host without preshade does: the shadow pass's depth state, the author's stages and faces,
-/// colours masked out.
+/// The author's program as a host without preshade draws it into the map: with the shadow pass's
+/// depth state and without colours.
 fn whole_program(mut original: Plan, plan: &Plan, shadow: &GpuPass) -> Plan {
     original.attachments = map_of(plan, shadow);
     for pass in &mut original.passes {

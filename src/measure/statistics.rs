@@ -5,19 +5,20 @@ use serde::{Deserialize, Serialize};
 use super::Error;
 use crate::render::{Gpu, Prepared};
 
-/// What one frame invoked.
+/// Invocations of one frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Invocations {
     /// Vertex stage; the adapter's reuse of vertices is accounted for.
     pub vertex: u64,
-    /// Fragment stage, helper lanes of partly covered 2x2 quads included where the adapter does. `None` on software adapters, which count before
-    /// the early depth test.
+    /// Fragment stage invocations, with helper lanes if the adapter counts them. `None` on software
+    /// adapters, which count before the early depth test.
     pub fragment: Option<u64>,
 }
 
-/// Draws one frame and returns what it invoked; `None` where the adapter cannot say.
+/// Draws one frame and returns its invocations. `None`: the adapter does not count them.
 ///
 /// # Errors
+///
 /// As [`Prepared::draw`].
 pub fn invocations(gpu: &Gpu, prepared: &Prepared<'_>) -> Result<Option<Invocations>, Error> {
     if !gpu.has_pipeline_statistics() {

@@ -1,27 +1,28 @@
-//! Whether a scene's pictures can tell anything: of a picture of one colour nothing can be wrong but the outline.
+//! Warns if a scene's pictures cannot show errors. With a single colour, only the outline can be
+//! wrong.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use preshade_passes::plan::Plan;
 use preshade_passes::state::CullMode;
 
-use super::{CountProgram, Counter, Error};
-use crate::render::{Rendered, SceneInputs, ShaderForm};
+use super::{Counter, Error, Session, counting};
+use crate::render::Rendered;
 use crate::scene::bind::{Guess, Guessed};
 use crate::scene::{DrawOrder, Frame};
 
-/// The colours that were seen, as far as they are few.
+/// The distinct colours, as long as they are few.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Colours {
     seen: BTreeSet<[u8; 4]>,
     pictures: usize,
 }
 
-/// One for the surfaces, one for what is behind them.
+/// One for the surfaces, one for the background.
 const PLAIN: usize = 2;
 
 impl Colours {
-    /// Looks at what was drawn. A frame without a colour target says nothing.
+    /// Adds the colours of a frame. Frames without a colour target do not count.
     pub(crate) fn look(&mut self, drawn: &Rendered) {
         let Some(Some(image)) = drawn.colors.first() else {
             return;
@@ -38,7 +39,7 @@ impl Colours {
         }
     }
 
-    /// What to say of pictures in which no colour can be wrong.
+    /// A warning if no wrong colour could be seen.
     pub(crate) fn warning(&self) -> Option<String> {
         (self.pictures > 0 && self.seen.len() <= PLAIN).then(|| {
             "every picture of the original has one colour in front of another: no wrong colour would be seen, so that what holds here was tested for its outline alone"
@@ -53,7 +54,7 @@ const WITHOUT: [&str; 5] = ["joint", "bone", "weight", "morph", "tangent"];
 /// Most materials that are named.
 const NAMED: usize = 3;
 
-/// What to say of attributes that materials read and their meshes do not have, where that is seen.
+/// A warning about visible attributes that materials read and meshes lack.
 pub(crate) fn missing_attributes(guessed: &[Guessed]) -> Option<String> {
     let is_seen = |name: &str| {
         let name = name.to_lowercase();
@@ -85,12 +86,9 @@ pub(crate) fn missing_attributes(guessed: &[Guessed]) -> Option<String> {
     })
 }
 
-/// Whether something is seen once no face is dropped: every triangle faces away. `plans` are the original ones.
+/// Whether something is seen once no face is dropped: every triangle faces away
 pub(crate) fn faces_away(
-    inputs: &SceneInputs<'_>,
-    plans: &[Plan],
-    form: ShaderForm,
-    count: &dyn Fn(&Plan, &preshade_passes::plan::GpuPass) -> CountProgram,
+    session: &Session<'_>,
     frames: &[(&Frame, DrawOrder)],
 ) -> Result<bool, Error> {
     let culls = |plan: &Plan| {
@@ -98,14 +96,15 @@ pub(crate) fn faces_away(
             .iter()
             .any(|p| p.primitive.cull != CullMode::None)
     };
-    if !plans.iter().any(culls) {
+    if !session.originals().iter().any(culls) {
         return Ok(false);
     }
-    let mut open = plans.to_vec();
+    let mut open = session.originals().to_vec();
     for pass in open.iter_mut().flat_map(|p| &mut p.passes) {
         pass.primitive.cull = CullMode::None;
     }
-    let mut counter = Counter::shaded(inputs, &open, form, count)?;
+    let inputs = session.inputs();
+    let mut counter = Counter::shaded(inputs, &open, session.form(), counting)?;
     for (frame, order) in frames {
         inputs.set_frame(frame)?;
         if counter.count(frame, *order)?.covered > 0 {
@@ -115,7 +114,7 @@ pub(crate) fn faces_away(
     Ok(false)
 }
 
-/// What to say of a scene in which every triangle faces away.
+/// The reason if every triangle faces away.
 pub(crate) const FACES_AWAY: &str = "every triangle faces away and is culled: draw both sides (`--cull none`, or `state.primitive.cull = \"none\"` in a scene), or say which side is the front (`front_face`)";
 
 #[cfg(test)]

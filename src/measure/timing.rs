@@ -1,4 +1,5 @@
-//! Time: N identical frames a submission, variants interleaved A B B A in one process, medians with bootstrap intervals.
+//! Times frames: N identical frames a submission, variants interleaved A B B A in one process,
+//! medians with bootstrap intervals.
 
 use std::time::{Duration, Instant};
 
@@ -7,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::Error;
 use crate::render::{self, Gpu, Prepared};
 
-/// Whose clock.
+/// The clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Clock {
@@ -17,21 +18,24 @@ pub enum Clock {
     WallClock,
 }
 
-/// Samples below which there is no interval to speak of: from 6 on the least and the greatest of them hold the median between them in 97 of 100 cases, and what a bootstrap makes of fewer is no more than they are.
+/// With fewer samples there is no interval. From 6 on, the least and the greatest enclose the
+/// median in 97 of 100 cases.
 pub const FEWEST_SAMPLES: usize = 6;
 
 /// How long and how often to measure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TimingSettings {
-    /// Time to spend on all variants of one view together. Met after [`TimingSettings::min_samples`] at the earliest.
+    /// Time for all variants of one view together. It ends after [`TimingSettings::min_samples`] at
+    /// the earliest.
     pub budget: Duration,
     /// Least number of samples a variant; a sample is one submission.
     pub min_samples: usize,
     /// Most samples a variant.
     pub max_samples: usize,
-    /// How long one submission should take on a hardware adapter; software adapters draw one frame a submission.
+    /// Target time of one submission on a hardware adapter. Software adapters draw one frame a
+    /// submission.
     pub submission: Duration,
-    /// When to end, with as few samples as there are then: a pair of rounds at the least. `None`: whenever there are enough.
+    /// Ends at this time with fewer samples, but at least one pair of rounds. `None`: no deadline.
     pub deadline: Option<Instant>,
     /// Seed of the bootstrap.
     pub seed: u64,
@@ -76,9 +80,9 @@ pub struct FrameTime {
 pub struct Timing {
     /// Milliseconds a frame.
     pub time: FrameTime,
-    /// Time of the first variant over this one's, of the samples taken in the same round. 1 for the first itself.
+    /// The first variant's time over this one's, from samples of the same round. 1 for the first.
     pub speedup: Estimate,
-    /// What that is the median of, round by round.
+    /// The ratios behind the speedup, round by round.
     pub ratios: Vec<f64>,
     /// Frames a submission.
     pub frames: u32,
@@ -88,10 +92,12 @@ pub struct Timing {
     pub encode_ms: f64,
 }
 
-/// Times `variants` against each other; the first is what the others are compared to. All must already be aimed at the same view.
+/// Times `variants` against each other. All are compared with the first, and all must be aimed at
+/// the same view.
 ///
 /// # Errors
-/// As [`Prepared::draw`]. A clock that never gives a positive time is [`Error::Clock`].
+///
+/// As [`Prepared::draw`]. [`Error::Clock`]: no time was positive.
 pub fn time(
     gpu: &Gpu,
     variants: &[&Prepared<'_>],
@@ -100,7 +106,8 @@ pub fn time(
 ) -> Result<(Clock, Vec<Timing>), Error> {
     let start = Instant::now();
     let stopwatch = Stopwatch::new(gpu)?;
-    // Warm-up: the first frames of a variant compile, upload and raise clocks; the second says how many fit a submission.
+    // Warm-up: the first frames compile, upload and raise clocks. The second gives the number of
+    // frames a submission.
     let mut frames = Vec::new();
     for variant in variants {
         stopwatch.sample(variant, 1)?;
@@ -110,7 +117,7 @@ pub fn time(
             _ => frames_in(settings.submission, once.ms),
         };
         if n > 1 {
-            // One frame alone is a poor guess: clocks are still rising, and a submission has a cost of its own.
+            // One frame is a poor guess: clocks still rise, and a submission has its own cost.
             let several = stopwatch.sample(variant, n)?;
             n = frames_in(settings.submission, several.ms);
         }
@@ -282,7 +289,8 @@ impl<'g> Stopwatch<'g> {
 /// Resamples of the bootstrap (Efron 1979).
 const RESAMPLES: usize = 1000;
 
-/// The median of `values` and its 95% interval by the percentile bootstrap, with a generator seeded by `seed`. Empty values give NaN.
+/// The median of `values` and its 95 % interval by the percentile bootstrap, seeded by `seed`. NaN
+/// for no values.
 pub fn estimate(values: &[f64], seed: u64) -> Estimate {
     let mut state = seed;
     let mut medians: Vec<f64> = (0..RESAMPLES)

@@ -1,10 +1,15 @@
-//! Error against truth: how far a material's colours are from what they would be had nothing been rounded, as its author wrote it and as a variant computes it.
+//! Compares colours with exact arithmetic: how far the original and a variant are from the
+//! unrounded result.
 //!
-//! Points are taken at random in random triangles of a scene's own meshes. Both stages are run by the interpreter, in `f32` with `f64` beside it ([`Shadowed`]): the truth is the original's `f64`,
-//! which had the same attributes, uniforms, texels and derivatives. What is interpolated is a sum of three products in each of the two precisions. So the figures are of a machine that
-//! rounds each operation correctly, fuses none and has the C library's functions; an adapter is allowed more ([`preshade_passes::bound::Accuracy`]).
+//! Points are random, in random triangles of the scene's meshes. The interpreter runs both stages
+//! in `f32` with `f64` beside it ([`Shadowed`]). The reference is the original's `f64` result, with
+//! the same attributes, uniforms, texels and derivatives. Interpolation is a sum of three products
+//! in each precision. So the figures describe a machine that rounds each operation correctly, fuses
+//! none and uses the C library's functions. An adapter may be less exact
+//! ([`preshade_passes::bound::Accuracy`]).
 //!
-//! Branches follow the `f32`. A point at which the `f64` would have branched otherwise has no truth to be held against: it is counted, and left out.
+//! Branches follow the `f32` values. Points at which the `f64` values would branch otherwise are
+//! counted and left out.
 
 use std::collections::BTreeMap;
 
@@ -24,12 +29,12 @@ use super::vertices::{self, STEPS, Vertices};
 use crate::scene::bind::{self, DrawBindings};
 use crate::scene::{Draw, Scene};
 
-/// What to look at.
+/// The points to evaluate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Points {
     /// How many.
     pub count: u64,
-    /// Of which seed.
+    /// Seed of the points.
     pub seed: u64,
 }
 
@@ -45,7 +50,7 @@ impl Default for Points {
 /// Errors over all points: the worst component of each.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Spread {
-    /// Half of them have no more.
+    /// The median.
     pub median: f64,
     /// 99 in 100 have no more.
     pub p99: f64,
@@ -77,7 +82,7 @@ impl Spread {
 pub struct Errors {
     /// In units in the last place of an `f32` as large as the truth.
     pub ulps: Spread,
-    /// In steps of 1/255, after a clamp to what the target holds.
+    /// In steps of 1/255, after clamping to the target's range.
     pub steps: Spread,
 }
 
@@ -89,17 +94,18 @@ pub enum Nearer {
     SameBits,
     /// The variant: its 99th percentile, in ULP, is more than a tenth lower.
     Better,
-    /// Neither.
+    /// Neither bound.
     AsGood,
     /// The original: the variant's is more than a tenth higher.
     Worse,
 }
 
-/// What a host knows more exactly than the `f32` that it hands over: the numbers of a draw's uniforms by group and binding, in the order in which their types declare them. What is not
-/// named is taken to be exact.
+/// Numbers that a host knows more exactly than the `f32` it uploads, by group and binding, in the
+/// order of the type's declaration. All other numbers count as exact.
 pub type Exactly<'a> = &'a dyn Fn(&Draw) -> BTreeMap<(u32, u32), Vec<f64>>;
 
-/// How far the corners of triangles are from where they belong, in pixels of the scene's size. Corners behind the viewer, or farther out than the picture is wide, do not count.
+/// Position error of triangle corners, in pixels. Corners behind the viewer, or farther out than
+/// the picture is wide, do not count.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Positions {
     /// Of the original.
@@ -117,11 +123,11 @@ pub struct Truth {
     pub output: u32,
     /// Points that count.
     pub points: u64,
-    /// Points left out for a decision of the original that a rounding made.
+    /// Points left out because a rounding changed a branch of the original.
     pub flips: u64,
-    /// Points left out for one of the variant.
+    /// Points left out because a rounding changed a branch of the variant.
     pub variant_flips: u64,
-    /// Points left out at which one of them is discarded, or no number.
+    /// Points left out because one of the two is discarded or not finite.
     pub left_out: u64,
     /// Of the original.
     pub original: Errors,
@@ -133,8 +139,8 @@ pub struct Truth {
     pub positions: Positions,
 }
 
-/// A point of a triangle, and what both stages find there.
-struct Point<'a> {
+/// A point of a triangle, and the result of both stages there.
+struct RoundedPoint<'a> {
     vertices: &'a Vertices<Shadowed>,
     /// The corners' vertices.
     corners: [u32; 3],
@@ -143,10 +149,12 @@ struct Point<'a> {
     seed: u64,
 }
 
-/// How far the colours of a material are from the truth, as `original` and as `variant` computes them, over the triangles of a scene.
+/// How far the colours of `original` and `variant` are from the exact ones, over the triangles of a
+/// scene.
 ///
 /// # Errors
-/// Why it is not known, in a user's words.
+///
+/// The reason why it is unknown, in a user's words.
 pub fn truth(
     scene: &Scene,
     material: usize,
@@ -159,10 +167,12 @@ pub fn truth(
     })
 }
 
-/// The same against a truth that begins at the host: what rounding its numbers to `f32` did is an error, too.
+/// The same, with the host's exact numbers as the reference: rounding them to `f32` is an error
+/// too.
 ///
 /// # Errors
-/// Why it is not known, in a user's words.
+///
+/// The reason why it is unknown, in a user's words.
 pub fn truth_beyond(
     scene: &Scene,
     material: usize,
@@ -242,7 +252,7 @@ pub fn truth_beyond(
         } else {
             (u, v)
         };
-        let point = Point {
+        let point = RoundedPoint {
             vertices,
             corners: [a, b, c],
             instance: vertices.bound.call.first_instance
@@ -284,7 +294,7 @@ pub fn truth_beyond(
         .collect())
 }
 
-/// Buffers that hold an array of no given length: as many elements as there are bytes for.
+/// Runtime-sized arrays get as many elements as their buffer has bytes for.
 fn of_any_length(
     module: &naga::Module,
     bound: &DrawBindings,
@@ -339,15 +349,15 @@ fn off(clip: &[Shadowed; 4], size: [u32; 2]) -> Option<f64> {
     is_seen.then(|| along(x, size[0]).hypot(along(y, size[1])))
 }
 
-impl Point<'_> {
-    /// The positions of the corners, and what the fragment stage does at the point.
+impl RoundedPoint<'_> {
+    /// The positions of the corners, and the result of the fragment stage at the point.
     fn run(
         &self,
         [vertex, fragment]: [Stage<'_>; 2],
     ) -> Result<(Vec<[Shadowed; 4]>, Ran<Shadowed>), Stuck> {
         let texel = |lookup: &Lookup<'_, Shadowed>| {
             let mut random = Random::new(self.seed, &format!("texel {:?}", lookup.binding));
-            // What a texture of 8 bits holds.
+            // The values of an 8-bit texture.
             [0; 4].map(|_| Shadowed::of(random.below(256) as f32 / 255.0))
         };
         let derivative = |d: Derivative<Shadowed>| Shadowed {
@@ -377,7 +387,7 @@ impl Point<'_> {
         };
         let [a, b, c] = self.corners;
         let corners = [at(a)?, at(b)?, at(c)?];
-        // One point for all: what a rasteriser takes for another is no error of the material's.
+        // One point for all: the rasteriser's choice of a point is no error of the material.
         let between = |_: Kind, corners: [Shadowed; 3]| self.between(corners);
         let input = |io: &Io| match &io.binding {
             Some(Binding::Location { .. }) => {
@@ -421,7 +431,8 @@ impl Point<'_> {
     }
 }
 
-/// What a derivative is of its operand: a linear function of it, in both precisions. Two fragments would be needed for the real one.
+/// A derivative is a linear function of its operand, in both precisions. The real one needs two
+/// fragments.
 const DERIVATIVE: f32 = 1.0 / 64.0;
 
 #[derive(Default)]
@@ -437,7 +448,7 @@ struct Seen {
 }
 
 impl Seen {
-    /// Tells whether the point counts.
+    /// Whether the point counts.
     fn add(
         &mut self,
         (original, own): (&Ran<Shadowed>, &Value<Shadowed>),

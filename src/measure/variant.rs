@@ -1,57 +1,54 @@
 //! A recipe on a scene: one plan a material, refusals kept beside.
 
 use preshade_passes::count;
-use preshade_passes::neighbours;
-use preshade_passes::pass::{Facts, Refusal};
+use preshade_passes::pass::Facts;
 use preshade_passes::plan::{GpuPass, Plan};
 
 use super::{CountProgram, Variant};
+use crate::measure::record::Kept;
+use crate::pipeline::{self, Frame, Skipped};
 use crate::recipe::Recipe;
-use crate::report::Kept;
 
-/// `recipe` on every material that takes it. A material that refuses is drawn as its author wrote it, and the refusal is kept.
+/// Applies `recipe` to every material. Refused steps are skipped, as `rewrite` skips them, and kept
+/// with their reasons.
 pub fn variant(originals: &[Plan], recipe: &Recipe, facts: &Facts) -> Variant {
-    let mut kept = Vec::new();
-    let mut plans: Vec<Plan> = originals
-        .iter()
-        .map(|original| {
-            recipe.apply(original, facts).unwrap_or_else(|refusal| {
-                kept.push(Kept {
-                    material: original.material.clone(),
-                    why: with_remedy(&refusal),
-                });
-                original.clone()
-            })
-        })
-        .collect();
-    let mut leave = |plans: &mut [Plan], refusals: Vec<Option<Refusal>>| {
-        for ((plan, original), refusal) in plans.iter_mut().zip(originals).zip(refusals) {
-            if let Some(refusal) = refusal {
-                kept.push(Kept {
-                    material: original.material.clone(),
-                    why: with_remedy(&refusal),
-                });
-                *plan = original.clone();
-            }
-        }
+    let frame = Frame {
+        materials: originals,
+        neighbours: originals,
     };
-    // What stands alone may not stand beside the others.
-    let conflicts = plans.iter().map(|p| neighbours::conflict(p, originals));
-    let conflicts = conflicts.collect();
-    leave(&mut plans, conflicts);
-    // What is shaded from ids comes before what is not: where those tie, no order is kept.
-    let ties = plans
-        .iter()
-        .map(|p| neighbours::tied(p, &plans, facts.depth_ties));
-    let ties = ties.collect();
-    leave(&mut plans, ties);
-    // A choice that rests on measurement is kept as what it chose.
+    let (plans, skipped) = pipeline::apply_in(frame, recipe, facts, &mut |_, _, _| true);
+    let kept: Vec<Kept> = skipped.iter().map(|s| kept(s, &plans)).collect();
+    // A choice made by measurement is kept as the values it selected.
     let written = super::written_out(recipe, facts);
     Variant {
         recipe: written.as_ref().unwrap_or(recipe).to_string(),
         name: recipe.to_string(),
         plans,
         kept,
+    }
+}
+
+/// A skipped step, for the report.
+fn kept(skipped: &Skipped, plans: &[Plan]) -> Kept {
+    let Skipped {
+        material,
+        step,
+        refusal,
+    } = skipped;
+    let is_changed = |p: &Plan| p.material == *material && !p.steps.is_empty();
+    Kept {
+        material: material.clone(),
+        without: plans.iter().any(is_changed).then(|| step.to_string()),
+        why: format!("{refusal}; to make it legal: {}", refusal.remedy),
+    }
+}
+
+impl Variant {
+    /// Whether every material refused every step, so that the picture is the original's.
+    pub fn is_refused(&self) -> bool {
+        let is_kept = |p: &Plan| self.kept.iter().any(|k| k.material == p.material);
+        let mut plans = self.plans.iter();
+        !self.plans.is_empty() && plans.all(|p| p.steps.is_empty() && is_kept(p))
     }
 }
 
@@ -65,12 +62,8 @@ pub(crate) fn unwritten(recipe: &Recipe) -> Variant {
     }
 }
 
-/// A refusal, and what would lift it.
-fn with_remedy(refusal: &Refusal) -> String {
-    format!("{refusal}; to make it legal: {}", refusal.remedy)
-}
-
-/// The counting stage of a pass: the slice that decides whether a fragment is kept. A slice that does not validate (a bug) counts every fragment.
+/// The counting stage of a pass: the slice that decides whether a fragment is kept. If the slice
+/// does not validate (a bug), every fragment counts.
 pub fn counting(plan: &Plan, pass: &GpuPass) -> CountProgram {
     match count::program(plan, pass) {
         Ok(program) => CountProgram::Sliced {

@@ -1,12 +1,13 @@
 //! Whether a difference keeps a contract.
 
-use preshade_passes::contract::{Assumption, Budget, Contract, Surface, Turned};
+use preshade_passes::budget::Budget;
+use preshade_passes::contract::{Assumption, Contract, Surface, Turned};
 use preshade_passes::plan::{GpuPass, Phase, Plan};
 
 use super::ErrorLadder;
 use super::error::counted;
 
-/// Whether the contract is about an original with `@invariant` positions, which the one drawn does not have.
+/// Whether the contract is about an original with `@invariant` positions.
 pub(super) fn needs_invariant_original(contract: &Contract) -> bool {
     contract.given().contains(&Assumption::InvariantOriginal)
 }
@@ -28,11 +29,11 @@ pub fn breaks(contract: &Contract, error: &ErrorLadder) -> Option<String> {
             let broken: Vec<String> = contract
                 .budgets()
                 .iter()
-                .filter_map(|Budget { metric, budget }| {
-                    let value = measured(metric, error);
-                    // A NaN keeps no budget.
-                    let kept = value <= *budget;
-                    (!kept).then(|| format!("{metric} is {value:.6} of a budget of {budget}"))
+                .filter(|budget| !budget.allows(error))
+                .map(|budget| {
+                    let Budget { metric, limit } = budget;
+                    let value = budget.of(error);
+                    format!("{metric} is {value:.6} of a budget of {limit}")
                 })
                 .collect();
             (!broken.is_empty()).then(|| broken.join(", "))
@@ -40,9 +41,9 @@ pub fn breaks(contract: &Contract, error: &ErrorLadder) -> Option<String> {
     }
 }
 
-/// How a difference is more than `k` roundings, and what turns on them, may make.
+/// Describes a difference that exceeds `k` roundings and the allowed share of flipped decisions.
 fn rounded_too_far(k: u32, turned: Option<Turned>, error: &ErrorLadder) -> Option<String> {
-    // What a rounding can do to a stored channel is one step of it.
+    // A rounding changes a stored channel by at most one step.
     let allowed = 1.0 / 255.0 + f64::from(k) * f64::from(f32::EPSILON) / 2.0;
     if error.nan_pixels > 0 {
         return Some(format!(
@@ -50,7 +51,7 @@ fn rounded_too_far(k: u32, turned: Option<Turned>, error: &ErrorLadder) -> Optio
             counted(error.nan_pixels, "pixel")
         ));
     }
-    // Depth is not shaded: its bits stay, but for a surface that is promised to roundings only.
+    // Depth is not shaded, so its bits stay equal unless positions are rounded.
     let is_kept = turned.is_none_or(|t| t.surface == Surface::Kept);
     if is_kept && error.changed_depth > 0 {
         return Some(format!(
@@ -79,7 +80,8 @@ fn rounded_too_far(k: u32, turned: Option<Turned>, error: &ErrorLadder) -> Optio
     }
 }
 
-/// What a broken promise of rounding may rest on, and the budget that would have held; `None` where no budget is the remedy.
+/// The likely cause of a broken rounding contract and the budget that would have held. `None`: no
+/// budget helps.
 pub(super) fn advice(contract: &Contract, error: &ErrorLadder) -> Option<String> {
     let given = |assumption| contract.given().contains(&assumption);
     if given(Assumption::UnclippedLinear) {
@@ -104,16 +106,7 @@ pub(super) fn advice(contract: &Contract, error: &ErrorLadder) -> Option<String>
     })
 }
 
-/// What a budget in this metric is held against.
-pub fn measured(metric: &str, error: &ErrorLadder) -> f64 {
-    match metric {
-        "flip_mean" => error.flip_mean,
-        "flip_p99" => error.flip_p99,
-        _ => error.max_abs,
-    }
-}
-
-/// What an empty picture of `plans` is put down to, if they are all opaque: the vertex stages, and what they make a position of.
+/// Explains an empty picture of opaque `plans` by the attributes that their vertex stages read.
 pub(super) fn nothing_drawn(plans: &[Plan]) -> Option<String> {
     let main = || plans.iter().filter_map(|p| Some((p, p.main()?)));
     if main().any(|(_, pass)| pass.phase != Phase::Opaque) {

@@ -11,15 +11,16 @@ use crate::scene::bind::DrawBindings;
 /// Steps of the interpreter for one vertex.
 pub const STEPS: u64 = 200_000;
 
-/// What a vertex stage reads.
+/// The inputs of a vertex stage.
 pub struct Vertices<F: 'static = f32> {
     pub bound: DrawBindings,
-    /// Its uniforms and buffers. A texel is not known here; nothing is known of what rests on it.
+    /// Its uniforms and buffers. Texels are unknown here, and so is everything that depends on
+    /// them.
     pub environment: Environment<'static, F>,
 }
 
 impl Vertices {
-    /// Of a draw with a vertex stage of this module, which reads the bindings that `reads` tells.
+    /// The inputs for a draw with this vertex stage, limited to the bindings that `reads` accepts.
     pub fn new(module: &Module, bound: DrawBindings, reads: impl Fn((u32, u32)) -> bool) -> Self {
         let mut resources = resources(module, &bound);
         resources.retain(|at, _| reads(*at));
@@ -42,9 +43,11 @@ impl<F: Number> Vertices<F> {
         self.bound.call.count
     }
 
-    /// The varyings at a vertex of an instance, which is counted from the first that is drawn, by location, and the steps that took.
+    /// The varyings at a vertex, by location, and the steps it took. Instances count from the first
+    /// one drawn.
     ///
     /// # Errors
+    ///
     /// Why the vertex stage cannot be run, in a user's words.
     pub fn run(
         &self,
@@ -70,7 +73,7 @@ impl<F: Number> Vertices<F> {
         Ok((by_location(module, function, outcome), steps))
     }
 
-    /// What an input of the vertex stage is at a vertex of an instance; `None` where the draw has nothing for it.
+    /// The value of an input at a vertex of an instance. `None`: the draw has none.
     pub fn input(
         &self,
         module: &naga::Module,
@@ -212,7 +215,7 @@ pub fn resources<F: Number>(
         .collect()
 }
 
-/// What a variable holds in a draw, where that is a buffer.
+/// The value of a buffer variable in a draw. `None`: it is no buffer.
 pub fn resource<F: Number>(
     module: &Module,
     global: &GlobalVariable,

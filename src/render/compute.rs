@@ -1,4 +1,4 @@
-//! The compute passes of a frame's plans: pipelines and one dispatch a draw.
+//! The compute passes of a frame's plans: pipelines, and one dispatch per draw.
 
 use std::collections::BTreeMap;
 
@@ -15,7 +15,7 @@ use super::shader::Variant;
 use super::subdivided::Meshes;
 use super::targets::Targets;
 
-/// One compute pass on all the draws of its material.
+/// A compute pass and the draws of its material.
 pub(super) struct PreparedCompute {
     pipeline: wgpu::ComputePipeline,
     dispatches: Vec<Dispatch>,
@@ -35,7 +35,7 @@ enum Workgroups {
 /// The compute passes of all plans, in order.
 ///
 /// # Errors
-/// As of a frame's raster passes.
+/// As for the raster passes of a frame.
 pub(super) fn prepare(
     inputs: &SceneInputs<'_>,
     variant: &Variant,
@@ -46,7 +46,7 @@ pub(super) fn prepare(
 ) -> Result<Vec<PreparedCompute>, Error> {
     let (gpu, scene) = (inputs.gpu(), inputs.scene());
     let mut prepared = Vec::new();
-    // Those that stand for the same ones of all plans.
+    // Passes that exist once for all plans.
     let mut once: Vec<&ComputePass> = Vec::new();
     for (plan, stages) in variant.compute() {
         for (pass, stage) in plan.compute.iter().zip(stages) {
@@ -129,12 +129,12 @@ pub(super) fn prepare(
             }));
         }
     }
-    // What runs behind one phase, over all materials, comes before what runs behind the next.
+    // Passes behind one phase run before those behind the next, across all materials.
     prepared.sort_by_key(|p| p.when.phase());
     Ok(prepared)
 }
 
-/// The workgroups that so many invocations take, in rows of the most that WebGPU runs in a dimension.
+/// Workgroups for a number of invocations, in rows of WebGPU's largest dispatch size.
 pub(super) fn rows(invocations: u32, workgroup: u32) -> [u32; 2] {
     let groups = invocations.div_ceil(workgroup.max(1));
     let x = groups.min(65_535);
@@ -173,7 +173,7 @@ fn build(
     })
 }
 
-/// Encodes those that run then.
+/// Encodes the passes that run at this point.
 pub(super) fn encode(
     passes: &[PreparedCompute],
     then: impl Fn(&When) -> bool,
@@ -182,10 +182,10 @@ pub(super) fn encode(
     encode_those(passes.iter().filter(|p| then(&p.when)), encoder);
 }
 
-/// Runs those that run once.
+/// Runs the passes that run once, at load.
 ///
 /// # Errors
-/// What the adapter says.
+/// As reported by the adapter.
 pub(super) fn load(gpu: &Gpu, passes: &[PreparedCompute]) -> Result<(), Error> {
     let once = || {
         let is_once = |p: &&PreparedCompute| matches!(p.when, When::Load { .. });

@@ -1,15 +1,15 @@
-//! The draw table of a frame: what passes that work with ids, or draw without vertex buffers, bind of a draw.
+//! The draw table of a frame. Passes that work with ids, or draw without vertex buffers, bind it.
 
 use std::collections::BTreeMap;
 
-use preshade_passes::draw_table::{self, Entry};
+use preshade_passes::draw_table::{self, DRAWS, Entry, IDS};
 use preshade_passes::geometry::{Formats, Geometry, Stream, declared_format};
 use preshade_passes::plan::{
     Attachment, BindingKind, BindingSource, BindingUse, ComputePass, FrameBuffer, FrameWords,
     GeometryPart, Plan,
 };
 
-use preshade_passes::visibility_buffer::{DRAWS, IDS, Words};
+use preshade_passes::visibility_buffer::Words;
 
 use super::gpu::Gpu;
 use super::inputs::{DrawInputs, SceneInputs};
@@ -18,36 +18,36 @@ use super::subdivided::{buffer, streams};
 /// The frame's draws with their ids.
 pub(super) struct DrawTable {
     first_ids: Vec<u32>,
-    /// Of ids of one word; `None`: they do not fit.
+    /// Bits of the triangle in a one-word id; `None` if ids do not fit into one word.
     triangle_bits: Option<u32>,
-    /// Instances of all draws, and triangles of the draw that has the most.
+    /// Instances of all draws, and the largest number of triangles of a draw.
     counts: (u64, u32),
     viewport: [f32; 4],
-    /// All first ids, for shaders.
+    /// First ids of all draws, for shaders.
     table: wgpu::Buffer,
-    /// The buffers of the frame, by name.
+    /// The frame's buffers by name.
     frame: BTreeMap<String, (FrameWords, wgpu::Buffer)>,
-    /// The computed vertices of draws that are not subdivided, by draw and name.
+    /// The computed vertices of draws without subdivision, by draw and name.
     vertices: BTreeMap<(usize, String), wgpu::Buffer>,
     amend: Amend,
 }
 
-/// What is done to each entry before it is uploaded.
+/// Changes an entry before it is uploaded.
 pub(super) type Amend = fn(&mut Entry);
 
-/// What one pass binds of a draw.
+/// The buffers that one pass binds for a draw.
 pub(super) struct Drawn {
     entry: wgpu::Buffer,
     table: wgpu::Buffer,
-    /// The frame's buffers that it binds.
+    /// The frame's buffers.
     frame: BTreeMap<String, wgpu::Buffer>,
-    /// The buffers of computed vertices that it binds.
+    /// The buffers of computed vertices.
     vertices: BTreeMap<String, wgpu::Buffer>,
     number: u64,
     pub triangles: u32,
 }
 
-/// An indirect call: the buffer with its arguments, and where they begin.
+/// The arguments of an indirect call: the buffer and an offset.
 #[derive(Clone, Debug)]
 pub(super) struct Arguments {
     pub buffer: wgpu::Buffer,
@@ -55,10 +55,11 @@ pub(super) struct Arguments {
 }
 
 impl DrawTable {
-    /// Of all draws of a scene, with the buffers that `plans` share.
+    /// The table of all draws of a scene, with the buffers that `plans` share.
     ///
     /// # Errors
-    /// In words: the draws have more instances than ids tell apart, a buffer is larger than the adapter binds, or two plans say different things of one.
+    /// A message: the draws have more instances than ids can distinguish, a buffer exceeds the
+    /// adapter's binding size, or two plans disagree about a buffer.
     pub fn new(inputs: &SceneInputs<'_>, plans: &[Plan], amend: Amend) -> Result<Self, String> {
         let scene = inputs.scene();
         let draws = || (0..scene.draws.len()).map(|i| inputs.draw(i));
@@ -106,7 +107,8 @@ impl DrawTable {
         })
     }
 
-    /// Fails, in words, where the frame's ids are of one word and do not fit, or its draws are more than a depth tells apart.
+    /// Fails with a message if the frame's one-word ids do not fit, or its draws exceed what a
+    /// depth attachment can distinguish.
     pub fn check(&self, attachments: &[Attachment]) -> Result<(), String> {
         if attachments.iter().any(|a| a.name == DRAWS) {
             check_draws(self.first_ids.len())?;
@@ -124,10 +126,10 @@ impl DrawTable {
         }
     }
 
-    /// What a pass with these bindings binds of a draw.
+    /// The buffers for a draw in a pass with these bindings.
     ///
     /// # Errors
-    /// In words: the plan and the draw do not fit together.
+    /// A message: the plan and the draw do not fit together.
     pub fn of(
         &self,
         gpu: &Gpu,
@@ -196,7 +198,7 @@ impl DrawTable {
     /// The arguments of an indirect call for a draw.
     ///
     /// # Errors
-    /// In words: there is no such buffer, or it has no entries of draws.
+    /// A message: the buffer is missing, or has no entries for draws.
     pub fn arguments(&self, buffer: &str, draw: &Drawn) -> Result<Arguments, String> {
         match self.frame_buffer(buffer)? {
             (FrameWords::Draws, found) => Ok(Arguments {
@@ -222,7 +224,7 @@ impl DrawTable {
     }
 }
 
-/// Fails, in words, where so many draws are more than a depth tells apart.
+/// Fails with a message if a depth attachment cannot distinguish this many draws.
 fn check_draws(draws: usize) -> Result<(), String> {
     match draws {
         0..=draw_table::MOST_DRAWS => Ok(()),
@@ -233,7 +235,7 @@ fn check_draws(draws: usize) -> Result<(), String> {
     }
 }
 
-/// The buffers of the vertices that `plans` compute of draws that are not subdivided.
+/// The buffers of vertices that `plans` compute for draws without subdivision.
 fn computed(
     inputs: &SceneInputs<'_>,
     plans: &[Plan],
@@ -271,7 +273,7 @@ fn computed(
     Ok(buffers)
 }
 
-/// A buffer of the frame, of so many draws, instances and pixels.
+/// A buffer of the frame for these numbers of draws, instances and pixels.
 fn frame_buffer(
     gpu: &Gpu,
     planned: &FrameBuffer,
@@ -300,7 +302,7 @@ fn frame_buffer(
     }))
 }
 
-/// Fails, in words, where an attribute is not stored as its type is declared.
+/// Fails with a message if an attribute's storage differs from its declared type.
 fn check_formats(
     bindings: &[BindingUse],
     listed: &[u32],
@@ -331,7 +333,7 @@ fn check_formats(
 }
 
 impl Drawn {
-    /// What a part of the geometry is bound to; `None` where it is a part of the draw itself.
+    /// The resource of a part of the geometry; `None` if the draw itself provides it.
     pub fn part(
         &self,
         binding: &BindingUse,
@@ -356,7 +358,7 @@ impl Drawn {
         }
     }
 
-    /// Any buffer, where a draw has no indices.
+    /// A placeholder for draws without indices.
     pub fn filler(&self) -> &wgpu::Buffer {
         &self.table
     }

@@ -1,4 +1,4 @@
-//! One frame of a variant: everything built once, encoded as often as needed.
+//! One frame of a variant: built once, encoded as often as needed.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -15,21 +15,21 @@ use super::inputs::SceneInputs;
 use super::layout::Made;
 use super::picture::{ColorImage, DepthImage};
 use super::pipeline::{Build, PipelineKey, blank_fragment};
-use super::shader::Variant;
+use super::shader::{Member, Variant};
 use super::subdivided::{Meshes, Subdivided, SubdivisionCost};
 use super::targets::Targets;
 use super::{Error, compute, order, readback};
 use crate::scene::{DrawOrder, Frame, Scene, bind};
 
-/// What a frame is drawn with that is neither the scene's nor the plan's.
+/// Settings of a frame that belong neither to the scene nor to the plan.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameSettings {
-    /// What the colour attachments are cleared to, linear RGBA.
+    /// Clear value of the colour attachments, linear RGBA.
     pub clear_color: [f64; 4],
 }
 
 impl FrameSettings {
-    /// The scene's own background.
+    /// The scene's background.
     pub fn of(scene: &Scene) -> Self {
         Self {
             clear_color: scene.clear_color,
@@ -42,7 +42,7 @@ impl FrameSettings {
 pub struct Rendered {
     /// Colour targets by location, resolved.
     pub colors: Vec<Option<ColorImage>>,
-    /// The scene's depth, every sample of it. `None` where the frame has no such attachment.
+    /// Every sample of the scene's depth. `None` if the frame has no such attachment.
     pub depth: Option<DepthImage>,
 }
 
@@ -51,13 +51,14 @@ pub struct Rendered {
 pub struct ComputedVertices {
     /// Index of the draw in the scene.
     pub draw: usize,
-    /// What each vertex of one instance is made of, as [`preshade_passes::tessellate::mesh::Mesh::points`].
+    /// The origin of each vertex of one instance, as
+    /// [`preshade_passes::tessellate::mesh::Mesh::points`].
     pub points: Vec<[u32; 4]>,
-    /// The vertices, instance by instance, each the same number of words.
+    /// The vertices, instance by instance, with the same number of words each.
     pub words: Vec<u32>,
 }
 
-/// A variant ready to be drawn: targets, pipelines, bind groups.
+/// A variant that is ready to be drawn: targets, pipelines, bind groups.
 pub struct Prepared<'a> {
     gpu: &'a Gpu,
     inputs: &'a SceneInputs<'a>,
@@ -67,13 +68,13 @@ pub struct Prepared<'a> {
     table: DrawTable,
     passes: Vec<PreparedPass>,
     clear_color: [f64; 4],
-    /// What becomes of the samples of a colour target once it is resolved.
+    /// Whether the samples of a colour target are kept after resolving.
     resolved_samples: wgpu::StoreOp,
     creation: Duration,
     pipelines: usize,
 }
 
-/// What is asked of the adapter while a frame is drawn, a query a render pass.
+/// The query of each render pass while a frame is drawn.
 #[derive(Clone, Copy)]
 enum Queries<'q> {
     None,
@@ -84,9 +85,9 @@ enum Queries<'q> {
 struct PreparedPass {
     frame: FramePass,
     pipelines: Vec<wgpu::RenderPipeline>,
-    /// By draw, in the scene's order; a draw may have several where its material has several members.
+    /// Items by draw, in the scene's order. A draw has several if its material has several members.
     items: Vec<Item>,
-    /// Indices of `items`, in the order to draw them in.
+    /// Indices of `items` in drawing order.
     sequence: Vec<usize>,
 }
 
@@ -95,21 +96,21 @@ struct Item {
     pipeline: usize,
     groups: Vec<(u32, wgpu::BindGroup)>,
     stencil_reference: u32,
-    /// Attachment slot of each vertex buffer of the draw that the pass reads.
+    /// The draw's vertex buffer in each attachment slot.
     vertex_buffers: Vec<usize>,
     call: Call,
 }
 
-/// What is drawn of a draw.
+/// The geometry to draw.
 enum Call {
     AsGiven,
-    /// The draw's triangles divided.
+    /// The subdivided triangles of the draw.
     Subdivided(Subdivided),
-    /// So many vertices, without vertex buffers.
+    /// A number of vertices without vertex buffers.
     Unindexed(u32),
-    /// The whole screen.
+    /// One triangle over the whole screen.
     FullScreen,
-    /// What a buffer of the frame says.
+    /// Arguments from a buffer of the frame.
     Indirect(Arguments),
 }
 
@@ -123,11 +124,13 @@ impl std::fmt::Debug for Prepared<'_> {
 }
 
 impl<'a> Prepared<'a> {
-    /// Builds all that drawing `variant` needs. It is aimed at the first frame of the first camera, in the scene's first order.
+    /// Builds everything that drawing `variant` needs, aimed at the first frame of the first camera
+    /// in the scene's first order.
     ///
     /// # Errors
-    /// [`Error::Refused`] when a shader or a pipeline does not compile (for an emitted shader: a bug of preshade), [`Error::Plan`] when a
-    /// plan asks for something the frame or the scene does not have, [`Error::Unsupported`] when the adapter lacks a feature.
+    /// [`Error::Refused`] if a shader or pipeline does not compile (for an emitted shader, a bug in
+    /// preshade), [`Error::Plan`] if the plan needs something that the frame or scene does not
+    /// have, [`Error::Unsupported`] if the adapter lacks a feature.
     pub fn new(
         inputs: &'a SceneInputs<'a>,
         variant: &Variant,
@@ -136,7 +139,8 @@ impl<'a> Prepared<'a> {
         Self::with_entries(inputs, variant, settings, |_| {})
     }
 
-    /// [`Self::new`], with the entries of the draw table amended: what a host draws that gets them wrong.
+    /// [`Self::new`] with changed entries of the draw table. Tests use it to draw as a host that
+    /// gets the table wrong.
     ///
     /// # Errors
     /// As [`Self::new`].
@@ -164,101 +168,19 @@ impl<'a> Prepared<'a> {
             })?;
         let compute = compute::prepare(inputs, variant, &shaders, &targets, &mut meshes, &table)?;
         compute::load(inputs.gpu(), &compute)?;
-        let mut passes = Vec::new();
-        for frame_pass in &variant.frame().passes {
-            let mut pass = PreparedPass {
-                frame: frame_pass.clone(),
-                pipelines: Vec::new(),
-                items: Vec::new(),
-                sequence: Vec::new(),
-            };
-            let mut built: Vec<(PipelineKey, usize)> = Vec::new();
-            'draws: for (index, draw) in scene.draws.iter().enumerate() {
-                let Some(material) = scene.materials.get(draw.material) else {
-                    continue;
-                };
-                for (_, member) in frame_pass
-                    .members
-                    .iter()
-                    .filter(|(name, _)| *name == material.name)
-                {
-                    let found = variant.member(&material.name, *member)?;
-                    let gpu_pass = found.pass;
-                    if gpu_pass.draws == Draws::Opaque && material.state.is_blended() {
-                        continue;
-                    }
-                    let Some(bound) = inputs.draw(index) else {
-                        continue;
-                    };
-                    let (geometry, bindings) = (&gpu_pass.geometry, &gpu_pass.bindings);
-                    let subdivided = meshes
-                        .of(gpu, found.plan, geometry, bindings, (index, bound))
-                        .map_err(|message| found.failed(message))?;
-                    let drawn = table
-                        .of(gpu, bindings, (index, bound))
-                        .map_err(|message| found.failed(message))?;
-                    let made = match &subdivided {
-                        Some(subdivided) => Made::Subdivided(subdivided),
-                        None => Made::Drawn(&drawn),
-                    };
-                    let build = Build {
-                        gpu,
-                        targets: &targets,
-                        shaders: &shaders,
-                        plan: found.plan,
-                        pass: gpu_pass,
-                        stages: found.stages,
-                        frame: frame_pass,
-                        draw: bound,
-                        made,
-                    };
-                    build.requirements()?;
-                    let vertex = build.vertex_layout()?;
-                    let key = PipelineKey {
-                        material: draw.material,
-                        member: *member,
-                        vertex: vertex.clone(),
-                        strip: build.strip_format(),
-                    };
-                    let groups = build.groups()?;
-                    let pipeline = match built.iter().find(|(k, _)| *k == key) {
-                        Some((_, i)) => *i,
-                        None => {
-                            let layouts =
-                                groups.iter().map(|(g, l, _)| (*g, l)).collect::<Vec<_>>();
-                            pass.pipelines.push(build.pipeline(&blank, &layouts, &key)?);
-                            built.push((key, pass.pipelines.len() - 1));
-                            pass.pipelines.len() - 1
-                        }
-                    };
-                    pass.items.push(Item {
-                        draw: index,
-                        pipeline,
-                        groups: groups.into_iter().map(|(g, _, b)| (g, b)).collect(),
-                        stencil_reference: gpu_pass.stencil.as_ref().map_or(0, |s| s.reference),
-                        vertex_buffers: vertex.iter().map(|v| v.source).collect(),
-                        call: match (subdivided, geometry) {
-                            (Some(subdivided), _) => Call::Subdivided(subdivided),
-                            (None, Geometry::Unindexed) => Call::Unindexed(drawn.triangles * 3),
-                            (None, Geometry::FullScreen) => Call::FullScreen,
-                            (None, Geometry::Indirect { buffer }) => {
-                                let arguments = table.arguments(buffer, &drawn);
-                                Call::Indirect(arguments.map_err(|m| found.failed(m))?)
-                            }
-                            (None, Geometry::Instances | Geometry::Vertices) => {
-                                let message = "its geometry is computed, not drawn".to_owned();
-                                return Err(found.failed(message));
-                            }
-                            (None, _) => Call::AsGiven,
-                        },
-                    });
-                    if gpu_pass.draws == Draws::Once {
-                        break 'draws;
-                    }
-                }
-            }
-            passes.push(pass);
-        }
+        let mut builder = FrameBuilder {
+            inputs,
+            variant,
+            targets: &targets,
+            shaders: &shaders,
+            blank: &blank,
+            table: &table,
+            meshes: &mut meshes,
+        };
+        let frame_passes = variant.frame().passes.iter();
+        let passes = frame_passes
+            .map(|pass| builder.pass(pass))
+            .collect::<Result<Vec<_>, _>>()?;
         let mut prepared = Self {
             gpu,
             inputs,
@@ -269,7 +191,7 @@ impl<'a> Prepared<'a> {
             table,
             passes,
             clear_color: settings.clear_color,
-            // What resolves is shown resolved: a host throws the samples away.
+            // A host discards the samples after resolving, so we do too.
             resolved_samples: wgpu::StoreOp::Discard,
             creation: start.elapsed(),
         };
@@ -282,7 +204,8 @@ impl<'a> Prepared<'a> {
         Ok(prepared)
     }
 
-    /// Sorts the draws for `frame`: opaque ones in `order`, blended ones back to front. Uniforms are [`SceneInputs::set_frame`]'s.
+    /// Sorts the draws for `frame`: opaque ones in `order`, blended ones back to front.
+    /// [`SceneInputs::set_frame`] sets the uniforms.
     pub fn aim(&mut self, frame: &Frame, order: DrawOrder) {
         let scene = self.inputs.scene();
         let opaque = order::opaque(scene, frame, order);
@@ -303,7 +226,7 @@ impl<'a> Prepared<'a> {
         }
     }
 
-    /// Runs the compute passes and reads back the vertices they store, for each draw that has any.
+    /// Runs the compute passes and reads back the vertices that they store for each draw.
     ///
     /// # Errors
     /// [`Error::Lost`], [`Error::Refused`].
@@ -338,12 +261,12 @@ impl<'a> Prepared<'a> {
         copies.into_iter().map(read).collect()
     }
 
-    /// Encodes the whole frame once, from clear to resolve.
+    /// Encodes the whole frame, from clear to resolve.
     pub fn encode(&self, encoder: &mut wgpu::CommandEncoder) {
         self.encode_with(encoder, Queries::None);
     }
 
-    /// Encodes the frame; each render pass is one query.
+    /// Encodes the frame with one query per render pass.
     fn encode_with(&self, encoder: &mut wgpu::CommandEncoder, queries: Queries<'_>) {
         let mut done: Option<Phase> = None;
         self.table.clear(encoder);
@@ -391,8 +314,8 @@ impl<'a> Prepared<'a> {
         compute::encode(&self.compute, behind, encoder);
     }
 
-    /// Draws the frame once and returns vertex and fragment invocations of each render pass, one pair after the other. The device must have
-    /// pipeline statistics.
+    /// Draws the frame once and returns pairs of vertex and fragment invocations, one pair per
+    /// render pass. The device must have pipeline statistics.
     ///
     /// # Errors
     /// As [`Prepared::draw`].
@@ -402,7 +325,8 @@ impl<'a> Prepared<'a> {
         self.draw_queried(wgpu::QueryType::PipelineStatistics(types), 2)
     }
 
-    /// Draws the frame once and returns for each render pass whether samples passed its tests: not 0 where one did. Many adapters count them.
+    /// Draws the frame once. Returns a number for each render pass that is nonzero if samples
+    /// passed its tests; many adapters return the number of samples.
     ///
     /// # Errors
     /// As [`Prepared::draw`].
@@ -410,7 +334,8 @@ impl<'a> Prepared<'a> {
         self.draw_queried(wgpu::QueryType::Occlusion, 1)
     }
 
-    /// Draws the frame once with a query of type `ty` a render pass, each of `words` 64-bit words.
+    /// Draws the frame once with a query of type `ty` for each render pass, of `words` 64-bit
+    /// words.
     fn draw_queried(&self, ty: wgpu::QueryType, words: u64) -> Result<Vec<u64>, Error> {
         let count = self.passes.len() as u32;
         let bytes = u64::from(count) * 8 * words;
@@ -454,7 +379,7 @@ impl<'a> Prepared<'a> {
     /// Draws the frame once and waits.
     ///
     /// # Errors
-    /// [`Error::Refused`] when a command is invalid, [`Error::Lost`] when the adapter gives up.
+    /// [`Error::Refused`] if a command is invalid, [`Error::Lost`] if the device is lost.
     pub fn draw(&self) -> Result<(), Error> {
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         self.gpu.checked("a frame", || self.encode(&mut encoder))?;
@@ -476,7 +401,8 @@ impl<'a> Prepared<'a> {
                 let texture = match &target.resolved {
                     Some((texture, _)) => texture,
                     None if target.drawn.sample_count() == 1 => &target.drawn,
-                    // Several samples of a format that does not resolve: nothing a host would show.
+                    // Several samples of a format that cannot be resolved: a host could not show it
+                    // either.
                     None => return Ok(None),
                 };
                 readback::color(self.gpu, texture, target.format).map(Some)
@@ -490,7 +416,7 @@ impl<'a> Prepared<'a> {
         Ok(Rendered { colors, depth })
     }
 
-    /// The frame with every sample of its colour targets kept, to be read by [`Self::render_red`].
+    /// Keeps every sample of the colour targets, for [`Self::render_red`].
     pub(crate) fn keeping_samples(self) -> Self {
         Self {
             resolved_samples: wgpu::StoreOp::Store,
@@ -498,7 +424,8 @@ impl<'a> Prepared<'a> {
         }
     }
 
-    /// Draws the frame once and reads the red channel of every sample of colour target 0, which must be a float format.
+    /// Draws the frame once and reads the red channel of every sample of colour target 0, which
+    /// must have a float format.
     ///
     /// # Errors
     /// As [`Prepared::draw`].
@@ -510,7 +437,7 @@ impl<'a> Prepared<'a> {
         }
     }
 
-    /// Number of pipelines, and how long compiling shaders and building them took.
+    /// Number of pipelines, and the time to compile shaders and create pipelines.
     pub fn creation(&self) -> (usize, Duration) {
         (self.pipelines, self.creation)
     }
@@ -520,7 +447,7 @@ impl<'a> Prepared<'a> {
         self.passes.iter().map(|p| p.sequence.len()).sum()
     }
 
-    /// What subdivided geometry costs a frame; `None` where there is none.
+    /// The cost of subdivided geometry per frame; `None` without subdivision.
     pub fn subdivision_cost(&self) -> Option<SubdivisionCost> {
         self.meshes.cost()
     }
@@ -568,7 +495,7 @@ impl<'a> Prepared<'a> {
             .map(|(location, slot)| {
                 let (target, planned) = (slot.as_ref()?, planned(location)?);
                 let mut ops = operations(planned, wgpu::Color { r, g, b, a });
-                // What is stored is shown, resolved where it has several samples; what is discarded is not.
+                // Stored attachments are visible, resolved if multisampled. Discarded ones are not.
                 let resolved = target
                     .resolved
                     .as_ref()
@@ -658,7 +585,133 @@ impl<'a> Prepared<'a> {
     }
 }
 
-/// A frame's operations in wgpu's terms.
+/// Builds the render passes of a frame.
+struct FrameBuilder<'b, 'a> {
+    inputs: &'a SceneInputs<'a>,
+    variant: &'b Variant,
+    targets: &'b Targets,
+    shaders: &'b BTreeMap<&'b str, wgpu::ShaderModule>,
+    blank: &'b wgpu::ShaderModule,
+    table: &'b DrawTable,
+    meshes: &'b mut Meshes,
+}
+
+impl FrameBuilder<'_, '_> {
+    fn pass(&mut self, frame_pass: &FramePass) -> Result<PreparedPass, Error> {
+        let scene = self.inputs.scene();
+        let mut pass = PreparedPass {
+            frame: frame_pass.clone(),
+            pipelines: Vec::new(),
+            items: Vec::new(),
+            sequence: Vec::new(),
+        };
+        let mut built: Vec<(PipelineKey, usize)> = Vec::new();
+        for (index, draw) in scene.draws.iter().enumerate() {
+            let Some(material) = scene.materials.get(draw.material) else {
+                continue;
+            };
+            let members = frame_pass.members.iter();
+            for (_, member) in members.filter(|(name, _)| *name == material.name) {
+                let found = self.variant.member(&material.name, *member)?;
+                if found.pass.draws == Draws::Opaque && material.state.is_blended() {
+                    continue;
+                }
+                let (of, index) = ((draw.material, *member), index);
+                let Some(item) = self.item(&mut pass, &mut built, &found, of, index)? else {
+                    continue;
+                };
+                pass.items.push(item);
+                if found.pass.draws == Draws::Once {
+                    return Ok(pass);
+                }
+            }
+        }
+        Ok(pass)
+    }
+
+    /// The item of one draw, with a new pipeline if none of `built` fits. `None` without inputs.
+    fn item(
+        &mut self,
+        pass: &mut PreparedPass,
+        built: &mut Vec<(PipelineKey, usize)>,
+        found: &Member<'_>,
+        (material, member): (usize, usize),
+        index: usize,
+    ) -> Result<Option<Item>, Error> {
+        let gpu = self.inputs.gpu();
+        let gpu_pass = found.pass;
+        let Some(bound) = self.inputs.draw(index) else {
+            return Ok(None);
+        };
+        let (geometry, bindings) = (&gpu_pass.geometry, &gpu_pass.bindings);
+        let subdivided = self
+            .meshes
+            .of(gpu, found.plan, geometry, bindings, (index, bound))
+            .map_err(|message| found.failed(message))?;
+        let drawn = self
+            .table
+            .of(gpu, bindings, (index, bound))
+            .map_err(|message| found.failed(message))?;
+        let made = match &subdivided {
+            Some(subdivided) => Made::Subdivided(subdivided),
+            None => Made::Drawn(&drawn),
+        };
+        let build = Build {
+            gpu,
+            targets: self.targets,
+            shaders: self.shaders,
+            plan: found.plan,
+            pass: gpu_pass,
+            stages: found.stages,
+            frame: &pass.frame,
+            draw: bound,
+            made,
+        };
+        build.requirements()?;
+        let vertex = build.vertex_layout()?;
+        let key = PipelineKey {
+            material,
+            member,
+            vertex: vertex.clone(),
+            strip: build.strip_format(),
+        };
+        let groups = build.groups()?;
+        let pipeline = match built.iter().find(|(k, _)| *k == key) {
+            Some((_, i)) => *i,
+            None => {
+                let layouts = groups.iter().map(|(g, l, _)| (*g, l)).collect::<Vec<_>>();
+                let pipeline = build.pipeline(self.blank, &layouts, &key)?;
+                pass.pipelines.push(pipeline);
+                built.push((key, pass.pipelines.len() - 1));
+                pass.pipelines.len() - 1
+            }
+        };
+        let call = match (subdivided, geometry) {
+            (Some(subdivided), _) => Call::Subdivided(subdivided),
+            (None, Geometry::Unindexed) => Call::Unindexed(drawn.triangles * 3),
+            (None, Geometry::FullScreen) => Call::FullScreen,
+            (None, Geometry::Indirect { buffer }) => {
+                let arguments = self.table.arguments(buffer, &drawn);
+                Call::Indirect(arguments.map_err(|m| found.failed(m))?)
+            }
+            (None, Geometry::Instances | Geometry::Vertices) => {
+                let message = "its geometry is computed, not drawn".to_owned();
+                return Err(found.failed(message));
+            }
+            (None, _) => Call::AsGiven,
+        };
+        Ok(Some(Item {
+            draw: index,
+            pipeline,
+            groups: groups.into_iter().map(|(g, _, b)| (g, b)).collect(),
+            stencil_reference: gpu_pass.stencil.as_ref().map_or(0, |s| s.reference),
+            vertex_buffers: vertex.iter().map(|v| v.source).collect(),
+            call,
+        }))
+    }
+}
+
+/// A frame's load and store operations as wgpu types.
 fn operations<V>(ops: FrameOps, clear: V) -> wgpu::Operations<V> {
     wgpu::Operations {
         load: match ops.load {
@@ -672,7 +725,8 @@ fn operations<V>(ops: FrameOps, clear: V) -> wgpu::Operations<V> {
     }
 }
 
-/// Fails where a pass loads what no earlier one has drawn: a frame begins with empty attachments here.
+/// Fails if a pass loads an attachment that no earlier pass has drawn: frames start with empty
+/// attachments here.
 fn check_loads(passes: &[FramePass]) -> Result<(), Error> {
     let mut drawn: Vec<String> = Vec::new();
     for pass in passes {

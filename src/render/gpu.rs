@@ -1,4 +1,4 @@
-//! Adapters, and the device that everything is drawn on.
+//! Adapters and devices.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -14,17 +14,17 @@ use crate::panics;
 /// Which adapter to draw on.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum AdapterChoice {
-    /// The fastest kind there is: discrete, integrated, virtual, then software.
+    /// The fastest kind available: discrete, integrated, virtual, then software.
     #[default]
     Best,
-    /// The first whose name, driver or backend contains this, in any case.
+    /// The first adapter whose name, driver or backend contains this text, ignoring case.
     Matching(String),
 }
 
-/// What an adapter is and what can be measured on it.
+/// An adapter's properties and measurement features.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct AdapterReport {
-    /// Name, as the driver gives it.
+    /// Name from the driver.
     pub name: String,
     /// Driver and its version.
     pub driver: String,
@@ -32,19 +32,20 @@ pub struct AdapterReport {
     pub backend: String,
     /// `discrete`, `integrated`, `virtual`, `software` or `other`.
     pub kind: String,
-    /// Time can be measured on the GPU's own clock.
+    /// Whether the GPU's own clock can measure time.
     pub timestamps: bool,
-    /// Vertex and fragment invocations can be counted by the adapter.
+    /// Whether the adapter can count vertex and fragment invocations.
     pub pipeline_statistics: bool,
-    /// WebGPU features it has beyond the core, in WebGPU's spelling.
+    /// WebGPU features beyond the core, in WebGPU's spelling.
     pub features: Vec<String>,
-    /// Shaders are compiled with wgpu's run-time checks ([`Trust::Strangers`]), which shifts times. Not written where they are not.
+    /// Whether shaders are compiled with wgpu's run-time checks ([`Trust::Strangers`]), which
+    /// change times. Serialised only if true.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub checked_shaders: bool,
 }
 
 impl AdapterReport {
-    /// The name, and whether shaders are checked: times under one are not comparable with times under another.
+    /// The name, marked if shaders are checked. Times with different titles are not comparable.
     pub fn title(&self) -> String {
         match self.checked_shaders {
             true => format!("{} with checked shaders", self.name),
@@ -53,7 +54,8 @@ impl AdapterReport {
     }
 }
 
-/// WebGPU's names of the features that plans often ask for, or wgpu's where only that has one: what an adapter is reported to have.
+/// Features that plans often need, by WebGPU's name, or wgpu's if WebGPU has none. The adapter
+/// report lists them.
 const PLAN_FEATURES: [(&str, Features); 17] = [
     ("bgra8unorm-storage", Features::BGRA8UNORM_STORAGE),
     ("clip-distances", Features::CLIP_DISTANCES),
@@ -86,7 +88,7 @@ const PLAN_FEATURES: [(&str, Features); 17] = [
     ),
 ];
 
-/// What is switched on where the adapter has it: what plans may ask for, and what measuring needs.
+/// The features to enable if the adapter has them: for plans and for measurements.
 fn wanted_features() -> Features {
     PLAN_FEATURES
         .iter()
@@ -100,8 +102,8 @@ fn wanted_features() -> Features {
 }
 
 fn instance(backends: Backends) -> wgpu::Instance {
-    // No validation layer: wgpu-core validates everything already, and a layer would be in the timings. WGPU_VALIDATION=1 and
-    // WGPU_DEBUG=1 switch it on.
+    // No validation layer: wgpu-core validates everything, and a layer would distort timings.
+    // WGPU_VALIDATION=1 and WGPU_DEBUG=1 enable one.
     wgpu::Instance::new(wgpu::InstanceDescriptor {
         backends,
         flags: wgpu::InstanceFlags::empty().with_env(),
@@ -153,8 +155,8 @@ fn kind_rank(kind: DeviceType) -> u32 {
     }
 }
 
-/// The adapters behind Vulkan, Metal or Direct3D 12, best first; those behind OpenGL only where there are no others, or none that
-/// `suits`. Asking OpenGL for its adapters makes some drivers write to stderr.
+/// The adapters of Vulkan, Metal or Direct3D 12, best first. OpenGL adapters are listed only if no
+/// other adapter `suits`, because enumerating them makes some drivers write to stderr.
 fn enumerate(suits: impl Fn(&wgpu::Adapter) -> bool) -> Vec<wgpu::Adapter> {
     let of = |backends| {
         let mut adapters = pollster::block_on(instance(backends).enumerate_adapters(backends));
@@ -168,10 +170,11 @@ fn enumerate(suits: impl Fn(&wgpu::Adapter) -> bool) -> Vec<wgpu::Adapter> {
     adapters
 }
 
-/// Held while instances come and go: with several threads at it, a driver has been seen to deadlock.
+/// Held while instances are created or dropped: a driver deadlocked when several threads did this.
 static OPENING: Mutex<()> = Mutex::new(());
 
-/// The adapters of this machine, best first. OpenGL's are listed only where there are no others.
+/// The adapters of this machine, best first. OpenGL adapters are listed only if there are no
+/// others.
 pub fn adapters() -> Vec<AdapterReport> {
     let _opening = OPENING.lock().unwrap_or_else(PoisonError::into_inner);
     enumerate(|_| true).iter().map(report).collect()
@@ -204,26 +207,28 @@ pub struct Gpu {
     trouble: Arc<Mutex<Trouble>>,
 }
 
-/// What the device reported outside of any call of ours.
+/// Errors that the device reported asynchronously.
 #[derive(Debug, Default)]
 struct Trouble {
     lost: Option<String>,
     uncaptured: Option<String>,
 }
 
-/// The longest a single submission may take before the device counts as hung. Software adapters draw full scenes in seconds.
+/// The longest time for one submission; after that the device counts as hung. Software adapters
+/// need seconds for full scenes.
 const SUBMISSION_TIMEOUT: Duration = Duration::from_secs(120);
 
 impl Gpu {
-    /// Opens an adapter for the user's own shaders, with its own limits and with all features of it that plans and measurements use.
+    /// Opens an adapter for the user's own shaders, with its full limits and every feature that
+    /// plans and measurements use.
     ///
     /// # Errors
-    /// [`Error::NoAdapter`], or [`Error::Lost`] when the driver refuses to open it.
+    /// [`Error::NoAdapter`], or [`Error::Lost`] if the driver cannot open it.
     pub fn new(choice: &AdapterChoice) -> Result<Self, Error> {
         Self::with_trust(choice, Trust::Own)
     }
 
-    /// [`Gpu::new`], for the shaders of whom `trust` says.
+    /// [`Gpu::new`] with a level of trust in the shaders.
     ///
     /// # Errors
     /// As [`Gpu::new`].
@@ -236,11 +241,12 @@ impl Gpu {
         Ok(gpu)
     }
 
-    /// Opens an adapter with WebGPU's default limits, raised to `limits`, and with `features` alone: the device that a host has who knows of a plan what it says.
-    /// Nothing can be timed or counted on it.
+    /// Opens an adapter with WebGPU's default limits, raised to `limits`, and only `features`: the
+    /// device of a host that follows the plan. It cannot time or count.
     ///
     /// # Errors
-    /// [`Error::NoAdapter`], [`Error::Unsupported`] for a feature or a limit that plans do not tell of, or [`Error::Lost`] when the adapter has less.
+    /// [`Error::NoAdapter`], [`Error::Unsupported`] for an unknown feature or limit, or
+    /// [`Error::Lost`] if the adapter has less.
     pub fn with_needs(
         choice: &AdapterChoice,
         features: &BTreeSet<String>,
@@ -264,7 +270,7 @@ impl Gpu {
         })
     }
 
-    /// Opens an adapter with what `needs` says of it.
+    /// Opens an adapter with the features and limits of `needs`.
     fn open(
         choice: &AdapterChoice,
         needs: impl Fn(&wgpu::Adapter) -> Result<(Features, wgpu::Limits), Error>,
@@ -308,7 +314,7 @@ impl Gpu {
         let trouble = Arc::new(Mutex::new(Trouble::default()));
         let shared = Arc::clone(&trouble);
         device.set_device_lost_callback(move |reason, message| {
-            // Dropping a device is not losing it.
+            // A dropped device is not a lost one.
             if reason != wgpu::DeviceLostReason::Destroyed {
                 lock(&shared).lost = Some(message);
             }
@@ -328,29 +334,29 @@ impl Gpu {
         })
     }
 
-    /// What the adapter is.
+    /// The adapter's properties.
     pub fn adapter(&self) -> &AdapterReport {
         &self.report
     }
 
-    /// Whose shaders it was opened for.
+    /// The level of trust in its shaders.
     pub fn trust(&self) -> Trust {
         self.trust
     }
 
-    /// Whether GPU timestamps can be written between passes.
+    /// Whether timestamps can be written between passes.
     pub fn has_timestamps(&self) -> bool {
         self.device.features().contains(TIMESTAMPS)
     }
 
-    /// Whether invocations can be counted by the adapter.
+    /// Whether the adapter can count invocations.
     pub fn has_pipeline_statistics(&self) -> bool {
         self.device
             .features()
             .contains(Features::PIPELINE_STATISTICS_QUERY)
     }
 
-    /// Compiles a shader, with the checks that its author is trusted without or not.
+    /// Compiles a shader, with run-time checks if [`Trust`] demands them.
     pub(crate) fn shader(
         &self,
         descriptor: wgpu::ShaderModuleDescriptor<'_>,
@@ -358,7 +364,7 @@ impl Gpu {
         trusted::compile(&self.device, self.trust, descriptor)
     }
 
-    /// Fails unless the device has a feature of WebGPU's name `feature`.
+    /// Fails unless the device has the feature with this WebGPU name.
     pub(crate) fn require(&self, what: &str, feature: &str) -> Result<(), Error> {
         match feature.parse() {
             Ok(known) if self.device.features().contains(known) => Ok(()),
@@ -374,12 +380,12 @@ impl Gpu {
         }
     }
 
-    /// Runs `make` and turns what wgpu says about it into an error that names `what`.
+    /// Runs `make` and converts wgpu's validation errors to an error about `what`.
     pub(crate) fn checked<T>(&self, what: &str, make: impl FnOnce() -> T) -> Result<T, Error> {
         let memory = self.device.push_error_scope(ErrorFilter::OutOfMemory);
         let internal = self.device.push_error_scope(ErrorFilter::Internal);
         let validation = self.device.push_error_scope(ErrorFilter::Validation);
-        // naga's writers, which wgpu calls, panic at some of what its own check takes.
+        // naga's writers, which wgpu calls, panic for some modules that pass wgpu's own validation.
         let made = panics::caught(make);
         let errors = [
             pollster::block_on(validation.pop()),
@@ -439,18 +445,19 @@ impl Gpu {
         Ok(bytes)
     }
 
-    /// Why the device was lost, if it was: nothing is drawn on it any more, and a new one is to be opened.
+    /// Why the device was lost, if it was. It cannot draw any more; open a new one.
     pub fn lost(&self) -> Option<String> {
         lock(&self.trouble).lost.clone()
     }
 
-    /// A device that does not answer counts as lost.
+    /// Marks the device as lost. A device that does not answer counts as lost.
     fn lose(&self, why: String) -> Error {
         lock(&self.trouble).lost.get_or_insert(why.clone());
         Error::Lost(why)
     }
 
-    /// From now on every call says that the device was lost: for tests of what is kept then. No device is lost at a test's will.
+    /// Makes every later call report a lost device. Tests need this because they cannot cause a
+    /// real loss.
     #[doc(hidden)]
     pub fn pretend_lost(&self, why: &str) {
         lock(&self.trouble).lost = Some(why.to_owned());
@@ -472,11 +479,11 @@ impl Gpu {
 }
 
 fn lock(trouble: &Mutex<Trouble>) -> std::sync::MutexGuard<'_, Trouble> {
-    // Plain data: nothing can be half-written by a panicking holder.
+    // The data is plain, so a panicking holder cannot leave it half-written.
     trouble.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// An error's message and those of its causes, as one line each.
+/// The messages of an error and its causes.
 fn chain(error: &dyn std::error::Error) -> String {
     let mut message = error.to_string();
     let mut source = error.source();

@@ -1,4 +1,5 @@
-//! What the draws of a scene bind, on the GPU: bound once by the author's own program, and shared by every pass of every variant.
+//! The GPU resources of a scene's draws. They are bound by the author's own program and shared by
+//! every pass of every variant.
 
 use std::collections::BTreeMap;
 use std::num::NonZeroU64;
@@ -18,7 +19,7 @@ use crate::scene::{Address, Filter, Frame, Image, Scene};
 pub struct SceneInputs<'a> {
     gpu: &'a Gpu,
     scene: &'a Scene,
-    /// Each material's pass as its author wrote it, which binds everything any variant of it can.
+    /// Each material's original pass. It binds everything that any variant can bind.
     authored: Vec<GpuPass>,
     draws: Vec<DrawInputs>,
 }
@@ -35,7 +36,7 @@ pub(super) struct DrawInputs {
     pub instances: u32,
 }
 
-/// One bound resource and what it can be bound as.
+/// A resource and its binding type.
 #[derive(Debug)]
 pub(super) enum Resource {
     Buffer(wgpu::Buffer, wgpu::BufferBindingType),
@@ -55,12 +56,12 @@ pub(super) struct VertexInput {
 pub(super) struct IndexInput {
     pub buffer: wgpu::Buffer,
     pub format: wgpu::IndexFormat,
-    /// The buffer's content, for meshes made of this one.
+    /// The buffer's content, for meshes derived from it.
     pub bytes: Arc<[u8]>,
 }
 
 impl Resource {
-    /// What it can be bound as. Of a buffer, `min_binding_size` is the bytes there are.
+    /// The binding type. The `min_binding_size` of a buffer is its actual size.
     pub fn provided(&self) -> wgpu::BindingType {
         match self {
             Self::Buffer(buffer, ty) => wgpu::BindingType::Buffer {
@@ -81,11 +82,11 @@ impl Resource {
     }
 }
 
-/// Uploads made so far, by content.
+/// Uploads so far, by content.
 #[derive(Default)]
 struct Uploads {
     buffers: BTreeMap<(u128, u32), wgpu::Buffer>,
-    /// By the image's address (the scene keeps it alive), view dimension and format.
+    /// Textures by the image's address (the scene keeps it alive), view dimension and format.
     textures: Vec<(TextureKey, wgpu::TextureView)>,
 }
 
@@ -99,10 +100,11 @@ struct TextureKey {
 }
 
 impl<'a> SceneInputs<'a> {
-    /// Binds and uploads everything the draws of `scene` need, as its first camera frame sees it.
+    /// Binds and uploads everything that the draws of `scene` need, for the first frame of its
+    /// first camera.
     ///
     /// # Errors
-    /// [`Error::Scene`] when a value does not fit a material, or what the adapter says.
+    /// [`Error::Scene`] if a value does not fit a material, or an error of the adapter.
     pub fn new(gpu: &'a Gpu, scene: &'a Scene) -> Result<Self, Error> {
         let mut uploads = Uploads::default();
         let authored: Vec<GpuPass> = scene
@@ -154,7 +156,7 @@ impl<'a> SceneInputs<'a> {
         })
     }
 
-    /// Writes what changes with the camera and the time.
+    /// Updates the values that depend on the camera and the time.
     ///
     /// # Errors
     /// As [`SceneInputs::new`].
@@ -185,7 +187,8 @@ impl<'a> SceneInputs<'a> {
         })
     }
 
-    /// The plans whose guard some draw of their material violates in `frame`, by index, and the first value that does. A host draws the originals of these.
+    /// The plans whose guard a draw violates in `frame`, by index, each with the first violating
+    /// value. A host draws the originals of these materials.
     ///
     /// # Errors
     /// As [`SceneInputs::new`].
@@ -224,12 +227,12 @@ impl<'a> SceneInputs<'a> {
         self.scene
     }
 
-    /// The device everything is on.
+    /// The device.
     pub fn gpu(&self) -> &'a Gpu {
         self.gpu
     }
 
-    /// Triangles of a draw of a triangle list, all instances together.
+    /// Number of triangles of a triangle-list draw, over all instances.
     pub fn triangles(&self, draw: usize) -> u64 {
         self.draw(draw)
             .map_or(0, |d| u64::from(d.call.count / 3) * u64::from(d.instances))
@@ -256,7 +259,7 @@ impl Uploads {
                     },
                 ),
             };
-            // What is written, by us or by a shader, is nobody else's.
+            // Buffers that we or a shader write cannot be shared.
             let shared = b.rate == Rate::Draw && b.kind != BindingKind::StorageReadWrite;
             let buffer = if shared {
                 self.buffer(gpu, &b.data, usage)
@@ -288,7 +291,7 @@ impl Uploads {
             .vertex_buffers
             .iter()
             .map(|v| VertexInput {
-                // A pass that subdivides its geometry reads it as storage.
+                // A pass that subdivides geometry reads it as storage.
                 buffer: self.buffer(
                     gpu,
                     &v.data,
@@ -380,7 +383,7 @@ impl Uploads {
 }
 
 fn create(gpu: &Gpu, data: &bind::Data, usage: wgpu::BufferUsages) -> wgpu::Buffer {
-    // A binding of no bytes is not allowed; a mesh without vertices has some.
+    // Empty bindings are not allowed, so a mesh without vertices gets a few bytes.
     let empty = [0_u8; 16];
     gpu.device.create_buffer_init(&BufferInitDescriptor {
         label: None,
@@ -401,7 +404,7 @@ fn upload(
 ) -> wgpu::Texture {
     let dimension = view.compatible_texture_dimension();
     let flat = dimension == wgpu::TextureDimension::D2;
-    // An image's levels are two-dimensional: the other dimensions have level 0 only.
+    // Image levels are two-dimensional; other dimensions have only level 0.
     let levels = if flat { image.levels.len() } else { 1 };
     let layers = match view {
         wgpu::TextureViewDimension::Cube | wgpu::TextureViewDimension::CubeArray => {
@@ -434,7 +437,7 @@ fn upload(
         );
         let layer_bytes = (w * h * 4) as usize;
         for layer in 0..layers {
-            // A cube made of fewer layers repeats them.
+            // A cube with fewer layers repeats them.
             let from = (layer % image.layers.max(1)) as usize * layer_bytes;
             let Some(data) = texels.get(from..from + layer_bytes) else {
                 continue;
@@ -467,7 +470,8 @@ fn upload(
     texture
 }
 
-/// A texture of one value, cleared by a render pass: what cannot be uploaded (depth, several samples a texel).
+/// A texture cleared to one value by a render pass: depth and multisampled textures cannot be
+/// uploaded.
 fn cleared(
     gpu: &Gpu,
     size: [u32; 2],
@@ -531,8 +535,8 @@ fn cleared(
     texture
 }
 
-/// Most anisotropy to ask for: 1 on software adapters. Mesa 22.3's llvmpipe walks the footprint texel by texel, and gradients that overflow
-/// keep it walking for minutes.
+/// Largest anisotropy: 1 on software adapters. Mesa 22.3's llvmpipe walks the footprint texel by
+/// texel, and overflowing gradients keep it busy for minutes.
 fn anisotropy_limit(gpu: &Gpu) -> u16 {
     match gpu.adapter().kind.as_str() {
         "software" => 1,

@@ -1,4 +1,5 @@
-//! Bind group layouts of a pass, from the bindings its plan lists and nothing else. What fills a binding must fit what the plan says of it.
+//! Bind group layouts of a pass, derived only from the bindings that its plan lists. Every resource
+//! must fit its planned binding.
 
 use std::collections::BTreeMap;
 use std::num::NonZeroU64;
@@ -11,7 +12,7 @@ use super::state;
 use super::subdivided::{Subdivided, attribute};
 use super::targets::Targets;
 
-/// What a binding is filled with.
+/// The resource of a binding.
 pub(super) enum Filled<'a> {
     Author(&'a Resource),
     Attachment(&'a wgpu::TextureView, wgpu::BindingType),
@@ -19,7 +20,7 @@ pub(super) enum Filled<'a> {
 }
 
 impl Filled<'_> {
-    /// What it could be bound as.
+    /// The resource's binding type.
     fn provided(&self) -> wgpu::BindingType {
         match self {
             Self::Author(resource) => resource.provided(),
@@ -41,7 +42,7 @@ impl Filled<'_> {
     }
 }
 
-/// One binding: its entry in the layout, and what fills it.
+/// A binding: its layout entry and its resource.
 pub(super) struct Bound<'a> {
     pub entry: wgpu::BindGroupLayoutEntry,
     pub filled: Filled<'a>,
@@ -50,12 +51,12 @@ pub(super) struct Bound<'a> {
 /// The bindings of a pass by group.
 pub(super) type Groups<'a> = BTreeMap<u32, Vec<Bound<'a>>>;
 
-/// What the renderer made of a draw's geometry for a pass.
+/// Geometry that the renderer made for a pass.
 #[derive(Clone, Copy)]
 pub(super) enum Made<'a> {
-    /// Its triangles, divided.
+    /// Subdivided triangles.
     Subdivided(&'a Subdivided),
-    /// Its entry of the draw table.
+    /// The draw's entry in the draw table.
     Drawn(&'a Drawn),
 }
 
@@ -89,8 +90,8 @@ impl<'a> Made<'a> {
 /// Fills the bindings of a pass.
 ///
 /// # Errors
-/// In words, when the plan names a binding that the author's program does not have or an attachment that the frame does not have, when it
-/// does not say how to lay a binding out, and when what is there does not fit what it says.
+/// A message: the plan names a binding or attachment that does not exist, gives no layout for a
+/// binding, or the resource does not fit the layout.
 pub(super) fn fill<'a>(
     bindings: &'a [BindingUse],
     draw: &'a DrawInputs,
@@ -147,7 +148,7 @@ pub(super) fn fill<'a>(
     Ok(groups)
 }
 
-/// Fails, in words, where a buffer of the draw is larger than the adapter binds.
+/// Fails with a message if a buffer of the draw exceeds the adapter's binding size.
 fn check_size(
     b: &BindingUse,
     size: u64,
@@ -218,12 +219,12 @@ fn layout(device: &wgpu::Device, bindings: &[Bound<'_>]) -> wgpu::BindGroupLayou
     })
 }
 
-/// A binding in words.
+/// A binding, for messages.
 fn place(b: &BindingUse) -> String {
     format!("`{}` (group {}, binding {})", b.name, b.group, b.binding)
 }
 
-/// The layout entry of a binding: the plan's, with the one relaxation that [`BindingLayout`] allows.
+/// The layout entry of a binding: the plan's, with the relaxation that [`BindingLayout`] allows.
 fn entry(
     b: &BindingUse,
     provided: wgpu::BindingType,
@@ -264,7 +265,7 @@ fn entry(
     })
 }
 
-/// A layout in wgpu's terms; `None` where a word in it is not WebGPU's.
+/// A layout as a wgpu type; `None` if it contains a word that WebGPU does not have.
 fn binding_type(layout: &BindingLayout) -> Option<wgpu::BindingType> {
     Some(match layout {
         BindingLayout::Buffer {
@@ -333,7 +334,7 @@ fn view_dimension(name: &str) -> Option<wgpu::TextureViewDimension> {
     })
 }
 
-/// What a binding of that type holds.
+/// The kind of resource that a binding of this type holds.
 fn kind(ty: &wgpu::BindingType) -> BindingKind {
     use wgpu::BindingType as T;
     match ty {
@@ -354,8 +355,9 @@ fn kind(ty: &wgpu::BindingType) -> BindingKind {
     }
 }
 
-/// The type to lay a binding out with, so that both what the plan asks for and what is there fit: the planned one, but for the relaxation
-/// that [`BindingLayout`] allows. `None` where what is there cannot be bound so. A provided buffer says its size as its smallest.
+/// A binding type that fits both the plan and the resource: the planned one, with the relaxation
+/// that [`BindingLayout`] allows. `None` if the resource does not fit. The size of a provided
+/// buffer is its minimum size.
 fn fitting(planned: wgpu::BindingType, provided: wgpu::BindingType) -> Option<wgpu::BindingType> {
     use wgpu::BindingType as T;
     use wgpu::TextureSampleType as S;
@@ -390,7 +392,7 @@ fn fitting(planned: wgpu::BindingType, provided: wgpu::BindingType) -> Option<wg
                 multisampled: many,
             },
         ) if (view_dimension, multisampled) == (view, many) => match (wanted, is) {
-            // A depth format may be read as a float that cannot be filtered.
+            // A depth format can be read as an unfilterable float.
             (S::Float { filterable: true }, S::Float { filterable: false } | S::Depth) => {
                 Some(T::Texture {
                     sample_type: S::Float { filterable: false },
@@ -408,7 +410,7 @@ fn fitting(planned: wgpu::BindingType, provided: wgpu::BindingType) -> Option<wg
     }
 }
 
-/// A binding's type in words.
+/// A binding type, for messages.
 fn describe(ty: wgpu::BindingType) -> String {
     use wgpu::BindingType as T;
     match ty {
@@ -511,7 +513,7 @@ mod tests {
             layout: None,
         };
         let storage = wgpu::BufferBindingType::Storage { read_only: true };
-        // 4,000,000 instances of 16 bytes, and of a matrix each.
+        // 4,000,000 instances of 16 bytes, then of a matrix each.
         assert_eq!(check_size(&b, 64_000_000, storage, &limits), Ok(()));
         let told = check_size(&b, 256_000_000, storage, &limits);
         let says =

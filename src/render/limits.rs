@@ -1,11 +1,11 @@
-//! The limits that a plan asks for, against those of the device.
+//! Compares the limits that a plan needs with those of the device.
 
 use std::collections::BTreeMap;
 
 use super::Error;
 use super::gpu::Gpu;
 
-/// Fails unless the device has every limit of `needed`, by WebGPU's name. One it does not know of it does not have.
+/// Fails unless the device meets every limit in `needed`, by WebGPU's name. Unknown limits fail.
 pub(super) fn check(gpu: &Gpu, what: &str, needed: &BTreeMap<String, u64>) -> Result<(), Error> {
     let limits = gpu.device.limits();
     for (name, value) in needed {
@@ -16,7 +16,7 @@ pub(super) fn check(gpu: &Gpu, what: &str, needed: &BTreeMap<String, u64>) -> Re
     Ok(())
 }
 
-/// A limit by WebGPU's name, of those that plans tell of.
+/// A limit by WebGPU's name; `None` for limits that plans do not use.
 fn limit(l: &wgpu::Limits, name: &str) -> Option<u64> {
     Some(match name {
         "maxBindGroups" => l.max_bind_groups.into(),
@@ -39,7 +39,7 @@ fn limit(l: &wgpu::Limits, name: &str) -> Option<u64> {
     })
 }
 
-/// Raises a limit by WebGPU's name to at least `value`; `None` for a name that [`limit`] does not know.
+/// Raises a limit by WebGPU's name to at least `value`; `None` for names unknown to [`limit`].
 pub(super) fn raise(l: &mut wgpu::Limits, name: &str, value: u64) -> Option<()> {
     let wide = match name {
         "maxStorageBufferBindingSize" => Some(&mut l.max_storage_buffer_binding_size),
@@ -78,7 +78,7 @@ mod tests {
     #[test]
     fn every_limit_a_plan_may_tell_of_is_known() {
         for (name, default) in preshade_passes::limits::DEFAULTS {
-            // wgpu's defaults are WebGPU's.
+            // wgpu's defaults equal WebGPU's.
             assert_eq!(
                 limit(&wgpu::Limits::default(), name),
                 Some(default),

@@ -1,15 +1,17 @@
-//! The renderer: draws a frame of material plans on wgpu, headlessly, and reads back colour and depth.
+//! The renderer: draws a frame of material plans headlessly on wgpu, and reads back colour and
+//! depth.
 //!
-//! It knows nothing about a variant but the data of its plan. Data flows through the modules in this order:
+//! It sees only the data of a variant's plan. Data flows through the modules in this order:
 //!
-//! 1. [`gpu`]: an adapter is chosen and opened;
-//! 2. [`shader`]: a plan goes through its JSON, its programs through the text that is emitted (or as IR);
-//! 3. [`inputs`]: what a scene's draws bind, uploaded once and shared by every variant;
-//! 4. [`state`], `layout`, `limits`: a plan's pipeline state and bindings in wgpu's terms;
-//! 5. [`frame`]: `targets`, `pipeline`s, `compute` passes, `subdivided` meshes, `drawn` ids and bind groups of one frame, built once, encoded as often as needed;
-//! 6. [`readback`]: colour bytes and depth at full precision, as [`picture`]s.
+//! 1. [`gpu`] chooses and opens an adapter;
+//! 2. [`shader`] sends a plan through JSON, and its programs through the emitted text (or as IR);
+//! 3. [`inputs`] uploads the resources of a scene's draws once; every variant shares them;
+//! 4. [`state`], `layout`, `limits` convert a plan's state and bindings to wgpu types;
+//! 5. [`frame`] builds the `targets`, `pipeline`s, `compute` passes, `subdivided` meshes, `drawn`
+//!    ids and bind groups of a frame once, and encodes them as often as needed;
+//! 6. [`readback`] returns colour bytes and full-precision depth as [`picture`]s.
 //!
-//! [`mod@self_test`] executes a plan's self-test as a host does at load, by way of 2 to 5.
+//! [`mod@self_test`] runs a plan's self-test as a host does at load, with modules 2 to 5.
 
 mod compute;
 mod drawn;
@@ -42,31 +44,32 @@ pub use trusted::Trust;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// No adapter, or none by that name.
+    /// No adapter, or none that matches.
     #[error("{}", no_adapter(.wanted, .found))]
     NoAdapter {
-        /// What was asked for; `None`: anything.
+        /// The requested name; `None` for any adapter.
         wanted: Option<String>,
-        /// Names of the adapters there are.
+        /// Names of the available adapters.
         found: Vec<String>,
     },
-    /// The adapter would not open, or was lost while drawing. What was measured before stands.
+    /// The adapter could not be opened, or was lost while drawing. Earlier measurements remain
+    /// valid.
     #[error("the graphics device was lost: {0}")]
     Lost(String),
-    /// The adapter cannot do what a plan or a scene asks for.
+    /// The adapter lacks something that a plan or scene needs.
     #[error("{what} needs {feature}, which the adapter `{adapter}` does not have")]
     Unsupported {
-        /// What needs it.
+        /// The plan, scene or pass that needs it.
         what: String,
         /// The missing feature or format.
         feature: String,
         /// Name of the adapter.
         adapter: String,
     },
-    /// wgpu or a driver refused what preshade asked of it. For an emitted shader this is always a bug in preshade.
+    /// wgpu or a driver refused a request. For an emitted shader this is always a bug in preshade.
     #[error("{what} was refused: {message}")]
     Refused {
-        /// What was being made.
+        /// The object that was being created.
         what: String,
         /// The validation message.
         message: String,
@@ -74,48 +77,48 @@ pub enum Error {
     /// The adapter ran out of memory.
     #[error("out of graphics memory while making {0}")]
     OutOfMemory(String),
-    /// A plan names something that it does not hold, or that a scene's frame has no place for.
+    /// A plan names something that neither it nor the scene's frame has.
     #[error("the plan of material `{material}` cannot be drawn: {message}")]
     Plan {
         /// Material.
         material: String,
-        /// What is wrong with it.
+        /// A message.
         message: String,
     },
     /// The plans of a scene's materials do not fit into one frame.
     #[error(transparent)]
     Frame(#[from] preshade_passes::frame::FrameError),
-    /// The scene gives a draw something it cannot be drawn with.
+    /// The scene gives a draw a value or resource that cannot be used.
     #[error("draw `{draw}`: {message}")]
     Scene {
         /// Draw.
         draw: String,
-        /// What is wrong with it.
+        /// A message.
         message: String,
     },
-    /// The draws of a scene, all together, are more than a frame's ids or buffers hold.
+    /// The draws of a scene exceed a frame's ids or buffers.
     #[error("the draws of scene `{scene}`: {message}")]
     Draws {
         /// Name of the scene.
         scene: String,
-        /// What is too much.
+        /// A message.
         message: String,
     },
-    /// An attachment of a plan that cannot be.
+    /// An attachment of a plan is impossible.
     #[error("attachment `{name}`: {message}")]
     Attachment {
         /// Attachment.
         name: String,
-        /// What is wrong with it.
+        /// A message.
         message: String,
     },
-    /// The frame has no pixels, or more than the adapter can hold.
+    /// The frame has no pixels, or more than the adapter supports.
     #[error("cannot draw a frame of {0}x{1} pixels")]
     Size(u32, u32),
 }
 
 impl Error {
-    /// What kind of error it is, as messages have it in brackets; stable.
+    /// The stable error code.
     pub fn code(&self) -> &'static str {
         match self {
             Self::NoAdapter { .. } => "no-adapter",

@@ -1,10 +1,11 @@
-//! The order in which the draws of a frame are issued.
+//! The order of a frame's draws.
 
 use crate::scene::{DrawOrder, Frame, Scene};
 
-/// Indices of `draws` in the order to issue them in, as `frame` sees them.
+/// Indices of the draws in the order in which `frame` issues them.
 ///
-/// Distance is from the eye to the centre of the object's bounding box, as an engine sorts: objects, not triangles.
+/// Draws are sorted by the distance from the eye to the centre of the object's bounding box. As in
+/// an engine, objects are sorted, not triangles.
 pub fn opaque(scene: &Scene, frame: &Frame, order: DrawOrder) -> Vec<usize> {
     let mut draws: Vec<usize> = (0..scene.draws.len()).collect();
     match order {
@@ -20,12 +21,12 @@ pub fn opaque(scene: &Scene, frame: &Frame, order: DrawOrder) -> Vec<usize> {
     draws
 }
 
-/// Blended draws are always drawn farthest first.
+/// Blended draws, always farthest first.
 pub fn blended(scene: &Scene, frame: &Frame) -> Vec<usize> {
     opaque(scene, frame, DrawOrder::BackToFront)
 }
 
-/// The order in words.
+/// The name of an order.
 pub fn name(order: DrawOrder) -> &'static str {
     match order {
         DrawOrder::FrontToBack => "front to back",

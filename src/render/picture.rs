@@ -1,8 +1,8 @@
-//! What is read back: colour as bytes, depth as floats, per sample.
+//! Pictures that were read back: colour as bytes, depth as floats, per sample.
 
 use half::f16;
 
-/// A colour target as it was read back.
+/// The contents of a colour target.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ColorImage {
     /// Width and height in pixels.
@@ -13,18 +13,19 @@ pub struct ColorImage {
     pub bytes: Vec<u8>,
 }
 
-/// Depth at full precision. A unorm depth is the float nearest to `n / (2^bits - 1)`; no two of its values share a float.
+/// Depth at full precision. A unorm depth is the float nearest to `n / (2^bits - 1)`; distinct
+/// values map to distinct floats.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DepthImage {
     /// Width and height in pixels.
     pub size: [u32; 2],
-    /// Samples a pixel.
+    /// Samples per pixel.
     pub samples: u32,
-    /// Row by row, the samples of a pixel one after the other.
+    /// Values row by row; the samples of a pixel follow each other.
     pub values: Vec<f32>,
 }
 
-/// How a channel's bits are read.
+/// The encoding of a channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Channel {
     Unorm8,
@@ -37,19 +38,19 @@ enum Channel {
 }
 
 impl ColorImage {
-    /// Bytes a texel.
+    /// Bytes per texel.
     pub fn texel_bytes(&self) -> usize {
         self.format.block_copy_size(None).unwrap_or(4) as usize
     }
 
-    /// The bytes of pixel `index`, counted row by row.
+    /// The bytes of pixel `index`, counting row by row.
     pub fn texel(&self, index: usize) -> &[u8] {
         let n = self.texel_bytes();
         self.bytes.get(index * n..(index + 1) * n).unwrap_or(&[])
     }
 
-    /// Pixel `index` as red, green, blue and alpha, as stored: an sRGB target's values stay encoded. Channels the format lacks are 0, and
-    /// alpha 1.
+    /// Red, green, blue and alpha of pixel `index` as stored: values of an sRGB target stay
+    /// encoded. Missing channels are 0, a missing alpha is 1.
     pub fn rgba(&self, index: usize) -> [f32; 4] {
         let texel = self.texel(index);
         let mut out = [0.0, 0.0, 0.0, 1.0];
@@ -75,14 +76,14 @@ impl ColorImage {
         out
     }
 
-    /// Whether the format stores floats, so that it can hold NaN or infinities.
+    /// Whether the format is a float format and can hold NaN or infinity.
     pub fn is_float(&self) -> bool {
         matches!(self.channel().0, Channel::Float16 | Channel::Float32)
             || self.format == wgpu::TextureFormat::Rg11b10Ufloat
     }
 
-    /// 8-bit red, green, blue and alpha to look at: floats are clamped to 0..1, linear targets are encoded as sRGB only when they hold
-    /// floats (a `rgba8unorm` target is taken to hold what is shown).
+    /// 8-bit RGBA for viewing. Floats are clamped to 0..1 and encoded as sRGB. Other formats keep
+    /// their values: a `rgba8unorm` target holds display values.
     pub fn to_rgba8(&self) -> Vec<u8> {
         let pixels = (self.size[0] as usize) * (self.size[1] as usize);
         let mut out = Vec::with_capacity(pixels * 4);
@@ -119,7 +120,7 @@ impl ColorImage {
             }
             wgpu::TextureFormat::Rg11b10Ufloat => {
                 let v = bits();
-                // A small float without a sign is a half float with its low mantissa bits cut off.
+                // A small unsigned float is a half float without its low mantissa bits.
                 let float = |bits: u32, cut: u32| f16::from_bits((bits << cut) as u16).to_f32();
                 Some([
                     float(v & 0x7ff, 4),

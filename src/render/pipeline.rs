@@ -1,4 +1,4 @@
-//! One pipeline of a frame, and the bind groups it draws with.
+//! One pipeline of a frame, and its bind groups.
 
 use std::collections::BTreeMap;
 
@@ -13,7 +13,7 @@ use super::shader::Stage;
 use super::targets::Targets;
 use super::{Error, layout, limits, state};
 
-/// Pipelines are shared by the draws of one material pass that lay out their vertices alike.
+/// Draws of one material pass share a pipeline if their vertices have the same layout.
 #[derive(Clone, PartialEq)]
 pub(super) struct PipelineKey {
     pub material: usize,
@@ -31,7 +31,7 @@ pub(super) struct VertexLayout {
     pub attributes: Vec<wgpu::VertexAttribute>,
 }
 
-/// What one pipeline is built from.
+/// The inputs of one pipeline.
 pub(super) struct Build<'b> {
     pub gpu: &'b Gpu,
     pub targets: &'b Targets,
@@ -59,7 +59,7 @@ impl Build<'_> {
         )
     }
 
-    /// Fails where the adapter does not have what the pass says it needs.
+    /// Fails if the adapter lacks a requirement of the pass.
     pub fn requirements(&self) -> Result<(), Error> {
         let what = self.what();
         for feature in &self.pass.features {
@@ -87,7 +87,7 @@ impl Build<'_> {
             .map(|i| i.format)
     }
 
-    /// The buffers and attributes the pass reads, by location, as the scene lays them out.
+    /// The buffers and attributes that the pass reads, by location, in the scene's layout.
     pub fn vertex_layout(&self) -> Result<Vec<VertexLayout>, Error> {
         let mut layouts: Vec<VertexLayout> = Vec::new();
         for wanted in &self.pass.attributes {
@@ -170,7 +170,7 @@ impl Build<'_> {
         )))
     }
 
-    /// Fails unless an attachment has the samples that the pass draws with.
+    /// Fails unless an attachment has the pass's sample count.
     fn check_samples(&self, attachment: &str, samples: u32) -> Result<(), Error> {
         match self.pass.multisample.count {
             n if n == samples => Ok(()),
@@ -181,7 +181,8 @@ impl Build<'_> {
         }
     }
 
-    /// The colour targets of the frame pass, with this pass's blending and masks; those it does not write are masked off.
+    /// The colour targets of the frame pass with this pass's blending and masks. Targets that it
+    /// does not write have an empty mask.
     fn color_targets(&self) -> Result<Vec<Option<wgpu::ColorTargetState>>, Error> {
         let formats: Vec<Option<wgpu::TextureFormat>> = match &self.frame.colors {
             ColorAttachments::None => Vec::new(),
@@ -240,7 +241,8 @@ impl Build<'_> {
         let what = self.what();
         let depth_stencil = self.depth_stencil()?;
         let targets = self.color_targets()?;
-        // A pipeline must have the colour targets of the render pass it is drawn in, and only a fragment stage carries them.
+        // A pipeline must have the colour targets of its render pass, and only a fragment stage can
+        // declare them.
         let (vertex, fragment) = self.stages;
         let vertex = (self.shader(vertex)?, vertex.entry_point.as_str());
         let fragment = match fragment {
@@ -294,12 +296,13 @@ impl Build<'_> {
     }
 }
 
-/// Whether a vertex format feeds an attribute of WGSL type `ty`: whether their numbers are of one kind (the sizes of vectors may differ).
+/// Whether a vertex format can feed an attribute of WGSL type `ty`: the scalar kinds must match,
+/// vector sizes may differ.
 fn feeds(format: wgpu::VertexFormat, ty: &str) -> bool {
     let scalar = ty
         .rsplit_once('<')
         .map_or(ty, |(_, inner)| inner.trim_end_matches('>'));
-    // wgpu's variants are named after WebGPU's formats.
+    // wgpu's variants have the names of WebGPU's formats.
     let format = format!("{format:?}");
     match scalar {
         "u32" => format.starts_with("Uint"),

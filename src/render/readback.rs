@@ -6,7 +6,7 @@ use super::gpu::Gpu;
 use super::picture::{ColorImage, DepthImage};
 use super::{Error, state};
 
-/// Reads a single-sampled colour texture, whose bytes are of that format.
+/// Reads a single-sampled colour texture of this format.
 pub(super) fn color(
     gpu: &Gpu,
     texture: &wgpu::Texture,
@@ -20,7 +20,8 @@ pub(super) fn color(
     })
 }
 
-/// Whether a depth texture can be copied to a buffer bit by bit (WebGPU section 26.1.2), rather than read through a shader.
+/// Whether a depth texture can be copied to a buffer bit for bit (WebGPU section 26.1.2). Others
+/// are read through a shader.
 pub(super) fn is_copyable(format: DepthFormat, samples: u32) -> bool {
     samples == 1
         && matches!(
@@ -31,7 +32,7 @@ pub(super) fn is_copyable(format: DepthFormat, samples: u32) -> bool {
         )
 }
 
-/// Reads a depth texture, each sample of it.
+/// Reads every sample of a depth texture.
 pub(super) fn depth(
     gpu: &Gpu,
     texture: &wgpu::Texture,
@@ -67,7 +68,8 @@ pub(super) fn depth(
     })
 }
 
-/// Reads the red channel of each sample of a float texture with `TEXTURE_BINDING`, as [`DepthImage::values`] is laid out.
+/// Reads the red channel of every sample of a float texture with `TEXTURE_BINDING`, in the layout
+/// of [`DepthImage::values`].
 pub(super) fn red(gpu: &Gpu, texture: &wgpu::Texture) -> Result<DepthImage, Error> {
     Ok(DepthImage {
         size: [texture.width(), texture.height()],
@@ -85,7 +87,8 @@ fn floats(bytes: &[u8]) -> Vec<f32> {
         .collect()
 }
 
-/// Copies mip 0 of a texture; returns its rows without padding. `format` is that of the aspect copied.
+/// Copies mip 0 of a texture and returns its rows without padding. `format` is the format of the
+/// copied aspect.
 fn copy(
     gpu: &Gpu,
     texture: &wgpu::Texture,

@@ -1,4 +1,4 @@
-//! A plan's self-test, executed as its data says.
+//! Runs a plan's self-test.
 
 use preshade_passes::frame::{ColorAttachments, FrameLoad, FrameOps, FramePass};
 use preshade_passes::plan::{GpuPass, Phase, Plan, SamplesPassed, SelfTest, SelfTestDraw};
@@ -8,36 +8,38 @@ use serde::{Deserialize, Serialize};
 use super::{Error, FrameSettings, Prepared, SceneInputs, ShaderForm, Variant};
 use crate::scene::DrawOrder;
 
-/// What a self-test said. Samples are as the adapter's occlusion queries give them: WebGPU promises of a query no more than whether it is 0.
+/// The result of a self-test. WebGPU guarantees only whether an occlusion query is 0, so sample
+/// counts are informative.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "result", rename_all = "kebab-case")]
 pub enum SelfTestResult {
-    /// Every run passed, and each saw something.
+    /// Every run passed, and each drew something.
     Held {
-        /// Samples that the draws laid which must lay some.
+        /// Samples of the draws that must draw some.
         samples: u64,
     },
-    /// Samples passed where none must: the plan's fallback is to be taken.
+    /// Samples passed that should not have: the host must use the plan's fallback.
     Failed {
-        /// What the plan says of it.
+        /// The plan's description of this failure.
         failure: String,
         /// Camera.
         camera: String,
         /// Samples that passed.
         samples: u64,
     },
-    /// It said nothing.
+    /// The test has no result.
     NotRun {
         /// Why.
         why: String,
     },
 }
 
-/// Runs the self-test of `plan` on the scene's draws of its material, in the first frame of each camera. `None` for a plan without one. Changes the
-/// uniforms that [`SceneInputs::set_frame`] set.
+/// Runs the self-test of `plan` on its material's draws, in the first frame of each camera. `None`
+/// if the plan has no self-test. Overwrites the uniforms of [`SceneInputs::set_frame`].
 ///
 /// # Errors
-/// As [`Prepared::new`] and [`Prepared::draw`], and [`Error::Plan`] for a self-test that names a pass the plan does not have.
+/// As [`Prepared::new`] and [`Prepared::draw`], or [`Error::Plan`] if the self-test names a missing
+/// pass.
 pub fn self_test(
     inputs: &SceneInputs<'_>,
     plan: &Plan,
@@ -73,7 +75,7 @@ pub fn self_test(
                     samples: failed,
                 }));
             }
-            // A camera that some draw of the run does not see says nothing of the others.
+            // A draw of the run may be invisible to this camera; then the camera has no result.
             if of(SamplesPassed::Some).all(|n| n > 0) {
                 *laid += of(SamplesPassed::Some).sum::<u64>();
             }
@@ -89,7 +91,7 @@ pub fn self_test(
     }))
 }
 
-/// The plan with the draws of its self-test for passes, each a render pass of its own.
+/// The plan with the draws of its self-test as passes, in a render pass each.
 fn variant(plan: &Plan, test: &SelfTest, form: ShaderForm) -> Result<Variant, Error> {
     let mut drawn = plan.clone();
     drawn.self_test = None;
@@ -124,7 +126,7 @@ fn variant(plan: &Plan, test: &SelfTest, form: ShaderForm) -> Result<Variant, Er
                 depth_ops: Some(operations(first)),
                 stencil_ops: stencil.then(|| operations(first)),
                 colors: colors(&pass),
-                // Nobody looks at the colours.
+                // The test does not look at colours.
                 color_ops: pass
                     .targets
                     .iter()
@@ -165,7 +167,7 @@ fn pass(plan: &Plan, draw: &SelfTestDraw) -> Result<GpuPass, Error> {
     Ok(pass)
 }
 
-/// The colour attachments that a pass has by itself.
+/// The colour attachments of a pass.
 fn colors(pass: &GpuPass) -> ColorAttachments {
     let names: Vec<Option<String>> = pass
         .targets

@@ -1,4 +1,5 @@
-//! A plan on its way to the GPU: the plan through its own JSON, its programs through the text that users ship, or as naga IR.
+//! Sends a plan to the GPU through its own JSON, and its programs through the emitted text or as
+//! naga IR.
 
 use std::collections::BTreeMap;
 
@@ -9,13 +10,13 @@ use super::Error;
 use super::gpu::Gpu;
 use crate::emit;
 
-/// The road a shader takes to the driver.
+/// The form in which shaders reach the driver.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ShaderForm {
-    /// The emitted WGSL: what users ship.
+    /// The emitted WGSL, as shipped to users.
     #[default]
     Text,
-    /// The IR itself, by wgpu's `naga-ir`: what the passes built.
+    /// The IR, through wgpu's `naga-ir`.
     Ir,
 }
 
@@ -25,23 +26,23 @@ enum Shader {
     Ir(Box<naga::Module>),
 }
 
-/// Where a stage of a pass is: the name of a shader and an entry point in it.
+/// A stage of a pass: a shader's name and an entry point.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Stage {
     pub shader: String,
     pub entry_point: String,
 }
 
-/// The plans of all materials of a scene, as a host holds them: data from JSON, and shaders by name.
+/// The plans of all materials of a scene as a host holds them: data from JSON, and shaders by name.
 #[derive(Clone, Debug)]
 pub struct Variant {
     plans: Vec<Plan>,
     frame: FramePlan,
-    /// By name: that of the emitted file, or `MATERIAL.KEY` for IR.
+    /// Shaders by the name of the emitted file, or `MATERIAL.KEY` for IR.
     shaders: BTreeMap<String, Shader>,
-    /// Vertex and fragment stage of each plan's passes.
+    /// Vertex and fragment stage of each pass of each plan.
     stages: Vec<Vec<(Stage, Option<Stage>)>>,
-    /// Stage of each plan's compute passes.
+    /// Stage of each compute pass of each plan.
     compute: Vec<Vec<Stage>>,
 }
 
@@ -49,8 +50,8 @@ impl Variant {
     /// Sends `plans` through JSON and their programs through `form`.
     ///
     /// # Errors
-    /// [`Error::Plan`] when a plan cannot be emitted or does not survive its JSON (bugs of preshade), [`Error::Frame`] when the
-    /// plans do not fit into one frame.
+    /// [`Error::Plan`] if a plan cannot be emitted or changes in JSON (bugs in preshade),
+    /// [`Error::Frame`] if the plans do not fit into one frame.
     pub fn new(plans: &[Plan], form: ShaderForm) -> Result<Self, Error> {
         let mut out = Self::empty();
         for plan in plans {
@@ -66,7 +67,7 @@ impl Variant {
             }
             match form {
                 ShaderForm::Text => {
-                    // What to fall back to is not drawn: its files need not be made.
+                    // The fallback is not drawn, so its files are not needed.
                     let drawn = Plan {
                         original: None,
                         ..plan.clone()
@@ -86,11 +87,11 @@ impl Variant {
         Ok(out)
     }
 
-    /// Takes what a host is given: for each material the files that [`emit::emit`] wrote, with WGSL among its targets.
+    /// Reads the files that [`emit::emit`] wrote for each material, with WGSL among the targets.
     ///
     /// # Errors
-    /// [`Error::Plan`] when a `plan.json` is missing, is none of this version, or names files that are not there, [`Error::Frame`] when the
-    /// plans do not fit into one frame.
+    /// [`Error::Plan`] if a `plan.json` is missing, has another version, or names missing files;
+    /// [`Error::Frame`] if the plans do not fit into one frame.
     pub fn from_files(materials: &[Vec<emit::File>]) -> Result<Self, Error> {
         let mut out = Self::empty();
         for files in materials {
@@ -116,7 +117,8 @@ impl Variant {
         }
     }
 
-    /// Takes the files that are emitted for a host: `MATERIAL.plan.json` and the WGSL that its passes name.
+    /// Adds the emitted files of a material: `MATERIAL.plan.json` and the WGSL files that its
+    /// passes name.
     fn add_files(&mut self, material: &str, files: Vec<emit::File>) -> Result<(), Error> {
         let failed = |message: String| Error::Plan {
             material: material.to_owned(),
@@ -207,7 +209,7 @@ impl Variant {
         Ok(())
     }
 
-    /// The same with other render passes.
+    /// Replaces the render passes.
     pub(super) fn in_passes(mut self, passes: Vec<FramePass>) -> Self {
         self.frame.passes = passes;
         self
@@ -278,7 +280,7 @@ pub(super) struct Member<'v> {
 }
 
 impl Member<'_> {
-    /// What is wrong with the plan.
+    /// An error about the plan.
     pub fn failed(&self, message: String) -> Error {
         Error::Plan {
             material: self.plan.material.clone(),
@@ -287,7 +289,7 @@ impl Member<'_> {
     }
 }
 
-/// Fails, in words, unless a plan is of this version and its files are those of its passes.
+/// Fails with a message unless the plan has this version and its passes' files.
 fn check(described: &emit::PlanFile) -> Result<(), String> {
     let plan = &described.plan;
     if plan.schema != SCHEMA {
@@ -301,7 +303,7 @@ fn check(described: &emit::PlanFile) -> Result<(), String> {
         return Err("its files are not those of its passes, one by one".to_owned());
     }
     for (pass, files) in plan.passes.iter().zip(&described.files) {
-        // WGSL keeps the names of entry points.
+        // WGSL preserves the names of entry points.
         let entry = |at: &BTreeMap<emit::Target, emit::StageFile>| {
             at.get(&emit::Target::Wgsl).map(|s| s.entry_point.clone())
         };

@@ -1,4 +1,4 @@
-//! A plan's pipeline state in wgpu's terms: one function a type, no decisions.
+//! Converts a plan's pipeline state to wgpu types: one function per type, no decisions.
 
 use preshade_passes::state as plan;
 use preshade_passes::state::DepthFormat;
@@ -29,7 +29,7 @@ pub(super) fn depth_format(f: DepthFormat) -> wgpu::TextureFormat {
     }
 }
 
-/// A colour format by WebGPU's name, among those a frame can be drawn to and compared in.
+/// A colour format by WebGPU's name, if frames can be drawn to it and compared.
 pub fn color_format(name: &str) -> Option<wgpu::TextureFormat> {
     use wgpu::TextureFormat as W;
     Some(match name {

@@ -1,4 +1,4 @@
-//! The subdivided triangles of a draw, as its plan describes them.
+//! The subdivided triangles of a draw.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -15,63 +15,64 @@ use super::gpu::Gpu;
 use super::inputs::{DrawInputs, VertexInput};
 use crate::scene::bind::VertexAttribute;
 
-/// What subdividing costs a frame, over all draws and instances.
+/// The cost of subdivision per frame, over all draws and instances.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SubdivisionCost {
-    /// New vertices computed each frame. Of the pulled form one for each vertex of each triangle's pattern, which is what an adapter that reuses the vertices of an
-    /// instance computes.
+    /// New vertices computed per frame. The pulled form counts one for each vertex of each
+    /// triangle's pattern, as an adapter computes if it reuses vertices within an instance.
     pub evaluations: u64,
-    /// Whether some of `evaluations` are not made after all.
+    /// Whether some of `evaluations` are skipped.
     pub surplus: Surplus,
-    /// Of them, those computed in a compute pass; the others are in the vertex stage.
+    /// The share of `evaluations` in a compute pass; the rest is in the vertex stage.
     pub in_compute: u64,
     /// New vertices computed once, at load.
     pub at_load: u64,
-    /// What `evaluations` would be if no two triangles shared any.
+    /// `evaluations` if no triangles shared vertices.
     pub unshared: u64,
-    /// Bytes of vertices, of what they are made of, and of indices.
+    /// Bytes of vertices, their origins, and indices.
     pub bytes: u64,
-    /// Each subdivided draw, all its instances together.
+    /// The subdivided draws, over all their instances.
     pub draws: Vec<DrawSubdivision>,
 }
 
-/// Whether vertices are drawn that a triangle does not need.
+/// Whether the draw has vertices that a triangle does not need.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Surplus {
-    /// All are needed.
+    /// All vertices are needed.
     #[default]
     None,
-    /// Those of adaptive levels, of which triangles with short edges use a few: how many depends on the view. The others run, and evaluate nothing.
+    /// Adaptive levels: triangles with short edges use only some vertices, depending on the view.
+    /// The others run but evaluate nothing.
     Some,
 }
 
-/// What subdividing one draw costs.
+/// The cost of subdividing one draw.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DrawSubdivision {
-    /// Its place in the scene.
+    /// Index in the scene.
     pub draw: usize,
-    /// New vertices computed each frame.
+    /// New vertices computed per frame.
     pub evaluations: u64,
     /// As [`SubdivisionCost::bytes`].
     pub bytes: u64,
 }
 
-/// The subdivided meshes of a frame, each made once: all passes of a draw share it.
+/// The subdivided meshes of a frame. All passes of a draw share them.
 pub(super) struct Meshes {
-    /// Of the targets, in pixels.
+    /// Size of the targets in pixels.
     size: [u32; 2],
     known: Vec<(usize, String, Subdivision, Arc<SubdividedMesh>)>,
 }
 
-/// A draw's triangles, subdivided.
+/// A draw's subdivided triangles.
 pub(super) struct SubdividedMesh {
     pattern: wgpu::Buffer,
-    /// The triangles of a strip.
+    /// The triangles of a strip, as a list.
     list: Option<wgpu::Buffer>,
-    /// `shared`: what each new vertex is made of.
+    /// `shared`: the origin of each new vertex.
     points: wgpu::Buffer,
-    /// `shared`: the same, as [`Mesh::points`].
+    /// `shared`: the same as [`Mesh::points`].
     made_of: Vec<[u32; 4]>,
     /// `shared`: the computed vertices, by the buffer's name in the plan.
     vertices: BTreeMap<String, wgpu::Buffer>,
@@ -80,18 +81,18 @@ pub(super) struct SubdividedMesh {
     instances: u32,
     constants: Constants,
     form: Form,
-    /// Vertices of the pattern, times the triangles.
+    /// Vertices of the pattern times triangles.
     unshared: u64,
 }
 
-/// What a subdividing pass binds and draws of a draw.
+/// The resources and geometry of a draw for a subdividing pass.
 pub(super) struct Subdivided {
     pub mesh: Arc<SubdividedMesh>,
     constants: wgpu::Buffer,
 }
 
 impl Meshes {
-    /// None yet, for targets of so many pixels.
+    /// An empty set, for targets of this size.
     pub fn new(size: [u32; 2]) -> Self {
         Self {
             size,
@@ -99,10 +100,11 @@ impl Meshes {
         }
     }
 
-    /// The mesh of a draw under `geometry`, for a pass with these bindings; `None` where geometry is drawn as it is given.
+    /// The mesh of a draw under `geometry`, for a pass with these bindings; `None` if the geometry
+    /// is not subdivided.
     ///
     /// # Errors
-    /// In words: the plan and the draw do not fit together.
+    /// A message: the plan and the draw do not fit together.
     pub fn of(
         &mut self,
         gpu: &Gpu,
@@ -150,7 +152,7 @@ impl Meshes {
         Ok(Some(Subdivided { mesh, constants }))
     }
 
-    /// The buffers of computed vertices: draw, what each vertex of one instance is made of, and the buffer.
+    /// The buffers of computed vertices: draw, origins of one instance's vertices, and the buffer.
     pub fn computed(&self) -> impl Iterator<Item = (usize, &[[u32; 4]], &wgpu::Buffer)> {
         self.known.iter().flat_map(|(draw, _, _, mesh)| {
             let buffers = mesh.vertices.values();
@@ -158,7 +160,7 @@ impl Meshes {
         })
     }
 
-    /// What all of them cost together; `None` where nothing is subdivided.
+    /// The total cost; `None` without subdivision.
     pub fn cost(&self) -> Option<SubdivisionCost> {
         if self.known.is_empty() {
             return None;
@@ -181,7 +183,7 @@ impl SubdividedMesh {
     ) -> Self {
         let count = draw.call.count;
         let index_bytes = draw.indices.as_ref().map_or(0, |i| i.format.byte_size());
-        // A strip is drawn as the list of its triangles.
+        // A strip is drawn as a list of its triangles.
         let listed = match subdivision.given {
             Topology::TriangleStrip => {
                 let indices = (0..count).map(|i| strip_vertex(draw, i));
@@ -200,7 +202,7 @@ impl SubdividedMesh {
         let constants = Constants {
             triangles,
             batches: triangles.div_ceil(subdivision.batch),
-            // The list of a strip begins with the first triangle that is drawn.
+            // The list of a strip starts at the first drawn triangle.
             first: match &listed {
                 Some(_) => 0,
                 None => draw.call.first,
@@ -312,7 +314,7 @@ impl SubdividedMesh {
         )
     }
 
-    /// Draws it; pipeline and bind groups are set.
+    /// Draws the geometry. The caller has set pipeline and bind groups.
     pub fn draw(&self, render: &mut wgpu::RenderPass<'_>) {
         render.set_index_buffer(self.indices.slice(..), wgpu::IndexFormat::Uint32);
         render.draw_indexed(0..self.index_count, 0, 0..self.instances);
@@ -320,10 +322,10 @@ impl SubdividedMesh {
 }
 
 impl Subdivided {
-    /// What a part of the geometry is bound to.
+    /// The resource of a part of the geometry.
     ///
     /// # Errors
-    /// In words: the draw has no such part.
+    /// A message: the draw has no such part.
     pub fn part<'a>(
         &'a self,
         binding: &BindingUse,
@@ -367,7 +369,7 @@ fn strip_vertex(draw: &DrawInputs, at: u32) -> Option<u32> {
     (Some(index) != restart).then_some(index)
 }
 
-/// An index of the author's draw, `base_vertex` not added.
+/// An index of the author's draw, without `base_vertex`.
 fn vertex(draw: &DrawInputs, at: u32) -> u32 {
     let at = draw.call.first + at;
     let Some(indices) = &draw.indices else {
@@ -387,7 +389,7 @@ fn vertex(draw: &DrawInputs, at: u32) -> u32 {
     word.unwrap_or_default()
 }
 
-/// The buffer that holds an attribute, and its place there.
+/// The buffer of an attribute, and the offset in it.
 pub(super) fn attribute(
     draw: &DrawInputs,
     location: u32,
@@ -401,7 +403,7 @@ pub(super) fn attribute(
 /// The layout of the attributes at these locations.
 ///
 /// # Errors
-/// In words: there is none at one of them.
+/// A message: a location has no attribute.
 pub(super) fn streams(locations: &[u32], draw: &DrawInputs) -> Result<Vec<Stream>, String> {
     locations
         .iter()
@@ -417,7 +419,7 @@ pub(super) fn streams(locations: &[u32], draw: &DrawInputs) -> Result<Vec<Stream
         .collect()
 }
 
-/// A vertex format in WebGPU's spelling: wgpu's variants are named after it.
+/// A vertex format in WebGPU's spelling, which is also wgpu's variant name.
 fn format(format: wgpu::VertexFormat) -> String {
     match format {
         wgpu::VertexFormat::Unorm8x4Bgra => "unorm8x4-bgra".to_owned(),
@@ -427,7 +429,7 @@ fn format(format: wgpu::VertexFormat) -> String {
 
 pub(super) fn buffer(gpu: &Gpu, words: &[u32], usage: wgpu::BufferUsages) -> wgpu::Buffer {
     let bytes: Vec<u8> = words.iter().flat_map(|w| w.to_le_bytes()).collect();
-    // A binding of no bytes is not allowed; a mesh without triangles has some.
+    // Empty bindings are not allowed, so a mesh without triangles gets a few bytes.
     let empty = [0_u8; 16];
     gpu.device.create_buffer_init(&BufferInitDescriptor {
         label: None,

@@ -1,4 +1,4 @@
-//! The textures a frame is drawn to.
+//! The textures that a frame draws to.
 
 use std::collections::BTreeMap;
 
@@ -15,16 +15,16 @@ use super::{Error, readback, state};
 /// A depth attachment.
 pub(super) struct DepthTarget {
     pub texture: wgpu::Texture,
-    /// All aspects: what is attached.
+    /// All aspects, for attaching.
     pub view: wgpu::TextureView,
-    /// The depth aspect: what is bound. Only when the plan says so.
+    /// The depth aspect, for binding. Only if the plan says that it is sampled.
     pub sampled_view: Option<wgpu::TextureView>,
     pub format: DepthFormat,
     pub samples: u32,
     pub clear: f32,
 }
 
-/// A colour attachment of the plans' own.
+/// A plan's own colour attachment.
 pub(super) struct NamedColor {
     texture: wgpu::Texture,
     pub view: wgpu::TextureView,
@@ -49,12 +49,12 @@ pub(super) struct Sampled<'a> {
     pub sample_type: wgpu::TextureSampleType,
 }
 
-/// A colour attachment; with several samples, also what it resolves to, where its format resolves.
+/// A colour attachment, with its resolve target if it is multisampled and its format resolves.
 pub(super) struct ColorTarget {
     pub format: wgpu::TextureFormat,
     pub drawn: wgpu::Texture,
     pub view: wgpu::TextureView,
-    /// As a storage texture, in the texture's own format.
+    /// The storage texture view, in the texture's own format.
     pub stored: wgpu::TextureView,
     pub resolved: Option<(wgpu::Texture, wgpu::TextureView)>,
 }
@@ -63,12 +63,12 @@ pub(super) struct ColorTarget {
 pub(super) struct Targets {
     depths: BTreeMap<String, DepthTarget>,
     named: BTreeMap<String, NamedColor>,
-    /// By location; a hole no pass writes.
+    /// Targets by location; `None` if no pass writes the location.
     pub colors: Vec<Option<ColorTarget>>,
 }
 
 impl Targets {
-    /// Creates what `variant`'s frame draws to.
+    /// Creates the attachments of `variant`'s frame.
     pub fn new(gpu: &Gpu, variant: &Variant, size: [u32; 2]) -> Result<Self, Error> {
         let limit = gpu.device.limits().max_texture_dimension_2d;
         if size.iter().any(|s| *s == 0 || *s > limit) {
@@ -81,12 +81,12 @@ impl Targets {
         })
     }
 
-    /// Bytes of all attachments, samples included, as their formats count them (a `depth24plus` as 4 a sample).
+    /// Bytes of all attachments with all samples; a `depth24plus` sample counts as 4.
     pub fn bytes(&self) -> u64 {
         self.each().values().sum()
     }
 
-    /// The same of each, by its name and format.
+    /// Bytes of each attachment by name and format.
     pub fn each(&self) -> BTreeMap<String, u64> {
         let bytes = |texture: &wgpu::Texture| {
             let texel = texture.format().block_copy_size(None).unwrap_or(4);
@@ -121,10 +121,10 @@ impl Targets {
         self.named.get(name)
     }
 
-    /// The scene's colour of a location, to be written by a shader.
+    /// The scene's colour at a location, as a storage texture.
     ///
     /// # Errors
-    /// In words, when there is none.
+    /// A message: there is none.
     pub fn stored(
         &self,
         location: u32,
@@ -138,10 +138,10 @@ impl Targets {
         }
     }
 
-    /// The attachment of that name as a texture.
+    /// The named attachment as a texture.
     ///
     /// # Errors
-    /// In words, when there is none, or none that the plan marks as sampled.
+    /// A message: it does not exist, or the plan does not mark it as sampled.
     pub fn sampled(&self, name: &str) -> Result<Sampled<'_>, &'static str> {
         const UNMARKED: &str = "which the plan does not mark as sampled";
         if let Some(depth) = self.depths.get(name) {
@@ -156,7 +156,7 @@ impl Targets {
                 view: &color.view,
                 samples: color.texture.sample_count(),
                 sample_type: match color.format().sample_type(None, None) {
-                    // What has several samples is never filtered.
+                    // Multisampled textures are never filtered.
                     Some(wgpu::TextureSampleType::Float { filterable }) => {
                         wgpu::TextureSampleType::Float {
                             filterable: filterable && color.texture.sample_count() == 1,
@@ -280,7 +280,7 @@ fn wrong_clear(a: &Attachment) -> Error {
     }
 }
 
-/// The passes of a frame that have the scene's colour attachments, with the material they belong to.
+/// The frame's passes with the scene's colour attachments, and their materials.
 fn color_passes(variant: &Variant) -> impl Iterator<Item = (&str, &GpuPass)> {
     let frame = variant.frame();
     frame
@@ -294,7 +294,8 @@ fn color_passes(variant: &Variant) -> impl Iterator<Item = (&str, &GpuPass)> {
         })
 }
 
-/// One colour target a location that any pass writes: materials with fewer outputs leave the others alone.
+/// One colour target for each location that a pass writes. Materials with fewer outputs leave the
+/// others unchanged.
 fn colors(gpu: &Gpu, variant: &Variant, size: [u32; 2]) -> Result<Vec<Option<ColorTarget>>, Error> {
     let mut formats: Vec<Option<(&str, &str)>> = Vec::new();
     let mut samples = 1;
@@ -337,7 +338,7 @@ fn colors(gpu: &Gpu, variant: &Variant, size: [u32; 2]) -> Result<Vec<Option<Col
         .collect()
 }
 
-/// What writing to the scene's colour of a location asks of it.
+/// Texture usages for writing the scene's colour at a location.
 fn is_stored(variant: &Variant, location: u32) -> wgpu::TextureUsages {
     let mut bindings = variant
         .plans()
@@ -362,7 +363,7 @@ fn color(
         0 => SCENE_COLOR.to_owned(),
         n => format!("{SCENE_COLOR}-{n}"),
     };
-    // Nothing encodes what is stored, so that no such format can be.
+    // Storage writes do not encode sRGB, so the format must not either.
     let made = match stored.is_empty() {
         true => format,
         false => format.remove_srgb_suffix(),

@@ -1,19 +1,24 @@
-//! The one place that compiles the shaders of plans: with wgpu's injected run-time checks, or without.
+//! The one place that compiles the shaders of plans, with or without wgpu's injected run-time
+//! checks.
 #![allow(unsafe_code)]
 
 use wgpu::{Device, ShaderModule, ShaderModuleDescriptor, ShaderRuntimeChecks};
 
-/// Whose shaders a device is given, and so whether wgpu's run-time checks (of indices, loops and divisions) are compiled into them.
+/// The author of a device's shaders. It decides whether wgpu compiles run-time checks (of indices,
+/// loops and divisions) into them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Trust {
-    /// The user's own: no checks. They cost some shaders more than the transforms under measurement gain, and native hosts do not have them.
+    /// The user's own shaders: no checks. For some shaders the checks cost more than the measured
+    /// transforms gain, and native hosts do not have them.
     #[default]
     Own,
-    /// Strangers': all checks, as in a browser. Indices are clamped, loops end, and x / 0 is x, as WGSL has it.
+    /// Somebody else's shaders: all checks, as in a browser. Indices are clamped, loops end, and x
+    /// / 0 is x, as in WGSL.
     Strangers,
 }
 
-/// Compiles a shader with the checks that `trust` asks for. A device has one trust, so that a comparison is never between two settings.
+/// Compiles a shader with the checks that `trust` demands. A device has one level of trust, so
+/// comparisons never mix two settings.
 pub(super) fn compile(
     device: &Device,
     trust: Trust,
@@ -21,13 +26,16 @@ pub(super) fn compile(
 ) -> ShaderModule {
     match trust {
         Trust::Strangers => device.create_shader_module(descriptor),
-        // SAFETY: wgpu asks that the shaders read and write within their bindings, index within their arrays, divide by no 0, end their
-        // loops and obey the ray query protocol. Nothing here proves that of them: it is the trust that an engine puts in its own
-        // materials, which the user of this process gives by opening the device as `Own`; the command line does so unless its
-        // limits say that the shaders may be a stranger's (`Limits::trust`). What lessens a mistake of theirs: every buffer bound is as
-        // long as the type in the shader says (`scene::bind` lays it out from that type), wgpu-core still validates the module, and an
-        // access past the end of a buffer stays inside the device's memory under the robustness that wgpu-hal enables where a
-        // driver has it. That covers no array in registers or on the stack: a software adapter writes past those in this process.
+        // SAFETY: wgpu requires that the shaders read and write within their bindings, index within
+        // their arrays, do not divide by 0, end their loops and obey the ray query protocol. We do
+        // not prove any of this. The user of this process trusts the shaders as an engine trusts
+        // its own materials, and opens the device as `Own`; the command line does so unless its
+        // limits say that the shaders may be a stranger's (`Limits::trust`). These limit the damage
+        // of a mistake: every bound buffer is as long as its type in the shader (`scene::bind` lays
+        // it out from that type), wgpu-core still validates the module, and an access beyond a
+        // buffer stays inside the device's memory if the driver supports the robustness that
+        // wgpu-hal enables. Arrays in registers or on the stack have no such protection: a software
+        // adapter writes past those in this process.
         Trust::Own => unsafe {
             device.create_shader_module_trusted(descriptor, ShaderRuntimeChecks::unchecked())
         },

@@ -6,7 +6,7 @@ use super::plain::plain;
 use crate::measure::crossover::{Crossover, Series};
 use preshade_passes::contract::Verdict;
 
-/// The series as lines of text: a row a value, a column a variant, and what crosses where.
+/// The series as lines of text: a row a value, a column a variant, and the crossings.
 pub fn render(series: &Series) -> String {
     let Some(first) = series.points.first() else {
         return String::new();
@@ -72,7 +72,7 @@ pub fn render(series: &Series) -> String {
     out
 }
 
-/// What a pair of variants does, in words.
+/// The crossing of a pair of variants, in words.
 fn sentence(variable: &str, c: &Crossover) -> String {
     let (first, second) = (&c.first, &c.second);
     let Some((_, begins)) = c.ratios.first() else {
@@ -140,7 +140,8 @@ impl Axes {
     }
 }
 
-/// Time against the variable, a line a variant with its intervals, and a mark at each crossing, as SVG. `None` where nothing was timed.
+/// Time against the variable as SVG: a line a variant with its intervals, and a mark at each
+/// crossing. `None`: nothing was timed.
 pub fn svg(series: &Series) -> Option<String> {
     let report = &series.points.first()?.report;
     let lines: Vec<(&str, Vec<(f64, crate::measure::Estimate)>)> = report
@@ -281,7 +282,7 @@ fn ticks([low, high]: [f64; 2]) -> Vec<f64> {
         for digit in [1.0, 2.0, 5.0] {
             let tick: f64 = digit * 10_f64.powi(power);
             if (low..=high).contains(&tick) {
-                // What a power of ten below 1 leaves behind the digit.
+                // The zeros before the first digit.
                 ticks.push((tick * 1e6).round() / 1e6);
             }
         }

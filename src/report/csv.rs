@@ -1,12 +1,12 @@
-//! What was measured for a spreadsheet: one line a variant and view.
+//! Measurements for a spreadsheet: one line a variant and view.
 
 use preshade_passes::contract::Verdict;
 
-use super::Report;
 use super::plain::plain;
-use crate::decide::decision::Decision;
 use crate::measure::crossover::Series;
+use crate::measure::record::Report;
 use crate::measure::{ErrorLadder, Estimate};
+use crate::search::plan::decision::Decision;
 
 /// Columns of [`verify`].
 const COLUMNS: [&str; 19] = [
@@ -144,12 +144,14 @@ pub(super) fn number(of: Option<f64>) -> String {
     of.map_or_else(String::new, |n| n.to_string())
 }
 
-/// What begins a formula, in full width too, and what a spreadsheet passes over ahead of one.
+/// Characters that begin a formula, full-width forms too, and characters that a spreadsheet skips
+/// before one.
 const FORMULAS: [char; 11] = [
     '=', '+', '-', '@', '\t', '\r', '\n', '\u{ff1d}', '\u{ff0b}', '\u{ff0d}', '\u{ff20}',
 ];
 
-/// A field as RFC 4180 quotes it. Text that a spreadsheet would take for a formula has an apostrophe ahead, quoted or not: names come from strangers (OWASP, "CSV Injection").
+/// A field, quoted by RFC 4180. Text that a spreadsheet would read as a formula gets an apostrophe,
+/// because names may come from strangers (OWASP, "CSV Injection").
 pub(crate) fn quoted(text: &str) -> String {
     let is_formula = text.trim_start_matches(' ').starts_with(FORMULAS);
     let guard = if is_formula { "'" } else { "" };

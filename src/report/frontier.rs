@@ -3,11 +3,11 @@
 use std::fmt::Write;
 
 use super::csv::{number as written, quoted};
-use super::{Chosen, ORIGINAL, PathTime};
-use crate::frontier::{Ended, Exploration, Fate, Point, explore};
 use crate::measure::Estimate;
+use crate::measure::record::{Chosen, ORIGINAL, PathTime};
+use crate::search::explore::{Ended, Exploration, Fate, Point};
 
-/// The frontier as lines of text, the least error first, and what became of the others.
+/// The frontier as lines of text, the least error first, and a summary of the other candidates.
 pub fn table(found: &Exploration) -> String {
     let mut out = format!(
         "{}, {}x{}, on {} ({}, {}), {}\n\n",
@@ -55,7 +55,7 @@ pub fn table(found: &Exploration) -> String {
     out
 }
 
-/// What to know of the frontier first: that nothing gains, where nothing does, and what a budget leaves.
+/// The headline: whether anything gains, and the choice under a budget.
 pub fn said(found: &Exploration) -> Vec<String> {
     let gains = |p: &Point| p.speedup.is_some_and(|s| s.low > 1.0);
     let timed = on_frontier(found).any(|p| p.name != ORIGINAL && p.speedup.is_some());
@@ -86,7 +86,7 @@ fn cells(found: &Exploration, point: &Point) -> [String; 6] {
     let dash = || "-".to_owned();
     let error = point.error.as_ref();
     [
-        error.map_or_else(dash, |e| number(explore::of(found.metric, e))),
+        error.map_or_else(dash, |e| number(found.metric.of(e))),
         error.map_or_else(dash, |e| number(e.max_abs)),
         point
             .time_ms
@@ -115,7 +115,7 @@ pub fn number(error: f64) -> String {
     }
 }
 
-/// What became of the candidates, counted.
+/// The number of candidates with each result.
 fn counted(found: &Exploration) -> String {
     let count =
         |of: &dyn Fn(&Fate) -> bool| found.points[1..].iter().filter(|p| of(&p.fate)).count();
@@ -190,7 +190,7 @@ pub fn ended(found: &Exploration) -> String {
     how + &verified
 }
 
-/// What became of a candidate, in words.
+/// The result of a candidate, in words.
 pub fn fate(point: &Point) -> String {
     match &point.fate {
         Fate::Frontier => "on the frontier".to_owned(),

@@ -1,7 +1,10 @@
-//! Reports as HTML: one self-contained file each, no network, no scripts but its own, readable without them.
+//! Reports as HTML: one self-contained file each, without network access, readable without its
+//! scripts.
 //!
-//! Data in, text out. [`explore`], [`verify`] and [`plan`] are the pages; what they are made of lies beside them: `base.html` is the frame of each, `variant.html` (filled by `section`) tells of one
-//! variant with its pictures, `effects.html` of what the scene calls for; `chart` and `range` are pictures of figures, `diff` of shaders, `words` is what is said of a promise.
+//! Data in, text out. [`explore`], [`verify`] and [`plan`] are the pages. `base.html` is the frame
+//! of each, `variant.html` (filled by `section`) shows one variant with its pictures, and
+//! `effects.html` shows the effects that the scene uses. `chart` and `range` draw figures, `diff`
+//! shows shaders, and `words` puts contracts into words.
 
 mod chart;
 mod diff;
@@ -14,8 +17,8 @@ mod words;
 
 use base64::Engine;
 
-use super::picture::Picture;
 use super::sheet;
+use crate::measure::record::Picture;
 
 /// Why a page could not be made.
 #[derive(Debug, thiserror::Error)]
@@ -32,13 +35,13 @@ pub enum Error {
     Json(#[from] serde_json::Error),
 }
 
-/// What every page has.
+/// The parts of every page.
 struct Shell {
     /// Title and headline.
     title: String,
     /// Where and how it was measured.
     about: String,
-    /// What to know first.
+    /// The headline.
     said: Vec<String>,
     /// The command that makes it again.
     command: String,
@@ -50,7 +53,7 @@ struct Shell {
     gallery: Gallery,
 }
 
-/// Pictures that the page's parts share, each once: as backgrounds, which a data URL is given to in one place.
+/// Pictures shared by the page's parts, each embedded once as a background.
 #[derive(Default)]
 struct Gallery {
     pictures: Vec<Shared>,
@@ -79,7 +82,8 @@ impl Gallery {
     }
 }
 
-/// Widest picture of a page, in pixels. Larger ones are reduced by a whole factor: a page is read in a browser, and the pictures themselves lie beside it.
+/// Widest picture of a page, in pixels. Larger ones are reduced by a whole factor; the full
+/// pictures are in the same folder.
 const WIDEST: u32 = 1280;
 
 /// A picture as the text of a URL.
@@ -94,7 +98,7 @@ fn data_uri(picture: &Picture) -> Result<String, Error> {
     Ok(format!("data:image/png;base64,{text}"))
 }
 
-/// What a page carries as data.
+/// The data of a page.
 fn data(figures: &impl serde::Serialize) -> Result<String, Error> {
     Ok(serde_json::to_string(figures)?.replace('<', "\\u003c"))
 }

@@ -3,8 +3,9 @@
 use std::borrow::Cow;
 use std::fmt::Write as _;
 
-/// Whether a terminal, a spreadsheet or a page would do something else with a character than show it: control characters, and those that turn the direction of writing
-/// (Unicode Standard Annex 9, section 2). Lines and tabs are no such.
+/// Whether a terminal, a spreadsheet or a page would act on a character instead of showing it:
+/// control characters, and those that change the writing direction (Unicode Standard Annex 9,
+/// section 2). Line breaks and tabs are allowed.
 pub fn is_obeyed(c: char) -> bool {
     let is_turning = matches!(
         c,
@@ -13,7 +14,7 @@ pub fn is_obeyed(c: char) -> bool {
     (c.is_control() && !matches!(c, '\n' | '\t')) || is_turning
 }
 
-/// The text with what would be obeyed told as a number, `\u{1b}` say. Lines may end in CR LF.
+/// The text with such characters escaped, for example as `\u{1b}`. Lines may end in CR LF.
 pub fn plain(text: &str) -> Cow<'_, str> {
     if !text.chars().any(is_obeyed) {
         return Cow::Borrowed(text);
@@ -40,7 +41,7 @@ mod tests {
     fn what_is_obeyed_is_told() {
         let name = "a\u{1b}[2J\u{7}\u{202e}b\u{9b}1A\rc";
         assert_eq!(plain(name), "a\\u{1b}[2J\\u{7}\\u{202e}b\\u{9b}1A\\u{d}c");
-        // The marks that turn what stands beside them.
+        // The marks that change the writing direction.
         assert_eq!(
             plain("a\u{200e}b\u{200f}c\u{61c}"),
             "a\\u{200e}b\\u{200f}c\\u{61c}"

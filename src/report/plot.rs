@@ -5,15 +5,15 @@ use std::fmt::Write;
 /// One chart.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Panel {
-    /// What is drawn, with its unit.
+    /// Name of the quantity, with its unit.
     pub title: String,
-    /// Lines, of points whose x rises.
+    /// Lines whose points have rising x.
     pub lines: Vec<Line>,
-    /// A height that is marked across the chart, a budget say.
+    /// A marked height across the chart, for example a budget.
     pub mark: Option<Mark>,
 }
 
-/// A height, and what it is.
+/// A height and its label.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mark {
     /// The height.
@@ -31,12 +31,12 @@ pub struct Line {
     pub points: Vec<(f64, f64)>,
 }
 
-/// Colours of lines: Okabe and Ito's, told apart by the colour-blind too.
+/// Line colours by Okabe and Ito, also distinct for colour-blind readers.
 const COLORS: [&str; 7] = [
     "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000",
 ];
 
-/// Pixels of a panel, and what its labels take.
+/// Pixels of a panel, and the margins for labels.
 const WIDTH: f64 = 400.0;
 const HEIGHT: f64 = 250.0;
 const LEFT: f64 = 64.0;
@@ -46,8 +46,9 @@ const BOTTOM: f64 = 36.0;
 const COLUMNS: usize = 2;
 const HEADER: f64 = 44.0;
 
-/// The panels as an SVG file, two in a row, under a title, over whole numbers. Heights are logarithmic where all are above 0 and the largest is more than ten times the least, and start at 0
-/// otherwise.
+/// The panels as an SVG file, two in a row, under a title. The x axis has whole numbers. The y axis
+/// is logarithmic if all values are positive and span more than a factor of ten; otherwise it
+/// starts at 0.
 pub fn svg(title: &str, x_label: &str, panels: &[Panel]) -> String {
     let mut names: Vec<&str> = Vec::new();
     for line in panels.iter().flat_map(|p| &p.lines) {
@@ -114,7 +115,7 @@ fn draw(out: &mut String, panel: &Panel, x_label: &str, names: &[&str]) {
         );
         text(out, (LEFT - 6.0, at + 4.0), "end", &number(tick));
     }
-    // What is along the side are whole numbers.
+    // The x axis has whole numbers.
     for tick in xs.ticks().into_iter().filter(|t| t.fract() == 0.0) {
         text(out, (x(tick), TOP + h + 16.0), "middle", &number(tick));
     }
@@ -180,7 +181,7 @@ impl Scale {
     /// `None` without a finite value.
     fn linear(values: impl Iterator<Item = f64>) -> Option<Self> {
         let (low, high) = ends(values)?;
-        // A single value stands in the middle.
+        // A single value is centred.
         let (low, high) = match low == high {
             true => (low - 1.0, high + 1.0),
             false => (low, high),
@@ -210,13 +211,13 @@ impl Scale {
         })
     }
 
-    /// Where a value stands, 0 to 1.
+    /// The place of a value, 0 to 1.
     fn at(self, value: f64) -> f64 {
         let of = |v: f64| if self.logarithmic { v.log10() } else { v };
         (of(value) - of(self.low)) / (of(self.high) - of(self.low))
     }
 
-    /// Decades, or round steps of which four to ten fit.
+    /// Decades, or round steps that fit four to ten times.
     fn ticks(self) -> Vec<f64> {
         if self.logarithmic {
             let exponents = self.low.log10().round() as i32..=self.high.log10().round() as i32;

@@ -1,7 +1,8 @@
-//! Overdraw as colours with a legend, and the contact sheet: original, variant, difference, overdraw before and after.
+//! Overdraw as colours with a legend, and the contact sheet: original, variant, difference,
+//! overdraw before and after.
 
-use super::picture::{DIFFERENCE_FACTOR, Picture, Pictures};
 use crate::measure::Shading;
+use crate::measure::record::{DIFFERENCE_FACTOR, Picture, Pictures};
 
 /// The ramp ends at this count at the least, so that pictures of small overdraw compare.
 pub const LEAST_SCALE: f32 = 4.0;
@@ -19,7 +20,7 @@ const UNCOVERED: [u8; 4] = [8, 8, 12, 255];
 const PAPER: [u8; 4] = [24, 24, 28, 255];
 const INK: [u8; 4] = [230, 230, 235, 255];
 
-/// Colour of a count, where the ramp ends at `scale`. Steps of the logarithm: from 1 to 2 is as far as from 4 to 8.
+/// The colour of a count on a logarithmic ramp that ends at `scale`.
 fn color(count: f32, scale: f32) -> [u8; 4] {
     if count <= 0.0 {
         return UNCOVERED;
@@ -31,7 +32,8 @@ fn color(count: f32, scale: f32) -> [u8; 4] {
     [channel(0), channel(1), channel(2), 255]
 }
 
-/// The counts of a frame as a picture (the mean of a pixel's samples), with a legend in its lower left corner.
+/// The counts of a frame as a picture, averaged over a pixel's samples, with a legend in the lower
+/// left corner.
 pub fn overdraw(shading: &Shading, scale: f32) -> Picture {
     let samples = shading.counts.samples.max(1) as usize;
     let mut picture = Picture {
@@ -146,7 +148,8 @@ fn laid_out(panels: Vec<(String, Picture)>) -> Picture {
     sheet
 }
 
-/// A label in lines of at most `width` characters, broken after a comma, a colon or a space where there is one.
+/// A label in lines of at most `width` characters. Breaks after a comma, a colon or a space if
+/// possible.
 fn wrap(label: &str, width: usize) -> Vec<String> {
     let mut rest: Vec<char> = label.chars().collect();
     let mut lines = Vec::new();
@@ -173,7 +176,7 @@ pub fn rows(variants: &[(String, &Pictures)]) -> Picture {
     laid_out(panels)
 }
 
-/// Alpha is data, not coverage: what is shown is opaque.
+/// Alpha is data, not coverage. The picture is opaque.
 pub(super) fn opaque(mut picture: Picture) -> Picture {
     for texel in picture.rgba.as_chunks_mut::<4>().0 {
         texel[3] = 255;

@@ -1,46 +1,25 @@
-//! A sweep as a table, a plot and rows of pictures: what a parameter costs in accuracy and gains in time; and the point that a budget leaves.
+//! A sweep as a table, a plot and rows of pictures: error and time by parameter.
 
+use preshade_passes::budget::Metric;
 use preshade_passes::contract::Verdict;
-use serde::{Deserialize, Serialize};
 
-use super::picture::{Picture, Pictures, file_name};
+use super::picture::file_name;
 use super::plot::{self, Line, Mark, Panel};
-use super::{Report, VariantReport, sheet};
+use super::sheet;
 use crate::emit::File;
 use crate::measure::ErrorLadder;
+use crate::measure::record::{Picture, Pictures, Report, SweepReport, VariantReport};
 use crate::render::Surplus;
-use crate::sweep::{AxisKind, Sweep, number};
-
-/// A sweep, and which variants are its points.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct SweepReport {
-    /// As it was written.
-    pub recipe: String,
-    /// What varies, `pass:parameter`, in the order of each point's values.
-    pub parameters: Vec<String>,
-    /// The parameter along a plot's side: the first range. `None`: words alone vary.
-    pub along: Option<usize>,
-    /// Every combination.
-    pub points: Vec<SweepPoint>,
-}
-
-/// A combination.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct SweepPoint {
-    /// The value of each parameter.
-    pub values: Vec<String>,
-    /// Name of the variant.
-    pub variant: String,
-}
+use crate::sweep::number;
 
 /// A combination that was drawn or refused, with its figures.
 #[derive(Clone, Copy)]
-struct Row<'a> {
+struct SweepRow<'a> {
     values: &'a [String],
     variant: &'a VariantReport,
 }
 
-impl Row<'_> {
+impl SweepRow<'_> {
     fn error(&self) -> Option<&ErrorLadder> {
         let measured = !matches!(self.variant.verdict, Verdict::NotMeasured { .. });
         self.variant.error.as_ref().filter(|_| measured)
@@ -52,30 +31,10 @@ impl Row<'_> {
 }
 
 impl SweepReport {
-    /// The sweep whose points are drawn as variants of these names, in order.
-    pub fn new(sweep: &Sweep, names: &[String]) -> Self {
-        let points = sweep.points.iter().zip(names);
-        Self {
-            recipe: sweep.text.clone(),
-            parameters: sweep
-                .axes
-                .iter()
-                .map(|a| format!("{}:{}", a.pass, a.parameter))
-                .collect(),
-            along: sweep.axes.iter().position(|a| a.kind == AxisKind::Range),
-            points: points
-                .map(|(point, name)| SweepPoint {
-                    values: point.values.clone(),
-                    variant: name.clone(),
-                })
-                .collect(),
-        }
-    }
-
-    fn rows<'a>(&'a self, report: &'a Report) -> impl Iterator<Item = Row<'a>> {
+    fn rows<'a>(&'a self, report: &'a Report) -> impl Iterator<Item = SweepRow<'a>> {
         self.points.iter().filter_map(|point| {
             let variant = report.variants.iter().find(|v| v.name == point.variant)?;
-            Some(Row {
+            Some(SweepRow {
                 values: &point.values,
                 variant,
             })
@@ -83,8 +42,8 @@ impl SweepReport {
     }
 
     /// The points apart by all parameters but the one along the side: a name, and the rows.
-    fn series<'a>(&'a self, report: &'a Report) -> Vec<(String, Vec<Row<'a>>)> {
-        let mut all: Vec<(String, Vec<Row<'a>>)> = Vec::new();
+    fn series<'a>(&'a self, report: &'a Report) -> Vec<(String, Vec<SweepRow<'a>>)> {
+        let mut all: Vec<(String, Vec<SweepRow<'a>>)> = Vec::new();
         for row in self.rows(report) {
             let others = self.parameters.iter().zip(row.values).enumerate();
             let name = others
@@ -100,7 +59,7 @@ impl SweepReport {
         all
     }
 
-    fn along<'a>(&self, row: &Row<'a>) -> &'a str {
+    fn along<'a>(&self, row: &SweepRow<'a>) -> &'a str {
         self.along
             .and_then(|i| row.values.get(i))
             .map_or("", String::as_str)
@@ -164,8 +123,9 @@ impl SweepReport {
         out
     }
 
-    /// Why points were not drawn, or kept their materials as written: each reason with the values it is of. Ends in an empty line.
-    fn not_drawn(&self, left: &[&Row<'_>]) -> String {
+    /// The points that were not drawn, or kept their materials as written, grouped by reason. Ends
+    /// in an empty line.
+    fn not_drawn(&self, left: &[&SweepRow<'_>]) -> String {
         let mut reasons: Vec<(&str, Vec<&str>)> = Vec::new();
         for row in left {
             let why = match (&row.variant.kept[..], &row.variant.verdict) {
@@ -188,7 +148,7 @@ impl SweepReport {
         lines.chain(["\n".to_owned()]).collect()
     }
 
-    fn cells(&self, row: &Row<'_>) -> [String; 13] {
+    fn cells(&self, row: &SweepRow<'_>) -> [String; 13] {
         let dash = || "-".to_owned();
         let error = |f: &dyn Fn(&ErrorLadder) -> f64, digits: usize| {
             row.error()
@@ -222,10 +182,12 @@ impl SweepReport {
         ]
     }
 
-    /// `NAME.svg`, and a sheet of pictures for each series, `NAME.SERIES.png`: original, variant and difference, a row a point.
+    /// `NAME.svg`, and a sheet of pictures for each series, `NAME.SERIES.png`: original, variant
+    /// and difference, a row a point.
     ///
     /// # Errors
-    /// What the PNG encoder says.
+    ///
+    /// The PNG encoder's.
     pub fn files(
         &self,
         report: &Report,
@@ -260,7 +222,7 @@ impl SweepReport {
         Ok(files)
     }
 
-    fn label(&self, row: &Row<'_>, series: &str) -> String {
+    fn label(&self, row: &SweepRow<'_>, series: &str) -> String {
         let along = match self.x_label() {
             "" => String::new(),
             label => format!("{label}={} ", self.along(row)),
@@ -273,34 +235,35 @@ impl SweepReport {
 
     fn plot(&self, report: &Report) -> String {
         let series = self.series(report);
-        let panel = |title: &str, mark: Option<Mark>, of: &dyn Fn(&Row<'_>) -> Option<f64>| Panel {
-            title: title.to_owned(),
-            mark,
-            lines: series
-                .iter()
-                .map(|(name, rows)| Line {
-                    name: match name.as_str() {
-                        "" => self.recipe.clone(),
-                        name => name.to_owned(),
-                    },
-                    points: rows
-                        .iter()
-                        .filter_map(|row| Some((number(self.along(row))?, of(row)?)))
-                        .collect(),
-                })
-                .filter(|line| !line.points.is_empty())
-                .collect(),
-        };
-        let budget = |name: &str| {
+        let panel =
+            |title: &str, mark: Option<Mark>, of: &dyn Fn(&SweepRow<'_>) -> Option<f64>| Panel {
+                title: title.to_owned(),
+                mark,
+                lines: series
+                    .iter()
+                    .map(|(name, rows)| Line {
+                        name: match name.as_str() {
+                            "" => self.recipe.clone(),
+                            name => name.to_owned(),
+                        },
+                        points: rows
+                            .iter()
+                            .filter_map(|row| Some((number(self.along(row))?, of(row)?)))
+                            .collect(),
+                    })
+                    .filter(|line| !line.points.is_empty())
+                    .collect(),
+            };
+        let budget = |metric: Metric| {
             let chosen = report.chosen.as_ref();
-            let budget = chosen.map(|c| c.budget).filter(|b| b.name() == name);
+            let budget = chosen.map(|c| c.budget).filter(|b| b.metric == metric);
             budget.map(|b| Mark {
-                height: b.most,
+                height: b.limit,
                 name: "budget",
             })
         };
         let original = report.variants.first().and_then(|v| v.time_ms.as_ref());
-        let divided = |row: &Row<'_>| {
+        let divided = |row: &SweepRow<'_>| {
             let cost = row.variant.cost.as_ref()?;
             cost.subdivision.clone()
         };
@@ -313,13 +276,13 @@ impl SweepReport {
                 }),
                 &|row| Some(row.variant.time_ms.as_ref()?.estimate.median),
             ),
-            panel("FLIP, mean", budget("flip_mean"), &|row| {
+            panel("FLIP, mean", budget(Metric::FlipMean), &|row| {
                 Some(row.error()?.flip_mean)
             }),
             panel("evaluations a frame", None, &|row| {
                 Some(divided(row)?.evaluations as f64)
             }),
-            panel("FLIP, 99th percentile", budget("flip_p99"), &|row| {
+            panel("FLIP, 99th percentile", budget(Metric::FlipP99), &|row| {
                 Some(row.error()?.flip_p99)
             }),
             panel("megabytes of new vertices", None, &|row| {
@@ -327,7 +290,7 @@ impl SweepReport {
             }),
             panel(
                 "largest difference of a channel",
-                budget("max_abs"),
+                budget(Metric::MaxAbs),
                 &|row| Some(row.error()?.max_abs),
             ),
         ];

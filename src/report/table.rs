@@ -2,8 +2,8 @@
 
 use preshade_passes::contract::Verdict;
 
-use super::{PathTime, Report, VariantReport};
-use crate::measure::{Clock, ShadowReport, verdict};
+use crate::measure::record::{PathTime, Report, VariantReport};
+use crate::measure::{Clock, ShadowReport};
 use crate::render::SelfTestResult;
 
 /// The report as lines of text.
@@ -42,7 +42,7 @@ pub fn render(report: &Report) -> String {
     let line = |cells: [&str; 9]| {
         let mut line = String::new();
         for (i, (cell, width)) in cells.iter().zip(widths).enumerate() {
-            // Words to the left, numbers to the right.
+            // Words align left, numbers right.
             if i < 2 {
                 line.push_str(&format!("{cell:<width$}  "));
             } else {
@@ -105,7 +105,7 @@ fn row(v: &VariantReport) -> [String; 9] {
     ]
 }
 
-/// What the figures are of, what broke, and what was left alone.
+/// The scene and adapter, broken contracts, and materials left alone.
 pub(super) fn notes(report: &Report) -> String {
     let mut out = String::new();
     if let Some(view) = report.variants.first().and_then(|v| v.by_view.first()) {
@@ -158,7 +158,7 @@ pub(super) fn notes(report: &Report) -> String {
                 cost.bytes as f64 / 1e6
             ));
         }
-        // What is swept has its errors, and why it was not drawn, in the sweep's own table.
+        // Swept variants have their errors and reasons in the sweep's own table.
         if !is_swept {
             out.push_str(&budgets(v));
         }
@@ -183,7 +183,7 @@ fn is_swept(report: &Report, name: &str) -> bool {
     points.any(|p| p.variant == name)
 }
 
-/// What an approximation may be off by, each budget beside what was measured.
+/// The budgets of an approximation, each beside the measured value.
 fn budgets(v: &VariantReport) -> String {
     let budgets = v.contract.budgets();
     let (Some(error), false) = (&v.error, budgets.is_empty()) else {
@@ -191,12 +191,12 @@ fn budgets(v: &VariantReport) -> String {
     };
     let told: Vec<String> = budgets
         .iter()
-        .map(|b| format!("{b} (measured {:.5})", verdict::measured(&b.metric, error)))
+        .map(|b| format!("{b} (measured {:.5})", b.of(error)))
         .collect();
     format!("{}: an approximation, {}\n", v.name, told.join(", "))
 }
 
-/// What a shadow pass leaves in the light's map, and what that costs.
+/// The results and the costs of a shadow pass.
 fn under_the_light(name: &str, shadow: &ShadowReport) -> String {
     let [w, h] = shadow.map;
     let mut line = format!(
@@ -214,7 +214,7 @@ fn under_the_light(name: &str, shadow: &ShadowReport) -> String {
     line + "\n"
 }
 
-/// What the self-tests of a variant's plans said: those that held in one line, the others in one each.
+/// The self-tests of a variant's plans: one line for all that passed, one for each other.
 fn self_tests(v: &VariantReport) -> String {
     let mut out = String::new();
     let mut held = 0;
@@ -247,9 +247,9 @@ fn self_tests(v: &VariantReport) -> String {
     out
 }
 
-/// One line a reason: which variants leave which materials as written.
+/// One line a reason: which variants leave which materials as written, or without which step.
 fn left_alone(report: &Report) -> String {
-    let mut reasons: Vec<(&str, Vec<&str>, Vec<&str>)> = Vec::new();
+    let mut reasons: Vec<(&str, Vec<&str>, Vec<&str>, Option<&str>)> = Vec::new();
     for v in report
         .variants
         .iter()
@@ -258,9 +258,10 @@ fn left_alone(report: &Report) -> String {
         for kept in &v.kept {
             let at = reasons
                 .iter()
-                .position(|r| r.0 == kept.why)
+                .position(|r| r.0 == kept.why && r.3 == kept.without.as_deref())
                 .unwrap_or_else(|| {
-                    reasons.push((&kept.why, Vec::new(), Vec::new()));
+                    let without = kept.without.as_deref();
+                    reasons.push((&kept.why, Vec::new(), Vec::new(), without));
                     reasons.len() - 1
                 });
             if !reasons[at].1.contains(&v.name.as_str()) {
@@ -280,9 +281,13 @@ fn left_alone(report: &Report) -> String {
     };
     reasons
         .iter()
-        .map(|(why, variants, materials)| {
+        .map(|(why, variants, materials, without)| {
+            let how = match without {
+                Some(step) => format!("without `{step}`"),
+                None => "as written".to_owned(),
+            };
             format!(
-                "{} as written in {}: {why}\n",
+                "{} {how} in {}: {why}\n",
                 quoted(materials),
                 quoted(variants)
             )
@@ -317,7 +322,8 @@ fn by_path(report: &Report) -> String {
     out
 }
 
-/// The speedups of every timed view, where there are several: what pays here may cost there.
+/// The speedups of every timed view, if there are several: a gain in one view may be a loss in
+/// another.
 fn by_view(report: &Report) -> String {
     let [original, variants @ ..] = report.variants.as_slice() else {
         return String::new();

@@ -1,10 +1,12 @@
-//! One draw of a scene as the bytes that a GPU pass asks for.
+//! Packs one draw of a scene into the bytes that a GPU pass needs.
 //!
-//! What a pass lists (by group, binding and location) is looked up in the author's program by reflection, and each member is filled
-//! from, in this order: the draw's values, the material's values, what its name means by convention ([`Semantic`](super::Semantic), mesh streams), and a plausible
-//! number derived from its name. `docs/reference/scenes.md` lists the names.
+//! Reflection finds each binding and location that the pass lists in the author's program. Each
+//! member gets its value from the first of these that has one: the draw's values, the material's
+//! values, the name's meaning by convention ([`Semantic`](super::Semantic), mesh streams), a
+//! plausible number derived from the name. `docs/reference/scene-values.md` lists the names.
 //!
-//! Nothing here depends on the plan: two variants of a material get the same bytes, and the same [`Data::id`]s, so a renderer uploads each once.
+//! Nothing here depends on the plan. Two variants of a material get the same bytes and the same
+//! [`Data::id`]s, so a renderer uploads each once.
 
 use std::sync::Arc;
 
@@ -30,7 +32,8 @@ use guessed::Origin;
 use streams::Streams;
 pub(super) use streams::unknown_stream;
 
-/// Bytes with a name of their content: equal bytes have equal ids, so a renderer may keep one GPU buffer an id.
+/// Bytes and a hash of them. Equal bytes have equal ids, so a renderer needs one GPU buffer for
+/// each id.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Data {
     /// First 16 bytes of the BLAKE3 hash of `bytes`.
@@ -53,9 +56,9 @@ impl Data {
 /// How often a buffer's content changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rate {
-    /// Never: the same for this draw in every frame.
+    /// The bytes are the same in every frame.
     Draw,
-    /// With the camera or the time.
+    /// The bytes follow the camera or the time.
     Frame,
 }
 
@@ -74,12 +77,12 @@ pub struct BufferBinding {
     pub rate: Rate,
 }
 
-/// What a texture binding shows.
+/// The content of a texture binding.
 #[derive(Clone, Debug, PartialEq)]
 pub enum TextureContent {
     /// An image with its mips.
     Image(Arc<Image>),
-    /// A depth texture of one value, for shadow maps: nothing is in shadow.
+    /// A depth texture filled with one value. A shadow map of this kind puts nothing in shadow.
     Depth {
         /// Width and height.
         size: [u32; 2],
@@ -134,8 +137,8 @@ pub struct VertexAttribute {
     pub offset: u64,
 }
 
-/// A vertex buffer: all attributes of one step mode, interleaved as a host would. It holds every attribute of the *author's* vertex stage, and lists
-/// those that this pass reads, so that all passes of a material share it.
+/// All attributes of one step mode, interleaved. The buffer holds every attribute of the author's
+/// vertex stage and lists those that this pass reads, so all passes of a material share it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VertexBuffer {
     /// Bytes from one vertex or instance to the next.
@@ -159,12 +162,12 @@ pub struct Indices {
     pub data: Data,
 }
 
-/// Everything a draw call needs but the pipeline.
+/// Everything a draw call needs except the pipeline.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DrawBindings {
     /// Uniform and storage buffers.
     pub buffers: Vec<BufferBinding>,
-    /// Textures. Those the pass takes from an attachment are the renderer's.
+    /// Textures, without those that the renderer takes from an attachment.
     pub textures: Vec<TextureBinding>,
     /// Samplers.
     pub samplers: Vec<SamplerBinding>,
@@ -172,15 +175,17 @@ pub struct DrawBindings {
     pub vertex_buffers: Vec<VertexBuffer>,
     /// Indices; `None` draws vertices in order.
     pub indices: Option<Indices>,
-    /// Vertices that there are.
+    /// Number of vertices in the buffers.
     pub vertex_count: u32,
-    /// What is drawn of them.
+    /// The range to draw.
     pub call: Call,
     /// Instances to draw.
     pub instances: u32,
 }
 
-/// A draw call but for its number of instances: `drawIndexed(count, instances, first, base_vertex, first_instance)`, or `draw(count, instances, first, first_instance)`.
+/// The arguments of a draw call except the number of instances:
+/// `drawIndexed(count, instances, first, base_vertex, first_instance)`, or
+/// `draw(count, instances, first, first_instance)`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Call {
     /// First index, or first vertex without indices.
@@ -189,15 +194,15 @@ pub struct Call {
     pub count: u32,
     /// Added to each index.
     pub base_vertex: i32,
-    /// What `instance_index` begins with.
+    /// First value of `instance_index`.
     pub first_instance: u32,
 }
 
 /// Binds everything that `pass` lists, for one draw in one frame.
 ///
 /// # Errors
-/// When a value does not fit its variable, a semantic is unknown, or a binding is of a kind a scene cannot fill (acceleration structures,
-/// binding arrays, immediate data).
+/// A value does not fit its variable, a semantic is unknown, or a scene cannot fill a binding of
+/// this kind (acceleration structures, binding arrays, immediate data).
 pub fn draw(
     scene: &Scene,
     material: &Material,
@@ -251,7 +256,8 @@ pub fn draw(
     Ok(out)
 }
 
-/// An adapter takes a module with immediate data only where its host asked for so many bytes of it, and nothing of a pass's bindings tells of them.
+/// Refuses immediate data. An adapter accepts it only if its host declared the size, and a pass's
+/// bindings do not contain it.
 fn refuse_immediates(material: &Material) -> Result<(), Error> {
     let mut globals = material.program.module().global_variables.iter();
     match globals.find(|(_, g)| g.space == AddressSpace::Immediate) {
@@ -267,7 +273,8 @@ fn refuse_immediates(material: &Material) -> Result<(), Error> {
     }
 }
 
-/// The buffers of [`draw`] whose [`Rate`] is [`Rate::Frame`], for another frame: all that a renderer must write anew when the camera moves.
+/// The buffers of [`draw`] with [`Rate::Frame`], for another frame. A renderer rewrites only these
+/// when the camera moves.
 ///
 /// # Errors
 /// As [`draw`].
@@ -301,10 +308,10 @@ pub fn uniform_buffers(
         .collect()
 }
 
-/// Packs the uniforms of one draw and drops them: whether its values fit their variables.
+/// Checks that the uniform values of one draw fit their variables.
 ///
 /// # Errors
-/// As [`draw`], for uniforms alone.
+/// As [`draw`], for uniforms only.
 pub(super) fn check(
     scene: &Scene,
     material: &Material,
@@ -324,10 +331,10 @@ pub(super) fn check(
     })
 }
 
-/// Elements of the runtime-sized array that a variable is or ends in, if it is one of those.
+/// Length of the runtime-sized array that the variable is or ends in, if there is one.
 ///
 /// # Errors
-/// A value is given for an element that it does not have.
+/// The scene sets an element beyond the end.
 fn runtime_length(
     material: &Material,
     streams: &Streams<'_>,
@@ -347,7 +354,8 @@ fn runtime_length(
     Ok(length)
 }
 
-/// Told of each scalar, vector and matrix that a buffer's values do not give: where its numbers came from, and what they are.
+/// Called for each scalar, vector and matrix that the scene does not set, with the origin and the
+/// numbers.
 type Observer<'o> = &'o mut dyn FnMut(&Leaf<'_>, Origin, &[f64; 16]);
 
 fn ignore(_: &Leaf<'_>, _: Origin, _: &[f64; 16]) {}
@@ -358,14 +366,14 @@ fn authored(pass: &GpuPass) -> impl Iterator<Item = &BindingUse> {
         .filter(|b| b.source == BindingSource::Author)
 }
 
-/// Name and type, in the author's program, of what a pass binds.
+/// Name and type of a bound variable in the author's program.
 fn variable<'a>(
     material: &'a Material,
     binding: &BindingUse,
 ) -> Result<(&'a str, naga::Handle<naga::Type>), Error> {
     let at = |g: &material::Global<'_>| (g.group, g.binding) == (binding.group, binding.binding);
     let all = || material::globals(&material.program).filter(at);
-    // Several variables may have one binding, each for entry points of its own.
+    // Several variables may share a binding if they belong to different entry points.
     let named = all().find(|g| g.name == binding.name);
     named
         .or_else(|| all().next())
@@ -470,7 +478,7 @@ fn fit(known: Known, leaf: &Leaf<'_>) -> Option<[f64; 16]> {
     Some(out)
 }
 
-/// A number between 0 and 1 that depends on a name and two indices alone.
+/// A number in 0..1 that depends only on a name and two indices.
 fn hash01(name: &str, index: usize, component: usize) -> f64 {
     let mut h: u32 = 0x811c_9dc5;
     for b in name
@@ -486,11 +494,11 @@ fn hash01(name: &str, index: usize, component: usize) -> f64 {
     f64::from(h) / f64::from(u32::MAX)
 }
 
-/// Beginnings of names that hold a place and no value.
+/// Prefixes of names that mean padding.
 pub(super) const PADDING: [&str; 5] = ["pad", "unused", "reserved", "dummy", "filler"];
 
-/// A value for a member whose name means nothing here: identity matrices, unit directions, positions around the origin, colours, counts of one,
-/// and numbers in 0.25..0.75 otherwise.
+/// A value for a member with an unknown name: identity matrices, unit directions, positions around
+/// the origin, colours, counts of 1, and otherwise numbers in 0.25..0.75.
 fn plausible(leaf: &Leaf<'_>) -> [f64; 16] {
     let name = normalise(leaf.name());
     let index = leaf.index.unwrap_or(0);
@@ -523,7 +531,7 @@ fn plausible(leaf: &Leaf<'_>) -> [f64; 16] {
             () if name == "constant" || name.contains("attenuationconstant") => 1.0,
             () if name == "linear" => 0.09,
             () if name == "quadratic" => 0.032,
-            // What is drawn at all is what is looked at: nothing see-through, nothing below an alpha test.
+            // Made-up materials should be visible: opaque and above any alpha test.
             () if name.contains("opacity") || name == "alpha" => 1.0,
             () if name.contains("alphatest") => 0.5,
             () if name.contains("displacement") => 0.02,
@@ -531,7 +539,7 @@ fn plausible(leaf: &Leaf<'_>) -> [f64; 16] {
             () if name.contains("density") => 0.05,
             () if name.contains("intensity") || name.contains("power") => 1.0 + 2.0 * h(c),
             () if name.contains("scale") || name.contains("tiling") || name.contains("freq") => 2.0,
-            // Cosines of a spot's cones: the outer one is the wider.
+            // These are cosines of a spot's cones; the outer cone is wider.
             () if name.contains("cutoff") && name.contains("outer") => 0.4,
             () if name.contains("cutoff") || name.contains("threshold") => 0.5,
             () if name == "ior" => 1.5,
@@ -648,7 +656,7 @@ fn texture(
     })
 }
 
-/// The inputs of a material's vertex entry point, struct arguments opened.
+/// The inputs of a material's vertex entry point, with struct arguments split into members.
 fn vertex_inputs(material: &Material) -> Result<Vec<preshade_passes::reflect::Io>, Error> {
     let (_, entry) = material
         .program

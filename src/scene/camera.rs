@@ -1,4 +1,5 @@
-//! Cameras: a look-at with a perspective projection onto depths of 0 to 1, in either direction, with the far plane at infinity if wanted.
+//! Cameras: look-at views with a perspective projection to depths of 0 to 1, forward or reversed,
+//! with an optionally infinite far plane.
 
 use glam::{Mat4, Vec3, Vec4};
 use preshade_passes::state::DepthDirection;
@@ -6,12 +7,12 @@ use serde::Deserialize;
 
 use super::Frame;
 
-/// A perspective camera at one place.
+/// A perspective camera at one position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
-    /// Eye.
+    /// Eye position.
     pub eye: Vec3,
-    /// What it looks at.
+    /// The point that the camera looks at.
     pub target: Vec3,
     /// Vertical field of view, in degrees.
     pub fov: f32,
@@ -19,14 +20,14 @@ pub struct Pose {
     pub time: f32,
 }
 
-/// An eye on a sphere round what it looks at, as viewers that are turned by dragging have it.
+/// An eye on a sphere around a target, as in viewers that you turn by dragging.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Orbit {
-    /// What it looks at; default the origin.
+    /// The target; the origin by default.
     #[serde(default)]
     pub target: [f32; 3],
-    /// Turn round y in degrees: at 0 the eye lies towards +x, at 90 towards -z.
+    /// Rotation around y in degrees: 0 puts the eye towards +x, 90 towards -z.
     pub yaw: f32,
     /// Degrees above the horizon.
     pub pitch: f32,
@@ -35,7 +36,7 @@ pub struct Orbit {
 }
 
 impl Orbit {
-    /// Where the eye is.
+    /// The eye position.
     pub fn eye(self) -> Vec3 {
         let (yaw, pitch) = (self.yaw.to_radians(), self.pitch.to_radians());
         let out = Vec3::new(
@@ -47,7 +48,7 @@ impl Orbit {
     }
 }
 
-/// Near and far planes; `far` may be infinite.
+/// Distances of the clip planes; `far` may be infinite.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Range {
     /// Distance of the near plane, above 0.
@@ -76,7 +77,7 @@ pub fn perspective(fov: f32, aspect: f32, range: Range, direction: DepthDirectio
 }
 
 impl Pose {
-    /// The view from here.
+    /// The view of this pose.
     pub fn frame(self, up: Vec3, aspect: f32, range: Range, direction: DepthDirection) -> Frame {
         Frame {
             view: Mat4::look_at_rh(self.eye, self.target, up),

@@ -1,4 +1,4 @@
-//! What can be wrong with a scene, said where it is wrong.
+//! Errors in scenes, each with its place in the scene file.
 
 use std::ops::Range;
 use std::path::Path;
@@ -9,8 +9,8 @@ use codespan_reporting::term;
 
 use crate::regular;
 
-/// A scene that cannot be loaded, or a draw that cannot be bound. [`Display`](std::fmt::Display) is one line; [`Error::render`] frames the
-/// place in the scene file.
+/// The scene cannot be loaded, or a draw cannot be bound. [`Display`](std::fmt::Display) is one
+/// line; [`Error::render`] shows the place in the scene file.
 #[derive(Clone, Debug)]
 pub struct Error {
     message: String,
@@ -28,10 +28,10 @@ struct Place {
 }
 
 impl Error {
-    /// Its code, as messages have it in brackets: it is one for all, for what is wrong is said where it is wrong.
+    /// The stable code. All scene errors share it.
     pub const CODE: &str = "scene";
 
-    /// An error that points at no place.
+    /// An error without a place.
     pub(crate) fn new(message: impl Into<String>) -> Self {
         Self {
             message: message.into(),
@@ -47,7 +47,7 @@ impl Error {
         Self::new(format!("cannot read `{}`: {error}", path.display()))
     }
 
-    /// A file that is none, or too large, or cannot be read.
+    /// A file is missing, too large or unreadable.
     pub(crate) fn unread(path: &Path, error: regular::Error) -> Self {
         match error {
             regular::Error::TooLarge(exceeded) => exceeded.into(),
@@ -55,14 +55,14 @@ impl Error {
         }
     }
 
-    /// Adds what would help.
+    /// Adds a remedy.
     #[must_use]
     pub(crate) fn help(mut self, help: impl Into<String>) -> Self {
         self.help = Some(help.into());
         self
     }
 
-    /// Adds the nearest of `known` to `wrong`, if one is near, or else all of them.
+    /// Suggests the nearest of `known`, or lists all of them if none is near.
     #[must_use]
     pub(crate) fn suggest<'a>(self, wrong: &str, known: impl IntoIterator<Item = &'a str>) -> Self {
         let known: Vec<&str> = known.into_iter().collect();
@@ -73,7 +73,7 @@ impl Error {
         }
     }
 
-    /// Points at a byte range of a scene file, unless the error already points somewhere.
+    /// Sets the place, unless the error already has one.
     #[must_use]
     pub(crate) fn at(mut self, file: &str, text: &str, range: Range<usize>) -> Self {
         self.place.get_or_insert_with(|| {
@@ -86,26 +86,26 @@ impl Error {
         self
     }
 
-    /// Adds an already rendered message of another part: a shader's own frame.
+    /// Adds a rendered message of another component, such as a shader error.
     #[must_use]
     pub(crate) fn detail(mut self, detail: impl Into<String>) -> Self {
         self.detail = Some(detail.into());
         self
     }
 
-    /// Names the value it is about, by its path in the shader.
+    /// Sets the path of the shader value that the error is about.
     #[must_use]
     pub(crate) fn about(mut self, path: impl Into<String>) -> Self {
         self.subject = Some(path.into());
         self
     }
 
-    /// The value it is about.
+    /// Path of the shader value that the error is about.
     pub(crate) fn subject(&self) -> Option<&str> {
         self.subject.as_deref()
     }
 
-    /// Puts a name before the message.
+    /// Prefixes the message with a name.
     #[must_use]
     pub(crate) fn within(mut self, what: &str) -> Self {
         self.message = format!("{what}: {}", self.message);
@@ -117,7 +117,7 @@ impl Error {
         &self.message
     }
 
-    /// What would help, if anything is known.
+    /// The remedy, if there is one.
     pub fn help_text(&self) -> Option<&str> {
         self.help.as_deref()
     }
@@ -185,7 +185,7 @@ impl From<crate::limits::Exceeded> for Error {
     }
 }
 
-/// The known name nearest to a wrong one, if it is near enough to be a slip: at most a third of its letters differ.
+/// The known name nearest to a wrong one, if at most a third of its letters differ.
 pub(crate) fn nearest<'a>(wrong: &str, known: &[&'a str]) -> Option<&'a str> {
     known
         .iter()
@@ -195,7 +195,7 @@ pub(crate) fn nearest<'a>(wrong: &str, known: &[&'a str]) -> Option<&'a str> {
         .map(|(_, k)| k)
 }
 
-/// Edit distance of Levenshtein, with a swap of neighbours counted as one (Damerau's restricted form).
+/// Damerau-Levenshtein distance, restricted form: a swap of adjacent letters costs 1.
 fn distance(a: &str, b: &str) -> usize {
     let (a, b): (Vec<char>, Vec<char>) = (a.chars().collect(), b.chars().collect());
     let mut rows = vec![(0..=b.len()).collect::<Vec<_>>()];

@@ -1,4 +1,4 @@
-//! The TOML of a scene, as data. `docs/reference/scenes.md` documents it for users; a field's doc here says only what that page needs to stay true.
+//! The TOML of a scene, as data. `docs/reference/scenes.md` documents it for users.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -33,7 +33,7 @@ pub(super) struct SceneFile {
     #[serde(default)]
     pub light: Light,
     pub orders: Option<Vec<DrawOrder>>,
-    /// Numbers and names that entries refer to as `"$name"`, and that a command line sets.
+    /// Values that entries refer to as `"$name"` and that the command line sets.
     #[serde(default)]
     pub variables: BTreeMap<String, Variable>,
     #[serde(default)]
@@ -108,7 +108,7 @@ pub(super) enum BlendName {
     Add,
 }
 
-/// What a preprocessor puts in the place of a name.
+/// The replacement text of a preprocessor definition.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(untagged, expecting = "a text, a number, true or false")]
 pub(super) enum Definition {
@@ -122,7 +122,7 @@ impl fmt::Display for Definition {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Integer(number) => write!(f, "{number}"),
-            // As GLSL writes one: 1.0, not 1.
+            // GLSL needs the decimal point: 1.0, not 1.
             Self::Float(number) => write!(f, "{number:?}"),
             Self::Truth(truth) => write!(f, "{truth}"),
             Self::Text(text) => f.write_str(text),
@@ -140,7 +140,7 @@ pub(super) enum RawValue {
     List(Vec<RawValue>),
 }
 
-/// Exactly one of its shapes.
+/// A mesh entry has exactly one of these shapes.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct MeshEntry {
@@ -175,22 +175,22 @@ pub(super) struct Part {
     pub field: Option<Spanned<Field>>,
 }
 
-/// Copies on a grid, jittered, turned and scaled at random by a seed.
+/// Copies on a grid, with jitter, rotation and scale from a seed.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Field {
     /// Copies along x, y and z, `spacing` apart.
     pub count: Option<[u32; 3]>,
     pub spacing: Option<[f32; 3]>,
-    /// Instead of both: so many over `area`, along x and z.
+    /// Alternative to `count` and `spacing`: this many copies over `area`, along x and z.
     pub copies: Option<Setting<u32>>,
     pub area: Option<[f32; 2]>,
-    /// Of `copies`, in parts of their spacing.
+    /// Jitter of the copies, as a fraction of their spacing.
     #[serde(default)]
     pub jitter: [f32; 3],
     #[serde(default)]
     pub order: Setting<FieldOrder>,
-    /// Largest random turn round y, in degrees.
+    /// Largest random rotation around y, in degrees.
     #[serde(default)]
     pub turn: f32,
     #[serde(default = "one_to_one")]
@@ -205,7 +205,7 @@ fn one_to_one() -> [f32; 2] {
     [1.0, 1.0]
 }
 
-/// A value, or the variable that holds it.
+/// A value, or the name of a variable.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(untagged, expecting = "a value, or the \"$name\" of a variable")]
 pub(super) enum Setting<T> {
@@ -219,7 +219,7 @@ impl<T: Default> Default for Setting<T> {
     }
 }
 
-/// Which copy comes first.
+/// Order of the copies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum FieldOrder {
@@ -232,14 +232,14 @@ pub(super) enum FieldOrder {
     Shuffled,
 }
 
-/// What a field of a draw becomes.
+/// How a draw's copies are drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum FieldKind {
     /// One instanced draw.
     #[default]
     Instances,
-    /// A draw each.
+    /// One draw per copy.
     Draws,
 }
 
@@ -258,7 +258,7 @@ pub(super) struct DrawEntry {
     pub material: Spanned<String>,
     #[serde(default)]
     pub translate: [f32; 3],
-    /// Degrees round x, then y, then z.
+    /// Degrees around x, then y, then z.
     #[serde(default)]
     pub rotate: [f32; 3],
     pub scale: Option<Scale>,
@@ -286,7 +286,7 @@ pub(super) struct CameraEntry {
     pub name: Option<String>,
     pub eye: Option<[f32; 3]>,
     pub target: Option<[f32; 3]>,
-    /// Instead of eye and target.
+    /// Alternative to eye and target.
     pub orbit: Option<Orbit>,
     #[serde(default = "up")]
     pub up: [f32; 3],
@@ -313,7 +313,7 @@ pub(super) struct PathEntry {
 pub(super) struct Key {
     pub eye: Option<[f32; 3]>,
     pub target: Option<[f32; 3]>,
-    /// Instead of eye and target.
+    /// Alternative to eye and target.
     pub orbit: Option<Orbit>,
     pub fov: Option<f32>,
     pub time: Option<f32>,

@@ -11,24 +11,25 @@ use super::{Error, Image};
 pub enum Pattern {
     /// One colour, the first.
     Solid,
-    /// Two colours by turns.
+    /// Two colours in alternation.
     #[default]
     Checker,
     /// Five octaves of value noise.
     Noise,
-    /// Running bond with mortar, each brick of its own shade.
+    /// Running bond with mortar; each brick has its own shade.
     Bricks,
-    /// Rounded stones of differing shade in a jittered grid.
+    /// Rounded stones of varying shade in a jittered grid.
     Stones,
     /// From the first colour at the top to the second at the bottom.
     Gradient,
-    /// Leaves: opaque ellipses on nothing.
+    /// Leaves: opaque ellipses on a transparent background.
     Leaf,
-    /// Chain links: opaque rings on nothing.
+    /// Chain links: opaque rings on a transparent background.
     Chain,
     /// Lace: cloth with round holes.
     Lace,
-    /// Blades of grass that stand on the lower edge, each of its own height and lean, on nothing.
+    /// Blades of grass on the lower edge, with varying height and lean, on a transparent
+    /// background.
     Blades,
 }
 
@@ -40,7 +41,7 @@ pub enum Pattern {
     expecting = "a table: { pattern = \"checker\" } or { file = \"albedo.png\" } say"
 )]
 pub struct Recipe {
-    /// A pattern to generate; or else `file`.
+    /// A pattern to generate, if there is no `file`.
     pub pattern: Option<Pattern>,
     /// A PNG file, relative to the scene's folder.
     pub file: Option<String>,
@@ -48,15 +49,15 @@ pub struct Recipe {
     pub size: u32,
     /// Cells of the pattern across the texture, 1 to 4096.
     pub scale: u32,
-    /// Seed of what is random in it.
+    /// Random seed.
     pub seed: u32,
     /// Colours for heights 0 and 1, as stored (that is sRGB-encoded when `srgb`), 0 to 1.
     pub colors: [[f32; 3]; 2],
-    /// Make a normal map of the pattern's height with this strength instead of a colour.
+    /// Generates a normal map of this strength from the pattern's height, instead of a colour.
     pub normal: Option<f32>,
     /// Whether texels are sRGB-encoded. Default: no for patterns, yes for files.
     pub srgb: Option<bool>,
-    /// Whether there are mip levels.
+    /// Whether to generate mip levels.
     pub mips: bool,
 }
 
@@ -76,11 +77,12 @@ impl Default for Recipe {
     }
 }
 
-/// The most texels along a side of a generated texture, and the most cells: more than a texel has no more to show.
+/// Largest side of a generated texture and largest number of cells. More cells than texels would
+/// not be visible.
 pub(super) const MAX_SIDE: u32 = 4096;
 
 impl Recipe {
-    /// The image of a generated pattern (the default pattern where none is named).
+    /// The generated image.
     pub fn generate(&self) -> Image {
         let pattern = self.pattern.unwrap_or_default();
         let n = self.size.clamp(1, MAX_SIDE);
@@ -125,7 +127,8 @@ impl Recipe {
         self.decode_within(name, bytes, &limits, &|_| Ok(()))
     }
 
-    /// [`Recipe::decode`], of what may be asked for: the size that the file names is looked at, and given to `hold`, before room is made for it.
+    /// [`Recipe::decode`] with a size check: `hold` gets the image's size before we allocate memory
+    /// for it.
     pub(super) fn decode_within(
         &self,
         name: &str,

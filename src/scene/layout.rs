@@ -1,4 +1,5 @@
-//! Values into bytes: walks a host-shareable type as naga lays it out and asks for each scalar, vector and matrix of it.
+//! Packs values into bytes: walks a host-shareable type with naga's layout and fills each scalar,
+//! vector and matrix.
 
 use std::collections::BTreeMap;
 
@@ -6,11 +7,11 @@ use naga::{ArraySize, Handle, Module, ScalarKind, Type, TypeInner, VectorSize};
 
 use super::{Error, Semantic, Value};
 
-/// A scalar, vector or matrix inside a variable, about to be filled.
+/// A scalar, vector or matrix inside a variable.
 pub(crate) struct Leaf<'a> {
-    /// `variable.member.member`, indices left out.
+    /// The path without indices: `variable.member.member`.
     pub path: &'a [Segment<'a>],
-    /// Index in the innermost array around it.
+    /// Index in the innermost enclosing array.
     pub index: Option<usize>,
     /// 1 for scalars and vectors.
     pub columns: u32,
@@ -18,12 +19,12 @@ pub(crate) struct Leaf<'a> {
     pub rows: u32,
     /// Scalar kind.
     pub kind: ScalarKind,
-    /// What the author's values say it is.
+    /// The semantic that the author's values name.
     pub semantic: Option<Semantic>,
 }
 
 impl Leaf<'_> {
-    /// Name of the member, or of the variable.
+    /// Name of the member or variable.
     pub fn name(&self) -> &str {
         self.path
             .iter()
@@ -47,7 +48,8 @@ impl Leaf<'_> {
         join(self.path, true)
     }
 
-    /// What the name means by convention: with the struct's before it (`camera.position`), or alone.
+    /// The conventional meaning of the name, qualified by the struct's name (`camera.position`) or
+    /// alone.
     pub fn named(&self) -> Option<Semantic> {
         let mut names = self.path.iter().rev().filter_map(|s| match s {
             Segment::Name(n) => Some(*n),
@@ -67,7 +69,7 @@ pub(crate) enum Segment<'a> {
     Index(usize),
 }
 
-/// A path as users write it, `lights[1].color`; `indexed` or not.
+/// A path in the scene's syntax, `lights[1].color`, with or without indices.
 fn join(path: &[Segment<'_>], indexed: bool) -> String {
     let mut out = String::new();
     for segment in path {
@@ -113,7 +115,7 @@ pub(crate) fn scalar_count(module: &Module, ty: Handle<Type>, dynamic: usize) ->
     }
 }
 
-/// The element type and stride of the runtime-sized array a type is or ends in.
+/// Element type and stride of the runtime-sized array that the type is or ends in.
 pub(crate) fn runtime_array(module: &Module, ty: Handle<Type>) -> Option<Handle<Type>> {
     match &module.types[ty].inner {
         TypeInner::Array {
@@ -152,7 +154,8 @@ fn size_of(module: &Module, ty: Handle<Type>, dynamic: usize) -> usize {
     }
 }
 
-/// Bytes from a matrix column to the next (WGSL section 13.4.1): columns of three take the room of four.
+/// Bytes from one matrix column to the next (WGSL section 13.4.1). Columns of three occupy the
+/// space of four.
 fn column_stride(rows: u32, scalar: naga::Scalar) -> usize {
     let rows = if rows == VectorSize::Tri as u32 {
         4
@@ -162,17 +165,18 @@ fn column_stride(rows: u32, scalar: naga::Scalar) -> usize {
     rows as usize * scalar.width as usize
 }
 
-/// The values that a scene gives, by path.
+/// The scene's values, by path.
 #[derive(Clone, Copy)]
 pub(crate) struct Given<'a> {
-    /// Those of the draw, which go before the others, wholes and parts alike.
+    /// Values of the draw. They take precedence over the material's, for whole variables and for
+    /// parts.
     pub draw: &'a BTreeMap<String, Value>,
-    /// Those of its material.
+    /// Values of the material.
     pub material: &'a BTreeMap<String, Value>,
 }
 
-/// Fills a variable of type `ty` and returns its bytes, padded to a multiple of 16. `given` is searched by path at every level; what it
-/// does not name is asked of `leaf`, whose numbers are column by column.
+/// Fills a variable of type `ty` and returns its bytes, padded to a multiple of 16. Every level is
+/// looked up in `given` by path. `leaf` provides the missing numbers in column-major order.
 pub(crate) fn pack<'a>(
     module: &'a Module,
     name: &'a str,
@@ -210,9 +214,10 @@ struct Packer<'a> {
 }
 
 impl<'a> Packer<'a> {
-    /// The value given for where the path is, and whether the draw gives it. Of what is filled already the draw alone may say more.
+    /// The value at the current path, and whether it comes from the draw. Only a draw's value
+    /// overwrites a filled one.
     fn found(&self, is_filled: bool) -> Option<(&'a Value, bool)> {
-        // An unnamed block of GLSL has no path of its own: its members are called by their names alone.
+        // The members of an unnamed GLSL block have no prefix.
         if self.path.is_empty() {
             return None;
         }
@@ -228,9 +233,9 @@ impl<'a> Packer<'a> {
         })
     }
 
-    /// Writes what is given, and unless `is_filled` what is not.
+    /// Writes the scene's values, and default values unless `is_filled`.
     fn write(&mut self, ty: Handle<Type>, offset: usize, mut is_filled: bool) -> Result<(), Error> {
-        // Large arrays of which nothing is given are not looked up by element.
+        // Skip the lookup per element for large arrays without values.
         if is_filled && self.given.draw.is_empty() {
             return Ok(());
         }
@@ -308,7 +313,7 @@ impl<'a> Packer<'a> {
         Ok(())
     }
 
-    /// Takes numbers in order; a single one is repeated.
+    /// Takes numbers in order, or repeats a single number.
     fn fill(&mut self, ty: Handle<Type>, offset: usize, numbers: &[f64], at: &mut usize) {
         let module = self.module;
         match &module.types[ty].inner {
@@ -357,7 +362,7 @@ impl<'a> Packer<'a> {
     }
 }
 
-/// One scalar in little endian; the slice's length is its width.
+/// Writes one little-endian scalar; the slice's length is its width.
 pub(crate) fn scalar_bytes(out: &mut [u8], kind: ScalarKind, n: f64) {
     match (kind, out.len()) {
         (ScalarKind::Float, 8) => out.copy_from_slice(&n.to_le_bytes()),
@@ -368,7 +373,7 @@ pub(crate) fn scalar_bytes(out: &mut [u8], kind: ScalarKind, n: f64) {
     }
 }
 
-/// Every path into a variable that a value may name, indices left out.
+/// Every path into a variable that a value may name, without indices.
 pub(crate) fn paths(module: &Module, name: &str, ty: Handle<Type>) -> Vec<String> {
     let mut out = match name {
         "" => Vec::new(),

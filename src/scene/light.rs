@@ -1,4 +1,4 @@
-//! The scene's directional light, and the scene as it sees it: what a shadow map is drawn from.
+//! The scene's directional light, and the view from it that fills a shadow map.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -9,16 +9,17 @@ use preshade_passes::state::DepthDirection;
 use super::{Camera, Error, Frame, Scene, Stream, bind, file, load};
 use crate::limits::Limits;
 
-/// A directional light and the box of the world that its shadow map covers.
+/// A directional light and the world-space box that its shadow map covers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Light {
-    /// Towards the light, of length 1.
+    /// Unit vector towards the light.
     pub direction: Vec3,
     /// RGB radiance.
     pub color: Vec3,
-    /// Middle of the box, in world space; `None`: of what is drawn.
+    /// Centre of the box in world space; `None` is the centre of the draws.
     pub center: Option<Vec3>,
-    /// Width, height and depth of the box as the light sees it, in world units; `None`: holds the bounding boxes of all draws.
+    /// Width, height and depth of the box in light space, in world units; `None` fits the bounding
+    /// boxes of all draws.
     pub extent: Option<Vec3>,
     /// Width and height of the shadow map, in pixels.
     pub map: u32,
@@ -36,20 +37,21 @@ impl Default for Light {
     }
 }
 
-/// Distance from the light's eye to its near plane, in world units: shaders divide by it.
+/// Distance from the light's eye to its near plane, in world units. Shaders divide by it, so it is
+/// not 0.
 const NEAR: f32 = 1.0;
 
-/// An error and where in the scene file it is.
+/// An error and its place in the scene file.
 pub(super) struct Misplaced {
     pub error: Error,
     pub at: Range<usize>,
 }
 
 impl Light {
-    /// A scene file's `light` table, what it leaves out being the default.
+    /// Reads a scene file's `light` table, with defaults for missing keys.
     ///
     /// # Errors
-    /// With the place in the file of the key that is to blame.
+    /// The place in the file is that of the invalid key.
     pub(super) fn read(entry: &file::Light, limits: &Limits) -> Result<Self, Box<Misplaced>> {
         let default = Self::default();
         let direction = match &entry.direction {
@@ -101,7 +103,7 @@ fn misplaced(error: Error, at: Range<usize>) -> Box<Misplaced> {
 }
 
 impl Scene {
-    /// The light's orthographic view at a time in seconds, with depth growing away from it.
+    /// The light's orthographic view at a time in seconds. Depth grows away from the light.
     pub fn light_frame(&self, time: f32) -> Frame {
         let light = &self.light;
         let up = if light.direction.y.abs() > 0.99 {
@@ -109,14 +111,14 @@ impl Scene {
         } else {
             Vec3::Y
         };
-        // `direction` is zero in a scene that has no light.
+        // `direction` is zero if the scene has no light.
         let toward = light.direction.try_normalize().unwrap_or(Vec3::Y);
         let turned = Mat4::look_to_rh(Vec3::ZERO, -toward, up);
         let (low, high) = self.bounds(turned).unwrap_or((-Vec3::ONE, Vec3::ONE));
         let center = light
             .center
             .unwrap_or_else(|| turned.inverse().transform_point3((low + high) * 0.5));
-        // A little room, for what displacement and skinning move out of the boxes.
+        // A margin for displacement and skinning, which can move vertices out of the boxes.
         let room = Vec3::new(0.0, 0.0, 2.0);
         let extent = light
             .extent
@@ -139,7 +141,8 @@ impl Scene {
         }
     }
 
-    /// The scene drawn into the light's shadow map: one camera named `light` at a time in seconds, one sample, forward depth, the whole map.
+    /// The scene as the light's shadow map sees it: one camera named `light` at a time in seconds,
+    /// one sample, forward depth, the whole map.
     #[must_use]
     pub fn seen_from_light(&self, time: f32) -> Self {
         let camera = Camera {
@@ -156,11 +159,12 @@ impl Scene {
         scene
     }
 
-    /// The scene with the uniforms that `names` lists, by material, held at what they are in `frame`; whatever is not listed follows the scene's
-    /// cameras. A name is a variable or a member, as in [`GpuPass::view_dependent`](preshade_passes::plan::GpuPass::view_dependent).
+    /// The scene with the uniforms in `names` (by material) fixed at their values in `frame`. All
+    /// others follow the scene's cameras. A name is a variable or a member, as in
+    /// [`GpuPass::view_dependent`](preshade_passes::plan::GpuPass::view_dependent).
     ///
     /// # Errors
-    /// When a value of the scene does not fit its variable.
+    /// A value of the scene does not fit its variable.
     pub fn with_uniforms_from(
         mut self,
         frame: &Frame,
@@ -183,7 +187,8 @@ impl Scene {
         Ok(self)
     }
 
-    /// Least and greatest corner of all draws' bounding boxes, under `turned`. `None` where nothing has a box.
+    /// Corners of the box around all draws, transformed by `turned`. `None` if no draw has a
+    /// bounding box.
     fn bounds(&self, turned: Mat4) -> Option<(Vec3, Vec3)> {
         let mut bounds: Option<(Vec3, Vec3)> = None;
         for draw in &self.draws {

@@ -1,4 +1,4 @@
-//! A scene file into a [`Scene`].
+//! Reads a scene file into a [`Scene`].
 
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -26,40 +26,42 @@ use super::{
 };
 use crate::{front, regular};
 
-/// What `scene-bytes` counts.
+/// The quantity that the limit `scene-bytes` counts.
 pub(super) const SCENE_BYTES: &str = "the bytes of vertex data, texels and draws";
 
 /// Largest width and height of a target: WebGPU's default `maxTextureDimension2D`.
 pub(super) const MAX_SIZE: u32 = 8192;
 
-/// Loads a scene file. `docs/reference/scenes.md` documents the format, and which folders its paths may reach.
+/// Loads a scene file. `docs/reference/scenes.md` documents the format and the folders that its
+/// paths may reach.
 ///
 /// # Errors
-/// Anything wrong with the file, each with its place in it: TOML syntax, an unknown key (with the nearest known one), a size of 0, a missing
-/// material, mesh or file, a path outside of the scene's root, a shader that does not compile, a value its shader does not have.
+/// Anything wrong with the file, with its place: TOML syntax, an unknown key (with the nearest
+/// known one), a size of 0, a missing material, mesh or file, a path outside of the scene's root, a
+/// shader that does not compile, a value that the shader does not have.
 pub fn load(path: &Path) -> Result<Scene, Error> {
     load_with(path, &Variables::new())
 }
 
-/// [`load`], with some of the scene's variables set to other values.
+/// [`load`] with values for some of the scene's variables.
 ///
 /// # Errors
-/// As [`load`], and a variable that the scene does not have.
+/// As [`load`], or an unknown variable.
 pub fn load_with(path: &Path, variables: &Variables) -> Result<Scene, Error> {
     load_within(path, variables, Access::default())
 }
 
-/// [`load_with`], of what may be reached and asked for.
+/// [`load_with`] under the limits of `access`.
 ///
 /// # Errors
-/// As [`load_with`], and what is beyond a limit.
+/// As [`load_with`], or a limit is exceeded.
 pub fn load_within(path: &Path, variables: &Variables, access: Access) -> Result<Scene, Error> {
     let text =
         regular::text(path, &access.limits, "source-bytes").map_err(|e| Error::unread(path, e))?;
     read(&text, path, variables, access)
 }
 
-/// The scene of a text, as if it stood in the file `path`, whose folder must be there.
+/// Reads scene text as if it were the file `path`. The folder must exist.
 ///
 /// # Errors
 /// As [`load_within`].
@@ -88,7 +90,8 @@ pub fn read(
     .scene(stem.unwrap_or_default())
 }
 
-/// Fails where brackets are open deeper than a parser's stack may bear. Those in strings count too, which no scene has reason for.
+/// Fails if brackets nest deeper than the parser's stack allows. Brackets in strings count too:
+/// scenes do not need them there.
 fn nested(text: &str, most: u64) -> Result<(), Error> {
     let mut open = 0_u64;
     for byte in text.bytes() {
@@ -106,7 +109,7 @@ fn nested(text: &str, most: u64) -> Result<(), Error> {
     Ok(())
 }
 
-/// The scene file's text, to point into.
+/// The scene file's text, for error messages.
 #[derive(Clone, Copy)]
 pub(super) struct Source<'a> {
     name: &'a str,
@@ -118,7 +121,7 @@ impl Source<'_> {
         error.at(self.name, self.text, range)
     }
 
-    /// toml's own message, with a suggestion where it names what it expected.
+    /// toml's message, with a suggestion if it names the expected keys.
     fn toml_error(&self, e: &toml::de::Error) -> Error {
         let message = e.message().trim_end();
         let quoted: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
@@ -151,12 +154,64 @@ struct Loader<'a> {
     file: SceneFile,
     variables: Variables,
     access: Access,
-    /// Bytes of the scene so far.
+    /// Size of the scene so far, in bytes.
     held: Cell<u64>,
 }
 
 impl Loader<'_> {
     fn scene(&self, stem: String) -> Result<Scene, Error> {
+        let f = &self.file;
+        let at = |e: Error, range: Range<usize>| self.source.at(e, range);
+        let (size, viewport, samples) = self.target()?;
+        let limits = &self.access.limits;
+        let light = Light::read(&f.light, limits).map_err(|e| at(e.error, e.at))?;
+        let materials = f
+            .materials
+            .iter()
+            .map(|(name, entry)| {
+                self.material(name, entry.get_ref(), samples)
+                    .map_err(|e| at(e, entry.span()))
+            })
+            .collect::<Result<Vec<_>, _>>()?;
+        let meshes = meshes::build(
+            &self.source,
+            &self.folder,
+            &self.variables,
+            &f.meshes,
+            limits,
+            self.held.get(),
+        )?;
+        let draws = self.draws(&materials, &meshes)?;
+        let mut scene = Scene {
+            name: f.name.clone().unwrap_or(stem),
+            size,
+            viewport,
+            depth_format: f.depth.format,
+            depth_direction: f.depth.direction,
+            samples,
+            clear_color: f.clear,
+            materials,
+            meshes: meshes.into_iter().map(|m| m.mesh).collect(),
+            draws,
+            cameras: Vec::new(),
+            orders: match &f.orders {
+                Some(orders) if !orders.is_empty() => orders.clone(),
+                _ => vec![
+                    DrawOrder::FrontToBack,
+                    DrawOrder::BackToFront,
+                    DrawOrder::Shuffled,
+                ],
+            },
+            light,
+            files: self.folder.files(),
+        };
+        scene.cameras = self.cameras(scene.aspect())?;
+        self.check_values(&scene)?;
+        Ok(scene)
+    }
+
+    /// Size, viewport and samples of the colour target.
+    fn target(&self) -> Result<([u32; 2], Option<[u32; 4]>, u32), Error> {
         let f = &self.file;
         let at = |e: Error, range: Range<usize>| self.source.at(e, range);
         let size = match &f.size {
@@ -195,102 +250,70 @@ impl Loader<'_> {
                 return Err(at(e, s.span()));
             }
         };
-        let limits = &self.access.limits;
         let pixels = size.into_iter().map(u64::from).product::<u64>() * u64::from(samples);
-        if let Err(e) = limits.check("pixels", pixels, "the samples of the target") {
-            let e = Error::from(e);
-            return Err(match &f.size {
-                Some(s) => at(e, s.span()),
-                None => e,
-            });
-        }
-        let light = Light::read(&f.light, limits).map_err(|e| at(e.error, e.at))?;
-        let materials = f
-            .materials
-            .iter()
-            .map(|(name, entry)| {
-                self.material(name, entry.get_ref(), samples)
-                    .map_err(|e| at(e, entry.span()))
-            })
-            .collect::<Result<Vec<_>, _>>()?;
-        let meshes = meshes::build(
-            &self.source,
-            &self.folder,
-            &self.variables,
-            &f.meshes,
-            limits,
-            self.held.get(),
-        )?;
+        let checked = self
+            .access
+            .limits
+            .check("pixels", pixels, "the samples of the target");
+        checked.map_err(|e| match &f.size {
+            Some(s) => at(e.into(), s.span()),
+            None => e.into(),
+        })?;
+        Ok((size, viewport, samples))
+    }
+
+    /// All draws, in the order of the file.
+    fn draws(&self, materials: &[Material], meshes: &[Rigged]) -> Result<Vec<Draw>, Error> {
         let mut draws = Vec::new();
         let data = meshes
             .iter()
             .map(|m| size::of_mesh(&m.mesh) + size::of_joints(m.joints.len()));
         self.hold(data.sum())?;
-        for entry in &f.draws {
+        for entry in &self.file.draws {
             let before = draws.len();
-            let drawn = self.draw(entry.get_ref(), &materials, &meshes, &mut draws);
+            let drawn = self.draw(entry.get_ref(), materials, meshes, &mut draws);
             let counted = drawn.and_then(|()| {
-                // A field's draws differ in their place alone.
+                // The draws of a field differ only in their place.
                 if let Some(draw) = draws.get(before) {
                     self.streams(&materials[draw.material], &meshes[draw.mesh].mesh, draw)?;
                 }
                 Ok(())
             });
-            counted.map_err(|e| at(e, entry.span()))?;
+            counted.map_err(|e| self.source.at(e, entry.span()))?;
         }
         if draws.is_empty() {
             return Err(Error::new(format!("`{}` draws nothing", self.source.name))
                 .help("add a [[draws]] table with a mesh and a material"));
         }
-        let mut scene = Scene {
-            name: f.name.clone().unwrap_or(stem),
-            size,
-            viewport,
-            depth_format: f.depth.format,
-            depth_direction: f.depth.direction,
-            samples,
-            clear_color: f.clear,
-            materials,
-            meshes: meshes.into_iter().map(|m| m.mesh).collect(),
-            draws,
-            cameras: Vec::new(),
-            orders: match &f.orders {
-                Some(orders) if !orders.is_empty() => orders.clone(),
-                _ => vec![
-                    DrawOrder::FrontToBack,
-                    DrawOrder::BackToFront,
-                    DrawOrder::Shuffled,
-                ],
-            },
-            light,
-            files: self.folder.files(),
-        };
+        Ok(draws)
+    }
+
+    fn cameras(&self, aspect: f32) -> Result<Vec<Camera>, Error> {
+        let mut cameras = Vec::new();
         let mut frames = 0_u64;
-        for (i, entry) in f.cameras.iter().enumerate() {
+        for (i, entry) in self.file.cameras.iter().enumerate() {
             let path = entry.get_ref().path.as_ref();
             frames = frames.saturating_add(path.map_or(1, |p| p.frames.into()));
-            limits
-                .check("frames", frames, "the frames of all cameras")
-                .map_err(|e| at(e.into(), entry.span()))?;
-            let camera = self
-                .camera(i, entry.get_ref(), scene.aspect())
-                .map_err(|e| at(e, entry.span()))?;
-            scene.cameras.push(camera);
+            let limits = &self.access.limits;
+            let checked = limits.check("frames", frames, "the frames of all cameras");
+            let camera = checked
+                .map_err(Error::from)
+                .and_then(|()| self.camera(i, entry.get_ref(), aspect));
+            cameras.push(camera.map_err(|e| self.source.at(e, entry.span()))?);
         }
-        if scene.cameras.is_empty() {
+        if cameras.is_empty() {
             return Err(Error::new(format!("`{}` has no camera", self.source.name))
                 .help("add a [[cameras]] table with an eye and a target"));
         }
-        self.check_values(&scene)?;
-        Ok(scene)
+        Ok(cameras)
     }
 
-    /// Whether every value fits its variable, each complaint at the value.
+    /// Checks that every value fits its variable. Each error points at the value.
     fn check_values(&self, scene: &Scene) -> Result<(), Error> {
         let plans: Vec<Plan> = scene.materials.iter().map(Material::plan).collect();
         let mut seen = Vec::new();
         for draw in &scene.draws {
-            // Draws without values of their own differ in nothing that could be wrong.
+            // A draw without values of its own needs no second check.
             if draw.values.is_empty() && seen.contains(&draw.material) {
                 continue;
             }
@@ -307,7 +330,7 @@ impl Loader<'_> {
                 let own = draws.filter(|raw| values(raw) == draw.values);
                 let values: Vec<_> = own.chain([&entry.get_ref().values]).collect();
                 let given = |key: &str| values.iter().find_map(|v| v.get(key)).map(Spanned::span);
-                // The element's own value, or that of all elements.
+                // The element's own value, or the value of all elements.
                 let raw = e.subject().and_then(|subject| {
                     given(subject).or_else(|| given(&value_path::without_indices(subject)))
                 });
@@ -335,7 +358,7 @@ impl Loader<'_> {
                 .map_err(|e| self.source.at(e, file.span()))?;
             texts.push(front::Source::new(shown, text));
         }
-        // The keys say the stages, whatever the files are called.
+        // The keys give the stages, whatever the files are called.
         if entry.shader.is_none() {
             let stages = [ShaderStage::Vertex, ShaderStage::Fragment];
             for (source, stage) in texts.iter_mut().zip(stages) {
@@ -345,7 +368,7 @@ impl Loader<'_> {
         let defines = entry.defines.iter();
         let defines: BTreeMap<String, String> =
             defines.map(|(k, v)| (k.clone(), v.to_string())).collect();
-        // A text's name is where it lies below the root; what it includes lies beside the file.
+        // The source name is relative to the root; `#include` looks beside the file.
         let beside = files.iter().filter_map(|f| Path::new(f.get_ref()).parent());
         let include = entry.include.iter().map(PathBuf::as_path).chain(beside);
         let include = include
@@ -409,7 +432,7 @@ impl Loader<'_> {
         Ok(material)
     }
 
-    /// Applies what holds for the whole scene: depth, samples, and the targets a material does not state itself.
+    /// Applies the scene-wide settings: depth, samples, and default targets.
     fn state(&self, material: &mut Material, entry: &MaterialEntry, samples: u32) {
         let state = &mut material.state;
         state.depth_format = self.file.depth.format;
@@ -435,13 +458,13 @@ impl Loader<'_> {
             for target in state.targets.iter_mut().flatten() {
                 target.blend = Some(blend);
             }
-            // What shows through does not hide: three.js' default for transparent materials is to write depth all the same, but a
-            // scene says so explicitly with `state.depth_write` on an unblended material.
+            // A transparent surface should not hide others. three.js writes depth for it by
+            // default; a scene can ask for that with `state.depth_write` on an unblended material.
             state.depth_write = false;
         }
     }
 
-    /// Takes so many bytes, before room is made for them.
+    /// Counts bytes against the limit before they are allocated.
     fn hold(&self, bytes: u64) -> Result<(), Error> {
         let all = self.held.get().saturating_add(bytes);
         self.held.set(all);
@@ -449,7 +472,7 @@ impl Loader<'_> {
         Ok(limits.check("scene-bytes", all, SCENE_BYTES)?)
     }
 
-    /// Takes `more` draws like `draw` beside those there are, before they are made.
+    /// Counts `more` draws like `draw` against the limit before they are created.
     fn hold_draws(&self, draws: &[Draw], more: u64, draw: &Draw) -> Result<(), Error> {
         let all = (draws.len() as u64).saturating_add(more);
         self.access
@@ -493,6 +516,15 @@ impl Loader<'_> {
         }
     }
 
+    /// Index of the mesh or material with this name among `names`.
+    fn find(&self, what: &str, wanted: &Spanned<String>, names: Vec<&str>) -> Result<usize, Error> {
+        let name = wanted.get_ref();
+        names.iter().position(|n| n == name).ok_or_else(|| {
+            let e = Error::new(format!("there is no {what} `{name}`")).suggest(name, names);
+            self.source.at(e, wanted.span())
+        })
+    }
+
     fn draw(
         &self,
         entry: &DrawEntry,
@@ -500,23 +532,10 @@ impl Loader<'_> {
         meshes: &[Rigged],
         draws: &mut Vec<Draw>,
     ) -> Result<(), Error> {
-        let find = |what: &str, wanted: &Spanned<String>, names: Vec<&str>| {
-            let name = wanted.get_ref();
-            names.iter().position(|n| n == name).ok_or_else(|| {
-                let e = Error::new(format!("there is no {what} `{name}`")).suggest(name, names);
-                self.source.at(e, wanted.span())
-            })
-        };
-        let mesh = find(
-            "mesh",
-            &entry.mesh,
-            meshes.iter().map(|m| m.mesh.name.as_str()).collect(),
-        )?;
-        let material = find(
-            "material",
-            &entry.material,
-            materials.iter().map(|m| m.name.as_str()).collect(),
-        )?;
+        let mesh = meshes.iter().map(|m| m.mesh.name.as_str());
+        let mesh = self.find("mesh", &entry.mesh, mesh.collect())?;
+        let material = materials.iter().map(|m| m.name.as_str());
+        let material = self.find("material", &entry.material, material.collect())?;
         let rigged = &meshes[mesh];
         let mut draw = Draw {
             name: entry
@@ -576,32 +595,7 @@ impl Loader<'_> {
             FieldKind::Instances => {
                 draw.instances = places.len() as u32;
                 take(&mut draw, Some(places.len() as u32))?;
-                let transforms = places.iter().flat_map(|p| p.transform.to_cols_array());
-                let colors = places.iter().flat_map(|p| p.color);
-                let on_ground = places.iter().flat_map(|p| p.on_ground);
-                draw.instance_streams = BTreeMap::from([
-                    (
-                        "instance_transform".to_owned(),
-                        Stream::Float {
-                            components: 16,
-                            data: transforms.collect(),
-                        },
-                    ),
-                    (
-                        "instance_color".to_owned(),
-                        Stream::Float {
-                            components: 4,
-                            data: colors.collect(),
-                        },
-                    ),
-                    (
-                        "instance_place".to_owned(),
-                        Stream::Float {
-                            components: 4,
-                            data: on_ground.collect(),
-                        },
-                    ),
-                ]);
+                draw.instance_streams = instance_streams(&places);
                 draws.push(draw);
             }
             FieldKind::Draws => {
@@ -618,7 +612,7 @@ impl Loader<'_> {
         Ok(())
     }
 
-    /// Refuses the name of a stream that nothing is called.
+    /// Refuses unknown stream names.
     fn streams(&self, material: &Material, mesh: &Mesh, draw: &Draw) -> Result<(), Error> {
         let Some((attribute, stream)) = unknown_stream(material, mesh, draw) else {
             return Ok(());
@@ -710,10 +704,10 @@ impl Loader<'_> {
     }
 }
 
-/// Numbers of a copy's instance streams: its transform, colour and place.
+/// Floats per copy in the instance streams: transform, colour, place.
 const INSTANCE_NUMBERS: u64 = 16 + 4 + 4;
 
-/// How a camera, or a key of its path, says where it is and what it looks at.
+/// The position and direction of a camera, or of a key of its path.
 #[derive(Clone, Copy, Default, PartialEq)]
 struct Looks {
     eye: Option<[f32; 3]>,
@@ -744,7 +738,22 @@ impl Looks {
     }
 }
 
-/// Scale, then rotate round x, y and z in degrees, then translate.
+/// The instance streams of a field's copies.
+fn instance_streams(places: &[meshes::Place]) -> BTreeMap<String, Stream> {
+    let stream = |name: &str, components: u32, data: Vec<f32>| {
+        (name.to_owned(), Stream::Float { components, data })
+    };
+    let transforms = places.iter().flat_map(|p| p.transform.to_cols_array());
+    let colors = places.iter().flat_map(|p| p.color);
+    let on_ground = places.iter().flat_map(|p| p.on_ground);
+    BTreeMap::from([
+        stream("instance_transform", 16, transforms.collect()),
+        stream("instance_color", 4, colors.collect()),
+        stream("instance_place", 4, on_ground.collect()),
+    ])
+}
+
+/// Scales, then rotates around x, y and z in degrees, then translates.
 pub(super) fn transform(translate: [f32; 3], rotate: [f32; 3], scale: Option<&Scale>) -> Mat4 {
     let scale = match scale {
         None => Vec3::ONE,

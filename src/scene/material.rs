@@ -1,4 +1,5 @@
-//! Materials: a program with its values, textures and samplers, checked against what the program declares.
+//! Materials: a program with its values, textures and samplers, checked against the program's
+//! declarations.
 
 use std::sync::{Arc, LazyLock};
 
@@ -8,7 +9,7 @@ use preshade_passes::program::Program;
 use super::image::{Pattern, Recipe};
 use super::{Error, Image, Material, value_path};
 
-/// A variable with a binding.
+/// A bound global variable.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Global<'a> {
     /// Name; empty for an unnamed GLSL block.
@@ -20,7 +21,7 @@ pub(super) struct Global<'a> {
     pub is_buffer: bool,
 }
 
-/// The variables of a program that have a binding.
+/// The bound global variables of a program.
 pub(super) fn globals(program: &Program) -> impl Iterator<Item = Global<'_>> {
     program
         .module()
@@ -40,7 +41,7 @@ pub(super) fn globals(program: &Program) -> impl Iterator<Item = Global<'_>> {
         })
 }
 
-/// Whether the vertex stage of a material uses a variable of that group and binding.
+/// Whether the vertex stage of a material uses the variable of this group and binding.
 pub(super) fn is_read(material: &Material, group: u32, binding: u32) -> bool {
     let stage = naga::ShaderStage::Vertex;
     let Some((index, _)) = material.program.entry_point(stage, &material.vertex) else {
@@ -56,7 +57,8 @@ pub(super) fn is_read(material: &Material, group: u32, binding: u32) -> bool {
         .any(|(handle, _)| !info[handle].is_empty())
 }
 
-/// Refuses values, textures, samplers and attribute names that the program does not know: each a misspelling. The error's subject is the key.
+/// Refuses values, textures, samplers and attributes that the program does not have: each is a
+/// misspelling. The error's subject is the key.
 pub(super) fn check(material: &Material) -> Result<(), Error> {
     let module = material.program.module();
     let (mut textures, mut samplers) = (Vec::new(), Vec::new());
@@ -99,7 +101,8 @@ pub(super) fn check(material: &Material) -> Result<(), Error> {
     Ok(())
 }
 
-/// The image a texture shows that the scene does not name: by its name a normal map, a mask, noise, or a coloured pattern.
+/// The default image of a texture. Its name decides: a normal map, a mask, noise, or a coloured
+/// pattern.
 pub(super) fn default_texture(name: &str, dim: ImageDimension) -> Arc<Image> {
     static COLOR: LazyLock<Arc<Image>> = LazyLock::new(|| {
         Arc::new(

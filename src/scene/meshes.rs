@@ -1,4 +1,4 @@
-//! The meshes of a scene file: each entry's shape, its parts merged in order of need, its skin and morph targets.
+//! The meshes of a scene file: shapes, merged meshes in dependency order, skins and morph targets.
 
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -17,13 +17,13 @@ use crate::limits::Limits;
 /// One copy of a field.
 pub(super) struct Place {
     pub transform: Mat4,
-    /// A tint around white.
+    /// A tint near white.
     pub color: [f32; 4],
-    /// x, z, turn round y in radians, and scale: all there is to a copy on flat ground.
+    /// x, z, rotation around y in radians, and scale: enough for a copy on flat ground.
     pub on_ground: [f32; 4],
 }
 
-/// The cells of a field: how many along each axis, how far apart, and how many of them have a copy.
+/// The cells of a field: count and spacing along each axis, and the number of cells with a copy.
 struct Grid {
     count: [u32; 3],
     spacing: Vec3,
@@ -46,7 +46,7 @@ impl Grid {
             (None, None, Some(copies), Some(area)) => {
                 let copies = copies.number(variables)?;
                 let [width, depth] = area.map(|a| a.max(f32::MIN_POSITIVE));
-                // Cells as square as they can be.
+                // Choose cells that are nearly square.
                 let across = (f64::from(copies) * f64::from(width / depth)).sqrt();
                 let nx = (across.round() as u32).clamp(1, copies.max(1));
                 let nz = copies.div_ceil(nx);
@@ -64,7 +64,7 @@ impl Grid {
                 ));
             }
         };
-        // Copies are numbered in 32 bits, whatever the limits.
+        // Copies have 32-bit indices, whatever the limits.
         let most = limits.copies.min(u32::MAX.into());
         match grid.copies {
             n if (1..=most).contains(&n) => Ok(grid),
@@ -98,12 +98,13 @@ impl Grid {
     }
 }
 
-/// How many copies a field makes, before any is made.
+/// Number of copies in a field, computed before any is created.
 pub(super) fn copies(field: &Field, variables: &Variables, limits: &Limits) -> Result<u64, Error> {
     Ok(Grid::new(field, variables, limits)?.copies)
 }
 
-/// The copies of a field, around the origin in x and z and upward from it in y, x fastest unless it says otherwise.
+/// The copies of a field, centred in x and z and starting at y = 0. x varies fastest unless the
+/// field has another order.
 pub(super) fn field(
     field: &Field,
     variables: &Variables,
@@ -122,7 +123,8 @@ pub(super) fn field(
         .collect())
 }
 
-/// All meshes, by name; the scene has `bytes` of texels already. A merged mesh may name meshes that stand after it, but not itself, however far round.
+/// All meshes by name. The textures already use `bytes`. A merged mesh may name meshes that follow
+/// it; cycles are errors.
 pub(super) fn build(
     source: &Source<'_>,
     folder: &Folder,
@@ -153,14 +155,14 @@ struct Builder<'a> {
     variables: &'a Variables,
     entries: &'a BTreeMap<String, Spanned<MeshEntry>>,
     limits: &'a Limits,
-    /// Of the meshes so far.
+    /// Number of vertices so far.
     vertices: Cell<u64>,
-    /// Of the textures, and of meshes that are not made here but read or copied.
+    /// Bytes of textures and of meshes that are read or copied.
     bytes: Cell<u64>,
 }
 
 impl Builder<'_> {
-    /// Takes so many vertices, before they are made.
+    /// Counts vertices against the limit before they are created.
     fn take(&self, vertices: u64) -> Result<(), Error> {
         let all = self.vertices.get().saturating_add(vertices);
         self.vertices.set(all);
@@ -169,7 +171,7 @@ impl Builder<'_> {
             .check("vertices", all, "the vertices of all meshes")?)
     }
 
-    /// Takes so many bytes, before room is made for them.
+    /// Counts bytes against the limit before they are allocated.
     fn hold(&self, bytes: u64) -> Result<(), Error> {
         let all = self.bytes.get().saturating_add(bytes);
         self.bytes.set(all);
@@ -249,7 +251,7 @@ impl Builder<'_> {
             let read = |file: &str| self.folder.read(file).map(|(_, bytes)| bytes);
             let (vertices, bytes) = (self.vertices.get(), self.bytes.get());
             let take = |more: u64, held: u64| {
-                // The whole file's at a time.
+                // This counts a whole file at a time.
                 self.vertices.set(vertices);
                 self.bytes.set(bytes);
                 self.hold(held)?;

@@ -1,7 +1,8 @@
-//! Scenes: what to draw a material on, with which values, from where.
+//! Scenes: which meshes to draw with which materials and values, and from which cameras.
 //!
-//! A scene file (TOML) or a bare shader becomes a [`Scene`]: plain data on the CPU, every mesh generated or read, every texture decoded.
-//! [`bind`] turns one draw of it into the bytes that a GPU pass of a plan asks for.
+//! A scene file (TOML) or a bare shader becomes a [`Scene`]: plain data on the CPU, with every mesh
+//! generated or read and every texture decoded. [`bind`] turns one draw of it into the bytes that a
+//! GPU pass of a plan needs.
 
 mod error;
 mod file;
@@ -41,37 +42,38 @@ use preshade_passes::plan::Plan;
 use preshade_passes::program::Program;
 use preshade_passes::state::{CompareFunction, DepthDirection, DepthFormat, MaterialState};
 
-/// What a scene file may reach and how much it may ask for.
+/// The files that a scene may read, and its size limits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Access {
     /// Whether its files may lie outside of its root folder.
     pub outside: Outside,
-    /// What is refused for its size.
+    /// Size limits.
     pub limits: crate::limits::Limits,
 }
 
-/// Whether a scene's files may lie outside of its root folder (`docs/reference/scenes.md`, "Paths").
+/// Whether a scene's files may lie outside of its root folder (`docs/reference/scenes.md`,
+/// "Paths").
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Outside {
-    /// They may not.
+    /// Files outside are an error.
     #[default]
     Refused,
-    /// They may lie anywhere.
+    /// Files may lie anywhere.
     Allowed,
 }
 
-/// Everything that is drawn, on the CPU.
+/// All data of a scene, on the CPU.
 #[derive(Clone, Debug)]
 pub struct Scene {
     /// Name, from the file or the shader.
     pub name: String,
     /// Width and height of the colour target, in pixels.
     pub size: [u32; 2],
-    /// Part of the target that is drawn to, in pixels: x, y, width, height. `None`: all of it.
+    /// Viewport in pixels: x, y, width, height. `None` is the whole target.
     pub viewport: Option<[u32; 4]>,
     /// Depth format of the frame.
     pub depth_format: DepthFormat,
-    /// Which way depth grows.
+    /// Forward or reversed depth.
     pub depth_direction: DepthDirection,
     /// Samples a pixel: 1 or 4.
     pub samples: u32,
@@ -83,13 +85,14 @@ pub struct Scene {
     pub meshes: Vec<Mesh>,
     /// Draws, in the order of the file.
     pub draws: Vec<Draw>,
-    /// Cameras; the first is the headline one.
+    /// The first camera is the headline one.
     pub cameras: Vec<Camera>,
-    /// Draw orders to measure; the first is the headline one.
+    /// Draw orders to measure. The first is the headline one.
     pub orders: Vec<DrawOrder>,
-    /// Directional light, and what its shadow map covers.
+    /// The directional light and the extent of its shadow map.
     pub light: Light,
-    /// Whole paths of the files that it was read from, its own apart; none of a scene that was made up.
+    /// Full paths of the files that the scene was read from, without the scene file. Empty for a
+    /// made-up scene.
     pub files: Vec<std::path::PathBuf>,
 }
 
@@ -97,22 +100,22 @@ pub struct Scene {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DrawOrder {
-    /// By the distance of the object's centre, nearest first, as a good engine draws.
+    /// Nearest first, by the centre of the object, as a good engine draws.
     FrontToBack,
-    /// Farthest first: the worst case.
+    /// Farthest first: the worst case for overdraw.
     BackToFront,
     /// A fixed pseudo-random order.
     Shuffled,
-    /// As in the file, as one merged mesh would draw.
+    /// The order of the file, as one merged mesh would draw.
     AsGiven,
 }
 
 /// A material: one program, its state, its values.
 #[derive(Clone, Debug)]
 pub struct Material {
-    /// Name; emitted files begin with it.
+    /// Name, and prefix of the emitted files.
     pub name: String,
-    /// Whole path of the first of its shader files; `None` of one that was made up.
+    /// Full path of the first shader file; `None` for a made-up material.
     pub file: Option<std::path::PathBuf>,
     /// The author's program.
     pub program: Program,
@@ -120,17 +123,19 @@ pub struct Material {
     pub vertex: String,
     /// Fragment entry point.
     pub fragment: Option<String>,
-    /// Definitions that its GLSL was preprocessed with, by name.
+    /// Preprocessor definitions for its GLSL, by name.
     pub defines: BTreeMap<String, String>,
-    /// Pipeline state, scene-wide depth settings already applied.
+    /// Pipeline state, with the scene's depth settings applied.
     pub state: MaterialState,
-    /// Values by variable name, or by `variable.member`. What is not named here is filled by convention (see the module `bind`).
+    /// Values by variable name or `variable.member`. The module `bind` fills the rest by
+    /// convention.
     pub values: BTreeMap<String, Value>,
     /// Textures by variable name.
     pub textures: BTreeMap<String, Arc<Image>>,
-    /// Samplers by variable name; what is not named here is trilinear, repeating, and compares with LessEqual where it compares.
+    /// Samplers by variable name. The default is trilinear and repeating; comparison samplers
+    /// compare with LessEqual.
     pub samplers: BTreeMap<String, Sampler>,
-    /// Mesh stream by attribute name, where it is not the attribute's own name.
+    /// Mesh stream by attribute name, where the names differ.
     pub attributes: BTreeMap<String, String>,
 }
 
@@ -139,7 +144,7 @@ pub struct Material {
 pub enum Value {
     /// Components or elements, in order.
     Numbers(Vec<f64>),
-    /// A value the renderer knows, `$view_proj` say, without the dollar sign.
+    /// A semantic without its dollar sign, for example `view_proj`.
     Semantic(String),
 }
 
@@ -147,13 +152,13 @@ pub enum Value {
 #[derive(Clone, Copy, Debug, PartialEq, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Sampler {
-    /// Magnification, minification, and between mip levels.
+    /// Magnification, minification and mip filter.
     pub filter: Filter,
-    /// Outside of the texture.
+    /// Addressing outside of 0..1.
     pub address: Address,
-    /// Largest anisotropy, 1 to 16; above 1 the filter must be linear.
+    /// Largest anisotropy, 1 to 16. Above 1 the filter must be linear.
     pub anisotropy: u16,
-    /// Comparison of a comparison sampler.
+    /// Comparison function of a comparison sampler.
     pub compare: Option<CompareFunction>,
 }
 
@@ -196,7 +201,7 @@ pub struct Image {
     pub layers: u32,
     /// Whether the texels are sRGB-encoded.
     pub srgb: bool,
-    /// RGBA8 texels by level, each level's layers one after the other.
+    /// RGBA8 texels by level; a level stores its layers one after the other.
     pub levels: Vec<Vec<u8>>,
 }
 
@@ -207,9 +212,10 @@ pub struct Mesh {
     pub name: String,
     /// Number of vertices.
     pub vertex_count: u32,
-    /// Streams by name: `position`, `normal`, `tangent`, `uv`, `color`, `joints`, `weights`, `morph_position_0` and so on.
+    /// Streams by name, for example `position`, `normal`, `tangent`, `uv`, `color`, `joints`,
+    /// `weights`, `morph_position_0`.
     pub streams: BTreeMap<String, Stream>,
-    /// Indices; `None` draws the vertices in order.
+    /// `None` draws the vertices in order.
     pub indices: Option<Vec<u32>>,
     /// Bounding box.
     pub bounds: [Vec3; 2],
@@ -218,18 +224,18 @@ pub struct Mesh {
 /// One stream of vertex or instance data.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Stream {
-    /// `components` floats a vertex.
+    /// `components` floats per vertex.
     Float {
         /// 1 to 4, or 16 for a matrix.
         components: u32,
-        /// All of them.
+        /// All values.
         data: Vec<f32>,
     },
-    /// `components` unsigned integers a vertex.
+    /// `components` unsigned integers per vertex.
     Uint {
         /// 1 to 4.
         components: u32,
-        /// All of them.
+        /// All values.
         data: Vec<u32>,
     },
 }
@@ -243,36 +249,38 @@ pub struct Draw {
     pub mesh: usize,
     /// Index in [`Scene::materials`].
     pub material: usize,
-    /// Object to world.
+    /// Object-to-world matrix.
     pub transform: Mat4,
-    /// What is drawn of the mesh, and from which instance on.
+    /// Indices and first instance.
     pub range: DrawRange,
     /// Number of instances.
     pub instances: u32,
-    /// Per-instance streams by name: `instance_transform` (16), `instance_color` (4) and so on. The first instance that is drawn is that of the range.
+    /// Per-instance streams by name, for example `instance_transform` (16), `instance_color` (4).
+    /// Index 0 is the first instance of the range.
     pub instance_streams: BTreeMap<String, Stream>,
-    /// Joint matrices of a skinned mesh, bind pose inverse applied; one mesh's draws share them.
+    /// Joint matrices of a skinned mesh, with the inverse bind pose applied. Draws of one mesh
+    /// share them.
     pub joints: Arc<[Mat4]>,
     /// Weights of the morph targets.
     pub morph_weights: Vec<f32>,
-    /// Values of this draw alone.
+    /// Values that only this draw has.
     pub values: BTreeMap<String, Value>,
 }
 
-/// The part of a mesh that a draw call takes, as `drawIndexed` and `draw` have it.
+/// The arguments of `drawIndexed` or `draw`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DrawRange {
-    /// First index; without indices the first vertex.
+    /// First index, or first vertex of an unindexed mesh.
     pub first: u32,
-    /// Number of indices, or of vertices; `None`: all from the first on.
+    /// Number of indices or vertices; `None` draws to the end.
     pub count: Option<u32>,
-    /// Added to each index; without indices it means nothing.
+    /// Added to each index; ignored without indices.
     pub base_vertex: i32,
-    /// What `instance_index` begins with.
+    /// First value of `instance_index`.
     pub first_instance: u32,
 }
 
-/// A camera, or a path of them.
+/// A camera with one or more frames.
 #[derive(Clone, Debug)]
 pub struct Camera {
     /// Name.
@@ -286,7 +294,7 @@ pub struct Camera {
 pub struct Frame {
     /// World to view.
     pub view: Mat4,
-    /// View to clip, reversed or not as the scene says.
+    /// View to clip, reversed if the scene's depth is.
     pub projection: Mat4,
     /// Eye in world space.
     pub eye: Vec3,
@@ -295,7 +303,7 @@ pub struct Frame {
 }
 
 impl Material {
-    /// The plan that draws the material as its author wrote it.
+    /// The plan of the unmodified material.
     pub fn plan(&self) -> Plan {
         Plan::original(
             &self.name,
@@ -308,7 +316,8 @@ impl Material {
 }
 
 impl Scene {
-    /// The scene at another resolution: the viewport scales with it, and every camera keeps its vertical field of view.
+    /// The scene at another resolution. The viewport scales too, and cameras keep their vertical
+    /// field of view.
     #[must_use]
     pub fn resized(mut self, size: [u32; 2]) -> Self {
         let before = self.aspect();
@@ -326,7 +335,7 @@ impl Scene {
         self
     }
 
-    /// Width over height of the part of the target that is drawn to.
+    /// Aspect ratio of the viewport.
     pub fn aspect(&self) -> f32 {
         let [w, h] = self.viewport.map_or(self.size, |[_, _, w, h]| [w, h]);
         w as f32 / h.max(1) as f32

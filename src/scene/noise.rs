@@ -15,7 +15,7 @@ pub(super) fn random(x: u32, y: u32, seed: u32) -> f32 {
     (h >> 8) as f32 / (1 << 24) as f32
 }
 
-/// Value noise in `[0, 1]` that repeats after `period` cells.
+/// Value noise in `[0, 1]` with a period of `period` cells.
 pub(super) fn value(u: f32, v: f32, period: u32, seed: u32) -> f32 {
     let (cell_u, cell_v) = (u.floor(), v.floor());
     let smooth = |t: f32| t * t * (3.0 - 2.0 * t);

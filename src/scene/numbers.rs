@@ -1,4 +1,5 @@
-//! Which numbers of a scene file mean nothing: those that no camera, place or shape can have. A shader's own `values` may be any.
+//! Refuses numbers that no camera, place or shape can have. A shader's own `values` may be any
+//! number.
 
 use std::ops::Range;
 
@@ -6,7 +7,7 @@ use toml::de::{DeTable, DeValue};
 
 use super::Error;
 
-/// Keys of a shape that are lengths, in units of the scene: a shape of none has no inside.
+/// Keys that are lengths in scene units and must be above 0.
 const LENGTHS: [&str; 8] = [
     "depth",
     "height",
@@ -18,10 +19,11 @@ const LENGTHS: [&str; 8] = [
     "width",
 ];
 
-/// Keys of a shape that count its parts.
+/// Keys that count parts of a shape.
 const COUNTS: [&str; 5] = ["count", "joints", "rings", "segments", "steps"];
 
-/// Whether the numbers of the table that stands there are a shader's, a preprocessor's or a sweep's, not the scene's.
+/// Whether the table at this path belongs to a shader, a preprocessor or a sweep. The scene does
+/// not restrict those numbers.
 fn is_their_own(path: &[&str]) -> bool {
     matches!(
         path,
@@ -29,15 +31,16 @@ fn is_their_own(path: &[&str]) -> bool {
     )
 }
 
-/// Fails at the first number of the file that is NaN, infinite, or too large for 32 bits (`far` may be infinite), at a shape's length of 0 or less,
-/// and at a shape of 0 parts. `text` has been read as a scene.
+/// Fails at the first number that is NaN, infinite, or too large for 32 bits (`far` may be
+/// infinite), at a length of 0 or less, and at a shape with 0 parts. `text` has already been parsed
+/// as a scene.
 ///
 /// # Errors
-/// The number, and where in the text it stands.
+/// The number and its range in the text.
 pub(super) fn check(text: &str) -> Result<(), (Error, Range<usize>)> {
     match DeTable::parse(text) {
         Ok(table) => in_table(table.get_ref(), &mut Vec::new()),
-        // Its reader has told what is wrong with it.
+        // The parser has already reported this.
         Err(_) => Ok(()),
     }
 }
@@ -73,7 +76,7 @@ fn in_value<'a>(value: &'a DeValue<'_>, at: Range<usize>, path: &mut Vec<&'a str
         }
         _ => None,
     };
-    // Numbers that only the reader knows how to read, it has read.
+    // The parser has already checked numbers in this syntax.
     let Some(number) = number else { return Ok(()) };
     let key = path.last().copied().unwrap_or_default();
     let wrong = |help: &str| {

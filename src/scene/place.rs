@@ -1,7 +1,8 @@
-//! Which files a scene may read.
+//! The files that a scene may read.
 //!
-//! A path in a scene is relative to the scene's folder. It may go up, but not out of the scene's root: the nearest folder above it (its own
-//! included) that holds a `preshade.toml` or a `.git`, or else the scene's folder itself.
+//! A path in a scene is relative to the scene's folder. It may go up, but not out of the scene's
+//! root: the nearest folder at or above it with a `preshade.toml` or a `.git`, or else the scene's
+//! folder itself.
 
 use std::cell::RefCell;
 use std::collections::BTreeSet;
@@ -10,13 +11,13 @@ use std::path::{Path, PathBuf};
 use super::{Access, Error};
 use crate::regular;
 
-/// The folder a scene's files are looked up in, and the one they may not leave.
+/// The folder of a scene's files, and the root that they must not leave.
 pub(super) struct Folder {
     base: PathBuf,
-    /// What messages leave out.
+    /// The prefix that messages omit.
     root: PathBuf,
     access: Access,
-    /// Whole paths of the files that were read.
+    /// Full paths of the files read so far.
     read: RefCell<BTreeSet<PathBuf>>,
 }
 
@@ -40,7 +41,7 @@ impl Folder {
         })
     }
 
-    /// The folder that files may not leave; `None`: they may.
+    /// The folder that files must not leave; `None` if there is no such restriction.
     pub(super) fn root(&self) -> Option<&Path> {
         match self.access.outside {
             super::Outside::Refused => Some(&self.root),
@@ -48,7 +49,7 @@ impl Folder {
         }
     }
 
-    /// The bytes of a file the scene names, and the path to show in messages.
+    /// The bytes of a file, and its path for messages.
     pub(super) fn read(&self, name: &str) -> Result<(String, Vec<u8>), Error> {
         let path = self.base.join(name);
         let real = path.canonicalize().map_err(|e| {
@@ -70,17 +71,17 @@ impl Folder {
         Ok((shown.display().to_string(), bytes))
     }
 
-    /// The whole path of a file that was read.
+    /// Full path of a file that was read.
     pub(super) fn whole(&self, name: &str) -> Option<PathBuf> {
         self.base.join(name).canonicalize().ok()
     }
 
-    /// Whole paths of the files that were read, sorted.
+    /// Full paths of the files read so far, sorted.
     pub(super) fn files(&self) -> Vec<PathBuf> {
         self.read.borrow().iter().cloned().collect()
     }
 
-    /// The whole path of a folder the scene names.
+    /// Full path of a folder that the scene names.
     pub(super) fn folder(&self, name: &Path) -> Result<PathBuf, Error> {
         let real = self.base.join(name).canonicalize();
         let real = real.map_err(|e| Error::read(name, &e))?;

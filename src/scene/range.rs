@@ -1,13 +1,15 @@
-//! The part of a mesh, and of a field's copies, that a draw takes.
+//! The range of a mesh, and of a field's copies, that a draw uses.
 
 use super::file::Range;
 use super::{Draw, DrawRange, Error, Mesh};
 use crate::limits::Limits;
 
-/// Takes that part of `mesh`, and of as many copies as the draw has instances. Without a field (`copies` is `None`) there are as many as the entry says.
+/// Selects the range of `mesh` and of the field's copies. Without a field (`copies` is `None`) the
+/// entry gives the number of instances.
 ///
 /// # Errors
-/// As [`check`], where it begins or ends past the last copy, and more instances than copies are allowed.
+/// As [`check`], or the range of copies starts or ends beyond the last one, or has too many
+/// instances.
 pub(super) fn take(
     entry: Range,
     mesh: &Mesh,
@@ -49,10 +51,11 @@ pub(super) fn take(
     check(mesh, draw)
 }
 
-/// Whether what a draw takes is there.
+/// Checks the range of a draw.
 ///
 /// # Errors
-/// A range that leaves the mesh, an index that `base_vertex` moves past its vertices, or more instances than 32 bits number.
+/// The range exceeds the mesh, `base_vertex` moves an index beyond the vertices, or the instances
+/// exceed 32 bits.
 pub(super) fn check(mesh: &Mesh, draw: &Draw) -> Result<(), Error> {
     let DrawRange {
         first,

@@ -1,10 +1,11 @@
-//! What the renderer knows by itself: the values behind names such as `view_proj`, in a scene file (`$view_proj`) or by convention.
+//! Values that the renderer provides under names such as `view_proj`: in a scene file
+//! (`$view_proj`) or by convention.
 
 use glam::{Mat4, Vec3, Vec4};
 
 use super::{Draw, Frame, Scene};
 
-/// A value the renderer knows. The names that lead to it are listed in `docs/reference/scenes.md`.
+/// A value that the renderer provides. `docs/reference/scene-values.md` lists the names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(missing_docs)]
 pub enum Semantic {
@@ -42,7 +43,7 @@ pub(crate) enum Known {
     Vector(Vec4),
 }
 
-/// Names and what they mean, without case, underscores and the prefixes of [`normalise`].
+/// Names and their meanings, in the form that [`normalise`] returns.
 const NAMES: &[(&str, Semantic)] = &[
     ("viewproj", Semantic::ViewProjection),
     ("viewprojection", Semantic::ViewProjection),
@@ -151,7 +152,7 @@ const NAMES: &[(&str, Semantic)] = &[
     ("instancecount", Semantic::InstanceCount),
 ];
 
-/// A name as it is compared: without case and underscores, and without the prefixes that authors put before uniforms and attributes
+/// Normalises a name: removes case, underscores, and the usual prefixes of uniforms and attributes
 /// (`u_`, `a_`, `in_`, `i_`, `uViewProj`, `aPosition`, `inPosition`).
 pub(crate) fn normalise(name: &str) -> String {
     let mut rest = name.trim_start_matches('_');
@@ -179,12 +180,12 @@ pub(crate) fn normalise(name: &str) -> String {
 }
 
 impl Semantic {
-    /// What a name means, if anything.
+    /// The meaning of a name, if it has one.
     pub fn from_name(name: &str) -> Option<Self> {
         let name = normalise(name);
         let known = |name: &str| NAMES.iter().find(|(n, _)| *n == name).map(|(_, s)| *s);
         known(&name).or_else(|| {
-            // `worldViewProjectionMatrix`, `cameraViewProjMat`: what it is, written out.
+            // Some names spell out the type: `worldViewProjectionMatrix`, `cameraViewProjMat`.
             let bare = ["matrix", "mat"]
                 .iter()
                 .find_map(|end| name.strip_suffix(end))
@@ -198,7 +199,7 @@ impl Semantic {
         })
     }
 
-    /// The first of its names.
+    /// The primary name.
     pub(crate) fn name(self) -> &'static str {
         NAMES
             .iter()
@@ -206,12 +207,12 @@ impl Semantic {
             .map_or("?", |(n, _)| n)
     }
 
-    /// All names, as they stand after normalising.
+    /// All names, normalised.
     pub(crate) fn names() -> impl Iterator<Item = &'static str> {
         NAMES.iter().map(|(n, _)| *n)
     }
 
-    /// Whether the value depends on the camera or the time, and not on the draw alone.
+    /// Whether the value depends on the camera or the time.
     pub fn is_per_frame(self) -> bool {
         !matches!(
             self,
@@ -231,12 +232,13 @@ impl Semantic {
         )
     }
 
-    /// Whether it is a list, so that element `i` of an array is entry `i` of it.
+    /// Whether the value is a list, so that array element `i` gets entry `i`.
     pub(crate) fn is_list(self) -> bool {
         matches!(self, Self::Joints | Self::MorphWeights)
     }
 
-    /// The value for one draw in one frame. `index` counts elements of a list of `components` numbers each.
+    /// The value for one draw in one frame. `index` counts list elements of `components` numbers
+    /// each.
     pub(crate) fn evaluate(
         self,
         scene: &Scene,
@@ -294,7 +296,8 @@ impl Semantic {
     }
 }
 
-/// Near and far plane of a projection as `camera` builds them, in either direction; an infinite far plane comes out as 1e9.
+/// Near and far plane of a projection from `camera`, in either direction. An infinite far plane
+/// returns 1e9.
 fn near_and_far(projection: Mat4) -> (f32, f32) {
     let (a, b) = (projection.z_axis.z, projection.w_axis.z);
     if projection.w_axis.w == 1.0 {

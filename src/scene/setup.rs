@@ -1,4 +1,5 @@
-//! A scene under another set-up: what the depth buffer, the samples and the viewport are changes, what is drawn does not. Value in, value out.
+//! A scene with another depth format, sample count or viewport. The drawn objects stay the same.
+//! Value in, value out.
 
 use glam::Vec4;
 use preshade_passes::place;
@@ -7,7 +8,8 @@ use preshade_passes::state::{DepthDirection, DepthFormat};
 use super::Scene;
 
 impl Scene {
-    /// With another depth format and direction. Cameras turn theirs round: depth `z` becomes `w - z`.
+    /// Another depth format and direction. If the direction changes, cameras map depth `z` to
+    /// `w - z`.
     #[must_use]
     pub fn with_depth(mut self, format: DepthFormat, direction: DepthDirection) -> Self {
         if direction != self.depth_direction {
@@ -38,7 +40,7 @@ impl Scene {
         self
     }
 
-    /// With another number of samples a pixel, 1 or 4.
+    /// Another number of samples per pixel, 1 or 4.
     #[must_use]
     pub fn with_samples(mut self, samples: u32) -> Self {
         self.samples = samples;
@@ -48,7 +50,7 @@ impl Scene {
         self
     }
 
-    /// Drawn to a part of the target: x, y, width, height in pixels.
+    /// Another viewport: x, y, width, height in pixels.
     #[must_use]
     pub fn with_viewport(mut self, viewport: [u32; 4]) -> Self {
         let before = self.aspect();
@@ -60,7 +62,7 @@ impl Scene {
         self
     }
 
-    /// With `@invariant` on every material's position: the other reference a variant is held against.
+    /// Marks every material's position `@invariant`: the second reference for variants.
     #[must_use]
     pub fn with_invariant_positions(mut self) -> Self {
         for material in &mut self.materials {

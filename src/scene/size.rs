@@ -1,15 +1,15 @@
-//! How large a scene gets, before it is that large.
+//! Sizes of a scene's parts, computed before they are allocated.
 
 use super::file::MeshEntry;
 use super::{Draw, Mesh, Stream, Value};
 
-/// Vertices of a grid of cells.
+/// Vertices of a patch of cells.
 fn patch([n, m]: [u32; 2]) -> u64 {
     let points = |cells: u32| u64::from(cells.max(3)) + 1;
     points(n).saturating_mul(points(m))
 }
 
-/// At most so many vertices does the shape of an entry have; those of files and of merged meshes apart.
+/// An upper bound of the vertices of an entry's shape. Files and merged meshes count as 0.
 pub(super) fn vertices(entry: &MeshEntry) -> u64 {
     let square = |n: u32| patch([n, n]);
     let shapes = [
@@ -19,7 +19,7 @@ pub(super) fn vertices(entry: &MeshEntry) -> u64 {
         entry
             .teapot
             .map(|s| patch(s.segments.map(|n| n.min(256))) * 32),
-        // A row of side quads a step and rise.
+        // Each step has a row of side quads and a rise.
         entry.stairs.map(|s| {
             let steps = u64::from(s.steps.min(1000));
             steps * (steps + 9) * 4
@@ -35,7 +35,7 @@ pub(super) fn vertices(entry: &MeshEntry) -> u64 {
             .cards
             .map(|s| patch(s.segments).saturating_mul(s.count.max(1).into())),
         entry.wire_sphere.map(|s| patch([s.segments, s.rings])),
-        // They have no data.
+        // These vertices have no data.
         entry.vertices.map(|s| u64::from(s.count) / 16),
     ];
     shapes
@@ -58,7 +58,7 @@ pub(super) fn of_mesh(mesh: &Mesh) -> u64 {
     indices + mesh.streams.values().map(of_stream).sum::<u64>()
 }
 
-/// Bytes of a texture with its mips, which are a third more.
+/// Bytes of a texture with its mips, which add a third.
 pub(super) fn of_texels([width, height]: [u32; 2]) -> u64 {
     let bytes = (u64::from(width) * u64::from(height)).saturating_mul(4);
     bytes.saturating_add(bytes / 3)
@@ -69,7 +69,7 @@ pub(super) fn of_joints(joints: usize) -> u64 {
     (joints * size_of::<glam::Mat4>()) as u64
 }
 
-/// Bytes of a draw with its name, its values and its weights; its streams and joints apart, which copies of it share or do not have.
+/// Bytes of a draw with its name, values and weights, without streams and joints.
 pub(super) fn of_draw(draw: &Draw) -> u64 {
     let values = draw.values.iter().map(|(name, value)| {
         name.len()

@@ -1,4 +1,5 @@
-//! A scene for a bare shader, by reflection: enough objects in front of each other to tell a good variant from a bad one.
+//! Makes up a scene for a bare shader by reflection: enough overlapping objects to tell a good
+//! variant from a bad one.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -16,9 +17,11 @@ use super::semantic::normalise;
 use super::{Camera, Draw, DrawOrder, DrawRange, Light, Material, Mesh, Scene, Stream, material};
 use crate::front::Parsed;
 
-/// A scene for a material of which nothing is known but its shader and its state: a floor, boxes and spheres in three rows before a camera, in three
-/// draw orders. Values, textures and attributes follow the conventions of [`bind`](super::bind); a program that makes its own vertices gets as many as
-/// its arrays and comparisons of indices call for, one that is instanced gets a field of instances, a skinned or morphed one gets joints or targets.
+/// A scene for a material of which only shader and state are known: a floor, boxes and spheres in
+/// three rows, in three draw orders. Values, textures and attributes follow the conventions of
+/// [`bind`](super::bind). If a program generates its own vertices, its arrays and index comparisons
+/// decide how many. Instanced programs get a field of instances; skinned or morphed ones get joints
+/// or targets.
 pub fn synthesise(parsed: Parsed, state: MaterialState) -> Scene {
     let name = parsed
         .program
@@ -27,7 +30,7 @@ pub fn synthesise(parsed: Parsed, state: MaterialState) -> Scene {
         .first()
         .and_then(|f| Path::new(&f.name).file_stem())
         .map(|s| {
-            // Of `1.2.pbr.vert.glsl` the endings alone.
+            // Drop all extensions of names such as `1.2.pbr.vert.glsl`.
             let stem = s.to_string_lossy().into_owned();
             let stages = [".vert", ".frag", ".vs", ".fs"];
             let bare = stages.iter().find_map(|s| stem.strip_suffix(s));
@@ -114,11 +117,11 @@ pub fn synthesise(parsed: Parsed, state: MaterialState) -> Scene {
     }
 }
 
-/// What a program asks of its meshes.
+/// The mesh data that a program needs.
 struct Wants {
-    /// It reads vertex data, through attributes or from storage.
+    /// It reads vertex data from attributes or storage.
     data: bool,
-    /// Vertices it makes itself, where it reads none.
+    /// Number of vertices that it generates, if it reads none.
     own_vertices: u32,
     instances: bool,
     skin: bool,
@@ -162,8 +165,9 @@ impl Wants {
     }
 }
 
-/// How many vertices a program that makes them from `vertex_index` has in mind: the longest array of vectors it holds, or one more than the largest number it
-/// compares an index with, in whole triangles; at least one triangle.
+/// Number of vertices for a program that generates them from `vertex_index`: the length of its
+/// longest vector array, or the largest number that it compares an index with plus 1. Rounded up to
+/// whole triangles, at least one.
 fn own_vertices(program: &Program) -> u32 {
     let module = program.module();
     let arrays = module.types.iter().filter_map(|(_, t)| match t.inner {
@@ -247,7 +251,8 @@ fn meshes(wants: &Wants, topology: Topology) -> Vec<Mesh> {
     meshes
 }
 
-/// Gives a mesh colours that follow its positions: of a shader that shows them alone a white one would show nothing.
+/// Gives a mesh colours that follow its positions. A shader that shows only vertex colours would
+/// otherwise be plain white.
 fn paint(mesh: &mut Mesh) {
     let Some(Stream::Float {
         components: 3,
@@ -274,7 +279,8 @@ fn paint(mesh: &mut Mesh) {
     mesh.streams.insert("color".to_owned(), painted);
 }
 
-/// Which mesh stands where. A shader that places its own vertices is drawn in three places, should it look at a matrix.
+/// The mesh and transform of each object. A shader that generates its own vertices gets three
+/// places, in case it reads a matrix.
 fn places(wants: &Wants, meshes: usize) -> Vec<(usize, Mat4)> {
     let row = |z: f32, count: usize, width: f32| {
         (0..count).map(move |i| {
@@ -300,7 +306,7 @@ fn places(wants: &Wants, meshes: usize) -> Vec<(usize, Mat4)> {
         .collect()
 }
 
-/// The objects of each mesh as instances of one draw, after the floor.
+/// Merges the objects of each mesh into one instanced draw, after the floor.
 fn instance(draws: &mut Vec<Draw>) {
     let all = std::mem::take(draws);
     for draw in all {

@@ -1,4 +1,5 @@
-//! The keys of `values`: paths into a variable, `lights[1].color`, or `lights.color` for every element.
+//! Keys of `values`: paths into a variable such as `lights[1].color`, or `lights.color` for every
+//! element.
 
 use std::collections::BTreeMap;
 
@@ -8,11 +9,11 @@ use super::layout;
 use super::material::globals;
 use super::{Error, Material, Value};
 
-/// Refuses a key that names nothing in the material's program, an index that its array does not have, and what another key gives already: none
-/// of them would change a byte.
+/// Refuses keys that name nothing in the material's program, indices beyond an array, and
+/// duplicates: none of them would have an effect.
 ///
 /// # Errors
-/// What is wrong with the first such key, which is the error's subject.
+/// The first such key is the error's subject.
 pub(super) fn check(material: &Material, values: &BTreeMap<String, Value>) -> Result<(), Error> {
     if values.is_empty() {
         return Ok(());
@@ -62,11 +63,11 @@ pub(super) fn check(material: &Material, values: &BTreeMap<String, Value>) -> Re
     Ok(())
 }
 
-/// Refuses an index past the end of a runtime-sized array of `length` elements, or of one whose length an override gives. As many as its data
-/// come to are known when it is bound.
+/// Refuses indices beyond `length` in a runtime-sized array or an array with an override as its
+/// length. The length is known only when the data is bound.
 ///
 /// # Errors
-/// The first such key, which is the error's subject.
+/// The first such key is the error's subject.
 pub(super) fn check_length<'a>(
     module: &Module,
     name: &str,
@@ -102,10 +103,10 @@ pub(super) fn without_indices(path: &str) -> String {
         .collect()
 }
 
-/// A member with the indices after it.
+/// A member with its indices.
 type Step<'a> = (&'a str, Vec<usize>);
 
-/// The members of a path; `None` where an index is no number, or not written as one is found by.
+/// The members of a path; `None` if an index is not a canonical number.
 fn steps(path: &str) -> Option<Vec<Step<'_>>> {
     let steps = members(path)?;
     let names: Vec<&str> = steps.iter().map(|(name, _)| *name).collect();
@@ -131,7 +132,8 @@ fn members(path: &str) -> Option<Vec<Step<'_>>> {
         .collect()
 }
 
-/// What is wrong with the indices of a path, if it leads into the variable `name`: `length` is that of arrays which do not say it, once it is known.
+/// The error in a path's indices, if the path leads into the variable `name`. `length` is the
+/// length of arrays whose type does not give one, once known.
 fn check_indices(
     module: &Module,
     name: &str,

@@ -1,4 +1,4 @@
-//! Variables of a scene: what a sweep moves.
+//! Variables of a scene, which sweeps set.
 
 use std::collections::BTreeMap;
 
@@ -20,7 +20,7 @@ pub enum Variable {
 }
 
 impl Variable {
-    /// From a command line.
+    /// Parses a command line argument.
     pub fn parse(text: &str) -> Self {
         match text.replace('_', "").parse() {
             Ok(number) => Self::Number(number),
@@ -32,10 +32,10 @@ impl Variable {
 /// Variables by name.
 pub type Variables = BTreeMap<String, Variable>;
 
-/// The scene's variables, as they are set from outside.
+/// The scene's variables with the given ones replaced.
 ///
 /// # Errors
-/// One that the scene does not have.
+/// The scene has no variable of that name.
 pub(super) fn set(own: &Variables, given: &Variables) -> Result<Variables, Error> {
     let mut all = own.clone();
     for (name, value) in given {

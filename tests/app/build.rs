@@ -1,6 +1,6 @@
 //! The leaf is drawn with a depth pre-pass; the shaders in their forms that need no scene come beside it, to be compared.
 
-use preshade::passes::state::{ColorTarget, CullMode, MaterialState};
+use preshade::unstable::passes::state::{ColorTarget, CullMode, MaterialState};
 
 fn main() -> Result<(), preshade::build_script::Error> {
     let mut state = MaterialState::default();

@@ -1,10 +1,10 @@
 //! Depth: two passes that must agree on it to the bit, formats that round it, surfaces that share it.
 
-use preshade::passes::plan::{Plan, Role};
-use preshade::passes::state::DepthDirection::{Forward, Reversed};
-use preshade::passes::state::DepthFormat::{Depth16unorm, Depth24plus, Depth32float};
-use preshade::passes::state::{DepthBias, DepthDirection};
-use preshade::render::{SelfTestResult, ShaderForm, Variant as Host, self_test};
+use preshade::unstable::passes::plan::{Plan, Role};
+use preshade::unstable::passes::state::DepthDirection::{Forward, Reversed};
+use preshade::unstable::passes::state::DepthFormat::{Depth16unorm, Depth24plus, Depth32float};
+use preshade::unstable::passes::state::{DepthBias, DepthDirection};
+use preshade::unstable::render::{SelfTestResult, ShaderForm, Variant as Host, self_test};
 
 use super::case::Expect::{Holds, Refused, Shades, Untied, Withstands};
 use super::case::{ALL, Case, REFUSED, Red, SAMPLED, Stage, contract, setup};
@@ -249,9 +249,9 @@ pub fn biased(plans: &mut [Plan], change: impl Fn(DepthBias) -> DepthBias) {
 /// What a host does that meets such a driver: it runs the self-test, which fails, and draws the fallback, which is right.
 fn self_tested(stage: &Stage<'_>) -> Red {
     let facts = stage.facts.clone();
-    let recipe = |text: &str| preshade::recipe::Recipe::parse_list(text).unwrap();
-    let variant = preshade::measure::variant(&stage.originals, &recipe(EQUAL), &facts);
-    if variant.kept.len() == variant.plans.len() {
+    let recipe = |text: &str| preshade::unstable::recipe::Recipe::parse_list(text).unwrap();
+    let variant = preshade::unstable::measure::variant(&stage.originals, &recipe(EQUAL), &facts);
+    if variant.is_refused() {
         return Red::NotHere {
             why: REFUSED.to_owned(),
         };
@@ -300,7 +300,7 @@ fn self_tested(stage: &Stage<'_>) -> Red {
 /// What holds with a tolerance, the pre-pass two floats nearer, without one.
 fn without_tolerance(stage: &Stage<'_>) -> Red {
     let (recipe, facts) = stage.chosen("early-discard:tolerance=0");
-    let mut plans = preshade::measure::variant(&stage.originals, &recipe, &facts).plans;
+    let mut plans = preshade::unstable::measure::variant(&stage.originals, &recipe, &facts).plans;
     let contract = contract(&plans);
     let nearer = match stage.inputs.scene().depth_direction {
         DepthDirection::Forward => -2,
@@ -313,7 +313,7 @@ fn without_tolerance(stage: &Stage<'_>) -> Red {
 /// With the slope in the bias, what is snapped apart by 1/128 pixel stays hidden; without, it shows.
 fn without_slope(stage: &Stage<'_>) -> Red {
     let (recipe, facts) = stage.chosen(BIASED);
-    let mut plans = preshade::measure::variant(&stage.originals, &recipe, &facts).plans;
+    let mut plans = preshade::unstable::measure::variant(&stage.originals, &recipe, &facts).plans;
     let contract = contract(&plans);
     moved(&mut plans, Role::Prepass, Moved::Up(1.0 / 128.0));
     if let Red::Seen { how } = judged(stage, &plans, &contract) {

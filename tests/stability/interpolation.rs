@@ -1,9 +1,9 @@
 //! Interpolation: what a triangle makes of its corners, where they are behind the viewer, far away, or without a value.
 
-use preshade::passes::contract::Contract;
-use preshade::passes::plan::Role;
-use preshade::passes::state::DepthDirection;
-use preshade::render::{ColorImage, Rendered, ShaderForm, Variant as Host};
+use preshade::unstable::passes::contract::Contract;
+use preshade::unstable::passes::plan::Role;
+use preshade::unstable::passes::state::DepthDirection;
+use preshade::unstable::render::{ColorImage, Rendered, ShaderForm, Variant as Host};
 
 use super::case::Expect::{Assumes, Holds, OffNearPlane, Untied};
 use super::case::{ALL, COLORS, Case, DIRECTIONS, Expect, Red, SAMPLED, Stage, Unmet, pictures};
@@ -404,7 +404,7 @@ fn on_near_plane(stage: &Stage<'_>) -> Red {
 /// With its guard a resolve of triangles of no area makes numbers; without, what is none. An adapter's own interpolation of the original may make either, and is not asked.
 fn divided(stage: &Stage<'_>) -> Red {
     let (recipe, facts) = stage.chosen(AS_GIVEN);
-    let plans = preshade::measure::variant(&stage.originals, &recipe, &facts).plans;
+    let plans = preshade::unstable::measure::variant(&stage.originals, &recipe, &facts).plans;
     let guarded = no_numbers(stage, &Host::new(&plans, ShaderForm::Text).unwrap());
     assert_eq!(guarded, 0, "pixels are no number with the guard");
     let edits = [(

@@ -6,7 +6,7 @@
 #![cfg(feature = "verify")]
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-#[path = "../render_support/mod.rs"]
+#[path = "../support/render_support/mod.rs"]
 mod render_support;
 
 mod case;

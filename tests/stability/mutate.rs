@@ -4,15 +4,15 @@ use naga::{
     BinaryOperator, Binding, BuiltIn, Expression, Handle, Literal, Module, Scalar, ScalarKind,
     ShaderStage, Span, Type, TypeInner, VectorSize,
 };
-use preshade::emit::{self, Target};
-use preshade::front;
-use preshade::measure::{self, verdict::breaks};
-use preshade::passes::contract::Contract;
-use preshade::passes::pass::Facts;
-use preshade::passes::plan::{Plan, Role};
-use preshade::passes::returns::{self, Emitter};
-use preshade::recipe::Recipe;
-use preshade::render::{ShaderForm, Variant as Host};
+use preshade::unstable::emit::{self, Target};
+use preshade::unstable::front;
+use preshade::unstable::measure::{self, verdict::breaks};
+use preshade::unstable::passes::contract::Contract;
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::plan::{Plan, Role};
+use preshade::unstable::passes::returns::{self, Emitter};
+use preshade::unstable::recipe::Recipe;
+use preshade::unstable::render::{ShaderForm, Variant as Host};
 
 use super::case::{Red, Stage, contract};
 use super::root;
@@ -82,7 +82,7 @@ impl Mutation {
         }
         let (recipe, facts) = stage.chosen(recipe);
         let variant = measure::variant(&stage.originals, &recipe, &facts);
-        match variant.kept.len() == variant.plans.len() {
+        match variant.is_refused() {
             true if !matches!(self, Self::Recipe(..)) => Plain::Refused,
             _ => {
                 let contract = contract(&variant.plans);

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
-use preshade::passes::state::DepthDirection;
-use preshade::render::AdapterReport;
+use preshade::unstable::passes::state::DepthDirection;
+use preshade::unstable::render::AdapterReport;
 use serde::{Deserialize, Serialize};
 
 use super::case::{Case, Outcome, Red};

@@ -1,7 +1,8 @@
 //! Range: worlds far from the origin, long times, and the ends of what a float or a half holds.
 
-use preshade::passes::contract::Contract;
-use preshade::passes::state::DepthBias;
+use preshade::unstable::passes::budget::{Budget, Metric};
+use preshade::unstable::passes::contract::Contract;
+use preshade::unstable::passes::state::DepthBias;
 
 use super::case::Case;
 use super::case::Expect::{Assumes, Holds, Refused, Untied};
@@ -232,8 +233,10 @@ fn rounding() -> Contract {
 
 fn within() -> Contract {
     Contract::Approximate {
-        metric: "flip_mean".to_owned(),
-        budget: 0.05,
+        budget: Budget {
+            metric: Metric::FlipMean,
+            limit: 0.05,
+        },
         given: Vec::new(),
     }
 }

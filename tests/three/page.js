@@ -173,9 +173,9 @@ async function time(variant) {
 }
 
 /** The median of `rounds` frames of each variant, in turn, so that what else the machine does falls on all alike. */
-async function measure(rounds = 9) {
+async function measure(rounds = 9, names = choices.map(({ name }) => name)) {
     const variants = [];
-    for (const { name } of choices) variants.push(await load(name));
+    for (const name of names) variants.push(await load(name));
     pose();
     const times = new Map(variants.map((variant) => [variant.name, []]));
     for (let round = -1; round < rounds; round++) {
@@ -374,7 +374,7 @@ window.page = {
     },
     compare,
     seen,
-    measure: async (rounds) => Object.fromEntries(await measure(rounds)),
+    measure: async (rounds, names) => Object.fromEntries(await measure(rounds, names)),
     found: async (name) => (await load(name)).found,
     outdated: async (name) => [...(await load(name)).frame.outdated].map((material) => material.name),
     choose,

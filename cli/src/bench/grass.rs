@@ -1,17 +1,18 @@
-//! The hand-written field of grass: forward, pre-pass, and visibility buffers with a fragment and a compute resolve.
+//! The hand-written field of grass: forward, pre-pass, and visibility buffers with a fragment and a
+//! compute resolve.
 
 use std::collections::BTreeMap;
 
-use preshade::front::{self, Options, Source};
-use preshade::passes::geometry::Geometry;
-use preshade::passes::plan::{
+use preshade::unstable::front::{self, Options, Source};
+use preshade::unstable::passes::geometry::Geometry;
+use preshade::unstable::passes::plan::{
     Attachment, AttachmentFormat, BindingKind, BindingSource, BindingUse, ClearValue, ComputePass,
     Draws, GpuPass, Phase, Plan, Role, Visibility, When,
 };
-use preshade::passes::program::Program;
-use preshade::passes::reflect;
-use preshade::passes::state::{ColorTarget, CompareFunction, CullMode, MaterialState};
-use preshade::scene::{Draw, Mesh, Scene, Value};
+use preshade::unstable::passes::program::Program;
+use preshade::unstable::passes::reflect;
+use preshade::unstable::passes::state::{ColorTarget, CompareFunction, CullMode, MaterialState};
+use preshade::unstable::scene::{Draw, Mesh, Scene, Value};
 
 use super::layers;
 use crate::Failure;
@@ -44,7 +45,8 @@ fn random(n: u32, channel: u32) -> f64 {
     f64::from((h ^ (h >> 16)) >> 8) / f64::from(1 << 24)
 }
 
-/// So many crossed cards on a jittered grid in front of the camera, in no order. An instance is its x, its z, its turn and its height.
+/// Crossed cards on a jittered grid in front of the camera, in random order. An instance has x, z,
+/// rotation and height.
 fn instances(count: u32) -> Vec<f64> {
     let side = f64::from(count).sqrt().ceil() as u32;
     let cell = SIDE / f64::from(side);
@@ -91,9 +93,9 @@ pub fn scene(text: &str, size: [u32; 2], count: u32) -> Result<Scene, Failure> {
     ]);
     Ok(layers(
         size,
-        // What the hand-written resolves put behind the grass.
+        // The background of the hand-written resolves.
         [0.5, 0.7, 0.9, 1.0],
-        preshade::scene::Material {
+        preshade::unstable::scene::Material {
             name: "bounds".to_owned(),
             file: None,
             program: parsed.program,
@@ -221,7 +223,7 @@ pub fn handwritten(forward: &Plan, form: &str) -> Result<Plan, Failure> {
     };
     if form == "compute resolve" {
         compute(&mut plan, &program, &known);
-        // Nothing is drawn: the pass is there for the target, all of which is written.
+        // Draws nothing: the pass exists for its target, which is overwritten.
         screen.role = Role::Clear;
         screen.phase = Phase::Classify;
         screen.fragment = Some("fs".to_owned());

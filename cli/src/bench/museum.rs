@@ -1,12 +1,12 @@
-//! Exhibits of the museum: the material that a person specialised for them beside what preshade makes of the whole one.
+//! Exhibits of the museum: a material specialised by hand beside one that preshade specialised.
 
 use std::path::Path;
 
-use preshade::front::{self, Options, Source};
-use preshade::measure;
-use preshade::passes::pass::Facts;
-use preshade::passes::plan::Plan;
-use preshade::scene::{self, Scene};
+use preshade::unstable::front::{self, Options, Source};
+use preshade::unstable::measure;
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::scene::{self, Scene};
 
 use crate::Failure;
 
@@ -16,7 +16,7 @@ pub const KINDS: [&str; 4] = ["plinth", "bronze", "banner", "puppet"];
 /// The recipe that should match each.
 pub const RECIPE: &str = "specialize";
 
-/// The scene with the draws of one kind alone, and what it tells of their values.
+/// The scene with only the draws of one kind, and the facts about their values.
 pub fn scene(path: &Path, size: [u32; 2], kind: &str) -> Result<(Scene, Facts), Failure> {
     let mut scene = scene::load(path)?.resized(size);
     scene.draws.retain(|d| d.name.starts_with(kind));
@@ -28,7 +28,7 @@ pub fn scene(path: &Path, size: [u32; 2], kind: &str) -> Result<(Scene, Facts), 
     Ok((scene, facts))
 }
 
-/// The hand-written version as a plan, with the state of the material that it stands for.
+/// The hand-written version as a plan, with the state of the original material.
 pub fn handwritten(scene: &Scene, folder: &Path, kind: &str) -> Result<Plan, Failure> {
     let path = folder.join(format!("museum-{kind}.wgsl"));
     let text = std::fs::read_to_string(&path)

@@ -1,4 +1,4 @@
-//! Functions of the bits of numbers (WGSL, sections 17.5 and 17.9 to 17.11).
+//! Bit functions (WGSL, sections 17.5 and 17.9 to 17.11).
 
 use naga::MathFunction;
 
@@ -6,10 +6,9 @@ use super::Stuck;
 use super::number::{Number, single, truncated};
 use super::value::{Scalar, Value};
 
-/// Functions that take words apart, put them together or count in them; `None` for another one.
+/// Functions that split, join or count words; `None` for other functions.
 ///
-/// # Errors
-/// Arguments of other types; numbers that are several.
+/// # Errors On arguments of other types, and on numbers that stand for several values.
 pub(super) fn call<F: Number>(
     fun: MathFunction,
     arguments: &[&Value<F>],
@@ -55,7 +54,7 @@ pub(super) fn call<F: Number>(
     })
 }
 
-/// Functions of the bits of each integer; `None` for another one, or for what is no integer.
+/// Bit functions of each integer; `None` for other functions or types.
 pub(super) fn of_integers<F>(fun: MathFunction, s: &[Scalar<F>]) -> Option<Scalar<F>> {
     use MathFunction as M;
     use Scalar::{I32, U32};
@@ -68,10 +67,10 @@ pub(super) fn of_integers<F>(fun: MathFunction, s: &[Scalar<F>]) -> Option<Scala
         (M::CountOneBits, [U32(v)]) => U32(v.count_ones()),
         (M::ReverseBits, [I32(v)]) => I32(v.reverse_bits()),
         (M::ReverseBits, [U32(v)]) => U32(v.reverse_bits()),
-        // None of zero: all bits set.
+        // For zero: all bits set.
         (M::FirstTrailingBit, [I32(v)]) => I32(first_trailing(*v as u32) as i32),
         (M::FirstTrailingBit, [U32(v)]) => U32(first_trailing(*v)),
-        // Of a negative number the first that is not as its sign.
+        // For a negative number, the first bit that differs from the sign.
         (M::FirstLeadingBit, [I32(v)]) => I32(first_leading((*v ^ (*v >> 31)) as u32) as i32),
         (M::FirstLeadingBit, [U32(v)]) => U32(first_leading(*v)),
         (M::ExtractBits, [v, U32(offset), U32(count)]) => {
@@ -83,7 +82,7 @@ pub(super) fn of_integers<F>(fun: MathFunction, s: &[Scalar<F>]) -> Option<Scala
                     U32(_) => U32(0),
                     _ => return None,
                 },
-                // To the top, and down again with the sign or without.
+                // Shifting up and down again extends the sign.
                 I32(v) => I32((v << (shift - offset)) >> shift),
                 U32(v) => U32((v << (shift - offset)) >> shift),
                 _ => return None,
@@ -109,7 +108,7 @@ pub(super) fn of_integers<F>(fun: MathFunction, s: &[Scalar<F>]) -> Option<Scala
     })
 }
 
-/// A field as far as it lies in a word.
+/// Clamps a bit field to its word.
 fn field(offset: u32, count: u32) -> (u32, u32) {
     let offset = offset.min(32);
     (offset, count.min(32 - offset))
@@ -129,7 +128,7 @@ fn first_leading(bits: u32) -> u32 {
     }
 }
 
-/// A float between `low` and 1 as a whole number of at most `most`.
+/// Scales a float between `low` and 1 to a whole number of at most `most`.
 fn scaled<F: Number>(value: Scalar<F>, low: f32, most: f32) -> Result<u32, Stuck> {
     let Scalar::F32(value) = value else {
         return Err(Stuck::Type(format!("packing {value:?}")));
@@ -147,7 +146,7 @@ fn scaled<F: Number>(value: Scalar<F>, low: f32, most: f32) -> Result<u32, Stuck
     Ok(truncated(whole)? as i32 as u32)
 }
 
-/// Fields in a word, `width` bits each from the lowest.
+/// Packs fields of `width` bits into a word, from the lowest.
 fn pack<F: Number>(
     arguments: &[&Value<F>],
     width: u32,
@@ -162,7 +161,7 @@ fn pack<F: Number>(
     Ok(Value::u32(word))
 }
 
-/// The fields of a word, `width` bits each from the lowest, each through `decode`.
+/// Unpacks fields of `width` bits from a word, from the lowest, and decodes each.
 fn unpack<F: Number>(
     arguments: &[&Value<F>],
     width: u32,
@@ -190,7 +189,7 @@ fn dot_of_bytes<F: Number>(arguments: &[&Value<F>], number: fn(u8) -> i32) -> Re
         .sum())
 }
 
-/// A field out of a whole range, as part of it, -1 at least.
+/// A field as a fraction of its range, at least -1.
 fn normalized<F: Number>(field: f32, of: f32) -> Result<Scalar<F>, Stuck> {
     let part = F::binary(naga::BinaryOperator::Divide, F::of(field), F::of(of));
     let held = part.and_then(|part| F::call(MathFunction::Max, &[part, F::of(-1.0)]));
@@ -210,7 +209,7 @@ pub(super) fn half(bits: u32) -> f32 {
     }
 }
 
-/// The bits of the nearest 16-bit float, of two the even one; past the largest infinity.
+/// The bits of the nearest 16-bit float, ties to even; infinity beyond the largest.
 pub(super) fn half_bits(value: f32) -> u32 {
     let bits = value.to_bits();
     let sign = (bits >> 16) & 0x8000;
@@ -218,7 +217,7 @@ pub(super) fn half_bits(value: f32) -> u32 {
         return sign | 0x7e00;
     }
     let magnitude = value.abs();
-    // Steps of 2^-24 below 2^-14, of 11 bits above.
+    // Steps of 2^-24 below 2^-14, 11 bits above.
     if magnitude < 2.0_f32.powi(-14) {
         return sign | (magnitude * 2.0_f32.powi(24)).round_ties_even() as u32;
     }
@@ -240,7 +239,7 @@ mod tests {
         for bits in (0..=0x7c00).chain(0x8000..=0xfc00) {
             assert_eq!(half_bits(half(bits)), bits, "{bits:x}");
         }
-        // Midway to the even one, and a last bit past it up.
+        // A tie goes to even, one bit more goes up.
         assert_eq!(half_bits(1.0 + 2.0_f32.powi(-11)), 0x3c00);
         assert_eq!(half_bits(1.0 + 3.0 * 2.0_f32.powi(-11)), 0x3c02);
         assert_eq!(half_bits((1.0 + 2.0_f32.powi(-11)).next_up()), 0x3c01);

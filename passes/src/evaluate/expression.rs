@@ -1,6 +1,8 @@
-//! What an expression's value is.
+//! Evaluates expressions.
 
-use naga::{Expression, Function, GlobalVariable, Handle, SampleLevel};
+use naga::{
+    DerivativeAxis, DerivativeControl, Expression, Function, GlobalVariable, Handle, SampleLevel,
+};
 
 use super::machine::{Frame, Machine, part};
 use super::number::Number;
@@ -20,7 +22,7 @@ impl<'a, F: Number> Machine<'a, F> {
         Ok(value.clone())
     }
 
-    /// Evaluates an operand that no `Emit` does, where that was not done yet.
+    /// Evaluates an operand that needs no `Emit`, once.
     fn need(&mut self, frame: &mut Frame<'a, F>, e: Handle<Expression>) -> Result<(), Stuck> {
         if frame.values[e.index()].is_some() {
             return Ok(());
@@ -32,7 +34,7 @@ impl<'a, F: Number> Machine<'a, F> {
         self.keep(frame, e, value)
     }
 
-    /// Fails where a value of this type is too much, ahead of it.
+    /// Fails before allocating a value of this type if it is too large.
     fn room_for(&self, ty: Handle<naga::Type>) -> Result<(), Stuck> {
         self.room(layout::scalars(self.module, ty) as usize)
     }
@@ -44,20 +46,10 @@ impl<'a, F: Number> Machine<'a, F> {
     ) -> Result<Value<F>, Stuck> {
         let function = frame.function;
         Ok(match &function.expressions[e] {
-            Expression::Literal(l) => Value::literal(l)?,
-            Expression::Constant(c) => {
-                let constant = &self.module.constants[*c];
-                self.room_for(constant.ty)?;
-                value::default_constant(self.module, constant.init)?
-            }
-            Expression::Override(o) => match self.module.overrides[*o].init {
-                Some(init) => value::default_constant(self.module, init)?,
-                None => return Err(Stuck::Unsupported("an override without a value".to_owned())),
-            },
-            Expression::ZeroValue(ty) => {
-                self.room_for(*ty)?;
-                Value::zero(self.module, *ty)?
-            }
+            constant @ (Expression::Literal(_)
+            | Expression::Constant(_)
+            | Expression::Override(_)
+            | Expression::ZeroValue(_)) => self.constant_value(constant)?,
             Expression::Compose { ty, components } => {
                 self.room_for(*ty)?;
                 let parts = components
@@ -118,15 +110,7 @@ impl<'a, F: Number> Machine<'a, F> {
             } => {
                 let condition = self.get(frame, *condition)?;
                 let (accept, reject) = (self.get(frame, *accept)?, self.get(frame, *reject)?);
-                match condition {
-                    Value::Scalar(_) if condition.truth()? => accept,
-                    Value::Scalar(_) => reject,
-                    _ => Value::zip(&[&condition, &accept, &reject], &mut |s| match s {
-                        [Scalar::Bool(true), a, _] => Ok(*a),
-                        [Scalar::Bool(false), _, r] => Ok(*r),
-                        other => Err(Stuck::Type(format!("select of {other:?}"))),
-                    })?,
-                }
+                select(condition, accept, reject)?
             }
             expression @ Expression::Relational { fun, argument } => {
                 let argument = self.get(frame, *argument)?;
@@ -134,22 +118,9 @@ impl<'a, F: Number> Machine<'a, F> {
                 self.flips += flips::of(expression, &[&argument], &value);
                 value
             }
-            Expression::Derivative {
-                axis,
-                ctrl,
-                expr: of,
-            } => {
-                let Some(derivative) = self.environment.derivative else {
-                    return Err(Stuck::Unsupported(format!("Derivative of {axis:?}")));
-                };
-                self.get(frame, *of)?.map(&mut |of| match of {
-                    Scalar::F32(of) => Ok(Scalar::F32(derivative(Derivative {
-                        axis: *axis,
-                        control: *ctrl,
-                        of,
-                    }))),
-                    other => Err(Stuck::Type(format!("a derivative of {other:?}"))),
-                })?
+            Expression::Derivative { axis, ctrl, expr } => {
+                let of = self.get(frame, *expr)?;
+                self.derivative(*axis, *ctrl, &of)?
             }
             expression @ Expression::Math {
                 fun,
@@ -178,53 +149,7 @@ impl<'a, F: Number> Machine<'a, F> {
                 self.flips += flips::of(expression, &[&of], &value);
                 value
             }
-            Expression::ImageSample {
-                image,
-                sampler,
-                coordinate,
-                array_index,
-                offset,
-                level,
-                depth_ref,
-                gather: None,
-                clamp_to_edge,
-            } => {
-                let mut sampling = Sampling {
-                    implicit: matches!(level, SampleLevel::Auto | SampleLevel::Bias(_)),
-                    clamped: *clamp_to_edge,
-                    ..Sampling::default()
-                };
-                if let Value::Resource(sampler) = self.get(frame, *sampler)? {
-                    sampling.sampler = self.binding(sampler);
-                }
-                if let Some(offset) = offset {
-                    let offset = self.constant(frame, *offset)?;
-                    let parts = match &offset {
-                        Value::Composite(parts) => &parts[..],
-                        one => std::slice::from_ref(one),
-                    };
-                    for (to, part) in sampling.offset.iter_mut().zip(parts) {
-                        if let Value::Scalar(Scalar::I32(texels)) = part {
-                            *to = *texels;
-                        }
-                    }
-                }
-                let mut operands = vec![*coordinate];
-                operands.extend(array_index);
-                let mut footprint = Vec::new();
-                match level {
-                    SampleLevel::Auto | SampleLevel::Zero => {}
-                    SampleLevel::Exact(l) => operands.push(*l),
-                    SampleLevel::Bias(l) => footprint.push(*l),
-                    SampleLevel::Gradient { x, y } => footprint.extend([*x, *y]),
-                }
-                operands.extend(depth_ref);
-                let texel = self.lookup(frame, *image, &operands, (&footprint, sampling))?;
-                match depth_ref {
-                    Some(_) => Value::number(texel[0]),
-                    None => self.texel(*image, function, texel)?,
-                }
-            }
+            sample @ Expression::ImageSample { gather: None, .. } => self.sample(frame, sample)?,
             Expression::ImageLoad {
                 image,
                 coordinate,
@@ -246,7 +171,97 @@ impl<'a, F: Number> Machine<'a, F> {
         })
     }
 
-    /// A texel as the texture's class gives it: depth as one float, integers as the whole part of what the caller gave.
+    /// A literal, constant, override or zero.
+    fn constant_value(&self, constant: &Expression) -> Result<Value<F>, Stuck> {
+        match constant {
+            Expression::Literal(l) => Value::literal(l),
+            Expression::Constant(c) => {
+                let constant = &self.module.constants[*c];
+                self.room_for(constant.ty)?;
+                value::default_constant(self.module, constant.init)
+            }
+            Expression::Override(o) => match self.module.overrides[*o].init {
+                Some(init) => value::default_constant(self.module, init),
+                None => Err(Stuck::Unsupported("an override without a value".to_owned())),
+            },
+            Expression::ZeroValue(ty) => {
+                self.room_for(*ty)?;
+                Value::zero(self.module, *ty)
+            }
+            other => Err(Stuck::Unsupported(kind(other).to_owned())),
+        }
+    }
+
+    fn derivative(
+        &self,
+        axis: DerivativeAxis,
+        control: DerivativeControl,
+        of: &Value<F>,
+    ) -> Result<Value<F>, Stuck> {
+        let Some(derivative) = self.environment.derivative else {
+            return Err(Stuck::Unsupported(format!("Derivative of {axis:?}")));
+        };
+        of.map(&mut |of| match of {
+            Scalar::F32(of) => Ok(Scalar::F32(derivative(Derivative { axis, control, of }))),
+            other => Err(Stuck::Type(format!("a derivative of {other:?}"))),
+        })
+    }
+
+    /// Samples a texture through the environment.
+    fn sample(&mut self, frame: &mut Frame<'a, F>, sample: &Expression) -> Result<Value<F>, Stuck> {
+        let Expression::ImageSample {
+            image,
+            sampler,
+            coordinate,
+            array_index,
+            offset,
+            level,
+            depth_ref,
+            clamp_to_edge,
+            ..
+        } = sample
+        else {
+            return Err(Stuck::Unsupported(kind(sample).to_owned()));
+        };
+        let mut sampling = Sampling {
+            implicit: matches!(level, SampleLevel::Auto | SampleLevel::Bias(_)),
+            clamped: *clamp_to_edge,
+            ..Sampling::default()
+        };
+        if let Value::Resource(sampler) = self.get(frame, *sampler)? {
+            sampling.sampler = self.binding(sampler);
+        }
+        if let Some(offset) = offset {
+            let offset = self.constant(frame, *offset)?;
+            let parts = match &offset {
+                Value::Composite(parts) => &parts[..],
+                one => std::slice::from_ref(one),
+            };
+            for (to, part) in sampling.offset.iter_mut().zip(parts) {
+                if let Value::Scalar(Scalar::I32(texels)) = part {
+                    *to = *texels;
+                }
+            }
+        }
+        let mut operands = vec![*coordinate];
+        operands.extend(array_index);
+        let mut footprint = Vec::new();
+        match level {
+            SampleLevel::Auto | SampleLevel::Zero => {}
+            SampleLevel::Exact(l) => operands.push(*l),
+            SampleLevel::Bias(l) => footprint.push(*l),
+            SampleLevel::Gradient { x, y } => footprint.extend([*x, *y]),
+        }
+        operands.extend(depth_ref);
+        let texel = self.lookup(frame, *image, &operands, (&footprint, sampling))?;
+        Ok(match depth_ref {
+            Some(_) => Value::number(texel[0]),
+            None => self.texel(*image, frame.function, texel)?,
+        })
+    }
+
+    /// Converts the caller's texel to the texture's class: one float for depth, whole numbers for
+    /// integers.
     fn texel(
         &self,
         image: Handle<Expression>,
@@ -301,7 +316,7 @@ impl<'a, F: Number> Machine<'a, F> {
         binding.map(|b| (b.group, b.binding))
     }
 
-    /// The components of operands as floats, one after the other.
+    /// All components of the operands, as floats.
     fn numbers(
         &mut self,
         frame: &mut Frame<'a, F>,
@@ -341,7 +356,7 @@ pub(super) fn kind(expression: &Expression) -> &'static str {
     }
 }
 
-/// The value of an expression that was evaluated.
+/// The value of an evaluated expression.
 fn known<'v, F>(frame: &'v Frame<'_, F>, e: Handle<Expression>) -> Result<&'v Value<F>, Stuck> {
     let value = frame.values[e.index()].as_ref();
     value.ok_or(Stuck::Unevaluated(e.index()))
@@ -355,5 +370,22 @@ fn access<F: Number>(base: &Value<F>, index: usize) -> Result<Value<F>, Stuck> {
         }),
         Value::Composite(_) => part(base, index).cloned(),
         other => Err(Stuck::Type(format!("an access into {other:?}"))),
+    }
+}
+
+/// `select`, by component if the condition is a vector.
+fn select<F: Number>(
+    condition: Value<F>,
+    accept: Value<F>,
+    reject: Value<F>,
+) -> Result<Value<F>, Stuck> {
+    match condition {
+        Value::Scalar(_) if condition.truth()? => Ok(accept),
+        Value::Scalar(_) => Ok(reject),
+        _ => Value::zip(&[&condition, &accept, &reject], &mut |s| match s {
+            [Scalar::Bool(true), a, _] => Ok(*a),
+            [Scalar::Bool(false), _, r] => Ok(*r),
+            other => Err(Stuck::Type(format!("select of {other:?}"))),
+        }),
     }
 }

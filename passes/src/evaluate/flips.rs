@@ -1,4 +1,4 @@
-//! Decisions that would be others if nothing had been rounded.
+//! Counts decisions that exact arithmetic would make differently.
 
 use naga::{BinaryOperator, Expression, MathFunction, RelationalFunction, ScalarKind};
 
@@ -6,7 +6,8 @@ use super::math;
 use super::number::Number;
 use super::value::{Scalar, Value};
 
-/// How many components of what `expression` decided of `operands` its operands' truths ([`Number::truth`]) decide otherwise; 0 where it decides nothing, or they have none.
+/// The number of components of `decided` that differ if `expression` is evaluated on its operands'
+/// references ([`Number::reference`]). 0 if it makes no decision or they have none.
 pub fn of<F: Number>(expression: &Expression, operands: &[&Value<F>], decided: &Value<F>) -> u64 {
     use BinaryOperator as B;
     use MathFunction as M;

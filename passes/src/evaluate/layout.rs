@@ -1,12 +1,12 @@
-//! Bytes of a buffer as a value, as the shader's type lays them out.
+//! Decodes a buffer's bytes by the shader's type.
 
 use naga::{ArraySize, Handle, Module, ScalarKind, Type, TypeInner};
 
 use super::number::Number;
 use super::value::{Scalar, Value};
 
-/// The value of type `ty` that `bytes` begin with (WGSL section 14.4, memory layout); `None` where they are too few, or the type has a runtime size or scalars that are not
-/// 32 bits wide.
+/// The value of type `ty` at the start of `bytes` (WGSL section 14.4, memory layout). `None` if
+/// there are too few bytes, or the type has a runtime size or scalars that are not 32 bits wide.
 pub fn from_bytes<F: Number>(module: &Module, ty: Handle<Type>, bytes: &[u8]) -> Option<Value<F>> {
     Some(match &module.types[ty].inner {
         TypeInner::Scalar(s) => scalar(*s, bytes)?,
@@ -16,7 +16,7 @@ pub fn from_bytes<F: Number>(module: &Module, ty: Handle<Type>, bytes: &[u8]) ->
             rows,
             scalar,
         } => {
-            // A column of three takes the room of four.
+            // A column of three is padded to four.
             let stride = 4 * if *rows as usize == 2 { 2 } else { 4 };
             let column = |c: usize| vector(*rows as usize, *scalar, bytes.get(c * stride..)?);
             Value::Composite((0..*columns as usize).map(column).collect::<Option<_>>()?)
@@ -56,10 +56,10 @@ fn scalar<F: Number>(of: naga::Scalar, bytes: &[u8]) -> Option<Value<F>> {
     }))
 }
 
-/// Elements that an array of any length is given where nothing says how many it has.
+/// Elements of a runtime-sized array whose length is unknown.
 pub const RUNTIME_ELEMENTS: u32 = 16;
 
-/// Scalars of a type; `u32::MAX` where that is not known, or more than that.
+/// Scalars of a type; `u32::MAX` if unknown or larger.
 pub fn scalars(module: &Module, ty: Handle<Type>) -> u32 {
     match &module.types[ty].inner {
         TypeInner::Scalar(_) | TypeInner::Atomic(_) => 1,

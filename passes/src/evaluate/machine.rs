@@ -1,4 +1,4 @@
-//! What runs: variables, statements and calls, each within the limits of steps and of memory.
+//! Executes variables, statements and calls, within limits of steps and memory.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -13,30 +13,31 @@ use super::number::Number;
 use super::value::{self, Scalar, Value};
 use super::{Environment, Outcome, Stuck, Traced, layout};
 
-/// Scalars of private and of local memory that a run may have: each takes many bytes here, and is copied with what holds it.
+/// Most scalars in private and local memory. Each takes many bytes, and is copied with its
+/// composite.
 const MOST_SCALARS: u32 = 1 << 16;
 
-/// Scalars of all values that a run may hold at a time, arguments among them.
+/// Most scalars in all values of a run at a time, arguments included.
 const MOST_VALUES: usize = 1 << 20;
 
-/// Scalars that a value may have for one step: those of a matrix.
+/// Scalars of a value that cost one step: those of a matrix.
 const FREE: usize = 16;
 
-/// What runs.
+/// An interpreter during a run.
 pub(super) struct Machine<'a, F: Number> {
     pub(super) module: &'a Module,
     pub(super) environment: &'a Environment<'a, F>,
-    /// Variables: the module's by their index, then those of the functions that run.
+    /// Variables: the module's by index, then those of the running functions.
     memory: Vec<Cow<'a, Value<F>>>,
-    /// Whether each of the module's variables has a value; `None`: nothing has asked for it yet.
+    /// Whether each module variable has a value; `None` before its first use.
     globals: Vec<Option<bool>>,
     discarded: bool,
     pub(super) flips: u64,
     steps: u64,
-    /// Scalars of the module's variables so far, and of those of the functions that run.
+    /// Scalars of the module's variables so far, and of the running functions' variables.
     of_globals: u32,
     of_locals: u32,
-    /// Scalars of the values that there are now.
+    /// Scalars of all current values.
     held: usize,
 }
 
@@ -58,7 +59,7 @@ enum Flow<F> {
 }
 
 impl<'a, F: Number> Machine<'a, F> {
-    /// One that has run nothing, with globals as they are at the beginning.
+    /// A fresh machine with initial globals.
     pub(super) fn new(module: &'a Module, environment: &'a Environment<'a, F>) -> Self {
         let globals = module.global_variables.len();
         Self {
@@ -75,7 +76,7 @@ impl<'a, F: Number> Machine<'a, F> {
         }
     }
 
-    /// Runs a function, and is used up by it.
+    /// Runs a function and consumes the machine.
     pub(super) fn run(
         mut self,
         function: &'a Function,
@@ -91,7 +92,7 @@ impl<'a, F: Number> Machine<'a, F> {
         })
     }
 
-    /// What storage buffers that it may write hold now.
+    /// The final contents of writable storage buffers.
     fn stored(&mut self) -> BTreeMap<(u32, u32), Value<F>> {
         let mut stored = BTreeMap::new();
         for (handle, global) in self.module.global_variables.iter() {
@@ -102,7 +103,7 @@ impl<'a, F: Number> Machine<'a, F> {
             if !access.contains(naga::StorageAccess::STORE) {
                 continue;
             }
-            // One that was not touched holds what it held.
+            // An untouched buffer keeps its content.
             let value = match self.globals[handle.index()] {
                 Some(there) => there.then(|| self.memory[handle.index()].clone()),
                 None => self.initial(handle).ok().flatten(),
@@ -112,7 +113,7 @@ impl<'a, F: Number> Machine<'a, F> {
         stored
     }
 
-    /// The scalars of a variable of this type, ahead of what they take.
+    /// Reserves the scalars of a variable of this type, before allocating them.
     fn take(&self, ty: Handle<naga::Type>) -> Result<u32, Stuck> {
         let more = layout::scalars(self.module, ty);
         let all = self.of_globals.saturating_add(self.of_locals);
@@ -124,7 +125,7 @@ impl<'a, F: Number> Machine<'a, F> {
         }
     }
 
-    /// Fails where so many scalars more are too many, ahead of what they take.
+    /// Fails, before allocating, if this many more scalars exceed the limit.
     pub(super) fn room(&self, scalars: usize) -> Result<(), Stuck> {
         match self.held.saturating_add(scalars) <= MOST_VALUES {
             true => Ok(()),
@@ -134,7 +135,7 @@ impl<'a, F: Number> Machine<'a, F> {
         }
     }
 
-    /// Counts what a value of so many scalars costs to make or copy.
+    /// Counts the cost of making or copying a value with this many scalars.
     pub(super) fn work(&mut self, scalars: usize) -> Result<(), Stuck> {
         self.steps = self
             .steps
@@ -162,7 +163,7 @@ impl<'a, F: Number> Machine<'a, F> {
         Ok(())
     }
 
-    /// What a variable of the module begins with; `None` where it has no value here. What is bound is not copied.
+    /// The initial value of a module variable, if any. Bound resources are not copied.
     fn initial(
         &mut self,
         handle: Handle<GlobalVariable>,
@@ -187,12 +188,12 @@ impl<'a, F: Number> Machine<'a, F> {
         }
         match global.init.filter(|_| global.binding.is_none()) {
             Some(init) => Ok(Some(Cow::Owned(value::default_constant(module, init)?))),
-            // A type that has none, say.
+            // For types without values.
             None => Ok(Value::zero(module, global.ty).ok().map(Cow::Owned)),
         }
     }
 
-    /// A variable of the module, made when it is first asked for.
+    /// A module variable, created on first use.
     pub(super) fn global(&mut self, handle: Handle<GlobalVariable>) -> Result<Value<F>, Stuck> {
         let address = handle.index();
         let there = match self.globals[address] {
@@ -385,7 +386,7 @@ impl<'a, F: Number> Machine<'a, F> {
         Ok(Flow::Next)
     }
 
-    /// What a pointer leads to, to be read.
+    /// The target of a pointer, for reading.
     pub(super) fn read(&self, pointer: &Value<F>) -> Result<&Value<F>, Stuck> {
         let (address, path) = target(pointer)?;
         let mut at = self.memory.get(address).ok_or_else(nowhere)?.as_ref();
@@ -395,7 +396,7 @@ impl<'a, F: Number> Machine<'a, F> {
         Ok(at)
     }
 
-    /// What a pointer leads to, to be written: a run's own from now on.
+    /// The target of a pointer, for writing: copied on the first write.
     fn place(&mut self, pointer: &Value<F>) -> Result<&mut Value<F>, Stuck> {
         let (address, path) = target(pointer)?;
         let variable = self.memory.get(address).ok_or_else(nowhere)?;
@@ -420,7 +421,7 @@ fn nowhere() -> Stuck {
     Stuck::Type("a pointer to nothing".to_owned())
 }
 
-/// The variable that a pointer is to, and where in it.
+/// A pointer's variable and its path in it.
 fn target<F: Number>(pointer: &Value<F>) -> Result<(usize, &[usize]), Stuck> {
     match pointer {
         Value::Pointer { address, path } => Ok((*address, path)),
@@ -428,7 +429,7 @@ fn target<F: Number>(pointer: &Value<F>) -> Result<(usize, &[usize]), Stuck> {
     }
 }
 
-/// A part of a composite; the last one past its end.
+/// A part of a composite; the index is clamped.
 pub(super) fn part<F: Number>(of: &Value<F>, index: usize) -> Result<&Value<F>, Stuck> {
     let Value::Composite(parts) = of else {
         return Err(Stuck::Type("a path into a scalar".to_owned()));

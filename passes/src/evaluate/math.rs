@@ -1,4 +1,4 @@
-//! Operators and built-in functions, on the CPU's own f32.
+//! Operators and built-in functions, computed with the CPU's f32.
 
 use naga::{BinaryOperator, MathFunction, RelationalFunction, ScalarKind, UnaryOperator};
 
@@ -114,7 +114,7 @@ fn scalar_binary<F: Number>(
         (B::Add, I32(a), I32(b)) => I32(a.wrapping_add(b)),
         (B::Subtract, I32(a), I32(b)) => I32(a.wrapping_sub(b)),
         (B::Multiply, I32(a), I32(b)) => I32(a.wrapping_mul(b)),
-        // WGSL: by zero, the dividend; the remainder is then zero.
+        // WGSL: a division by zero gives the dividend, and the remainder is zero.
         (B::Divide, I32(a), I32(b)) => I32(if b == 0 { a } else { a.wrapping_div(b) }),
         (B::Modulo, I32(a), I32(b)) => I32(if b == 0 { 0 } else { a.wrapping_rem(b) }),
         (B::Add, U32(a), U32(b)) => U32(a.wrapping_add(b)),
@@ -206,7 +206,7 @@ pub fn cast<F: Number>(
             (_, ScalarKind::Float, I32(v)) => F32(rounded(f32::from((v >> 16) as i16), v as u32)?),
             (_, ScalarKind::Float, U32(v)) => F32(rounded(f32::from((v >> 16) as u16), v)?),
             (_, ScalarKind::Float, Bool(v)) => F32(F::of(f32::from(u8::from(v)))),
-            // The nearest that is both an integer and a float (WGSL, section 15.7.6).
+            // The nearest number that is both an integer and a float (WGSL, section 15.7.6).
             (_, ScalarKind::Sint, F32(v)) => {
                 I32(truncated(v)?.clamp(-2_147_483_648.0, 2_147_483_520.0) as i32)
             }
@@ -228,7 +228,7 @@ pub fn cast<F: Number>(
     })
 }
 
-/// An integer whose upper half is `upper` as a float: two halves that are exact, and a sum that is rounded.
+/// An integer with upper half `upper` as a float: both halves are exact, and their sum is rounded.
 fn rounded<F: Number>(upper: f32, word: u32) -> Result<F, Stuck> {
     let lower = F::of((word & 0xffff) as f32);
     plus(F::of(upper * 65536.0), lower)
@@ -268,20 +268,7 @@ pub fn call<F: Number>(fun: MathFunction, arguments: &[&Value<F>]) -> Result<Val
                 other => Err(mismatch("a direction", &[other])),
             })
         }
-        M::Cross => {
-            let (a, b) = (arguments[0].floats()?, arguments[1].floats()?);
-            let [ax, ay, az] = a[..] else {
-                return Err(Stuck::Type("cross of no vec3".to_owned()));
-            };
-            let [bx, by, bz] = b[..] else {
-                return Err(Stuck::Type("cross of no vec3".to_owned()));
-            };
-            Ok(Value::composite(&[
-                minus(times(ay, bz)?, times(az, by)?)?,
-                minus(times(az, bx)?, times(ax, bz)?)?,
-                minus(times(ax, by)?, times(ay, bx)?)?,
-            ]))
-        }
+        M::Cross => cross(arguments),
         M::Reflect => {
             let twice = times(F::of(2.0), dot(arguments[1], arguments[0])?)?;
             let along = binary(
@@ -291,23 +278,7 @@ pub fn call<F: Number>(fun: MathFunction, arguments: &[&Value<F>]) -> Result<Val
             )?;
             binary(BinaryOperator::Subtract, arguments[0], &along)
         }
-        M::Refract => {
-            let [incident, normal, ratio] = three(arguments)?;
-            let ratio = ratio.float()?;
-            let along = dot(normal, incident)?;
-            let square = beyond_total(along, ratio)?;
-            if holds(BinaryOperator::Less, square, F::of(0.0))? {
-                return binary(
-                    BinaryOperator::Multiply,
-                    incident,
-                    &Value::number(F::of(0.0)),
-                );
-            }
-            let back = plus(times(ratio, along)?, root(square)?)?;
-            let bent = binary(BinaryOperator::Multiply, incident, &Value::number(ratio))?;
-            let back = binary(BinaryOperator::Multiply, normal, &Value::number(back))?;
-            binary(BinaryOperator::Subtract, &bent, &back)
-        }
+        M::Refract => refract(arguments),
         M::FaceForward => {
             let [normal, incident, reference] = three(arguments)?;
             match holds(BinaryOperator::Less, dot(incident, reference)?, F::of(0.0))? {
@@ -321,25 +292,7 @@ pub fn call<F: Number>(fun: MathFunction, arguments: &[&Value<F>]) -> Result<Val
             let fraction = binary(BinaryOperator::Subtract, arguments[0], &whole)?;
             Ok(Value::Composite(vec![fraction, whole]))
         }
-        M::Frexp => {
-            let mut exponents = Vec::new();
-            let fraction = arguments[0].map(&mut |s| match s {
-                Scalar::F32(v) => {
-                    let exponent = exponent(single(v)?);
-                    exponents.push(Value::i32(exponent));
-                    Ok(Scalar::F32(shifted(v, -exponent)?))
-                }
-                other => Err(mismatch("a fraction", &[other])),
-            })?;
-            let exponents = match (&fraction, exponents.pop()) {
-                (Value::Scalar(_), Some(one)) => one,
-                (_, last) => {
-                    exponents.extend(last);
-                    Value::Composite(exponents)
-                }
-            };
-            Ok(Value::Composite(vec![fraction, exponents]))
-        }
+        M::Frexp => frexp(arguments),
         M::Outer => {
             let columns = arguments[1].parts()?.iter();
             let columns =
@@ -348,33 +301,93 @@ pub fn call<F: Number>(fun: MathFunction, arguments: &[&Value<F>]) -> Result<Val
         }
         M::Determinant => matrix::determinant(arguments[0]).map(Value::number),
         M::Inverse => matrix::inverse(arguments[0]),
-        M::Transpose => {
-            let columns = arguments[0].parts()?;
-            let rows = columns
-                .first()
-                .map_or(Ok(0), |c| c.parts().map(<[_]>::len))?;
-            (0..rows)
-                .map(|r| {
-                    columns
-                        .iter()
-                        .map(|c| c.parts().map(|p| p[r].clone()))
-                        .collect::<Result<_, _>>()
-                        .map(Value::Composite)
-                })
-                .collect::<Result<_, _>>()
-                .map(Value::Composite)
-        }
+        M::Transpose => transpose(arguments),
         _ => Value::zip(arguments, &mut |s| by_component(fun, s)),
     }
 }
 
-/// The square of the refracted direction's cosine; below 0 all is reflected.
+/// `cross`.
+fn cross<F: Number>(arguments: &[&Value<F>]) -> Result<Value<F>, Stuck> {
+    let (a, b) = (arguments[0].floats()?, arguments[1].floats()?);
+    let [ax, ay, az] = a[..] else {
+        return Err(Stuck::Type("cross of no vec3".to_owned()));
+    };
+    let [bx, by, bz] = b[..] else {
+        return Err(Stuck::Type("cross of no vec3".to_owned()));
+    };
+    Ok(Value::composite(&[
+        minus(times(ay, bz)?, times(az, by)?)?,
+        minus(times(az, bx)?, times(ax, bz)?)?,
+        minus(times(ax, by)?, times(ay, bx)?)?,
+    ]))
+}
+
+/// `refract`.
+fn refract<F: Number>(arguments: &[&Value<F>]) -> Result<Value<F>, Stuck> {
+    let [incident, normal, ratio] = three(arguments)?;
+    let ratio = ratio.float()?;
+    let along = dot(normal, incident)?;
+    let square = beyond_total(along, ratio)?;
+    if holds(BinaryOperator::Less, square, F::of(0.0))? {
+        return binary(
+            BinaryOperator::Multiply,
+            incident,
+            &Value::number(F::of(0.0)),
+        );
+    }
+    let back = plus(times(ratio, along)?, root(square)?)?;
+    let bent = binary(BinaryOperator::Multiply, incident, &Value::number(ratio))?;
+    let back = binary(BinaryOperator::Multiply, normal, &Value::number(back))?;
+    binary(BinaryOperator::Subtract, &bent, &back)
+}
+
+/// `frexp`: a structure of fraction and exponent.
+fn frexp<F: Number>(arguments: &[&Value<F>]) -> Result<Value<F>, Stuck> {
+    let mut exponents = Vec::new();
+    let fraction = arguments[0].map(&mut |s| match s {
+        Scalar::F32(v) => {
+            let exponent = exponent(single(v)?);
+            exponents.push(Value::i32(exponent));
+            Ok(Scalar::F32(shifted(v, -exponent)?))
+        }
+        other => Err(mismatch("a fraction", &[other])),
+    })?;
+    let exponents = match (&fraction, exponents.pop()) {
+        (Value::Scalar(_), Some(one)) => one,
+        (_, last) => {
+            exponents.extend(last);
+            Value::Composite(exponents)
+        }
+    };
+    Ok(Value::Composite(vec![fraction, exponents]))
+}
+
+/// `transpose`.
+fn transpose<F: Number>(arguments: &[&Value<F>]) -> Result<Value<F>, Stuck> {
+    let columns = arguments[0].parts()?;
+    let rows = columns
+        .first()
+        .map_or(Ok(0), |c| c.parts().map(<[_]>::len))?;
+    (0..rows)
+        .map(|r| {
+            columns
+                .iter()
+                .map(|c| c.parts().map(|p| p[r].clone()))
+                .collect::<Result<_, _>>()
+                .map(Value::Composite)
+        })
+        .collect::<Result<_, _>>()
+        .map(Value::Composite)
+}
+
+/// The squared cosine of the refracted direction; below 0 is total reflection.
 fn beyond_total<F: Number>(along: F, ratio: F) -> Result<F, Stuck> {
     let sine = minus(F::of(1.0), times(along, along)?)?;
     minus(F::of(1.0), times(times(ratio, ratio)?, sine)?)
 }
 
-/// What a function of whole vectors turns on, which its components do not show; `None` of one that turns on nothing.
+/// The decision of a function of whole vectors that its result's components don't show, if it makes
+/// one.
 pub fn turns<F: Number>(fun: MathFunction, arguments: &[&Value<F>]) -> Result<Option<bool>, Stuck> {
     let turned_on = match fun {
         MathFunction::Refract => {
@@ -399,12 +412,12 @@ fn holds<F: Number>(op: BinaryOperator, a: F, b: F) -> Result<bool, Stuck> {
     F::holds(op, a, b).ok_or_else(|| Stuck::Undecided(format!("{op:?} of {a:?} and {b:?}")))
 }
 
-/// The exponent that leaves a fraction from a half up to 1; 0 of what has none.
+/// The exponent that leaves a fraction in [0.5, 1); 0 for zero, infinity and NaN.
 fn exponent(v: f32) -> i32 {
     if v == 0.0 || !v.is_finite() {
         return 0;
     }
-    // Denormals by way of a normal number.
+    // Scales denormals to normal numbers first.
     let (v, by) = match v.is_normal() {
         true => (v, 0),
         false => (v * 2.0_f32.powi(32), 32),
@@ -412,7 +425,7 @@ fn exponent(v: f32) -> i32 {
     ((v.to_bits() >> 23) & 0xff) as i32 - 126 - by
 }
 
-/// A number times a power of two, in steps that a float holds.
+/// A number times a power of two, in steps that a float can hold.
 fn shifted<F: Number>(v: F, by: i32) -> Result<F, Stuck> {
     let (mut v, mut left) = (v, by.clamp(-400, 400));
     while left != 0 {

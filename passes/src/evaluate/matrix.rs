@@ -1,4 +1,4 @@
-//! Functions of matrices, by columns as everywhere.
+//! Functions of matrices, stored by columns.
 
 use super::Stuck;
 use super::number::Number;
@@ -42,7 +42,7 @@ fn determinant_of<F: Number>(m: &Columns<F>) -> Result<F, Stuck> {
     sum.ok_or_else(|| Stuck::Type("an empty matrix".to_owned()))
 }
 
-/// Without one column and one row.
+/// The matrix without one column and one row.
 fn minor<F: Number>(m: &Columns<F>, column: usize, row: usize) -> Columns<F> {
     let others = m.iter().enumerate().filter(|(i, _)| *i != column);
     let without = |c: &Vec<F>| {
@@ -52,7 +52,7 @@ fn minor<F: Number>(m: &Columns<F>, column: usize, row: usize) -> Columns<F> {
     others.map(|(_, c)| without(c)).collect()
 }
 
-/// The inverse: each minor's determinant by the whole one.
+/// The inverse: cofactors divided by the determinant.
 pub(super) fn inverse<F: Number>(matrix: &Value<F>) -> Result<Value<F>, Stuck> {
     let m = columns(matrix)?;
     let whole = determinant_of(&m)?;
@@ -61,7 +61,6 @@ pub(super) fn inverse<F: Number>(matrix: &Value<F>) -> Result<Value<F>, Stuck> {
     for column in 0..size {
         let mut numbers = Vec::new();
         for row in 0..size {
-            // Transposed.
             let part = determinant_of(&minor(&m, row, column))?;
             let part = match (row + column) % 2 {
                 0 => part,

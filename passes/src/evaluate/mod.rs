@@ -1,11 +1,13 @@
-//! A small interpreter of naga IR on the CPU: one invocation, 32-bit scalars. It is what the slicer is tested against: running a slice gives
-//! the sliced value, bit for bit.
+//! A small interpreter of naga IR on the CPU: one invocation, 32-bit scalars. It is the oracle for
+//! the slicer: running a slice gives the sliced value, bit for bit.
 //!
-//! It is generic over what it takes for a float, a [`Number`]: `f32`; `f64`; both side by side ([`Shadowed`]), which tells how far rounding has led from the truth; intervals
-//! and affine numbers, which stand for all of a triangle ([`mod@crate::bound`]); terms, which stand for every number there is ([`mod@crate::validate`]).
+//! It is generic over its float type, a [`Number`]: `f32`; `f64`; both side by side ([`Shadowed`]),
+//! to measure rounding errors; intervals and affine numbers, which cover a whole triangle
+//! ([`mod@crate::evaluate::bound`]); terms, which represent every number ([`mod@crate::validate`]).
 //!
-//! `discard` is a demotion, as in WGSL: the invocation is marked and runs on. A dynamic index out of bounds is clamped. Atomics and subgroup operations have no meaning for one
-//! invocation alone. What textures and derivatives give is the caller's to say: they are inputs.
+//! `discard` is a demotion, as in WGSL: the invocation is marked and continues. A dynamic index out
+//! of bounds is clamped. Atomics and subgroup operations are not supported, because one invocation
+//! alone gives them no meaning. The caller provides texels and derivatives as inputs.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -14,6 +16,7 @@ use std::sync::Arc;
 use naga::{Function, Module};
 
 mod bits;
+pub mod bound;
 mod expression;
 mod flips;
 mod layout;
@@ -21,6 +24,7 @@ mod machine;
 mod math;
 mod matrix;
 mod number;
+pub mod overrides;
 mod shadow;
 mod value;
 
@@ -31,11 +35,11 @@ pub use value::{OverrideValue, Scalar, Value, constant};
 
 use machine::Machine;
 
-/// Why an evaluation came to no end.
+/// Why an evaluation stopped early.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Stuck {
-    /// Something the interpreter does not do.
+    /// Something the interpreter doesn't support.
     #[error("not supported: {0}")]
     Unsupported(String),
     /// The step limit was reached.
@@ -44,10 +48,10 @@ pub enum Stuck {
     /// A value of the wrong type: the module or an argument is not valid.
     #[error("type mismatch: {0}")]
     Type(String),
-    /// What to do next rests on a number that is several.
+    /// A decision depends on a number that stands for several values.
     #[error("it rests on a number that is not one: {0}")]
     Undecided(String),
-    /// An expression was used that no `Emit` before it evaluates.
+    /// An expression was used before its `Emit`.
     #[error("expression {0} is used before it is evaluated")]
     Unevaluated(usize),
 }
@@ -57,73 +61,78 @@ pub enum Stuck {
 pub struct Lookup<'a, F = f32> {
     /// Group and binding of the texture.
     pub binding: Option<(u32, u32)>,
-    /// Coordinates, array index, sample or level if one is named, depth reference: in this order, those there are.
+    /// Coordinates, array index, explicit sample or level, and depth reference, in this order, as
+    /// far as present.
     pub coordinates: &'a [F],
-    /// What else decides the level: a bias, or both gradients. Empty where the level is implicit or named.
+    /// The bias, or both gradients. Empty if the level is implicit or explicit.
     pub footprint: &'a [F],
-    /// How the texture is looked up.
+    /// How the texture is sampled.
     pub sampling: Sampling,
 }
 
-/// How a texture is looked up, beside where: what an access says with words and constants.
+/// The constant properties of a texture access.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Sampling {
-    /// Group and binding of the sampler; `None`: a load, which has none.
+    /// Group and binding of the sampler; `None` for a load.
     pub sampler: Option<(u32, u32)>,
-    /// Texels beside the place; 0 where the access says nothing.
+    /// Offset in texels, 0 by default.
     pub offset: [i32; 3],
-    /// It takes the level that its neighbours call for.
+    /// The level is implicit.
     pub implicit: bool,
-    /// It stays half a texel away from the edge (`textureSampleBaseClampToEdge`).
+    /// Coordinates are clamped half a texel from the edge (`textureSampleBaseClampToEdge`).
     pub clamped: bool,
 }
 
 /// A derivative (`dpdx`, `fwidthFine`) of one component.
 #[derive(Clone, Copy, Debug)]
 pub struct Derivative<F = f32> {
-    /// Along which axis; `Width` is `abs(dpdx) + abs(dpdy)`, which the caller is asked for as such.
+    /// Axis; `Width` requests `abs(dpdx) + abs(dpdy)` as a whole.
     pub axis: naga::DerivativeAxis,
-    /// How fine.
+    /// Precision.
     pub control: naga::DerivativeControl,
-    /// Of what.
+    /// Operand.
     pub of: F,
 }
 
-/// A value that was computed on the way.
+/// An intermediate value.
 #[derive(Clone, Debug)]
 pub struct Traced<F = f32> {
-    /// The author's text for it.
+    /// Its span in the author's source.
     pub span: naga::Span,
-    /// What kind of expression or statement it is, in naga's word: spans of an expression and its operand may be one.
+    /// naga's name for the expression or statement kind: an expression and its operand may share a
+    /// span.
     pub kind: &'static str,
-    /// The value: of an expression, or stored.
+    /// The computed or stored value.
     pub value: Value<F>,
 }
 
-/// What surrounds an invocation.
+/// The environment of an invocation.
 pub struct Environment<'a, F = f32> {
-    /// Contents of uniforms and buffers by group and binding. Runs share them: what a run writes to is copied, once.
+    /// Contents of uniforms and buffers by group and binding. Runs share them, and copy a buffer on
+    /// the first write.
     pub resources: Arc<BTreeMap<(u32, u32), Value<F>>>,
-    /// The texel a lookup gives.
+    /// Returns the texel of a lookup.
     pub texture: &'a dyn Fn(&Lookup<'_, F>) -> [F; 4],
-    /// What a derivative gives; `None`: it stops the evaluation.
+    /// Returns a derivative; if `None`, a derivative stops the evaluation.
     pub derivative: Option<&'a dyn Fn(Derivative<F>) -> F>,
-    /// Where to write down what is computed on the way, if anywhere.
+    /// Receives intermediate values, if present.
     pub trace: Option<&'a RefCell<Vec<Traced<F>>>>,
-    /// Statements and expressions evaluated before the interpreter gives up. A value of more scalars than a 4x4 matrix counts a step for each of those beyond it.
+    /// Limit on evaluated statements and expressions. A value with more scalars than a 4x4 matrix
+    /// counts one step for each additional one.
     pub steps: u64,
 }
 
-/// What an invocation did.
+/// The result of an invocation.
 #[derive(Clone, Debug)]
 pub struct Outcome<F = f32> {
-    /// What it returned.
+    /// Its return value.
     pub result: Option<Value<F>>,
     /// Whether it was discarded.
     pub discarded: bool,
-    /// What storage buffers that it may write hold at its end, by group and binding.
+    /// Final contents of writable storage buffers, by group and binding.
     pub stored: BTreeMap<(u32, u32), Value<F>>,
-    /// Comparisons and conversions that would have come out otherwise had nothing been rounded, component by component: of numbers that know their truth ([`Number::truth`]).
+    /// Comparisons and conversions that the unrounded references decide differently, by component
+    /// ([`Number::reference`]).
     pub flips: u64,
     /// Steps it took.
     pub steps: u64,
@@ -143,10 +152,9 @@ pub fn entry_point<F: Number>(
     run(module, function, arguments, environment)
 }
 
-/// Runs a function, of a module or of an entry point of it, with globals as they are at the beginning.
+/// Runs a function of a module or an entry point, with initial globals.
 ///
-/// # Errors
-/// [`Stuck`].
+/// # Errors [`Stuck`].
 pub fn run<F: Number>(
     module: &Module,
     function: &Function,

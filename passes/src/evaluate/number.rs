@@ -1,4 +1,4 @@
-//! What the interpreter takes for a float.
+//! The interpreter's float types.
 
 use std::fmt::Debug;
 
@@ -6,14 +6,15 @@ use naga::{BinaryOperator, MathFunction};
 
 use super::{Stuck, bits};
 
-/// A float of the interpreter: `f32` or `f64` itself, or what stands for a range of them.
+/// A float of the interpreter: `f32`, `f64`, or a representation of several numbers.
 ///
-/// Integers and booleans are always what they are: a number that cannot say what it is as one of them stops the evaluation.
+/// Integers and booleans are always single values: a number that can't be converted to one stops
+/// the evaluation.
 pub trait Number: Copy + Debug {
-    /// A number of the shader's text or of a buffer.
+    /// A number from the shader's text or a buffer.
     fn of(number: f32) -> Self;
 
-    /// Whether both are the same to the last bit.
+    /// Whether both are bitwise equal.
     fn is_same(self, other: Self) -> bool;
 
     /// `-x`.
@@ -22,10 +23,10 @@ pub trait Number: Copy + Debug {
     /// `+`, `-`, `*`, `/` or `%`; `None` for another operator.
     fn binary(op: BinaryOperator, a: Self, b: Self) -> Option<Self>;
 
-    /// How two compare; `Some(None)` where one is not a number, `None` where it cannot be told.
+    /// Compares two numbers: `Some(None)` if one is NaN, `None` if unknown.
     fn compare(self, other: Self) -> Option<Option<std::cmp::Ordering>>;
 
-    /// Whether a comparison by this operator holds; `None` where it cannot be told, or for another operator.
+    /// The result of a comparison; `None` if unknown or not a comparison.
     fn holds(op: BinaryOperator, a: Self, b: Self) -> Option<bool> {
         use std::cmp::Ordering::{Equal, Greater, Less};
         let order = a.compare(b)?;
@@ -40,45 +41,44 @@ pub trait Number: Copy + Debug {
         })
     }
 
-    /// A function of each component by itself; `None` for one that is none, or is not known.
+    /// A componentwise function; `None` for other functions, or if unsupported.
     fn call(function: MathFunction, arguments: &[Self]) -> Option<Self>;
 
-    /// Itself, which is known to lie between two numbers: a direction's components, say.
+    /// The same number, known to lie between two bounds, such as a direction's components.
     #[must_use]
     fn within(self, least: f32, largest: f32) -> Self;
 
-    /// Itself as one `f32`; `None` where it stands for several.
+    /// Its value as one `f32`; `None` if it stands for several.
     fn single(self) -> Option<f32>;
 
-    /// Itself as far as its whole part goes, which a conversion to an integer takes; `None` where that is several. An `f64` holds every integer of 32 bits, as a truth may be.
+    /// Its whole part, for a conversion to an integer; `None` if it stands for several. `f64` holds
+    /// every 32-bit integer, which the reference may need.
     fn truncated(self) -> Option<f64>;
 
-    /// Whether it is infinite; `None` where it stands for several.
+    /// Whether it is infinite; `None` if it stands for several.
     fn is_infinity(self) -> Option<bool> {
         self.single().map(f32::is_infinite)
     }
 
-    /// What it would be if nothing had been rounded on the way, where that is followed beside it: decisions that it would make otherwise are counted
+    /// The unrounded value, if tracked. Decisions that it would change are counted
     /// ([`super::Outcome::flips`]).
     fn truth(self) -> Option<f64> {
         None
     }
 }
 
-/// [`Number::single`] where there has to be one.
+/// [`Number::single`], required.
 ///
-/// # Errors
-/// There is none.
+/// # Errors If it stands for several values.
 pub fn single<F: Number>(number: F) -> Result<f32, Stuck> {
     number
         .single()
         .ok_or_else(|| Stuck::Undecided(format!("{number:?}")))
 }
 
-/// [`Number::truncated`] where there has to be one.
+/// [`Number::truncated`], required.
 ///
-/// # Errors
-/// There is none.
+/// # Errors If it stands for several values.
 pub fn truncated<F: Number>(number: F) -> Result<f64, Stuck> {
     number
         .truncated()
@@ -178,7 +178,7 @@ macro_rules! float {
                 Some(f64::from(self.trunc()))
             }
 
-            // What is finite may be more than an `f32` holds.
+            // A finite `f64` may exceed `f32`.
             fn is_infinity(self) -> Option<bool> {
                 Some(self.is_infinite())
             }

@@ -1,4 +1,4 @@
-//! A number with its truth beside it: shadow values (Benz, Hildebrandt and Hack 2012), here of `f32` by `f64`.
+//! Shadow values: an `f32` with its `f64` reference (Benz, Hildebrandt and Hack 2012).
 
 use std::cmp::Ordering;
 
@@ -6,27 +6,32 @@ use naga::{BinaryOperator, MathFunction};
 
 use super::number::Number;
 
-/// What `f32` makes of a number, and what `f64` does, which had the same inputs. The `f32` decides all branches, selections and conversions to integers, so that both are of one
-/// path through the shader; decisions that the `f64` would make otherwise are flips ([`super::Outcome::flips`]), and what a path gives that has none is told by both.
+/// A number as `f32` and as `f64`, from the same inputs. The `f32` decides all branches, selections
+/// and conversions to integers, so both follow one path through the shader. Decisions that the
+/// `f64` would change are counted as flips ([`super::Outcome::flips`]); without flips, both would
+/// take this path.
 ///
-/// A jump within a function of one component (`floor`, `fract`, `step`, `sign`) is no decision: each jumps for itself, and the difference is an error like another. What `refract` and
-/// `faceForward` turn on is one for all components, and a word that floats are packed into or an exponent is an integer: those are decisions of the `f32`.
+/// A discontinuity within a componentwise function (`floor`, `fract`, `step`, `sign`) is not a
+/// decision: both evaluate it, and the difference is an ordinary error. `refract` and `faceForward`
+/// decide once for all components, and packed words and exponents are integers: there the `f32`
+/// decides.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shadowed {
     /// Rounded to `f32` after each operation.
     pub value: f32,
-    /// Rounded to `f64`.
+    /// Rounded to `f64` after each operation.
     pub truth: f64,
 }
 
 impl Shadowed {
-    /// The distance of the value from the truth.
+    /// The distance between the value and the reference.
     pub fn error(self) -> f64 {
         (f64::from(self.value) - self.truth).abs()
     }
 }
 
-/// Distance of two numbers in units in the last place of an `f32` as large as `truth`, where that is not below the smallest normal number.
+/// Distance of two numbers in `f32` units in the last place at `reference`, or at the smallest
+/// normal number if that is larger.
 pub fn ulps(value: f64, truth: f64) -> f64 {
     let exponent = truth.abs().max(f64::from(f32::MIN_POSITIVE)).log2().floor();
     (value - truth).abs() / 2_f64.powf(exponent - 23.0)
@@ -98,7 +103,7 @@ mod tests {
     use crate::evaluate::value::Value;
     use crate::evaluate::{flips, math};
 
-    /// What overflowed is infinite, and its truth is not, though no `f32` holds it.
+    /// An overflow is infinite as `f32`, but finite as `f64`.
     #[test]
     fn a_truth_beyond_f32_is_finite() {
         let mut arena = naga::Arena::new();

@@ -5,7 +5,7 @@ use naga::{Expression, Handle, Literal, Module, ScalarKind, Type, TypeInner};
 use super::number::Number;
 use super::{Stuck, math};
 
-/// A scalar. Its floats are `f32`, or what stands for several of them.
+/// A scalar. `F` is the float type.
 #[derive(Clone, Copy, Debug)]
 pub enum Scalar<F = f32> {
     /// `f32`.
@@ -21,7 +21,7 @@ pub enum Scalar<F = f32> {
 /// A function of scalars, of one component each.
 pub type ScalarFunction<'f, F> = dyn FnMut(&[Scalar<F>]) -> Result<Scalar<F>, Stuck> + 'f;
 
-/// Bits decide: a NaN equals itself, and 0.0 is not -0.0.
+/// Bitwise: a NaN equals itself, and 0.0 is not -0.0.
 impl<F: Number> PartialEq for Scalar<F> {
     fn eq(&self, other: &Self) -> bool {
         match (self, other) {
@@ -41,11 +41,11 @@ pub enum Value<F = f32> {
     Scalar(Scalar<F>),
     /// Components of a vector, columns of a matrix, elements of an array, members of a struct.
     Composite(Vec<Value<F>>),
-    /// A place in memory.
+    /// A pointer.
     Pointer {
-        /// Which variable.
+        /// Index of the variable.
         address: usize,
-        /// Where in it.
+        /// Path in it.
         path: Vec<usize>,
     },
     /// A texture or sampler.
@@ -103,10 +103,9 @@ impl<F: Number> Value<F> {
         Self::Scalar(Scalar::U32(value))
     }
 
-    /// The zero of a type.
+    /// The zero value of a type.
     ///
-    /// # Errors
-    /// The type is none whose values the interpreter has.
+    /// # Errors If the interpreter has no values of the type.
     pub fn zero(module: &Module, ty: Handle<Type>) -> Result<Self, Stuck> {
         Ok(match &module.types[ty].inner {
             TypeInner::Scalar(s) => Self::Scalar(zero_scalar(s.kind, s.width)?),
@@ -136,7 +135,7 @@ impl<F: Number> Value<F> {
         })
     }
 
-    /// How many scalars there are in it; a step of a pointer counts as one.
+    /// The number of scalars in it; a step of a pointer counts as one.
     pub fn scalars(&self) -> usize {
         match self {
             Self::Scalar(_) | Self::Resource(_) => 1,
@@ -163,10 +162,9 @@ impl<F: Number> Value<F> {
         }))
     }
 
-    /// The scalar, of a scalar.
+    /// The scalar.
     ///
-    /// # Errors
-    /// It is none.
+    /// # Errors If it is not a scalar.
     pub fn scalar(&self) -> Result<Scalar<F>, Stuck> {
         match self {
             Self::Scalar(s) => Ok(*s),
@@ -176,8 +174,7 @@ impl<F: Number> Value<F> {
 
     /// The parts of a composite.
     ///
-    /// # Errors
-    /// It is none.
+    /// # Errors If it is not a composite.
     pub fn parts(&self) -> Result<&[Self], Stuck> {
         match self {
             Self::Composite(parts) => Ok(parts),
@@ -185,10 +182,9 @@ impl<F: Number> Value<F> {
         }
     }
 
-    /// A boolean's value.
+    /// The boolean.
     ///
-    /// # Errors
-    /// It is none.
+    /// # Errors If it is not a boolean.
     pub fn truth(&self) -> Result<bool, Stuck> {
         match self.scalar()? {
             Scalar::Bool(b) => Ok(b),
@@ -196,10 +192,9 @@ impl<F: Number> Value<F> {
         }
     }
 
-    /// A float's value.
+    /// The float.
     ///
-    /// # Errors
-    /// It is none.
+    /// # Errors If it is not a float.
     pub fn float(&self) -> Result<F, Stuck> {
         match self.scalar()? {
             Scalar::F32(v) => Ok(v),
@@ -207,10 +202,9 @@ impl<F: Number> Value<F> {
         }
     }
 
-    /// An index, out of a signed or unsigned integer; negative ones become the greatest.
+    /// An index from an integer; a negative one becomes the greatest.
     ///
-    /// # Errors
-    /// It is no integer.
+    /// # Errors If it is not an integer.
     pub fn index(&self) -> Result<usize, Stuck> {
         match self.scalar()? {
             Scalar::U32(v) => Ok(v as usize),
@@ -219,10 +213,9 @@ impl<F: Number> Value<F> {
         }
     }
 
-    /// The components of a vector of floats, or the one of a float.
+    /// The components of a float vector, or the single float.
     ///
-    /// # Errors
-    /// Something else is in it.
+    /// # Errors If it contains anything else.
     pub fn floats(&self) -> Result<Vec<F>, Stuck> {
         match self {
             Self::Composite(parts) => parts.iter().map(Self::float).collect(),
@@ -230,10 +223,9 @@ impl<F: Number> Value<F> {
         }
     }
 
-    /// Applies `f` to each scalar, however deep.
+    /// Applies `f` to each scalar, at any depth.
     ///
-    /// # Errors
-    /// What `f` says.
+    /// # Errors Those of `f`.
     pub fn map(
         &self,
         f: &mut dyn FnMut(Scalar<F>) -> Result<Scalar<F>, Stuck>,
@@ -249,10 +241,10 @@ impl<F: Number> Value<F> {
         }
     }
 
-    /// Applies `f` to the scalars of several values of one shape, a scalar serving for all components of the others.
+    /// Applies `f` to the scalars of several values of the same shape; a lone scalar applies to all
+    /// components.
     ///
-    /// # Errors
-    /// What `f` says; shapes that differ.
+    /// # Errors Those of `f`; different shapes.
     pub fn zip(values: &[&Self], f: &mut ScalarFunction<'_, F>) -> Result<Self, Stuck> {
         let count = values.iter().find_map(|v| match v {
             Self::Composite(parts) => Some(parts.len()),
@@ -293,13 +285,12 @@ fn zero_scalar<F: Number>(kind: ScalarKind, width: u8) -> Result<Scalar<F>, Stuc
     })
 }
 
-/// The value of an override; `None` where it has none.
+/// Returns an override's value, if it has one.
 pub type OverrideValue<'a, F> = dyn Fn(Handle<naga::Override>) -> Option<Value<F>> + 'a;
 
-/// A constant expression's value, out of the module's own arena; overrides have those of `overrides`.
+/// Evaluates a constant expression of the module's own arena, with the values of `overrides`.
 ///
-/// # Errors
-/// Something the interpreter does not have, or an override without a value.
+/// # Errors On something unsupported, or an override without a value.
 pub fn constant<F: Number>(
     module: &Module,
     e: Handle<Expression>,
@@ -339,10 +330,9 @@ pub fn constant<F: Number>(
     }
 }
 
-/// The value of a constant expression where overrides have their defaults.
+/// Evaluates a constant expression, with the overrides' defaults.
 ///
-/// # Errors
-/// Those of [`constant`].
+/// # Errors Those of [`constant`].
 pub fn default_constant<F: Number>(
     module: &Module,
     e: Handle<Expression>,
@@ -354,7 +344,7 @@ pub fn default_constant<F: Number>(
     constant(module, e, &default)
 }
 
-/// Puts a composite together: vectors may be given in pieces.
+/// Composes a value: a vector may be given in pieces.
 pub fn compose<F: Number>(module: &Module, ty: Handle<Type>, parts: Vec<Value<F>>) -> Value<F> {
     if let TypeInner::Vector { .. } = module.types[ty].inner {
         let flat = parts

@@ -1,7 +1,8 @@
-//! Variables split into cells: the units of memory whose versions are told apart.
+//! Splits variables into cells, the units of memory that have versions.
 //!
-//! A cell is a variable and a constant access path into it. The cells of one variable cover it without overlap. A variable is split no
-//! finer than the function reads or writes it; what is indexed dynamically stays one cell below which nothing is told apart.
+//! A cell is a variable and a constant access path into it. The cells of one variable cover it
+//! without overlap. Cells are as coarse as the function's accesses permit; a dynamically indexed
+//! part is one cell.
 
 use std::collections::BTreeMap;
 
@@ -10,14 +11,14 @@ use naga::{StorageAccess, TypeInner};
 
 use super::operands;
 
-/// A variable as one function sees it.
+/// A variable, as seen in a function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Root {
     /// A local variable.
     Local(Handle<LocalVariable>),
-    /// What the pointer passed as this argument points to.
+    /// The memory behind this pointer argument.
     Argument(u32),
-    /// A global variable that can be written.
+    /// A writable global variable.
     Global(Handle<GlobalVariable>),
 }
 
@@ -29,7 +30,7 @@ pub type Path = Vec<u32>;
 pub struct Cell {
     /// The variable.
     pub root: Root,
-    /// Where in it.
+    /// The path in it.
     pub path: Path,
 }
 
@@ -40,18 +41,19 @@ impl Cell {
     }
 }
 
-/// What a pointer expression points to.
+/// The target of a pointer expression.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Place {
     /// The variable.
     pub root: Root,
     /// The constant part of the access path.
     pub path: Path,
-    /// Whether a dynamic index follows the constant part: then the place is somewhere below the path.
+    /// Whether a dynamic index follows the constant part: then the place is somewhere below the
+    /// path.
     pub dynamic: bool,
 }
 
-/// Whether writes to a global variable have to be followed: its address space lets a shader write it.
+/// Whether shaders can write to the address space of a global variable.
 pub fn is_written_space(module: &Module, global: Handle<GlobalVariable>) -> bool {
     let variable = &module.global_variables[global];
     match variable.space {
@@ -69,7 +71,7 @@ pub fn is_written_space(module: &Module, global: Handle<GlobalVariable>) -> bool
     }
 }
 
-/// What a pointer (or a writable image) expression refers to; `None` for memory nobody writes.
+/// The target of a pointer (or a writable image); `None` for memory nobody writes.
 pub fn place(module: &Module, function: &Function, pointer: Handle<Expression>) -> Option<Place> {
     let mut steps = Vec::new();
     let mut at = pointer;
@@ -109,14 +111,14 @@ pub fn place(module: &Module, function: &Function, pointer: Handle<Expression>) 
     })
 }
 
-/// The way a variable's accesses split it.
+/// How a variable's accesses split it.
 #[derive(Clone, Debug, Default)]
 struct Split {
     frozen: bool,
     children: BTreeMap<u32, Split>,
 }
 
-/// Arrays longer than this stay one cell even where all indices are constant.
+/// Longer arrays are one cell, even if all indices are constant.
 const LONGEST_SPLIT_ARRAY: u32 = 64;
 
 /// Collects the accesses of a function and then lists its cells.
@@ -157,7 +159,7 @@ impl Splitter {
 #[derive(Clone, Copy)]
 enum Shape {
     Type(Handle<naga::Type>),
-    /// A matrix column of so many components.
+    /// A matrix column with this many components.
     Column(u32),
     Leaf,
 }
@@ -217,7 +219,7 @@ fn list(
     }
 }
 
-/// The steps of a cell's path as an author writes them: `.uv`, `.x`, `[3]`.
+/// The steps of a cell's path in source notation: `.uv`, `.x`, `[3]`.
 pub fn path_names(module: &Module, function: &Function, cell: &Cell) -> Vec<String> {
     let mut ty = match cell.root {
         Root::Local(v) => Some(function.local_variables[v].ty),

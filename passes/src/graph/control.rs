@@ -1,9 +1,11 @@
-//! Control dependence over the augmented flow of Ball and Horwitz, "Slicing Programs with Arbitrary Control-flow" (1993).
+//! Control dependence over the augmented flow of Ball and Horwitz, "Slicing Programs with Arbitrary
+//! Control-flow" (1993).
 //!
-//! A jump (`break`, `continue`, `return`) is a pseudo-predicate: beside the edge it takes it has one to the statement that would run were
-//! the jump deleted, its lexical successor. Post-dominators are computed with these edges in place, so that whatever a jump
-//! decides is control-dependent on it and a slice keeps the jump. `Kill` falls through: WGSL's discard is a demotion, it decides what is
-//! observed and not what a value is.
+//! A jump (`break`, `continue`, `return`) is a pseudo-predicate. Beside its real edge, it has one
+//! to its lexical successor, which would run if the jump were deleted. With these edges,
+//! post-dominance makes statements control-dependent on jumps, and a slice keeps the jumps it
+//! needs. `Kill` falls through: WGSL's discard is a demotion, so it affects observation and no
+//! value.
 
 use naga::{Block, Statement};
 use petgraph::algo::dominators;
@@ -12,7 +14,7 @@ use petgraph::visit::{EdgeRef, IntoNodeIdentifiers};
 
 use super::statements::{Statements, StmtId};
 
-/// For each statement, what decides whether, or how often, it runs.
+/// The predicates of each statement: what decides whether, or how often, it runs.
 #[derive(Clone, Debug, Default)]
 pub struct ControlDependence {
     on: Vec<Vec<StmtId>>,
@@ -24,7 +26,7 @@ pub struct ControlDependence {
 enum Flow {
     /// Control can go this way.
     Real,
-    /// Control would go this way without the jump it leaves from.
+    /// Control would go this way without the jump.
     FallThrough,
 }
 
@@ -42,7 +44,7 @@ struct Wiring<'s, 'p> {
 }
 
 impl ControlDependence {
-    /// The control dependence of a function, of whose `body` `statements` are the statements.
+    /// Computes the control dependence of a function with this `body`.
     pub fn new(statements: &Statements<'_>, body: &Block) -> Self {
         let mut flow = DiGraph::with_capacity(statements.len() + 2, statements.len() * 2);
         for (id, _) in statements.iter() {
@@ -85,7 +87,7 @@ impl ControlDependence {
                 let mut runner = Some(successor);
                 while runner != stop {
                     let Some(at) = runner else { break };
-                    // What decides whether a latch with a `break_if` is reached decides the loop as a predicate.
+                    // A latch with a `break_if` makes the loop a predicate.
                     if at.index() < statements.len() {
                         on[at.index()].push(predicate);
                     } else if let Some(of) = flow[at]
@@ -120,23 +122,25 @@ impl ControlDependence {
         Self { on, reachable }
     }
 
-    /// The predicates and jumps a statement is directly control-dependent on. A `Loop` stands here for its `break_if`.
+    /// The predicates and jumps that a statement directly depends on. A `Loop` represents its
+    /// `break_if`.
     pub fn of(&self, id: StmtId) -> &[StmtId] {
         &self.on[id.index()]
     }
 
-    /// Whether control can reach a statement at all.
+    /// Whether control can reach a statement.
     pub fn is_reachable(&self, id: StmtId) -> bool {
         self.reachable[id.index()]
     }
 }
 
 impl Wiring<'_, '_> {
-    /// Wires a block whose control goes on to `follow`, and returns its first node. Visits statements in the order they are numbered.
+    /// Wires a block that continues at `follow`, and returns its first node. Visits statements in
+    /// preorder.
     fn block(&mut self, block: &Block, follow: NodeIndex, targets: Targets) -> NodeIndex {
         let first = self.next;
         let mut at = first;
-        // The node of each statement is known from the numbering, so that one forward walk suffices.
+        // Statement numbers are the nodes, so one forward walk is enough.
         for (i, statement) in block.iter().enumerate() {
             let id = StmtId::from(at);
             let end = self.statements.get(id).end;
@@ -179,7 +183,7 @@ impl Wiring<'_, '_> {
                     on_break: Some(next),
                     ..targets
                 };
-                // Where a case begins: its first statement, or, empty, wherever it goes on to.
+                // A case starts at its first statement or, if empty, at its successor.
                 let mut starts = vec![next; cases.len()];
                 let mut at = self.next;
                 let mut firsts = Vec::with_capacity(cases.len());
@@ -238,7 +242,7 @@ impl Wiring<'_, '_> {
                 if break_if.is_some() {
                     self.edge(latch, next, Flow::Real);
                 } else if !leaves(body, Depth::Here) {
-                    // A loop nothing ever leaves: an imagined exit keeps post-dominance defined.
+                    // For an infinite loop, an artificial exit keeps post-dominance defined.
                     self.edge(latch, next, Flow::FallThrough);
                 }
             }
@@ -261,9 +265,9 @@ impl Wiring<'_, '_> {
 
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Depth {
-    /// `break` leaves the loop asked about.
+    /// `break` leaves this loop.
     Here,
-    /// `break` leaves something inside it.
+    /// `break` leaves an inner statement.
     Inner,
 }
 

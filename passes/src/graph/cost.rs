@@ -1,5 +1,5 @@
-//! The static cost model: an estimate of what a node costs one invocation, in weighted scalar operations ("ops"): 1 is the addition of two
-//! floats.
+//! The static cost model: the estimated cost of a node for one invocation in weighted scalar
+//! operations ("ops"). 1 is the addition of two floats.
 //!
 //! | node | cost |
 //! |---|---|
@@ -14,10 +14,10 @@
 //! | texture sample; with gradients; texel load; query | 32; 40; 16; 2 |
 //! | derivative | 2 a component |
 //! | store to a buffer; to a texture; atomic; subgroup operation; barrier | 8; 16; 32; 8; 8 |
-//! | branch, and each turn of a loop | 1 |
+//! | branch, and each iteration of a loop | 1 |
 //!
-//! Both arms of a branch count. What stands in a loop counts once for each turn: as many as a counted loop is seen to make, or else
-//! [`DEFAULT_TRIPS`].
+//! Both arms of a branch count. A loop's body counts once per iteration: the trip count of a
+//! counted loop, else [`DEFAULT_TRIPS`].
 
 use naga::{
     AddressSpace, BinaryOperator, Expression, Handle, ImageQuery, MathFunction, Module,
@@ -26,7 +26,7 @@ use naga::{
 
 use super::{FunctionGraph, StmtId, counted};
 
-/// Turns a loop is taken to make when it is not seen how many it makes.
+/// Assumed trip count of a loop whose trip count is unknown.
 pub const DEFAULT_TRIPS: f64 = 8.0;
 
 fn components(ty: &TypeInner) -> f64 {
@@ -131,7 +131,8 @@ fn math(fun: MathFunction, argument: f64, width: f64) -> f64 {
     }
 }
 
-/// The cost of running a statement once, its blocks, the expressions it emits and what it calls apart.
+/// The cost of running a statement once, without its blocks, its emitted expressions and its
+/// callees.
 pub fn of_statement(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> f64 {
     match f.statements.get(id).statement {
         Statement::If { .. } | Statement::Switch { .. } | Statement::Loop { .. } => 1.0,
@@ -153,7 +154,7 @@ pub fn of_statement(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> f64 {
     }
 }
 
-/// How often each statement runs for one run of the function, by [`StmtId`].
+/// How often each statement runs per run of the function, by [`StmtId`].
 pub fn multiplicity(module: &Module, f: &FunctionGraph<'_>) -> Vec<f64> {
     let mut times: Vec<f64> = Vec::with_capacity(f.statements.len());
     for (id, node) in f.statements.iter() {

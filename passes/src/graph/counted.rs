@@ -1,4 +1,5 @@
-//! Counted loops: a local that starts at a constant, is stepped by a constant once a turn, and is compared with a constant before anything else happens.
+//! Counted loops: a local starts at a constant, is stepped by a constant once per iteration, and is
+//! compared with a constant first.
 
 use naga::{
     BinaryOperator, Expression, Handle, Literal, LocalVariable, Module, Statement, TypeInner,
@@ -8,28 +9,29 @@ use super::cells::Root;
 use super::memory::{Origin, VersionId};
 use super::{FunctionGraph, StmtId};
 
-/// Longest run followed to count a loop's turns.
+/// Longest loop that we simulate to find its trip count.
 const MOST_TRIPS: u32 = 4096;
 
-/// A loop whose turns are known.
+/// A loop with a known trip count.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Counted {
-    /// How many it makes.
+    /// The trip count.
     pub turns: u32,
-    /// What counts.
+    /// The counter.
     pub counter: Handle<LocalVariable>,
-    /// What its counter is compared with.
+    /// The bound that the counter is compared with.
     pub bound: Handle<Expression>,
     /// Whether the counter is an `i32`; else it is a `u32`.
     pub signed: bool,
     start: i64,
     step: (BinaryOperator, i64),
-    /// The loop goes on while this is so, or while it is not.
+    /// The loop continues while the comparison has this result.
     condition: (BinaryOperator, bool),
 }
 
 impl Counted {
-    /// Of the loop `id`; `None` of any other loop, and where the counter would leave the range of its type: there it wraps, and the loop may never end.
+    /// Analyses the loop `id`. `None` for any other loop, and if the counter would overflow: there
+    /// it wraps, and the loop may never end.
     pub fn of(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> Option<Self> {
         let Statement::Loop { body, .. } = f.statements.get(id).statement else {
             return None;
@@ -119,7 +121,7 @@ impl Counted {
         Some(counted)
     }
 
-    /// Values of the counter, turn by turn; ends where one leaves the range of its type.
+    /// Values of the counter by iteration, up to an overflow of its type.
     fn values(&self) -> impl Iterator<Item = i64> {
         let range = match self.signed {
             true => i64::from(i32::MIN)..=i64::from(i32::MAX),
@@ -136,7 +138,7 @@ impl Counted {
         std::iter::successors(Some(self.start), move |v| next(v).filter(&in_range))
     }
 
-    /// Turns until the counter, compared with `bound`, ends the loop.
+    /// Iterations until the counter, compared with `bound`, ends the loop.
     fn until(&self, bound: i64) -> Option<u32> {
         let (op, while_true) = self.condition;
         let holds = |value: i64| {
@@ -158,22 +160,22 @@ impl Counted {
         None
     }
 
-    /// A number to compare the counter with, so that the loop makes so many turns; `None` where none does.
+    /// A bound that gives the loop this trip count; `None` if there is none.
     pub fn bound_for(&self, turns: u32) -> Option<i64> {
         let at = |turn: u32| self.values().nth(turn as usize);
-        // The counter's own values: at the end of the last turn, or during it.
+        // The counter's own values: at the end of the last iteration, or during it.
         let candidates = [at(turns), turns.checked_sub(1).and_then(at)];
         let mut candidates = candidates.into_iter().flatten();
         candidates.find(|bound| self.until(*bound) == Some(turns))
     }
 }
 
-/// The number of turns of a counted loop; `None` of any other.
+/// The trip count of a counted loop; `None` for any other.
 pub fn trips(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> Option<u32> {
     Counted::of(module, f, id).map(|c| c.turns)
 }
 
-/// The local an expression loads whole, and the version it sees.
+/// The local that an expression loads whole, and the loaded version.
 fn counter_version(
     f: &FunctionGraph<'_>,
     e: Handle<Expression>,

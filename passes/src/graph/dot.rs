@@ -9,7 +9,7 @@ use super::Graph;
 use super::export::{EdgeKind, Node, NodeKind};
 
 impl Graph<'_> {
-    /// The graph as Graphviz text, a cluster for each function.
+    /// The graph as Graphviz text, with a cluster per function.
     pub fn to_dot(&self) -> String {
         let graph = self.to_petgraph();
         let mut dot = String::from(

@@ -1,4 +1,4 @@
-//! Effects: what a node does beside giving a value, or what ties its value to the invocations around it.
+//! Effects: a node's side effects, and its dependences on other invocations.
 
 use std::collections::BTreeSet;
 
@@ -16,7 +16,7 @@ pub enum Effect {
     Discard,
     /// Takes a screen-space derivative: reads the neighbours in the quad.
     Derivative,
-    /// Samples at a level of detail that the hardware derives from the neighbours in the quad.
+    /// Samples at an implicit level, which depends on the neighbours in the quad.
     ImplicitLod,
     /// Writes a storage buffer or workgroup memory.
     Store,
@@ -68,7 +68,7 @@ pub fn of_expression(expression: &Expression) -> Option<Effect> {
     }
 }
 
-/// The effect of a statement, its blocks and what it calls apart.
+/// The effect of a statement, without its blocks and callees.
 pub fn of_statement(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> Option<Effect> {
     match f.statements.get(id).statement {
         Statement::Kill => Some(Effect::Discard),

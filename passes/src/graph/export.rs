@@ -1,4 +1,4 @@
-//! The graph as one petgraph graph, as Graphviz, and as data.
+//! Exports the graph to petgraph, Graphviz and JSON data.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -13,12 +13,12 @@ use super::rate::{Fact, Stages};
 use super::{
     FunctionGraph, FunctionId, Graph, Root, StmtId, cells, cost, effect, operands, rate, text,
 };
-use crate::reflect;
+use crate::core::reflect;
 
 /// Schema of [`GraphData`].
 pub const SCHEMA: &str = "preshade.graph.v1";
 
-/// What a node stands for.
+/// The kind of a node.
 #[derive(
     Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
 )]
@@ -30,17 +30,17 @@ pub enum NodeKind {
     Expression,
     /// A statement.
     Statement,
-    /// A variable's cell as it is at entry.
+    /// A variable's cell at entry.
     Initial,
-    /// A cell after a statement wrote it.
+    /// A cell after a write.
     Version,
-    /// A cell where control merges.
+    /// A cell at a merge of control.
     Phi,
     /// An output of an entry point, or a function's result.
     Output,
 }
 
-/// How one node decides another.
+/// How one node affects another.
 #[derive(
     Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
 )]
@@ -59,9 +59,9 @@ pub enum EdgeKind {
 /// A node.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Node {
-    /// Function it is in; empty for an unnamed one.
+    /// Its function; empty for an unnamed one.
     pub function: String,
-    /// What it stands for.
+    /// Its kind.
     pub kind: NodeKind,
     /// Readable text.
     pub text: String,
@@ -71,31 +71,31 @@ pub struct Node {
     /// File and line, from 1, in the author's source.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub line: Option<String>,
-    /// Rate by name, as [`super::Rate::name`] gives it.
+    /// Rate by name ([`super::Rate::name`]).
     pub rate: String,
-    /// Which stages can have it: `any`, `vertex`, `fragment` or `none`.
+    /// The stages that can compute it: `any`, `vertex`, `fragment` or `none`.
     pub stages: String,
     /// Static cost of evaluating it once.
     pub cost: f64,
-    /// How often it runs for one run of its function.
+    /// How often it runs per run of its function.
     pub times: f64,
     /// Names of its effects.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub effects: Vec<String>,
 }
 
-/// An edge, from what decides to what is decided.
+/// An edge, from a node to one that depends on it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Edge {
     /// Index of a node.
     pub from: usize,
     /// Index of a node.
     pub to: usize,
-    /// How.
+    /// Kind of dependence.
     pub kind: EdgeKind,
 }
 
-/// What is known of a function.
+/// Facts about a function.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FunctionData {
     /// Name.
@@ -114,7 +114,7 @@ pub struct FunctionData {
 pub struct GraphData {
     /// Version of this form.
     pub schema: String,
-    /// The functions entry points reach, callees first.
+    /// The functions that entry points reach, callees first.
     pub functions: Vec<FunctionData>,
     /// The nodes, those of one function together.
     pub nodes: Vec<Node>,
@@ -132,7 +132,8 @@ enum Key {
 }
 
 impl Graph<'_> {
-    /// The graph of all functions entry points reach, as one petgraph graph. Nodes and edges come in the same order every time.
+    /// All functions that entry points reach, as one petgraph graph with a deterministic order of
+    /// nodes and edges.
     pub fn to_petgraph(&self) -> DiGraph<Node, EdgeKind> {
         let mut out = Export {
             graph: self,
@@ -257,7 +258,7 @@ impl<'g, 'p> Export<'g, 'p> {
         }
     }
 
-    /// Expressions that are shown: constants, and addresses, are part of their users' text.
+    /// Whether an expression is a node: constants and addresses are part of their users' text.
     fn shown(&self, index: usize, e: Handle<Expression>) -> bool {
         let f = self.f(index);
         let Some(at) = f.statements.evaluated_at(e) else {
@@ -298,7 +299,7 @@ impl<'g, 'p> Export<'g, 'p> {
                 self.node(Key::Argument(index, (i as u32) << 16 | m as u32), node);
             }
         }
-        // What a variable holds at entry is shown where something reads it, or a write leaves some of it.
+        // Shown if something reads the entry value, or a write keeps part of it.
         let mut read: Vec<VersionId> = f
             .memory
             .loads
@@ -429,7 +430,7 @@ impl<'g, 'p> Export<'g, 'p> {
         }
     }
 
-    /// Data edges from what an expression is made of, through expressions that are not shown.
+    /// Data edges from an expression's operands, through expressions that are not shown.
     fn data(&mut self, index: usize, from: Handle<Expression>, to: Key) {
         let f = self.f(index);
         if self.nodes.contains_key(&Key::Expression(index, from)) {
@@ -561,7 +562,8 @@ impl<'g, 'p> Export<'g, 'p> {
         }
     }
 
-    /// A `return` decides the outputs: each from its own component where the value is put together there.
+    /// A `return` decides the outputs: each from its own component, if the returned value is
+    /// composed there.
     fn returned(&mut self, index: usize, id: StmtId, value: Handle<Expression>) {
         let f = self.f(index);
         let outputs: Vec<Key> = self

@@ -1,5 +1,5 @@
-//! Memory SSA over local variables, pointer arguments and writable globals, as an overlay: one structured forward walk that gives every
-//! read the versions it sees. The source is not changed.
+//! Memory SSA over local variables, pointer arguments and writable globals, as an overlay that
+//! leaves the source unchanged. One structured forward walk finds the versions that each read sees.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -24,16 +24,16 @@ impl VersionId {
 /// A cell's index in [`Memory::cells`].
 pub type CellIndex = usize;
 
-/// Where a version of a cell comes from.
+/// The origin of a version.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Origin {
-    /// The value at function entry: initialiser or zero, what the caller left there, or what the host did.
+    /// The value at function entry: initialiser or zero, or the caller's or host's value.
     Initial,
     /// A statement that writes it.
     Written {
         /// The statement.
         by: StmtId,
-        /// The version before, where the statement may leave it, or part of it, standing.
+        /// The previous version, if the statement may keep it in part or whole.
         over: Option<VersionId>,
     },
     /// A merge of control: the end of an `If` or `Switch`, a loop's header, its `continuing`, its exit, or the function's exit.
@@ -50,14 +50,15 @@ pub enum Origin {
 pub struct Version {
     /// The cell.
     pub cell: CellIndex,
-    /// Where it comes from.
+    /// Its origin.
     pub origin: Origin,
 }
 
-/// What a function does to memory its callers can see. Roots are [`Root::Argument`] and [`Root::Global`] only.
+/// A function's effect on its callers' memory. Roots are [`Root::Argument`] and [`Root::Global`]
+/// only.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Footprint {
-    /// Cells it may read as they were at its entry.
+    /// Cells whose entry values it may read.
     pub reads: BTreeSet<Cell>,
     /// Cells it may write, and whether it always does.
     pub writes: BTreeMap<Cell, Certainty>,
@@ -79,21 +80,21 @@ pub struct Memory {
     pub cells: Vec<Cell>,
     /// All versions.
     pub versions: Vec<Version>,
-    /// The versions each memory-reading expression sees, one for each cell it touches.
+    /// The versions that each memory-reading expression sees, one per cell.
     pub loads: BTreeMap<Handle<Expression>, Vec<VersionId>>,
-    /// The versions a statement sees of the cells it reads.
+    /// The versions that a statement sees of the cells it reads.
     pub reads: BTreeMap<StmtId, Vec<VersionId>>,
     /// The versions a statement makes.
     pub writes: BTreeMap<StmtId, Vec<VersionId>>,
-    /// The version at exit of each cell callers can see.
+    /// The version at exit of each cell that callers can see.
     pub exit: BTreeMap<CellIndex, VersionId>,
-    /// What callers see of all this.
+    /// The summary for callers.
     pub footprint: Footprint,
     pub(super) roots: BTreeMap<Root, std::ops::Range<CellIndex>>,
 }
 
 impl Memory {
-    /// The memory SSA of `function`. `footprint` gives that of every function it may call.
+    /// Builds the memory SSA of `function`. `footprint` returns that of every callee.
     pub fn new<'f>(
         module: &Module,
         function: &Function,
@@ -160,7 +161,7 @@ impl Memory {
     }
 }
 
-/// Where a caller sees a cell of a callee.
+/// The caller's cells for a cell of a callee.
 pub fn in_caller(
     module: &Module,
     caller: &Function,
@@ -184,8 +185,9 @@ pub fn in_caller(
     }
 }
 
-/// What callers see: a cell is written if its exit version is not simply the initial one, certainly so if no path from the exit leads back to
-/// the initial version; it is read if anything reads its initial version.
+/// The summary for callers. A cell is written if its exit version is not the initial one, and
+/// certainly so if no path from the exit leads back to the initial version. It is read if anything
+/// reads its initial version.
 pub(super) fn footprint(memory: &Memory) -> Footprint {
     let mut out = Footprint::default();
     let initial = |v: VersionId| matches!(memory.versions[v.index()].origin, Origin::Initial);

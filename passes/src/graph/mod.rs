@@ -1,10 +1,12 @@
-//! The dataflow graph over naga IR, as an analysis overlay: the source is never put into SSA, everything is keyed by function and handle.
+//! The dataflow graph over naga IR, as an analysis overlay: the source is not converted to SSA, and
+//! facts are keyed by function and handle.
 //!
-//! Ferrante, Ottenstein and Warren, "The Program Dependence Graph and Its Use in Optimization" (1987), with the control dependence of
-//! Ball and Horwitz (1993) and calls kept as calls and summarised (Horwitz, Reps and Binkley 1990).
+//! Ferrante, Ottenstein and Warren, "The Program Dependence Graph and Its Use in Optimization"
+//! (1987), with the control dependence of Ball and Horwitz (1993), and summaries of calls (Horwitz,
+//! Reps and Binkley 1990).
 //!
-//! Assumed, as WGSL demands: two pointer arguments of a call, or a pointer argument and a global the callee uses, do not overlap if
-//! either is written through.
+//! Assumption, guaranteed by WGSL: two pointer arguments of a call, or a pointer argument and a
+//! global the callee uses, do not overlap if either is written through.
 
 use std::collections::BTreeSet;
 use std::sync::OnceLock;
@@ -12,7 +14,7 @@ use std::sync::OnceLock;
 use naga::valid::FunctionInfo;
 use naga::{Expression, Function, Handle, Module, Statement, TypeInner};
 
-use crate::program::Program;
+use crate::core::program::Program;
 
 pub mod cells;
 pub mod control;
@@ -22,7 +24,7 @@ mod dot;
 pub mod effect;
 pub mod export;
 pub mod memory;
-pub mod operands;
+pub use crate::core::operands;
 pub mod rate;
 pub mod rates;
 pub mod statements;
@@ -53,15 +55,15 @@ pub struct FunctionGraph<'p> {
     pub id: FunctionId,
     /// The function.
     pub function: &'p Function,
-    /// What naga's validator knows of it: types of expressions above all.
+    /// The validator's results for it, above all types of expressions.
     pub info: &'p FunctionInfo,
     /// Its statements.
     pub statements: statements::Statements<'p>,
-    /// What decides whether each runs.
+    /// Its control dependence.
     pub control: control::ControlDependence,
-    /// Which versions of memory each reads and writes.
+    /// Its memory SSA.
     pub memory: Memory,
-    /// How often each statement runs for one run of the function, as far as that can be told.
+    /// How often each statement runs per run of the function, as far as known.
     pub times: Vec<f64>,
 }
 
@@ -71,11 +73,11 @@ pub struct Graph<'p> {
     program: &'p Program,
     functions: Vec<FunctionGraph<'p>>,
     reach: Vec<Reach>,
-    /// Made when first asked for: few of the depth passes ask.
+    /// Computed on first use, because few depth passes need it.
     rates: OnceLock<rates::Rates>,
 }
 
-/// What lies below a function, itself included.
+/// Facts about a function and all it calls.
 #[derive(Clone, Debug, Default)]
 struct Reach {
     functions: BTreeSet<FunctionId>,
@@ -100,7 +102,7 @@ impl<'p> Graph<'p> {
                     info.get_entry_point(i),
                 )
             }));
-        // naga's arena has callees before callers, so a callee's footprint is there when a caller needs it.
+        // naga's arena has callees before callers.
         for (id, function, info) in ids {
             let statements = statements::Statements::new(function);
             let control = control::ControlDependence::new(&statements, &function.body);
@@ -185,8 +187,8 @@ impl<'p> Graph<'p> {
         }
     }
 
-    /// Rate and stages of an expression's value: what it is made of, and what decides whether it is evaluated. In a function that several
-    /// calls reach, the join over them.
+    /// Rate and stages of an expression's value, from its operands and its control dependence.
+    /// Joined over all calls of its function.
     pub fn fact(&self, function: FunctionId, expression: Handle<Expression>) -> Fact {
         self.rates().expression(self.index(function), expression)
     }
@@ -196,7 +198,7 @@ impl<'p> Graph<'p> {
         self.fact(function, expression).rate
     }
 
-    /// Rate and stages of what decides whether a statement runs.
+    /// Rate and stages of a statement's control dependence.
     pub fn statement_fact(&self, function: FunctionId, statement: StmtId) -> Fact {
         self.rates().statement(self.index(function), statement)
     }
@@ -211,28 +213,28 @@ impl<'p> Graph<'p> {
         self.rates().version(function, version)
     }
 
-    /// Rate and stages of each member of a function's struct result, or of its result: for an entry point in the order of
-    /// [`crate::reflect::outputs`].
+    /// Rate and stages of each member of a function's struct result, or of its result: for an entry
+    /// point in the order of [`crate::core::reflect::outputs`].
     pub fn result_facts(&self, function: FunctionId) -> &[Fact] {
         self.rates().outputs(self.index(function))
     }
 
-    /// Whether `within` is a function or something it calls, directly or not.
+    /// Whether `within` is `function` or calls it, directly or not.
     pub fn reaches(&self, function: FunctionId, within: FunctionId) -> bool {
         self.reach[self.index(function)].functions.contains(&within)
     }
 
-    /// Whether a function, or something it calls, can discard the fragment.
+    /// Whether a function, or one it calls, can discard the fragment.
     pub fn may_discard(&self, function: FunctionId) -> bool {
         self.effects(function).contains(&Effect::Discard)
     }
 
-    /// The effects of a function and of what it calls.
+    /// The effects of a function and those it calls.
     pub fn effects(&self, function: FunctionId) -> &Effects {
         &self.reach[self.index(function)].effects
     }
 
-    /// The static cost of running a function once, calls included: [`cost`] has the model.
+    /// The static cost of running a function once, calls included, by the model of [`cost`].
     pub fn cost(&self, function: FunctionId) -> f64 {
         self.reach[self.index(function)].cost
     }
@@ -250,7 +252,7 @@ impl<'p> Graph<'p> {
             .collect()
     }
 
-    /// Whether a function, or something it calls, has a loop that is not seen to end ([`counted::trips`]).
+    /// Whether a function, or one it calls, has a loop that may not end ([`counted::trips`]).
     pub fn may_loop(&self, function: FunctionId) -> bool {
         self.reach[self.index(function)].loops
     }
@@ -267,7 +269,7 @@ impl<'p> FunctionGraph<'p> {
         self.info[expression].ty.inner_with(&module.types)
     }
 
-    /// The static cost of the chosen nodes, each as often as it runs, calls apart.
+    /// The static cost of the chosen nodes, each as often as it runs, without callees.
     pub fn own_cost(
         &self,
         module: &Module,
@@ -292,7 +294,7 @@ impl<'p> FunctionGraph<'p> {
         sum
     }
 
-    /// The calls of the function that control can reach.
+    /// The reachable calls of the function.
     pub fn calls(&self) -> impl Iterator<Item = (StmtId, Handle<Function>)> + '_ {
         self.statements
             .iter()

@@ -1,11 +1,12 @@
-//! Rates: how often a value changes, and which stages can have it.
+//! Rates: how often a value changes, and which stages can compute it.
 //!
-//! `const < draw < instance < vertex` in a vertex stage; `const < draw < instance < {flat, perspective, linear} x {center, centroid,
-//! sample} < fragment < sample` in a fragment stage. A value's rate is the join of its inputs' and of what it is control-dependent on. A flat
-//! value joined with a smooth one is of fragment rate, for a vertex sees its own flat value and the fragment the provoking vertex's; two
-//! smooth classes that differ join to `mixed`.
+//! `const < draw < instance < vertex` in a vertex stage; `const < draw < instance < {flat,
+//! perspective, linear} x {center, centroid, sample} < fragment < sample` in a fragment stage. A
+//! value's rate is the join of its inputs' rates and those of its control dependences. A flat value
+//! joined with a smooth one has fragment rate: a vertex sees its own flat value, and the fragment
+//! the provoking vertex's. Two different smooth classes join to `mixed`.
 //!
-//! [`super::rates`] finds them.
+//! [`super::rates`] computes them.
 
 use naga::{Binding, BuiltIn, Interpolation, Sampling, ShaderStage, TypeInner};
 use serde::{Deserialize, Serialize};
@@ -14,7 +15,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Interpolated {
-    /// Not: the provoking vertex's value.
+    /// Not interpolated: the provoking vertex's value.
     Flat,
     /// Perspective-correct.
     Perspective,
@@ -43,19 +44,19 @@ pub enum Rate {
     /// Never.
     #[default]
     Const,
-    /// With the draw: uniforms, textures at constant coordinates.
+    /// Per draw: uniforms, textures at constant coordinates.
     Draw,
-    /// With the instance.
+    /// Per instance.
     Instance,
-    /// With the vertex.
+    /// Per vertex.
     Vertex,
-    /// As an interpolated vertex value, of one interpolation class.
+    /// An interpolated vertex value, of one interpolation class.
     Varying(Interpolated, At),
-    /// As a function of vertex values of two smooth interpolation classes.
+    /// A function of vertex values of two smooth interpolation classes.
     Mixed,
-    /// With the fragment, or with any other invocation.
+    /// Per fragment, or per other invocation.
     Fragment,
-    /// With the sample.
+    /// Per sample.
     Sample,
 }
 
@@ -76,12 +77,12 @@ impl Rate {
         }
     }
 
-    /// Whether it changes with the primitive at most: no interpolation comes into it.
+    /// Whether it changes at most per primitive, without interpolation.
     pub fn is_flat(self) -> bool {
         self <= Self::Varying(Interpolated::Flat, At::Sample) && self != Self::Vertex
     }
 
-    /// The name in messages and JSON: `perspective-centroid` say.
+    /// The name in messages and JSON, such as `perspective-centroid`.
     pub fn name(self) -> String {
         match self {
             Self::Const => "const".to_owned(),
@@ -107,7 +108,7 @@ impl Rate {
     }
 }
 
-/// Which stages can have a value, apart from how often it changes.
+/// The stages that can compute a value, however often it changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct Stages {
     /// A vertex stage can compute it.
@@ -152,7 +153,7 @@ impl Default for Stages {
 pub struct Fact {
     /// How often it changes.
     pub rate: Rate,
-    /// Who can have it.
+    /// The stages that can compute it.
     pub stages: Stages,
 }
 
@@ -162,7 +163,7 @@ impl Fact {
         Self { rate, stages }
     }
 
-    /// The fact of what depends on both.
+    /// The fact of a value that depends on both.
     #[must_use]
     pub fn join(self, other: Self) -> Self {
         Self {
@@ -208,7 +209,7 @@ pub fn of_binding(stage: ShaderStage, binding: &Binding, ty: &TypeInner) -> Fact
             B::DrawIndex | B::BaseInstance | B::BaseVertex => Fact::new(Rate::Draw, Stages::VERTEX),
             B::InstanceIndex => Fact::new(Rate::Instance, Stages::VERTEX),
             B::VertexIndex => Fact::new(Rate::Vertex, Stages::VERTEX),
-            // Of a primitive, and yet no vertex stage knows them.
+            // They change per primitive, but no vertex stage can read them.
             B::FrontFacing | B::PrimitiveIndex => Fact::new(
                 Rate::Varying(Interpolated::Flat, At::Center),
                 Stages::FRAGMENT,

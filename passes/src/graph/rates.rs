@@ -1,4 +1,5 @@
-//! The rates of all nodes. Functions are analysed once, in terms of their inputs; a call puts its arguments in their place.
+//! The rates of all nodes. Each function is analysed once, in terms of its inputs; a call
+//! substitutes its arguments.
 
 use std::collections::BTreeSet;
 
@@ -11,12 +12,12 @@ use super::memory::{self, Origin, VersionId};
 use super::rate::{Fact, Rate, Stages, of_binding};
 use super::{Effect, FunctionGraph, FunctionId, StmtId, effect, operands};
 
-/// What a function's caller provides.
+/// A value from a function's caller.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Input {
     /// An argument, or a member of one.
     Argument(u32, Option<u32>),
-    /// A cell as it is at entry.
+    /// A cell at entry.
     Cell(Cell),
 }
 
@@ -47,13 +48,13 @@ impl Dependence {
     }
 }
 
-/// What a function makes of its inputs.
+/// A function's results in terms of its inputs.
 #[derive(Clone, Debug, Default)]
 struct Summary {
     inputs: Vec<Input>,
-    /// Of each result member, or of the whole result.
+    /// Per result member, or for the whole result.
     result: Vec<Dependence>,
-    /// Of each cell its caller can see.
+    /// Per cell that its caller can see.
     cells: Vec<(Cell, Dependence)>,
     expressions: Vec<Dependence>,
     statements: Vec<Dependence>,
@@ -71,15 +72,15 @@ pub struct Rates {
 }
 
 impl Rates {
-    /// Analyses functions that are given callees first, entry points last. A function that several calls reach has, at each node, the join
-    /// over them.
+    /// Analyses functions in order, callees first and entry points last. Facts of a function are
+    /// joined over all its calls.
     pub fn new(module: &Module, functions: &[FunctionGraph<'_>]) -> Self {
         let mut summaries: Vec<Summary> = Vec::new();
         for f in functions {
             let summary = Analysis::new(module, f, &summaries).run();
             summaries.push(summary);
         }
-        // Callers first: what each function's inputs are, over all calls of it from entry points.
+        // Callers first: the inputs of each function, over all calls from entry points.
         let mut contexts: Vec<Vec<Fact>> = summaries
             .iter()
             .map(|s| vec![Fact::default(); s.inputs.len()])
@@ -142,22 +143,22 @@ impl Rates {
         rates
     }
 
-    /// Of an expression of the n-th function.
+    /// The fact of an expression of the n-th function.
     pub fn expression(&self, function: usize, e: Handle<Expression>) -> Fact {
         self.expressions[function][e.index()]
     }
 
-    /// Of a version of a cell of the n-th function.
+    /// The fact of a version of a cell of the n-th function.
     pub fn version(&self, function: usize, version: VersionId) -> Fact {
         self.versions[function][version.index()]
     }
 
-    /// Of each member of the n-th function's result.
+    /// The facts of each member of the n-th function's result.
     pub fn outputs(&self, function: usize) -> &[Fact] {
         &self.results[function]
     }
 
-    /// Of an argument of the n-th function, or of a member of it.
+    /// The fact of an argument of the n-th function, or of a member of it.
     pub fn argument(&self, function: usize, argument: u32, member: Option<u32>) -> Fact {
         let wanted = Input::Argument(argument, member);
         self.inputs[function]
@@ -167,7 +168,7 @@ impl Rates {
             .unwrap_or_default()
     }
 
-    /// Of what decides whether a statement of the n-th function runs.
+    /// The fact of a statement's control dependence in the n-th function.
     pub fn statement(&self, function: usize, id: StmtId) -> Fact {
         self.statements[function][id.index()]
     }
@@ -244,7 +245,7 @@ impl<'a, 'p> Analysis<'a, 'p> {
         }
     }
 
-    /// To a fixed point: one pass without loops, a few with.
+    /// Iterates to a fixed point: one pass without loops, a few with.
     fn run(mut self) -> Summary {
         for (e, _) in self.f.function.expressions.iter() {
             if self.f.statements.evaluated_at(e).is_none() {
@@ -256,8 +257,8 @@ impl<'a, 'p> Analysis<'a, 'p> {
         self.finish()
     }
 
-    /// The merges to look at before each statement, and after the last: those of a statement when it begins, for a loop's header, and when
-    /// it is left.
+    /// The merges to visit before each statement, and after the last. A loop's header merges when
+    /// it begins; other merges come at the end of their statement.
     fn merges(&self) -> Vec<Vec<usize>> {
         let f = self.f;
         let mut merges = vec![Vec::new(); f.statements.len() + 1];
@@ -285,7 +286,7 @@ impl<'a, 'p> Analysis<'a, 'p> {
         set(&mut self.out.versions[phi], value)
     }
 
-    /// One forward walk; tells whether it learnt anything.
+    /// One forward walk; returns whether any fact changed.
     fn pass(&mut self, merges: &[Vec<usize>]) -> bool {
         let f = self.f;
         let mut changed = false;
@@ -446,7 +447,8 @@ impl<'a, 'p> Analysis<'a, 'p> {
             {
                 return self.member(*base, Some(*index));
             }
-            // A variable's address says nothing of its content: only the indices on the way to it count.
+            // A variable's address doesn't depend on its content: only the indices of the access
+            // count.
             Expression::Load { pointer } if self.f.memory.loads.contains_key(&e) => {
                 out = self.content(&self.f.memory.loads[&e]);
                 for index in indices(self.f, *pointer) {
@@ -475,7 +477,7 @@ impl<'a, 'p> Analysis<'a, 'p> {
         out
     }
 
-    /// What memory holds.
+    /// The fact of memory content.
     fn content(&self, seen: &[VersionId]) -> Dependence {
         let mut out = self.seen(seen, None);
         if self.reads_shared(seen) {
@@ -484,7 +486,7 @@ impl<'a, 'p> Analysis<'a, 'p> {
         out
     }
 
-    /// Whether memory that other invocations may write is read.
+    /// Whether other invocations may write the memory.
     fn reads_shared(&self, seen: &[VersionId]) -> bool {
         seen.iter().any(|v| match self.f.memory.cell(*v).root {
             Root::Global(g) => match self.module.global_variables[g].space {
@@ -496,7 +498,7 @@ impl<'a, 'p> Analysis<'a, 'p> {
         })
     }
 
-    /// What a statement leaves in a version of a cell.
+    /// The fact of a version that a statement writes.
     fn written(&self, id: StmtId, version: VersionId) -> Dependence {
         let mut out = Dependence::default();
         let cell = self.f.memory.cell(version);
@@ -540,7 +542,7 @@ impl<'a, 'p> Analysis<'a, 'p> {
     /// The value a statement provides, or one member of it.
     fn provided(&self, id: StmtId, statement: &Statement, member: Option<u32>) -> Dependence {
         let Statement::Call { function, .. } = statement else {
-            // Atomics, subgroup operations, ray queries stay where they are.
+            // Atomics, subgroup operations and ray queries are never moved.
             return Dependence::of(Fact::new(Rate::Fragment, Stages::ANY));
         };
         let mut out = Dependence::default();
@@ -565,7 +567,7 @@ impl<'a, 'p> Analysis<'a, 'p> {
         out
     }
 
-    /// What a call gives for an input of its callee.
+    /// The call's value for an input of its callee.
     fn argument(&self, call: StmtId, input: &Input) -> Dependence {
         let Statement::Call { arguments, .. } = self.f.statements.get(call).statement else {
             return Dependence::default();

@@ -1,4 +1,4 @@
-//! Statements numbered in preorder, and where each expression is evaluated.
+//! Numbers statements in preorder, and finds where each expression is evaluated.
 
 use naga::{Block, Expression, Function, Handle, Span, Statement};
 
@@ -27,9 +27,9 @@ impl From<usize> for StmtId {
 pub struct StatementNode<'p> {
     /// The statement.
     pub statement: &'p Statement,
-    /// Where it is in the author's source.
+    /// Its span in the author's source.
     pub span: Span,
-    /// The statement whose block it stands in.
+    /// The statement whose block contains it.
     pub parent: Option<StmtId>,
     /// The first statement after it in preorder that is not inside it.
     pub end: StmtId,
@@ -100,13 +100,13 @@ impl<'p> Statements<'p> {
             .map(|(i, n)| (StmtId::from(i), n))
     }
 
-    /// The `Emit`, or the statement that provides the value, at which an expression is evaluated; `None` for constants,
-    /// arguments, variables, and for what is never evaluated.
+    /// The `Emit`, or the statement that provides the value, at which an expression is evaluated.
+    /// `None` for constants, arguments, variables and dead expressions.
     pub fn evaluated_at(&self, expression: Handle<Expression>) -> Option<StmtId> {
         self.evaluated_at[expression.index()]
     }
 
-    /// The statements `id` stands in, innermost first.
+    /// The statements around `id`, innermost first.
     pub fn ancestors(&self, id: StmtId) -> impl Iterator<Item = StmtId> + '_ {
         std::iter::successors(self.get(id).parent, |p| self.get(*p).parent)
     }

@@ -1,4 +1,4 @@
-//! Expressions and statements as a reader would write them, for labels.
+//! Expressions and statements in source notation, for labels.
 
 use naga::{
     BinaryOperator, Expression, Handle, ImageQuery, Literal, Module, Statement, SwizzleComponent,
@@ -6,12 +6,12 @@ use naga::{
 };
 
 use super::{FunctionGraph, StmtId, operands};
-use crate::reflect;
+use crate::core::reflect;
 
 /// Levels of nesting written out before an ellipsis.
 const DEPTH: usize = 3;
 
-/// An expression, by the author's name where it has one and is not what is asked about.
+/// An expression, by the author's name if it has one. The outermost is always written out.
 pub fn expression(module: &Module, f: &FunctionGraph<'_>, e: Handle<Expression>) -> String {
     write(module, f, e, DEPTH)
 }
@@ -75,7 +75,7 @@ fn write(module: &Module, f: &FunctionGraph<'_>, e: Handle<Expression>, depth: u
             .name
             .clone()
             .unwrap_or_else(|| "local".to_owned()),
-        // A load is written as what it loads, like in the source.
+        // A load is written as its pointer, as in the source.
         E::Load { pointer } => named(module, f, *pointer, depth),
         E::Unary { op, expr } => {
             let op = match op {
@@ -163,7 +163,8 @@ fn literal(literal: &Literal) -> String {
     }
 }
 
-/// A constant access: `.name` of a struct's member, `.x` of a vector's component, `[2]` of anything else.
+/// A constant access: `.name` of a struct's member, `.x` of a vector's component, `[2]` of anything
+/// else.
 fn member(module: &Module, f: &FunctionGraph<'_>, base: Handle<Expression>, index: u32) -> String {
     let ty = f.ty(module, base);
     let pointee = match ty {
@@ -212,7 +213,7 @@ fn operator(op: BinaryOperator) -> &'static str {
     }
 }
 
-/// A statement's head: what it does itself, without its blocks.
+/// A statement's own head, without its blocks.
 pub fn statement(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> String {
     use Statement as S;
     let of = |e: Handle<Expression>| named(module, f, e, DEPTH);

@@ -1,4 +1,4 @@
-//! Which memory a statement or an expression touches.
+//! The memory accesses of statements and expressions.
 
 use naga::{Expression, Function, Handle, Module, RayQueryFunction, Statement};
 
@@ -9,11 +9,11 @@ use super::memory::{Certainty, Footprint, in_caller};
 #[derive(Clone, Debug)]
 pub(super) struct Access {
     pub place: Place,
-    /// Whether a write is of the whole place, with nothing left of what was there.
+    /// Whether a write covers the whole place.
     pub certainty: Certainty,
 }
 
-/// Which memory a statement or an expression touches.
+/// Finds memory accesses.
 pub(super) struct Touch<'a, 'f> {
     pub module: &'a Module,
     pub function: &'a Function,
@@ -25,7 +25,7 @@ impl Touch<'_, '_> {
         cells::place(self.module, self.function, pointer)
     }
 
-    /// What evaluating an expression reads.
+    /// The place that an expression reads.
     pub fn expression(&self, expression: Handle<Expression>) -> Option<Place> {
         match self.function.expressions[expression] {
             Expression::Load { pointer } => self.place(pointer),
@@ -37,7 +37,7 @@ impl Touch<'_, '_> {
         }
     }
 
-    /// What a statement reads and writes, its blocks and the expressions it emits apart.
+    /// The reads and writes of a statement, without its blocks and emitted expressions.
     pub fn statement(&self, statement: &Statement) -> (Vec<Access>, Vec<Access>) {
         let one = |pointer, certainty| {
             self.place(pointer)

@@ -1,21 +1,22 @@
-//! The structured forward walk that gives every write a version and every read the versions it sees.
+//! The structured forward walk that numbers versions at writes and finds the versions that reads
+//! see.
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use naga::{Block, Statement};
+use naga::{Block, Expression, Handle, Statement, SwitchCase};
 
 use super::cells::{Place, Root};
 use super::memory::{self, CellIndex, Certainty, Memory, Origin, VersionId};
 use super::statements::{Statements, StmtId};
 use super::touch::Touch;
 
-/// Numbers the versions of all cells of `memory`, which knows its cells and nothing more.
+/// Numbers the versions of all cells of `memory`, in which only the cells are filled in.
 pub(super) fn number(
     touch: &Touch<'_, '_>,
     statements: &Statements<'_>,
     mut memory: Memory,
 ) -> Memory {
-    // What each statement may write, for the headers of the loops around it.
+    // The cells each statement may write, for the headers of enclosing loops.
     let defined: Vec<(StmtId, Vec<CellIndex>)> = statements
         .iter()
         .map(|(id, node)| {
@@ -48,10 +49,10 @@ pub(super) fn number(
     walk.finish()
 }
 
-/// How the cells differ from what they were at some earlier point.
+/// The cells that changed since some earlier point.
 type Delta = BTreeMap<CellIndex, VersionId>;
 
-/// The states that leave a loop or switch early, each relative to the point where its target began.
+/// The states that leave a loop or switch early, each relative to its target's start.
 #[derive(Default)]
 struct Jumps {
     breaks: Vec<Delta>,
@@ -66,7 +67,8 @@ struct Walk<'a, 'f, 'p> {
     memory: Memory,
     defined: Vec<(StmtId, Vec<CellIndex>)>,
     state: Vec<VersionId>,
-    /// Each change of `state` with what stood there: a branch is undone in time proportional to what it did.
+    /// The old value of each change to `state`, so that undoing a branch takes time proportional to
+    /// its changes.
     log: Vec<(CellIndex, VersionId)>,
     live: bool,
     next: usize,
@@ -94,7 +96,7 @@ impl Walk<'_, '_, '_> {
         }
     }
 
-    /// Lets the paths that `deltas` describe, relative to the present state, meet.
+    /// Merges the paths of `deltas`, relative to the present state.
     fn merge(&mut self, at: Option<StmtId>, deltas: &[Delta]) {
         self.live = !deltas.is_empty();
         let changed: BTreeSet<CellIndex> = deltas.iter().flat_map(|d| d.keys().copied()).collect();
@@ -128,7 +130,8 @@ impl Walk<'_, '_, '_> {
         }
     }
 
-    /// Walks one of several alternative blocks and undoes it: what it changed, if control comes out of its end.
+    /// Walks one of several alternative blocks and undoes it. Returns its changes if control
+    /// reaches its end.
     fn branch(&mut self, block: &Block, jumps: &mut Jumps) -> Option<Delta> {
         let (mark, live) = (self.log.len(), self.live);
         self.block(block, jumps);
@@ -158,93 +161,12 @@ impl Walk<'_, '_, '_> {
                 self.merge(Some(id), &deltas);
                 self.live &= live;
             }
-            Statement::Switch { cases, .. } => {
-                let live = self.live;
-                let mark = self.log.len();
-                let mut inner = Jumps {
-                    break_mark: mark,
-                    continue_mark: jumps.continue_mark,
-                    ..Jumps::default()
-                };
-                let mut exits = Vec::new();
-                let mut falling: Option<Delta> = None;
-                for case in cases {
-                    self.live = live;
-                    if let Some(delta) = falling.take() {
-                        self.merge(Some(id), &[Delta::new(), delta]);
-                    }
-                    self.block(&case.body, &mut inner);
-                    let delta = self.live.then(|| self.delta(mark));
-                    self.undo(mark);
-                    if case.fall_through {
-                        falling = delta;
-                    } else {
-                        exits.extend(delta);
-                    }
-                }
-                exits.append(&mut inner.breaks);
-                jumps.continues.append(&mut inner.continues);
-                self.merge(Some(id), &exits);
-                self.live &= live;
-            }
+            Statement::Switch { cases, .. } => self.switch(id, cases, jumps),
             Statement::Loop {
                 body,
                 continuing,
                 break_if,
-            } => {
-                let live = self.live;
-                let end = self.statements.get(id).end;
-                let from = self.defined.partition_point(|(s, _)| *s <= id);
-                let to = self.defined.partition_point(|(s, _)| *s < end);
-                let changed: BTreeSet<CellIndex> = self.defined[from..to]
-                    .iter()
-                    .flat_map(|(_, cells)| cells.iter().copied())
-                    .collect();
-                let before = self.log.len();
-                let mut headers = Vec::new();
-                for cell in changed {
-                    let phi = self.memory.add(
-                        cell,
-                        Origin::Phi {
-                            at: Some(id),
-                            operands: vec![self.state[cell]],
-                        },
-                    );
-                    self.define(cell, phi);
-                    headers.push((cell, phi));
-                }
-                let mark = self.log.len();
-                let mut inner = Jumps {
-                    break_mark: before,
-                    continue_mark: mark,
-                    ..Jumps::default()
-                };
-                self.block(body, &mut inner);
-                if self.live {
-                    inner.continues.push(self.delta(mark));
-                }
-                self.undo(mark);
-                let continues = std::mem::take(&mut inner.continues);
-                self.merge(Some(id), &continues);
-                self.block(continuing, &mut Jumps::default());
-                if self.live {
-                    for (cell, phi) in headers {
-                        let latch = self.state[cell];
-                        if let Origin::Phi { operands, .. } =
-                            &mut self.memory.versions[phi.index()].origin
-                            && !operands.contains(&latch)
-                        {
-                            operands.push(latch);
-                        }
-                    }
-                    if break_if.is_some() {
-                        inner.breaks.push(self.delta(before));
-                    }
-                }
-                self.undo(before);
-                self.merge(Some(id), &inner.breaks);
-                self.live &= live;
-            }
+            } => self.merge_loop(id, body, continuing, *break_if),
             Statement::Break => {
                 if self.live {
                     jumps.breaks.push(self.delta(jumps.break_mark));
@@ -262,7 +184,99 @@ impl Walk<'_, '_, '_> {
         }
     }
 
-    /// A statement without blocks: what it reads, then what it writes.
+    /// Each case starts from the state before the switch, or falls through from the case before.
+    fn switch(&mut self, id: StmtId, cases: &[SwitchCase], jumps: &mut Jumps) {
+        let live = self.live;
+        let mark = self.log.len();
+        let mut inner = Jumps {
+            break_mark: mark,
+            continue_mark: jumps.continue_mark,
+            ..Jumps::default()
+        };
+        let mut exits = Vec::new();
+        let mut falling: Option<Delta> = None;
+        for case in cases {
+            self.live = live;
+            if let Some(delta) = falling.take() {
+                self.merge(Some(id), &[Delta::new(), delta]);
+            }
+            self.block(&case.body, &mut inner);
+            let delta = self.live.then(|| self.delta(mark));
+            self.undo(mark);
+            if case.fall_through {
+                falling = delta;
+            } else {
+                exits.extend(delta);
+            }
+        }
+        exits.append(&mut inner.breaks);
+        jumps.continues.append(&mut inner.continues);
+        self.merge(Some(id), &exits);
+        self.live &= live;
+    }
+
+    /// Every cell that the loop writes gets a merge at its header.
+    fn merge_loop(
+        &mut self,
+        id: StmtId,
+        body: &Block,
+        continuing: &Block,
+        break_if: Option<Handle<Expression>>,
+    ) {
+        let live = self.live;
+        let end = self.statements.get(id).end;
+        let from = self.defined.partition_point(|(s, _)| *s <= id);
+        let to = self.defined.partition_point(|(s, _)| *s < end);
+        let changed: BTreeSet<CellIndex> = self.defined[from..to]
+            .iter()
+            .flat_map(|(_, cells)| cells.iter().copied())
+            .collect();
+        let before = self.log.len();
+        let mut headers = Vec::new();
+        for cell in changed {
+            let phi = self.memory.add(
+                cell,
+                Origin::Phi {
+                    at: Some(id),
+                    operands: vec![self.state[cell]],
+                },
+            );
+            self.define(cell, phi);
+            headers.push((cell, phi));
+        }
+        let mark = self.log.len();
+        let mut inner = Jumps {
+            break_mark: before,
+            continue_mark: mark,
+            ..Jumps::default()
+        };
+        self.block(body, &mut inner);
+        if self.live {
+            inner.continues.push(self.delta(mark));
+        }
+        self.undo(mark);
+        let continues = std::mem::take(&mut inner.continues);
+        self.merge(Some(id), &continues);
+        self.block(continuing, &mut Jumps::default());
+        if self.live {
+            for (cell, phi) in headers {
+                let latch = self.state[cell];
+                if let Origin::Phi { operands, .. } = &mut self.memory.versions[phi.index()].origin
+                    && !operands.contains(&latch)
+                {
+                    operands.push(latch);
+                }
+            }
+            if break_if.is_some() {
+                inner.breaks.push(self.delta(before));
+            }
+        }
+        self.undo(before);
+        self.merge(Some(id), &inner.breaks);
+        self.live &= live;
+    }
+
+    /// A statement without blocks: its reads, then its writes.
     fn effect(&mut self, id: StmtId, statement: &Statement) {
         let (reads, writes) = self.touch.statement(statement);
         let mut seen: Vec<VersionId> = reads.iter().flat_map(|a| self.sees(&a.place)).collect();

@@ -1,11 +1,13 @@
-//! What a needed part of an expression's value asks of its operands: vectors component by component, where the operation goes so.
+//! Propagates a need from an expression to its operands, by vector component for componentwise
+//! operations.
 
 use naga::{Expression, Handle, MathFunction, Module, RelationalFunction, TypeInner};
 
 use super::need::Need;
 use crate::graph::{FunctionGraph, operands};
 
-/// The operands of `e` that `need` of its value needs, and what of each. Operands left out may be anything.
+/// The operands of `e` that `need` requires, with the needed part of each. Other operands may have
+/// any value.
 pub fn of_operands(
     module: &Module,
     f: &FunctionGraph<'_>,
@@ -55,7 +57,7 @@ fn all(expression: &Expression) -> Vec<(Handle<Expression>, Need)> {
         .collect()
 }
 
-/// Number of components of a scalar or vector; `None` of anything else.
+/// Number of components of a scalar or vector; `None` for other types.
 pub fn width(ty: &TypeInner) -> Option<u32> {
     match ty {
         TypeInner::Scalar(_) => Some(1),
@@ -64,7 +66,7 @@ pub fn width(ty: &TypeInner) -> Option<u32> {
     }
 }
 
-/// A vector is composed of scalars and shorter vectors, one after the other.
+/// A vector is composed of scalars and shorter vectors in order.
 fn of_composed(
     module: &Module,
     f: &FunctionGraph<'_>,
@@ -90,7 +92,8 @@ fn of_composed(
     needed
 }
 
-/// What a componentwise operation asks of an operand: the same components of a vector as long as its own value, all of anything else.
+/// The need of a componentwise operation's operand: the same components of a vector of equal
+/// length, else all.
 fn like(
     module: &Module,
     f: &FunctionGraph<'_>,
@@ -106,7 +109,8 @@ fn like(
     }
 }
 
-/// Whether component `i` of a vector value follows from components `i` of its vector operands, and from its scalar ones.
+/// Whether component `i` of a vector value depends only on components `i` of its vector operands,
+/// and on its scalar ones.
 fn is_componentwise(module: &Module, f: &FunctionGraph<'_>, expression: &Expression) -> bool {
     let is_matrix = |e: &Handle<Expression>| matches!(f.ty(module, *e), TypeInner::Matrix { .. });
     match expression {

@@ -1,15 +1,15 @@
-//! Ways to break the slicer, so that a test sees who notices. Outside of this crate's own tests it has none.
+//! Faults for mutation tests of the slicer. Other builds have none.
 
-/// What the slicer forgets.
+/// A dependence that the faulty slicer ignores.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
-    /// What decides whether a statement is reached: an early return.
+    /// Control dependence: an early return.
     Control,
-    /// What one of the branches that meet wrote.
+    /// A write in one of the merged branches.
     Merge,
-    /// What a partial write left as it was.
+    /// The part that a partial write keeps.
     Under,
-    /// What a call writes.
+    /// A callee's writes.
     Callee,
 }
 
@@ -28,7 +28,7 @@ pub fn has(fault: Fault) -> bool {
     FAULT.get() == Some(fault)
 }
 
-/// Runs with a slicer that has the fault, on this thread.
+/// Runs with a faulty slicer on this thread.
 #[cfg(test)]
 pub fn with<T>(fault: Fault, run: impl FnOnce() -> T) -> T {
     FAULT.set(Some(fault));

@@ -13,18 +13,18 @@ use crate::graph::cells::{self, Cell, Root};
 use crate::graph::memory::{self, Origin, VersionId};
 use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId, counted, operands};
 
-/// What of a function decides what its caller demands.
+/// The part of a function that its caller's demand depends on.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FunctionSlice {
-    /// Kept statements, by [`StmtId`]; `Emit`s among them.
+    /// Kept statements, by [`StmtId`], including `Emit`s.
     pub statements: Vec<bool>,
-    /// What is needed of each expression, by handle.
+    /// The needed part of each expression, by handle.
     pub expressions: Vec<Option<Need>>,
-    /// What is needed of each argument.
+    /// The needed part of each argument.
     pub arguments: Vec<Option<Need>>,
-    /// Memory of the caller whose content at entry matters.
+    /// The caller's cells whose entry values are needed.
     pub entry_cells: BTreeSet<Cell>,
-    /// What is demanded of each kept call.
+    /// The demand on each kept call.
     pub calls: BTreeMap<StmtId, Demand>,
 }
 
@@ -36,7 +36,7 @@ pub struct Slicer<'g, 'p> {
 }
 
 impl<'g, 'p> Slicer<'g, 'p> {
-    /// A slicer that has not sliced anything.
+    /// A slicer without any results.
     pub fn new(graph: &'g Graph<'p>, termination: Termination) -> Self {
         Self {
             graph,
@@ -89,7 +89,7 @@ struct Work<'g, 'p> {
     f: &'g FunctionGraph<'p>,
     demand: Demand,
     out: FunctionSlice,
-    /// What is needed of each version of a cell.
+    /// The needed part of each version.
     versions: Vec<Option<Need>>,
     list: Vec<Item>,
 }
@@ -197,14 +197,14 @@ impl<'g, 'p> Work<'g, 'p> {
         }
     }
 
-    /// Needs a part of what a version of a cell holds.
+    /// Needs a part of a version of a cell.
     fn see(&mut self, version: VersionId, need: &Need) {
         if Need::add_to(&mut self.versions[version.index()], need) {
             self.list.push(Item::Version(version));
         }
     }
 
-    /// Asks more of a call; it is sliced again if that changes anything.
+    /// Adds to the demand on a call; slices it again if that changes anything.
     fn ask(&mut self, call: StmtId, more: impl FnOnce(&mut Demand)) {
         let demand = self.out.calls.entry(call).or_default();
         let before = demand.clone();
@@ -225,8 +225,8 @@ impl<'g, 'p> Work<'g, 'p> {
             }
         }
         match f.statements.get(id).statement {
-            // Expressions are kept one by one, a store's value as far as it is read, a call as far as it is asked, and a returned value as
-            // far as the caller wants it.
+            // Expressions are kept one by one: a store's value as far as it is read, a call as far
+            // as demanded, and a returned value as far as the caller needs it.
             Statement::Emit(_) | Statement::Call { .. } => {}
             Statement::Store { pointer, .. } => self.need(*pointer, &Need::All),
             Statement::Return { value } => {
@@ -238,7 +238,8 @@ impl<'g, 'p> Work<'g, 'p> {
                 for operand in operands::of_statement(statement) {
                     self.need(operand, &Need::All);
                 }
-                // Where there are operands there is what the statement reads through them; an atomic's result depends on it.
+                // If operands are needed, so is the memory they access; an atomic's result depends
+                // on it.
                 for version in f.memory.reads.get(&id).into_iter().flatten() {
                     self.see(*version, &Need::All);
                 }
@@ -276,7 +277,8 @@ impl<'g, 'p> Work<'g, 'p> {
         };
         for version in seen {
             let cell = &f.memory.cell(*version).path;
-            // A cell that lies in what is loaded is needed as far as that is; one that what is loaded lies in, all of it.
+            // A cell within the loaded part is needed like that part; a cell that contains it is
+            // needed whole.
             let wanted = match path.as_ref().and_then(|path| cell.get(path.len()..)) {
                 Some(rest) => need.below(rest),
                 None => Some(Need::All),
@@ -349,7 +351,7 @@ impl<'g, 'p> Work<'g, 'p> {
         }
     }
 
-    /// A call's callee has been sliced for what is asked so far: its inputs are needed.
+    /// Needs the inputs of a callee that was sliced for the present demand.
     fn called(&mut self, call: StmtId, callee: &FunctionSlice) {
         let (f, module) = (self.f, self.graph.module());
         self.keep(call);

@@ -8,8 +8,8 @@ use naga::{Expression, Handle, LocalVariable, Module, Statement, Type, TypeInner
 use super::Slice;
 use crate::graph::{FunctionGraph, Graph, StmtId, operands};
 
-/// FNV-1a, 64 bits, over the text written to it: stable across platforms and releases, which is all that is asked of it. The text itself,
-/// tens of kilobytes of a large material, is never kept.
+/// FNV-1a, 64 bits, over the text written to it: stable across platforms and releases. The text,
+/// tens of kilobytes for a large material, isn't stored.
 struct Fnv(u64);
 
 impl Write for Fnv {
@@ -21,8 +21,9 @@ impl Write for Fnv {
     }
 }
 
-/// 16 hex digits over the functions of a slice in order: expressions numbered as they are first evaluated, variables as they are first used,
-/// globals by binding, types by structure; no names, no spans.
+/// Hashes the functions of a slice in order to 16 hex digits. Expressions are numbered by first
+/// evaluation, variables by first use, globals by binding, and types by structure; names and spans
+/// don't count.
 pub fn canonical(graph: &Graph<'_>, slice: &Slice) -> String {
     let mut hash = Fnv(0xcbf2_9ce4_8422_2325);
     // Writing to a hash cannot fail, here and below.
@@ -54,11 +55,11 @@ pub fn canonical(graph: &Graph<'_>, slice: &Slice) -> String {
 struct Writer<'a, 'p> {
     module: &'a Module,
     f: &'a FunctionGraph<'p>,
-    /// Number of each expression that has one, by its handle's index.
+    /// Number of each expression, by its handle's index.
     numbers: Vec<Option<usize>>,
     numbered: usize,
     locals: BTreeMap<Handle<LocalVariable>, usize>,
-    /// Room for debug text, used again and again.
+    /// Reused buffer for debug text.
     debug: String,
     hash: Fnv,
 }
@@ -82,7 +83,7 @@ impl Writer<'_, '_> {
             return;
         }
         let in_block = self.f.statements.get(id).parent.map(|p| {
-            // Which of the parent's blocks: one statement may be in either arm of an `If`.
+            // The index of the parent's block: a statement may be in either arm of an `If`.
             let mut at = p.index() + 1;
             operands::blocks(self.f.statements.get(p).statement)
                 .iter()
@@ -195,7 +196,7 @@ impl Writer<'_, '_> {
         self.ty(ty);
     }
 
-    /// Debug text with the handles (`[12]`) taken out: what is left says which variant with which constants.
+    /// Debug text without its handles (`[12]`): the variant and its constants.
     fn without_handles(&mut self, debug: fmt::Arguments<'_>) {
         self.debug.clear();
         let _ = self.debug.write_fmt(debug);

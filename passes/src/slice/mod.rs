@@ -1,15 +1,17 @@
-//! The backward slicer: what decides an output, a discard or a value.
+//! The backward slicer: finds the statements and expressions that an output, a discard or a value
+//! depends on.
 //!
-//! Weiser's static slice, interprocedural and context-sensitive by demand: a callee is sliced once for each set of results, pointees and
-//! effects that some call asks of it, so that two calls which ask different things do not mix. A slice names statements and expressions of the
-//! original; [`crate::place`] builds a function from it.
+//! This is Weiser's static slice, interprocedural and context-sensitive by demand. A callee is
+//! sliced once for each distinct demand (results, pointees and effects), so calls with different
+//! demands stay separate. A slice refers to statements and expressions of the original;
+//! [`crate::rebuild::place`] builds a function from it.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use naga::{Binding, Expression, GlobalVariable, Handle, ShaderStage, Span, Statement};
 
+use crate::core::reflect;
 use crate::graph::{Cell, FunctionId, Graph, StmtId, counted, operands};
-use crate::reflect;
 
 pub(crate) mod components;
 pub(crate) mod fault;
@@ -20,18 +22,19 @@ mod need;
 pub use function::FunctionSlice;
 pub use need::Need;
 
-/// What a slice is to decide.
+/// A target of a slice.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Criterion {
     /// The outputs of the entry point with these bindings.
     Output(OutputFilter),
-    /// One component of the outputs with these bindings, 0 to 3; the others may be anything. A scalar output is its component 0.
+    /// One component, 0 to 3, of the outputs with these bindings. The others may have any value. A
+    /// scalar output is its component 0.
     Component(OutputFilter, u32),
-    /// Whether a fragment is discarded: every `discard` that can be reached, in callees too.
+    /// Whether a fragment is discarded: every reachable `discard`, callees included.
     Discard,
-    /// A value, wherever calls from the entry point lead to its function.
+    /// A value, on every path of calls from the entry point to its function.
     Value {
-        /// The function it is in.
+        /// Its function.
         function: FunctionId,
         /// The expression.
         expression: Handle<Expression>,
@@ -47,7 +50,8 @@ pub enum OutputFilter {
     Position,
     /// The depth a fragment stage writes.
     FragDepth,
-    /// What rasterisation needs of a vertex stage: position, point size, clip and cull distances, view index.
+    /// The outputs that rasterisation uses: position, point size, clip and cull distances, view
+    /// index.
     Rasterization,
     /// The output at this location.
     Location(u32),
@@ -84,48 +88,49 @@ impl OutputFilter {
     }
 }
 
-/// Whether a slice may leave out a loop that decides nothing.
+/// Whether a slice may drop a loop that decides nothing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Termination {
-    /// Loops are taken to end: right where the original still runs as well, as in the main pass behind a pre-pass.
+    /// Loops are assumed to end: correct if the original still runs too, as in the main pass after
+    /// a pre-pass.
     #[default]
     Assumed,
-    /// A loop that is not seen to end, and all that decides when it does, is kept.
+    /// A loop that may not end is kept, with all its control dependences.
     Preserved,
 }
 
-/// What a caller wants of a function.
+/// The part of a function that a caller needs.
 #[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Demand {
-    /// Of its result.
+    /// The needed part of its result.
     pub result: Option<Need>,
-    /// Of the memory it leaves behind: pointees of arguments and globals.
+    /// The cells whose exit values are needed: pointees of arguments, and globals.
     pub cells: BTreeSet<Cell>,
-    /// That it discards where the original does.
+    /// Whether its discards are needed.
     pub discards: bool,
-    /// That these values are computed, in it or below it.
+    /// Values that are needed, in it or its callees.
     pub values: BTreeSet<(FunctionId, Handle<Expression>)>,
 }
 
 /// A function as far as one demand needs it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Part {
-    /// Which function.
+    /// The function.
     pub function: FunctionId,
-    /// What is demanded of it.
+    /// The demand on it.
     pub demand: Demand,
-    /// What is kept of it.
+    /// Its slice.
     pub kept: FunctionSlice,
-    /// The part each kept call goes to, by index into [`Slice::parts`].
+    /// The part that each kept call uses, by index into [`Slice::parts`].
     pub calls: BTreeMap<StmtId, usize>,
-    /// Whether that is all of it, so that the function can be used as it is.
+    /// Whether it keeps everything, so the function can be used unchanged.
     pub coverage: Coverage,
 }
 
 /// How much of a function a part keeps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Coverage {
-    /// All that does anything.
+    /// Everything with an effect.
     Whole,
     /// Less.
     Partial,
@@ -138,22 +143,18 @@ pub struct Slice {
     pub entry: usize,
     /// Its stage.
     pub stage: ShaderStage,
-    /// What it decides.
+    /// Its targets.
     pub criteria: Vec<Criterion>,
     /// The functions, callees before callers; the entry point is the last.
     pub parts: Vec<Part>,
     /// Entry inputs needed, by index in the order of [`reflect::inputs`].
     pub inputs: Vec<usize>,
-    /// Entry outputs it decides, by index in the order of [`reflect::outputs`].
+    /// Entry outputs it computes, by index in the order of [`reflect::outputs`].
     pub outputs: Vec<usize>,
     /// Global variables it reads or writes.
     pub globals: Vec<Handle<GlobalVariable>>,
-    /// Spans of the kept statements and expressions, in source order, each once.
-    pub spans: Vec<Span>,
     /// Static cost, in the units of [`crate::graph::cost`].
     pub cost: f64,
-    /// Hash of its canonical form, 16 hex digits: the same for the same computation whatever the handles, and the names, are.
-    pub hash: String,
 }
 
 impl Slice {
@@ -162,13 +163,38 @@ impl Slice {
         &self.parts[self.parts.len() - 1]
     }
 
+    /// Hash of its canonical form, 16 hex digits: equal for equal computations, whatever the
+    /// handles and names.
+    pub fn hash(&self, graph: &Graph<'_>) -> String {
+        hash::canonical(graph, self)
+    }
+
+    /// The first kept statement or expression in the source.
+    pub fn first_span(&self, graph: &Graph<'_>) -> Option<Span> {
+        let spans = self.parts.iter().flat_map(|part| {
+            let f = graph.function(part.function);
+            let statements = f.statements.iter().filter(|(id, n)| {
+                part.kept.statements[id.index()] && operands::blocks(n.statement).is_empty()
+            });
+            let expressions = f.function.expressions.iter().filter(|(e, _)| {
+                part.kept.expressions[e.index()].is_some()
+                    && f.statements.evaluated_at(*e).is_some()
+            });
+            let expressions = expressions.map(|(e, _)| f.function.expressions.get_span(e));
+            statements.map(|(_, n)| n.span).chain(expressions)
+        });
+        let ranges = spans.filter_map(|span| Some((span, span.to_range()?)));
+        let first = ranges.min_by_key(|(_, range)| (range.start, range.end));
+        first.map(|(span, _)| span)
+    }
+
     /// Whether it keeps all of the entry point.
     pub fn is_whole(&self) -> bool {
         self.root().coverage == Coverage::Whole
     }
 
-    /// A kept loop that is not seen to end ([`counted::trips`]), in any of its functions. Ahead of the discards that are not part of the slice, it may not end where the
-    /// original's leaves the shader.
+    /// A kept loop that may not end ([`counted::trips`]), in any function. Without the discards
+    /// that the slice drops, it may run where the original has left the shader.
     pub fn endless_loop(&self, graph: &Graph<'_>) -> Option<Span> {
         self.parts.iter().find_map(|part| {
             let f = graph.function(part.function);
@@ -181,7 +207,7 @@ impl Slice {
         })
     }
 
-    /// Number of kept statements, `Emit`s apart, over all functions.
+    /// Number of kept statements over all functions, without `Emit`s.
     pub fn statement_count(&self, graph: &Graph<'_>) -> usize {
         self.parts
             .iter()
@@ -199,12 +225,12 @@ impl Slice {
     }
 }
 
-/// What decides `criteria` in an entry point, loops being taken to end ([`Termination::Assumed`]).
+/// The slice for `criteria` of an entry point, with [`Termination::Assumed`].
 pub fn backward(graph: &Graph<'_>, entry: usize, criteria: &[Criterion]) -> Slice {
     backward_with(graph, entry, criteria, Termination::Assumed)
 }
 
-/// What decides `criteria` in an entry point.
+/// The slice for `criteria` of an entry point.
 pub fn backward_with(
     graph: &Graph<'_>,
     entry: usize,
@@ -273,20 +299,16 @@ pub fn backward_with(
         inputs: Vec::new(),
         outputs: outputs.into_keys().collect(),
         globals: Vec::new(),
-        spans: Vec::new(),
         cost: 0.0,
-        hash: String::new(),
         parts,
     };
     slice.inputs = inputs(graph, slice.root());
     slice.globals = globals(graph, &slice.parts);
-    slice.spans = spans(graph, &slice.parts);
     slice.cost = cost(graph, &slice.parts);
-    slice.hash = hash::canonical(graph, &slice);
     slice
 }
 
-/// Adds the part for a demand, its callees' parts before it, unless it is there; returns its index.
+/// Adds the part for a demand after its callees' parts, unless it exists; returns its index.
 fn collect(
     graph: &Graph<'_>,
     slicer: &mut function::Slicer<'_, '_>,
@@ -319,7 +341,7 @@ fn collect(
         })
         .collect();
     let coverage = coverage(graph, id, demand, &kept, &calls, parts);
-    // Demands that differ may keep the same: one part then serves both.
+    // Different demands may keep the same statements: then they share a part.
     let same = parts.iter().position(|p| {
         p.function == id
             && p.calls == calls
@@ -341,7 +363,8 @@ fn collect(
     index
 }
 
-/// A part is whole if every statement that does anything is kept, with all its operands, and every callee is whole.
+/// A part is whole if it keeps every statement with an effect, all their operands, and whole
+/// callees.
 fn coverage(
     graph: &Graph<'_>,
     id: FunctionId,
@@ -358,7 +381,7 @@ fn coverage(
     for (at, node) in f.statements.iter() {
         match node.statement {
             Statement::Emit(_) | Statement::Block(_) => continue,
-            // The `return` naga puts at the end of a function without result does nothing.
+            // naga's `return` at the end of a function without result has no effect.
             Statement::Return { value: None }
                 if node.parent.is_none() && node.end.index() == f.statements.len() =>
             {
@@ -467,33 +490,4 @@ fn globals(graph: &Graph<'_>, parts: &[Part]) -> Vec<Handle<GlobalVariable>> {
         }
     }
     globals.into_iter().collect()
-}
-
-fn spans(graph: &Graph<'_>, parts: &[Part]) -> Vec<Span> {
-    let mut spans = BTreeMap::new();
-    for part in parts {
-        let f = graph.function(part.function);
-        let statements = f
-            .statements
-            .iter()
-            .filter(|(id, n)| {
-                part.kept.statements[id.index()] && operands::blocks(n.statement).is_empty()
-            })
-            .map(|(_, n)| n.span);
-        let expressions = f
-            .function
-            .expressions
-            .iter()
-            .filter(|(e, _)| {
-                part.kept.expressions[e.index()].is_some()
-                    && f.statements.evaluated_at(*e).is_some()
-            })
-            .map(|(e, _)| f.function.expressions.get_span(e));
-        for span in statements.chain(expressions) {
-            if let Some(range) = span.to_range() {
-                spans.insert((range.start, range.end), span);
-            }
-        }
-    }
-    spans.into_values().collect()
 }

@@ -1,10 +1,11 @@
-//! Which parts of a value are needed.
+//! The needed parts of values.
 
 use std::collections::BTreeMap;
 
 use naga::{Module, TypeInner};
 
-/// The needed part of a value. Structs are told apart by member and vectors by component: a matrix or an array is needed whole or not at all.
+/// The needed part of a value, by struct member and vector component. A matrix or an array is
+/// needed whole or not at all.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Need {
     /// All of it.
@@ -14,12 +15,12 @@ pub enum Need {
 }
 
 impl Need {
-    /// One member of a struct, and of it `inner`; or one component of a vector, all of it.
+    /// One member of a struct with its need `inner`; or one whole component of a vector.
     pub fn member(index: u32, inner: Need) -> Self {
         Self::Members(BTreeMap::from([(index, inner)]))
     }
 
-    /// Of a value of type `ty` the part at `path`, and of that part `inner`.
+    /// The part at `path` of a value of type `ty`, and of it `inner`.
     pub fn at(module: &Module, ty: &TypeInner, path: &[u32], inner: &Need) -> Self {
         match (path.split_first(), ty) {
             (None, _) => inner.clone(),
@@ -32,13 +33,13 @@ impl Need {
         }
     }
 
-    /// What is needed at `path`; `None` if nothing is. `path` may lead on below what is told apart.
+    /// The need at `path`, if any. `path` may extend below the tracked parts.
     pub fn below(&self, path: &[u32]) -> Option<Need> {
         path.iter()
             .try_fold(self.clone(), |need, step| need.of(*step))
     }
 
-    /// What is needed of a member or component; `None` if nothing is.
+    /// The need of a member or component, if any.
     pub fn of(&self, index: u32) -> Option<Need> {
         match self {
             Self::All => Some(Self::All),
@@ -46,7 +47,7 @@ impl Need {
         }
     }
 
-    /// Adds what `other` needs; tells whether that was more.
+    /// Adds another need; returns whether this grew.
     pub fn add(&mut self, other: &Need) -> bool {
         match (&mut *self, other) {
             (Self::All, _) => false,
@@ -70,7 +71,7 @@ impl Need {
         }
     }
 
-    /// Adds to a need that may not be there yet; tells whether that was more.
+    /// Adds to a need that may not exist yet; returns whether it grew.
     pub fn add_to(slot: &mut Option<Need>, other: &Need) -> bool {
         match slot {
             Some(have) => have.add(other),

@@ -1,4 +1,5 @@
-//! What a slicer forgets that cuts a variant is missing in the slice of the original too, and the two are one. That has to be seen all the same.
+//! Tests that validation detects a faulty slicer. If the same fault affects a variant and the
+//! original's slice, the two slices are equal.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use std::sync::Arc;
@@ -7,14 +8,15 @@ use super::compare::Colors;
 use super::promise::Pair;
 use super::world::Place;
 use super::{Effort, Proof, Verdict, validate};
-use crate::pass::Facts;
+use crate::core::pass::Facts;
+use crate::core::plan::{Plan, Role};
+use crate::core::program::{Language, Program, SourceMap};
+use crate::core::state::MaterialState;
 use crate::pass_named;
-use crate::plan::{Plan, Role};
-use crate::program::{Language, Program, SourceMap};
 use crate::slice::fault::{self, Fault};
-use crate::state::MaterialState;
 
-/// A discard that rests on an early return, on a branch, on an array written in part, and on what a call leaves behind.
+/// A discard that depends on an early return, a branch, a partly written array, and a callee's
+/// writes.
 const MATERIAL: &str = "
 @group(0) @binding(0) var<uniform> turn: mat4x4<f32>;
 struct Varyings { @builtin(position) position: vec4<f32>, @location(0) at: vec4<f32> }
@@ -51,12 +53,10 @@ fn split(original: &Plan) -> Plan {
     let pass = pass_named("depth-prepass").unwrap();
     let facts = Facts::without_ties();
     let params = serde_json::json!({});
-    let found = pass.sites(original, &facts, &params).unwrap();
-    pass.apply(original, &facts, &found.sites[0].key, &params)
-        .unwrap()
+    pass.run(original, &facts, &params).unwrap().plan
 }
 
-/// Whether the slices of what the pre-pass discards are one.
+/// Whether the original and the pre-pass have the same discard slice.
 fn is_one_slice(original: &Plan, variant: &Plan) -> bool {
     let main = original.main().unwrap();
     let mut passes = variant.passes.iter();

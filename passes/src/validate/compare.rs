@@ -1,45 +1,45 @@
-//! What of two results has to be the same.
+//! Compares two results by a promise's rule.
 
 use naga::BuiltIn;
 
 use super::stage::{POSITION, Ran, Slot};
+use crate::core::state::DepthDirection;
 use crate::evaluate::{Number, Scalar, Value};
-use crate::state::DepthDirection;
 
-/// What the colours of a variant promise.
+/// The promise about a variant's colours.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Colors {
     /// The same bits.
     Bits,
-    /// The same number: 0 is -0.
+    /// Equal numbers: 0 is -0.
     Numbers,
-    /// No further off than this, in each channel.
+    /// At most this far off, in each channel.
     Within(f64),
-    /// They are not looked at.
+    /// Not compared.
     Ignored,
-    /// The alpha of location 0 has the same bits: it decides coverage.
+    /// The alpha of location 0 is bitwise equal, because it decides coverage.
     Alpha,
 }
 
-/// Which fragments a variant may discard that the original does not, and the reverse.
+/// The permitted differences between the discards of variant and original.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Discards {
-    /// The same.
+    /// None.
     Same,
-    /// Another pass has discarded them already, and this one compares for equality with what that left.
+    /// Another pass has discarded these fragments already, and this one compares for EQUAL.
     LeftToEqual,
-    /// More: those that lie strictly behind what is there.
+    /// The variant may also discard fragments strictly behind the present depth.
     Hidden {
         /// Depth of the fragment.
         own: f32,
-        /// What is there.
+        /// The present depth.
         other: f32,
         /// Which way depth grows.
         direction: DepthDirection,
     },
 }
 
-/// What the depths of a variant promise that a fragment stage writes.
+/// The promise about depths that a fragment stage writes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Depths {
     /// The same bits.
@@ -48,28 +48,28 @@ pub enum Depths {
     NotNearer(DepthDirection),
 }
 
-/// What a variant promises of positions.
+/// The promise about positions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Positions {
     /// The same bits.
     Bits,
-    /// The same numbers: 0 is -0.
+    /// Equal numbers: 0 is -0.
     Numbers,
 }
 
-/// What a variant promises of the memory that it writes.
+/// The promise about memory writes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stores {
     /// The same bits.
     Same,
-    /// Another pass writes it.
+    /// Not compared: another pass writes it.
     Ignored,
 }
 
-/// What has to be the same.
+/// The parts that must be equal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Rule {
-    /// What rasterisation needs of a vertex stage: the same bits, or the same numbers.
+    /// The vertex outputs that rasterisation uses.
     Vertices(Positions),
     /// Fragments.
     Fragments {
@@ -84,10 +84,10 @@ pub enum Rule {
     },
 }
 
-/// What differs, and the two values in words.
+/// A difference, with both values as text.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Difference {
-    /// What.
+    /// The output that differs.
     pub output: String,
     /// The original's.
     pub original: String,
@@ -95,7 +95,7 @@ pub struct Difference {
     pub variant: String,
 }
 
-/// The first difference that a rule does not allow.
+/// The first difference that a rule forbids.
 pub fn difference<F: Number>(
     rule: Rule,
     original: &Ran<F>,
@@ -111,7 +111,7 @@ pub fn difference<F: Number>(
         } => fragment(original, variant, discards)
             .map_or_else(|| memory(original, variant, stores), Some)
             .or_else(|| {
-                // What is discarded is not seen.
+                // A discarded fragment is invisible.
                 let is_seen = !original.discarded && !variant.discarded;
                 is_seen
                     .then(|| colors_and_depth(original, variant, colors, depths))
@@ -159,13 +159,13 @@ fn vertices<F: Number>(
     };
     let builtins = original.outputs.keys().copied();
     let builtins = builtins.filter(|slot| matches!(slot, Slot::BuiltIn(_)));
-    // A vertex stage without a position is no vertex stage.
+    // A vertex stage always has a position.
     builtins
         .chain([POSITION])
         .find_map(|slot| slot_differs(slot, original, variant, &same))
 }
 
-/// Whether it is there at all.
+/// Compares whether a fragment survives.
 fn fragment<F: Number>(
     original: &Ran<F>,
     variant: &Ran<F>,
@@ -183,11 +183,11 @@ fn fragment<F: Number>(
                 direction,
             },
         ) => {
-            // What the shader writes is clamped.
+            // The shader's depth is clamped.
             let written = original.outputs.get(&FRAG_DEPTH);
             let written = written.and_then(|v| v.float().ok()?.single());
             let own = written.map_or(own, |depth| depth.clamp(0.0, 1.0));
-            // A depth that is no number is behind nothing, and before nothing.
+            // A NaN depth is neither behind nor before anything.
             own.is_nan()
                 || match direction {
                     DepthDirection::Forward => own > other,
@@ -263,7 +263,8 @@ fn alpha<F: Number>(color: &Value<F>) -> Value<F> {
     }
 }
 
-/// Whether two values are the same bits, any NaN being the same as any other: which of its bits an operation keeps is nobody's promise.
+/// Whether two values are bitwise equal, where any two NaNs are equal: no operation promises NaN
+/// bits.
 pub fn same_bits<F: Number>(a: &Value<F>, b: &Value<F>) -> bool {
     let is_nan = |x: F| x.single().is_some_and(f32::is_nan);
     every(a, b, &|a, b| match (a, b) {
@@ -286,7 +287,7 @@ fn near<F: Number>(a: &Value<F>, b: &Value<F>, most: f64) -> bool {
 fn not_nearer<F: Number>(a: &Value<F>, b: &Value<F>, direction: DepthDirection) -> bool {
     every(a, b, &|a, b| match (a, b) {
         (Scalar::F32(a), Scalar::F32(b)) => match (a.single(), b.single()) {
-            // A depth is clamped before it is compared.
+            // A depth is clamped before the comparison.
             (Some(a), Some(b)) => {
                 let away = b.clamp(0.0, 1.0) - a.clamp(0.0, 1.0);
                 a.is_nan() || away * direction.away() >= 0.0
@@ -311,7 +312,7 @@ fn every<F: Number>(
     }
 }
 
-/// A value in words; of a long one, how it begins.
+/// A value as text; a long one is cut.
 pub fn text<F: Number>(value: &Value<F>) -> String {
     const MOST: usize = 160;
     fn write<F: Number>(value: &Value<F>, out: &mut String) {

@@ -1,8 +1,11 @@
-//! Promises tried by something that runs stages elsewhere: on an adapter, whose compiler has its own way with both.
+//! Validates promises on another executor: an adapter, whose compiler treats both texts in its own
+//! way.
 //!
-//! The interpreter goes ahead: it says which inputs both come to an end with, so that nothing is sent that never does, and, on intervals, what WGSL's accuracies allow an adapter to give of the original.
-//! What the two give elsewhere is held against each other by the same rule. Where they differ, and what the variant gives is still within what is allowed of the original, the adapter has rounded
-//! two texts apart, which is no fault of the variant's; that is counted and told.
+//! The interpreter runs first. It selects inputs on which both terminate and computes, with
+//! intervals, the results that WGSL's accuracies allow for the original. The same rule then
+//! compares the adapter's results. If they differ but the variant is within the original's
+//! permitted range, the adapter has rounded the two texts differently. That is no fault of the
+//! variant; it is counted and reported.
 
 use std::collections::BTreeMap;
 
@@ -13,29 +16,28 @@ use super::stage::Ran;
 use super::trial::{asked, is_whole, of_compared};
 use super::verdict::{Counterexample, Verdict, not_evaluated};
 use super::world::{self, Place, Stages, Texels};
-use crate::bound::Interval;
+use crate::evaluate::bound::Interval;
 use crate::evaluate::{Scalar, Stuck, Value};
 
-/// What a draw is made with, beside the stages.
+/// The data of a draw, without its stages.
 #[derive(Clone, Copy, Debug)]
 pub struct Draw<'a> {
-    /// Uniforms, buffers, attributes, and texels as [`Inputs::plain_texel`] gives them.
+    /// Uniforms, buffers, attributes, and texels from [`Inputs::plain_texel`].
     pub inputs: &'a Inputs,
-    /// What attachments hold, by binding.
+    /// Contents of attachments, by binding.
     pub attached: &'a BTreeMap<(u32, u32), [f32; 4]>,
 }
 
-/// What runs stages elsewhere.
+/// Runs stages on another executor.
 pub trait Runner {
     /// Runs stages once for each draw.
     ///
-    /// # Errors
-    /// Why it cannot, in words.
+    /// # Errors A message with the reason.
     fn run(&self, stages: Stages<'_>, place: Place, draws: &[Draw<'_>])
     -> Result<Vec<Ran>, String>;
 }
 
-/// An input that both come to an end with.
+/// An input on which both terminate.
 struct Ready {
     inputs: Inputs,
     attached: Attached,
@@ -43,7 +45,7 @@ struct Ready {
 }
 
 impl Pair<'_> {
-    /// On numbers, elsewhere.
+    /// Tries numbers on the executor.
     pub(super) fn tried_on(
         &self,
         runner: &dyn Runner,
@@ -98,7 +100,7 @@ impl Pair<'_> {
         }
     }
 
-    /// The inputs that both come to an end with, here.
+    /// The inputs on which both terminate in the interpreter.
     fn ready(&self, place: Place, colors: Colors) -> Result<Vec<Ready>, String> {
         let module = self.original.vertex.module();
         let (mut ready, mut why) = (Vec::new(), None);
@@ -135,14 +137,14 @@ impl Pair<'_> {
         }
     }
 
-    /// What the results of one input say.
+    /// Judges the results of one input.
     fn judged(&self, ready: &Ready, place: Place, original: &Ran, variant: &Ran) -> Judged {
         let (inputs, attached) = (&ready.inputs, &ready.attached);
         let (rule, _) = self.rule(place, ready.colors, Some(inputs));
         let allowed = world::ranging(inputs, attached)
             .run(self.original, place, self.effort.steps, None)
             .ok();
-        // The original itself: an adapter that WGSL does not describe proves nothing.
+        // An adapter that violates WGSL's accuracies proves nothing.
         if let Some(strange) = allowed.as_ref().and_then(|a| outside(a, original)) {
             return Judged::Strange(format!(
                 "what the adapter gives of the original is not what WGSL allows: {strange} (inputs of seed {})",
@@ -153,7 +155,7 @@ impl Pair<'_> {
             return Judged::Same;
         };
         match &allowed {
-            // Something on the way is no number, or decided by a rounding: what is allowed is not known.
+            // An intermediate value is NaN, or a rounding decides: the permitted range is unknown.
             None => return Judged::Unsure,
             Some(allowed) if is_allowed(allowed, &found, variant) => return Judged::Unsure,
             Some(_) => {}
@@ -173,14 +175,14 @@ impl Pair<'_> {
 
 enum Judged {
     Same,
-    /// They differ, within what is allowed of the original.
+    /// They differ, within the original's permitted range.
     Unsure,
-    /// The original is not as it may be.
+    /// The original is outside of its permitted range.
     Strange(String),
     Differs(Box<Counterexample>),
 }
 
-/// The first output of the original that is not as it may be.
+/// The first output of the original outside of its permitted range.
 fn outside(allowed: &Ran<Interval>, ran: &Ran) -> Option<String> {
     if allowed.discarded != ran.discarded {
         return Some("it is discarded or kept otherwise".to_owned());
@@ -195,7 +197,7 @@ fn outside(allowed: &Ran<Interval>, ran: &Ran) -> Option<String> {
     })
 }
 
-/// Whether what differs is, as the variant has it, something that is allowed of the original.
+/// Whether the variant's differing value is within the original's permitted range.
 fn is_allowed(allowed: &Ran<Interval>, found: &Difference, variant: &Ran) -> bool {
     let mut slots = allowed.outputs.iter();
     slots

@@ -1,4 +1,4 @@
-//! Inputs of both stages: ordinary ones, and those that shaders break on.
+//! Ordinary and adversarial inputs of both stages.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -8,27 +8,28 @@ use naga::{AddressSpace, ArraySize, BuiltIn, Handle, Module, ScalarKind, Type, T
 use super::levels::Levels;
 use super::stage::{Kind, POSITION, Slot};
 use super::world::{plus, times};
+use crate::core::guard::{Assumed, Guard, Place, ScalarType};
+use crate::core::reflect::Io;
 use crate::evaluate::{Lookup, Number, RUNTIME_ELEMENTS, Sampling, Scalar, Value, scalars};
-use crate::guard::{Assumed, Guard, Place, ScalarType};
-use crate::reflect::Io;
 
-/// Scalars of a buffer that is filled: where there are more, it stays 0.
+/// Largest buffer in scalars that is filled; longer ones stay 0.
 const MOST_SCALARS: u32 = 1 << 14;
 
-/// Which numbers an input has.
+/// The kind of an input's numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Profile {
-    /// From -2 to 2, and of the draw from 1/4 to 4: what `ordinary-numbers` promises ([`crate::contract::Assumption::OrdinaryNumbers`]).
+    /// From -2 to 2, and for constants of the draw from 1/4 to 4, as `ordinary-numbers` promises
+    /// ([`crate::core::contract::Assumption::OrdinaryNumbers`]).
     Ordinary,
-    /// Ordinary ones, and one in six out of those below.
+    /// Ordinary ones, with one in six from `Extreme`.
     Mixed,
     /// All the same.
     Equal,
-    /// 0 and -0, subnormal and huge ones, infinities, NaN, the ends of integers.
+    /// 0 and -0, subnormal and huge ones, infinities, NaN, the largest and smallest integers.
     Extreme,
 }
 
-/// The profile of the n-th input: half of them ordinary.
+/// The profile of the n-th input; half of them are ordinary.
 pub fn profile(n: u64) -> Profile {
     match n % 6 {
         0..=2 => Profile::Ordinary,
@@ -38,7 +39,7 @@ pub fn profile(n: u64) -> Profile {
     }
 }
 
-/// Numbers that arithmetic breaks on.
+/// Corner cases of arithmetic.
 const FLOATS: [f32; 22] = [
     0.0,
     -0.0,
@@ -76,12 +77,12 @@ const INTEGERS: [u32; 10] = [
     0xffff_ffff,
 ];
 
-/// Numbers one after the other, of a seed (Steele, Lea and Flood 2014, SplitMix).
+/// A random number generator (Steele, Lea and Flood 2014, SplitMix).
 #[derive(Clone, Debug)]
 pub struct Random(u64);
 
 impl Random {
-    /// Of a seed, and of what it is for.
+    /// From a seed and a purpose.
     pub fn new(seed: u64, of: &str) -> Self {
         let hash = of.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |h, b| {
             (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3)
@@ -103,40 +104,40 @@ impl Random {
         (self.bits() % n.max(1) as u64) as usize
     }
 
-    /// From 0 up to 1, without 1.
+    /// A number in [0, 1).
     pub fn unit(&mut self) -> f32 {
         (self.bits() >> 40) as f32 / (1_u64 << 24) as f32
     }
 }
 
-/// Where a number goes, which decides what is ordinary.
+/// The use of a number, on which the ordinary range depends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Of {
     Draw,
     Vertex,
 }
 
-/// What a draw finds.
+/// The inputs of a draw.
 #[derive(Clone, Debug)]
 pub struct Inputs {
-    /// Which one it is: the same seed gives the same inputs.
+    /// The same seed gives the same inputs.
     pub seed: u64,
-    /// Which numbers it has.
+    /// Kind of numbers.
     pub profile: Profile,
     /// Uniforms and buffers.
     pub resources: BTreeMap<(u32, u32), Value>,
-    /// Buffers that are left at 0, being too long to be filled.
+    /// Buffers that stay 0 because they are too long.
     pub left_out: Vec<(u32, u32)>,
-    /// Which lookups are given more than a coordinate.
+    /// The lookups that receive bias or gradients.
     pub levels: Arc<Levels>,
-    /// Numbers that a guard fixes of textures, by group, binding and channel.
+    /// Texels that a guard fixes, by group, binding and channel.
     texels: BTreeMap<(u32, u32, u32), f32>,
-    /// Numbers that a guard fixes of attributes.
+    /// Attribute components that a guard fixes.
     attributes: BTreeMap<(u32, u32), f32>,
 }
 
 impl Inputs {
-    /// The inputs of a seed for the variables of a module, as a guard wants them.
+    /// The inputs of a seed for the variables of a module, within a guard.
     pub fn new(module: &Module, guard: Option<&Guard>, seed: u64) -> Self {
         let profile = profile(seed);
         let (mut resources, mut left_out) = (BTreeMap::new(), Vec::new());
@@ -170,7 +171,7 @@ impl Inputs {
         this
     }
 
-    /// The same, where some lookups are given more than a coordinate.
+    /// The same inputs, with bias and gradients passed to some lookups.
     #[must_use]
     pub fn with_levels(self, levels: &Arc<Levels>) -> Self {
         Self {
@@ -215,18 +216,19 @@ impl Inputs {
                     self.texels.insert((*group, *binding, *channel), number);
                 }
             }
-            // The text of the variant has it; `super::with_overrides` gives it to the original's.
+            // The variant's text contains it; `super::with_overrides` sets it in the original.
             Place::Override { .. } => {}
         }
     }
 
-    /// The corner that is looked at where a vertex stage is by itself.
+    /// The corner for a vertex stage on its own.
     pub fn corner(&self) -> usize {
-        // Seeds of each profile come to all of them.
+        // Seeds of each profile cover all corners.
         (self.seed / 6 % 3) as usize
     }
 
-    /// Which triangle of its draw it is: the first in half of the inputs, and no far one where numbers are ordinary.
+    /// The index of the triangle in its draw: the first in half of the inputs, and small if numbers
+    /// are ordinary.
     fn triangle(&self) -> u32 {
         let mut random = Random::new(self.seed, "triangle");
         match (random.below(2), self.profile) {
@@ -236,7 +238,7 @@ impl Inputs {
         }
     }
 
-    /// An input of a vertex stage, at a corner of the triangle.
+    /// An input of a vertex stage at a corner of the triangle.
     pub fn attribute(&self, module: &Module, io: &Io, corner: usize) -> Option<Value> {
         let slot = Slot::of(io.binding.as_ref()?);
         let mut random = Random::new(self.seed, &format!("vertex {slot} {corner}"));
@@ -270,12 +272,12 @@ impl Inputs {
         Some(value)
     }
 
-    /// An input of a fragment stage that no vertex stage gives; or any, where all of them are to be random.
+    /// An input of a fragment stage that no vertex stage provides; or any, if all are to be random.
     pub fn fragment(&self, module: &Module, io: &Io) -> Option<Value> {
         let slot = Slot::of(io.binding.as_ref()?);
         let mut random = Random::new(self.seed, &format!("fragment {slot}"));
         if slot == POSITION {
-            // The rasteriser's: within the target, and between the planes.
+            // Within the target and the depth planes.
             let pixel = |random: &mut Random| random.below(64) as f32 + 0.5;
             let at = [pixel(&mut random), pixel(&mut random)];
             let depth = match random.below(8) {
@@ -295,7 +297,8 @@ impl Inputs {
         value(module, io.ty, self.profile, Of::Vertex, &mut random)
     }
 
-    /// A texel: a smooth function of where it is looked up, told apart by texture, sampler and offset, from 0 to 1. Which level a lookup takes by itself is left out of it.
+    /// A texel from 0 to 1: a smooth function of the coordinates, different for each texture,
+    /// sampler and offset. An implicit level has no influence.
     pub fn texel(&self, lookup: &Lookup<'_>) -> [f32; 4] {
         let sum = lookup
             .coordinates
@@ -313,7 +316,8 @@ impl Inputs {
         })
     }
 
-    /// A texel as sums and products alone, of which every adapter comes to nearly the same: [`Self::bases`] and beside them half of a sum over where it is looked up, as far as that lies from 0 to 1.
+    /// A texel from sums and products only, which every adapter computes nearly equally:
+    /// [`Self::bases`] plus half of a sum over the coordinates, if that is between 0 and 1.
     pub fn plain_texel<F: Number>(&self, lookup: &Lookup<'_, F>) -> [F; 4] {
         let add = |sum, (number, weight): (F, f32)| {
             let bounded = F::call(
@@ -333,7 +337,8 @@ impl Inputs {
         [0, 1, 2, 3].map(|channel: usize| plus(times(sum, scales[channel]), F::of(bases[channel])))
     }
 
-    /// Of each channel of a texture: what its texels have wherever they are looked up, and how much of the sum is added to that: nothing where a guard fixes them.
+    /// For each channel of a texture, the constant part of its texels and the factor of the sum,
+    /// which is 0 if a guard fixes the channel.
     pub fn bases(&self, texture: Option<(u32, u32)>) -> [[f32; 4]; 2] {
         let own = texture.map_or(0, |(group, binding)| group * 5 + binding);
         let channels = [0_u32, 1, 2, 3].map(|channel| {
@@ -349,18 +354,19 @@ impl Inputs {
         [channels.map(|c| c.0), channels.map(|c| c.1)]
     }
 
-    /// A number that a guard fixes of a texture.
+    /// A texel channel that a guard fixes.
     pub fn fixed_texel(&self, binding: Option<(u32, u32)>, channel: u32) -> Option<f32> {
         let (group, binding) = binding?;
         self.texels.get(&(group, binding, channel)).copied()
     }
 
-    /// A number that a guard fixes of an attribute.
+    /// An attribute component that a guard fixes.
     pub fn fixed_attribute(&self, location: u32, component: u32) -> Option<f32> {
         self.attributes.get(&(location, component)).copied()
     }
 
-    /// Weights of the corners at a point inside, for one kind of interpolation: each has its own. Their sum is off by some last bits, as a rasteriser's is.
+    /// Weights of the corners at an inner point, for one kind of interpolation. Their sum is off by
+    /// some last bits, as in a rasteriser.
     pub fn weights(&self, kind: Kind) -> [f32; 3] {
         let mut random = Random::new(self.seed, &format!("weights {kind:?}"));
         let (u, v) = (random.unit(), random.unit());
@@ -373,25 +379,26 @@ impl Inputs {
     }
 }
 
-/// The largest number of a coordinate that a plain texel looks at.
+/// The largest coordinate that affects a plain texel.
 pub const PLAIN_MOST: f32 = 1024.0;
 
-/// What the sum of a plain texel begins with.
+/// The constant term of a plain texel's sum.
 pub fn plain_start(sampling: Sampling) -> f32 {
     0.25 + start(None, sampling) * 0.0625
 }
 
-/// What the i-th coordinate counts for in it.
+/// The weight of the i-th coordinate in it.
 pub fn plain_weight(i: usize) -> f32 {
     [0.25, 0.1875, 0.140_625, 0.109_375][i.min(3)]
 }
 
-/// What the i-th number of a bias or of gradients counts for in it: each another, so that two which change places show.
+/// The weight of the i-th number of a bias or of gradients in it. All weights differ, so that swaps
+/// show.
 pub fn plain_level_weight(i: usize) -> f32 {
     [0.09375, 0.078_125, 0.0625, 0.046_875, 0.031_25, 0.023_437_5][i.min(5)]
 }
 
-/// What a texel begins with, by all that tells one lookup from another but for where it is.
+/// The constant term of a texel, from all properties of the lookup except its coordinates.
 pub fn start(texture: Option<(u32, u32)>, sampling: Sampling) -> f32 {
     let of =
         |at: Option<(u32, u32)>| at.map_or(0.0, |(group, binding)| (group * 16 + binding) as f32);
@@ -400,7 +407,7 @@ pub fn start(texture: Option<(u32, u32)>, sampling: Sampling) -> f32 {
     of(texture) + of(sampling.sampler) * 0.11 + x * 0.23 + y * 0.29 + z * 0.31 + clamped
 }
 
-/// A number between bounds: one of the ends, or one between them.
+/// A number within bounds: one of the ends, or one between them.
 fn within(assumed: &Assumed, random: &mut Random) -> Scalar {
     let (low, high) = (assumed.bounds.low, assumed.bounds.high);
     let number = match random.below(3) {
@@ -409,14 +416,14 @@ fn within(assumed: &Assumed, random: &mut Random) -> Scalar {
         _ => low + (high - low) * f64::from(random.unit()),
     };
     match assumed.ty {
-        // A rounding must not lead out of the bounds.
+        // Rounding must not leave the bounds.
         ScalarType::F32 => Scalar::F32((number as f32).clamp(low as f32, high as f32)),
         ScalarType::I32 => Scalar::I32(number.trunc().clamp(low, high) as i32),
         ScalarType::U32 => Scalar::U32(number.trunc().clamp(low, high) as u32),
     }
 }
 
-/// A value of a type; `None` of one whose values the interpreter has not.
+/// A value of a type; `None` if the interpreter has no values of it.
 fn value(
     module: &Module,
     ty: Handle<Type>,
@@ -482,7 +489,7 @@ fn float(profile: Profile, of: Of, random: &mut Random) -> f32 {
     }
 }
 
-/// Most are small: they count turns, and tell flags apart.
+/// Most are small, because they are trip counts and flags.
 fn integer(profile: Profile, random: &mut Random) -> u32 {
     match profile {
         Profile::Ordinary => random.below(9) as u32,
@@ -492,7 +499,7 @@ fn integer(profile: Profile, random: &mut Random) -> u32 {
     }
 }
 
-/// Writes a scalar at an offset in bytes of a value of this type.
+/// Writes a scalar at a byte offset in a value of this type.
 pub fn set<F: Number>(
     module: &Module,
     ty: Handle<Type>,

@@ -1,7 +1,9 @@
-//! Which lookups are given the gradients or the bias that they name.
+//! Decides which lookups receive their explicit gradients or bias.
 //!
-//! A texel is made here of where it is looked up, not of the level that an adapter would take by itself: a transform may write out the gradients of an implicit sample, and scale them for a bias.
-//! Where no lookup of the variant can be such a one, what it names is a part of what it is given, as the coordinate is: a gradient taken along the other axis, or a bias left out, then shows.
+//! Our texels depend on coordinates, not on an implicit level: a transform may write out the
+//! gradients of an implicit sample, and scale them for a bias. If no lookup of the variant can be
+//! such a rewritten one, its gradients or bias do affect the texel. A gradient along the wrong
+//! axis, or a dropped bias, then shows.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -12,7 +14,7 @@ use super::world::Stages;
 use crate::evaluate::Lookup;
 use crate::graph::operands;
 
-/// How often a texture is sampled with a level of each kind, in a text.
+/// The number of samples of a texture in a text, by kind of level.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Kinds {
     implicit: usize,
@@ -30,10 +32,10 @@ impl Kinds {
     }
 }
 
-/// A texture by group and binding; `None`: one that a function was given.
+/// A texture by group and binding; `None` for a function's argument.
 type Texture = Option<(u32, u32)>;
 
-/// The textures whose lookups are given what they name.
+/// The textures whose lookups receive gradients or bias.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Levels {
     gradients: BTreeSet<(u32, u32)>,
@@ -41,8 +43,9 @@ pub struct Levels {
 }
 
 impl Levels {
-    /// Those of an original and a variant of it: gradients where the original leaves no level of that texture to the adapter, biases where neither names gradients, and both where nothing
-    /// became a lookup of another kind.
+    /// Compares an original and its variant. Lookups receive gradients if the original never uses
+    /// an implicit level of that texture, biases if neither uses gradients, and both if no lookup
+    /// changed its kind.
     pub fn between(original: Stages<'_>, variant: Stages<'_>) -> Self {
         let (original, variant) = (sampled(original), sampled(variant));
         let of = |kinds: &BTreeMap<Texture, Kinds>, texture| {
@@ -64,17 +67,17 @@ impl Levels {
         this
     }
 
-    /// Whether lookups of this texture are given their gradients.
+    /// Whether lookups of this texture receive their gradients.
     pub fn gradients(&self, texture: Texture) -> bool {
         texture.is_some_and(|t| self.gradients.contains(&t))
     }
 
-    /// Whether they are given their bias.
+    /// Whether they receive their bias.
     pub fn biases(&self, texture: Texture) -> bool {
         texture.is_some_and(|t| self.biases.contains(&t))
     }
 
-    /// What a lookup is given beside its coordinates.
+    /// The numbers that a lookup receives beside its coordinates.
     pub fn given<'a, F>(&self, lookup: &Lookup<'a, F>) -> &'a [F] {
         let counts = match lookup.footprint.len() {
             1 => self.biases(lookup.binding),
@@ -96,7 +99,7 @@ fn sampled(stages: Stages<'_>) -> BTreeMap<Texture, Kinds> {
     found
 }
 
-/// The functions that a stage calls, and those call, each once.
+/// The functions that a stage calls, directly or not.
 fn called(stage: Stage<'_>) -> BTreeSet<Handle<Function>> {
     let module = stage.module();
     let mut found = BTreeSet::new();

@@ -1,20 +1,28 @@
-//! Translation validation (Pnueli, Siegel and Singerman 1998; Necula 2000): what a variant promises of its stages, held against the original's after it was made, without a GPU.
+//! Translation validation (Pnueli, Siegel and Singerman 1998; Necula 2000): checks a variant's
+//! promises against the original after it was made, without a GPU.
 //!
-//! What follows from a plan (`promise`) is first tried to be proved (`proof`): where the slices that decide it have one canonical form, or where both stages, run on terms ([`term`]), end in the same ones. What cannot be proved
-//! is run (`trial`; [`elsewhere`], on an adapter) on numbers, random and adversarial ones ([`inputs`]), until it is seen to be broken or has agreed often enough. A counterexample says where the two go apart first.
+//! The plan determines the promises (`promise`). We first try a proof (`proof`): both stages have
+//! the same canonical slice, or, run on terms ([`term`]), end in the same ones. Otherwise we run
+//! both (`trial`; [`elsewhere`], on an adapter) on random and adversarial numbers ([`inputs`]),
+//! until they differ or have agreed often enough. A counterexample reports the first differing
+//! value.
 //!
-//! What is held against what follows from the plan: a pass with the author's geometry gives the author's positions; a pre-pass, and a pass that writes ids, keeps and discards the same fragments;
-//! the pass that shades gives the same colours, as far as the plan's contract says so: the same bits at the vertices whatever was hoisted, inside a triangle where it is `Exact`, within a step of
-//! the target where it is `Rounding`. A budget is about a picture, which nobody draws here: that is `verify`'s to say. A guard's values are as it wants them.
+//! The promises: a pass with the author's geometry has the author's positions. A pre-pass, or a
+//! pass that writes ids, keeps and discards the same fragments. The shading pass has the same
+//! colours, as far as the plan's contract promises: the same bits at vertices, whatever was
+//! hoisted; the same bits inside a triangle for `Exact`, and within a step of the target for
+//! `Rounding`. A budget is about a picture, so only `verify` can check it. Values are within the
+//! plan's guard.
 //!
-//! Two things are the interpreter's word for an adapter's. An operation has one result, wherever it stands. And a texel is a function of where it is looked up, and of gradients
-//! and a bias that an access names ([`levels`]), not of the level that a lookup takes by itself.
+//! Two simplifications of the interpreter: an operation has the same result everywhere, and a texel
+//! depends on its coordinates and on explicit gradients and bias ([`levels`]), but not on an
+//! implicit level.
 
 use naga::{Expression, Literal, Span};
 
-use crate::guard::{Guard, Place as Assumed};
-use crate::plan::{Plan, Role};
-use crate::program::Program;
+use crate::core::guard::{Guard, Place as Assumed};
+use crate::core::plan::{Plan, Role};
+use crate::core::program::Program;
 
 #[cfg(test)]
 mod broken_slicer;
@@ -35,27 +43,27 @@ use promise::Pair;
 
 pub use verdict::{Counterexample, Diverged, Proof, Verdict};
 
-/// A promise, and what became of it.
+/// A promise and its verdict.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 pub struct Check {
     /// Role of the pass.
     pub role: Role,
-    /// What is promised, in words.
+    /// The promise as text.
     pub promise: String,
-    /// What became of it.
+    /// The verdict.
     pub verdict: Verdict,
 }
 
-/// How hard to look.
+/// The limits of the search.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Effort {
-    /// Inputs that each promise is tried on.
+    /// Number of inputs for each promise.
     pub inputs: u64,
     /// The first of their seeds.
     pub seed: u64,
-    /// Steps of the interpreter before it gives up on an input.
+    /// Interpreter steps per input.
     pub steps: u64,
-    /// Paths that a proof may have.
+    /// Most paths in a proof.
     pub paths: u64,
 }
 
@@ -70,12 +78,13 @@ impl Default for Effort {
     }
 }
 
-/// Holds a variant against the original it was made of.
+/// Validates a variant against the original it was made from.
 pub fn validate(original: &Plan, variant: &Plan, effort: &Effort) -> Vec<Check> {
     checks(original, variant, effort, None)
 }
 
-/// Holds a variant against the original it was made of by running both elsewhere, whatever is proved of them here: what a compiler makes of a text is not seen in it.
+/// Validates a variant by running both on another executor, even if a promise is proved: the proof
+/// doesn't cover that executor's compiler.
 pub fn validate_on(
     runner: &dyn Runner,
     original: &Plan,
@@ -150,7 +159,7 @@ fn checks(
     checks
 }
 
-/// The program with values for the overrides that have none: those a guard has, and 1.
+/// The program with values for overrides that have none: the guard's, or 1.
 fn with_overrides(program: &Program, guard: Option<&Guard>) -> Program {
     let mut module = program.module().clone();
     let handles: Vec<_> = module.overrides.iter().map(|(h, _)| h).collect();

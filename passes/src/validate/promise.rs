@@ -1,4 +1,5 @@
-//! What follows from a plan for a pass of it: which outputs have to be the same, at which places, and how closely.
+//! Derives the promises of a pass from its plan: the outputs that must match, where, and how
+//! closely.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -13,39 +14,39 @@ use super::stage::{POSITION, Slot, Stage};
 use super::verdict::not_evaluated;
 use super::world::{self, Place, Stages};
 use super::{Check, Effort, Proof, Verdict};
-use crate::contract::Contract;
-use crate::early_discard;
-use crate::guard::{Guard, Place as Assumed};
-use crate::hoist;
-use crate::plan::{BindingSource, ClearValue, GpuPass, Plan, Role};
-use crate::program::Program;
-use crate::state::{CompareFunction, DepthDirection};
+use crate::analysis::rounding;
+use crate::core::contract::Contract;
+use crate::core::guard::{Guard, Place as Assumed};
+use crate::core::plan::{BindingSource, ClearValue, GpuPass, HOIST, Plan, Role};
+use crate::core::program::Program;
+use crate::core::state::{CompareFunction, DepthDirection};
+use crate::transforms::early_discard;
 
-/// One input in so many is run beside a proof that rests on the slicer.
+/// One in this many inputs is also run if a proof depends on the slicer.
 const BESIDE: u64 = 8;
 
-/// A pass of a variant beside the original's main pass.
+/// A pass of a variant and the original's main pass.
 pub(super) struct Pair<'a> {
     pub(super) variant: &'a Plan,
     pub(super) pass: &'a GpuPass,
     pub(super) original: Stages<'a>,
     pub(super) other: Stages<'a>,
     pub(super) effort: &'a Effort,
-    /// Which lookups are given gradients and biases.
+    /// The lookups that receive gradients and biases.
     pub(super) levels: Arc<Levels>,
-    /// What runs it, if not the interpreter.
+    /// The executor, if not the interpreter.
     runner: Option<&'a dyn Runner>,
     pub(super) direction: DepthDirection,
-    /// What the attachments that the pass reads are cleared to, by binding, and what they hold.
+    /// The clear values and contents of the attachments that the pass reads, by binding.
     pub(super) attachments: BTreeMap<(u32, u32), (ClearValue, Held)>,
 }
 
-/// What an attachment holds.
+/// The content of an attachment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Held {
     /// Depths, as such.
     Depths,
-    /// Depths in the digits of a colour.
+    /// Depths packed into a colour.
     Packed,
     /// Something else.
     Colors,
@@ -179,14 +180,15 @@ impl<'a> Pair<'a> {
         checks
     }
 
-    fn steps(&self, pass: &str) -> impl Iterator<Item = &'a crate::plan::Step> {
+    fn steps(&self, pass: &str) -> impl Iterator<Item = &'a crate::core::plan::Step> {
         self.variant.steps.iter().filter({
             let pass = pass.to_owned();
             move |step| step.pass == pass
         })
     }
 
-    /// Whether sums with 0 and products with 0 and 1 were folded: of ordinary numbers the results are the same numbers, and of others nothing is said.
+    /// Whether float sums with 0 and products with 0 and 1 were folded. Ordinary numbers keep their
+    /// values; there is no promise about others.
     pub(super) fn folds_floats(&self) -> bool {
         self.steps("specialize")
             .any(|s| matches!(s.contract, Contract::Rounding { .. }))
@@ -204,7 +206,7 @@ impl<'a> Pair<'a> {
             .any(|s| s.params.get("mode").and_then(|m| m.as_str()) == Some("invert"))
     }
 
-    /// Whether a varying is what it was in the original, so that any number may stand for it.
+    /// Whether varyings are unchanged, so any number may stand for them.
     fn has_the_authors_varyings(&self) -> bool {
         let mut assumed = self.variant.guard.iter().flat_map(|g| &g.values);
         let rebuilt = ["hoist", "tessellate", "visibility-buffer"];
@@ -212,7 +214,8 @@ impl<'a> Pair<'a> {
             && rebuilt.iter().all(|pass| self.steps(pass).next().is_none())
     }
 
-    /// Whether a number that is assumed may decide what a varying is, so that the fragment stage may be made for that alone: the vertex stage knows it.
+    /// Whether an assumed number may affect varyings, so the fragment stage may be specialised for
+    /// it.
     fn may_reach_varyings(&self, place: &Assumed) -> bool {
         let (group, binding) = match place {
             Assumed::Uniform { group, binding, .. } | Assumed::Texture { group, binding, .. } => {
@@ -231,28 +234,28 @@ impl<'a> Pair<'a> {
         })
     }
 
-    /// What is promised of the colours at vertices and inside triangles, or why that is not looked at.
+    /// The promise about colours at vertices and inside triangles, or why they are not compared.
     fn colors(&self) -> [Result<Colors, String>; 2] {
         let mut promised: [Result<Colors, String>; 2] = [Ok(Colors::Bits), Ok(Colors::Bits)];
-        let budget = |metric: &str, budget: f64| {
+        let budget = |metric: &str, limit: f64| {
             Err(format!(
-                "they may be off by {budget} ({metric}) in the picture, and nobody draws it here: `verify` does"
+                "they may be off by {limit} ({metric}) in the picture, and nobody draws it here: `verify` does"
             ))
         };
         for step in &self.variant.steps {
-            let is_moved = step.pass == "hoist";
+            let is_moved = step.pass == HOIST;
             match &step.contract {
                 Contract::Exact { .. } => {}
                 Contract::Rounding { .. } if is_moved => {
-                    let is_srgb = |t: &crate::state::ColorTarget| t.format.ends_with("-srgb");
+                    let is_srgb = |t: &crate::core::state::ColorTarget| t.format.ends_with("-srgb");
                     let most = match self.pass.targets.iter().flatten().any(is_srgb) {
-                        true => hoist::MOST_ROUNDING / hoist::STEEPEST_SRGB,
-                        false => hoist::MOST_ROUNDING,
+                        true => rounding::MOST / rounding::STEEPEST_SRGB,
+                        false => rounding::MOST,
                     };
                     let of_scene = step
                         .contract
                         .given()
-                        .contains(&crate::contract::Assumption::NumbersOfTheScene);
+                        .contains(&crate::core::contract::Assumption::NumbersOfTheScene);
                     promised[1] = match (&promised[1], of_scene) {
                         (Err(why), _) => Err(why.clone()),
                         (Ok(_), true) => {
@@ -269,16 +272,12 @@ impl<'a> Pair<'a> {
                         }
                     }
                 }
-                // Of the level that it takes by itself a texel is not made here.
+                // Our texels don't depend on an implicit level.
                 Contract::Approximate { .. } if step.pass == "early-discard" => {}
-                Contract::Approximate {
-                    metric,
-                    budget: most,
-                    ..
-                } => {
-                    promised[1] = budget(metric, *most);
+                Contract::Approximate { budget: of, .. } => {
+                    promised[1] = budget(of.metric.name(), of.limit);
                     if !is_moved {
-                        promised[0] = budget(metric, *most);
+                        promised[0] = budget(of.metric.name(), of.limit);
                     }
                 }
                 Contract::Budgets { .. } => {
@@ -322,7 +321,7 @@ impl<'a> Pair<'a> {
                         let fragment = self.other.fragment.map(|f| (f.module(), f.inputs()));
                         let [own, other] = match &fragment {
                             Some((module, found)) => {
-                                let is_position = |io: &&crate::reflect::Io| {
+                                let is_position = |io: &&crate::core::reflect::Io| {
                                     io.binding.as_ref().map(Slot::of) == Some(POSITION)
                                 };
                                 let io = found.iter().find(is_position);
@@ -378,14 +377,15 @@ impl<'a> Pair<'a> {
             .unwrap_or_else(|| self.tried(places, colors, self.effort.inputs))
     }
 
-    /// Of what is one slice in both, by the slicer's word: it may have cut the variant too, and then what it forgets is missing in both. So both are run, whole.
+    /// For slices that are equal according to the slicer. A faulty slicer may have cut the variant
+    /// too, so we run both in full.
     fn confirmed(&self, places: &[Place], colors: Colors) -> Verdict {
         match self.tried(places, colors, self.effort.inputs.div_ceil(BESIDE)) {
             found @ Verdict::Counterexample(_) => found,
             Verdict::Agreed { compared, .. } => Verdict::Proved {
                 by: Proof::Slices { inputs: compared },
             },
-            // On terms they may come to an end.
+            // Terms may still terminate.
             _ => self.by_terms(places, colors).unwrap_or(Verdict::Proved {
                 by: Proof::Slices { inputs: 0 },
             }),
@@ -407,5 +407,5 @@ impl<'a> Pair<'a> {
     }
 }
 
-/// What the attachments hold that a pass reads.
+/// Contents of the attachments that a pass reads.
 pub(super) type Attached = BTreeMap<(u32, u32), [f32; 4]>;

@@ -1,4 +1,4 @@
-//! What holds for every input: where both stages have one canonical slice, or end in the same terms.
+//! Proofs for every input: both stages have one canonical slice, or end in the same terms.
 
 use super::compare::{self, Colors, Stores};
 use super::inputs::{self, Inputs};
@@ -6,13 +6,14 @@ use super::promise::Pair;
 use super::stage::Stage;
 use super::term;
 use super::world::{self, Place, World};
+use crate::core::guard::Place as Assumed;
 use crate::graph::{FunctionId, Graph};
-use crate::guard::Place as Assumed;
-use crate::place::{self, PositionInvariance};
+use crate::rebuild::place::{self, PositionInvariance};
 use crate::slice::{self, Criterion, OutputFilter};
 
 impl Pair<'_> {
-    /// Whether what decides a promise is one slice in both: of the fragment stage, and of what the vertex stage gives it.
+    /// Whether a promise has equal slices in both: of the fragment stage, and of its inputs in the
+    /// vertex stage.
     pub(super) fn slices_are_same(&self, place: Place, colors: Colors) -> bool {
         let mut vertex = vec![Criterion::Output(OutputFilter::Rasterization)];
         if place != Place::Vertex {
@@ -30,7 +31,7 @@ impl Pair<'_> {
             let (Some(a), Some(b)) = (self.original.fragment, self.other.fragment) else {
                 return false;
             };
-            // A slice to outputs has no stores.
+            // A slice of outputs excludes stores.
             if self.stores() == Stores::Same && (stores(a) || stores(b)) {
                 return false;
             }
@@ -56,7 +57,7 @@ impl Pair<'_> {
         found.is_some() && found == normal(self.other.vertex, &vertex)
     }
 
-    /// Over how many paths both give the same of every input; `None` where that is not seen.
+    /// The number of paths over which both give the same results for every input, if proved.
     pub(super) fn proved(&self, place: Place, colors: Colors) -> Option<u64> {
         if !self.attachments.is_empty() && place != Place::Vertex {
             return None;
@@ -76,10 +77,14 @@ impl Pair<'_> {
     }
 }
 
-/// Puts a number that a guard fixes into a buffer of terms.
-fn fix(module: &naga::Module, world: &mut World<'_, term::Term>, assumed: &crate::guard::Assumed) {
+/// Writes a number that a guard fixes into a buffer of terms.
+fn fix(
+    module: &naga::Module,
+    world: &mut World<'_, term::Term>,
+    assumed: &crate::core::guard::Assumed,
+) {
+    use crate::core::guard::ScalarType;
     use crate::evaluate::{Number, Scalar};
-    use crate::guard::ScalarType;
     let Assumed::Uniform {
         group,
         binding,
@@ -114,16 +119,16 @@ fn stores(stage: Stage<'_>) -> bool {
     effects.iter().any(|e| writes.contains(e))
 }
 
-/// What a slice is, whatever it was cut out of.
+/// A slice, independent of its program.
 #[derive(PartialEq)]
 struct Normal {
     /// Its canonical hash.
     hash: String,
-    /// What its inputs are bound to, and how they are interpolated.
+    /// Bindings and interpolation of its inputs.
     read: Vec<naga::Binding>,
 }
 
-/// The slice of a stage. It is placed and sliced again, so that what it was cut out of leaves no trace.
+/// The slice of a stage. It is placed and sliced again, which removes all traces of its program.
 fn normal(stage: Stage<'_>, criteria: &[Criterion]) -> Option<Normal> {
     let graph = Graph::build(stage.program);
     let slice = slice::backward(&graph, stage.entry, criteria);
@@ -141,7 +146,7 @@ fn normal(stage: Stage<'_>, criteria: &[Criterion]) -> Option<Normal> {
     let stage = Stage::new(&placed, kind, "preshade_slice")?;
     let graph = Graph::build(&placed);
     Some(Normal {
-        hash: slice::backward(&graph, stage.entry, criteria).hash,
+        hash: slice::backward(&graph, stage.entry, criteria).hash(&graph),
         read: stage
             .inputs()
             .into_iter()

@@ -1,15 +1,15 @@
-//! Both stages of a material run by the interpreter, and what lies between them.
+//! Runs both stages of a material in the interpreter, and interpolates between them.
 
 use std::collections::BTreeMap;
 use std::fmt;
 
 use naga::{Binding, BuiltIn, Interpolation, Module, Sampling, ShaderStage, TypeInner};
 
+use crate::core::program::Program;
+use crate::core::reflect::{self, Io};
 use crate::evaluate::{self, Environment, Number, Outcome, Scalar, Stuck, Value};
-use crate::program::Program;
-use crate::reflect::{self, Io};
 
-/// What an input or an output is bound to. A position is one whether it is invariant or not.
+/// The binding of an input or output. Invariance of a position is ignored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Slot {
     /// `@builtin`.
@@ -18,11 +18,11 @@ pub enum Slot {
     Location(u32, Option<u32>),
 }
 
-/// The clip-space position that a vertex stage gives.
+/// The clip-space position of a vertex stage.
 pub const POSITION: Slot = Slot::BuiltIn(BuiltIn::Position { invariant: false });
 
 impl Slot {
-    /// Of a binding.
+    /// The slot of a binding.
     pub fn of(binding: &Binding) -> Self {
         match binding {
             Binding::BuiltIn(BuiltIn::Position { .. }) => POSITION,
@@ -58,14 +58,14 @@ pub struct Stage<'p> {
     pub entry: usize,
 }
 
-/// What a stage gave.
+/// The result of a stage.
 #[derive(Clone, Debug)]
 pub struct Ran<F = f32> {
     /// Its outputs.
     pub outputs: BTreeMap<Slot, Value<F>>,
     /// Whether it was discarded.
     pub discarded: bool,
-    /// What it left in buffers.
+    /// Final buffer contents.
     pub stored: BTreeMap<(u32, u32), Value<F>>,
     /// As [`Outcome::flips`].
     pub flips: u64,
@@ -88,20 +88,19 @@ impl<'p> Stage<'p> {
         &self.module().entry_points[self.entry].function
     }
 
-    /// Its inputs, struct members apart.
+    /// Its inputs, with structs expanded.
     pub fn inputs(self) -> Vec<Io> {
         reflect::inputs(self.module(), self.function())
     }
 
-    /// Its outputs, struct members apart.
+    /// Its outputs, with structs expanded.
     pub fn outputs(self) -> Vec<Io> {
         reflect::outputs(self.module(), self.function())
     }
 
     /// Runs it.
     ///
-    /// # Errors
-    /// [`Stuck`]; [`Stuck::Type`] where `input` has nothing for one of its inputs.
+    /// # Errors [`Stuck`]; [`Stuck::Type`] if `input` lacks one of its inputs.
     pub fn run<F: Number>(
         self,
         input: &dyn Fn(&Io) -> Option<Value<F>>,
@@ -152,18 +151,18 @@ impl<'p> Stage<'p> {
     }
 }
 
-/// Where in a triangle a fragment is.
+/// The position of a fragment in a triangle.
 pub enum At<'a, F> {
-    /// On a corner, where interpolation gives what the vertex has.
+    /// At a corner, where the fragment has the vertex's values.
     Corner(usize),
-    /// Inside: what a rasteriser makes of a number at the three corners, by the kind of interpolation.
+    /// Inside: interpolates the three corners' numbers, by kind of interpolation.
     Inside(&'a dyn Fn(Kind, [F; 3]) -> F),
 }
 
-/// How a number is interpolated, and at which point of a pixel.
+/// Interpolation and sampling of a varying.
 pub type Kind = (Interpolation, Sampling);
 
-/// What a binding says of it; what it leaves open is perspective, and the pixel's centre. `None` of a builtin.
+/// The kind of a binding; perspective and the pixel's centre by default. `None` for a builtin.
 pub fn kind(binding: &Binding) -> Option<Kind> {
     let Binding::Location {
         interpolation,
@@ -179,7 +178,8 @@ pub fn kind(binding: &Binding) -> Option<Kind> {
     ))
 }
 
-/// What a fragment stage finds in an input, of what its triangle's vertices gave; flat ones are the first vertex's. `None` where no vertex stage gives it.
+/// The value of a fragment input from the results of its triangle's vertices; a flat one is the
+/// first vertex's. `None` if no vertex stage provides it.
 pub fn interpolated<F: Number>(io: &Io, corners: [&Ran<F>; 3], at: &At<'_, F>) -> Option<Value<F>> {
     let Some(binding @ Binding::Location { interpolation, .. }) = &io.binding else {
         return None;

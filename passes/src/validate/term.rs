@@ -1,11 +1,14 @@
-//! Numbers that stand for every number there is: terms, hash-consed, so that two are the same term only where they are the same operations on the same inputs (value numbering; Cocke 1969,
-//! Click 1995, and for translation validation Necula 2000).
+//! Terms, which represent every number. They are hash-consed, so two terms are equal only if they
+//! apply the same operations to the same inputs (value numbering; Cocke 1969, Click 1995, and for
+//! translation validation Necula 2000).
 //!
-//! The interpreter runs on them as on any other [`Number`]. Where a branch rests on a comparison of terms it is taken both ways, one after the other: [`proved`] runs once for each
-//! combination of answers. Two comparisons that hang together get answers that cannot both be; that costs runs, and what is the same in those too is the same all the more.
+//! The interpreter runs on them as on any other [`Number`]. If a branch depends on a comparison of
+//! terms, [`proved`] runs once for each combination of outcomes. Dependent comparisons yield
+//! impossible combinations too; these cost runs, but equality in them is only a stronger result.
 //!
-//! Nothing is taken to be true of an operation but that it gives the same of the same: not that a sum has no order, and not that `x - x` is 0. So what is the same here is the same bits on any
-//! adapter that computes one operation in one way, be its inputs NaN or infinite.
+//! We assume of an operation only that equal operands give equal results: a sum is not commutative,
+//! and `x - x` is not 0. Equal terms are therefore equal bits on any adapter that computes an
+//! operation consistently, even for NaN and infinite inputs.
 
 use std::cell::RefCell;
 use std::cmp::Ordering;
@@ -15,7 +18,7 @@ use naga::{BinaryOperator, MathFunction};
 
 use crate::evaluate::{Number, Stuck};
 
-/// A float, as the term it is the result of. It means something within the [`proved`] that it was made in, and on its thread.
+/// A float, as the term that computes it. It is valid within its [`proved`] call and thread.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Term(u32);
 
@@ -23,16 +26,17 @@ pub struct Term(u32);
 enum Node {
     /// Bits of an `f32`.
     Constant(u32),
-    /// From outside, by name.
+    /// An input, by name.
     Input(String),
     Negated(Term),
     Binary(BinaryOperator, Term, Term),
     Call(MathFunction, Vec<Term>),
-    /// What the world outside gives of terms: a texel, a derivative, an interpolated number.
+    /// A function of terms that the environment provides: a texel, a derivative, an interpolated
+    /// number.
     Given(String, Vec<Term>),
 }
 
-/// A question that a branch may ask.
+/// A comparison that a branch may use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 enum Question {
     Equal(Term, Term),
@@ -45,12 +49,12 @@ struct Arena {
     nodes: Vec<Node>,
     terms: HashMap<Node, Term>,
     answers: HashMap<Question, bool>,
-    /// The answers of this run, in the order they were asked for: those that are prescribed, and behind them `false`.
+    /// The outcomes of this run in order: prescribed ones, then `false`.
     path: Vec<bool>,
     asked: usize,
 }
 
-/// Terms there may be.
+/// Most terms of a run.
 const MOST_TERMS: usize = 400_000;
 
 thread_local! {
@@ -88,7 +92,7 @@ impl Arena {
         answer
     }
 
-    /// Goes on to the next combination of answers; `false` where that was the last.
+    /// Advances to the next combination of outcomes; `false` after the last.
     fn next(&mut self) -> bool {
         self.answers.clear();
         self.asked = 0;
@@ -102,8 +106,9 @@ impl Arena {
     }
 }
 
-/// Runs `same` for each combination of answers that comparisons of terms may give, and says over how many; `None` where one of them says that something is not the same, where an
-/// evaluation rests on what no term tells, or where there are more than `most` combinations.
+/// Runs `same` for each combination of outcomes that comparisons of terms may have, and returns
+/// their number. `None` if a run finds a difference, an evaluation depends on something that terms
+/// don't express, or there are more than `most` combinations.
 pub fn proved(most: u64, mut same: impl FnMut() -> Result<bool, Stuck>) -> Option<u64> {
     ARENA.with_borrow_mut(|arena| *arena = Arena::default());
     let mut paths = 0;
@@ -125,12 +130,13 @@ impl Term {
         ARENA.with_borrow_mut(|arena| arena.term(Node::Input(name.to_owned())))
     }
 
-    /// What the world outside makes of terms, by name.
+    /// A function of terms that the environment provides, by name.
     pub fn given(name: &str, of: &[Self]) -> Self {
         ARENA.with_borrow_mut(|arena| arena.term(Node::Given(name.to_owned(), of.to_vec())))
     }
 
-    /// A node, or the number that it is where all of `operands` are numbers and every adapter has the same result: a counter that is a float has to count.
+    /// A node; folded to a number if all `operands` are numbers and every adapter has the same
+    /// result, so that float counters count.
     fn folded(
         operands: &[Self],
         node: impl FnOnce() -> Node,
@@ -155,7 +161,8 @@ impl Term {
     }
 }
 
-/// Whether every adapter has this result: subnormal numbers may be flushed, on the way in and on the way out, and an overflow need not be infinite.
+/// Whether every adapter computes this result: subnormals may be flushed on input and output, and
+/// an overflow need not be infinite.
 fn is_settled(operands: &[f32], result: f32) -> bool {
     let is_plain = |x: &f32| x.is_normal() || *x == 0.0;
     operands.iter().chain([&result]).all(is_plain)
@@ -186,7 +193,7 @@ impl Number for Term {
         match op {
             B::Add | B::Subtract => Self::folded(&[a, b], node, |n| f32::binary(op, n[0], n[1])),
             B::Multiply => Self::folded(&[a, b], node, |n| {
-                // One that is 0 may have been subnormal before it was rounded.
+                // A 0 may have been subnormal before rounding.
                 let product = n[0] * n[1];
                 (product != 0.0 || n.contains(&0.0)).then_some(product)
             }),
@@ -195,7 +202,7 @@ impl Number for Term {
         }
     }
 
-    /// [`Number::holds`] asks less.
+    /// [`Number::holds`] requires less.
     fn compare(self, other: Self) -> Option<Option<Ordering>> {
         ARENA.with_borrow(|arena| {
             let (a, b) = (arena.constant(self)?, arena.constant(other)?);
@@ -209,7 +216,7 @@ impl Number for Term {
             if let (Some(a), Some(b)) = (arena.constant(a), arena.constant(b)) {
                 return f32::holds(op, a, b);
             }
-            // Equality knows no order of its operands.
+            // Equality is symmetric.
             let (first, second) = if a.0 <= b.0 { (a, b) } else { (b, a) };
             Some(match op {
                 B::Equal => arena.answer(Question::Equal(first, second)),
@@ -227,7 +234,7 @@ impl Number for Term {
         use MathFunction as M;
         let node = || Node::Call(function, arguments.to_vec());
         match function {
-            // Each adapter has one and the same number for these.
+            // Each adapter has the same result for these.
             M::Abs
             | M::Sign
             | M::Min
@@ -291,13 +298,13 @@ mod tests {
         seen.sort_unstable();
         seen.dedup();
         assert_eq!(seen.len(), 4);
-        // One way in which it is not the same is enough.
+        // One differing combination is enough.
         let other = proved(8, || {
             let (a, b) = (Term::input("a"), Term::input("b"));
             Ok(!(less(a, b) && less(b, a)))
         });
         assert_eq!(other, None);
-        // And so are too many ways.
+        // And so are too many combinations.
         let many = proved(8, || {
             let all = (0..9).map(|i| less(Term::input("a"), Term::input(&i.to_string())));
             Ok(all.fold(true, |all, _| all))

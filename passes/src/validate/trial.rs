@@ -1,4 +1,4 @@
-//! What is run on numbers, random and adversarial ones, and where two runs go apart first.
+//! Runs both on random and adversarial numbers, and finds the first difference between two runs.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -11,11 +11,11 @@ use super::verdict::{Counterexample, Diverged, Verdict, not_evaluated};
 use super::world::{self, Place, Texels, World};
 use crate::evaluate::{Stuck, Traced, Value};
 
-/// One input in so many has to come to an end.
+/// One in this many inputs must terminate.
 const QUOTA: u64 = 4;
 
 impl Pair<'_> {
-    /// On so many numbers.
+    /// Tries this many inputs.
     pub(super) fn tried(&self, places: &[Place], colors: Colors, inputs: u64) -> Verdict {
         let module = self.original.vertex.module();
         if let Some(why) = self.unfilled(places) {
@@ -28,7 +28,7 @@ impl Pair<'_> {
             if self.folds_floats() && inputs.profile != Profile::Ordinary {
                 continue;
             }
-            // What a rounding may come to is said of ordinary numbers.
+            // Rounding bounds hold for ordinary numbers only.
             let asked = asked(colors, &inputs);
             tried += 1;
             let (mut ended, mut is_kept) = (true, false);
@@ -38,7 +38,7 @@ impl Pair<'_> {
                     Tried::Differs(found) => return Verdict::Counterexample(found),
                     Tried::Endless => ended = false,
                     Tried::Stuck(stuck) => {
-                        // What cannot be run for one input may be for another: a branch leads past it.
+                        // Another input may branch around an unsupported operation.
                         ended = false;
                         why.get_or_insert(stuck.to_string());
                     }
@@ -46,7 +46,7 @@ impl Pair<'_> {
             }
             agreed += u64::from(ended);
             compared += u64::from(ended && is_whole(colors, asked, is_kept));
-            // Something that is in the way of every input.
+            // An obstacle for every input.
             if agreed == 0 && why.is_some() && seed - self.effort.seed > 24 {
                 break;
             }
@@ -54,7 +54,7 @@ impl Pair<'_> {
         match (agreed, why) {
             (0, None) => not_evaluated("no input came to an end within the step limit"),
             (0, Some(why)) => Verdict::NotEvaluable { why },
-            // A few inputs that find a way past what cannot be run tell little of it.
+            // A few inputs that avoid an unsupported operation prove little.
             (few, why) if few * QUOTA < tried => Verdict::NotEvaluable {
                 why: match why {
                     Some(why) => format!("only {few} of {tried} inputs came to an end: {why}"),
@@ -65,7 +65,7 @@ impl Pair<'_> {
         }
     }
 
-    /// Why numbers would tell nothing: a stage reads a buffer that is too long to be filled.
+    /// Why no numbers can be tried: a stage reads a buffer that is too long to fill.
     pub(super) fn unfilled(&self, places: &[Place]) -> Option<String> {
         let module = self.original.vertex.module();
         let guard = self.variant.guard.as_ref();
@@ -98,9 +98,9 @@ impl Pair<'_> {
         let discarded = original.discarded;
         let found = match world.run(self.other, place, 4 * self.effort.steps, None) {
             Ok(variant) => compare::difference(rule, &original, &variant),
-            // A vertex stage does more, where something was hoisted to it.
+            // A vertex stage with hoisted work runs longer.
             Err(Stuck::Steps) if place == Place::Vertex => return Tried::Endless,
-            // What has come to its end comes to it in the variant too.
+            // If the original terminates, the variant must too.
             Err(Stuck::Steps) => Some(compare::Difference {
                 output: "its end".to_owned(),
                 original: format!("reached within {} steps", self.effort.steps),
@@ -124,7 +124,7 @@ impl Pair<'_> {
         }
     }
 
-    /// The inputs of the original's stages, in words.
+    /// The inputs of the original's stages, as text.
     pub(super) fn said(&self, inputs: &Inputs, place: Place) -> Vec<(String, String)> {
         let mut said = Vec::new();
         let own = inputs.corner();
@@ -175,7 +175,7 @@ impl Pair<'_> {
         said
     }
 
-    /// The first value that both compute of one place in the source, and not to the same.
+    /// The first value in the source that both compute differently.
     pub(super) fn first_diverging(&self, world: &World<'_, f32>, place: Place) -> Option<Diverged> {
         let traced = |stages| {
             let trace = RefCell::new(Vec::new());
@@ -219,7 +219,7 @@ impl Pair<'_> {
     }
 }
 
-/// What is asked of colours for an input: what a rounding may come to is said of ordinary numbers.
+/// The colour rule for an input: rounding bounds hold for ordinary numbers only.
 pub(super) fn asked(colors: Colors, inputs: &Inputs) -> Colors {
     let is_rounded = matches!(colors, Colors::Within(_) | Colors::Numbers);
     match is_rounded && inputs.profile != Profile::Ordinary {
@@ -228,12 +228,12 @@ pub(super) fn asked(colors: Colors, inputs: &Inputs) -> Colors {
     }
 }
 
-/// Whether all that is promised was compared of an input: colours too, where they are, and those of a fragment that was kept.
+/// Whether an input compared everything promised, including the colours of a kept fragment.
 pub(super) fn is_whole(promised: Colors, asked: Colors, is_kept: bool) -> bool {
     promised == Colors::Ignored || (asked != Colors::Ignored && is_kept)
 }
 
-/// What agreeing inputs say, `compared` of them in all that is promised.
+/// The verdict of agreeing inputs, of which `compared` compared everything promised.
 pub(super) fn of_compared(inputs: u64, compared: u64, unsure: u64) -> Verdict {
     match compared {
         0 => Verdict::NotEvaluable {
@@ -249,7 +249,7 @@ pub(super) fn of_compared(inputs: u64, compared: u64, unsure: u64) -> Verdict {
     }
 }
 
-/// A place in the source, and what kind of expression stands there.
+/// A span, and the kind of its expression.
 type Key = (usize, usize, &'static str);
 
 fn key(traced: &Traced) -> Option<Key> {
@@ -259,11 +259,11 @@ fn key(traced: &Traced) -> Option<Key> {
 
 enum Tried {
     Same {
-        /// The original's fragment was; nothing of it was compared but that.
+        /// The original's fragment was discarded; nothing else was compared.
         discarded: bool,
     },
     Differs(Box<Counterexample>),
-    /// It takes more steps than it may.
+    /// It exceeds the step limit.
     Endless,
     Stuck(Stuck),
 }

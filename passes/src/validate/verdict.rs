@@ -1,37 +1,39 @@
-//! What validation says.
+//! The verdicts of validation.
 
 use std::fmt;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::program::Location;
+use crate::core::program::Location;
 
-/// What became of a promise.
+/// The verdict on a promise.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case", tag = "kind")]
 pub enum Verdict {
-    /// It holds for all inputs: original and variant do the same operations on them.
+    /// Holds for all inputs: original and variant compute the same operations.
     Proved {
-        /// How it was seen.
+        /// The kind of proof.
         by: Proof,
     },
-    /// It held for so many inputs, random and adversarial ones.
+    /// Held for random and adversarial inputs.
     Agreed {
-        /// Inputs that both were run on to their end.
+        /// Inputs on which both terminated.
         inputs: u64,
-        /// Those of them whose colours were compared, where colours are promised: of the others it was whether they are kept, and depths.
+        /// Those of them whose colours were compared, if colours are promised. For the others, only
+        /// discards and depths were.
         #[serde(default)]
         compared: u64,
-        /// Inputs beside them on which an adapter rounded the two apart, within what it may make of the original.
+        /// Additional inputs on which an adapter rounded the two differently, within the original's
+        /// permitted range.
         #[serde(default)]
         unsure: u64,
     },
-    /// It does not hold: a bug in preshade.
+    /// Violated: a bug in preshade.
     Counterexample(Box<Counterexample>),
-    /// It was not looked at, or no input came to an end. Never counts as a success.
+    /// Not checked, or no input terminated. Never counts as a success.
     NotEvaluable {
-        /// Why.
+        /// The reason.
         why: String,
     },
 }
@@ -40,14 +42,15 @@ pub enum Verdict {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case", tag = "kind")]
 pub enum Proof {
-    /// The slices that decide it have one canonical form ([`crate::slice`]).
+    /// The deciding slices have the same canonical form ([`crate::slice`]).
     Slices {
-        /// Numbers that both were run on beside, whole, and agreed: the slicer that says so may have cut the variant too, and what it forgets would be missing in both. 0: they cannot be run.
+        /// Inputs on which both were also run in full and agreed, because a fault of the slicer
+        /// could affect both slices. 0 if they can't be run.
         inputs: u64,
     },
     /// Run on terms ([`super::term`]), both end in the same ones.
     Terms {
-        /// Along so many paths, which are all there are.
+        /// The number of paths, all of them covered.
         paths: u64,
     },
 }
@@ -57,28 +60,28 @@ pub enum Proof {
 pub struct Counterexample {
     /// Seed of the inputs.
     pub seed: u64,
-    /// Each input: its name, and its value in words.
+    /// Each input's name and value.
     pub inputs: Vec<(String, String)>,
-    /// What differs.
+    /// The differing output.
     pub output: String,
-    /// What the original gives.
+    /// The original's value.
     pub original: String,
-    /// What the variant gives.
+    /// The variant's value.
     pub variant: String,
-    /// The first value on the way that is another; `None` where none is that both compute.
+    /// The first intermediate value that differs, if both compute one.
     pub first: Option<Diverged>,
 }
 
-/// A value that both compute, and not to the same.
+/// A value that both compute differently.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Diverged {
-    /// Where it is in the author's source.
+    /// Its place in the author's source.
     pub location: Option<Location>,
     /// The author's text for it.
     pub text: String,
-    /// What the original computes.
+    /// The original's value.
     pub original: String,
-    /// What the variant computes.
+    /// The variant's value.
     pub variant: String,
 }
 
@@ -88,7 +91,7 @@ impl Verdict {
         matches!(self, Self::Counterexample(_))
     }
 
-    /// Whether the promise was seen to hold.
+    /// Whether the promise was confirmed.
     pub fn holds(&self) -> bool {
         matches!(self, Self::Proved { .. } | Self::Agreed { .. })
     }
@@ -154,7 +157,7 @@ impl fmt::Display for Counterexample {
     }
 }
 
-/// A verdict that nothing was seen, and why.
+/// A verdict without a result, and the reason.
 pub(super) fn not_evaluated(why: &str) -> Verdict {
     Verdict::NotEvaluable {
         why: why.to_owned(),

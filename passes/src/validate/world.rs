@@ -1,4 +1,4 @@
-//! What surrounds a draw: everything that both the original and the variant are given, as numbers or as terms.
+//! The environment of a draw, shared by the original and the variant, as numbers or as terms.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -9,11 +9,11 @@ use naga::{BuiltIn, Handle, Module, ScalarKind, Type, TypeInner};
 use super::inputs::{Inputs, Random};
 use super::stage::{At, Kind, POSITION, Ran, Slot, Stage, interpolated};
 use super::term::Term;
-use crate::bound::{Interval, exactly};
+use crate::core::reflect::Io;
+use crate::evaluate::bound::{Interval, exactly};
 use crate::evaluate::{
     Derivative, Environment, Lookup, Number, Scalar, Stuck, Traced, Value, scalars,
 };
-use crate::reflect::Io;
 
 /// Both stages of a pass.
 #[derive(Clone, Copy, Debug)]
@@ -24,26 +24,26 @@ pub struct Stages<'p> {
     pub fragment: Option<Stage<'p>>,
 }
 
-/// What is looked at.
+/// The stage and position to compare.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place {
-    /// What the vertex stage gives, at a corner that goes by the input ([`Inputs::corner`]).
+    /// The vertex stage, at a corner that depends on the input ([`Inputs::corner`]).
     Vertex,
-    /// What the fragment stage gives on a corner of a triangle, where it finds what the vertex stage gave there.
+    /// The fragment stage at a corner of a triangle, with that vertex's outputs as inputs.
     Corner(usize),
-    /// What it gives inside.
+    /// The fragment stage inside a triangle.
     Inside,
-    /// What it gives of inputs that no vertex stage has to have given.
+    /// The fragment stage on arbitrary inputs, without a vertex stage.
     Anywhere,
 }
 
-/// An input of a stage, by what it is.
+/// Returns an input of a stage.
 type Input<'a, F> = Box<dyn Fn(&Module, &Io, usize) -> Option<Value<F>> + 'a>;
 
-/// The texel of a lookup.
+/// Returns the texel of a lookup.
 type Texel<'a, F> = Box<dyn Fn(&Lookup<'_, F>) -> [F; 4] + 'a>;
 
-/// What a draw is made with.
+/// The data of a draw.
 pub struct World<'a, F: 'a> {
     /// Uniforms and buffers.
     pub resources: Arc<BTreeMap<(u32, u32), Value<F>>>,
@@ -59,8 +59,7 @@ pub struct World<'a, F: 'a> {
 impl<F: Number> World<'_, F> {
     /// Runs stages in it.
     ///
-    /// # Errors
-    /// [`Stuck`].
+    /// # Errors [`Stuck`].
     pub fn run(
         &self,
         stages: Stages<'_>,
@@ -84,7 +83,7 @@ impl<F: Number> World<'_, F> {
             return vertex(self.corner, trace);
         }
         let Some(fragment) = stages.fragment else {
-            // Nothing is drawn but depth.
+            // Only depth is drawn.
             return Ok(Ran {
                 outputs: BTreeMap::new(),
                 discarded: false,
@@ -97,7 +96,7 @@ impl<F: Number> World<'_, F> {
         if place == Place::Anywhere {
             return fragment.run(&own, &environment(trace));
         }
-        // Of the vertices only the one whose numbers are not interpolated is followed.
+        // Traces only the vertex whose numbers are not interpolated.
         let traced = |corner| trace.filter(|_| place == Place::Corner(corner));
         let corners = [
             vertex(0, traced(0))?,
@@ -116,16 +115,16 @@ impl<F: Number> World<'_, F> {
     }
 }
 
-/// What texels are.
+/// The kind of texels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Texels {
-    /// Waves over where they are looked up, which tell places apart best ([`Inputs::texel`]).
+    /// Waves over the coordinates, which distinguish places best ([`Inputs::texel`]).
     Waves,
-    /// Sums that any adapter comes to as closely ([`Inputs::plain_texel`]).
+    /// Sums that any adapter computes closely ([`Inputs::plain_texel`]).
     Plain,
 }
 
-/// Of numbers.
+/// A world of numbers.
 pub fn concrete<'a>(
     inputs: &'a Inputs,
     attachments: &'a BTreeMap<(u32, u32), [f32; 4]>,
@@ -151,7 +150,7 @@ pub fn concrete<'a>(
     }
 }
 
-/// Of what an adapter may give of those numbers.
+/// A world of intervals: the values an adapter may compute from those numbers.
 pub fn ranging<'a>(
     inputs: &'a Inputs,
     attachments: &'a BTreeMap<(u32, u32), [f32; 4]>,
@@ -181,7 +180,8 @@ pub fn ranging<'a>(
     }
 }
 
-/// What half of the fragments have for derivatives, along x and y, of each unit: with the others, whose neighbours are like themselves, it is 0. It is linear, as a derivative is, and 0 of 0.
+/// The derivatives of half of the fragments along x and y, per unit; the others have 0. A
+/// derivative is linear, and 0 for 0.
 pub fn slopes(inputs: &Inputs) -> [f32; 2] {
     match inputs.seed.is_multiple_of(2) {
         true => [0.0; 2],
@@ -199,7 +199,7 @@ fn slope<F: Number>(inputs: &Inputs, derivative: Derivative<F>) -> F {
     }
 }
 
-/// Sums and products are of every kind of number.
+/// Every number type supports addition.
 pub(super) fn plus<F: Number>(a: F, b: F) -> F {
     F::binary(naga::BinaryOperator::Add, a, b).unwrap_or(a)
 }
@@ -208,7 +208,8 @@ pub(super) fn times<F: Number>(a: F, b: f32) -> F {
     F::binary(naga::BinaryOperator::Multiply, a, F::of(b)).unwrap_or(a)
 }
 
-/// How deep a fragment lies, and how deep what a prologue compares it with: at, before and behind it.
+/// The depth of a fragment, and the depth that a prologue compares it with: equal, before and
+/// behind.
 pub fn depths(inputs: &Inputs, module: &Module, io: Option<&Io>, clear: f32) -> [f32; 2] {
     let own = io
         .and_then(|io| inputs.fragment(module, io))
@@ -225,7 +226,7 @@ pub fn depths(inputs: &Inputs, module: &Module, io: Option<&Io>, clear: f32) -> 
     [own, other.clamp(0.0, 1.0)]
 }
 
-/// Of terms, but for the numbers that a guard fixes, which `inputs` has.
+/// A world of terms, except for numbers that a guard fixes, which `inputs` contains.
 pub fn symbolic<'a>(module: &'a Module, inputs: &'a Inputs) -> World<'a, Term> {
     let mut resources = BTreeMap::new();
     for (_, global) in module.global_variables.iter() {
@@ -234,7 +235,7 @@ pub fn symbolic<'a>(module: &'a Module, inputs: &'a Inputs) -> World<'a, Term> {
             continue;
         }
         let name = format!("resource {} {}", at.group, at.binding);
-        // What has no given length has no terms for what lies beyond.
+        // A runtime-sized array has no terms beyond its assumed length.
         let value = match scalars(module, global.ty) < MOST_SCALARS {
             true => terms(module, global.ty, &name),
             false => opaque(&name),
@@ -270,7 +271,7 @@ pub fn symbolic<'a>(module: &'a Module, inputs: &'a Inputs) -> World<'a, Term> {
         fragment: Box::new(|module, io, _| {
             let slot = Slot::of(io.binding.as_ref()?);
             Some(match slot {
-                // Either is looked at.
+                // Both cases are tried.
                 Slot::BuiltIn(BuiltIn::FrontFacing) => {
                     let front = Term::holds(
                         naga::BinaryOperator::Less,
@@ -305,10 +306,10 @@ pub fn symbolic<'a>(module: &'a Module, inputs: &'a Inputs) -> World<'a, Term> {
     }
 }
 
-/// Scalars of a buffer that has terms.
+/// Largest buffer in scalars that is filled with terms.
 const MOST_SCALARS: u32 = 4096;
 
-/// A term for each float of a type. What else is in it may be passed on, and not looked at.
+/// A term for each float of a type. Its other scalars may be copied but not used.
 fn terms(module: &Module, ty: Handle<Type>, name: &str) -> Value<Term> {
     let times = |count: usize, part: &dyn Fn(usize) -> Value<Term>| {
         Value::Composite((0..count).map(part).collect())
@@ -348,7 +349,7 @@ fn terms(module: &Module, ty: Handle<Type>, name: &str) -> Value<Term> {
     }
 }
 
-/// A value of which nothing is known but that it is this one: a pointer to a place that is nowhere, which stops what looks at it.
+/// An unknown value, equal only to itself: an invalid pointer, which stops every use of it.
 fn opaque(name: &str) -> Value<Term> {
     Value::Pointer {
         address: usize::MAX,

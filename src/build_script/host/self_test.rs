@@ -1,11 +1,12 @@
-// The self-test of a variant, as its host runs it.
+// The self-test of a variant.
 
 use super::{Attachment, Color, Depth, Ops, Pass, Phase, PipelineOptions, Unfit};
 
-/// What a host draws when it loads a variant, because some promises are the driver's: where it fails, draw `original` instead.
+/// Draws that a host runs when it loads a variant, because some guarantees depend on the driver. If
+/// the test fails, draw `original` instead.
 #[derive(Clone, Copy, Debug)]
 pub struct SelfTest {
-    /// Attachments of the test: its own, and those of the material.
+    /// Attachments of the test: its own and the material's.
     pub attachments: &'static [Attachment],
     /// All of them must pass.
     pub runs: &'static [Run],
@@ -14,7 +15,7 @@ pub struct SelfTest {
 /// Draws one after the other, each in a render pass of its own.
 #[derive(Clone, Copy, Debug)]
 pub struct Run {
-    /// What is wrong where samples pass that must not.
+    /// The fault if samples pass that must not.
     pub failure: &'static str,
     /// In order.
     pub draws: &'static [TestDraw],
@@ -31,24 +32,26 @@ pub struct TestDraw {
     pub compare: wgpu::CompareFunction,
     /// Depth is written.
     pub write: bool,
-    /// Whether samples must pass, or must not.
+    /// Whether samples must pass.
     pub must_pass: bool,
 }
 
-/// What a self-test said.
+/// Result of a self-test.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tested {
-    /// The variant may be drawn.
+    /// You may draw the variant.
     Held,
-    /// It may not: take `original`.
+    /// The variant does not work on this driver. Draw `original`.
     Failed(&'static str),
-    /// Nothing of the material was in view: ask again with another camera, or take `original`.
+    /// Nothing of the material was in view. Test again with another camera, or draw `original`.
     SawNothing,
 }
 
 impl SelfTest {
-    /// Runs the test on draws of the material: `draw` binds the bind groups of the pass, vertex and index buffers and draws, the same in each call. It is given the test's attachments by name,
-    /// for a pass that samples one. `buffers` are the host's vertex buffers, as for [`Pass::pipeline`]. Waits for the device, which nobody can in a browser: there it is [`SelfTest::begin`].
+    /// Runs the test on draws of the material. `draw` binds the pass's bind groups, vertex and
+    /// index buffers, and draws, the same in each call. It gets the test's attachments by name, for
+    /// a pass that samples one. `buffers` are the host's vertex buffers, as for [`Pass::pipeline`].
+    /// This waits for the device; a browser cannot wait, so use [`SelfTest::begin`] there.
     ///
     /// # Errors
     /// As [`Pass::vertex_buffers`].
@@ -64,7 +67,7 @@ impl SelfTest {
         self.run_with(device, queue, size, buffers, &options, draw)
     }
 
-    /// As [`SelfTest::run`], of pipelines that are made with `options`.
+    /// As [`SelfTest::run`], with pipeline options.
     ///
     /// # Errors
     /// As [`Pass::pipeline_with`].
@@ -84,7 +87,8 @@ impl SelfTest {
         }
     }
 
-    /// Hands the test to the device, as [`SelfTest::run_with`], and waits for nothing: ask [`Pending::judge`] in later frames, and draw `original` until it says that the variant may be drawn.
+    /// As [`SelfTest::run_with`], without waiting. Call [`Pending::judge`] in later frames, and
+    /// draw `original` until the test has passed.
     ///
     /// # Errors
     /// As [`Pass::pipeline_with`].
@@ -171,17 +175,18 @@ impl SelfTest {
     }
 }
 
-/// A self-test that the device is at.
+/// A running self-test.
 #[derive(Clone, Debug)]
 pub struct Pending {
     runs: &'static [Run],
     read: wgpu::Buffer,
-    /// Whether the answers can be read, once that is known.
+    /// Whether the results can be read, once that is known.
     mapped: std::sync::Arc<std::sync::OnceLock<bool>>,
 }
 
 impl Pending {
-    /// What it said; `None` while the device is still at it, which a native host has to poll or submit to for an end, and a browser comes to by itself.
+    /// The result. `None` while the device is busy: a native host must poll the device or submit to
+    /// it, a browser need not.
     pub fn judge(&self) -> Option<Tested> {
         let passed = match *self.mapped.get()? {
             true => self.read.get_mapped_range(..).ok(),
@@ -216,7 +221,7 @@ fn judge(runs: &[Run], passed: &[bool]) -> Tested {
     }
 }
 
-/// What a host has for the test.
+/// Resources of the test.
 struct Host<'h> {
     device: &'h wgpu::Device,
     size: wgpu::Extent3d,
@@ -226,7 +231,7 @@ struct Host<'h> {
     view: &'h dyn Fn(&str) -> Option<wgpu::TextureView>,
 }
 
-/// What is recorded of the test.
+/// The recorded commands.
 struct Recorded {
     queries: wgpu::QuerySet,
     encoder: wgpu::CommandEncoder,
@@ -261,7 +266,7 @@ impl Recorded {
         };
         let pipeline = pass.pipeline_of(host.device, host.buffers, Some(state), host.options)?;
         let samples = pass.samples_with(host.options)?;
-        // Nobody looks at the colours, but a driver that is given others may compile another vertex stage.
+        // The colours are unused, but with other targets a driver may compile another vertex stage.
         let target = |target: &Option<wgpu::ColorTargetState>| {
             let colour = Attachment {
                 name: "self-test",

@@ -60,7 +60,7 @@ impl<'m> Body<'m> {
         self.add(Expression::Binary { op, left, right })
     }
 
-    /// A word of an array of them, at a distance from where one invocation's begin.
+    /// A word of the array, at an offset from the invocation's first.
     fn word(
         &mut self,
         of: Handle<GlobalVariable>,
@@ -139,10 +139,11 @@ impl<'m> Body<'m> {
     }
 }
 
-/// The types of a value's parts, in order; none of a scalar.
+/// The types of a value's parts, in order; none for a scalar.
 ///
 /// # Errors
-/// It is of no given length, or no value.
+///
+/// A runtime-sized array, or a type that is no value.
 pub fn parts(module: &mut Module, of: Handle<Type>) -> Result<Vec<Handle<Type>>, String> {
     let scalar = |module: &mut Module, scalar: Scalar| match scalar.width {
         4 | 1 => Ok(ty(module, TypeInner::Scalar(scalar))),

@@ -1,7 +1,9 @@
-//! Stages of a material as one compute stage: each invocation runs them once, on numbers out of one buffer, and leaves what they give in another.
+//! Turns the stages of a material into one compute stage. Each invocation runs them once, on
+//! numbers from one buffer, and writes the results to another.
 //!
-//! The author's functions stay as they are, but for what `rewrite` puts in the place of what only a draw has. Uniforms and buffers become private variables that are filled first, so that each
-//! invocation has its own.
+//! The author's functions stay, except where `rewrite` replaces operations that only a draw
+//! supports. Uniforms and buffers become private variables, filled first, so that each invocation
+//! has its own.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -33,7 +35,7 @@ pub enum Given {
     Resource((u32, u32)),
     /// An attribute of a corner.
     Attribute(Io, usize),
-    /// What a fragment stage finds of itself.
+    /// Inputs of a fragment stage besides its varyings.
     Fragment(Io),
     /// Bases and scales of a texture's texels.
     Texture((u32, u32)),
@@ -43,19 +45,20 @@ pub enum Given {
     Weights(Kind),
 }
 
-/// A compute stage, and what its words are.
+/// A compute stage and the layout of its words.
 pub struct Harness {
     /// With an entry point [`ENTRY`] of one invocation a workgroup.
     pub module: Module,
-    /// What is looked at.
+    /// The stage under test.
     pub at: Place,
     /// The stages, which the types of inputs and outputs are of.
     pub source: Module,
-    /// What a draw's words are, in order.
+    /// The layout of a draw's input words.
     pub given: Vec<Given>,
     /// Words of a draw.
     pub words_in: u32,
-    /// What the words behind the first are that a draw leaves; the first tells whether it was discarded.
+    /// The layout of a draw's output words after the first, which is 1 if the fragment was
+    /// discarded.
     pub outputs: Vec<(Slot, Handle<Type>)>,
     /// Words that a draw leaves.
     pub words_out: u32,
@@ -70,10 +73,11 @@ struct Making {
     words_in: u32,
 }
 
-/// What runs the stages at that place.
+/// Builds the compute stage for a place.
 ///
 /// # Errors
-/// What of them a compute stage cannot do, in words.
+///
+/// The operation that a compute stage does not support, in words.
 pub fn harness(stages: Stages<'_>, at: Place, levels: &Arc<Levels>) -> Result<Harness, String> {
     let entry = |stage: Stage<'_>| {
         let entry = &stage.module().entry_points[stage.entry];
@@ -210,7 +214,8 @@ impl Making {
         Ok(ours)
     }
 
-    /// A function that gives all variables what they have at the beginning of a stage; its argument is where the draw's words begin.
+    /// A function that sets all variables to their initial values. Its argument is the index of the
+    /// draw's first word.
     fn reset(&mut self, source: &Module, ours: &Ours) -> Result<Handle<Function>, String> {
         let word = ty(&mut self.made, WORD);
         let f32s = |made: &mut Module, size| {
@@ -451,7 +456,7 @@ impl Writing<'_, '_> {
         })
     }
 
-    /// The fragment stage, of what the vertex stage gave at the corners.
+    /// The fragment stage, fed with the vertex stage's outputs at the corners.
     fn fragment(
         &mut self,
         (stage, vertex): (Stagelike, Option<Stagelike>),
@@ -535,7 +540,7 @@ fn is_struct(function: &Function) -> bool {
         .is_some_and(|r| r.binding.is_none())
 }
 
-/// The type with as many elements as the interpreter gives a buffer of no given length.
+/// The type, with runtime-sized arrays as long as the interpreter makes them.
 fn sized(module: &mut Module, of: Handle<Type>) -> Result<Handle<Type>, String> {
     let named = module.types[of].clone();
     let inner = match named.inner {
@@ -580,7 +585,7 @@ fn sized(module: &mut Module, of: Handle<Type>) -> Result<Handle<Type>, String> 
     ))
 }
 
-/// What a private variable begins with, as an expression of a function.
+/// The initial value of a private variable, as an expression.
 fn initial(
     body: &mut Body<'_>,
     source: &Module,
@@ -606,10 +611,11 @@ fn initial(
     })
 }
 
-/// The words of a draw, as [`Harness::given`] has them.
+/// The words of a draw, in the order of [`Harness::given`].
 ///
 /// # Errors
-/// It has no numbers for one of them.
+///
+/// A number is missing.
 pub fn words(harness: &Harness, draw: &Draw<'_>) -> Result<Vec<u32>, String> {
     use preshade_passes::evaluate::Value;
     use preshade_passes::validate::world::slopes;

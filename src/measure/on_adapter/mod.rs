@@ -1,8 +1,10 @@
-//! Translation validation on an adapter: what a variant promises of its stages, held against the original's by running both there, as compute stages, on random and adversarial inputs.
+//! Translation validation on an adapter: runs the stages of a variant and of the original as
+//! compute stages, on random and adversarial inputs.
 //!
-//! [`preshade_passes::validate`] has the promises, the inputs and the judge; this is what runs them ([`Runner`]). A stage becomes a compute stage (`harness`, of functions that `rewrite` changed and
-//! a `body` of our own); one invocation runs one input. So the compilers of the adapter take part, which no interpreter knows. What a draw alone has (interpolation by a rasteriser, derivatives,
-//! texels) is given as inputs, the same to both.
+//! [`preshade_passes::validate`] has the promises, the inputs and the judge; this module is its
+//! [`Runner`]. `harness` builds a compute stage from functions that `rewrite` changed. One
+//! invocation runs one input. So the adapter's compilers take part, which no interpreter models.
+//! Inputs that only a draw has (interpolation, derivatives, texels) are numbers, the same for both.
 
 mod body;
 mod harness;

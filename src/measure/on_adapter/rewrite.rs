@@ -1,4 +1,5 @@
-//! An author's function as a compute stage can run it: texels, derivatives and discards, which it has not, become what an input says they are.
+//! Rewrites an author's function for a compute stage: texels, derivatives and discards become
+//! inputs.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -24,7 +25,7 @@ pub struct Ours {
     pub slopes: Handle<GlobalVariable>,
     /// The bases and the scales of each texture's texels.
     pub textures: BTreeMap<Handle<GlobalVariable>, [Handle<GlobalVariable>; 2]>,
-    /// Which lookups are given gradients and biases.
+    /// Lookups with gradients and biases.
     pub levels: Arc<Levels>,
 }
 
@@ -44,7 +45,8 @@ struct Rewriter<'a> {
 /// The function, with the same handles of functions and variables.
 ///
 /// # Errors
-/// What in it a compute stage cannot run, in words.
+///
+/// The operation that a compute stage does not support, in words.
 pub fn rewritten(
     module: &Module,
     old: &Function,
@@ -160,7 +162,7 @@ impl Rewriter<'_> {
     fn expression(&mut self, old: Handle<Expression>) -> Result<Handle<Expression>, String> {
         let mut expression = self.old.expressions[old].clone();
         match &expression {
-            // What looks it up reads numbers in its place.
+            // Its uses read numbers instead.
             Expression::GlobalVariable(g)
                 if self.module.global_variables[*g].space == AddressSpace::Handle =>
             {
@@ -418,7 +420,7 @@ impl Rewriter<'_> {
         Ok(new)
     }
 
-    /// Runs of expressions that stand one behind the other.
+    /// Runs of consecutive expressions.
     fn emit(&self, range: Range<Expression>, to: &mut Block) {
         let new = range.flat_map(|old| self.evaluated[old.index()].iter().copied());
         let mut run: Option<(Handle<Expression>, Handle<Expression>)> = None;

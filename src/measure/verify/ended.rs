@@ -1,46 +1,42 @@
-//! What is said of a variant in the end: its verdict, and why there is none.
+//! The final verdict of a variant.
 
 use preshade_passes::contract::Verdict;
 use preshade_passes::plan::Plan;
 use preshade_passes::visibility_buffer;
 
-use super::Subject;
+use super::measurement::Measurement;
+use crate::measure::record::{ORIGINAL, Pictures, VariantReport, times};
 use crate::measure::verdict::{advice, needs_invariant_original};
 use crate::measure::{rasterizer, telling};
 use crate::render::Gpu;
-use crate::report::{ORIGINAL, Pictures, VariantReport, path};
 
-impl Subject<'_> {
-    /// What is known of it between two views.
+impl Measurement<'_> {
+    /// Its report between two views.
     pub(super) fn so_far(&self) -> VariantReport {
-        let mut report = self.report.clone();
-        match &self.broken {
-            Some(r#where) => {
-                report.verdict = Verdict::Broken {
-                    r#where: r#where.clone(),
-                };
-            }
-            None if self.prepared.is_some() => {
-                report.verdict = Verdict::NotMeasured {
-                    why: "not all views were drawn yet".to_owned(),
-                };
-            }
-            None => {}
+        let verdict = match &self.subject.verdict {
+            Verdict::Holds => Verdict::NotMeasured {
+                why: "not all views were drawn yet".to_owned(),
+            },
+            verdict => verdict.clone(),
+        };
+        VariantReport {
+            verdict,
+            error: self.subject.error.clone(),
+            ..self.report.clone()
         }
-        report
     }
 
-    /// That its pictures are outside of the contract, and what may be why.
+    /// The verdict if its pictures break the contract, with the likely cause.
     fn broken(&self, gpu: &Gpu, r#where: String) -> Verdict {
         let seen = rasterizer(gpu).ok();
         let otherwise = |plan: &Plan| visibility_buffer::contradicted(plan, seen.as_ref()?);
-        let told = match self.plans.iter().find_map(otherwise) {
+        let told = match self.subject.plans.iter().find_map(otherwise) {
             Some(otherwise) => Some(format!(
                 "it was made for an adapter that does as {otherwise}: leave that out, and see again"
             )),
             None => {
-                let error = self.report.error.as_ref();
-                error.and_then(|error| advice(&self.report.contract, error))
+                let error = self.subject.error.as_ref();
+                error.and_then(|error| advice(&self.subject.contract, error))
             }
         };
         let parts = [Some(r#where), told];
@@ -49,51 +45,50 @@ impl Subject<'_> {
         }
     }
 
-    /// The verdict. `lost` says why measuring ended early; `away`: nothing is seen for every triangle is culled.
+    /// The verdict. `lost`: why measuring ended early. `away`: every triangle is culled.
+    fn verdict(&mut self, gpu: &Gpu, lost: Option<&str>, away: bool) -> Verdict {
+        let not_measured = |why: &str| Verdict::NotMeasured {
+            why: why.to_owned(),
+        };
+        let drawn = self.subject.prepared().is_some() && self.subject.error.is_some();
+        let is_empty = drawn && self.covered == Some(0);
+        match (&self.subject.verdict, lost) {
+            // An assumption of the contract does not hold, so it is neither kept nor broken.
+            (Verdict::Broken { r#where }, _)
+                if needs_invariant_original(&self.subject.contract) =>
+            {
+                Verdict::NotMeasured {
+                    why: format!(
+                        "its promise is about an original whose position is @invariant, and this one's is not (--invariant marks it): {where}"
+                    ),
+                }
+            }
+            (Verdict::Broken { r#where }, _) => self.broken(gpu, r#where.clone()),
+            (_, Some(why)) => not_measured(why),
+            (verdict, None) => match self.shadow.take() {
+                Some(shadow) => shadow,
+                None if is_empty && away => not_measured(telling::FACES_AWAY),
+                None if is_empty && self.report.name != ORIGINAL => {
+                    not_measured("no opaque surface is seen in any view")
+                }
+                None if is_empty && self.empty.is_some() => {
+                    not_measured(self.empty.as_deref().unwrap_or_default())
+                }
+                None => verdict.clone(),
+            },
+        }
+    }
+
+    /// Its report and its pictures.
     pub(super) fn finish(
         mut self,
         gpu: &Gpu,
         lost: Option<&str>,
         away: bool,
     ) -> (VariantReport, Option<Pictures>) {
-        let drawn = self.prepared.is_some() && self.report.error.is_some();
-        match (self.broken.take(), lost) {
-            // What the contract takes as given is not so here: neither kept nor broken.
-            (Some(r#where), _) if needs_invariant_original(&self.report.contract) => {
-                self.report.verdict = Verdict::NotMeasured {
-                    why: format!(
-                        "its promise is about an original whose position is @invariant, and this one's is not (--invariant marks it): {where}"
-                    ),
-                };
-            }
-            (Some(r#where), _) => self.report.verdict = self.broken(gpu, r#where),
-            (None, Some(why)) => {
-                self.report.verdict = Verdict::NotMeasured {
-                    why: why.to_owned(),
-                };
-            }
-            (None, None) if self.shadow.is_some() => {
-                self.report.verdict = self.shadow.unwrap_or(Verdict::Holds);
-            }
-            (None, None) if drawn && away && self.covered == Some(0) => {
-                self.report.verdict = Verdict::NotMeasured {
-                    why: telling::FACES_AWAY.to_owned(),
-                };
-            }
-            (None, None) if drawn && self.covered == Some(0) && self.report.name != ORIGINAL => {
-                self.report.verdict = Verdict::NotMeasured {
-                    why: "no opaque surface is seen in any view".to_owned(),
-                };
-            }
-            (None, None) if drawn && self.covered == Some(0) && self.empty.is_some() => {
-                self.report.verdict = Verdict::NotMeasured {
-                    why: self.empty.unwrap_or_default(),
-                };
-            }
-            (None, None) if drawn => self.report.verdict = Verdict::Holds,
-            (None, None) => {}
-        }
-        self.report.by_path = path::times(&self.report.by_view);
+        self.report.verdict = self.verdict(gpu, lost, away);
+        self.report.error = self.subject.error;
+        self.report.by_path = times(&self.report.by_view);
         let is_original = self.report.name == ORIGINAL;
         let worst = self.worst.and_then(|(_, worst)| worst);
         let elsewhere = self.elsewhere.pictures();

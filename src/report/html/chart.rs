@@ -1,9 +1,9 @@
-//! The frontier as a picture: error along the bottom, speedup upwards, intervals as whiskers, in SVG that stands in a page.
+//! The frontier as an SVG picture: error to the right, speedup upwards, intervals as whiskers.
 
-use crate::frontier::{Exploration, Fate, Point, explore};
 use crate::report::frontier;
+use crate::search::explore::{Exploration, Fate, Point};
 
-/// Width and height in SVG's units, and what labels take on each side.
+/// Width and height in SVG's units, and the margins for labels.
 pub const SIZE: [f64; 2] = [860.0, 420.0];
 const LEFT: f64 = 56.0;
 const RIGHT: f64 = 16.0;
@@ -49,15 +49,15 @@ pub struct Dot {
     pub high: f64,
     /// Whether no other beats it.
     pub frontier: bool,
-    /// What is told of it.
+    /// Its tooltip.
     pub told: String,
     /// Number of its section; `None`: it has none.
     pub section: Option<usize>,
 }
 
-/// Places what was measured; `None` where nothing was.
+/// Maps measurements to the picture. `None`: there are none.
 pub fn chart(found: &Exploration, sections: &[&Point]) -> Option<Chart> {
-    let error = |p: &Point| Some(explore::of(found.metric, p.error.as_ref()?));
+    let error = |p: &Point| Some(found.metric.of(p.error.as_ref()?));
     let measured: Vec<(&Point, f64, crate::measure::Estimate)> = found
         .points
         .iter()
@@ -67,7 +67,7 @@ pub fn chart(found: &Exploration, sections: &[&Point]) -> Option<Chart> {
         return None;
     }
     let errors = || measured.iter().map(|m| m.1).filter(|e| *e > 0.0);
-    let budget = found.chosen.as_ref().map(|c| c.budget.most);
+    let budget = found.chosen.as_ref().map(|c| c.budget.limit);
     let least = errors().chain(budget).fold(f64::INFINITY, f64::min);
     let most = errors().chain(budget).fold(0.0, f64::max);
     let decades = match least.is_finite() {
@@ -140,12 +140,12 @@ pub fn chart(found: &Exploration, sections: &[&Point]) -> Option<Chart> {
     })
 }
 
-/// What a screen can tell apart, in few digits.
+/// A coordinate in few digits.
 fn tenths(at: f64) -> f64 {
     (at * 10.0).round() / 10.0
 }
 
-/// A round step of which four to ten fit.
+/// A round step that fits four to ten times.
 fn step(top: f64) -> f64 {
     let decade = 10_f64.powf((top / 4.0).log10().floor());
     let fits = |f: &f64| top / (f * decade) >= 4.0;
@@ -157,13 +157,10 @@ fn short(value: f64) -> String {
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
-/// What is told of a point where it is pointed at.
+/// The tooltip of a point.
 fn told(found: &Exploration, point: &Point) -> String {
     let metric = frontier::metric(found);
-    let error = point
-        .error
-        .as_ref()
-        .map_or(0.0, |e| explore::of(found.metric, e));
+    let error = point.error.as_ref().map_or(0.0, |e| found.metric.of(e));
     let time = point
         .time_ms
         .map(|t| format!("{:.3} ms [{:.3}, {:.3}], ", t.median, t.low, t.high));

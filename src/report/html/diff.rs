@@ -1,6 +1,6 @@
-//! What a variant changed in a shader, line by line.
+//! The changes of a variant in a shader, line by line.
 //!
-//! Both sides are printed by the same writer: against the author's own text a different place of a brace would be a change.
+//! The same writer prints both sides, so that only real changes show.
 
 use preshade_passes::plan::Plan;
 use similar::{ChangeTag, TextDiff};
@@ -16,7 +16,7 @@ pub struct Diff {
     pub added: usize,
     /// Lines added and removed.
     pub removed: usize,
-    /// The changed lines with a few around them, and how many are left out.
+    /// The changed lines with a few around them, and the number of lines left out.
     pub lines: Vec<Line>,
 }
 
@@ -34,7 +34,7 @@ const AROUND: usize = 3;
 /// Most lines of a diff.
 const MOST: usize = 600;
 
-/// Every WGSL file of the plans that is not the author's own text, beside what the original prints as.
+/// Every WGSL file of the plans that differs from the author's text, beside the printed original.
 pub fn of(scene: &Scene, plans: &[Plan]) -> Vec<Diff> {
     let mut diffs = Vec::new();
     for (material, plan) in scene.materials.iter().zip(plans) {
@@ -58,12 +58,12 @@ pub fn of(scene: &Scene, plans: &[Plan]) -> Vec<Diff> {
     diffs
 }
 
-/// The material as it was written, printed as what is emitted is.
+/// The material as written, printed like emitted text.
 fn printed(material: &crate::scene::Material) -> Option<String> {
     let mut plan = material.plan();
     let pass = plan.main()?.program.clone();
     let program = plan.programs.get(&pass)?;
-    // What is no longer as written is printed.
+    // Only changed files are printed.
     let printed = program.with_module(program.module().clone()).ok()?;
     plan.programs.insert(pass, printed);
     let files = emit(&plan, &[Target::Wgsl], &Options::default()).ok()?;

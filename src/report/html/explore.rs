@@ -1,4 +1,5 @@
-//! An exploration: the frontier as a chart and a table, the finalists with their pictures, and what became of every candidate.
+//! An exploration: the frontier as a chart and a table, the finalists with their pictures, and the
+//! result of every candidate.
 
 use askama::Template;
 use preshade_passes::pass::Frequency;
@@ -7,12 +8,13 @@ use super::chart::{self, Chart};
 use super::section::{Cameras, Section, section};
 use super::words::{self, or_dash};
 use super::{Error, Gallery, Shell, data, diff};
-use crate::frontier::explore::Found;
-use crate::frontier::{Exploration, Point};
 use crate::measure::EffectUse;
+use crate::measure::record::{Choice, VariantReport};
+use crate::report::frontier;
 use crate::report::plain::plain;
-use crate::report::{Choice, VariantReport, frontier};
 use crate::scene::Scene;
+use crate::search::explore::Explored;
+use crate::search::explore::{Exploration, Point};
 
 #[derive(Template)]
 #[template(path = "html/explore.html")]
@@ -24,7 +26,7 @@ struct Page<'a> {
     rows: Vec<Row>,
     sections: Vec<Section>,
     effects: &'a [EffectUse],
-    values: Vec<Value>,
+    values: Vec<ValueRow>,
     values_left: usize,
     candidates: Vec<(String, String)>,
 }
@@ -37,8 +39,8 @@ struct Row {
     chosen: bool,
 }
 
-/// What a value of a fragment stage would save and do.
-struct Value {
+/// The savings and the error of a value of a fragment stage.
+struct ValueRow {
     name: String,
     place: String,
     saved: String,
@@ -49,11 +51,12 @@ struct Value {
 /// Most values that are listed; the data has them all.
 const MOST_VALUES: usize = 40;
 
-/// The page. `effects` are those of the scene's materials, before draws were told apart.
+/// The page. `effects` are those of the scene's materials, before draws were split into groups.
 ///
 /// # Errors
-/// None that these types can give, but for a picture that cannot be encoded.
-pub fn page(found: &Found, scene: &Scene, effects: &[EffectUse]) -> Result<String, Error> {
+///
+/// A picture that cannot be encoded.
+pub fn page(found: &Explored, scene: &Scene, effects: &[EffectUse]) -> Result<String, Error> {
     let exploration = &found.exploration;
     let report = exploration.report.as_ref();
     let variants = report.map_or(&[][..], |r| &r.variants);
@@ -134,8 +137,8 @@ pub fn page(found: &Found, scene: &Scene, effects: &[EffectUse]) -> Result<Strin
     Ok(plain(&page.render()?).into_owned())
 }
 
-fn value(found: &Exploration, f: &Frequency) -> Value {
-    Value {
+fn value(found: &Exploration, f: &Frequency) -> ValueRow {
+    ValueRow {
         name: f.name.clone(),
         place: f.location.as_ref().map_or_else(String::new, |l| {
             format!("{}:{}:{}", l.file, l.line, l.column)
@@ -159,7 +162,7 @@ fn row(
         .and_then(|v| v.time_ms.as_ref())
         .map(|t| t.estimate)
         .or(point.time_ms);
-    let of = |e| crate::frontier::explore::of(found.metric, e);
+    let of = |e| found.metric.of(e);
     Row {
         section: sections.iter().position(|p| p.name == point.name),
         name: point.name.clone(),

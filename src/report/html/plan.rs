@@ -1,4 +1,5 @@
-//! What `plan` decided: each view with each plan, each material with its reasons and refusals, and pictures of what is drawn with.
+//! The decision of `plan`: each view with each plan, each material with its reasons and refusals,
+//! and pictures of the chosen plans.
 
 use askama::Template;
 
@@ -6,21 +7,21 @@ use super::range::{Scale, Strip};
 use super::section::{Cameras, Section, section};
 use super::words::{self, DASH, or_dash};
 use super::{Error, Gallery, Shell, data, diff};
-use crate::decide::decision::{Decision, MaterialDecision, PlanReport};
-use crate::decide::table;
 use crate::measure::{EffectUse, Outcome, Variant};
+use crate::report::decision as table;
 use crate::report::frontier;
 use crate::report::plain::plain;
 use crate::scene::Scene;
+use crate::search::plan::decision::{Decision, MaterialDecision, PlanReport};
 
 #[derive(Template)]
 #[template(path = "html/plan.html")]
 struct Page<'a> {
     shell: Shell,
-    /// What the choice rests on.
+    /// The basis of the choice.
     rests: &'static str,
     views: Vec<View>,
-    materials: Vec<Material>,
+    materials: Vec<MaterialSection>,
     plans: Vec<Plan>,
     sections: Vec<Section>,
     effects: &'a [EffectUse],
@@ -47,7 +48,7 @@ struct Row {
 }
 
 /// A material.
-struct Material {
+struct MaterialSection {
     name: String,
     becomes: String,
     draws: String,
@@ -56,7 +57,7 @@ struct Material {
     refused: Vec<(String, String)>,
 }
 
-/// What a plan takes.
+/// The costs of a plan.
 struct Plan {
     name: String,
     notes: Vec<String>,
@@ -64,22 +65,25 @@ struct Plan {
     cells: [String; 3],
 }
 
-/// What the plans of the policy look like: the plans of each material, and what drawing them once more says. Variants are named as the decision names its plans.
+/// The plans of the policy drawn once more: the plans of each material, and the result. Variants
+/// have the names that the decision gives its plans.
 #[derive(Clone, Copy)]
-pub struct Drawn<'a> {
+pub struct Redrawn<'a> {
     /// The plans.
     pub variants: &'a [Variant],
     /// Pictures, overdraw and self-tests; `None`: they were not drawn.
     pub outcome: Option<&'a Outcome>,
 }
 
-/// The page. `scene` is the one decided on, `effects` those of its materials before draws were told apart.
+/// The page. `scene` is the one decided on. `effects` are those of its materials before draws were
+/// split into groups.
 ///
 /// # Errors
-/// None that these types can give, but for a picture that cannot be encoded.
+///
+/// A picture that cannot be encoded.
 pub fn page(
     decision: &Decision,
-    drawn: Drawn<'_>,
+    drawn: Redrawn<'_>,
     scene: &Scene,
     effects: &[EffectUse],
 ) -> Result<String, Error> {
@@ -175,7 +179,7 @@ fn views(decision: &Decision, sections: &[Section]) -> Vec<View> {
     .collect()
 }
 
-fn material(m: &MaterialDecision) -> Material {
+fn material(m: &MaterialDecision) -> MaterialSection {
     let mut becomes: Vec<&str> = m
         .recipes
         .iter()
@@ -192,7 +196,7 @@ fn material(m: &MaterialDecision) -> Material {
             None => refused.push((r.recipe.clone(), r.why.clone())),
         }
     }
-    Material {
+    MaterialSection {
         name: m.material.clone(),
         becomes: becomes.join(", or "),
         draws: match m.draws.len() {
@@ -210,7 +214,7 @@ fn material(m: &MaterialDecision) -> Material {
 
 fn plan(p: &PlanReport) -> Plan {
     let cost = p.cost.as_ref();
-    let megabytes = |c: &crate::decide::decision::PlanCost| {
+    let megabytes = |c: &crate::search::plan::decision::PlanCost| {
         format!("{:.2}", c.targets.values().sum::<u64>() as f64 / 1e6)
     };
     Plan {

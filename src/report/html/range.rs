@@ -14,7 +14,7 @@ pub struct Scale {
 
 /// A strip: where the interval lies, and where 1 does.
 pub struct Strip {
-    /// Left end of the interval.
+    /// Start of the interval, in percent.
     pub low: f64,
     /// Its median.
     pub median: f64,
@@ -22,7 +22,7 @@ pub struct Strip {
     pub high: f64,
     /// A ratio of 1.
     pub even: f64,
-    /// How the interval stands to 1: `faster`, `slower` or `level`.
+    /// How the interval compares with 1: `faster`, `slower` or `level`.
     pub class: &'static str,
 }
 

@@ -1,13 +1,15 @@
-//! One variant: what it promises and keeps, its pictures, every view, its shaders beside the author's, its samples.
+//! One variant: its contract and verdict, its pictures, every view, its shaders beside the
+//! author's, its samples.
 
 use super::diff::Diff;
 use super::words::{self, or_dash};
 use super::{Error, Gallery, data_uri};
+use crate::measure::record::{Kept, Picture, Pictures, VariantReport, Worst};
 use crate::measure::{ErrorLadder, Shading};
-use crate::report::picture::{Picture, flip};
-use crate::report::{Pictures, VariantReport, Worst, frontier, sheet};
+use crate::report::picture::flip;
+use crate::report::{frontier, sheet};
 
-/// A variant, as `variant.html` tells of it.
+/// The data of `variant.html`.
 #[derive(Default)]
 pub struct Section {
     /// Number in the page.
@@ -16,9 +18,9 @@ pub struct Section {
     pub name: String,
     /// The recipe, as a command line takes it.
     pub recipe: String,
-    /// Terms and what is said of them.
+    /// Terms and their values.
     pub facts: Vec<(&'static str, String)>,
-    /// Materials left as written, and why.
+    /// Materials left as written, with the reasons.
     pub kept: Vec<(String, String)>,
     /// Pictures, view by view.
     pub shots: Vec<Shot>,
@@ -38,15 +40,15 @@ pub struct Shot {
     pub error: String,
     /// Number of the original's picture in the gallery.
     pub original: usize,
-    /// What is said where there is no picture of the variant's own.
+    /// The text if the variant has no picture of its own.
     pub same: &'static str,
     /// The variant's; `None`: it looks the same.
     pub variant: Option<String>,
     /// Their FLIP map; `None`: it would be black.
     pub flip: Option<String>,
-    /// What the original shades.
+    /// The original's overdraw.
     pub before: Option<String>,
-    /// What the variant shades.
+    /// The variant's overdraw.
     pub after: Option<String>,
 }
 
@@ -59,7 +61,7 @@ pub enum Cameras {
     Every,
 }
 
-/// What is known of a variant, measured and drawn. `facts` come first among what is said.
+/// The section of a variant. Its list of terms begins with `facts`.
 pub fn section(
     id: usize,
     (name, recipe): (&str, &str),
@@ -77,7 +79,11 @@ pub fn section(
         facts,
         kept: variant.map_or_else(Vec::new, |v| {
             let kept = v.kept.iter();
-            kept.map(|k| (k.material.clone(), k.why.clone())).collect()
+            let why = |k: &Kept| match &k.without {
+                Some(step) => format!("without `{step}`: {}", k.why),
+                None => k.why.clone(),
+            };
+            kept.map(|k| (k.material.clone(), why(k))).collect()
         }),
         shots: match pictures {
             Some(pictures) => shots(variant, pictures, cameras, gallery)?,
@@ -94,7 +100,7 @@ pub fn section(
     })
 }
 
-/// What is said of a variant before its pictures.
+/// The terms before the pictures of a variant.
 fn told(v: &VariantReport) -> Vec<(&'static str, String)> {
     let mut facts = vec![
         ("promise", words::contract(&v.contract)),
@@ -154,7 +160,7 @@ fn told(v: &VariantReport) -> Vec<(&'static str, String)> {
     facts
 }
 
-fn view(view: &crate::report::ViewReport) -> [String; 7] {
+fn view(view: &crate::measure::record::ViewReport) -> [String; 7] {
     let order = crate::render::order::name(view.order);
     [
         format!("{} {}, {order}", view.camera, view.frame),

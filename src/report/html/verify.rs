@@ -1,4 +1,4 @@
-//! What `verify` measured: each variant with its verdict and its pictures, view by view.
+//! The result of `verify`: each variant with its verdict and its pictures, view by view.
 
 use askama::Template;
 use preshade_passes::contract::Verdict;
@@ -7,9 +7,10 @@ use super::range::{Scale, Strip};
 use super::section::{Cameras, Section, section};
 use super::words::{self, or_dash};
 use super::{Error, Gallery, Shell, data, diff};
+use crate::measure::record::{Choice, Chosen, ORIGINAL, Pictures, Report, VariantReport};
 use crate::measure::{EffectUse, Variant};
 use crate::report::plain::plain;
-use crate::report::{Choice, Chosen, ORIGINAL, Pictures, Report, VariantReport, frontier, table};
+use crate::report::{frontier, table};
 use crate::scene::Scene;
 
 #[derive(Template)]
@@ -47,10 +48,12 @@ struct ByView<'a> {
     rows: Vec<Vec<(String, &'static str)>>,
 }
 
-/// The page. `variants` are those of the report whose plans are known, `effects` those of the scene's materials, before draws were told apart.
+/// The page. `variants` are those of the report with known plans. `effects` are those of the
+/// scene's materials, before draws were split into groups.
 ///
 /// # Errors
-/// None that these types can give, but for a picture that cannot be encoded.
+///
+/// A picture that cannot be encoded.
 pub fn page(
     report: &Report,
     pictures: &[Pictures],
@@ -95,7 +98,7 @@ pub fn page(
         }),
         rows: rows(report, &sections),
         by_view: by_view(report),
-        // Warnings stand above.
+        // Warnings are printed above.
         notes: table::notes(report)
             .lines()
             .filter(|line| !line.starts_with("Warning: "))
@@ -131,7 +134,7 @@ fn about(report: &Report) -> String {
     )
 }
 
-/// How many kept their promise, and what a budget leaves.
+/// The number of variants that kept their contracts, and the choice under a budget.
 fn said(report: &Report) -> Vec<String> {
     let drawn = || report.variants.iter().filter(|v| v.name != ORIGINAL);
     let count = |is: fn(&Verdict) -> bool| drawn().filter(|v| is(&v.verdict)).count();

@@ -1,10 +1,10 @@
-//! What is promised, and what measurement says of it, in words.
+//! Contracts and verdicts in words.
 
 use preshade_passes::contract::{Contract, Verdict};
 
+use crate::measure::record::SelfTestReport;
 use crate::measure::{Clock, ErrorLadder, Estimate};
 use crate::render::{AdapterReport, SelfTestResult};
-use crate::report::SelfTestReport;
 
 /// A contract.
 pub fn contract(contract: &Contract) -> String {
@@ -30,7 +30,7 @@ pub fn contract(contract: &Contract) -> String {
     }
 }
 
-/// Text as HTML: escaped, with what stands between backticks as code.
+/// Text as HTML: escaped, with code between backticks.
 pub fn marked(text: &str) -> String {
     let parts: Vec<String> = text.split('`').map(escaped).collect();
     // A backtick too many is a backtick.
@@ -97,7 +97,7 @@ pub fn adapter(adapter: &AdapterReport) -> String {
     )
 }
 
-/// Whose clock the times are of.
+/// The clock of the times, in words.
 pub fn clock(clock: Option<Clock>) -> &'static str {
     match clock {
         Some(Clock::GpuTimestamps) => "Timed by the GPU's own clock.",
@@ -106,7 +106,7 @@ pub fn clock(clock: Option<Clock>) -> &'static str {
     }
 }
 
-/// What is not known.
+/// The sign for an unknown value.
 pub const DASH: &str = "–";
 
 /// Milliseconds with their interval.

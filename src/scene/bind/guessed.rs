@@ -1,4 +1,5 @@
-//! What a scene does not say and its binding makes up: the inputs of a bare shader, told to its author.
+//! Inputs that the scene does not set. The list shows an author which values of a bare shader
+//! preshade made up.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,27 +8,27 @@ use super::streams::Streams;
 use super::{BindingKind, PADDING, authored, buffer, normalise, variable};
 use crate::scene::layout::Leaf;
 
-/// Where the numbers of a scalar, vector or matrix came from, when the scene does not give them as numbers.
+/// The origin of a scalar, vector or matrix, if the scene does not give its numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Origin {
-    /// The scene says which value of the renderer's it is: `"$view_proj"`.
+    /// The scene names a semantic: `"$view_proj"`.
     Said,
-    /// The mesh, or the draw's instances: a vertex-pulling or an instance buffer.
+    /// The mesh or the draw's instances: a vertex-pulling or instance buffer.
     Mesh,
-    /// What its name means by convention.
+    /// The conventional meaning of the name.
     Convention(Semantic),
-    /// Nothing: a number made from its name.
+    /// A made-up number, derived from the name.
     MadeUp,
 }
 
-/// An input that the scene does not give.
+/// An input that the scene does not set.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Guessed {
     /// Material.
     pub material: String,
     /// Variable, `variable.member`, or attribute.
     pub name: String,
-    /// How it was filled.
+    /// How preshade filled it.
     #[serde(flatten)]
     pub guess: Guess,
 }
@@ -36,19 +37,19 @@ pub struct Guessed {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", tag = "guess")]
 pub enum Guess {
-    /// A uniform or a buffer's member by its name.
+    /// A uniform or buffer member with a conventional name.
     UniformByName {
-        /// The renderer's value, as a scene file spells it: `$viewproj`.
+        /// The semantic in scene file syntax: `$viewproj`.
         value: String,
     },
-    /// A uniform or a buffer's member whose name means nothing here.
+    /// A uniform or buffer member with an unknown name.
     UniformMadeUp {
-        /// Its numbers, of element 0 of an array.
+        /// Its numbers; for an array, those of element 0.
         numbers: Vec<f64>,
     },
-    /// A storage buffer from the mesh or the instances.
+    /// A storage buffer with the mesh or the instances.
     BufferFromMesh,
-    /// A texture chosen by its name and generated.
+    /// A generated texture, chosen by name.
     TextureGenerated,
     /// A vertex attribute that the mesh does not have.
     AttributeSynthesised,
@@ -73,7 +74,7 @@ impl std::fmt::Display for Guess {
     }
 }
 
-/// Whether numbers are an identity matrix, of 2 by 2 at least.
+/// Whether the numbers are an identity matrix of at least 2 by 2.
 fn is_identity(numbers: &[f64]) -> bool {
     let side = (numbers.len() as f64).sqrt() as usize;
     side > 1
@@ -81,8 +82,9 @@ fn is_identity(numbers: &[f64]) -> bool {
         && (0..numbers.len()).all(|i| numbers[i] == f64::from(u8::from(i % (side + 1) == 0)))
 }
 
-/// Every input that `scene` leaves to convention or invention, by material, each once: buffers in order of binding, then textures, then
-/// attributes. Where draws differ, the first draw of the material is told.
+/// Every input that `scene` leaves to convention or invention, by material and without duplicates:
+/// buffers in order of binding, then textures, then attributes. If draws differ, the list describes
+/// the material's first draw.
 pub fn guessed(scene: &Scene) -> Vec<Guessed> {
     let mut out: Vec<Guessed> = Vec::new();
     let Some(frame) = scene.cameras.first().and_then(|c| c.frames.first()) else {
@@ -132,7 +134,7 @@ pub fn guessed(scene: &Scene) -> Vec<Guessed> {
                         };
                         push(leaf.text(), guess);
                     };
-                    // What cannot be filled is an error of drawing, not of telling.
+                    // Binding errors are reported when the scene is drawn.
                     let _ = buffer(
                         scene,
                         material,

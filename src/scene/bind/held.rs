@@ -1,4 +1,4 @@
-//! Uniforms of one frame as values for another: how a pass is drawn that a plan says reads another view than the camera's.
+//! Uniforms fixed at the values of another frame, for passes that the plan draws from another view.
 
 use std::collections::BTreeMap;
 
@@ -8,11 +8,11 @@ use super::streams::Streams;
 use super::{BindingKind, authored, buffer};
 use crate::scene::layout::Leaf;
 
-/// The uniforms that `names` lists (variables or members), by path, as they are for one draw in one frame. What the scene gives as numbers
-/// is the same in every frame and is left out.
+/// The uniforms in `names` (variables or members), by path, with their values for one draw in one
+/// frame. Values that the scene gives as numbers are the same in every frame and are left out.
 ///
 /// # Errors
-/// As [`super::draw`], for uniforms alone.
+/// As [`super::draw`], for uniforms only.
 pub(in super::super) fn uniforms(
     scene: &Scene,
     material: &Material,
@@ -27,7 +27,8 @@ pub(in super::super) fn uniforms(
         if binding.kind != BindingKind::Uniform {
             continue;
         }
-        // A member of a GLSL block without a name stands by itself in a path, and after a dot in a plan.
+        // A path contains only the member's name for unnamed GLSL blocks; a plan has a dot before
+        // it.
         let listed = |path: &str| {
             names.iter().any(|name| {
                 let name = name.strip_prefix('.').unwrap_or(name);

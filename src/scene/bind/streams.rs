@@ -1,4 +1,4 @@
-//! Mesh and instance data by the names authors give attributes and vertex-pulling buffers.
+//! Finds mesh and instance data by the usual names of attributes and vertex-pulling buffers.
 
 use glam::Mat4;
 use naga::{Binding, Handle, ScalarKind, Type};
@@ -9,7 +9,7 @@ use super::super::semantic::normalise;
 use super::super::{Draw, DrawRange, Error, Material, Mesh, Scene, Semantic, Stream, material};
 use super::{Call, Data, Indices, VertexAttribute, VertexBuffer, hash01, vertex_inputs};
 
-/// Names of attributes, normalised, and the streams they mean.
+/// Attribute names, normalised, and their streams.
 const ALIASES: &[(&str, &str)] = &[
     ("position", "position"),
     ("positions", "position"),
@@ -50,7 +50,7 @@ const ALIASES: &[(&str, &str)] = &[
     ("skinweights", "weights"),
 ];
 
-/// Names of per-instance matrices, normalised; a final digit picks a column.
+/// Names of per-instance matrices, normalised. A final digit selects a column.
 const INSTANCE_MATRICES: &[&str] = &[
     "instancetransform",
     "instancematrix",
@@ -64,7 +64,7 @@ const INSTANCE_MATRICES: &[&str] = &[
     "matrix",
 ];
 
-/// Names of storage buffers with one element an instance, normalised.
+/// Names of storage buffers with one element per instance, normalised.
 const INSTANCE_BUFFERS: &[&str] = &[
     "instances",
     "instancedata",
@@ -78,7 +78,7 @@ const INSTANCE_BUFFERS: &[&str] = &[
     "perinstance",
 ];
 
-/// Where an attribute comes from.
+/// The source of an attribute.
 #[derive(Clone, Debug, PartialEq)]
 enum Source {
     Vertex(String),
@@ -88,13 +88,13 @@ enum Source {
     Synthesised,
 }
 
-/// A [`Source`] with its data.
+/// A [`Source`] resolved to its data.
 enum Found<'a> {
     /// A stream of the mesh or of the instances.
     Stream(Option<&'a Stream>),
     /// A column of the instance's matrix.
     Column(usize),
-    /// The same everywhere.
+    /// A constant.
     Same([f64; 4]),
 }
 
@@ -122,9 +122,9 @@ pub(super) struct Streams<'a> {
     draw: &'a Draw,
     mesh: &'a Mesh,
     attributes: Vec<Attribute>,
-    /// Instance to world, or to the model's space where the program multiplies by the model matrix itself.
+    /// Instance to world, or to model space if the program multiplies by the model matrix itself.
     instances: Vec<Mat4>,
-    /// The same of an instance that has no transform of its own.
+    /// The matrix of an instance without a transform of its own.
     placed: Mat4,
     pulls_indices: bool,
 }
@@ -189,7 +189,7 @@ impl<'a> Streams<'a> {
         })
     }
 
-    /// The interleaved buffers, listing what `pass` reads.
+    /// The interleaved buffers, with the attributes that `pass` reads.
     pub(super) fn vertex_buffers(&self, pass: &GpuPass) -> Result<Vec<VertexBuffer>, Error> {
         let mut out = Vec::new();
         for step in [wgpu::VertexStepMode::Vertex, wgpu::VertexStepMode::Instance] {
@@ -221,7 +221,7 @@ impl<'a> Streams<'a> {
                 self.mesh.vertex_count as usize
             };
             let mut bytes = Vec::with_capacity(count * stride as usize);
-            // Names are looked up once, not at every vertex.
+            // Look up names once, not for every vertex.
             let found: Vec<(&Attribute, Found<'_>)> =
                 members.iter().map(|a| (*a, self.found(a))).collect();
             for i in 0..count {
@@ -243,7 +243,7 @@ impl<'a> Streams<'a> {
         Ok(out)
     }
 
-    /// What an attribute is read from.
+    /// Resolves the source of an attribute.
     fn found(&self, a: &Attribute) -> Found<'_> {
         match &a.source {
             Source::Vertex(name) => Found::Stream(self.mesh.streams.get(name)),
@@ -265,7 +265,7 @@ impl<'a> Streams<'a> {
         }
     }
 
-    /// Attributes that neither the mesh nor the draw has.
+    /// Attributes that neither the mesh nor the draw provides.
     pub(super) fn synthesised(&self) -> impl Iterator<Item = &str> {
         let missing = |a: &&Attribute| a.source == Source::Synthesised;
         self.attributes
@@ -296,7 +296,7 @@ impl<'a> Streams<'a> {
         })
     }
 
-    /// Vertices that there are: of the mesh, or its indices where the program fetches them itself.
+    /// Number of vertices, or of indices if the program fetches them itself.
     pub(super) fn vertex_count(&self) -> u32 {
         match &self.mesh.indices {
             Some(indices) if self.pulls_indices => indices.len() as u32,
@@ -304,7 +304,7 @@ impl<'a> Streams<'a> {
         }
     }
 
-    /// What is drawn.
+    /// The draw call.
     pub(super) fn call(&self) -> Call {
         let DrawRange {
             first,
@@ -326,7 +326,7 @@ impl<'a> Streams<'a> {
         }
     }
 
-    /// Elements of a variable's runtime-sized array, `given` numbers of it being the author's.
+    /// Length of a variable's runtime-sized array. The author gives `given` numbers of it.
     pub(super) fn runtime_length(
         &self,
         name: &str,
@@ -354,7 +354,8 @@ impl<'a> Streams<'a> {
                 Stream::Float { components, data } => (*components as usize, data.len()),
                 Stream::Uint { components, data } => (*components as usize, data.len()),
             });
-            // An array of plain numbers holds them all, one of vectors an element a vertex.
+            // An array of scalars holds all numbers; an array of vectors has one element per
+            // vertex.
             return if scalars == 1 {
                 count
             } else {
@@ -375,7 +376,8 @@ impl<'a> Streams<'a> {
         }
     }
 
-    /// The numbers of a vertex-pulling or instance buffer's element, or of a morph or joint list; `None` where the variable is neither.
+    /// The numbers of one element of a vertex-pulling or instance buffer, or of a morph or joint
+    /// list; `None` for other variables.
     pub(super) fn element(
         &self,
         variable: &str,
@@ -457,7 +459,7 @@ impl<'a> Streams<'a> {
     }
 }
 
-/// Instances that a buffer of them must hold: those ahead of the first that is drawn, too.
+/// Instances that the buffer must hold, including those before the first drawn one.
 fn instances_held(draw: &Draw) -> usize {
     draw.range.first_instance as usize + draw.instances.max(1) as usize
 }
@@ -480,7 +482,7 @@ fn is_vertex_buffer(normal: &str) -> bool {
     )
 }
 
-/// Whether the vertex data is placed by the program: it has a variable or member that means the model matrix.
+/// Whether the program itself applies the model matrix.
 fn reads_model(material: &Material) -> bool {
     let module = material.program.module();
     material::globals(&material.program)
@@ -540,7 +542,8 @@ fn source(material: &Material, mesh: &Mesh, draw: &Draw, name: &str) -> Source {
     }
 }
 
-/// The first attribute for which a material names a stream that means nothing: the draw and its mesh have none of that name, and what a mesh may lack is not called so either.
+/// The first attribute whose stream the material names wrongly: neither the draw nor its mesh has
+/// it, and it is not an optional stream.
 pub(in crate::scene) fn unknown_stream<'m>(
     material: &'m Material,
     mesh: &Mesh,
@@ -561,7 +564,8 @@ pub(in crate::scene) fn unknown_stream<'m>(
         .map(|(attribute, stream)| (attribute.as_str(), stream.as_str()))
 }
 
-/// What an attribute reads where the mesh has no such stream: white, facing +z, the first joint alone, no morph, or a number made of its name.
+/// The value of an attribute that the mesh lacks: white, facing +z, only the first joint, no morph,
+/// or a number derived from its name.
 fn synthesised_attribute(name: &str, component: usize) -> f64 {
     let normal = normalise(name);
     let pick = |v: [f64; 4]| v[component.min(3)];
@@ -578,7 +582,8 @@ fn synthesised_attribute(name: &str, component: usize) -> f64 {
     }
 }
 
-/// A component of a stream; a fourth component it does not have is 1, as WebGPU's vertex fetch fills it, and others are 0.
+/// A component of a stream. As in WebGPU's vertex fetch, a missing fourth component is 1 and other
+/// missing components are 0.
 fn stream_component(stream: Option<&Stream>, i: usize, c: usize) -> f64 {
     let missing = if c == 3 { 1.0 } else { 0.0 };
     match stream {

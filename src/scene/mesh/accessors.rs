@@ -1,4 +1,5 @@
-//! What of a glTF file is read, looked at before it is: the crate that reads it takes counts, offsets and strides as they are written, and panics where they lie.
+//! Checks glTF accessors before they are read: the glTF crate trusts counts, offsets and strides,
+//! and panics on wrong ones.
 
 use gltf::accessor::{DataType, Dimensions};
 use gltf::{Accessor, Semantic};
@@ -6,12 +7,12 @@ use gltf::{Accessor, Semantic};
 use DataType::{F32, U8, U16, U32};
 use Dimensions::{Mat4, Scalar, Vec2, Vec3, Vec4};
 
-/// What a primitive's data comes to.
+/// The size of a primitive's data.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Cost {
     /// Vertices.
     pub vertices: u64,
-    /// Bytes of all that is read of it, each number in four.
+    /// Bytes of the data, with 4 bytes per number.
     pub bytes: u64,
 }
 
@@ -24,10 +25,11 @@ impl Cost {
     }
 }
 
-/// Checks every accessor that [`super::gltf`] reads of a primitive; `buffers` has their lengths in bytes.
+/// Checks every accessor of a primitive that [`super::gltf`] reads; `buffers` has the buffer
+/// lengths in bytes.
 ///
 /// # Errors
-/// What is wrong, in words.
+/// A message.
 pub(super) fn of_primitive(
     primitive: &gltf::Primitive<'_>,
     buffers: &[usize],
@@ -67,16 +69,17 @@ pub(super) fn of_primitive(
     Ok(cost)
 }
 
-/// Checks what is read of a skin.
+/// Checks the accessors of a skin.
 ///
 /// # Errors
-/// What is wrong, in words.
+/// A message.
 pub(super) fn of_skin(skin: &gltf::Skin<'_>, buffers: &[usize]) -> Result<(), String> {
     let inverse = skin.inverse_bind_matrices();
     inverse.map_or(Ok(()), |a| check(&a, &[F32], &[Mat4], buffers))
 }
 
-/// Whether an accessor is of one of these kinds and lies in its buffer (glTF 2.0, sections 3.6.2.2 to 3.6.2.4).
+/// Checks that an accessor has one of these types and fits its buffer (glTF 2.0, sections 3.6.2.2
+/// to 3.6.2.4).
 fn check(
     accessor: &Accessor<'_>,
     types: &[DataType],
@@ -110,7 +113,7 @@ fn check(
     Ok(())
 }
 
-/// Whether so many elements of a size lie in a view, and the view in its buffer.
+/// Checks that the elements fit the view, and the view its buffer.
 fn lies(
     view: &gltf::buffer::View<'_>,
     offset: usize,

@@ -1,4 +1,4 @@
-//! Stairs, arch, column, curtain: what the shipped scenes are built of.
+//! Stairs, arch, column and curtain for the shipped scenes.
 
 use std::f32::consts::{PI, TAU};
 
@@ -8,7 +8,8 @@ use serde::Deserialize;
 use super::{Builder, Cuboid};
 use crate::scene::Mesh;
 
-/// A closed flight of stairs that climbs towards -z, its foot at the origin's edge: x is centred, y starts at 0, z runs from 0 to `-steps * run`.
+/// A closed flight of stairs that climbs towards -z: x is centred, y starts at 0, z runs from 0 to
+/// `-steps * run`.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Stairs {
@@ -20,7 +21,7 @@ pub struct Stairs {
     pub rise: f32,
     /// Depth of a step.
     pub run: f32,
-    /// Texture repeats a unit.
+    /// Texture repeats per unit.
     pub tiling: f32,
 }
 
@@ -42,7 +43,7 @@ impl Stairs {
         let mut b = Builder::default();
         let steps = self.steps.clamp(1, 1000);
         let (w, k) = (self.width * 0.5, self.tiling);
-        // Positions come from step numbers alone, so that neighbouring faces share them to the bit.
+        // Derive positions from step numbers only, so that adjacent faces share them bit for bit.
         let y = |i: u32| i as f32 * self.rise;
         let z = |i: u32| -(i as f32) * self.run;
         let mut quad = |n: Vec3, corners: [Vec3; 4]| {
@@ -69,7 +70,7 @@ impl Stairs {
                 Vec3::Y,
                 [p(-w, y1, z0), p(w, y1, z0), p(w, y1, z1), p(-w, y1, z1)],
             );
-            // One row of side quads a step and rise keeps the sides free of T-junctions.
+            // One row of side quads for each step and rise avoids T-junctions.
             for j in 0..=i {
                 let (ya, yb) = (y(j), y(j + 1));
                 quad(
@@ -95,7 +96,8 @@ impl Stairs {
     }
 }
 
-/// A half-round arch on two piers, in the xy plane and centred in z: the opening is `width` wide and its crown `height + width / 2` high.
+/// A half-round arch on two piers, in the xy plane and centred in z. The opening is `width` wide
+/// and `height + width / 2` high at the crown.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Arch {
@@ -109,7 +111,7 @@ pub struct Arch {
     pub depth: f32,
     /// Segments of the half circle.
     pub segments: u32,
-    /// Texture repeats a unit.
+    /// Texture repeats per unit.
     pub tiling: f32,
 }
 
@@ -136,7 +138,8 @@ impl Arch {
             self.width * 0.5 + self.thickness,
             self.depth * 0.5,
         );
-        // The profile from the right foot over the crown to the left one: a point a row, with the direction outwards.
+        // The profile runs from the right foot over the crown to the left one: a point and an
+        // outward direction per row.
         let mut profile = vec![(Vec3::new(1.0, 0.0, 0.0), 0.0)];
         for i in 0..=n {
             let a = PI * i as f32 / n as f32;
@@ -198,21 +201,21 @@ impl Arch {
     }
 }
 
-/// A fluted column on a square foot and under a square slab, its foot at y = 0.
+/// A fluted column between a square foot and a square slab, with its foot at y = 0.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Column {
     /// Radius of the shaft.
     pub radius: f32,
-    /// Height with foot and slab.
+    /// Height including foot and slab.
     pub height: f32,
-    /// Flutes round the shaft; 0 leaves it smooth.
+    /// Flutes around the shaft; 0 makes it smooth.
     pub flutes: u32,
-    /// Cells round the shaft.
+    /// Cells around the shaft.
     pub segments: u32,
-    /// Cells up the shaft.
+    /// Cells along the shaft.
     pub rings: u32,
-    /// Texture repeats a unit.
+    /// Texture repeats per unit.
     pub tiling: f32,
 }
 
@@ -229,7 +232,8 @@ impl Default for Column {
     }
 }
 
-/// Between a column's shaft and its foot or slab: nothing in a shipped scene meets without being meant to, so that depths never tie.
+/// Gap between a column's shaft and its foot or slab. Surfaces in the shipped scenes do not touch
+/// unless intended, so that depths never tie.
 const GAP: f32 = 0.01;
 
 impl Column {
@@ -248,7 +252,8 @@ impl Column {
         };
         let point = |s: f32, t: f32| {
             let turn = if s == 1.0 { 0.0 } else { s * TAU };
-            // The shaft swells a little (entasis), and ends a hair before foot and slab so that no two faces meet.
+            // The shaft swells slightly (entasis), and ends just before foot and slab so that no
+            // two faces coincide.
             let swell = 1.0 + 0.05 * (t * PI).sin();
             let r = radius(turn) * swell;
             let y = (slab + GAP) + t * (self.height - 2.0 * (slab + GAP));
@@ -279,7 +284,8 @@ impl Column {
     }
 }
 
-/// A hanging cloth in the xy plane, waved along z; its upper edge is at y = 0 and it is seen from both sides.
+/// A hanging cloth in the xy plane with waves along z. Its upper edge is at y = 0 and both sides
+/// are visible.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Curtain {

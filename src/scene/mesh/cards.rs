@@ -1,4 +1,4 @@
-//! Crossed cards: what grass and far-away leaves are drawn with.
+//! Crossed cards for grass and distant leaves.
 
 use std::f32::consts::PI;
 
@@ -8,11 +8,12 @@ use serde::Deserialize;
 use super::Builder;
 use crate::scene::Mesh;
 
-/// Upright cards that cross in the y axis, evenly turned, standing on the ground. Uvs go from 0, 1 at the ground to 1, 0; normals point out of the cards.
+/// Upright cards that intersect in the y axis at equal angles and stand on the ground. Uvs run from
+/// (0, 1) at the ground to (1, 0); normals point out of the cards.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Cards {
-    /// How many.
+    /// Number of cards.
     pub count: u32,
     /// Width and height of each.
     pub size: [f32; 2],

@@ -6,15 +6,15 @@ use serde::Deserialize;
 use super::positions;
 use crate::scene::{Mesh, Stream};
 
-/// A chain of joints along y: each vertex follows the two joints nearest to its height.
+/// A chain of joints along y. Each vertex follows the two joints nearest to its height.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Skin {
     /// Number of joints, 1 to 256.
     pub joints: u32,
-    /// Bend of the whole chain round z, in degrees.
+    /// Bend of the whole chain around z, in degrees.
     pub bend: f32,
-    /// Twist of the whole chain round y, in degrees.
+    /// Twist of the whole chain around y, in degrees.
     pub twist: f32,
 }
 
@@ -29,7 +29,8 @@ impl Default for Skin {
 }
 
 impl Skin {
-    /// Adds `joints` and `weights` to a mesh and returns the joint matrices of the bent pose, bind pose inverse applied.
+    /// Adds `joints` and `weights` to a mesh. Returns the joint matrices of the bent pose with the
+    /// inverse bind pose applied.
     pub fn apply(self, mesh: &mut Mesh) -> Vec<Mat4> {
         let n = self.joints.clamp(1, 256);
         let [low, high] = [mesh.bounds[0].y, mesh.bounds[1].y];
@@ -76,13 +77,13 @@ impl Skin {
     }
 }
 
-/// Two morph targets: a bulge, and a twist round y.
+/// Two morph targets: a bulge, and a twist around y.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Morph {
-    /// How far the first target pushes along the normals, at most.
+    /// Largest displacement of the first target along the normals.
     pub bulge: f32,
-    /// Degrees the second target twists from foot to head.
+    /// Twist of the second target from foot to head, in degrees.
     pub twist: f32,
 }
 
@@ -96,7 +97,8 @@ impl Default for Morph {
 }
 
 impl Morph {
-    /// Adds `morph_position_0`, `morph_normal_0`, `morph_position_1` and `morph_normal_1`, offsets from the mesh's own.
+    /// Adds `morph_position_0`, `morph_normal_0`, `morph_position_1` and `morph_normal_1` as
+    /// offsets.
     pub fn apply(self, mesh: &mut Mesh) {
         let normals: Vec<Vec3> = match mesh.streams.get("normal") {
             Some(Stream::Float { data, .. }) => {

@@ -1,4 +1,4 @@
-//! glTF 2.0: all primitives of a file, or of one mesh of it, as one mesh with its skin and morph targets.
+//! glTF 2.0: all primitives of a file, or of one of its meshes, merged with skin and morph targets.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -13,32 +13,34 @@ use super::{Builder, bounds, merged, positions, transformed};
 use crate::panics;
 use crate::scene::{Error, Mesh, Stream};
 
-/// Which part of a glTF file.
+/// A part of a glTF file.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Gltf {
     /// `.gltf` or `.glb`, relative to the scene's folder.
     pub file: String,
-    /// Name of one mesh; all of the default scene's meshes otherwise, at their nodes' places.
+    /// Name of one mesh. By default, all meshes of the default scene with their nodes' transforms.
     pub mesh: Option<String>,
 }
 
-/// A mesh with what its skin and its morph targets start from.
+/// A mesh with its pose.
 #[derive(Clone, Debug)]
 pub struct Rigged {
     /// The mesh.
     pub mesh: Mesh,
-    /// Joint matrices of the file's pose, bind pose inverse applied; empty without a skin.
+    /// Joint matrices of the file's pose with the inverse bind pose applied; empty without a skin.
     pub joints: Arc<[Mat4]>,
     /// Default weights of the morph targets.
     pub morph_weights: Vec<f32>,
 }
 
 impl Gltf {
-    /// Reads the mesh. `read` returns the bytes of a file by its name relative to the scene's folder.
+    /// Reads the mesh. `read` returns the bytes of a file by its name relative to the scene's
+    /// folder.
     ///
     /// # Errors
-    /// When the file is no glTF 2.0, has no such mesh, draws other primitives than triangles, reads outside of its buffers, or has two skins in what is asked for.
+    /// The file is no glTF 2.0, lacks the mesh, has primitives other than triangles, has accessors
+    /// outside of their buffers, or has two skins in the selected part.
     pub fn load(
         &self,
         name: &str,
@@ -47,14 +49,15 @@ impl Gltf {
         self.load_within(name, read, &|_, _| Ok(()))
     }
 
-    /// [`Gltf::load`], where `take` is told how many vertices and bytes are about to be made, and may refuse them.
+    /// [`Gltf::load`] with a size check: `take` gets the number of vertices and bytes before they
+    /// are allocated.
     pub(in crate::scene) fn load_within(
         &self,
         name: &str,
         read: &dyn Fn(&str) -> Result<Vec<u8>, Error>,
         take: &dyn Fn(u64, u64) -> Result<(), Error>,
     ) -> Result<Rigged, Error> {
-        // What the checks below overlook is the reader's to panic at.
+        // The glTF crate may panic on errors that the checks below miss.
         panics::run(|| self.loaded(name, read, take)).unwrap_or_else(|panicked| {
             Err(Error::new(format!(
                 "`{}`: the crate that reads glTF panicked: {panicked}",
@@ -63,21 +66,27 @@ impl Gltf {
         })
     }
 
-    fn loaded(
+    fn wrong(&self, what: impl std::fmt::Display) -> Error {
+        Error::new(format!("`{}`: {what}", self.file))
+    }
+
+    fn is_wanted(&self, mesh: &gltf::Mesh<'_>) -> bool {
+        let wanted = self.mesh.as_deref();
+        wanted.is_none_or(|m| mesh.name() == Some(m))
+    }
+
+    /// The content of all buffers.
+    fn buffers<'g>(
         &self,
-        name: &str,
+        gltf: &'g gltf::Gltf,
         read: &dyn Fn(&str) -> Result<Vec<u8>, Error>,
         take: &dyn Fn(u64, u64) -> Result<(), Error>,
-    ) -> Result<Rigged, Error> {
-        let wrong = |what: String| Error::new(format!("`{}`: {what}", self.file));
-        let bytes = read(&self.file)?;
-        let gltf =
-            gltf::Gltf::from_slice(&bytes).map_err(|e| wrong(format!("no glTF 2.0: {e}")))?;
+    ) -> Result<Vec<Cow<'g, [u8]>>, Error> {
         let folder = match self.file.rsplit_once('/') {
             Some((folder, _)) => format!("{folder}/"),
             None => String::new(),
         };
-        let mut buffers: Vec<Cow<'_, [u8]>> = Vec::new();
+        let mut buffers: Vec<Cow<'g, [u8]>> = Vec::new();
         let mut held = 0;
         for buffer in gltf.buffers() {
             let data = match buffer.source() {
@@ -85,19 +94,19 @@ impl Gltf {
                     .blob
                     .as_deref()
                     .map(Cow::Borrowed)
-                    .ok_or_else(|| wrong("no binary chunk".into()))?,
+                    .ok_or_else(|| self.wrong("no binary chunk"))?,
                 Source::Uri(uri) => match uri.split_once(";base64,") {
                     Some((head, data)) if head.starts_with("data:") => Cow::Owned(
-                        base64(data).ok_or_else(|| wrong("a data URI that is no base64".into()))?,
+                        base64(data).ok_or_else(|| self.wrong("a data URI that is no base64"))?,
                     ),
                     _ => Cow::Owned(read(&format!("{folder}{uri}"))?),
                 },
             };
-            // Several may be of one file.
+            // Several buffers may share a file.
             held += data.len() as u64;
             take(0, held)?;
             if data.len() < buffer.length() {
-                return Err(wrong(format!(
+                return Err(self.wrong(format!(
                     "buffer {} holds {} of {} bytes",
                     buffer.index(),
                     data.len(),
@@ -106,54 +115,58 @@ impl Gltf {
             }
             buffers.push(data);
         }
-        // Nodes below their parents' transforms.
+        Ok(buffers)
+    }
+
+    /// The nodes of the default scene in depth-first order, and their world transforms by index.
+    fn nodes<'g>(
+        &self,
+        gltf: &'g gltf::Gltf,
+    ) -> Result<(Vec<gltf::Node<'g>>, BTreeMap<usize, Mat4>), Error> {
         let mut nodes = Vec::new();
         let roots: Vec<_> = match gltf.default_scene().or_else(|| gltf.scenes().next()) {
             Some(scene) => scene.nodes().collect(),
             None => gltf.nodes().collect(),
         };
-        let mut stack: Vec<(gltf::Node<'_>, Mat4)> = roots
-            .into_iter()
-            .rev()
-            .map(|n| (n, Mat4::IDENTITY))
-            .collect();
+        let roots = roots.into_iter().rev();
+        let mut stack: Vec<(gltf::Node<'_>, Mat4)> = roots.map(|n| (n, Mat4::IDENTITY)).collect();
         let mut world: BTreeMap<usize, Mat4> = BTreeMap::new();
         while let Some((node, parent)) = stack.pop() {
             let here = parent * Mat4::from_cols_array_2d(&node.transform().matrix());
             if world.insert(node.index(), here).is_some() {
-                return Err(wrong("a node has two parents".into()));
+                return Err(self.wrong("a node has two parents"));
             }
-            stack.extend(
-                node.children()
-                    .map(|c| (c, here))
-                    .collect::<Vec<_>>()
-                    .into_iter()
-                    .rev(),
-            );
+            let children: Vec<_> = node.children().map(|c| (c, here)).collect();
+            stack.extend(children.into_iter().rev());
             nodes.push(node);
         }
-        let asked = |mesh: &gltf::Mesh<'_>| {
-            let wanted = self.mesh.as_deref();
-            wanted.is_none_or(|m| mesh.name() == Some(m))
-        };
-        // Before anything of it is read: many nodes may have one mesh.
-        let lengths: Vec<usize> = buffers.iter().map(|b| b.len()).collect();
+        Ok((nodes, world))
+    }
+
+    /// Checks sizes before reading: many nodes may share a mesh. `lengths` are those of the buffers.
+    fn check_sizes(
+        &self,
+        nodes: &[gltf::Node<'_>],
+        lengths: &[usize],
+        take: &dyn Fn(u64, u64) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        let held: u64 = lengths.iter().map(|l| *l as u64).sum();
         let mut cost = Cost::default();
         let mut costs: BTreeMap<usize, Cost> = BTreeMap::new();
-        for node in &nodes {
-            let Some(mesh) = node.mesh().filter(asked) else {
+        for node in nodes {
+            let Some(mesh) = node.mesh().filter(|m| self.is_wanted(m)) else {
                 continue;
             };
             if let Some(skin) = node.skin() {
-                accessors::of_skin(&skin, &lengths).map_err(wrong)?;
+                accessors::of_skin(&skin, lengths).map_err(|e| self.wrong(e))?;
             }
             let of_mesh = match costs.get(&mesh.index()) {
                 Some(known) => *known,
                 None => {
                     let mut all = Cost::default();
                     for primitive in mesh.primitives() {
-                        let of_it = accessors::of_primitive(&primitive, &lengths);
-                        all = all.and(of_it.map_err(wrong)?);
+                        let of_it = accessors::of_primitive(&primitive, lengths);
+                        all = all.and(of_it.map_err(|e| self.wrong(e))?);
                     }
                     costs.insert(mesh.index(), all);
                     all
@@ -162,10 +175,27 @@ impl Gltf {
             cost = cost.and(of_mesh);
             take(cost.vertices, held.saturating_add(cost.bytes))?;
         }
+        Ok(())
+    }
+
+    fn loaded(
+        &self,
+        name: &str,
+        read: &dyn Fn(&str) -> Result<Vec<u8>, Error>,
+        take: &dyn Fn(u64, u64) -> Result<(), Error>,
+    ) -> Result<Rigged, Error> {
+        let wrong = |what: String| self.wrong(what);
+        let bytes = read(&self.file)?;
+        let gltf =
+            gltf::Gltf::from_slice(&bytes).map_err(|e| wrong(format!("no glTF 2.0: {e}")))?;
+        let buffers = self.buffers(&gltf, read, take)?;
+        let (nodes, world) = self.nodes(&gltf)?;
+        let lengths: Vec<usize> = buffers.iter().map(|b| b.len()).collect();
+        self.check_sizes(&nodes, &lengths, take)?;
         let (mut parts, mut joints, mut weights, mut skins) =
             (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for node in &nodes {
-            let Some(mesh) = node.mesh().filter(asked) else {
+            let Some(mesh) = node.mesh().filter(|m| self.is_wanted(m)) else {
                 continue;
             };
             if let Some(skin) = node.skin()
@@ -195,7 +225,8 @@ impl Gltf {
                 }
                 let part = read_primitive(&primitive, &buffers)
                     .ok_or_else(|| wrong("a primitive without positions".into()))?;
-                // A skinned mesh's node places nothing (glTF 2.0, section 3.7.3.3).
+                // The node of a skinned mesh has no effect on its place (glTF 2.0, section
+                // 3.7.3.3).
                 parts.push(match node.skin() {
                     Some(_) => part,
                     None => transformed(part, world[&node.index()]),
@@ -238,7 +269,7 @@ fn read_primitive(primitive: &gltf::Primitive<'_>, buffers: &[Cow<'_, [u8]>]) ->
         Some(uv) => uv.into_f32().map(glam::Vec2::from).collect(),
         None => vec![glam::Vec2::ZERO; count],
     };
-    // The builder makes tangents; the file's own take their place below.
+    // The builder generates tangents; the file's own replace them below.
     let mut b = Builder::default();
     for (i, place) in places.iter().enumerate() {
         b.vertex(*place, *normals.get(i)?, *uvs.get(i)?);
@@ -290,7 +321,7 @@ fn read_primitive(primitive: &gltf::Primitive<'_>, buffers: &[Cow<'_, [u8]>]) ->
     Some(mesh)
 }
 
-/// Normals for a mesh without: each vertex takes the mean of its triangles', weighted by area.
+/// Smooth normals: the area-weighted mean of the adjacent triangles' normals.
 fn smooth_normals(places: &[Vec3], indices: &[u32]) -> Vec<Vec3> {
     let mut sums = vec![Vec3::ZERO; places.len()];
     for t in indices.chunks_exact(3) {

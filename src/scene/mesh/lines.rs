@@ -1,4 +1,4 @@
-//! Meshes that are not triangles: a sphere of lines, and bare vertices.
+//! Meshes without triangles: a wireframe sphere and bare vertices.
 
 use std::collections::BTreeMap;
 use std::f32::consts::{PI, TAU};
@@ -9,7 +9,7 @@ use serde::Deserialize;
 use super::bounds;
 use crate::scene::{Mesh, Stream};
 
-/// Meridians and parallels of a sphere as a line list; its material's topology must be `line-list`.
+/// Meridians and parallels of a sphere as a line list. The material's topology must be `line-list`.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct WireSphere {
@@ -68,11 +68,11 @@ impl WireSphere {
     }
 }
 
-/// Vertices without data, for shaders that make their own from `vertex_index`.
+/// Vertices without data, for shaders that generate them from `vertex_index`.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Vertices {
-    /// How many.
+    /// Number of vertices.
     pub count: u32,
 }
 

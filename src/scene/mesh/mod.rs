@@ -1,6 +1,7 @@
-//! Meshes: generated shapes, glTF files, and what can be done to both.
+//! Meshes: generated shapes and glTF files.
 //!
-//! Right-handed, y up, counter-clockwise triangles outward, unit normals, tangents along increasing u with the handedness in w (glTF's rule).
+//! Right-handed, y up, counter-clockwise outward triangles, unit normals, tangents along increasing
+//! u with the handedness in w (glTF's rule).
 
 use std::collections::BTreeMap;
 
@@ -43,13 +44,14 @@ impl Builder {
         self.positions.len() as u32 - 1
     }
 
-    /// Adds a triangle, counter-clockwise as seen from its front.
+    /// Adds a triangle, counter-clockwise from its front.
     pub fn triangle(&mut self, a: u32, b: u32, c: u32) {
         self.indices.extend([a, b, c]);
     }
 
-    /// Adds a grid of `segments` cells over the unit square; `at` gives position, normal and uv for `(s, t)` in `[0, 1]`. Its front is where
-    /// the cross product of the s and t directions points. Triangles without area (at the pole of a sphere) are left out.
+    /// Adds a grid of `segments` cells over the unit square. `at` returns position, normal and uv
+    /// for `(s, t)` in `[0, 1]`. The cross product of the s and t directions points to the front.
+    /// Triangles without area (at the pole of a sphere) are left out.
     pub fn patch(&mut self, segments: [u32; 2], at: impl Fn(f32, f32) -> (Vec3, Vec3, Vec2)) {
         let [n, m] = segments.map(|s| s.max(1));
         let first = self.positions.len() as u32;
@@ -101,7 +103,7 @@ impl Builder {
     }
 }
 
-/// The box around points; all zero where there are none.
+/// The bounding box of points; all zero without points.
 pub fn bounds(points: impl IntoIterator<Item = Vec3>) -> [Vec3; 2] {
     points
         .into_iter()
@@ -110,7 +112,8 @@ pub fn bounds(points: impl IntoIterator<Item = Vec3>) -> [Vec3; 2] {
         .unwrap_or([Vec3::ZERO; 2])
 }
 
-/// Tangents by accumulating each triangle's u direction at its corners, made orthogonal to the normal (Lengyel 2001).
+/// Tangents: accumulates each triangle's u direction at its corners and orthogonalises it to the
+/// normal (Lengyel 2001).
 fn tangents(positions: &[Vec3], normals: &[Vec3], uvs: &[Vec2], indices: &[u32]) -> Vec<[f32; 4]> {
     let mut along_u = vec![Vec3::ZERO; positions.len()];
     let mut along_v = vec![Vec3::ZERO; positions.len()];
@@ -145,7 +148,8 @@ fn tangents(positions: &[Vec3], normals: &[Vec3], uvs: &[Vec2], indices: &[u32])
         .collect()
 }
 
-/// The mesh moved by `transform`: positions and bounds as points, normals by the inverse transpose, tangents and morph offsets as directions.
+/// Transforms a mesh: positions and bounds as points, normals by the inverse transpose, tangents
+/// and morph offsets as directions.
 #[must_use]
 pub fn transformed(mut mesh: Mesh, transform: Mat4) -> Mesh {
     let normal_matrix = transform.inverse().transpose();
@@ -173,7 +177,7 @@ pub fn transformed(mut mesh: Mesh, transform: Mat4) -> Mesh {
     if transform.determinant() < 0.0
         && let Some(indices) = &mut mesh.indices
     {
-        // A mirror turns the winding round.
+        // A mirror reverses the winding.
         for t in indices.chunks_exact_mut(3) {
             t.swap(1, 2);
         }
@@ -182,7 +186,7 @@ pub fn transformed(mut mesh: Mesh, transform: Mat4) -> Mesh {
     mesh
 }
 
-/// The positions of a mesh; none where it has no such stream.
+/// The positions of a mesh; empty without that stream.
 pub fn positions(mesh: &Mesh) -> impl Iterator<Item = Vec3> {
     let data: &[f32] = match mesh.streams.get("position") {
         Some(Stream::Float {
@@ -194,7 +198,7 @@ pub fn positions(mesh: &Mesh) -> impl Iterator<Item = Vec3> {
     data.chunks_exact(3).map(Vec3::from_slice)
 }
 
-/// Several meshes as one, in order. Streams that one of them lacks are left out; indices are made where one has none.
+/// Merges meshes in order. Keeps only streams that all of them have; generates missing indices.
 pub fn merged(name: &str, parts: Vec<Mesh>) -> Mesh {
     let mut parts = parts.into_iter();
     let Some(mut all) = parts.next() else {

@@ -8,7 +8,8 @@ use serde::Deserialize;
 use super::Builder;
 use crate::scene::Mesh;
 
-/// A box around the origin. Its uvs count world units, so that a texture keeps its size on every face.
+/// A box around the origin. Its uvs are in world units, so that a texture has the same size on
+/// every face.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Cuboid {
@@ -16,7 +17,7 @@ pub struct Cuboid {
     pub size: [f32; 3],
     /// Cells along each edge.
     pub segments: u32,
-    /// Texture repeats a unit.
+    /// Texture repeats per unit.
     pub tiling: f32,
 }
 
@@ -31,7 +32,7 @@ impl Default for Cuboid {
 }
 
 impl Cuboid {
-    /// Adds it to a mesh, centred at `center`.
+    /// Adds the box to a mesh, centred at `center`.
     pub fn add(self, builder: &mut Builder, center: Vec3) {
         let half = Vec3::from(self.size) * 0.5;
         // Normal, direction of u, direction of v; u x v is the normal.
@@ -45,7 +46,8 @@ impl Cuboid {
         ] {
             let extent = |axis: Vec3| (axis.abs() * half).element_sum() * 2.0;
             builder.patch([self.segments; 2], |s, t| {
-                // In whole cells, so that faces that run opposite ways along an edge share its points to the bit.
+                // Count whole cells, so that faces with opposite directions along an edge share its
+                // points bit for bit.
                 let cells = self.segments.max(1) as f32;
                 let across = |s: f32| (2.0 * (s * cells).round() - cells) / cells;
                 let p = half * (n + u * across(s) + v * across(t));
@@ -71,7 +73,7 @@ pub struct Plane {
     pub size: [f32; 2],
     /// Cells along x and z.
     pub segments: [u32; 2],
-    /// Texture repeats a unit; 0 stretches it over the plane once.
+    /// Texture repeats per unit; 0 stretches the texture over the plane.
     pub tiling: f32,
 }
 
@@ -104,13 +106,13 @@ impl Plane {
     }
 }
 
-/// A sphere around the origin in meridians and parallels.
+/// A sphere around the origin, divided into meridians and parallels.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Sphere {
     /// Radius.
     pub radius: f32,
-    /// Cells round the equator.
+    /// Cells around the equator.
     pub segments: u32,
     /// Cells from pole to pole.
     pub rings: u32,
@@ -131,7 +133,7 @@ impl Sphere {
     pub fn mesh(self, name: &str) -> Mesh {
         let mut builder = Builder::default();
         builder.patch([self.segments.max(3), self.rings.max(2)], |s, t| {
-            // The seam's two columns and the poles' points must be the same to the bit.
+            // The two columns of the seam and the points of each pole must be equal bit for bit.
             let turn = if s == 1.0 { 0.0 } else { s * TAU };
             let lift = (t - 0.5) * PI;
             let ring = if t == 0.0 || t == 1.0 {

@@ -1,4 +1,5 @@
-//! The Utah teapot (Newell 1975): bicubic Bézier patches, here as the profile of its bodies of revolution and the half sections of handle and spout.
+//! The Utah teapot (Newell 1975) as bicubic Bézier patches: the profile of its bodies of
+//! revolution, and half sections of handle and spout.
 
 use glam::{Vec2, Vec3};
 use serde::Deserialize;
@@ -6,16 +7,17 @@ use serde::Deserialize;
 use super::{Builder, transformed};
 use crate::scene::Mesh;
 
-/// The teapot, standing on y = 0 with its spout towards +x.
+/// The teapot on y = 0 with its spout towards +x.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Teapot {
     /// Height.
     pub size: f32,
-    /// Cells of each of its 32 patches, 1 to 256: round the axis of its body (a quarter turn) or tube (half a turn), and along it.
+    /// Cells of each of its 32 patches, 1 to 256: around the axis of its body (a quarter turn) or
+    /// tube (half a turn), and along it.
     ///
-    /// It has `64 round along` triangles, less the `8 round` without area at the two poles: `[13, 19]` makes the 15,704 of the teapot that has long
-    /// circulated as an OBJ file.
+    /// It has `64 * around * along` triangles, minus `8 * around` without area at the two poles.
+    /// `[13, 19]` gives the 15,704 triangles of the widely used OBJ file.
     pub segments: [u32; 2],
 }
 
@@ -38,13 +40,14 @@ const PROFILE: [[(f32, f32); 4]; 6] = [
     [(0.2, 2.7), (0.4, 2.55), (1.3, 2.55), (1.3, 2.4)],
 ];
 
-/// Where Newell put the inner control points of a quarter circle of radius 1.
+/// Newell's inner control points of a quarter circle of radius 1.
 const QUARTER: f32 = 0.56;
 
-/// A section of handle or spout: (x, height) of the two ends of its half ring, and the ring's half width.
+/// A section of handle or spout: (x, height) of the two ends of its half ring, and the ring's half
+/// width.
 type Section = ((f32, f32), (f32, f32), f32);
 
-/// Handle, handle, spout, spout: four sections each.
+/// Two patches of the handle and two of the spout, four sections each.
 const TUBES: [[Section; 4]; 4] = [
     [
         ((-1.6, 2.025), (-1.5, 2.25), 0.3),
@@ -75,12 +78,13 @@ const TUBES: [[Section; 4]; 4] = [
 /// Control points, rows along `s`.
 type Patch = [[Vec3; 4]; 4];
 
-/// What the rows of a patch follow: how its cells are counted, so that neighbours have the same points on the edge they share.
+/// The direction of a patch's rows. It decides the number of cells, so that neighbours share the
+/// points of an edge.
 #[derive(Clone, Copy)]
 enum Rows {
-    /// The axis of a body or tube.
+    /// Along the axis of a body or tube.
     Along,
-    /// The way round it.
+    /// Around the axis.
     Round,
 }
 
@@ -104,7 +108,7 @@ impl Teapot {
     }
 }
 
-/// All 32 patches, y up, so that the cross product of the s and t directions points outward.
+/// All 32 patches, y up. The cross product of the s and t directions points outward.
 fn patches() -> Vec<(Patch, Rows)> {
     let mut out = Vec::new();
     for profile in PROFILE {
@@ -133,7 +137,7 @@ fn patches() -> Vec<(Patch, Rows)> {
                     Vec3::new(x1, y1, 0.0),
                 ]
             });
-            // Seen from outside, the two halves run opposite ways.
+            // From outside, the two halves run in opposite directions.
             out.push(if side > 0.0 {
                 (transposed(half), Rows::Round)
             } else {
@@ -148,7 +152,7 @@ fn transposed(p: Patch) -> Patch {
     std::array::from_fn(|i| std::array::from_fn(|j| p[j][i]))
 }
 
-/// Point and unit normal. Where the surface closes in a pole the normal is that of a point just beside it.
+/// Point and unit normal. At a pole the normal is that of a point just beside it.
 fn evaluate(patch: &Patch, s: f32, t: f32) -> (Vec3, Vec3) {
     let curve = |w: [f32; 4], v: [f32; 4]| {
         let row = |r: &[Vec3; 4]| r[0] * v[0] + r[1] * v[1] + r[2] * v[2] + r[3] * v[3];
@@ -166,7 +170,7 @@ fn evaluate(patch: &Patch, s: f32, t: f32) -> (Vec3, Vec3) {
     let n = normal(s, t)
         .or_else(|| normal(inward(s), inward(t)))
         .unwrap_or(Vec3::Y);
-    // A pole is one point, to the bit.
+    // A pole is one point, bit for bit.
     let pole = [(0.0, &patch[0]), (1.0, &patch[3])]
         .into_iter()
         .find(|(end, row)| s == *end && row.iter().all(|p| *p == row[0]));

@@ -1,0 +1,44 @@
+//! Transcripts of commands that draw, and a scene made up for a bare shader.
+
+use std::path::Path;
+
+use crate::hostile_support::{run, stderr};
+
+const TOON: &str = "../fixtures/shaders/toon.wgsl";
+
+/// Every transcript in `tests/cmd/gpu`. `TRYCMD=overwrite` updates them.
+#[test]
+fn transcripts() {
+    trycmd::TestCases::new()
+        .env("COLUMNS", "100")
+        .env("NO_COLOR", "1")
+        .case("tests/cmd/gpu/*.md");
+}
+
+#[test]
+fn what_a_bare_shader_was_given_is_told() {
+    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let output = run(
+        here,
+        &[
+            "verify", TOON, "--size", "32x32", "--time", "no", "--pass", "shadow", "--format",
+            "json",
+        ],
+    );
+    let said = stderr(&output);
+    assert_eq!(output.status.code(), Some(0), "{said}");
+    assert!(
+        said.starts_with("note: a scene was made up for `toon`, with these inputs guessed"),
+        "{said}"
+    );
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let assumed = report["assumed"].as_array().unwrap();
+    let of = |guess: &str| assumed.iter().filter(|a| a["guess"] == guess).count();
+    assert!(
+        of("uniform-by-name") > 0 && of("uniform-made-up") > 0,
+        "{assumed:?}"
+    );
+    for a in assumed {
+        assert!(said.contains(a["name"].as_str().unwrap()), "{a}");
+    }
+}

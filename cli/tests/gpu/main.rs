@@ -1,0 +1,18 @@
+//! Tests of commands that draw: they need an adapter, and `page` and `three` also Chromium, node and npm.
+//! `scripts/setup.sh vulkan three` installs them. A test fails if something is missing.
+
+#![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
+
+#[path = "../support/hostile_support.rs"]
+mod hostile_support;
+#[path = "../support/trees.rs"]
+mod trees;
+
+mod cli;
+mod hostile;
+mod kept;
+mod locks;
+mod page;
+mod plan;
+mod readme;
+mod three;

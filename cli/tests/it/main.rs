@@ -1,0 +1,13 @@
+//! Tests of the command line that need no adapter.
+
+#![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
+
+#[path = "../support/hostile_support.rs"]
+mod hostile_support;
+#[path = "../support/trees.rs"]
+mod trees;
+
+mod cli;
+mod hostile;
+mod many;
+mod same_bytes;

@@ -1,0 +1,554 @@
+//! Finds float operations that a compiler may round differently after branches and their
+//! dependences are removed.
+//!
+//! No shading language fixes rounding. Without `NoContraction` (which naga never writes, and which
+//! would change the original too) a driver may fuse `a * b + c`, reassociate, or turn a division by
+//! a constant into a product. Its decision depends on the code around an operation:
+//!
+//! - the operand: `x + c` cannot be fused while `x` is a selection, but can after the branch is
+//!   gone;
+//! - other readers: some compilers fuse a product only into its single reader, and another reader
+//!   may now be dead;
+//! - the basic block: some compilers fuse only within a block, and removing a branch merges two
+//!   blocks;
+//! - constants: a known number may be multiplied out, or a factor of 1 dropped.
+//!
+//! So we compare pairs of an operation and the float operation that provides its operand, each with
+//! everything it is computed from, by structure. If the original has the same pair with as many
+//! other readers, and both programs have it in one block or neither has, a compiler that looks that
+//! far sees no difference. For any other pair the bits are open: it is *exposed*. No text can do
+//! better, because whatever separates two operations for one compiler also separates them for a
+//! compiler that would have fused them in the original.
+
+use std::collections::hash_map::DefaultHasher;
+use std::collections::{BTreeMap, BTreeSet, HashSet};
+use std::hash::{Hash, Hasher};
+
+use naga::{Binding, BuiltIn, Expression, Handle, Literal, ScalarKind, ShaderStage, Statement};
+
+use crate::analysis::jumps::jump;
+use crate::analysis::values::{ContextId, Node, TooLarge, ValueId, Values};
+use crate::core::contract::Surface;
+use crate::core::plan::GpuPass;
+use crate::core::program::Program;
+use crate::graph::{FunctionGraph, FunctionId, Graph, operands};
+
+/// Depth to which we compare an operation's computation. Compilers do not see differences further
+/// down.
+const DEPTH: usize = 16;
+
+/// Most copies to follow from an operand.
+const MOST_COPIES: usize = 64;
+
+/// Operations that may round differently.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Exposed {
+    /// Number of operations in both stages.
+    pub roundings: u32,
+    /// The affected surface, if a decision depends on them.
+    pub decides: Option<Surface>,
+}
+
+/// Compares the stages of a pass before and after. `folded` are operations of the original that
+/// were removed as neutral; their dependents may round differently too.
+pub fn exposed(
+    before: &Program,
+    after: &Program,
+    pass: &GpuPass,
+    folded: &BTreeSet<(FunctionId, Handle<Expression>)>,
+) -> Exposed {
+    let mut total = Exposed::default();
+    let mut surface = Surface::Kept;
+    let mut varyings = BTreeSet::new();
+    let mut decides = false;
+    let vertex = stages(before, after, ShaderStage::Vertex, Some(&pass.vertex));
+    if let Some([(before, entry), (after, other)]) = vertex {
+        let [a, b] = [Graph::build(before), Graph::build(after)];
+        let Ok([a, b]) = looked([(&a, entry), (&b, other)]) else {
+            return anything(&b, other);
+        };
+        let found = b.new_to(&a);
+        let folded = a.of(folded);
+        total.roundings += (found.len() + folded.len()) as u32;
+        for output in a.outputs_of(folded).into_iter().chain(b.outputs_of(found)) {
+            match output {
+                Some(Binding::BuiltIn(BuiltIn::Position { .. })) => surface = Surface::Rounded,
+                Some(Binding::Location { location, .. }) => {
+                    varyings.insert(location);
+                }
+                // A clip distance decides.
+                _ => decides = true,
+            }
+        }
+    }
+    let fragment = stages(
+        before,
+        after,
+        ShaderStage::Fragment,
+        pass.fragment.as_deref(),
+    );
+    if let Some([(before, entry), (after, other)]) = fragment {
+        let [a, b] = [Graph::build(before), Graph::build(after)];
+        let Ok([a, b]) = looked([(&a, entry), (&b, other)]) else {
+            return anything(&b, other);
+        };
+        let mut found = b.new_to(&a);
+        let folded = a.of(folded);
+        total.roundings += (found.len() + folded.len()) as u32;
+        decides |= a.decides(&a.reached(folded));
+        // The vertex stage's outputs may round differently too; if the surface moves, so do all
+        // interpolated values.
+        found.extend(b.inputs(&|binding| match binding {
+            Binding::Location { location, .. } => {
+                surface == Surface::Rounded || varyings.contains(location)
+            }
+            Binding::BuiltIn(BuiltIn::Position { .. }) => surface == Surface::Rounded,
+            Binding::BuiltIn(_) => false,
+        }));
+        let reached = b.reached(found);
+        decides |= b.decides(&reached);
+    }
+    if decides || surface == Surface::Rounded {
+        total.decides = Some(surface);
+    }
+    total
+}
+
+/// The result for a stage that is too large: every operation may round differently and decide
+/// anything.
+fn anything(graph: &Graph<'_>, entry: usize) -> Exposed {
+    Exposed {
+        roundings: graph.entry_cost(entry).ceil() as u32,
+        decides: Some(Surface::Rounded),
+    }
+}
+
+type Stage<'p> = (&'p Program, usize);
+
+fn stages<'p>(
+    before: &'p Program,
+    after: &'p Program,
+    stage: ShaderStage,
+    name: Option<&str>,
+) -> Option<[Stage<'p>; 2]> {
+    let find = |program: &'p Program| Some((program, program.entry_point(stage, name?)?.0));
+    Some([find(before)?, find(after)?])
+}
+
+fn looked<'g, 'p>([a, b]: [(&'g Graph<'p>, usize); 2]) -> Result<[Looked<'g, 'p>; 2], TooLarge> {
+    Ok([Looked::new(a.0, a.1)?, Looked::new(b.0, b.1)?])
+}
+
+/// An operation and the provider of its operand, as a compiler sees them.
+type Pair = (u64, u64, bool, usize);
+
+/// The values of a stage.
+struct Looked<'g, 'p> {
+    values: Values<'g, 'p>,
+    /// A structural hash of each value.
+    hashes: Vec<u64>,
+    /// Functions with more than one basic block, calls included.
+    branches: BTreeSet<FunctionId>,
+    /// The number of each statement's basic block, by function.
+    blocks: BTreeMap<FunctionId, Vec<usize>>,
+}
+
+impl<'g, 'p> Looked<'g, 'p> {
+    fn new(graph: &'g Graph<'p>, entry: usize) -> Result<Self, TooLarge> {
+        let values = Values::new(graph, entry)?;
+        let (branches, blocks) = blocks(graph, FunctionId::EntryPoint(entry));
+        let mut this = Self {
+            values,
+            hashes: Vec::new(),
+            branches,
+            blocks,
+        };
+        this.hashes = this.hashed();
+        Ok(this)
+    }
+
+    fn function(&self, context: ContextId) -> &'g FunctionGraph<'p> {
+        self.values.function(context)
+    }
+
+    fn whole(&self, id: ValueId) -> Option<(ContextId, &'g Expression)> {
+        match &self.values.values[id].node {
+            Node::Expression(context, e, _) => {
+                Some((*context, &self.function(*context).function.expressions[*e]))
+            }
+            _ => None,
+        }
+    }
+
+    /// Whether it rounds, or is part of an operation that does.
+    fn is_arithmetic(&self, id: ValueId) -> bool {
+        let Some((context, expression)) = self.whole(id) else {
+            return false;
+        };
+        let f = self.function(context);
+        let module = self.values.graph.module();
+        let is_float = |e: Handle<Expression>| {
+            let scalar = f.ty(module, e).scalar();
+            scalar.is_some_and(|s| s.kind == ScalarKind::Float)
+        };
+        match expression {
+            Expression::Binary { left, op, .. } => {
+                use naga::BinaryOperator as B;
+                is_float(*left)
+                    && matches!(
+                        op,
+                        B::Add | B::Subtract | B::Multiply | B::Divide | B::Modulo
+                    )
+            }
+            Expression::Unary { expr, .. } => is_float(*expr),
+            Expression::Math { arg, .. } => is_float(*arg),
+            _ => false,
+        }
+    }
+
+    /// The values that this one is a copy of, wholly or in part; empty if it is not a copy or is a
+    /// selection.
+    fn copied(&self, id: ValueId) -> Vec<ValueId> {
+        let value = &self.values.values[id];
+        let is_data = |o: &ValueId| !matches!(self.values.values[*o].node, Node::Control(..));
+        let data = || value.operands.iter().copied().filter(is_data);
+        let only = || match data().count() {
+            1 => data().collect(),
+            _ => Vec::new(),
+        };
+        match &value.node {
+            Node::Input(_) | Node::Control(..) => Vec::new(),
+            Node::Version(..) => only(),
+            Node::Expression(..) => match self.whole(id).map(|(_, e)| e) {
+                Some(Expression::CallResult(_)) => only(),
+                Some(
+                    Expression::Load { .. }
+                    | Expression::Compose { .. }
+                    | Expression::Access { .. }
+                    | Expression::AccessIndex { .. }
+                    | Expression::Swizzle { .. }
+                    | Expression::Splat { .. },
+                ) => data().collect(),
+                _ => Vec::new(),
+            },
+        }
+    }
+
+    /// The operand behind all copies.
+    fn sources(&self, operand: ValueId) -> Vec<ValueId> {
+        let (mut found, mut seen) = (Vec::new(), BTreeSet::new());
+        let mut work = vec![operand];
+        while let Some(id) = work.pop() {
+            if !seen.insert(id) || seen.len() > MOST_COPIES {
+                continue;
+            }
+            let copied = self.copied(id);
+            match copied.is_empty() {
+                true => found.push(id),
+                false => work.extend(copied),
+            }
+        }
+        found
+    }
+
+    /// Number of readers behind all copies: operations, merges, decisions, outputs.
+    fn readers(&self, id: ValueId) -> usize {
+        let (mut found, mut seen) = (BTreeSet::new(), BTreeSet::new());
+        let mut work = vec![id];
+        while let Some(at) = work.pop() {
+            if self.values.roots.binary_search(&at).is_ok() {
+                found.insert(usize::MAX);
+            }
+            for user in &self.values.users()[at] {
+                match self.copied(*user).contains(&at) {
+                    true if seen.insert(*user) && seen.len() <= MOST_COPIES => work.push(*user),
+                    true => {}
+                    false => {
+                        found.insert(*user);
+                    }
+                }
+            }
+        }
+        found.len()
+    }
+
+    fn pairs(&self) -> Vec<(ValueId, Pair)> {
+        let mut all = Vec::new();
+        for id in (0..self.values.values.len()).filter(|id| self.is_arithmetic(*id)) {
+            for operand in &self.values.values[id].operands {
+                for source in self.sources(*operand) {
+                    let pair = match self.is_arithmetic(source) {
+                        true => (
+                            self.hashes[source],
+                            self.hashes[id],
+                            self.block(source) == self.block(id),
+                            self.readers(source),
+                        ),
+                        // A constant may be multiplied out by itself.
+                        false if self.is_constant(source) => {
+                            (self.hashes[source], self.hashes[id], true, 0)
+                        }
+                        false => continue,
+                    };
+                    all.push((id, pair));
+                }
+            }
+        }
+        all
+    }
+
+    /// The operations with a pair that `before` lacks.
+    fn new_to(&self, before: &Self) -> BTreeSet<ValueId> {
+        let known: HashSet<Pair> = before.pairs().into_iter().map(|(_, p)| p).collect();
+        let mine = self.pairs().into_iter();
+        mine.filter(|(_, pair)| !known.contains(pair))
+            .map(|(id, _)| id)
+            .collect()
+    }
+
+    fn is_constant(&self, id: ValueId) -> bool {
+        let constant = |e| {
+            matches!(
+                e,
+                &(Expression::Literal(_) | Expression::Constant(_) | Expression::ZeroValue(_))
+            )
+        };
+        match self.values.values[id].node {
+            // A variable without stores so far.
+            Node::Version(..) => self.values.values[id].operands.is_empty(),
+            _ => self.whole(id).is_some_and(|(_, e)| constant(e)),
+        }
+    }
+
+    /// The basic block of a value. A function without branches belongs to its caller's block.
+    fn block(&self, id: ValueId) -> Option<(ContextId, usize)> {
+        let Node::Expression(mut context, e, _) = self.values.values[id].node else {
+            return None;
+        };
+        let mut at = self.function(context).statements.evaluated_at(e)?;
+        loop {
+            let function = self.values.contexts[context].function;
+            match self.values.contexts[context].call {
+                Some((caller, call)) if !self.branches.contains(&function) => {
+                    (context, at) = (caller, call);
+                }
+                _ => {
+                    let blocks = self.blocks.get(&function)?;
+                    return Some((context, blocks[at.index()]));
+                }
+            }
+        }
+    }
+
+    /// Inputs of the stage with such a binding.
+    fn inputs(&self, is: &dyn Fn(&Binding) -> bool) -> Vec<ValueId> {
+        let inputs = &self.values.inputs;
+        let bound = |i: usize| inputs.get(i).and_then(|io| io.binding.as_ref());
+        let values = self.values.values.iter().enumerate();
+        values
+            .filter(|(_, v)| matches!(v.node, Node::Input(i) if bound(i).is_some_and(is)))
+            .map(|(id, _)| id)
+            .collect()
+    }
+
+    /// The values of these expressions in each call of their functions.
+    fn of(&self, expressions: &BTreeSet<(FunctionId, Handle<Expression>)>) -> BTreeSet<ValueId> {
+        let is = |id: &ValueId| match self.values.values[*id].node {
+            Node::Expression(context, e, _) => {
+                expressions.contains(&(self.values.contexts[context].function, e))
+            }
+            _ => false,
+        };
+        (0..self.values.values.len()).filter(is).collect()
+    }
+
+    /// Bindings of the outputs that depend on these values.
+    fn outputs_of(&self, values: BTreeSet<ValueId>) -> Vec<Option<Binding>> {
+        let reached = self.reached(values);
+        let outputs = self.values.outputs().into_iter();
+        outputs
+            .filter(|(_, root)| reached[*root])
+            .map(|(binding, _)| binding)
+            .collect()
+    }
+
+    /// All dependents of these values, including themselves.
+    fn reached(&self, from: impl IntoIterator<Item = ValueId>) -> Vec<bool> {
+        let mut reached = vec![false; self.values.values.len()];
+        let mut work: Vec<ValueId> = from.into_iter().collect();
+        while let Some(id) = work.pop() {
+            if !std::mem::replace(&mut reached[id], true) {
+                work.extend(&self.values.users()[id]);
+            }
+        }
+        reached
+    }
+
+    /// Whether a decision depends on the reached values: coverage, a discontinuity, a texture
+    /// coordinate.
+    fn decides(&self, reached: &[bool]) -> bool {
+        let covers = self.values.coverage.iter().any(|root| reached[*root]);
+        covers
+            || (0..reached.len()).any(|id| {
+                let rests = self.values.values[id].operands.iter().any(|o| reached[*o]);
+                rests
+                    && self.whole(id).is_some_and(|(_, e)| {
+                        matches!(e, Expression::ImageSample { .. }) || jump(e).is_some()
+                    })
+            })
+    }
+
+    /// Structural hash of each value to [`DEPTH`], by Weisfeiler-Lehman refinement, which handles
+    /// loops.
+    fn hashed(&self) -> Vec<u64> {
+        let values = &self.values.values;
+        let tags: Vec<u64> = (0..values.len()).map(|id| self.tag(id)).collect();
+        // Copies get the hash of their source, so that removed copies leave no trace.
+        let through: Vec<ValueId> = (0..values.len()).map(|id| self.through(id)).collect();
+        let mut hashes = tags.clone();
+        for _ in 0..DEPTH {
+            let next = |id: ValueId| {
+                let mut of: Vec<u64> = values[id].operands.iter().map(|o| hashes[*o]).collect();
+                of.sort_unstable();
+                hash(&(tags[id], of))
+            };
+            let round: Vec<u64> = (0..values.len()).map(|id| next(through[id])).collect();
+            hashes = round;
+        }
+        hashes
+    }
+
+    fn through(&self, id: ValueId) -> ValueId {
+        let mut at = id;
+        for _ in 0..MOST_COPIES {
+            let is_copy = match &self.values.values[at].node {
+                Node::Version(..) => true,
+                _ => matches!(
+                    self.whole(at),
+                    Some((_, Expression::CallResult(_) | Expression::Load { .. }))
+                ),
+            };
+            match self.copied(at).as_slice() {
+                [one] if is_copy => at = *one,
+                _ => break,
+            }
+        }
+        at
+    }
+
+    fn tag(&self, id: ValueId) -> u64 {
+        let module = self.values.graph.module();
+        match &self.values.values[id].node {
+            Node::Input(i) => {
+                let io = self.values.inputs.get(*i);
+                hash(&format!("{:?}", io.and_then(|io| io.binding.as_ref())))
+            }
+            Node::Version(..) => hash("merge"),
+            Node::Control(..) => hash("control"),
+            Node::Expression(context, e, path) => {
+                let f = self.function(*context);
+                let ty = match f.ty(module, *e) {
+                    naga::TypeInner::Struct { .. } | naga::TypeInner::Array { .. } => String::new(),
+                    inner => format!("{inner:?}"),
+                };
+                hash(&(written(f, module, *e), ty, path))
+            }
+        }
+    }
+}
+
+/// The callees with more than one basic block, and the block numbers of all of them.
+fn blocks(
+    graph: &Graph<'_>,
+    top: FunctionId,
+) -> (BTreeSet<FunctionId>, BTreeMap<FunctionId, Vec<usize>>) {
+    let mut branching = BTreeSet::new();
+    let mut all = BTreeMap::new();
+    // Callees precede their callers.
+    for f in graph.functions() {
+        if !graph.reaches(top, f.id) {
+            continue;
+        }
+        let mut edges = vec![0; f.statements.len() + 1];
+        for (id, node) in f.statements.iter() {
+            let branches = match node.statement {
+                Statement::If { .. } | Statement::Switch { .. } | Statement::Loop { .. } => true,
+                Statement::Call { function, .. } => {
+                    branching.contains(&FunctionId::Function(*function))
+                }
+                _ => false,
+            };
+            if branches {
+                edges[id.index() + 1] += 1;
+                edges[node.end.index()] += 1;
+                branching.insert(f.id);
+            }
+        }
+        let mut block = 0;
+        let numbers = edges.into_iter().map(|more: usize| {
+            block += more;
+            block
+        });
+        all.insert(f.id, numbers.collect());
+    }
+    (branching, all)
+}
+
+/// An expression without its operands, with names in place of handles.
+fn written(f: &FunctionGraph<'_>, module: &naga::Module, e: Handle<Expression>) -> String {
+    let global = |g: Handle<naga::GlobalVariable>| {
+        let g = &module.global_variables[g];
+        format!("{:?} {:?}", g.name, g.binding)
+    };
+    let expression = &f.function.expressions[e];
+    match expression {
+        Expression::Literal(Literal::F32(v)) => format!("f32 {:x}", v.to_bits()),
+        Expression::Literal(literal) => format!("{literal:?}"),
+        Expression::Constant(c) => {
+            let constant = &module.constants[*c];
+            let value = &module.global_expressions[constant.init];
+            format!("constant {:?} {value:?}", constant.name)
+        }
+        Expression::Override(o) => format!("override {:?}", module.overrides[*o].name),
+        Expression::ZeroValue(_) => "zero".to_owned(),
+        Expression::GlobalVariable(g) => global(*g),
+        Expression::CallResult(_) => "call".to_owned(),
+        Expression::LocalVariable(_) => "local".to_owned(),
+        Expression::Load { pointer } => {
+            let (mut at, mut steps) = (*pointer, Vec::new());
+            loop {
+                match f.function.expressions[at] {
+                    Expression::AccessIndex { base, index } => {
+                        steps.push(index);
+                        at = base;
+                    }
+                    Expression::Access { base, .. } => {
+                        steps.push(u32::MAX);
+                        at = base;
+                    }
+                    Expression::GlobalVariable(g) => {
+                        return format!("load {} {steps:?}", global(g));
+                    }
+                    _ => return "load".to_owned(),
+                }
+            }
+        }
+        Expression::Compose { .. } => "compose".to_owned(),
+        other => {
+            // Set all operands to the same handle.
+            let mut shell = other.clone();
+            let operands = operands::of_expression(other);
+            let Some(one) = operands.first() else {
+                return format!("{shell:?}");
+            };
+            operands::map_expression(&mut shell, &mut |o| *o = *one);
+            format!("{shell:?}").replace(&format!("{one:?}"), "_")
+        }
+    }
+}
+
+fn hash(of: &(impl Hash + ?Sized)) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    of.hash(&mut hasher);
+    hasher.finish()
+}

@@ -1,0 +1,18 @@
+//! Questions that any pass may ask about a program. An analysis reads the graph and changes nothing.
+
+pub(crate) mod circle;
+pub mod contraction;
+pub mod coverage;
+pub(crate) mod jumps;
+pub(crate) mod near_plane;
+pub mod neighbours;
+pub mod opaque;
+pub(crate) mod range;
+pub(crate) mod reach;
+pub mod refusals;
+pub(crate) mod rounding;
+pub mod sign;
+pub(crate) mod simplify;
+pub mod uniformity;
+pub(crate) mod users;
+pub mod values;

@@ -1,0 +1,556 @@
+//! Bounds the effect at the outputs of rounding differences in interpolated values.
+//!
+//! An affine value that moves is computed at the vertices and then interpolated, instead of being
+//! computed from interpolated varyings. It is the same real number with other rounding. First we
+//! follow the difference forward to the value: each operation adds its own rounding and passes on
+//! its operands' errors by its slope. From there the slopes of all dependents lead to the outputs,
+//! to first order, multiplied along each path and added over all paths. Dependents are rounded
+//! again too, and with large numbers that matters: a small value that is added to a large one and
+//! subtracted again has steps. This is the running error analysis of Wilkinson (1963; Higham,
+//! Accuracy and Stability of Numerical Algorithms, section 3.3), over intervals of the operands.
+//!
+//! At a discontinuity, or where the slope is unbounded (a division by a possible 0, `normalize` of
+//! a possibly short vector), any error may result from the last bit. The bound then is infinite.
+
+use std::sync::Arc;
+
+use naga::{BinaryOperator, Expression, Handle, MathFunction, ScalarKind, UnaryOperator};
+
+use crate::analysis::jumps;
+use crate::analysis::range::{AllRanges, Range, dimension, terms};
+use crate::analysis::users::Users;
+use crate::analysis::values::{ContextId, Node, ValueId, Values};
+use crate::core::pass::SourceRange;
+use crate::evaluate::bound::Accuracy;
+use crate::graph::rate::Rate;
+
+/// Assumed magnitude of varyings, textures and draw constants without a scene.
+pub const ORDINARY: u32 = 4;
+
+/// Half the distance of adjacent numbers around 1: the relative error of one operation.
+const UNIT_ROUNDOFF: f64 = 1.0 / (1 << 24) as f64;
+
+/// Error of interpolation in units of roundoff of the largest interpolated number: the weights do
+/// not sum to exactly 1, and there is a perspective division. No language specifies it. A software
+/// rasteriser was off by some tens on slivers and on very large planes.
+const INTERPOLATION: f64 = 64.0;
+
+/// Largest error of an output for all moved values together. Numbers less than an 8-bit step apart
+/// are stored as the same or adjacent steps.
+pub const MOST: f64 = 1.0 / 255.0;
+
+/// Slope of the sRGB transfer function at 0, its maximum (IEC 61966-2-1).
+pub const STEEPEST_SRGB: f64 = 12.92;
+
+/// Most values to follow to the outputs for all moved values together; beyond that there is no
+/// bound.
+const MOST_FOLLOWED: usize = 10_000_000;
+
+/// Bounds of the change of an output.
+#[derive(Clone, Debug)]
+pub struct Roundings {
+    /// For each value alone; infinite without a bound.
+    each: Vec<f64>,
+    /// The effect of the value's own difference.
+    carried: Vec<f64>,
+    /// The effect of rounding dependents again.
+    anew: Vec<f64>,
+    users: Arc<Users>,
+}
+
+impl Roundings {
+    /// The bounds for each value that `may` move as an affine one.
+    pub fn new(
+        values: &Values<'_, '_>,
+        known: &[SourceRange],
+        may: impl Fn(ValueId) -> bool,
+    ) -> Self {
+        let circles = values.circles();
+        let ranges = AllRanges::new(values, circles, known, f64::from(ORDINARY));
+        let slopes = Slopes::new(values, &ranges);
+        let errors = slopes.errors(circles);
+        let gains = slopes.gains(circles);
+        // A value without gain has no dependents.
+        let through = |id: ValueId, error: f64| match gains[id] {
+            0.0 => 0.0,
+            gain => gain * error,
+        };
+        let all = || 0..values.values.len();
+        let interpolated = |id| INTERPOLATION * UNIT_ROUNDOFF * ranges.of(id).magnitude();
+        let mut this = Self {
+            each: vec![f64::INFINITY; values.values.len()],
+            carried: all()
+                .map(|id| through(id, errors[id] + interpolated(id)))
+                .collect(),
+            anew: all().map(|id| through(id, slopes.own(id))).collect(),
+            users: Arc::clone(values.users()),
+        };
+        let mut above = Above::new(values.values.len());
+        let mut followed = 0;
+        for id in all().filter(|id| may(*id)) {
+            let own = this.carried[id];
+            if own > MOST {
+                this.each[id] = own;
+            } else if !own.is_nan() && followed <= MOST_FOLLOWED {
+                let above = above.of(&this.users, &[id]);
+                followed += above.len();
+                this.each[id] = this.sum(&[id], above);
+            }
+        }
+        this
+    }
+
+    /// The bound for one value.
+    pub fn of(&self, id: ValueId) -> f64 {
+        self.each[id]
+    }
+
+    /// The bound for several values together.
+    pub fn together(&self, ids: &[ValueId]) -> f64 {
+        self.sum(ids, Above::new(self.each.len()).of(&self.users, ids))
+    }
+
+    fn sum(&self, ids: &[ValueId], above: &[ValueId]) -> f64 {
+        let carried: f64 = ids.iter().map(|id| self.carried[*id]).sum();
+        let total = carried + above.iter().map(|id| self.anew[*id]).sum::<f64>();
+        if total.is_nan() { f64::INFINITY } else { total }
+    }
+}
+
+/// Repeated walks from values to their dependents.
+struct Above {
+    /// The last walk that visited each value.
+    seen: Vec<usize>,
+    walks: usize,
+    found: Vec<ValueId>,
+}
+
+impl Above {
+    fn new(values: usize) -> Self {
+        Self {
+            seen: vec![0; values],
+            walks: 0,
+            found: Vec::new(),
+        }
+    }
+
+    /// All dependents of some values in ascending order, without the values themselves unless they
+    /// depend on each other.
+    fn of(&mut self, users: &Users, ids: &[ValueId]) -> &[ValueId] {
+        self.walks += 1;
+        self.found.clear();
+        let mut next = 0;
+        self.reach(ids.iter().flat_map(|id| &users[*id]));
+        while let Some(at) = self.found.get(next).copied() {
+            next += 1;
+            self.reach(users[at].iter());
+        }
+        // A float sum depends on its order too.
+        self.found.sort_unstable();
+        &self.found
+    }
+
+    fn reach<'a>(&mut self, ids: impl Iterator<Item = &'a ValueId>) {
+        for id in ids {
+            if std::mem::replace(&mut self.seen[*id], self.walks) != self.walks {
+                self.found.push(*id);
+            }
+        }
+    }
+}
+
+struct Slopes<'v, 'g, 'p> {
+    values: &'v Values<'g, 'p>,
+    ranges: &'v AllRanges,
+    /// Slopes of each value in its operands, value by value.
+    steep: Vec<f64>,
+    /// Start of each value's slopes in `steep`.
+    start: Vec<usize>,
+}
+
+impl<'v, 'g, 'p> Slopes<'v, 'g, 'p> {
+    fn new(values: &'v Values<'g, 'p>, ranges: &'v AllRanges) -> Self {
+        let mut this = Self {
+            values,
+            ranges,
+            steep: Vec::new(),
+            start: Vec::with_capacity(values.values.len()),
+        };
+        for id in 0..values.values.len() {
+            this.start.push(this.steep.len());
+            this.find(id);
+        }
+        this
+    }
+
+    /// A value's operands with their slopes.
+    fn operands(&self, id: ValueId) -> impl Iterator<Item = (ValueId, f64)> {
+        let operands = self.values.values[id].operands.iter().copied();
+        operands.zip(self.steep[self.start[id]..].iter().copied())
+    }
+
+    /// For each value, the difference between computing it from interpolated varyings and computing
+    /// it at the vertices, without its own interpolation.
+    fn errors(&self, circles: &[Vec<ValueId>]) -> Vec<f64> {
+        let values = &self.values.values;
+        let mut errors = vec![f64::INFINITY; values.len()];
+        for circle in circles.iter().rev() {
+            let id = circle[0];
+            if is_of_draw(self.values, id) {
+                errors[id] = 0.0;
+                continue;
+            }
+            if circle.len() > 1 || values[id].operands.contains(&id) {
+                continue;
+            }
+            let magnitude = self.ranges.of(id).magnitude();
+            errors[id] = match values[id].node {
+                Node::Input(_) => INTERPOLATION * UNIT_ROUNDOFF * magnitude,
+                _ => {
+                    self.operands(id)
+                        .filter(|(o, _)| errors[*o] != 0.0)
+                        .map(|(o, slope)| errors[o] * slope)
+                        .sum::<f64>()
+                        + self.own(id)
+                }
+            };
+        }
+        for circle in circles.iter().filter(|c| c.len() > 1) {
+            for id in circle.iter().filter(|id| is_of_draw(self.values, **id)) {
+                errors[*id] = 0.0;
+            }
+        }
+        errors
+    }
+
+    /// Change of an output per unit of change of a value.
+    fn gains(&self, circles: &[Vec<ValueId>]) -> Vec<f64> {
+        let values = &self.values.values;
+        let mut gains = vec![0.0; values.len()];
+        for root in &self.values.roots {
+            gains[*root] = 1.0;
+        }
+        for root in &self.values.coverage {
+            gains[*root] = f64::INFINITY;
+        }
+        for circle in circles {
+            let id = circle[0];
+            if circle.len() > 1 || values[id].operands.contains(&id) {
+                // We do not follow how errors accumulate over iterations.
+                if circle.iter().any(|id| gains[*id] != 0.0) {
+                    for id in circle {
+                        gains[*id] = f64::INFINITY;
+                    }
+                }
+                for id in circle {
+                    for operand in &values[*id].operands {
+                        if gains[*id] != 0.0 {
+                            gains[*operand] = f64::INFINITY;
+                        }
+                    }
+                }
+                continue;
+            }
+            if gains[id] == 0.0 {
+                continue;
+            }
+            for (operand, slope) in self.operands(id) {
+                // A value that is equal in both stages passes nothing on.
+                if !is_of_draw(self.values, operand) {
+                    gains[operand] += gains[id] * slope;
+                }
+            }
+        }
+        gains
+    }
+
+    /// The effect of an operation's own rounding.
+    fn own(&self, id: ValueId) -> f64 {
+        match self.rounds(id) {
+            0 => 2.0 * self.inaccuracy(id),
+            roundings => f64::from(roundings) * UNIT_ROUNDOFF * self.largest_term(id),
+        }
+    }
+
+    /// The inaccuracy of a function in either stage.
+    fn inaccuracy(&self, id: ValueId) -> f64 {
+        let Node::Expression(context, e, path) = &self.values.values[id].node else {
+            return 0.0;
+        };
+        let f = self.values.function(*context);
+        let Expression::Math { fun, arg, arg1, .. } = &f.function.expressions[*e] else {
+            return 0.0;
+        };
+        if !path.is_empty() {
+            return 0.0;
+        }
+        let range = |o: Handle<Expression>| self.ranges.operand(self.values, *context, o);
+        let second = arg1.map_or(Range::ANYTHING, range);
+        let magnitude = self.ranges.of(id).magnitude();
+        accuracy(*fun, range(*arg), second, magnitude).map_or(0.0, |a| a.of(magnitude))
+    }
+
+    /// Number of an operation's own roundings in both stages.
+    fn rounds(&self, id: ValueId) -> u32 {
+        let Node::Expression(context, e, _) = &self.values.values[id].node else {
+            return 0;
+        };
+        let f = self.values.function(*context);
+        let module = self.values.graph.module();
+        match &f.function.expressions[*e] {
+            Expression::Binary { left, right, .. } => {
+                2 * u32::from(terms(f.ty(module, *left), f.ty(module, *right)))
+            }
+            Expression::Math { fun, arg, .. } => match fun {
+                MathFunction::Abs
+                | MathFunction::Min
+                | MathFunction::Max
+                | MathFunction::Clamp
+                | MathFunction::Saturate
+                | MathFunction::Transpose => 0,
+                MathFunction::Dot | MathFunction::Cross | MathFunction::Reflect => {
+                    4 * dimension(f.ty(module, *arg)) as u32
+                }
+                MathFunction::Fma | MathFunction::Mix => 8,
+                // As accurate as WGSL requires.
+                _ => 0,
+            },
+            _ => 0,
+        }
+    }
+
+    /// The largest number rounded within an operation: a sum's terms may exceed the sum.
+    fn largest_term(&self, id: ValueId) -> f64 {
+        let magnitude = self.ranges.of(id).magnitude();
+        let Node::Expression(context, e, _) = &self.values.values[id].node else {
+            return magnitude;
+        };
+        let of = |o: Handle<Expression>| self.ranges.operand(self.values, *context, o).magnitude();
+        let f = self.values.function(*context);
+        match &f.function.expressions[*e] {
+            Expression::Math {
+                fun: MathFunction::Dot | MathFunction::Cross | MathFunction::Fma,
+                arg,
+                arg1: Some(second),
+                arg2,
+                ..
+            } => magnitude
+                .max(2.0 * of(*arg) * of(*second))
+                .max(arg2.map_or(0.0, of)),
+            Expression::Math {
+                fun: MathFunction::Mix,
+                arg,
+                arg1: Some(second),
+                arg2: Some(third),
+                ..
+            } => magnitude.max((of(*arg) + of(*second)) * of(*third).max(1.0)),
+            _ => magnitude,
+        }
+    }
+
+    /// Computes the slopes of a value in its operands, over all components.
+    fn find(&mut self, id: ValueId) {
+        let values = self.values;
+        let operands = &values.values[id].operands;
+        let first = self.steep.len();
+        let own = match &values.values[id].node {
+            Node::Expression(context, e, path) if path.is_empty() => {
+                let expressions = &values.function(*context).function.expressions;
+                Some((*context, &expressions[*e]))
+            }
+            _ => None,
+        };
+        let own =
+            own.filter(|(_, e)| !matches!(e, Expression::Load { .. } | Expression::CallResult(_)));
+        if is_of_draw(values, id) {
+            // Unused: its operands are equal in both stages too.
+            self.steep.resize(first + operands.len(), 0.0);
+        } else if let Node::Control(..) = values.values[id].node {
+            self.steep.resize(first + operands.len(), f64::INFINITY);
+        } else if let Some((context, expression)) = own {
+            self.steep.resize(first + operands.len(), 0.0);
+            // An operand may occur several times.
+            for (e, slope) in self.places(context, expression) {
+                let named = values.named(context, e);
+                if let Some(place) = operands.iter().position(|o| named == Some(*o)) {
+                    self.steep[first + place] += slope;
+                }
+            }
+        } else {
+            for operand in operands {
+                self.steep.push(self.chooses(*operand));
+            }
+        }
+    }
+
+    /// The slope of a selection: a control or an index decides.
+    fn chooses(&self, operand: ValueId) -> f64 {
+        let integer = match &self.values.values[operand].node {
+            Node::Control(..) => true,
+            Node::Expression(context, e, path) if path.is_empty() => {
+                let f = self.values.function(*context);
+                let kind = f.ty(self.values.graph.module(), *e).scalar_kind();
+                kind.is_some_and(|k| k != ScalarKind::Float)
+            }
+            _ => false,
+        };
+        if integer { f64::INFINITY } else { 1.0 }
+    }
+
+    /// The operands of an operation with their slopes.
+    fn places(
+        &self,
+        context: ContextId,
+        expression: &Expression,
+    ) -> Vec<(Handle<Expression>, f64)> {
+        let module = self.values.graph.module();
+        let f = self.values.function(context);
+        let range = |o: Handle<Expression>| self.ranges.operand(self.values, context, o);
+        let all = |slope: f64| {
+            let operands = crate::graph::operands::of_expression(expression);
+            operands.into_iter().map(|o| (o, slope)).collect()
+        };
+        if jumps::jump(expression).is_some() {
+            return all(f64::INFINITY);
+        }
+        match expression {
+            Expression::Compose { .. }
+            | Expression::Splat { .. }
+            | Expression::Swizzle { .. }
+            | Expression::AccessIndex { .. }
+            | Expression::Unary {
+                op: UnaryOperator::Negate,
+                ..
+            }
+            | Expression::As {
+                kind: ScalarKind::Float,
+                ..
+            } => all(1.0),
+            Expression::Access { base, index } => vec![(*base, 1.0), (*index, f64::INFINITY)],
+            Expression::Select {
+                condition,
+                accept,
+                reject,
+            } => vec![(*condition, f64::INFINITY), (*accept, 1.0), (*reject, 1.0)],
+            Expression::Binary { op, left, right } => {
+                let (a, b) = (range(*left).magnitude(), range(*right).magnitude());
+                match op {
+                    BinaryOperator::Add | BinaryOperator::Subtract => all(1.0),
+                    BinaryOperator::Multiply => {
+                        let terms = f64::from(terms(f.ty(module, *left), f.ty(module, *right)));
+                        vec![(*left, terms * b), (*right, terms * a)]
+                    }
+                    BinaryOperator::Divide => {
+                        let inverse = self.ranges.inverse(self.values, context, *right);
+                        let inverse = inverse.magnitude();
+                        vec![(*left, inverse), (*right, a * inverse * inverse)]
+                    }
+                    _ => all(f64::INFINITY),
+                }
+            }
+            Expression::Math {
+                fun,
+                arg,
+                arg1,
+                arg2,
+                ..
+            } => {
+                let dimension = dimension(f.ty(module, *arg));
+                let operands: Vec<_> = [Some(*arg), *arg1, *arg2].into_iter().flatten().collect();
+                let ranges: Vec<Range> = operands.iter().map(|o| range(*o)).collect();
+                match of_function(*fun, &ranges, dimension) {
+                    Some(slopes) => operands.into_iter().zip(slopes).collect(),
+                    None => all(f64::INFINITY),
+                }
+            }
+            _ => all(f64::INFINITY),
+        }
+    }
+}
+
+/// Largest slopes of a function in its arguments over their ranges; `None` if unbounded or unknown.
+fn of_function(fun: MathFunction, ranges: &[Range], dimension: f64) -> Option<[f64; 3]> {
+    let [x, y, z] = [0, 1, 2].map(|i| ranges.get(i).copied().unwrap_or(Range::ANYTHING));
+    let (a, b, c) = (x.magnitude(), y.magnitude(), z.magnitude());
+    let one = |slope: f64| Some([slope, 0.0, 0.0]);
+    match fun {
+        MathFunction::Abs
+        | MathFunction::Saturate
+        | MathFunction::Sin
+        | MathFunction::Cos
+        | MathFunction::Tanh
+        | MathFunction::Asinh
+        | MathFunction::Atan
+        | MathFunction::Transpose => one(1.0),
+        MathFunction::Min | MathFunction::Max | MathFunction::Clamp => Some([1.0; 3]),
+        MathFunction::Sinh | MathFunction::Cosh => one(a.cosh()),
+        MathFunction::Exp => one(x.high.exp()),
+        MathFunction::Exp2 => one(std::f64::consts::LN_2 * x.high.exp2()),
+        MathFunction::Log if x.low > 0.0 => one(1.0 / x.low),
+        MathFunction::Log2 if x.low > 0.0 => one(std::f64::consts::LOG2_E / x.low),
+        MathFunction::Sqrt if x.low > 0.0 => one(0.5 * x.low.powf(-0.5)),
+        MathFunction::InverseSqrt if x.low > 0.0 => one(0.5 * x.low.powf(-1.5)),
+        MathFunction::Acos | MathFunction::Asin if a < 1.0 => one((1.0 - a * a).powf(-0.5)),
+        MathFunction::Radians => one(1_f64.to_radians()),
+        MathFunction::Degrees => one(1_f64.to_degrees()),
+        MathFunction::Dot => Some([dimension * b, dimension * a, 0.0]),
+        MathFunction::Outer => Some([b, a, 0.0]),
+        MathFunction::Cross => Some([2.0 * b, 2.0 * a, 0.0]),
+        MathFunction::Length => one(dimension.sqrt()),
+        MathFunction::Distance => Some([dimension.sqrt(), dimension.sqrt(), 0.0]),
+        // i - 2 dot(n, i) n.
+        MathFunction::Reflect => {
+            Some([1.0 + 2.0 * dimension * b * b, 4.0 * dimension * a * b, 0.0])
+        }
+        MathFunction::Fma => Some([b, a, 1.0]),
+        MathFunction::Mix => {
+            let rest = (1.0 - z.low).abs().max((1.0 - z.high).abs());
+            Some([rest, c, a + b])
+        }
+        // For a non-negative base and a constant exponent.
+        MathFunction::Pow if x.low >= 0.0 && y.low == y.high && y.low >= 1.0 => {
+            Some([y.low * a.powf(y.low - 1.0), f64::INFINITY, 0.0])
+        }
+        // Three halves of the ramp's slope.
+        MathFunction::SmoothStep if y.low > x.high => {
+            Some([f64::INFINITY, f64::INFINITY, 1.5 / (y.low - x.high)])
+        }
+        _ => None,
+    }
+}
+
+/// Accuracy of a function for its arguments' ranges and its magnitude; `None` if it is exact or
+/// counted as roundings.
+fn accuracy(fun: MathFunction, x: Range, y: Range, magnitude: f64) -> Option<Accuracy> {
+    let a = x.magnitude();
+    Some(match fun {
+        MathFunction::Sin | MathFunction::Cos => Accuracy::wave(a),
+        MathFunction::Tanh => Accuracy::hyperbolic_tangent(a),
+        MathFunction::Sinh | MathFunction::Cosh => Accuracy::hyperbolic(a),
+        MathFunction::Asin | MathFunction::Acos => Accuracy::arc(a),
+        MathFunction::Atan => Accuracy::ulps(4096.0),
+        MathFunction::Exp | MathFunction::Exp2 => Accuracy::exponential(a),
+        // asinh is the logarithm of a sum with a root.
+        MathFunction::Log | MathFunction::Log2 | MathFunction::Asinh => Accuracy::logarithm(),
+        MathFunction::Pow => {
+            // The error decreases with the power: e 2^-e is largest at 1 / ln 2.
+            let largest = magnitude.max(1.0);
+            Accuracy::power(y.magnitude(), largest.log2().max(1.443), largest)
+        }
+        MathFunction::Radians | MathFunction::Degrees => Accuracy::ROUNDED,
+        MathFunction::Sqrt
+        | MathFunction::InverseSqrt
+        | MathFunction::Length
+        | MathFunction::Distance
+        | MathFunction::SmoothStep
+        | MathFunction::Outer => Accuracy::ulps(8.0),
+        _ => return None,
+    })
+}
+
+fn is_of_draw(values: &Values<'_, '_>, id: ValueId) -> bool {
+    matches!(
+        values.values[id].fact.rate,
+        Rate::Const | Rate::Draw | Rate::Instance
+    )
+}

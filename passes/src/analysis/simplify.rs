@@ -1,0 +1,117 @@
+//! What the passes share that leave out parts of the fragment stage: which plans they take, which functions are meant, and the plan with the stage replaced.
+
+use std::collections::BTreeSet;
+
+use naga::ShaderStage;
+use serde::Serialize;
+
+use crate::analysis::refusals;
+use crate::core::contract::Contract;
+use crate::core::pass::{Change, Left, Outcome, Refusal};
+use crate::core::plan::{GpuPass, Plan, Step};
+use crate::core::program::Program;
+use crate::core::reflect;
+use crate::graph::{FunctionId, Graph};
+
+/// A material's main pass with less to do.
+pub struct Simplified {
+    /// The program without what is left out.
+    pub program: Program,
+    /// Key of the program it takes the place of.
+    pub of: String,
+    /// Which code changed, and how much that saves.
+    pub change: Change,
+    /// What stays, and why.
+    pub left: Vec<Left>,
+    /// What is promised of the picture.
+    pub contract: Contract,
+}
+
+impl Simplified {
+    /// The plan with the new program, as a step of the pass with this name.
+    pub fn outcome(self, plan: &Plan, name: &str, params: &impl Serialize) -> Outcome {
+        let mut next = plan.clone();
+        for pass in next.passes.iter_mut().filter(|p| p.program == self.of) {
+            reflect::fill(pass, &self.program);
+        }
+        next.notes.push(self.change.what.clone());
+        next.steps.push(Step {
+            pass: name.to_owned(),
+            site: self.change.key.clone(),
+            params: serde_json::to_value(params).unwrap_or_default(),
+            contract: self.contract.clone(),
+        });
+        next.contract = next.contract.and(self.contract);
+        next.programs.insert(self.of, self.program);
+        Outcome {
+            plan: next,
+            change: self.change,
+            left: self.left,
+        }
+    }
+}
+
+/// The main pass of a plan that has no other, its program and the fragment entry point in it. `first` says what to do of other passes, `nothing` of a material without
+/// a fragment stage.
+///
+/// # Errors
+/// There is none such.
+pub fn examine<'p>(
+    plan: &'p Plan,
+    name: &str,
+    first: &str,
+    nothing: &str,
+) -> Result<(&'p GpuPass, &'p Program, usize), Box<Refusal>> {
+    let refuse =
+        |code, reason, remedy: &str| Err(Box::new(Refusal::new(name, code, reason, remedy)));
+    let Some((pass, program)) = plan.main().and_then(|p| Some((p, plan.program(p)?))) else {
+        let remedy = "start from the original plan";
+        return refuse(&refusals::NO_MAIN_PASS, "the plan has no main pass", remedy);
+    };
+    if plan.passes.len() > 1 || !plan.compute.is_empty() || !pass.geometry.is_as_given() {
+        let reason = "another pass of the plan was made of the stage that would change";
+        return refuse(&refusals::NOT_FIRST, reason, first);
+    }
+    let fragment = pass.fragment.as_deref();
+    let found = fragment.and_then(|f| program.entry_point(ShaderStage::Fragment, f));
+    match found {
+        Some((fragment, _)) => Ok((pass, program, fragment)),
+        None => {
+            let reason = "the material has no fragment stage";
+            refuse(&refusals::NO_FRAGMENT_STAGE, reason, nothing)
+        }
+    }
+}
+
+/// The functions that `of` names, joined by `+`, of those that a fragment stage calls, and itself; all of them without it.
+///
+/// # Errors
+/// A name is none of theirs.
+pub fn meant(
+    graph: &Graph<'_>,
+    fragment: usize,
+    of: Option<&str>,
+    name: &str,
+) -> Result<BTreeSet<FunctionId>, Box<Refusal>> {
+    let entry = FunctionId::EntryPoint(fragment);
+    let below = graph.functions().iter().map(|f| f.id);
+    let below: BTreeSet<FunctionId> = below.filter(|id| graph.reaches(entry, *id)).collect();
+    let Some(of) = of else {
+        return Ok(below);
+    };
+    of.split('+')
+        .map(str::trim)
+        .map(|wanted| {
+            let found = below.iter().find(|id| graph.name(**id) == wanted);
+            found.copied().ok_or_else(|| {
+                let names: Vec<String> = below.iter().map(|id| graph.name(*id)).collect();
+                Box::new(Refusal::new(
+                    name,
+                    &refusals::UNKNOWN_FUNCTION,
+                    format!("the fragment stage calls no `{wanted}`"),
+                    format!("`of` names functions of its own: {}", names.join(", ")),
+                ))
+            })
+        })
+        .collect()
+}

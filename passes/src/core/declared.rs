@@ -1,0 +1,156 @@
+//! Declarations of the author's text that the IR can't express: uniforms outside of blocks,
+//! combined samplers, matrix attributes. Emission writes them again. Transforms ignore them; they
+//! stay valid as long as bindings and locations keep their numbers.
+
+use naga::ResourceBinding;
+
+/// The author's declarations that the IR can't express. Empty for WGSL.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Declared {
+    /// Binding of the block that we gather loose uniforms in, as members with their names.
+    pub loose: Option<ResourceBinding>,
+    /// The uniforms outside of blocks, samplers included, in order of declaration.
+    pub uniforms: Vec<Declaration>,
+    /// The combined samplers among them.
+    pub samplers: Vec<CombinedSampler>,
+    /// The uniform and storage blocks.
+    pub blocks: Vec<Block>,
+    /// The numbers of `layout(binding = ..)`, which may differ from the IR's.
+    pub numbers: Vec<Numbered>,
+    /// The inputs of the vertex stage.
+    pub attributes: Vec<Located>,
+    /// The outputs of the fragment stage.
+    pub targets: Vec<Located>,
+    /// The depth range of the author's positions, if it isn't the IR's.
+    pub depth: Depth,
+    /// The vertex stage writes a point size, which WGSL can't express and the IR doesn't keep.
+    pub point_size: bool,
+    /// The fragment stage has `layout(origin_upper_left)`: its `gl_FragCoord` counts rows from the
+    /// top, as the IR does. OpenGL counts from the bottom by default.
+    pub origin_upper_left: bool,
+    /// Notes for the host on how the text was read, a sentence each.
+    pub notes: Vec<String>,
+}
+
+/// The range of depths between the near and the far plane.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Depth {
+    /// 0 to 1, or as written: the IR holds the author's positions.
+    #[default]
+    AsWritten,
+    /// -1 to 1, as in OpenGL: the IR holds `(z + w) / 2` for the author's `z`.
+    OpenGl,
+}
+
+/// A name and its type.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Declaration {
+    /// Name.
+    pub name: String,
+    /// Type.
+    pub ty: Type,
+    /// `layout(location = ..)` of a loose uniform, if present (OpenGL 4.3).
+    pub location: Option<u32>,
+}
+
+/// A block, texture, combined sampler or image with a number from its author.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Numbered {
+    /// Binding in the IR; of a combined sampler its texture's.
+    pub binding: ResourceBinding,
+    /// `layout(binding = ..)`; for an array element the sum of the array's number and its index.
+    pub number: u32,
+}
+
+/// A GLSL type.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Type {
+    /// A scalar, vector or matrix, by GLSL name.
+    Plain(String),
+    /// A combined sampler, by GLSL name: `sampler2D`, `usamplerCube`, `sampler2DShadow`.
+    Sampler(String),
+    /// An array with its length.
+    Array(Box<Type>, u32),
+    /// A struct: its name and its members.
+    Struct(String, Vec<Declaration>),
+}
+
+/// A texture and a sampler that are one variable in the author's text.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CombinedSampler {
+    /// Path in the text: `map`, `maps[2]`, `material.diffuse`.
+    pub path: String,
+    /// The texture in the IR.
+    pub texture: ResourceBinding,
+    /// The sampler in the IR.
+    pub sampler: ResourceBinding,
+}
+
+/// A uniform or storage block.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Block {
+    /// Its binding.
+    pub binding: ResourceBinding,
+    /// The block's name.
+    pub name: String,
+    /// The instance's name. Without one, the members' names are global.
+    pub instance: Option<String>,
+}
+
+/// An input of the vertex stage, or an output of the fragment stage.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Located {
+    /// Name and type.
+    pub declaration: Declaration,
+    /// Its first location in the IR.
+    pub location: u32,
+    /// Who chose it.
+    pub chosen: Chosen,
+}
+
+/// Who chose a location.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Chosen {
+    /// The author, in the text.
+    ByAuthor,
+    /// We did: the author's host queries or sets it by name.
+    ByUs,
+}
+
+impl Type {
+    /// The element type under all array levels.
+    pub fn innermost(&self) -> &Self {
+        match self {
+            Self::Array(of, _) => of.innermost(),
+            other => other,
+        }
+    }
+
+    /// The array lengths in brackets, outermost first; empty for other types.
+    pub fn dimensions(&self) -> String {
+        match self {
+            Self::Array(of, n) => format!("[{n}]{}", of.dimensions()),
+            _ => String::new(),
+        }
+    }
+
+    /// Whether it contains samplers.
+    pub fn has_samplers(&self) -> bool {
+        match self {
+            Self::Plain(_) => false,
+            Self::Sampler(_) => true,
+            Self::Array(of, _) => of.has_samplers(),
+            Self::Struct(_, members) => members.iter().any(|m| m.ty.has_samplers()),
+        }
+    }
+
+    /// Whether anything but samplers is in it.
+    pub fn has_data(&self) -> bool {
+        match self {
+            Self::Plain(_) => true,
+            Self::Sampler(_) => false,
+            Self::Array(of, _) => of.has_data(),
+            Self::Struct(_, members) => members.iter().any(|m| m.ty.has_data()),
+        }
+    }
+}

@@ -1,0 +1,25 @@
+//! The data that every pass reads and writes: programs, plans, states, contracts and parameters.
+//! Nothing here depends on a transform.
+
+pub mod budget;
+pub mod calls;
+pub mod channels;
+pub mod contract;
+pub mod declared;
+pub mod draw_table;
+pub mod features;
+pub mod frame;
+pub mod geometry;
+pub mod guard;
+pub mod limits;
+pub mod link;
+pub mod operands;
+pub mod pass;
+pub mod pattern;
+pub mod plan;
+pub mod program;
+pub mod rasterizer;
+pub mod reflect;
+pub mod refusals;
+pub mod self_test;
+pub mod state;

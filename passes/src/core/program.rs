@@ -1,0 +1,363 @@
+//! A shader program: one validated naga module with a material's stages, and the author's text that
+//! messages point into.
+
+use std::sync::{Arc, OnceLock};
+
+use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
+use serde::{Deserialize, Serialize};
+
+use crate::core::calls;
+use crate::core::declared::Declared;
+use crate::core::features;
+
+/// One file of the author's source. `base` is where its text begins in the address space that all
+/// spans of a [`SourceMap`] share.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SourceFile {
+    /// The name to print in messages: a path as the user gave it, or `<stdin>`.
+    pub name: String,
+    /// The whole text.
+    pub text: String,
+    /// Offset in bytes of the file's first byte in the map's address space.
+    pub base: u32,
+    /// Start of each line in the text, to find a place in a long file quickly.
+    lines: Vec<u32>,
+    /// Whether its text is already part of another file, as an imported module's is: no span lies
+    /// in it.
+    pub is_imported: bool,
+}
+
+/// The author's files in one address space of byte offsets, for naga's [`naga::Span`]: spans of a
+/// module linked from two files are unambiguous.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct SourceMap {
+    files: Vec<SourceFile>,
+    absent: Vec<String>,
+    searched: Vec<Searched>,
+}
+
+/// A search of folders that the program's list of files depends on. A new match may come before the
+/// old ones, or conflict with them.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Searched {
+    /// The folders, in order.
+    pub folders: Vec<String>,
+    /// What it searched for.
+    pub wanted: Wanted,
+    /// The matches in order, a word each.
+    pub found: Vec<String>,
+}
+
+/// The target of a search.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Wanted {
+    /// Files at any depth that define a module (naga_oil's `#define_import_path`).
+    Modules,
+    /// Folders of a package of this name.
+    Package(String),
+}
+
+/// A place in the author's source.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct Location {
+    /// File name, as in [`SourceFile::name`].
+    pub file: String,
+    /// Line, from 1.
+    pub line: u32,
+    /// Column in characters, from 1.
+    pub column: u32,
+    /// Byte range within the file, `start..end`.
+    pub range: std::ops::Range<u32>,
+}
+
+impl SourceMap {
+    /// An empty map.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Adds a file and returns its base offset. One byte is left between files so that no span can
+    /// touch two.
+    pub fn add(&mut self, name: impl Into<String>, text: impl Into<String>) -> u32 {
+        let base = self
+            .files
+            .last()
+            .map_or(0, |f| f.base + f.text.len() as u32 + 1);
+        let text: String = text.into();
+        let ends = text.match_indices('\n').map(|(at, _)| at as u32 + 1);
+        self.files.push(SourceFile {
+            name: name.into(),
+            lines: std::iter::once(0).chain(ends).collect(),
+            text,
+            base,
+            is_imported: false,
+        });
+        base
+    }
+
+    /// Adds an imported file once. The program depends on it, but no span lies in it.
+    pub fn add_imported(&mut self, name: impl Into<String>, text: impl Into<String>) {
+        let name = name.into();
+        if self.files.iter().any(|f| f.is_imported && f.name == name) {
+            return;
+        }
+        self.add(name, text);
+        if let Some(added) = self.files.last_mut() {
+            added.is_imported = true;
+        }
+    }
+
+    /// Notes a missing file that was searched before another was found: if it appears, the program
+    /// changes.
+    pub fn add_absent(&mut self, name: impl Into<String>) {
+        let name = name.into();
+        if !self.absent.contains(&name) {
+            self.absent.push(name);
+        }
+    }
+
+    /// Notes a search, once.
+    pub fn add_searched(&mut self, searched: Searched) {
+        if !self.searched.contains(&searched) {
+            self.searched.push(searched);
+        }
+    }
+
+    /// Searches that the program depends on.
+    pub fn searched(&self) -> &[Searched] {
+        &self.searched
+    }
+
+    /// Files that were searched for but missing.
+    pub fn absent(&self) -> &[String] {
+        &self.absent
+    }
+
+    /// The files, in the order they were added.
+    pub fn files(&self) -> &[SourceFile] {
+        &self.files
+    }
+
+    /// The file a span of this map lies in.
+    pub fn file_of(&self, span: naga::Span) -> Option<&SourceFile> {
+        let range = span.to_range()?;
+        self.files
+            .iter()
+            .rev()
+            .find(|f| range.start as u32 >= f.base)
+            .filter(|f| range.end <= f.base as usize + f.text.len())
+    }
+
+    /// Line and column of a span, or `None` for an undefined span or one that lies in no file.
+    pub fn locate(&self, span: naga::Span) -> Option<Location> {
+        let file = self.file_of(span)?;
+        let range = span.to_range()?;
+        let (start, end) = (range.start as u32 - file.base, range.end as u32 - file.base);
+        let line = file.lines.partition_point(|begin| *begin <= start);
+        let begin = *file.lines.get(line.checked_sub(1)?)?;
+        let before = file.text.get(begin as usize..start as usize)?;
+        let (line, column) = (line as u32, before.chars().count() as u32 + 1);
+        Some(Location {
+            file: file.name.clone(),
+            line,
+            column,
+            range: start..end,
+        })
+    }
+}
+
+/// The language the author wrote in. Emission defaults to it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Language {
+    /// WebGPU Shading Language.
+    Wgsl,
+    /// Desktop or Vulkan GLSL.
+    Glsl,
+}
+
+/// naga's validator refused a module. From a front end it is the author's error; after a pass it is
+/// always a bug of ours.
+#[derive(Debug, thiserror::Error)]
+#[error("{message}")]
+pub struct Invalid {
+    /// naga's message with the chain of its causes.
+    pub message: String,
+    /// The spans in naga's error, with their messages.
+    pub labels: Vec<(naga::Span, String)>,
+}
+
+/// A validated module and its source. No invalid one can be constructed, and none can be changed in
+/// place: a transform builds another module and validates it by [`Program::new`].
+#[derive(Clone, Debug)]
+pub struct Program {
+    module: Arc<naga::Module>,
+    info: Arc<ModuleInfo>,
+    sources: Arc<SourceMap>,
+    language: Language,
+    declared: Arc<Declared>,
+    /// Its needs beyond every device's; computed on first use, unless known to be none.
+    capabilities: Arc<OnceLock<Capabilities>>,
+    /// No transform has touched it.
+    as_written: bool,
+}
+
+impl Program {
+    /// Validates `module`.
+    ///
+    /// # Errors If the call depth exceeds [`calls::MOST`], or naga's validator fails with all of
+    /// WebGPU's optional capabilities allowed: the plan's `features` handle the adapter's
+    /// capabilities.
+    pub fn new(
+        module: naga::Module,
+        sources: Arc<SourceMap>,
+        language: Language,
+    ) -> Result<Self, Box<Invalid>> {
+        // Most modules need no optional capability: then we know at once.
+        let (info, capabilities) = match validate(&module, Allowed::Core) {
+            Ok(info) => (info, OnceLock::from(Capabilities::empty())),
+            Err(_) => (validate(&module, Allowed::All)?, OnceLock::new()),
+        };
+        if let Some(function) = calls::too_deep(&module) {
+            return Err(Box::new(too_deep(&module, function)));
+        }
+        Ok(Self {
+            module: Arc::new(module),
+            info: Arc::new(info),
+            sources,
+            language,
+            declared: Arc::default(),
+            capabilities: Arc::new(capabilities),
+            as_written: true,
+        })
+    }
+
+    /// The program with the declarations of its author's text.
+    #[must_use]
+    pub fn with_declared(mut self, declared: Declared) -> Self {
+        self.declared = Arc::new(declared);
+        self
+    }
+
+    /// The program with a new validated module: the result of a transform.
+    ///
+    /// # Errors As [`Program::new`]; the transform that built `module` has a bug.
+    pub fn with_module(&self, module: naga::Module) -> Result<Self, Box<Invalid>> {
+        let program = Self::new(module, Arc::clone(&self.sources), self.language)?;
+        Ok(Self {
+            declared: Arc::clone(&self.declared),
+            as_written: false,
+            ..program
+        })
+    }
+
+    /// The module.
+    pub fn module(&self) -> &naga::Module {
+        &self.module
+    }
+
+    /// The validator's results.
+    pub fn info(&self) -> &ModuleInfo {
+        &self.info
+    }
+
+    /// The capabilities it needs beyond every WebGPU device's.
+    pub fn capabilities(&self) -> Capabilities {
+        *self
+            .capabilities
+            .get_or_init(|| features::needed(&self.module))
+    }
+
+    /// The author's own text, if it is one file and no transform has touched the program.
+    pub fn author_text(&self) -> Option<&str> {
+        match self.sources.files() {
+            [file, imported @ ..] if self.as_written && imported.iter().all(|f| f.is_imported) => {
+                Some(&file.text)
+            }
+            _ => None,
+        }
+    }
+
+    /// Whether no transform has touched it.
+    pub fn is_as_written(&self) -> bool {
+        self.as_written
+    }
+
+    /// The author's files.
+    pub fn sources(&self) -> &Arc<SourceMap> {
+        &self.sources
+    }
+
+    /// The author's language.
+    pub fn language(&self) -> Language {
+        self.language
+    }
+
+    /// Declarations of the author's text that the module can't express.
+    pub fn declared(&self) -> &Declared {
+        &self.declared
+    }
+
+    /// The entry point of that name, with its index (names are unique within a stage only).
+    pub fn entry_point(
+        &self,
+        stage: naga::ShaderStage,
+        name: &str,
+    ) -> Option<(usize, &naga::EntryPoint)> {
+        self.module
+            .entry_points
+            .iter()
+            .enumerate()
+            .find(|(_, e)| e.stage == stage && e.name == name)
+    }
+}
+
+/// The capabilities the validator permits.
+#[derive(Clone, Copy)]
+enum Allowed {
+    /// Those of every WebGPU device.
+    Core,
+    /// All.
+    All,
+}
+
+fn validate(module: &naga::Module, allowed: Allowed) -> Result<ModuleInfo, Box<Invalid>> {
+    let mut validator = match allowed {
+        Allowed::Core => Validator::new(ValidationFlags::all(), features::core()),
+        Allowed::All => Validator::new(ValidationFlags::all(), Capabilities::all()),
+    };
+    if let Allowed::All = allowed {
+        validator
+            .subgroup_stages(naga::valid::ShaderStages::all())
+            .subgroup_operations(naga::valid::SubgroupOperationSet::all());
+    }
+    validator.validate(module).map_err(|e| {
+        let mut message = e.as_inner().to_string();
+        let mut source = std::error::Error::source(e.as_inner());
+        while let Some(s) = source {
+            message.push_str(": ");
+            message.push_str(&s.to_string());
+            source = s.source();
+        }
+        Box::new(Invalid {
+            message,
+            labels: e.spans().cloned().collect(),
+        })
+    })
+}
+
+fn too_deep(module: &naga::Module, function: naga::Handle<naga::Function>) -> Invalid {
+    let name = module.functions[function].name.as_deref();
+    Invalid {
+        message: format!(
+            "functions call one another in a chain of more than {} calls, up to `{}`",
+            calls::MOST,
+            name.unwrap_or("a function")
+        ),
+        labels: vec![(
+            module.functions.get_span(function),
+            "this call chain is too deep".to_owned(),
+        )],
+    }
+}

@@ -1,0 +1,450 @@
+//! The bindings, vertex attributes, outputs and features that an entry point uses.
+
+use naga::valid::GlobalUse;
+use naga::{
+    AddressSpace, Binding, Function, Handle, ImageClass, Module, ShaderStage, StorageAccess, Type,
+    TypeInner,
+};
+
+use crate::core::features;
+use crate::core::plan::{
+    AttributeUse, BindingKind, BindingLayout, BindingSource, BindingUse, ComputePass, GpuPass,
+    Visibility,
+};
+use crate::core::program::Program;
+
+/// One input or output of an entry point: an argument, a result, or a member of either.
+#[derive(Clone, Debug)]
+pub struct Io {
+    /// Argument or member name.
+    pub name: Option<String>,
+    /// Type.
+    pub ty: Handle<Type>,
+    /// Location or builtin.
+    pub binding: Option<Binding>,
+}
+
+/// The inputs of an entry point, with struct arguments expanded.
+pub fn inputs(module: &Module, function: &Function) -> Vec<Io> {
+    opened(module, &function.arguments)
+}
+
+/// Arguments as inputs, with struct arguments expanded.
+pub fn opened(module: &Module, arguments: &[naga::FunctionArgument]) -> Vec<Io> {
+    arguments
+        .iter()
+        .flat_map(|a| open(module, a.name.clone(), a.ty, a.binding.clone()))
+        .collect()
+}
+
+/// The outputs of an entry point, with a struct result expanded.
+pub fn outputs(module: &Module, function: &Function) -> Vec<Io> {
+    function
+        .result
+        .iter()
+        .flat_map(|r| open(module, None, r.ty, r.binding.clone()))
+        .collect()
+}
+
+fn open(
+    module: &Module,
+    name: Option<String>,
+    ty: Handle<Type>,
+    binding: Option<Binding>,
+) -> Vec<Io> {
+    match (&binding, &module.types[ty].inner) {
+        (None, TypeInner::Struct { members, .. }) => members
+            .iter()
+            .map(|m| Io {
+                name: m.name.clone(),
+                ty: m.ty,
+                binding: m.binding.clone(),
+            })
+            .collect(),
+        _ => vec![Io { name, ty, binding }],
+    }
+}
+
+/// Type and binding of each member of a struct of inputs or outputs; `None` for other types.
+pub fn members(module: &Module, ty: Handle<Type>) -> Option<Vec<(Handle<Type>, Binding)>> {
+    let TypeInner::Struct { members, .. } = &module.types[ty].inner else {
+        return None;
+    };
+    members
+        .iter()
+        .map(|m| Some((m.ty, m.binding.clone()?)))
+        .collect()
+}
+
+/// The resource kind of a global variable; `None` without a binding.
+pub fn binding_kind(module: &Module, global: &naga::GlobalVariable) -> Option<BindingKind> {
+    global.binding.as_ref()?;
+    // A binding array has the kind of its elements.
+    let inner = match module.types[global.ty].inner {
+        TypeInner::BindingArray { base, .. } => &module.types[base].inner,
+        ref inner => inner,
+    };
+    Some(match (&global.space, inner) {
+        (AddressSpace::Uniform, _) => BindingKind::Uniform,
+        (AddressSpace::Storage { access }, _) if access.contains(StorageAccess::STORE) => {
+            BindingKind::StorageReadWrite
+        }
+        (AddressSpace::Storage { .. }, _) => BindingKind::StorageRead,
+        (_, TypeInner::Sampler { comparison: true }) => BindingKind::ComparisonSampler,
+        (_, TypeInner::Sampler { .. }) => BindingKind::Sampler,
+        (
+            _,
+            TypeInner::Image {
+                class: ImageClass::Depth { .. },
+                ..
+            },
+        ) => BindingKind::DepthTexture,
+        (
+            _,
+            TypeInner::Image {
+                class: ImageClass::Storage { .. },
+                ..
+            },
+        ) => BindingKind::StorageTexture,
+        (_, TypeInner::AccelerationStructure { .. }) => BindingKind::AccelerationStructure,
+        _ => BindingKind::Texture,
+    })
+}
+
+/// The layout entry of a global variable with a binding.
+fn binding_layout(
+    module: &Module,
+    global: &naga::GlobalVariable,
+    source: &BindingSource,
+) -> Option<BindingLayout> {
+    let inner = match module.types[global.ty].inner {
+        TypeInner::BindingArray { base, .. } => &module.types[base].inner,
+        ref inner => inner,
+    };
+    let buffer = |ty: &str| BindingLayout::Buffer {
+        ty: ty.to_owned(),
+        min_binding_size: u64::from(inner.size(module.to_ctx())),
+    };
+    Some(match (global.space, inner) {
+        (AddressSpace::Uniform, _) => buffer("uniform"),
+        (AddressSpace::Storage { access }, _) if access.contains(StorageAccess::STORE) => {
+            buffer("storage")
+        }
+        (AddressSpace::Storage { .. }, _) => buffer("read-only-storage"),
+        (_, TypeInner::Sampler { comparison }) => BindingLayout::Sampler {
+            ty: if *comparison {
+                "comparison"
+            } else {
+                "filtering"
+            }
+            .to_owned(),
+        },
+        (
+            _,
+            TypeInner::Image {
+                dim,
+                arrayed,
+                class,
+            },
+        ) => {
+            let view_dimension = match (dim, arrayed) {
+                (naga::ImageDimension::D1, _) => "1d",
+                (naga::ImageDimension::D2, false) => "2d",
+                (naga::ImageDimension::D2, true) => "2d-array",
+                (naga::ImageDimension::D3, _) => "3d",
+                (naga::ImageDimension::Cube, false) => "cube",
+                (naga::ImageDimension::Cube, true) => "cube-array",
+            }
+            .to_owned();
+            match class {
+                ImageClass::Storage { format, access } => BindingLayout::StorageTexture {
+                    access: match (
+                        access.contains(StorageAccess::LOAD),
+                        access.contains(StorageAccess::STORE),
+                    ) {
+                        // Only wgpu has it.
+                        _ if access.contains(StorageAccess::ATOMIC) => "atomic",
+                        (true, true) => "read-write",
+                        (true, false) => "read-only",
+                        (false, _) => "write-only",
+                    }
+                    .to_owned(),
+                    format: format!("{format:?}").to_lowercase(),
+                    view_dimension,
+                },
+                ImageClass::Depth { multi } => BindingLayout::Texture {
+                    sample_type: "depth".to_owned(),
+                    view_dimension,
+                    multisampled: *multi,
+                },
+                ImageClass::Sampled { kind, multi } => BindingLayout::Texture {
+                    sample_type: match (kind, source) {
+                        (naga::ScalarKind::Sint, _) => "sint",
+                        (naga::ScalarKind::Uint, _) => "uint",
+                        // A depth texture bound as float, and any multisampled one, cannot be filtered.
+                        (_, BindingSource::Attachment { .. }) => "unfilterable-float",
+                        _ if *multi => "unfilterable-float",
+                        _ => "float",
+                    }
+                    .to_owned(),
+                    view_dimension,
+                    multisampled: *multi,
+                },
+                ImageClass::External => return None,
+            }
+        }
+        _ => return None,
+    })
+}
+
+/// The bindings of entry points, by group and binding. Those among `known` keep their source;
+/// others are the author's.
+pub fn bindings(
+    program: &Program,
+    stages: &[(ShaderStage, &str)],
+    known: &[BindingUse],
+) -> Vec<BindingUse> {
+    let module = program.module();
+    let mut bindings: Vec<BindingUse> = Vec::new();
+    for (stage, name) in stages {
+        let Some((index, _)) = program.entry_point(*stage, name) else {
+            continue;
+        };
+        let info = program.info().get_entry_point(index);
+        for (handle, global) in module.global_variables.iter() {
+            let (Some(at), Some(kind)) = (&global.binding, binding_kind(module, global)) else {
+                continue;
+            };
+            if info[handle] == GlobalUse::empty() {
+                continue;
+            }
+            let i = match bindings
+                .iter()
+                .position(|b| (b.group, b.binding) == (at.group, at.binding))
+            {
+                Some(i) => i,
+                None => {
+                    let source = known
+                        .iter()
+                        .find(|b| (b.group, b.binding) == (at.group, at.binding))
+                        .map_or(BindingSource::Author, |b| b.source.clone());
+                    bindings.push(BindingUse {
+                        group: at.group,
+                        binding: at.binding,
+                        name: global.name.clone().unwrap_or_default(),
+                        kind,
+                        visibility: Visibility::default(),
+                        layout: binding_layout(module, global, &source),
+                        source,
+                    });
+                    bindings.len() - 1
+                }
+            };
+            match stage {
+                ShaderStage::Vertex => bindings[i].visibility.vertex = true,
+                ShaderStage::Fragment => bindings[i].visibility.fragment = true,
+                ShaderStage::Compute => bindings[i].visibility.compute = true,
+                _ => {}
+            }
+        }
+    }
+    bindings.sort_by_key(|b| (b.group, b.binding));
+    bindings
+}
+
+/// Fills a pass's bindings, attributes, features and limits from its entry points. A binding with
+/// an attachment or geometry as its source keeps it.
+pub fn fill(pass: &mut GpuPass, program: &Program) {
+    let module = program.module();
+    let bindings = bindings(program, &stages(pass), &pass.bindings);
+    pass.bindings = bindings;
+    // The caller has already added the feature of the depth format.
+    let depth = pass.features.iter().find(|f| *f == DEPTH32FLOAT_STENCIL8);
+    let depth = depth.filter(|_| pass.depth.is_some()).cloned();
+    pass.features = of_pass(pass, program);
+    pass.features.extend(depth);
+    pass.features.sort_unstable();
+    pass.attributes = match program.entry_point(ShaderStage::Vertex, &pass.vertex) {
+        None => Vec::new(),
+        Some((_, entry)) => inputs(module, &entry.function)
+            .into_iter()
+            .filter_map(|io| match io.binding {
+                Some(Binding::Location { location, .. }) => Some(AttributeUse {
+                    location,
+                    name: io.name.unwrap_or_default(),
+                    ty: wgsl_type(module, io.ty),
+                }),
+                _ => None,
+            })
+            .collect(),
+    };
+    pass.attributes.sort_by_key(|a| a.location);
+    pass.limits = crate::core::limits::above_default(pass, program);
+}
+
+/// The feature of the depth format of that name.
+pub const DEPTH32FLOAT_STENCIL8: &str = "depth32float-stencil8";
+
+/// The entry points that a pass draws with.
+pub fn stages(pass: &GpuPass) -> Vec<(ShaderStage, &str)> {
+    let fragment = pass.fragment.as_deref();
+    let vertex = (ShaderStage::Vertex, pass.vertex.as_str());
+    let fragment = fragment.map(|name| (ShaderStage::Fragment, name));
+    std::iter::once(vertex).chain(fragment).collect()
+}
+
+/// Bytes of immediate data that entry points read; 0 if none.
+pub fn immediate_size(program: &Program, stages: &[(ShaderStage, &str)]) -> u32 {
+    let module = program.module();
+    let entries = stages.iter();
+    let entries = entries.filter_map(|(stage, name)| program.entry_point(*stage, name));
+    entries
+        .flat_map(|(index, _)| {
+            let info = program.info().get_entry_point(index);
+            let globals = module.global_variables.iter();
+            globals.filter(move |(handle, global)| {
+                global.space == AddressSpace::Immediate && !info[*handle].is_empty()
+            })
+        })
+        .map(|(_, global)| module.types[global.ty].inner.size(module.to_ctx()))
+        .max()
+        .unwrap_or(0)
+}
+
+/// Fills a compute pass's bindings, features and limits from the entry point it names, as [`fill`] does.
+pub fn fill_compute(pass: &mut ComputePass, program: &Program) {
+    let stages = [(ShaderStage::Compute, pass.entry_point.as_str())];
+    pass.bindings = bindings(program, &stages, &pass.bindings);
+    pass.features = of_module(program, &pass.bindings);
+    pass.limits = crate::core::limits::of_compute(pass, program);
+}
+
+/// Whether a module computes with `f16`: its text must enable it, even where the validator finds no
+/// use.
+fn half_precision(module: &Module) -> bool {
+    let half = |inner: &TypeInner| inner.scalar() == Some(naga::Scalar::F16);
+    // A conversion may be the only use; its type is then in no arena.
+    let converts = |e: &naga::Expression| {
+        matches!(
+            e,
+            naga::Expression::As {
+                kind: naga::ScalarKind::Float,
+                convert: Some(2),
+                ..
+            } | naga::Expression::Literal(naga::Literal::F16(_))
+        )
+    };
+    let functions = module.functions.iter().map(|(_, f)| f);
+    module.types.iter().any(|(_, t)| half(&t.inner))
+        || functions
+            .chain(module.entry_points.iter().map(|e| &e.function))
+            .any(|f| f.expressions.iter().any(|(_, e)| converts(e)))
+}
+
+/// Features that a module needs; `bindings` are those of its entry points in use. A device checks
+/// the whole module, unused parts included.
+fn of_module(program: &Program, bindings: &[BindingUse]) -> Vec<String> {
+    let mut all = features::of_capabilities(program.capabilities());
+    all.extend(half_precision(program.module()).then(|| "shader-f16".to_owned()));
+    for binding in bindings {
+        let writes = match &binding.layout {
+            Some(BindingLayout::StorageTexture { access, format, .. }) => {
+                all.extend(features::of_storage(format, access).map(str::to_owned));
+                access != "read-only"
+            }
+            _ => binding.kind == BindingKind::StorageReadWrite,
+        };
+        if binding.visibility.vertex && writes {
+            all.push("wgpu-vertex-writable-storage".to_owned());
+        }
+    }
+    all.sort_unstable();
+    all.dedup();
+    all
+}
+
+/// Whether a binding is an array of resources (`binding_array`), which plan layouts can't express.
+pub fn is_array(module: &Module, binding: &BindingUse) -> bool {
+    module.global_variables.iter().any(|(_, g)| {
+        let at = g.binding.map(|b| (b.group, b.binding));
+        at == Some((binding.group, binding.binding))
+            && matches!(module.types[g.ty].inner, TypeInner::BindingArray { .. })
+    })
+}
+
+/// Features that a pass needs, by WebGPU's name or else by wgpu's: from its state, and from its
+/// module. Its bindings must be filled in.
+fn of_pass(pass: &GpuPass, program: &Program) -> Vec<String> {
+    let target = |wanted: &dyn Fn(&str, bool) -> bool| {
+        let mut targets = pass.targets.iter().flatten();
+        targets.any(|t| wanted(&t.format, t.blend.is_some()))
+    };
+    let several = pass.multisample.count > 1;
+    let own = [
+        ("depth-clip-control", pass.primitive.unclipped_depth),
+        (
+            "float32-blendable",
+            target(&|f, blended| blended && f.ends_with("32float")),
+        ),
+        (
+            "rg11b10ufloat-renderable",
+            target(&|f, _| f == "rg11b10ufloat"),
+        ),
+        (
+            "wgpu-texture-format-16-bit-norm",
+            target(&|f, _| features::is_16_bit_norm(f)),
+        ),
+        // wgpu knows no such target that all adapters support.
+        (
+            features::ADAPTERS_FORMATS,
+            target(&|f, _| features::is_16_bit_norm(f)),
+        ),
+        // WebGPU has one sample or four, and four not in the widest formats.
+        (
+            features::ADAPTERS_FORMATS,
+            ![1, 4].contains(&pass.multisample.count)
+                || several
+                    && target(&|f, _| {
+                        ["r32uint", "r32sint", "rg32", "rgba32"]
+                            .iter()
+                            .any(|w| f.starts_with(w))
+                    }),
+        ),
+    ]
+    .into_iter()
+    .filter(|(_, needed)| *needed)
+    .map(|(name, _)| name.to_owned());
+    let mut all: Vec<String> = own.collect();
+    all.extend(of_module(program, &pass.bindings));
+    all.sort_unstable();
+    all.dedup();
+    all
+}
+
+/// A scalar, vector or matrix type in WGSL's spelling.
+pub fn wgsl_type(module: &Module, ty: Handle<Type>) -> String {
+    fn scalar(s: naga::Scalar) -> String {
+        use naga::ScalarKind::{AbstractFloat, AbstractInt, Bool, Float, Sint, Uint};
+        match s.kind {
+            Bool => "bool".to_owned(),
+            Sint | AbstractInt => format!("i{}", s.width as u32 * 8),
+            Uint => format!("u{}", s.width as u32 * 8),
+            Float | AbstractFloat => format!("f{}", s.width as u32 * 8),
+        }
+    }
+    match &module.types[ty].inner {
+        TypeInner::Scalar(s) => scalar(*s),
+        TypeInner::Vector { size, scalar: s } => format!("vec{}<{}>", *size as u8, scalar(*s)),
+        TypeInner::Matrix {
+            columns,
+            rows,
+            scalar: s,
+        } => {
+            format!("mat{}x{}<{}>", *columns as u8, *rows as u8, scalar(*s))
+        }
+        _ => module.types[ty]
+            .name
+            .clone()
+            .unwrap_or_else(|| "?".to_owned()),
+    }
+}

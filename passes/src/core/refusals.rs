@@ -1,0 +1,53 @@
+//! Refusal codes, and those of recipes and of any pass.
+
+/// A refusal code and its explanation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RefusalInfo {
+    /// The code.
+    pub code: &'static str,
+    /// The reason, in general.
+    pub explanation: &'static str,
+    /// How to make the pass legal.
+    pub remedy: &'static str,
+}
+
+/// Declares refusals as constants, and `REFUSALS`, the list of all of them.
+macro_rules! refusals {
+    ($($name:ident = $code:literal: $explanation:literal, $remedy:literal;)*) => {
+        $(
+            #[doc = concat!("`", $code, "`.")]
+            pub const $name: RefusalInfo = RefusalInfo {
+                code: $code,
+                explanation: $explanation,
+                remedy: $remedy,
+            };
+        )*
+
+        /// All of them.
+        pub const REFUSALS: &[RefusalInfo] = &[$($name),*];
+    };
+}
+
+pub(crate) use refusals;
+
+refusals! {
+    BUDGET = "budget":
+        "`budget=` is the largest difference of a colour that you allow. It is missing, or \
+         outside 0 to 1.",
+        "Give one: `budget=0.02`, say.";
+    INTERNAL = "internal":
+        "A transform built an invalid program. This is a bug in preshade. The original is kept.",
+        "Please report it with the shader.";
+    PARAMETERS = "parameters":
+        "A parameter does not fit the pass.",
+        "`preshade passes NAME` lists them.";
+    REFUSED = "refused":
+        "A pass refused and gave no reason of its own.",
+        "`preshade explain` lists every reason.";
+    STALE = "stale":
+        "The site that the recipe names is no longer in the shader.",
+        "Make the recipe anew.";
+    UNKNOWN = "unknown":
+        "There is no pass of that name.",
+        "`preshade passes` lists them.";
+}

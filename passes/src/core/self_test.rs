@@ -1,0 +1,150 @@
+//! Self-tests in plans: draws that a host makes at load, to check that its driver keeps the plan's
+//! promise.
+//!
+//! They check only whether any sample passed, never how many: WebGPU doesn't promise a count. We
+//! therefore compare which pass's fragments are nearer. A pass leaves the nearest fragment of a
+//! sample in a depth attachment, so "no fragment of the other pass is nearer" is one query.
+
+use crate::core::plan::{
+    Plan, Role, SELF_TEST_DEPTH, SamplesPassed, SelfTest, SelfTestDraw, SelfTestRun,
+};
+use crate::core::state::{CompareFunction, DepthDirection};
+
+/// For an unchanged main pass over a pre-pass that is biased away from the viewer: over the main
+/// pass's own depths, no sample of the pre-pass may hide one of the main pass's. `None` for a plan
+/// without a main pass.
+pub fn biased(plan: &Plan) -> Option<SelfTest> {
+    let main = plan.main()?.depth.as_ref()?;
+    let hides = match main.compare {
+        // A tie hides a fragment that must be strictly nearer.
+        CompareFunction::Less => CompareFunction::LessEqual,
+        CompareFunction::Greater => CompareFunction::GreaterEqual,
+        CompareFunction::LessEqual => CompareFunction::Less,
+        CompareFunction::GreaterEqual => CompareFunction::Greater,
+        _ => return None,
+    };
+    let run = SelfTestRun {
+        failure:
+            "the pre-pass hides samples of the main pass, or covers what the main pass does not"
+                .to_owned(),
+        draws: vec![
+            lays(Role::Main, SELF_TEST_DEPTH, main.compare),
+            none_passes(Role::Prepass, hides),
+        ],
+    };
+    of(plan, plan, vec![run])
+}
+
+/// Whether the main pass still discards like its pre-pass.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MainDiscards {
+    /// It does, or neither discards.
+    AsPrepass,
+    /// It leaves discarding to EQUAL.
+    NoMore,
+}
+
+/// For a main pass that compares with EQUAL: neither pass may have a fragment nearer than the
+/// other's nearest, so the nearest are equal. `compare` is the pre-pass's comparison. If the main
+/// pass no longer discards, its fragments may be nearer, and only one of the two runs remains.
+pub fn equal(plan: &Plan, compare: CompareFunction, discards: MainDiscards) -> Option<SelfTest> {
+    let nearer = nearer(compare)?;
+    let mut runs = vec![SelfTestRun {
+        failure: "the main pass lies behind what the pre-pass leaves, or does not cover it"
+            .to_owned(),
+        draws: vec![
+            lays(Role::Main, SELF_TEST_DEPTH, compare),
+            none_passes(Role::Prepass, nearer),
+        ],
+    }];
+    if discards == MainDiscards::AsPrepass {
+        runs.push(SelfTestRun {
+            failure: "the main pass lies in front of what the pre-pass leaves, or covers more"
+                .to_owned(),
+            draws: vec![
+                lays(Role::Prepass, SELF_TEST_DEPTH, compare),
+                none_passes(Role::Main, nearer),
+            ],
+        });
+    }
+    of(plan, plan, runs)
+}
+
+/// For an id pass that replaces the main pass of `original`, the plan before: as [`equal`], against
+/// the original's main pass.
+pub fn identified(plan: &Plan, original: &Plan) -> Option<SelfTest> {
+    let compare = original.main()?.depth.as_ref()?.compare;
+    let nearer = nearer(compare)?;
+    let runs = vec![
+        SelfTestRun {
+            failure: "the original lies behind what the id pass leaves, or does not cover it"
+                .to_owned(),
+            draws: vec![
+                lays(Role::Main, SELF_TEST_DEPTH, compare),
+                none_passes(Role::Ids, nearer),
+            ],
+        },
+        SelfTestRun {
+            failure: "the original lies in front of what the id pass leaves, or covers more"
+                .to_owned(),
+            draws: vec![
+                lays(Role::Ids, SELF_TEST_DEPTH, compare),
+                none_passes(Role::Main, nearer),
+            ],
+        },
+    ];
+    of(plan, original, runs)
+}
+
+/// For a main pass that both reads the depth of its pre-pass, `produced`, and is tested against it.
+/// With that depth bound, the main pass's own depths must never be behind the pre-pass's.
+pub fn read_only(plan: &Plan, compare: CompareFunction, produced: &str) -> Option<SelfTest> {
+    let run = SelfTestRun {
+        failure:
+            "the main pass lies behind what the pre-pass leaves, or discards what it should not"
+                .to_owned(),
+        draws: vec![
+            lays(Role::Prepass, produced, compare),
+            lays(Role::Main, SELF_TEST_DEPTH, compare),
+            none_passes(Role::Prepass, nearer(compare)?),
+        ],
+    };
+    of(plan, plan, vec![run])
+}
+
+/// The comparison that only a strictly nearer fragment passes.
+fn nearer(compare: CompareFunction) -> Option<CompareFunction> {
+    Some(match compare.direction()? {
+        DepthDirection::Forward => CompareFunction::Less,
+        DepthDirection::Reversed => CompareFunction::Greater,
+    })
+}
+
+fn lays(role: Role, attachment: &str, compare: CompareFunction) -> SelfTestDraw {
+    SelfTestDraw {
+        role,
+        attachment: attachment.to_owned(),
+        compare,
+        write: true,
+        samples: SamplesPassed::Some,
+    }
+}
+
+fn none_passes(role: Role, compare: CompareFunction) -> SelfTestDraw {
+    SelfTestDraw {
+        role,
+        attachment: SELF_TEST_DEPTH.to_owned(),
+        compare,
+        write: false,
+        samples: SamplesPassed::None,
+    }
+}
+
+/// A test with an attachment like the main pass's in `drawn`.
+fn of(plan: &Plan, drawn: &Plan, runs: Vec<SelfTestRun>) -> Option<SelfTest> {
+    let depth = drawn.main()?.depth.as_ref()?;
+    let mut attachment = plan.attachment(&depth.attachment)?.clone();
+    attachment.name = SELF_TEST_DEPTH.to_owned();
+    attachment.sampled = false;
+    Some(SelfTest { attachment, runs })
+}

@@ -1,0 +1,127 @@
+//! A part of a fragment stage that runs ahead of the author's code, in the same invocation.
+
+use naga::{
+    AddressSpace, Binding, Expression, Function, GlobalVariable, Handle, Module, Span, Statement,
+    Type,
+};
+
+use crate::core::reflect;
+use crate::graph::Graph;
+use crate::rebuild::place::{self, Builder, PositionInvariance};
+use crate::slice::Slice;
+
+/// An offset past every file of a source map: our own text has no place in the author's.
+const NOWHERE: u32 = u32::MAX / 2;
+
+/// A function made of a slice of a fragment stage.
+#[derive(Clone, Debug)]
+pub struct Ahead {
+    /// The function.
+    pub function: Handle<Function>,
+    /// Its arguments.
+    arguments: Vec<Argument>,
+    /// Private variables that it may write. The author's code must find them as they were.
+    private: Vec<Handle<GlobalVariable>>,
+}
+
+/// An argument made of the entry point's inputs.
+#[derive(Clone, Debug)]
+enum Argument {
+    /// One input.
+    Input(Handle<Type>, Binding),
+    /// A struct of inputs, a member each.
+    Struct(Handle<Type>, Vec<(Handle<Type>, Binding)>),
+}
+
+impl Ahead {
+    /// Adds `slice` to `module` as a plain function of the stage's inputs.
+    pub fn add(
+        graph: &Graph<'_>,
+        slice: &Slice,
+        module: &Module,
+        name: &str,
+        suffix: &str,
+    ) -> Option<(Module, Self)> {
+        let invariance = PositionInvariance::AsWritten;
+        let mut module = place::entry_point(graph, slice, module, name, suffix, invariance);
+        let mut function = module.entry_points.pop()?.function;
+        let mut arguments = Vec::new();
+        for argument in &mut function.arguments {
+            arguments.push(match argument.binding.take() {
+                Some(binding) => Argument::Input(argument.ty, binding),
+                None => Argument::Struct(argument.ty, reflect::members(&module, argument.ty)?),
+            });
+        }
+        if let Some(result) = &mut function.result {
+            result.binding = None;
+        }
+        function.name = Some(name.to_owned());
+        let function = module.functions.append(function, Span::UNDEFINED);
+        let is_private =
+            |g: &Handle<GlobalVariable>| module.global_variables[*g].space == AddressSpace::Private;
+        let private = slice.globals.iter().copied().filter(is_private).collect();
+        let ahead = Self {
+            function,
+            arguments,
+            private,
+        };
+        Some((module, ahead))
+    }
+
+    /// Calls the function in a prologue, and puts private variables back after it.
+    pub fn call(&self, build: &mut Builder<'_>, name: &str) -> Option<Handle<Expression>> {
+        let arguments = self.arguments.iter().map(|a| argument(build, a)).collect();
+        let saved: Vec<_> = self.private.iter().map(|g| save(build, *g)).collect();
+        let result = build.call(self.function, arguments)?;
+        build.name(result, name);
+        for (pointer, value) in saved {
+            build.statement(Statement::Store { pointer, value });
+        }
+        Some(result)
+    }
+}
+
+/// A private variable and its value here.
+fn save(
+    build: &mut Builder<'_>,
+    variable: Handle<GlobalVariable>,
+) -> (Handle<Expression>, Handle<Expression>) {
+    let pointer = build.expression(Expression::GlobalVariable(variable));
+    (pointer, build.expression(Expression::Load { pointer }))
+}
+
+fn argument(build: &mut Builder<'_>, argument: &Argument) -> Handle<Expression> {
+    match argument {
+        Argument::Input(ty, binding) => build.input("input", *ty, binding),
+        Argument::Struct(ty, members) => {
+            let components = members
+                .iter()
+                .map(|(ty, binding)| build.input("input", *ty, binding))
+                .collect();
+            build.expression(Expression::Compose {
+                ty: *ty,
+                components,
+            })
+        }
+    }
+}
+
+/// `module` with a snippet of our own, and the snippet's one function.
+///
+/// # Errors
+/// When it does not parse or link.
+pub fn link_snippet(module: Module, wgsl: &str) -> Result<(Module, Handle<Function>), InjectError> {
+    let snippet =
+        naga::front::wgsl::parse_str(wgsl).map_err(|e| InjectError(e.message().to_owned()))?;
+    let linked = crate::core::link::link(module, &snippet, NOWHERE, "preshade")
+        .map_err(|e| InjectError(e.to_string()))?;
+    match linked.functions[..] {
+        [function] => Ok((linked.module, function)),
+        _ => Err(InjectError("the snippet is not one function".to_owned())),
+    }
+}
+
+/// A snippet of our own that does not parse: a bug.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct InjectError(pub(crate) String);

@@ -1,0 +1,370 @@
+//! The depth-only version of a material: the slice of its vertex stage to position, and of its
+//! fragment stage to coverage and depth. Depth pre-pass, shadow pass and the depth texture of an
+//! early discard share it.
+
+use naga::{
+    BinaryOperator, Binding, BuiltIn, Expression, Literal, Module, ShaderStage, Span, TypeInner,
+};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::analysis::coverage;
+use crate::analysis::opaque::Opaque;
+use crate::core::contract::{Assumption, Contract};
+use crate::core::pass::{Change, Outcome, Refusal, Site, SiteCost};
+use crate::core::plan::{Draws, GpuPass, Phase, Plan, Role};
+use crate::core::reflect;
+use crate::core::state::DepthState;
+use crate::rebuild::ahead::Ahead;
+use crate::rebuild::place::{self, PositionInvariance};
+use crate::rebuild::returns::{self, Emitter};
+use crate::slice::{self, Criterion, OutputFilter, Slice};
+
+/// The vertex stage of a depth-only pass.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum VertexStage {
+    /// The main pass's entry point in the same module: most likely to be invariant.
+    Same,
+    /// The slice to position, clip distances, point size and view index, in its own module.
+    Sliced,
+}
+
+/// Whether to add `@invariant` to positions whose depths are compared for equality.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Invariance {
+    /// The author's marking. No bit of the picture changes, and we trust the driver to compile one
+    /// vertex entry point alike in both pipelines. The plan's self-test checks this.
+    AsWritten,
+    /// `@invariant` on both. It forbids contractions that the original may have had, so positions
+    /// (and pixels) may differ from the original's in the last bits.
+    Add,
+}
+
+impl Invariance {
+    /// One entry point of one module needs no attribute; two texts do.
+    pub fn default_for(stage: VertexStage) -> Self {
+        match stage {
+            VertexStage::Same => Self::AsWritten,
+            VertexStage::Sliced => Self::Add,
+        }
+    }
+
+    /// The assumptions of an unchanged picture.
+    pub fn assumptions(self, opaque: &Opaque) -> Vec<Assumption> {
+        let mut given = vec![Assumption::InvariantPosition];
+        if self == Self::Add && !opaque.has_invariant_position() {
+            given.push(Assumption::InvariantOriginal);
+        }
+        given
+    }
+
+    /// The marking of positions.
+    pub fn position(self) -> PositionInvariance {
+        match self {
+            Self::AsWritten => PositionInvariance::AsWritten,
+            Self::Add => PositionInvariance::Invariant,
+        }
+    }
+
+    /// The author's module, with the position marked if needed.
+    pub fn apply(self, module: Module, vertex: usize) -> Module {
+        match self {
+            Self::AsWritten => module,
+            Self::Add => place::with_invariant_position(&module, vertex),
+        }
+    }
+}
+
+/// The slices that make a material depth-only.
+#[derive(Clone, Debug)]
+pub struct DepthOnly {
+    /// The vertex slice; `None` keeps the whole stage.
+    vertex: Option<Slice>,
+    /// The fragment slice; `None` means no fragment stage.
+    fragment: Option<Slice>,
+    cost: SiteCost,
+    span: Option<Span>,
+}
+
+/// A depth-only program with its entry points.
+#[derive(Clone, Debug)]
+pub struct Placed {
+    /// The module.
+    pub module: Module,
+    /// Vertex entry point.
+    pub vertex: String,
+    /// Fragment entry point.
+    pub fragment: Option<String>,
+}
+
+/// Slices a material.
+pub fn slice(opaque: &Opaque, stage: VertexStage) -> DepthOnly {
+    let graph = &opaque.graph;
+    let fragment = opaque
+        .fragment
+        .filter(|_| opaque.decides.anything())
+        .map(|entry| opaque.decides.slice(graph, entry));
+    let vertex = match stage {
+        VertexStage::Same => None,
+        VertexStage::Sliced => {
+            let mut criteria = vec![Criterion::Output(OutputFilter::Rasterization)];
+            if let Some(fragment) = &fragment {
+                let entry = &opaque.program.module().entry_points[fragment.entry];
+                let inputs = reflect::inputs(opaque.program.module(), &entry.function);
+                criteria.extend(fragment.inputs.iter().filter_map(
+                    |i| match inputs.get(*i)?.binding {
+                        Some(Binding::Location { location, .. }) => {
+                            Some(Criterion::Output(OutputFilter::Location(location)))
+                        }
+                        _ => None,
+                    },
+                ));
+            }
+            Some(slice::backward(graph, opaque.vertex, &criteria))
+        }
+    };
+    let whole_vertex = graph.entry_cost(opaque.vertex);
+    let cost = SiteCost {
+        slice: vertex.as_ref().map_or(whole_vertex, |s| s.cost)
+            + fragment.as_ref().map_or(0.0, |s| s.cost),
+        whole: whole_vertex + opaque.fragment.map_or(0.0, |f| graph.entry_cost(f)),
+    };
+    let span = [&fragment, &vertex]
+        .into_iter()
+        .flatten()
+        .find_map(|s| s.first_span(graph));
+    DepthOnly {
+        vertex,
+        fragment,
+        cost,
+        span,
+    }
+}
+
+impl DepthOnly {
+    /// Stable name of the code that was sliced.
+    pub fn key(&self, opaque: &Opaque) -> Site {
+        let graph = &opaque.graph;
+        let hash = |s: &Option<Slice>| s.as_ref().map_or("-".repeat(16), |s| s.hash(graph));
+        Site {
+            role: Role::Main,
+            entry_point: opaque.pass.vertex.clone(),
+            slice: format!("{}{}", hash(&self.vertex), hash(&self.fragment)),
+        }
+    }
+
+    /// The change that a pass makes with these slices.
+    pub fn change(&self, opaque: &Opaque, what: String) -> Change {
+        Change {
+            key: self.key(opaque),
+            what,
+            location: self.span.and_then(|s| opaque.program.sources().locate(s)),
+            cost: self.cost,
+        }
+    }
+
+    /// A plan that was made with these slices.
+    pub fn outcome(&self, opaque: &Opaque, what: String, plan: Plan) -> Outcome {
+        Outcome {
+            plan,
+            change: self.change(opaque, what),
+            left: Vec::new(),
+        }
+    }
+
+    /// Places the slices beside the author's entry points. `suffix` ends the names of new items.
+    /// `shader_bias` is added to a depth that the fragment stage writes.
+    pub fn place(
+        &self,
+        opaque: &Opaque,
+        suffix: &str,
+        invariance: PositionInvariance,
+        shader_bias: Option<f32>,
+    ) -> Placed {
+        let program = opaque.program;
+        let graph = &opaque.graph;
+        let mut module = program.module().clone();
+        let fragment = self.fragment.as_ref().map(|slice| {
+            let entry = &program.module().entry_points[slice.entry];
+            let name = free_entry(program.module(), &entry.name, suffix);
+            module = place::entry_point(
+                graph,
+                slice,
+                &module,
+                &name,
+                suffix,
+                PositionInvariance::AsWritten,
+            );
+            if let (Some(bias), true) = (shader_bias, opaque.decides.depth) {
+                bias_depth(&mut module, bias);
+            }
+            name
+        });
+        let Some(slice) = &self.vertex else {
+            if invariance == PositionInvariance::Invariant {
+                module = place::with_invariant_position(&module, opaque.vertex);
+            }
+            return Placed {
+                module,
+                vertex: opaque.pass.vertex.clone(),
+                fragment,
+            };
+        };
+        let vertex = free_entry(program.module(), &opaque.pass.vertex, suffix);
+        module = place::entry_point(graph, slice, &module, &vertex, suffix, invariance);
+        Placed {
+            module,
+            vertex,
+            fragment,
+        }
+    }
+
+    /// Whether the vertex stage is the main pass's.
+    pub fn shares_vertex(&self) -> bool {
+        self.vertex.is_none()
+    }
+
+    /// Adds to `module` a function that computes the material's depth from the fragment stage's
+    /// inputs.
+    pub fn depth_function(&self, opaque: &Opaque, module: &Module) -> Option<(Module, Ahead)> {
+        let graph = &opaque.graph;
+        // Only the depth: the author's own code still discards.
+        let slice = slice::backward(
+            graph,
+            self.fragment.as_ref()?.entry,
+            &[Criterion::Output(OutputFilter::FragDepth)],
+        );
+        Ahead::add(graph, &slice, module, "prepass_own_depth", "own_depth")
+    }
+}
+
+/// A free entry point name: `{name}_{suffix}`, repeating the suffix if it is taken.
+fn free_entry(module: &Module, name: &str, suffix: &str) -> String {
+    let mut free = format!("{name}_{suffix}");
+    while module.entry_points.iter().any(|e| e.name == free) {
+        free = format!("{free}_{suffix}");
+    }
+    free
+}
+
+/// Adds `bias` to every depth that the last entry point of `module` returns.
+fn bias_depth(module: &mut Module, bias: f32) {
+    let Some(entry) = module.entry_points.last_mut() else {
+        return;
+    };
+    // The bias breaks a guarantee about the depth's side.
+    entry.early_depth_test = None;
+    let Some(result) = entry.function.result.clone() else {
+        return;
+    };
+    let members = match &module.types[result.ty].inner {
+        TypeInner::Struct { members, .. } => Some(members),
+        _ => None,
+    };
+    returns::rewrite(&mut entry.function, &mut |emitter, value| {
+        let value = value?;
+        let bias = emitter.constant(Expression::Literal(Literal::F32(bias)));
+        let pushed = |emitter: &mut Emitter<'_>, depth| {
+            emitter.emit(Expression::Binary {
+                op: BinaryOperator::Add,
+                left: depth,
+                right: bias,
+            })
+        };
+        let Some(members) = members else {
+            return Some(pushed(emitter, value));
+        };
+        let components = (0..)
+            .zip(members)
+            .map(|(index, member)| {
+                let part = emitter.emit(Expression::AccessIndex { base: value, index });
+                match member.binding {
+                    Some(Binding::BuiltIn(BuiltIn::FragDepth)) => pushed(emitter, part),
+                    _ => part,
+                }
+            })
+            .collect();
+        Some(emitter.emit(Expression::Compose {
+            ty: result.ty,
+            components,
+        }))
+    });
+}
+
+/// Inserts a depth-only GPU pass before the main pass. Under alpha to coverage it has the main
+/// pass's colour targets with an empty write mask. `program` is the key of a program in the plan.
+pub fn insert(
+    plan: &mut Plan,
+    main: &GpuPass,
+    placed: &Placed,
+    program: &str,
+    role: Role,
+    phase: Phase,
+    depth: DepthState,
+) {
+    let mut pass = GpuPass {
+        role,
+        phase,
+        program: program.to_owned(),
+        vertex: placed.vertex.clone(),
+        fragment: placed.fragment.clone(),
+        depth: Some(depth),
+        targets: coverage::targets(main),
+        // `fill` updates the list and keeps the sources.
+        bindings: main.bindings.clone(),
+        attributes: Vec::new(),
+        draws: Draws::Opaque,
+        ..main.clone()
+    };
+    if let Some(p) = plan.programs.get(program) {
+        reflect::fill(&mut pass, p);
+    }
+    plan.passes.insert(0, pass);
+}
+
+/// Inserts a depth-only GPU pass with its own program, which contains only its entry points and is
+/// named after its role.
+///
+/// # Errors
+/// Our program does not validate: a bug.
+pub fn insert_own(
+    plan: &mut Plan,
+    opaque: &Opaque,
+    placed: Placed,
+    role: Role,
+    phase: Phase,
+    depth: DepthState,
+    name: &str,
+) -> Result<(), Box<Refusal>> {
+    let mut kept = vec![(ShaderStage::Vertex, placed.vertex.as_str())];
+    kept.extend(
+        placed
+            .fragment
+            .as_deref()
+            .map(|f| (ShaderStage::Fragment, f)),
+    );
+    let program = opaque
+        .program
+        .with_module(place::retain(&placed.module, &kept))
+        .map_err(|e| Refusal::bug(name, e))?;
+    plan.programs.insert(role.name().to_owned(), program);
+    insert(plan, opaque.pass, &placed, role.name(), role, phase, depth);
+    Ok(())
+}
+
+/// Finishes every transform: updates bindings and attributes, derives the contract from the steps.
+pub fn finish(plan: &mut Plan, fallback: &str) {
+    for pass in &mut plan.passes {
+        if let Some(program) = plan.programs.get(&pass.program) {
+            reflect::fill(pass, program);
+        }
+    }
+    plan.contract = plan
+        .steps
+        .iter()
+        .map(|s| s.contract.clone())
+        .fold(Contract::exact(), Contract::and);
+    plan.fallback = Some(fallback.to_owned());
+}

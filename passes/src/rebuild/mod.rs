@@ -1,0 +1,12 @@
+//! New programs out of slices and cuts of old ones: everything that writes naga IR.
+
+pub(crate) mod ahead;
+pub mod count;
+pub mod depth_only;
+pub(crate) mod fetch;
+pub(crate) mod gradients;
+pub(crate) mod hoisted;
+pub(crate) mod isolate;
+pub mod place;
+pub mod quad;
+pub mod returns;

@@ -1,0 +1,603 @@
+//! `early-discard`: compare with the nearest depth ahead of all work, and leave when behind it.
+//!
+//! Goal: what a hidden fragment would have cost, saved by hand where the hardware's own early test cannot run: in a material that writes depth, or on an
+//! API without a say in it (Primozic, "Speeding Up Three.JS with Depth-Based Fragment Culling", 2022).
+//!
+//! ```text
+//! before:  main     fs(..) { work }                                        depth less, write
+//!
+//! after:   prepass  vs_depth (+ fs_depth)                                  writes the attachment `prepass-depth`
+//!          main     fs(..) { if hidden(position) { discard; } work }       depth less, write, and `prepass-depth` bound as a texture
+//! ```
+//!
+//! `quad=vote` (the default) leaves only when all four lanes of the 2x2 quad are behind, so that every derivative and every implicit level of detail of a
+//! surviving pixel is what it was. `quad=lane` leaves at once; where there are derivatives and implicit samples, gradients are taken first, which is not exact: the
+//! implicit level of detail and the one from gradients may round apart, most under anisotropic filtering. How far is the adapter's and the texture's affair, so the
+//! user says what is allowed (`budget=0.02`), and `verify` measures it; without a budget it is refused.
+//!
+//! A fragment is dropped only when it is strictly behind by more than two pipelines may differ: the tolerance is derived from depth format, depth and slope
+//! ([`Params::tolerance`]). That article's fixed 0.0001 is wrong near the far plane and under reversed Z; it is an option.
+//!
+//! `texture=packed` adds a colour attachment, [`PREPASS_PACKED`], and binds that: the pre-pass then always has a fragment stage.
+//!
+//! A depth that the shader writes is clamped to 0 to 1 before it is compared: the viewport's own depth range is taken to be that.
+//!
+//! A vote takes fine derivatives. GLSL ES 3.00 has none: with coarse ones three lanes of a quad could leave over the head of the fourth, and spoil its derivatives.
+//! A lane that is not behind itself never leaves. So for that target `plan.json` says that the form promises nothing ([`crate::rebuild::quad::vote_shields_derivatives`]), unless the
+//! fragment stage takes no derivative and no implicit sample.
+//!
+//! `attachment=readonly` carries a self-test ([`self_test::read_only`]). `attachment=own` has none: its prologue allows for positions that differ by the tolerance, so
+//! only the original's picture tells whether a fragment was wrongly dropped, and a plan has no original to draw. `verify` draws it.
+
+use naga::Module;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::analysis::opaque::{self, Opaque};
+use crate::analysis::refusals as shared;
+use crate::core::budget::Budget;
+use crate::core::contract::{Assumption, Contract};
+use crate::core::pass::{Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Use};
+use crate::core::plan::{
+    Attachment, BindingKind, BindingSource, BindingUse, Phase, Plan, Role, Step, Visibility,
+};
+use crate::core::refusals::RefusalInfo;
+use crate::core::self_test;
+use crate::core::state::{CompareFunction, DepthDirection, DepthState};
+use crate::rebuild::depth_only::{self, DepthOnly, Invariance, VertexStage};
+use crate::rebuild::gradients;
+use crate::slice::{self, Criterion, OutputFilter};
+
+mod packed;
+mod prologue;
+mod quad;
+pub mod refusals;
+pub use packed::PREPASS_PACKED;
+pub(crate) use packed::stored as packed_depth;
+use prologue::{DepthRange, Prologue};
+
+/// Name of the depth attachment the prologue reads when the main pass has one of its own.
+pub const PREPASS_DEPTH: &str = "prepass-depth";
+
+/// The pass.
+pub struct EarlyDiscard;
+
+/// The depth attachment of the main pass.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum MainAttachment {
+    /// Its own, with the author's state: the article's form.
+    #[default]
+    Own,
+    /// The very depth that is compared with, bound read-only: the hardware test rejects too.
+    Readonly,
+}
+
+/// How the depth texture is declared.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum DepthTexture {
+    /// `texture_depth_2d`.
+    #[default]
+    Depth,
+    /// `texture_2d<f32>` with an unfilterable sample type: what the GLSL writer can express.
+    Float,
+    /// `texture_2d<f32>` over an `rgba8unorm` colour attachment that holds the depth as three.js of 2022 packs it: for a host that cannot bind a depth texture.
+    Packed,
+}
+
+/// Which lanes leave.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Quad {
+    /// All four of a quad, when all four are behind.
+    #[default]
+    Vote,
+    /// Each by itself.
+    Lane,
+}
+
+/// What the comparison does.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Mode {
+    /// Drops hidden fragments.
+    #[default]
+    Cull,
+    /// Drops the visible ones: a picture of what would be saved, as the article drew it.
+    Invert,
+}
+
+/// Parameters.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Params {
+    /// Depth attachment of the main pass.
+    pub attachment: MainAttachment,
+    /// Type of the depth texture.
+    pub texture: DepthTexture,
+    /// Which lanes leave.
+    pub quad: Quad,
+    /// `quad=lane` where gradients are taken first: the largest difference of a channel (`max_abs`) that is allowed, 0 to 1. Elsewhere it is not used: nothing differs.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub budget: Option<f64>,
+    /// Drop hidden fragments, or show them.
+    pub mode: Mode,
+    /// A fixed tolerance in units of depth, at least 0, in place of the derived one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0))]
+    pub tolerance: Option<f32>,
+    /// `@group` of the depth texture; default: the highest group that the shader already uses.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub group: Option<u32>,
+    /// `@binding` of the depth texture; default: the first free one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub binding: Option<u32>,
+    /// `attachment=readonly`: whether `@invariant` is added; default: `as-written` with `vertex=same`, `add` with `vertex=sliced`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub invariant: Option<Invariance>,
+    /// Vertex stage of the depth pass; default: `sliced`, or `same` with `attachment=readonly`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub vertex: Option<VertexStage>,
+}
+
+impl Params {
+    fn vertex(&self) -> VertexStage {
+        self.vertex.unwrap_or(match self.attachment {
+            MainAttachment::Own => VertexStage::Sliced,
+            MainAttachment::Readonly => VertexStage::Same,
+        })
+    }
+
+    fn invariant(&self) -> Invariance {
+        self.invariant
+            .unwrap_or_else(|| Invariance::default_for(self.vertex()))
+    }
+
+    /// Both passes draw with one module: the hardware compares what they rasterise.
+    fn shares_program(&self) -> bool {
+        self.attachment == MainAttachment::Readonly && self.vertex() == VertexStage::Same
+    }
+}
+
+impl Pass for EarlyDiscard {
+    type Params = Params;
+
+    const INFO: PassInfo = PassInfo {
+        name: "early-discard",
+        summary: "compares with the nearest depth ahead of all work and leaves when behind it",
+        source: "Primozic, Speeding Up Three.JS with Depth-Based Fragment Culling (2022)",
+        when: "the hardware's early test cannot run (a material that writes depth), or a host cannot set the depth test of its main pass; else take depth-prepass",
+        hurts: "where little is hidden (3-5% lost in the article's open views), and where the hardware's early test rejects anyway: a texture read and a vote for each fragment, for nothing",
+        reads_scene: false,
+    };
+
+    const REFUSALS: &'static [RefusalInfo] = refusals::REFUSALS;
+
+    const EXAMPLES: &'static [Example] = &[
+        Example {
+            recipe: "early-discard",
+            uses: &[
+                Use::Snapshot,
+                Use::Inject,
+                Use::Break,
+                Use::Pictures(4),
+                Use::Fuzz,
+                Use::Plan,
+                Use::Cover,
+                Use::Exact,
+                Use::Page("pages/leaf"),
+                Use::Picture {
+                    scene: "fixtures/scenes/late-depth.toml --size 256x144 --frames 1 --order front-to-back",
+                    caption: "five layers that write depth, which hardware cannot test early: each pixel is shaded once instead of five times",
+                    rows: 2,
+                },
+            ],
+        },
+        Example {
+            recipe: "early-discard:texture=float",
+            uses: &[Use::Snapshot],
+        },
+        Example {
+            recipe: "early-discard:texture=float,attachment=readonly",
+            uses: &[Use::Snapshot],
+        },
+        Example {
+            recipe: "early-discard:attachment=readonly",
+            uses: &[Use::ExactWithoutTies],
+        },
+        Example {
+            recipe: "early-discard:texture=packed",
+            uses: &[Use::Snapshot],
+        },
+        Example {
+            recipe: "early-discard:quad=lane,budget=0.02",
+            uses: &[Use::Snapshot],
+        },
+        Example {
+            recipe: "early-discard:quad=lane,mode=invert",
+            uses: &[Use::Snapshot],
+        },
+        Example {
+            recipe: "early-discard:quad=lane,budget=1",
+            uses: &[Use::Fuzz],
+        },
+    ];
+
+    fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
+        let opaque = check(plan, facts, params)?;
+        let slice = depth_only::slice(&opaque, params.vertex());
+        let next = transform(plan, &opaque, &slice, params)?;
+        Ok(slice.outcome(&opaque, what(params, &opaque), next))
+    }
+}
+
+fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a>, Vec<Refusal>> {
+    let name = EarlyDiscard::INFO.name;
+    let opaque = Opaque::examine(plan, name)?;
+    let mut refusals = Vec::new();
+    let mut refuse = |code: &RefusalInfo, reason: &str, remedy: &str| {
+        refusals.push(Refusal::new(name, code, reason, remedy))
+    };
+    if opaque.fragment.is_none() {
+        refuse(
+            &shared::NO_FRAGMENT_STAGE,
+            "the material has no fragment stage to leave early",
+            "nothing to do",
+        );
+    }
+    if params
+        .tolerance
+        .is_some_and(|t| !(t >= 0.0 && t.is_finite()))
+    {
+        refuse(
+            &refusals::TOLERANCE,
+            "the tolerance is not a finite number of at least 0",
+            "leave it out to have it derived",
+        );
+    }
+    if params.budget.is_some_and(|b| !(0.0..=1.0).contains(&b)) {
+        refuse(
+            &crate::core::refusals::BUDGET,
+            "the budget is the largest difference of a channel, which lies between 0 and 1",
+            "give budget=0.02, say",
+        );
+    }
+    if !opaque.pass.primitive.topology.is_triangles() && params.quad == Quad::Vote {
+        refuse(
+            &shared::VOTE_NEEDS_TRIANGLES,
+            "lines and points have no 2x2 quads to vote in",
+            "take quad=lane",
+        );
+    }
+    if params.quad == Quad::Lane
+        && let Some(fragment) = opaque.fragment
+    {
+        refusals.extend(quad::refuse_lane(&opaque, fragment, params));
+    }
+    let toward_viewer = |bias: f32| bias * opaque.direction.away() < 0.0;
+    let bias = opaque.depth.bias;
+    let biased = (bias.constant as f32, bias.slope_scale);
+    if toward_viewer(biased.0)
+        || toward_viewer(biased.1)
+        || (params.texture == DepthTexture::Packed && biased != (0.0, 0.0))
+    {
+        refusals.push(Refusal::new(
+            name,
+            &refusals::DEPTH_BIAS,
+            "the material has a depth bias of its own, which a fragment stage does not see on every API: it could take itself for hidden",
+            "take depth-prepass, where the hardware compares biased depths with biased depths",
+        ));
+    }
+    if params.attachment == MainAttachment::Readonly && opaque.decides.depth {
+        refusals.push(Refusal::new(
+            name,
+            &refusals::READONLY_DEPTH_WRITER,
+            "the material writes depth, which a read-only attachment cannot take",
+            "take attachment=own",
+        ));
+    }
+    if let Some(fragment) = opaque.fragment.filter(|_| opaque.decides.depth) {
+        let decided = [Criterion::Output(OutputFilter::FragDepth)];
+        let slice = slice::backward(&opaque.graph, fragment, &decided);
+        if let Some(span) = slice.endless_loop(&opaque.graph) {
+            // Run twice, and ahead of discards that may be all that ends it.
+            let refusal = Refusal::new(
+                name,
+                &refusals::DEPTH_LOOP,
+                "the depth that the material writes rests on a loop that is not seen to end, which the prologue would run a second time, without the discards that leave it",
+                "count its turns by constants (for i < 32), or take depth-prepass",
+            );
+            refusals.push(refusal.at(opaque.program.sources(), span));
+        }
+    }
+    if params.attachment == MainAttachment::Readonly && params.mode == Mode::Invert {
+        refusals.push(Refusal::new(
+            name,
+            &refusals::READONLY_INVERT,
+            "under a read-only attachment the hardware rejects what mode=invert would show",
+            "take attachment=own",
+        ));
+    }
+    if params.texture == DepthTexture::Packed {
+        if params.attachment == MainAttachment::Readonly {
+            refusals.push(Refusal::new(
+                name,
+                &refusals::PACKED_READONLY,
+                "a packed depth is a colour, which cannot be attached as depth",
+                "take attachment=own, or texture=float",
+            ));
+        }
+        if opaque.pass.multisample.count > 1 {
+            refusals.push(Refusal::new(
+                name,
+                &refusals::PACKED_MSAA,
+                "under multisampling the fragment stage packs one depth for all samples of a pixel, which is not that of each",
+                "take texture=depth or texture=float, which hold every sample's depth",
+            ));
+        }
+    }
+    if params.attachment == MainAttachment::Readonly && opaque.depth.compare == opaque.strict() {
+        refusals.extend(opaque::refuse_ties(
+            name,
+            facts,
+            "take attachment=own, which keeps the author's comparison",
+        ));
+    }
+    if refusals.is_empty() {
+        Ok(opaque)
+    } else {
+        Err(refusals)
+    }
+}
+
+fn what(params: &Params, opaque: &Opaque) -> String {
+    let lanes = match params.quad {
+        Quad::Vote => "when all four lanes of a quad are behind",
+        Quad::Lane => "lane by lane",
+    };
+    let hardware = match (params.attachment, opaque.decides.depth) {
+        (MainAttachment::Readonly, _) => {
+            "; the depth is attached read-only too, so the hardware test already rejects and the prologue only adds its cost"
+        }
+        (MainAttachment::Own, true) => {
+            "; the material writes depth, so the hardware cannot test early and this is where it pays most"
+        }
+        (MainAttachment::Own, false) => "",
+    };
+    format!("discard ahead of all work {lanes}{hardware}")
+}
+
+fn transform(
+    plan: &Plan,
+    opaque: &Opaque,
+    slice: &DepthOnly,
+    params: &Params,
+) -> Result<Plan, Box<Refusal>> {
+    let name = EarlyDiscard::INFO.name;
+    let Some(fragment) = opaque.fragment else {
+        return Err(Box::new(Refusal::new(
+            name,
+            &shared::NO_FRAGMENT_STAGE,
+            "the material has no fragment stage",
+            "nothing to do",
+        )));
+    };
+    let scene = plan.attachment(&opaque.depth.attachment);
+    let format = scene.and_then(|a| a.format.depth()).unwrap_or_default();
+    let samples = scene.map_or(1, |a| a.samples);
+    let slot = free_slot(opaque.program.module(), params, name)?;
+    let mut next = plan.clone();
+
+    // The pass that produces the depth, and the main program, whose position is compared for equality only where the hardware tests as well.
+    let (produced, invariant) = match params.attachment {
+        MainAttachment::Own => (PREPASS_DEPTH.to_owned(), Invariance::AsWritten),
+        MainAttachment::Readonly => (opaque.depth.attachment.clone(), params.invariant()),
+    };
+    let mut placed = slice.place(opaque, "depth", invariant.position(), None);
+    if params.texture == DepthTexture::Packed {
+        let entry = &opaque.program.module().entry_points[fragment];
+        placed = packed::write(placed, &format!("{}_depth", entry.name))
+            .map_err(|e| Refusal::bug(name, e))?;
+    }
+    let mut main = if params.shares_program() {
+        placed.module.clone()
+    } else {
+        invariant.apply(opaque.program.module().clone(), opaque.vertex)
+    };
+    let mut own_depth = None;
+    if opaque.decides.depth
+        && let Some((module, function)) = slice.depth_function(opaque, &main)
+    {
+        main = module;
+        own_depth = Some(function);
+    }
+    let prologue = Prologue {
+        texture: params.texture,
+        samples,
+        format,
+        direction: opaque.direction,
+        quad: params.quad,
+        mode: params.mode,
+        range: if opaque.decides.depth || opaque.pass.primitive.unclipped_depth {
+            DepthRange::Clamped
+        } else {
+            DepthRange::Clipped
+        },
+        tolerance: params.tolerance,
+        slot,
+    };
+    let taken = match params.quad {
+        Quad::Vote => Vec::new(),
+        Quad::Lane => gradients::find(&opaque.graph, fragment).unwrap_or_default(),
+    };
+    let main = prologue
+        .inject(main, fragment, own_depth.as_ref(), &taken)
+        .map_err(|e| Refusal::bug(name, e))?;
+    let main = opaque
+        .program
+        .with_module(main)
+        .map_err(|e| Refusal::bug(name, e))?;
+    next.programs.insert(opaque.pass.program.clone(), main);
+    for pass in next.passes.iter_mut().filter(|p| p.role == Role::Main) {
+        pass.bindings.push(BindingUse {
+            layout: None,
+            group: slot.group,
+            binding: slot.binding,
+            name: prologue::TEXTURE.to_owned(),
+            kind: BindingKind::DepthTexture,
+            visibility: Visibility {
+                vertex: false,
+                fragment: true,
+                ..Visibility::default()
+            },
+            source: BindingSource::Attachment {
+                name: match params.texture {
+                    DepthTexture::Depth | DepthTexture::Float => produced.clone(),
+                    DepthTexture::Packed => PREPASS_PACKED.to_owned(),
+                },
+            },
+        });
+        if let (MainAttachment::Readonly, Some(depth)) = (params.attachment, &mut pass.depth) {
+            // The nearest fragment ties with what it finds: the strict comparison would drop it.
+            depth.compare = match opaque.direction {
+                DepthDirection::Forward => CompareFunction::LessEqual,
+                DepthDirection::Reversed => CompareFunction::GreaterEqual,
+            };
+            depth.write = false;
+            depth.read_only = true;
+        }
+    }
+    let depth_state = DepthState {
+        attachment: produced.clone(),
+        read_only: false,
+        ..opaque.depth.clone()
+    };
+    if params.shares_program() {
+        depth_only::insert(
+            &mut next,
+            opaque.pass,
+            &placed,
+            &opaque.pass.program,
+            Role::Prepass,
+            Phase::Depth,
+            depth_state,
+        );
+    } else {
+        depth_only::insert_own(
+            &mut next,
+            opaque,
+            placed,
+            Role::Prepass,
+            Phase::Depth,
+            depth_state,
+            name,
+        )?;
+    }
+    if next.attachment(&produced).is_none() {
+        let depth = Attachment::depth(&produced, format, opaque.direction, samples);
+        next.attachments.push(depth);
+    }
+    if params.texture == DepthTexture::Packed {
+        next.attachments.push(packed::attachment(opaque.direction));
+        for pass in next.passes.iter_mut().filter(|p| p.role == Role::Prepass) {
+            pass.targets = vec![Some(packed::target())];
+        }
+    } else if let Some(depth) = next.attachments.iter_mut().find(|a| a.name == produced) {
+        depth.sampled = true;
+    }
+
+    let mut given = vec![
+        Assumption::PositionWithinBias,
+        Assumption::SameViewport,
+        Assumption::OrdinaryNeighbours,
+    ];
+    given.extend(opaque.assumptions());
+    if params.attachment == MainAttachment::Readonly {
+        given.extend(invariant.assumptions(opaque));
+        given.extend([Assumption::NoDepthTies, Assumption::SameDrawOrder]);
+        next.self_test = self_test::read_only(&next, opaque.depth.compare, &produced);
+        next.notes.push("the hardware depth test already rejects what the prologue would: it only adds its cost".to_owned());
+    }
+    given.sort();
+    let max_abs = |budget, given| Contract::Approximate {
+        budget: Budget::max_abs(budget),
+        given,
+    };
+    let contract = match params.mode {
+        // A diagnostic picture: every pixel may differ.
+        Mode::Invert => max_abs(1.0, Vec::new()),
+        // `check` saw to it that there is one.
+        Mode::Cull if !taken.is_empty() => max_abs(params.budget.unwrap_or(0.0), given),
+        Mode::Cull => Contract::Exact { given },
+    };
+    if params.mode == Mode::Invert {
+        next.notes
+            .push("diagnostic: shows only the fragments that would be saved".to_owned());
+    }
+    next.steps.push(Step {
+        pass: name.to_owned(),
+        site: slice.key(opaque),
+        params: serde_json::to_value(params).unwrap_or_default(),
+        contract,
+    });
+    depth_only::finish(&mut next, "original");
+    Ok(next)
+}
+
+/// A `@group` and `@binding`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Slot {
+    /// `@group`.
+    pub group: u32,
+    /// `@binding`.
+    pub binding: u32,
+}
+
+/// The last `@group` of WebGPU's default limits.
+const LAST_GROUP: u32 = 3;
+
+/// The slot asked for, if it is free, or the first free one after the author's own.
+fn free_slot(module: &Module, params: &Params, name: &str) -> Result<Slot, Box<Refusal>> {
+    let taken = |group: u32, binding: u32| {
+        module.global_variables.iter().find(|(_, g)| {
+            g.binding
+                .as_ref()
+                .is_some_and(|b| (b.group, b.binding) == (group, binding))
+        })
+    };
+    let bindings = || {
+        module
+            .global_variables
+            .iter()
+            .filter_map(|(_, g)| g.binding.as_ref())
+    };
+    let highest = bindings().map(|b| b.group).max().unwrap_or(0);
+    let group = params.group.unwrap_or(highest);
+    if group > highest.max(LAST_GROUP) {
+        return Err(Box::new(Refusal::new(
+            name,
+            &refusals::GROUP_LIMIT,
+            format!(
+                "@group({group}) is beyond the bind groups that every WebGPU device has (maxBindGroups is 4)"
+            ),
+            "give a group of at most 3, or leave it out",
+        )));
+    }
+    let binding = params
+        .binding
+        .unwrap_or_else(|| (0..).find(|b| taken(group, *b).is_none()).unwrap_or(0));
+    match taken(group, binding) {
+        None => Ok(Slot { group, binding }),
+        Some((_, g)) => Err(Box::new(Refusal::new(
+            name,
+            &refusals::BINDING_TAKEN,
+            format!(
+                "@group({group}) @binding({binding}) is `{}`",
+                g.name.as_deref().unwrap_or("a variable of the shader")
+            ),
+            "give a free binding, or leave it out",
+        ))),
+    }
+}

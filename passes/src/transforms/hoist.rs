@@ -1,0 +1,672 @@
+//! `hoist`: work of the fragment stage that changes slowly over the surface moves to the vertices, and comes back in varyings.
+//!
+//! Goal: what is computed in every fragment, though an interpolated value would do, is computed once a vertex (Wang et al. 2014; He et al. 2015; Erkaman's
+//! "Making Faster Fragment Shaders by Using Tessellation Shaders" does it by hand).
+//!
+//! ```text
+//! before:  vs -> normal                     fs(normal): shade(noise(normal))
+//!
+//! after:   vs -> hoisted = noise(normal)    fs(hoisted): shade(hoisted)
+//! ```
+//!
+//! What moves is chosen by a minimum cut of the fragment stage's values ([`mod@cut`]) over prices of transport that are swept until the varyings fit and the
+//! whole is cheapest. How far a value may move is a matter of what interpolation makes of it:
+//!
+//! | value | carried | promise |
+//! |---|---|---|
+//! | constant over the draw, or over the primitive | flat | `Exact` |
+//! | components of a varying | as that varying | `Exact` |
+//! | affine in varyings of one interpolation class, with coefficients of the draw, reaching nothing that jumps and nothing without a bounded slope (`normalize`, a division) | as those | `Rounding` |
+//! | any other that a vertex stage can have | interpolated | `Approximate`, under the user's budget |
+//!
+//! Derivatives, samples at an implicit level of detail, fragment inputs, values that jump and values that may not be finite at a vertex stay, each with its reason. So does what rests on a jump (a depth
+//! packed into bytes, a branch, `2 * fract(x)`), and what a jump is made of that comes again and again (`fract`, `floor`, `%`, an integer). A jump is none where the range of its operand has none in it.
+//! Noise rests on `floor` and changes slowly all the same, for its cells meet, which no rule here sees: it travels where it was measured (`verify`), where `carry` names it, or by `jumps=carried`.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use naga::ShaderStage;
+
+use crate::analysis::refusals as shared;
+use crate::analysis::{rounding, values};
+use crate::core::budget::Budget;
+use crate::core::contract::{Assumption, Contract};
+use crate::core::pass::{
+    Change, Example, Facts, Left, Outcome, Pass, PassInfo, Refusal, Refused, Site, SiteCost,
+    Source, Use,
+};
+use crate::core::plan::{GpuPass, HOIST, Plan, Role, Step};
+use crate::core::program::Program;
+use crate::core::reflect;
+use crate::core::refusals::RefusalInfo;
+use crate::core::state::ColorTarget;
+use crate::graph::effect::Effect;
+use crate::graph::{FunctionId, Graph};
+use crate::rebuild::hoisted;
+use crate::rebuild::place;
+use crate::slice::{self, Criterion};
+
+mod advice;
+mod below;
+mod candidates;
+pub mod choose;
+pub mod cut;
+mod flow;
+mod form;
+pub mod pack;
+mod params;
+pub mod refusals;
+mod remainder;
+mod single;
+pub mod travel;
+mod turn;
+mod vertex;
+
+pub use candidates::{Candidate, MOST_CANDIDATES, candidates};
+pub use params::{Allow, Params};
+pub use rounding::{MOST as MOST_ROUNDING, STEEPEST_SRGB};
+pub use single::{Candidates, Computed, Stages, alone, computed};
+
+use advice::Advice;
+use choose::Choice;
+use hoisted::{Failed, Wanted};
+use travel::{Class, Judged, Precision, Stays};
+use values::{Node, ValueId, Values};
+
+/// The pass.
+pub struct Hoist;
+
+impl Pass for Hoist {
+    type Params = Params;
+
+    const INFO: PassInfo = PassInfo {
+        name: HOIST,
+        summary: "moves slowly changing work of the fragment stage to the vertices, and interpolates it",
+        source: "Wang et al., Automatic Shader Simplification using Surface Signal Approximation (2014)",
+        when: "fragments compute what changes slowly over a triangle (noise, fog, light of far or large lamps), on meshes whose triangles cover many pixels",
+        hurts: "where triangles are about as small as pixels, where varyings are the bottleneck, and in the picture where a value bends within a triangle",
+        reads_scene: true,
+    };
+
+    const REFUSALS: &'static [RefusalInfo] = refusals::REFUSALS;
+
+    const EXAMPLES: &'static [Example] = &[
+        Example {
+            recipe: "hoist",
+            uses: &[
+                Use::Snapshot,
+                Use::Fuzz,
+                Use::Plan,
+                Use::Simplify,
+                Use::Ahead(2),
+            ],
+        },
+        Example {
+            recipe: "hoist:budget=0.02,finite=assumed,jumps=carried",
+            uses: &[Use::Snapshot],
+        },
+        Example {
+            recipe: "hoist:allow=exact",
+            uses: &[Use::Inject, Use::Truth],
+        },
+        Example {
+            recipe: "hoist:allow=rounding",
+            uses: &[Use::Validate, Use::Pictures(1), Use::Truth],
+        },
+        Example {
+            recipe: "hoist:budget=0.1,finite=assumed",
+            uses: &[Use::Inject],
+        },
+        Example {
+            recipe: "hoist:budget=0.1,vertices-per-fragment=0",
+            uses: &[Use::Break],
+        },
+        Example {
+            recipe: "hoist:budget=0.01,finite=assumed,jumps=carried",
+            uses: &[Use::Truth],
+        },
+        Example {
+            recipe: "hoist:budget=1,finite=assumed,jumps=carried",
+            uses: &[Use::Fuzz],
+        },
+        Example {
+            recipe: "hoist:budget=0.05",
+            uses: &[
+                Use::Page("pages/leaf"),
+                Use::Picture {
+                    scene: "fixtures/scenes/teapot-specular.toml --camera article --size 240x220 --frames 1",
+                    caption: "a highlight computed at the vertices: it is off where it bends within a triangle",
+                    rows: 1,
+                },
+            ],
+        },
+        Example {
+            recipe: "hoist:budget=0.02,finite=assumed,jumps=carried,depth-prepass:form=equal",
+            uses: &[Use::Validate],
+        },
+        Example {
+            recipe: "hoist:budget=0.02,finite=assumed,jumps=carried,early-discard",
+            uses: &[Use::Validate],
+        },
+        Example {
+            recipe: "hoist,depth-prepass",
+            uses: &[Use::Plan],
+        },
+        Example {
+            recipe: "hoist:BUDGET",
+            uses: &[Use::PlanWithin],
+        },
+        Example {
+            recipe: "hoist:BUDGET,depth-prepass",
+            uses: &[Use::PlanWithin],
+        },
+    ];
+
+    fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
+        let material = Material::examine(plan, params)?;
+        let graph = Graph::build(material.program);
+        let values = material.values(&graph)?;
+        let found = Found::new(&values, &material, params, facts)?;
+        match found.rebuild(&material) {
+            Ok(program) => Ok(Outcome {
+                plan: found.plan(plan, &material, program, params),
+                change: found.change(&material),
+                left: found.left,
+            }),
+            Err(why) => Err((Box::new(refuse(why)), found.left).into()),
+        }
+    }
+}
+
+/// The stages of a material that something may be moved between.
+struct Material<'a> {
+    name: &'a str,
+    pass: &'a GpuPass,
+    program: &'a Program,
+    vertex: usize,
+    fragment: usize,
+    /// Whether a pass of the plan's has changed its interface.
+    is_rebuilt: bool,
+}
+
+impl<'a> Material<'a> {
+    fn examine(plan: &'a Plan, params: &Params) -> Result<Self, Box<Refusal>> {
+        let name = Hoist::INFO.name;
+        let refuse = |code: &RefusalInfo, reason: &str, remedy: &str| {
+            Err(Box::new(Refusal::new(name, code, reason, remedy)))
+        };
+        if let Some(refusal) = params.check() {
+            return Err(Box::new(refusal));
+        }
+        let Some((pass, program)) = plan.main().and_then(|p| Some((p, plan.program(p)?))) else {
+            return refuse(
+                &shared::NO_MAIN_PASS,
+                "the plan has no main pass",
+                "start from the original plan",
+            );
+        };
+        if plan.passes.len() > 1 {
+            return refuse(
+                &shared::HAS_PREPASS,
+                "another pass of the plan draws the same surface, and its positions come from the vertex stage that would be rebuilt",
+                "hoist first, then add the pre-pass",
+            );
+        }
+        let vertex = program.entry_point(ShaderStage::Vertex, &pass.vertex);
+        let fragment = pass
+            .fragment
+            .as_deref()
+            .and_then(|f| program.entry_point(ShaderStage::Fragment, f));
+        let (Some((vertex, _)), Some((fragment, _))) = (vertex, fragment) else {
+            return refuse(
+                &shared::NO_FRAGMENT_STAGE,
+                "the material has no fragment stage",
+                "there is nothing to hoist",
+            );
+        };
+        Ok(Self {
+            name: &plan.material,
+            pass,
+            program,
+            vertex,
+            fragment,
+            is_rebuilt: plan.steps.iter().any(|s| s.pass == Hoist::INFO.name),
+        })
+    }
+
+    /// How exact its targets are, and what is known of its numbers.
+    fn precision(&self, facts: &Facts) -> Precision {
+        let ranges = facts.ranges.iter();
+        let is_srgb = |t: &ColorTarget| t.format.ends_with("-srgb");
+        let targets = || self.pass.targets.iter().flatten();
+        let multisample = &self.pass.multisample;
+        // Layers add up; what decides a coverage jumps; outside of a triangle, where a pixel's centre may lie of which samples are in it, a varying is not between its corners.
+        let is_step = targets().all(|t| t.blend.is_none())
+            && multisample.count == 1
+            && !multisample.alpha_to_coverage;
+        Precision {
+            ranges: ranges
+                .filter(|r| r.material == self.name)
+                // Locations are the author's: behind another hoist they are others'.
+                .filter(|r| !self.is_rebuilt || !matches!(r.source, Source::Varying { .. }))
+                .cloned()
+                .collect(),
+            most: match targets().any(is_srgb) {
+                _ if !is_step => Precision::EXACT.most,
+                true => rounding::MOST / rounding::STEEPEST_SRGB,
+                false => rounding::MOST,
+            },
+        }
+    }
+
+    fn values<'g>(&self, graph: &'g Graph<'a>) -> Result<Values<'g, 'a>, Box<Refusal>> {
+        let name = Hoist::INFO.name;
+        let id = FunctionId::EntryPoint(self.fragment);
+        let writes = [Effect::Store, Effect::ImageStore, Effect::Atomic];
+        if graph.effects(id).iter().any(|e| writes.contains(e)) {
+            return Err(Box::new(Refusal::new(
+                name,
+                &refusals::FRAGMENT_STORES,
+                "the fragment stage writes memory, and what it writes is not followed",
+                "move the writes to a pass of their own",
+            )));
+        }
+        Values::new(graph, self.fragment).map_err(|e| {
+            Box::new(Refusal::new(
+                name,
+                &shared::TOO_LARGE,
+                e.to_string(),
+                "split the shader",
+            ))
+        })
+    }
+}
+
+/// A rebuild that failed.
+fn refuse(why: Failed) -> Refusal {
+    let name = Hoist::INFO.name;
+    match why {
+        Failed::NotSeparable => Refusal::new(
+            name,
+            &refusals::NOT_SEPARABLE,
+            why.to_string(),
+            "compute it ahead of the branch or the return that it stands behind",
+        ),
+        Failed::NoOutput(_) => Refusal::new(
+            name,
+            &refusals::INTERFACE,
+            why.to_string(),
+            "let the vertex stage write every input of the fragment stage",
+        ),
+        Failed::Built(_) => Refusal::bug(name, why),
+    }
+}
+
+/// What of a choice made before is not to be found.
+fn not_here(unknown: &[String]) -> String {
+    format!(
+        "of the values that `carry` names {} are not in this fragment stage: {}",
+        unknown.len(),
+        unknown.join(", ")
+    )
+}
+
+fn unknown_values(unknown: &[String]) -> Refusal {
+    Refusal::new(
+        Hoist::INFO.name,
+        &refusals::UNKNOWN_VALUES,
+        not_here(unknown),
+        "choose anew with `verify`: the shader was edited since, or they are another material's",
+    )
+}
+
+/// A cut that pays.
+struct Found<'v, 'g, 'p> {
+    values: &'v Values<'g, 'p>,
+    choice: Choice,
+    wanted: Vec<Wanted>,
+    left: Vec<Left>,
+    /// What it rests on that roundings stay small.
+    given: Vec<Assumption>,
+    /// Ids of a choice made before that none of the values has.
+    unknown: Vec<String>,
+    key: Site,
+}
+
+impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
+    fn new(
+        values: &'v Values<'g, 'p>,
+        material: &Material<'p>,
+        params: &Params,
+        facts: &Facts,
+    ) -> Result<Self, (Box<Refusal>, Vec<Left>)> {
+        let precision = material.precision(facts);
+        let all = travel::judge(values, &precision);
+        let judged = candidates::judge(values, material, params, &precision, facts, &all);
+        let terms = params.terms(facts);
+        let left = left(values, &judged, terms.weakest);
+        match choose::choose(values, &judged, precision.most, &terms) {
+            Some(choice) => Ok(Self {
+                given: vec![
+                    Assumption::StagesAgree,
+                    Assumption::FineInterpolation,
+                    match precision.ranges.is_empty() {
+                        true => Assumption::OrdinaryNumbers,
+                        false => Assumption::NumbersOfTheScene,
+                    },
+                ],
+                unknown: judged.unknown,
+                ..Self::of(values, choice, left, material)
+            }),
+            None if !judged.unknown.is_empty()
+                && !judged.verdicts.iter().any(candidates::is_smooth) =>
+            {
+                Err((Box::new(unknown_values(&judged.unknown)), left))
+            }
+            None => {
+                let given = [&all, &judged];
+                let advice = Advice::on(values, material, params, &precision, facts, given);
+                let mut refusal = Box::new(advice.refusal());
+                let best = params.best_measured(material.name, facts);
+                refusal.reason.push_str(&best);
+                Err((refusal, left))
+            }
+        }
+    }
+
+    fn of(
+        values: &'v Values<'g, 'p>,
+        choice: Choice,
+        left: Vec<Left>,
+        material: &Material<'p>,
+    ) -> Self {
+        let wanted = name_all(values, &choice);
+        let key = Site {
+            role: Role::Main,
+            entry_point: material.pass.fragment.clone().unwrap_or_default(),
+            slice: hash(values, &choice),
+        };
+        let left = left
+            .into_iter()
+            .filter(|l| !wanted.iter().any(|w| w.name == l.name))
+            .collect();
+        Self {
+            values,
+            choice,
+            wanted,
+            left,
+            given: Vec::new(),
+            unknown: Vec::new(),
+            key,
+        }
+    }
+
+    fn change(&self, material: &Material<'_>) -> Change {
+        let first = self
+            .choice
+            .carried
+            .iter()
+            .filter_map(|(id, _)| span(self.values, *id))
+            .find_map(|s| material.program.sources().locate(s));
+        Change {
+            key: self.key.clone(),
+            what: self.describe(),
+            location: first,
+            cost: SiteCost {
+                slice: self.choice.before - self.choice.after,
+                whole: self.choice.before,
+            },
+        }
+    }
+
+    /// In words: what is carried, as what, and what that does to the static cost.
+    fn describe(&self) -> String {
+        let carried: Vec<String> = self
+            .choice
+            .carried
+            .iter()
+            .zip(&self.wanted)
+            .map(|((id, carriage), wanted)| {
+                let width = choose::shape(self.values, *id).map_or(1, |(_, w)| w);
+                let class = match carriage.class {
+                    Class::Exact => "exact",
+                    Class::Affine => "affine, rounding",
+                    Class::Smooth => "interpolated, approximate",
+                };
+                format!("`{}` ({width} wide, {class})", wanted.name)
+            })
+            .collect();
+        format!(
+            "carries {}; a fragment costs {:.0} instead of {:.0}, a vertex {:.0} more",
+            carried.join(", "),
+            self.choice.after,
+            self.choice.before,
+            self.choice.vertex
+        )
+    }
+
+    fn rebuild(&self, material: &Material<'_>) -> Result<Program, Failed> {
+        let hoisted = hoisted::add(material.program, self.values, &self.wanted)?;
+        let remainder = remainder::rebuild(
+            material.program,
+            &hoisted.module,
+            self.values,
+            &self.wanted,
+            &self.choice.slots,
+        )?;
+        let outputs = vertex::Outputs {
+            kept: &remainder.kept,
+            wanted: &self.wanted,
+            slots: &self.choice.slots,
+            locations: &remainder.locations,
+        };
+        let module = vertex::rebuild(
+            material.program,
+            remainder.module,
+            material.vertex,
+            &hoisted,
+            &outputs,
+        )?;
+        let entries: Vec<(ShaderStage, &str)> = [
+            Some((ShaderStage::Vertex, material.pass.vertex.as_str())),
+            material
+                .pass
+                .fragment
+                .as_deref()
+                .map(|f| (ShaderStage::Fragment, f)),
+        ]
+        .into_iter()
+        .flatten()
+        .collect();
+        let module = place::retain(&module, &entries);
+        material.program.with_module(module).map_err(Failed::from)
+    }
+
+    fn plan(
+        &self,
+        plan: &Plan,
+        material: &Material<'_>,
+        program: Program,
+        params: &Params,
+    ) -> Plan {
+        let mut next = plan.clone();
+        for pass in &mut next.passes {
+            if pass.program == material.pass.program {
+                reflect::fill(pass, &program);
+            }
+        }
+        next.programs.insert(material.pass.program.clone(), program);
+        let contract = match self.choice.class() {
+            None | Some(Class::Exact) => Contract::Exact {
+                given: vec![Assumption::StagesAgree],
+            },
+            Some(Class::Affine) => Contract::Rounding {
+                k: self.roundings(),
+                turned: None,
+                given: self.given.clone(),
+            },
+            Some(Class::Smooth) => Contract::Approximate {
+                budget: Budget {
+                    metric: params.metric,
+                    limit: params.budget.unwrap_or_default(),
+                },
+                given: Vec::new(),
+            },
+        };
+        next.steps.push(Step {
+            pass: Hoist::INFO.name.to_owned(),
+            site: self.key.clone(),
+            params: serde_json::to_value(params).unwrap_or_default(),
+            contract: contract.clone(),
+        });
+        next.contract = next.contract.and(contract);
+        next.fallback = Some("original".to_owned());
+        next.notes.push(self.describe());
+        if !self.unknown.is_empty() {
+            next.notes.push(not_here(&self.unknown));
+        }
+        next
+    }
+
+    /// Operations that the carried values are made of: each may round another way than it did.
+    fn roundings(&self) -> u32 {
+        let of = self.choice.carried.iter().map(|(id, _)| *id);
+        below::below(self.values, of).0.ceil() as u32
+    }
+}
+
+fn span(values: &Values<'_, '_>, id: ValueId) -> Option<naga::Span> {
+    let (context, e, _) = values.expression(id)?;
+    Some(values.function(context).function.expressions.get_span(e))
+}
+
+/// The author's name for a value, or what it is the result of.
+fn name(values: &Values<'_, '_>, id: ValueId) -> Option<String> {
+    let (context, e, _) = values.expression(id)?;
+    let f = values.function(context).function;
+    if let Some(name) = f.named_expressions.get(&e) {
+        return Some(name.clone());
+    }
+    match f.expressions[e] {
+        naga::Expression::AccessIndex { base, index } => {
+            let vector = values.named(context, base)?;
+            let letter = ["x", "y", "z", "w"].get(index as usize)?;
+            Some(format!("{}_{letter}", own_name(values, vector)?))
+        }
+        naga::Expression::Swizzle {
+            size,
+            vector,
+            pattern,
+        } => {
+            let vector = values.named(context, vector)?;
+            let letters = pattern.iter().take(size as usize);
+            let letters: String = letters
+                .filter_map(|c| ["x", "y", "z", "w"].get(*c as usize).copied())
+                .collect();
+            Some(format!("{}_{letters}", own_name(values, vector)?))
+        }
+        naga::Expression::CallResult(callee) => {
+            values.graph.module().functions[callee].name.clone()
+        }
+        naga::Expression::Load { pointer } => match f.expressions[pointer] {
+            naga::Expression::LocalVariable(v) => f.local_variables[v].name.clone(),
+            _ => None,
+        },
+        _ => None,
+    }
+}
+
+/// The author's name for an input, or for a value.
+fn own_name(values: &Values<'_, '_>, id: ValueId) -> Option<String> {
+    match values.values[id].node {
+        Node::Input(i) => values.inputs.get(i)?.name.clone(),
+        _ => name(values, id),
+    }
+}
+
+/// The carried values, named apart.
+fn name_all(values: &Values<'_, '_>, choice: &Choice) -> Vec<Wanted> {
+    let mut taken: BTreeSet<String> = BTreeSet::new();
+    choice
+        .carried
+        .iter()
+        .filter_map(|(id, _)| {
+            let (context, expression, _) = values.expression(*id)?;
+            let base = name(values, *id).unwrap_or_else(|| "carried".to_owned());
+            let mut name = base.clone();
+            // The first of a name has it as it is.
+            for i in 1.. {
+                if taken.insert(name.clone()) {
+                    break;
+                }
+                name = format!("{base}_{}", pack::letters(i));
+            }
+            let f = values.function(context);
+            let inner = f.ty(values.graph.module(), expression).clone();
+            Some(Wanted {
+                context,
+                expression,
+                inner,
+                name,
+            })
+        })
+        .collect()
+}
+
+/// Hash of what is carried: the slice that computes it.
+fn hash(values: &Values<'_, '_>, choice: &Choice) -> String {
+    let criteria: Vec<Criterion> = choice
+        .carried
+        .iter()
+        .filter_map(|(id, _)| {
+            let (context, expression, _) = values.expression(*id)?;
+            Some(Criterion::Value {
+                function: values.contexts[context].function,
+                expression,
+            })
+        })
+        .collect();
+    slice::backward(values.graph, values.entry, &criteria).hash(values.graph)
+}
+
+/// Most values of which it is told why they stay.
+pub const MOST_LEFT: usize = 1_000;
+
+/// Named values and results of calls that stay, the [`MOST_LEFT`] dearest of them, the dearest first: those whose users could not take them along either.
+fn left(values: &Values<'_, '_>, judged: &Judged, weakest: Class) -> Vec<Left> {
+    let sources = values.graph.program().sources();
+    let staying = (0..values.values.len())
+        .filter(|id| matches!(values.values[*id].node, Node::Expression(..)))
+        .filter_map(|id| {
+            let reason = match &judged.verdicts[id] {
+                Ok(c) if c.class <= weakest => return None,
+                Ok(_) if judged.affine[id] => match judged.roundings.of(id) {
+                    error if error.is_finite() => format!("carried, it is rounded elsewhere, which may come to {error:.1e} at an output"),
+                    _ => "carried, it is rounded elsewhere, and what that comes to at an output has no bound".to_owned(),
+                },
+                Ok(_) => "interpolating it is an approximation, and no budget is given".to_owned(),
+                Err(Stays::NotCarried | Stays::Varying) => return None,
+                Err(stays) => stays.to_string(),
+            };
+            Some((id, name(values, id)?, reason))
+        });
+    let staying: Vec<(ValueId, String, String)> = staying.collect();
+    let ids: Vec<ValueId> = staying.iter().map(|(id, ..)| *id).collect();
+    let costs = below::dearest(values, &ids, MOST_LEFT, 0.0);
+    let costs: BTreeMap<ValueId, f64> = costs.into_iter().collect();
+    let mut left: Vec<Left> = staying
+        .into_iter()
+        .filter_map(|(id, name, reason)| {
+            Some(Left {
+                name,
+                reason,
+                cost: costs.get(&id).filter(|c| **c > 0.0)?.round(),
+                location: span(values, id).and_then(|s| sources.locate(s)),
+            })
+        })
+        .collect();
+    left.sort_by(|a, b| b.cost.total_cmp(&a.cost).then_with(|| a.name.cmp(&b.name)));
+    left.dedup_by(|a, b| a.name == b.name && a.location == b.location);
+    left.truncate(MOST_LEFT);
+    left
+}

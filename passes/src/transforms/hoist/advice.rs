@@ -1,0 +1,102 @@
+//! The remedy if nothing pays: the one relaxation that would help, or that there is none.
+
+use super::choose::{self, Terms};
+use super::refusals;
+use super::travel::{self, Assumed, Class, Judged, Jumps, Precision};
+use super::{Hoist, Material, Params};
+use crate::analysis::values::Values;
+use crate::core::pass::{Facts, Pass, Refusal};
+
+/// The one relaxation under which a value could move. We choose it under all relaxations together,
+/// so that following the advice terminates.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Advice {
+    /// A budget.
+    Budget,
+    /// A budget; the author asked for a contract that needs none.
+    Allow,
+    /// Treat values at vertices as finite: by assumption or by measurement.
+    Finite,
+    /// Treat values that depend on a discontinuity as smooth: by assumption or by measurement.
+    Jumps,
+    /// A larger error limit; some values were measured.
+    Error,
+    /// A new choice of values.
+    Choice,
+    /// Nothing: no value pays under all relaxations together.
+    Nothing,
+}
+
+impl Advice {
+    /// The advice for a material without movable values under `params` and `facts`. `all` and
+    /// `judged` are the verdicts under [`Assumed::ALL`] and the current ones.
+    pub(super) fn on(
+        values: &Values<'_, '_>,
+        material: &Material<'_>,
+        params: &Params,
+        precision: &Precision,
+        facts: &Facts,
+        [all, judged]: [&Judged; 2],
+    ) -> Self {
+        let terms = Terms {
+            weakest: Class::Smooth,
+            ..params.terms(facts)
+        };
+        let pays =
+            |judged: &Judged| choose::choose(values, judged, precision.most, &terms).is_some();
+        if !pays(all) {
+            return Self::Nothing;
+        }
+        let under = |assumed: Assumed| Judged {
+            verdicts: travel::held_back(values, assumed, precision, &all.verdicts),
+            ..all.clone()
+        };
+        let carried = Assumed {
+            jumps: Jumps::Carried,
+            ..params.assumed()
+        };
+        let was_measured = facts
+            .frequencies
+            .iter()
+            .any(|f| f.material == material.name);
+        match params.weakest() {
+            _ if params.carry.is_some() => Self::Choice,
+            Class::Smooth if was_measured => Self::Error,
+            weakest if weakest != Class::Smooth && params.allow.is_some() => Self::Allow,
+            // No choice and no measurement apply here.
+            weakest if weakest != Class::Smooth && pays(judged) => Self::Budget,
+            _ if params.jumps == Jumps::Stay && pays(&under(carried)) => Self::Jumps,
+            _ => Self::Finite,
+        }
+    }
+
+    pub(super) fn refusal(self) -> Refusal {
+        let remedy = match self {
+            Self::Budget => {
+                "give the pass a budget (hoist:budget=0.01) if the picture may differ a little"
+            }
+            Self::Allow => {
+                "leave `allow` out and give a budget (hoist:budget=0.01) if the picture may differ a little"
+            }
+            Self::Finite => {
+                "what would pay is not seen to be finite at every vertex: `preshade verify` with hoist:budget=0.01 draws it, and says what `rewrite` may take; or take it for finite, with hoist:budget=0.01,finite=assumed"
+            }
+            Self::Jumps => {
+                "what would pay rests on what jumps (explain says on what): `preshade verify` with hoist:budget=0.01 draws it, and says what `rewrite` may take; or take it to change slowly over a triangle, as noise does, with jumps=carried beside the budget"
+            }
+            Self::Error => {
+                "allow a larger error; explain lists what stays, and why each value does"
+            }
+            Self::Choice => "choose anew with `verify`: what `carry` names does not pay here",
+            Self::Nothing => {
+                "nothing would at any budget: leave the material as it is; explain lists what stays, and why each value does"
+            }
+        };
+        Refusal::new(
+            Hoist::INFO.name,
+            &refusals::NOTHING_PAYS,
+            "no value that may travel saves a fragment more than carrying it costs",
+            remedy,
+        )
+    }
+}

@@ -1,0 +1,237 @@
+//! Chooses the values to hoist: minimum cuts over a sweep of transport prices, and the best cut
+//! that fits.
+
+use std::borrow::Cow;
+
+use naga::{Binding, BuiltIn, TypeInner};
+
+use super::below::below;
+use super::cut::{self, Cut, Item};
+use super::pack::{self, Load, Slot};
+use super::travel::{Carriage, Class, Judged, Verdict};
+use crate::analysis::values::{Node, Value, ValueId, Values};
+use crate::graph::rate::Interpolated;
+
+/// Cost of interpolating a component per fragment, in the units of [`crate::graph::cost`]. NVIDIA
+/// interpolates at a quarter of the multiply-add rate; others need two multiply-adds and a load.
+pub const SMOOTH_PRICE: f64 = 4.0;
+/// Cost of reading a flat component per fragment.
+pub const FLAT_PRICE: f64 = 3.0;
+
+/// `maxInterStageShaderVariables` of every WebGPU device.
+pub const MOST_VARYINGS: usize = 16;
+
+/// Multiples of the transport price to try. Higher prices move fewer values.
+const SWEEP: [f64; 10] = [1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 10.0, 16.0, 32.0, 64.0];
+
+/// The restrictions and weights of a choice.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Terms {
+    /// The weakest allowed class.
+    pub weakest: Class,
+    /// Vertices shaded per fragment shaded.
+    pub vertices_per_fragment: f64,
+    /// The smallest fraction of the fragment stage's cost that must be saved.
+    pub worthwhile: f64,
+}
+
+/// The values to hoist.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Choice {
+    /// Values to compute in the vertex stage.
+    pub carried: Vec<(ValueId, Carriage)>,
+    /// Their varyings; parts index `carried`.
+    pub slots: Vec<Slot>,
+    /// The author's varyings that the fragment stage still reads, as indices of [`Values::inputs`].
+    pub kept: Vec<usize>,
+    /// Varyings that the hoisted work reads.
+    pub read: Vec<usize>,
+    /// Static cost of the fragment stage before, including transport.
+    pub before: f64,
+    /// The same after hoisting.
+    pub after: f64,
+    /// Static cost of the additional work in the vertex stage.
+    pub vertex: f64,
+}
+
+impl Choice {
+    /// The weakest class among the moved values.
+    pub fn class(&self) -> Option<Class> {
+        self.carried.iter().map(|(_, c)| c.class).max()
+    }
+}
+
+/// The cheapest choice whose rounding errors change an output by at most `most`; `None` if nothing
+/// pays.
+pub fn choose(
+    values: &Values<'_, '_>,
+    judged: &Judged,
+    most: f64,
+    terms: &Terms,
+) -> Option<Choice> {
+    let verdicts = &judged.verdicts;
+    let before = {
+        let items = items(values, verdicts, |_| false);
+        total(&items, &cut::minimum(&items, &values.roots)?)
+    };
+    let items = items(values, verdicts, |c| c.class <= terms.weakest);
+    let mut cuts = cut::sweep(&items, &values.roots, &SWEEP)?;
+    cuts.dedup_by(|a, b| a.computed == b.computed && a.carried == b.carried);
+    let mut best: Option<(f64, Choice)> = None;
+    for cut in &cuts {
+        let Some(choice) = cut_at(values, verdicts, &items, cut, before) else {
+            continue;
+        };
+        let affine = choice.carried.iter();
+        let affine = affine.filter(|(_, c)| c.class == Class::Affine);
+        let affine: Vec<ValueId> = affine.map(|(id, _)| *id).collect();
+        if !affine.is_empty() && judged.roundings.together(&affine) > most {
+            continue;
+        }
+        let whole = choice.after + choice.vertex * terms.vertices_per_fragment;
+        if before - whole <= before * terms.worthwhile {
+            continue;
+        }
+        if best.as_ref().is_none_or(|(cost, _)| whole < *cost) {
+            best = Some((whole, choice));
+        }
+    }
+    best.map(|(_, choice)| choice)
+}
+
+/// Moves one value whether or not it pays; `None` if it does not fit.
+pub fn one(values: &Values<'_, '_>, verdicts: &[Verdict], id: ValueId) -> Option<Choice> {
+    let mut items = items(values, verdicts, |_| false);
+    let before = total(&items, &cut::minimum(&items, &values.roots)?);
+    // As with an incoming varying, the fragment stage cannot compute it.
+    items[id] = Item {
+        cost: None,
+        price: Some(0.0),
+        ..items[id].clone()
+    };
+    let cut = cut::minimum(&items, &values.roots)?;
+    cut_at(values, verdicts, &items, &cut, before)
+}
+
+/// The packed values of a cut; `None` if the cut is empty or does not fit.
+fn cut_at(
+    values: &Values<'_, '_>,
+    verdicts: &[Verdict],
+    items: &[Item<'_>],
+    cut: &Cut,
+    before: f64,
+) -> Option<Choice> {
+    let reserved = values.inputs.iter().filter(|io| {
+        matches!(
+            io.binding,
+            Some(Binding::BuiltIn(
+                BuiltIn::FrontFacing | BuiltIn::SampleIndex | BuiltIn::SampleMask
+            ))
+        )
+    });
+    let limit = MOST_VARYINGS - reserved.count().min(MOST_VARYINGS);
+    let mut carried = Vec::new();
+    let mut kept = Vec::new();
+    for id in &cut.carried {
+        match (&values.values[*id].node, &verdicts[*id]) {
+            (Node::Input(i), _) => kept.push(*i),
+            (_, Ok(carriage)) => carried.push((*id, *carriage)),
+            (_, Err(_)) => {}
+        }
+    }
+    if carried.is_empty() {
+        return None;
+    }
+    let loads: Vec<Load> = carried
+        .iter()
+        .filter_map(|(id, carriage)| {
+            let (kind, width) = shape(values, *id)?;
+            Some(Load {
+                width,
+                kind,
+                carriage: *carriage,
+            })
+        })
+        .collect();
+    let slots = pack::pack(&loads, kept.len(), limit)?;
+    let (vertex, read) = below(values, carried.iter().map(|(id, _)| *id));
+    Some(Choice {
+        after: total(items, cut),
+        carried,
+        slots,
+        kept,
+        read,
+        before,
+        vertex,
+    })
+}
+
+/// The cost per fragment of a cut: transport plus remaining computation.
+fn total(items: &[Item<'_>], cut: &Cut) -> f64 {
+    let transport: f64 = cut.carried.iter().filter_map(|id| items[*id].price).sum();
+    let computed = (0..items.len()).filter(|i| cut.computed[*i]);
+    transport + computed.filter_map(|i| items[i].cost).sum::<f64>()
+}
+
+/// The values as items of the cut problem.
+fn items<'v>(
+    values: &'v Values<'_, '_>,
+    verdicts: &[Verdict],
+    allowed: impl Fn(&Carriage) -> bool,
+) -> Vec<Item<'v>> {
+    let item = |id: ValueId, value: &'v Value| {
+        let (cost, price) = match &value.node {
+            Node::Input(i) => match values.inputs.get(*i).map(|io| (&io.binding, io.ty)) {
+                Some((Some(Binding::Location { .. }), ty)) => {
+                    let width = components(&values.graph.module().types[ty].inner);
+                    let flat = value.fact.rate.is_flat();
+                    (None, Some(price(width, flat)))
+                }
+                _ => (Some(0.0), None),
+            },
+            _ => {
+                let carriage = verdicts[id].as_ref().ok().filter(|c| allowed(c));
+                let price = carriage.and_then(|c| {
+                    let (_, width) = shape(values, id)?;
+                    let flat = c.interpolated == Interpolated::Flat;
+                    // Of two names for one value prefer the outermost function's: it needs no copy
+                    // of the callee.
+                    let depth = values
+                        .expression(id)
+                        .map(|(c, ..)| values.contexts[c].depth);
+                    let depth = f64::from(depth.unwrap_or_default());
+                    Some(price(f64::from(width), flat) * (1.0 + 0.002 * depth))
+                });
+                (Some(value.cost), price)
+            }
+        };
+        Item {
+            cost,
+            price,
+            operands: Cow::Borrowed(&value.operands),
+        }
+    };
+    let all = values.values.iter().enumerate();
+    all.map(|(id, value)| item(id, value)).collect()
+}
+
+fn price(components: f64, flat: bool) -> f64 {
+    components * if flat { FLAT_PRICE } else { SMOOTH_PRICE }
+}
+
+fn components(ty: &TypeInner) -> f64 {
+    match ty {
+        TypeInner::Vector { size, .. } => f64::from(*size as u8),
+        _ => 1.0,
+    }
+}
+
+/// Scalar kind and number of components of a scalar or vector value.
+pub fn shape(values: &Values<'_, '_>, id: ValueId) -> Option<(naga::ScalarKind, u8)> {
+    let (context, e, _) = values.expression(id)?;
+    match values.function(context).ty(values.graph.module(), e) {
+        TypeInner::Scalar(s) => Some((s.kind, 1)),
+        TypeInner::Vector { size, scalar } => Some((scalar.kind, *size as u8)),
+        _ => None,
+    }
+}

@@ -1,0 +1,152 @@
+//! Assigns moved values to varying slots: one location each if there is room, otherwise packed into
+//! vectors.
+
+use std::collections::BTreeSet;
+
+use naga::ScalarKind;
+
+use super::travel::Carriage;
+use crate::graph::rate::{At, Interpolated};
+
+/// A value to assign.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Load {
+    /// Components, 1 to 4.
+    pub width: u8,
+    /// Scalar kind, 32 bits wide.
+    pub kind: ScalarKind,
+    /// Interpolation.
+    pub carriage: Carriage,
+}
+
+impl Load {
+    /// The properties that values in one location must share.
+    fn class(self) -> (Interpolated, At, u8) {
+        (
+            self.carriage.interpolated,
+            self.carriage.at,
+            self.kind as u8,
+        )
+    }
+}
+
+/// A varying with one or several values.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Slot {
+    /// Kind of its scalars.
+    pub kind: ScalarKind,
+    /// Interpolation.
+    pub interpolated: Interpolated,
+    /// Interpolation location in the pixel.
+    pub at: At,
+    /// Index of each value in it, and its first component.
+    pub parts: Vec<(usize, u8)>,
+    /// Components, 1 to 4.
+    pub width: u8,
+}
+
+/// Slots for all values, beside `taken` varyings and with at most `limit` in total; `None` if they
+/// do not fit even when packed. First-fit decreasing; no value is split.
+pub fn pack(loads: &[Load], taken: usize, limit: usize) -> Option<Vec<Slot>> {
+    let mut slots: Vec<Slot> = Vec::new();
+    let mut order: Vec<usize> = (0..loads.len()).collect();
+    let tight = taken + loads.len() > limit;
+    if tight {
+        order.sort_by_key(|i| std::cmp::Reverse(loads[*i].width));
+    }
+    for i in order {
+        let load = loads[i];
+        let room = slots.iter_mut().find(|s| {
+            let class = (s.interpolated, s.at, s.kind as u8);
+            tight && class == load.class() && s.width + load.width <= 4
+        });
+        match room {
+            Some(slot) => {
+                slot.parts.push((i, slot.width));
+                slot.width += load.width;
+            }
+            None => slots.push(Slot {
+                kind: load.kind,
+                interpolated: load.carriage.interpolated,
+                at: load.carriage.at,
+                parts: vec![(i, 0)],
+                width: load.width,
+            }),
+        }
+    }
+    (taken + slots.len() <= limit).then_some(slots)
+}
+
+/// The lowest free locations, one for each slot.
+pub fn free_locations(slots: &[Slot], taken: &BTreeSet<u32>) -> Vec<u32> {
+    (0..)
+        .filter(|l| !taken.contains(l))
+        .take(slots.len())
+        .collect()
+}
+
+/// A suffix of letters: `a` to `z`, `aa` and so on. naga's writers append their own number to a
+/// name that ends in a digit.
+pub fn letters(index: usize) -> String {
+    let last = char::from(b'a' + (index % 26) as u8);
+    match index / 26 {
+        0 => last.to_string(),
+        rest => format!("{}{last}", letters(rest - 1)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::super::travel::Class;
+    use super::*;
+
+    fn load(width: u8, interpolated: Interpolated) -> Load {
+        Load {
+            width,
+            kind: ScalarKind::Float,
+            carriage: Carriage {
+                class: Class::Smooth,
+                interpolated,
+                at: At::Center,
+            },
+        }
+    }
+
+    #[test]
+    fn letters_differ() {
+        let few = [0, 1, 25, 26, 51, 52, 701, 702].map(letters);
+        assert_eq!(few, ["a", "b", "z", "aa", "az", "ba", "zz", "aaa"]);
+        let all: BTreeSet<String> = (0..1000).map(letters).collect();
+        assert_eq!(all.len(), 1000);
+    }
+
+    #[test]
+    fn values_have_a_location_each_where_there_is_room() {
+        let loads = [load(1, Interpolated::Perspective); 3];
+        let slots = pack(&loads, 2, 16).unwrap();
+        assert_eq!(free_locations(&slots, &BTreeSet::from([0, 2])), [1, 3, 4]);
+    }
+
+    #[test]
+    fn values_of_one_class_share_a_vector_where_there_is_not() {
+        let smooth = Interpolated::Perspective;
+        let loads = [
+            load(1, smooth),
+            load(3, smooth),
+            load(2, smooth),
+            load(2, smooth),
+            load(1, Interpolated::Flat),
+        ];
+        let slots = pack(&loads, 1, 4).unwrap();
+        assert_eq!(slots.len(), 3);
+        for slot in &slots {
+            assert!(slot.width <= 4);
+            for (i, _) in &slot.parts {
+                assert_eq!(loads[*i].carriage.interpolated, slot.interpolated);
+            }
+        }
+        assert_eq!(pack(&loads, 1, 3), None);
+    }
+}

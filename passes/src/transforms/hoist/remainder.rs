@@ -1,0 +1,225 @@
+//! The remaining fragment stage: it reads the moved values from varyings, without the code that
+//! only they needed.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use naga::{
+    Binding, Expression, Handle, Interpolation, Module, Sampling, Scalar, ScalarKind,
+    SwizzleComponent, TypeInner, VectorSize,
+};
+
+use super::pack::{self, Slot};
+use crate::analysis::values::{ContextId, Values};
+use crate::core::program::Program;
+use crate::core::reflect;
+use crate::graph::rate::{At, Interpolated};
+use crate::graph::{FunctionId, Graph};
+use crate::rebuild::hoisted::{Failed, Wanted};
+use crate::rebuild::isolate::{self, isolate};
+use crate::rebuild::place::{self, Builder, PositionInvariance, Replacement, Rewrite};
+use crate::slice::{self, Criterion, OutputFilter, Termination};
+
+/// The remaining fragment stage in its module.
+#[derive(Clone, Debug)]
+pub struct Remainder {
+    /// The module.
+    pub module: Module,
+    /// Locations of the author's varyings that it still reads.
+    pub kept: BTreeSet<u32>,
+    /// The location of each slot.
+    pub locations: Vec<u32>,
+}
+
+/// The module with unchanged author's functions, and the fragment entry point of `values` reading
+/// `wanted` from `slots`.
+///
+/// # Errors
+/// [`Failed`].
+pub fn rebuild(
+    program: &Program,
+    module: &Module,
+    values: &Values<'_, '_>,
+    wanted: &[Wanted],
+    slots: &[Slot],
+) -> Result<Remainder, Failed> {
+    let entry = values.entry;
+    let contexts: Vec<ContextId> = wanted.iter().map(|w| w.context).collect();
+    let (mut module, copies) = isolate(module, entry, values, &contexts.iter().copied().collect());
+    // The values of each context: its own, and those of the contexts it calls.
+    let below = isolate::below(values, &copies, &contexts);
+    for (context, id) in &copies {
+        let children = isolate::callees(values, &copies, &below, *context);
+        module = place::rewritten(&module, *id, |build| {
+            let carried = match id {
+                FunctionId::EntryPoint(_) => from_varyings(build, wanted, slots),
+                FunctionId::Function(_) => below[context]
+                    .iter()
+                    .map(|i| {
+                        let ty = build.ty(wanted[*i].inner.clone());
+                        (*i, build.argument(&wanted[*i].name, ty, None))
+                    })
+                    .collect(),
+            };
+            let here = |i: &usize| wanted[*i].context == *context;
+            Rewrite {
+                replacements: carried
+                    .iter()
+                    .filter(|(i, _)| here(i))
+                    .map(|(i, value)| (wanted[*i].expression, Replacement::Value(*value)))
+                    .collect(),
+                arguments: children
+                    .iter()
+                    .map(|(callee, through)| {
+                        let passed = through.iter().filter_map(|i| carried.get(i).copied());
+                        (*callee, passed.collect())
+                    })
+                    .collect(),
+            }
+        });
+    }
+    let built = program.with_module(module)?;
+    let graph = Graph::build(&built);
+    let observed = [Criterion::Output(OutputFilter::All), Criterion::Discard];
+    let slice = slice::backward_with(&graph, entry, &observed, Termination::Preserved);
+    let name = built.module().entry_points[entry].name.clone();
+    let mut module = place::entry_point(
+        &graph,
+        &slice,
+        built.module(),
+        "preshade_remainder",
+        "left",
+        PositionInvariance::AsWritten,
+    );
+    let Some(mut placed) = module.entry_points.pop() else {
+        return Err(Failed::Built("nothing was placed".to_owned()));
+    };
+    let kept: BTreeSet<u32> = reflect::inputs(&module, &placed.function)
+        .iter()
+        .filter_map(|io| match io.binding {
+            Some(Binding::Location { location, .. }) if location < ASIDE => Some(location),
+            _ => None,
+        })
+        .collect();
+    let locations = pack::free_locations(slots, &kept);
+    for argument in &mut placed.function.arguments {
+        if let Some(Binding::Location { location, .. }) = &mut argument.binding
+            && *location >= ASIDE
+        {
+            *location = locations[(*location - ASIDE) as usize];
+        }
+    }
+    placed.name.clone_from(&name);
+    placed.function.name = Some(name);
+    module.entry_points[entry] = placed;
+    Ok(Remainder {
+        module,
+        kept,
+        locations,
+    })
+}
+
+/// Temporary locations of new varyings, until the locations they take are free.
+const ASIDE: u32 = 1 << 16;
+
+/// Adds the varyings as arguments and returns the values in them.
+fn from_varyings(
+    build: &mut Builder<'_>,
+    wanted: &[Wanted],
+    slots: &[Slot],
+) -> BTreeMap<usize, Handle<Expression>> {
+    let mut carried = BTreeMap::new();
+    for (index, slot) in slots.iter().enumerate() {
+        let ty = build.ty(slot_type(slot));
+        let binding = slot_binding(slot, ASIDE + index as u32);
+        let varying = build.argument(&slot_name(index, slot, wanted), ty, Some(binding));
+        for (i, first) in &slot.parts {
+            let value = match (width(&wanted[*i].inner), slot.width) {
+                (w, all) if w == all => varying,
+                (1, _) => build.expression(Expression::AccessIndex {
+                    base: varying,
+                    index: u32::from(*first),
+                }),
+                (w, _) => build.expression(Expression::Swizzle {
+                    size: vector_size(w),
+                    vector: varying,
+                    pattern: swizzle(*first),
+                }),
+            };
+            carried.insert(*i, value);
+        }
+    }
+    carried
+}
+
+const COMPONENTS: [SwizzleComponent; 4] = [
+    SwizzleComponent::X,
+    SwizzleComponent::Y,
+    SwizzleComponent::Z,
+    SwizzleComponent::W,
+];
+
+fn swizzle(first: u8) -> [SwizzleComponent; 4] {
+    std::array::from_fn(|i| COMPONENTS[(usize::from(first) + i).min(3)])
+}
+
+fn vector_size(width: u8) -> VectorSize {
+    match width {
+        2 => VectorSize::Bi,
+        3 => VectorSize::Tri,
+        _ => VectorSize::Quad,
+    }
+}
+
+/// Number of components of a scalar or vector type.
+pub fn width(inner: &TypeInner) -> u8 {
+    match inner {
+        TypeInner::Vector { size, .. } => *size as u8,
+        _ => 1,
+    }
+}
+
+/// The type of a varying.
+pub fn slot_type(slot: &Slot) -> TypeInner {
+    let scalar = match slot.kind {
+        ScalarKind::Sint => Scalar::I32,
+        ScalarKind::Uint => Scalar::U32,
+        _ => Scalar::F32,
+    };
+    match slot.width {
+        1 => TypeInner::Scalar(scalar),
+        width => TypeInner::Vector {
+            size: vector_size(width),
+            scalar,
+        },
+    }
+}
+
+/// Name of a varying: the value's name, or a generic one for several values.
+pub fn slot_name(index: usize, slot: &Slot, wanted: &[Wanted]) -> String {
+    match slot.parts[..] {
+        [(one, _)] => wanted[one].name.clone(),
+        _ => format!("packed_{}", pack::letters(index)),
+    }
+}
+
+/// Location and interpolation of a varying.
+pub fn slot_binding(slot: &Slot, location: u32) -> Binding {
+    let interpolation = match slot.interpolated {
+        Interpolated::Flat => Interpolation::Flat,
+        Interpolated::Perspective => Interpolation::Perspective,
+        Interpolated::Linear => Interpolation::Linear,
+    };
+    let sampling = match (slot.interpolated, slot.at) {
+        (Interpolated::Flat, _) => None,
+        (_, At::Center) => Some(Sampling::Center),
+        (_, At::Centroid) => Some(Sampling::Centroid),
+        (_, At::Sample) => Some(Sampling::Sample),
+    };
+    Binding::Location {
+        location,
+        interpolation: Some(interpolation),
+        sampling,
+        blend_src: None,
+        per_primitive: false,
+    }
+}

@@ -1,0 +1,472 @@
+//! Decides which values may move to the vertex stage and how, and why the others must not.
+
+use std::collections::{HashMap, VecDeque};
+use std::sync::Arc;
+
+use naga::{ScalarKind, Statement, TypeInner};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::form::{Form, forms};
+use super::turn::turning;
+use crate::analysis::jumps;
+use crate::analysis::range::AllRanges;
+use crate::analysis::reach::{with_operands, with_users};
+use crate::analysis::rounding::Roundings;
+use crate::analysis::sign::{self, Signs};
+use crate::analysis::values::{Node, ValueId, Values};
+use crate::core::pass::SourceRange;
+use crate::graph::memory::Origin;
+use crate::graph::rate::{At, Interpolated, Rate};
+use crate::graph::{FunctionId, StmtId, counted, effect};
+
+/// How a value may move, from the strongest contract to the weakest.
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
+)]
+#[serde(rename_all = "kebab-case")]
+pub enum Class {
+    /// Flat constants of the draw or primitive, or components of a varying: the same bits.
+    Exact,
+    /// Affine in varyings of one interpolation class with draw-uniform coefficients: the same real
+    /// number with other rounding.
+    Affine,
+    /// Anything else: interpolation changes the value.
+    Smooth,
+}
+
+/// How a value is interpolated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Carriage {
+    /// The effect on the value.
+    pub class: Class,
+    /// Interpolation.
+    pub interpolated: Interpolated,
+    /// Interpolation location in the pixel.
+    pub at: At,
+}
+
+/// Why a value must stay in the fragment stage.
+#[derive(
+    Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
+)]
+#[serde(rename_all = "kebab-case", tag = "kind")]
+pub enum Stays {
+    /// No varying can hold it: a pointer, a struct, an array; or it is the same for every draw.
+    NotCarried,
+    /// It is an incoming varying.
+    Varying,
+    /// No vertex stage can compute it.
+    Fragment {
+        /// The reason: a derivative, an implicit level of detail, or a fragment input.
+        because: String,
+    },
+    /// It changes between iterations of a loop.
+    InLoop,
+    /// Fragments differ in whether they compute it.
+    Conditional,
+    /// It depends on a loop that may not end.
+    MayNotEnd,
+    /// It mixes a flat value with a smooth one. A vertex sees its own flat value, the fragment the
+    /// provoking vertex's.
+    FlatAndSmooth,
+    /// It decides coverage or depth, which need the same bits.
+    Coverage,
+    /// It is discontinuous: interpolation between vertices is meaningless.
+    Discontinuous {
+        /// The operation.
+        operation: String,
+    },
+    /// A periodic operation uses it: a small error becomes a full step.
+    Reaches {
+        /// The periodic operation.
+        operation: String,
+    },
+    /// It is not among the chosen values.
+    NotChosen,
+    /// Its measured error is too large.
+    Measured {
+        /// The error in the budget's metric.
+        error: String,
+    },
+    /// Measurement found that it, or a pixel drawn with it, is not finite.
+    MeasuredNotFinite,
+    /// It was not measured, although other values were.
+    NotMeasured,
+    /// It may be NaN or infinite at a vertex, which would spoil the whole triangle.
+    MayNotBeFinite {
+        /// The operation.
+        operation: String,
+    },
+    /// It may overflow `f32` at a vertex.
+    MayOverflow {
+        /// The operation.
+        operation: String,
+    },
+}
+
+impl From<jumps::Discontinuity> for Stays {
+    fn from(discontinuity: jumps::Discontinuity) -> Self {
+        match discontinuity {
+            jumps::Discontinuity::Own { operation } => Self::Discontinuous { operation },
+            jumps::Discontinuity::Amplified { operation } => Self::Reaches { operation },
+        }
+    }
+}
+
+impl std::fmt::Display for Stays {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::NotCarried => f.write_str("it is not a value that a varying can hold"),
+            Self::Varying => f.write_str("it is a varying already"),
+            Self::Fragment { because } => write!(f, "no vertex stage has it: {because}"),
+            Self::InLoop => f.write_str("it is another in each turn of a loop"),
+            Self::Conditional => f.write_str("whether it is computed differs between fragments"),
+            Self::MayNotEnd => f.write_str("it rests on a loop that is not seen to end"),
+            Self::FlatAndSmooth => f.write_str("it mixes a flat value with a smooth one"),
+            Self::Coverage => {
+                f.write_str("it decides a discard, or the depth or the samples of the fragment")
+            }
+            Self::Discontinuous { operation } => {
+                write!(
+                    f,
+                    "`{operation}` jumps: interpolation would make up values between"
+                )
+            }
+            Self::Reaches { operation } => write!(
+                f,
+                "`{operation}` of what rests on it jumps again and again, wherever a little more is another number"
+            ),
+            Self::NotChosen => f.write_str("it is not among the chosen values"),
+            Self::Measured { error } => write!(f, "carried alone it makes an error of {error}"),
+            Self::MeasuredNotFinite => {
+                f.write_str("measured, it is NaN or infinite somewhere, or a pixel with it is")
+            }
+            Self::NotMeasured => f.write_str("carrying it was not measured"),
+            Self::MayNotBeFinite { operation } => write!(
+                f,
+                "`{operation}` may be NaN or infinite at a vertex, which would spoil the whole triangle"
+            ),
+            Self::MayOverflow { operation } => write!(
+                f,
+                "`{operation}` may pass the largest number there is at a vertex, which would spoil the whole triangle; what comes from outside is taken to be below 2^20 where no scene \
+                 tells"
+            ),
+        }
+    }
+}
+
+/// Assumption about values at vertices.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Finite {
+    /// Only values that are proved finite may move.
+    #[default]
+    Proved,
+    /// All values are assumed finite at every vertex.
+    Assumed,
+}
+
+/// Assumption about values that depend on a discontinuity: a `floor`, a comparison, an integer, a
+/// branch.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Jumps {
+    /// They must not move, unless range analysis excludes the discontinuity.
+    #[default]
+    Stay,
+    /// They are assumed to vary slowly over a triangle, as noise does although it uses `floor`.
+    Carried,
+}
+
+/// Assumptions about unmeasured values.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Assumed {
+    /// Whether they are finite.
+    pub finite: Finite,
+    /// Whether they are continuous.
+    pub jumps: Jumps,
+}
+
+impl Assumed {
+    /// All assumptions.
+    pub const ALL: Self = Self {
+        finite: Finite::Assumed,
+        jumps: Jumps::Carried,
+    };
+}
+
+/// How a value may move, or why it must not.
+pub type Verdict = Result<Carriage, Stays>;
+
+/// The verdicts of a fragment stage's values.
+#[derive(Clone, Debug)]
+pub struct Judged {
+    /// By value.
+    pub verdicts: Vec<Verdict>,
+    /// Rounding error of the outputs if values move.
+    pub roundings: Arc<Roundings>,
+    /// Whether each value is affine in the varyings.
+    pub affine: Arc<[bool]>,
+    /// Ids of an earlier choice that no value has.
+    pub unknown: Vec<String>,
+}
+
+/// The required precision of the outputs, and the ranges that decide it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Precision {
+    /// Ranges of varyings and draw constants; empty without a scene.
+    pub ranges: Vec<SourceRange>,
+    /// Largest change of an output by rounding.
+    pub most: f64,
+}
+
+impl Precision {
+    /// No visible rounding.
+    pub const EXACT: Self = Self {
+        ranges: Vec::new(),
+        most: -1.0,
+    };
+}
+
+/// Restricts verdicts under [`Assumed::ALL`] to those under `assumed`.
+pub(super) fn held_back(
+    values: &Values<'_, '_>,
+    assumed: Assumed,
+    precision: &Precision,
+    all: &[Verdict],
+) -> Vec<Verdict> {
+    let mut verdicts = all.to_vec();
+    let mut hold = |reasons: Vec<Option<Stays>>| {
+        for (verdict, reason) in verdicts.iter_mut().zip(reasons) {
+            if let (Ok(carriage), Some(reason)) = (&*verdict, reason)
+                && carriage.class == Class::Smooth
+            {
+                *verdict = Err(reason);
+            }
+        }
+    };
+    if assumed == Assumed::ALL {
+        return verdicts;
+    }
+    let known = &precision.ranges;
+    let ranges = AllRanges::new(values, values.circles(), known, sign::LARGEST_INPUT);
+    if assumed.jumps == Jumps::Stay {
+        let reached = jumps::reached(values, &ranges).into_iter();
+        hold(reached.map(|d| d.map(Stays::from)).collect());
+    }
+    if assumed.finite == Finite::Proved {
+        hold(hazards(values, &ranges));
+    }
+    verdicts
+}
+
+/// The verdict of each value under [`Assumed::ALL`].
+pub(super) fn judge(values: &Values<'_, '_>, precision: &Precision) -> Judged {
+    let forms = forms(values);
+    let endless = endless(values);
+    let turning = turning(values);
+    let pins = pins(values);
+    let may = |id: ValueId| forms[id] == Form::Affine && values.values[id].fact.stages.vertex;
+    let roundings = Roundings::new(values, &precision.ranges, may);
+    let coverage = with_operands(values, values.coverage.clone());
+    let verdicts = (0..values.values.len())
+        .map(|id| {
+            let scalar = carried_scalar(values, id)?;
+            let (context, e, at) = values.expression(id).ok_or(Stays::NotCarried)?;
+            let fact = values.values[id].fact;
+            if !fact.stages.vertex {
+                let because = what_pins(values, pins[id]);
+                return Err(Stays::Fragment { because });
+            }
+            if endless[id] {
+                return Err(Stays::MayNotEnd);
+            }
+            if turning[id] {
+                return Err(Stays::InLoop);
+            }
+            if values.control_rate(context, at) > Rate::Draw {
+                return Err(Stays::Conditional);
+            }
+            let carriage = |class, interpolated, at| Carriage {
+                class,
+                interpolated,
+                at,
+            };
+            let flat = carriage(Class::Exact, Interpolated::Flat, At::Center);
+            let (interpolated, at) = match fact.rate {
+                Rate::Const => return Err(Stays::NotCarried),
+                Rate::Draw | Rate::Instance | Rate::Varying(Interpolated::Flat, _) => {
+                    return Ok(flat);
+                }
+                Rate::Varying(interpolated, at) => (interpolated, at),
+                Rate::Mixed => (Interpolated::Perspective, At::Center),
+                Rate::Vertex | Rate::Fragment | Rate::Sample => return Err(Stays::FlatAndSmooth),
+            };
+            if scalar != ScalarKind::Float {
+                return Err(Stays::Discontinuous {
+                    operation: "an integer".to_owned(),
+                });
+            }
+            if forms[id] == Form::Part {
+                return Ok(carriage(Class::Exact, interpolated, at));
+            }
+            if coverage[id] {
+                return Err(Stays::Coverage);
+            }
+            if forms[id] == Form::Affine && roundings.of(id) <= precision.most {
+                return Ok(carriage(Class::Affine, interpolated, at));
+            }
+            let expression = &values.function(context).function.expressions[e];
+            if let Some(operation) = jumps::jump(expression) {
+                let operation = operation.to_owned();
+                return Err(Stays::Discontinuous { operation });
+            }
+            Ok(carriage(Class::Smooth, interpolated, at))
+        })
+        .collect();
+    Judged {
+        verdicts,
+        roundings: Arc::new(roundings),
+        affine: forms.iter().map(|f| *f == Form::Affine).collect(),
+        unknown: Vec::new(),
+    }
+}
+
+/// Scalar type of a value that a varying can hold: 32-bit scalars and vectors.
+fn carried_scalar(values: &Values<'_, '_>, id: ValueId) -> Result<ScalarKind, Stays> {
+    let Some((context, e, _)) = values.expression(id) else {
+        return Err(match values.values[id].node {
+            Node::Input(_) => Stays::Varying,
+            _ => Stays::NotCarried,
+        });
+    };
+    match values.function(context).ty(values.graph.module(), e) {
+        TypeInner::Scalar(s) | TypeInner::Vector { scalar: s, .. }
+            if s.width == 4 && s.kind != ScalarKind::Bool =>
+        {
+            Ok(s.kind)
+        }
+        _ => Err(Stays::NotCarried),
+    }
+}
+
+/// For each value, the nearest dependence (or itself) that is pinned to the fragment stage.
+fn pins(values: &Values<'_, '_>) -> Vec<Option<ValueId>> {
+    // Breadth-first from all pins at once.
+    let users = values.users();
+    let mut distance = vec![usize::MAX; values.values.len()];
+    let mut queue: VecDeque<ValueId> = (0..values.values.len())
+        .filter(|id| values.is_pinned(*id))
+        .collect();
+    for id in &queue {
+        distance[*id] = 0;
+    }
+    let mut pins: Vec<Option<ValueId>> = vec![None; values.values.len()];
+    while let Some(id) = queue.pop_front() {
+        // Of equally near ones, the one through the first operand.
+        let operands = &values.values[id].operands;
+        pins[id] = match distance[id] {
+            0 => Some(id),
+            here => operands
+                .iter()
+                .find(|o| distance[**o] == here - 1)
+                .and_then(|o| pins[*o]),
+        };
+        for user in &users[id] {
+            if distance[*user] == usize::MAX {
+                distance[*user] = distance[id] + 1;
+                queue.push_back(*user);
+            }
+        }
+    }
+    pins
+}
+
+/// A message about why a value is pinned.
+fn what_pins(values: &Values<'_, '_>, pin: Option<ValueId>) -> String {
+    let Some(pin) = pin else {
+        return "it rests on what only a fragment has".to_owned();
+    };
+    match &values.values[pin].node {
+        Node::Input(i) => {
+            let name = values.inputs.get(*i).and_then(|io| io.name.as_deref());
+            format!("it rests on the input `{}`", name.unwrap_or_default())
+        }
+        Node::Expression(context, e, _) => {
+            let expression = &values.function(*context).function.expressions[*e];
+            match effect::of_expression(expression) {
+                Some(effect::Effect::Derivative) => "it rests on a derivative".to_owned(),
+                Some(effect::Effect::ImplicitLod) => {
+                    "it rests on a texture sample at an implicit level of detail".to_owned()
+                }
+                _ => "it rests on memory that invocations write".to_owned(),
+            }
+        }
+        _ => "it rests on memory that invocations write".to_owned(),
+    }
+}
+
+/// Values that depend on a loop without a known bound.
+fn endless(values: &Values<'_, '_>) -> Vec<bool> {
+    let module = values.graph.module();
+    let mut seen: HashMap<(FunctionId, StmtId), bool> = HashMap::new();
+    let mut ends_unseen = |id: ValueId| {
+        let (context, at) = match values.values[id].node {
+            Node::Version(context, v) => match values.function(context).memory.origin(v) {
+                Origin::Phi { at: Some(at), .. } => (context, *at),
+                _ => return false,
+            },
+            Node::Control(context, at) => (context, at),
+            _ => return false,
+        };
+        let f = values.function(context);
+        std::iter::once(at)
+            .chain(f.statements.ancestors(at))
+            .any(|s| {
+                matches!(f.statements.get(s).statement, Statement::Loop { .. })
+                    && *seen
+                        .entry((f.id, s))
+                        .or_insert_with(|| counted::trips(module, f, s).is_none())
+            })
+    };
+    let all = 0..values.values.len();
+    let loops: Vec<ValueId> = all.filter(|id| ends_unseen(*id)).collect();
+    with_users(values, loops)
+}
+
+/// For each value, an operation in its computation whose result may be NaN or infinite.
+fn hazards(values: &Values<'_, '_>, ranges: &AllRanges) -> Vec<Option<Stays>> {
+    let signs = Signs::new(values);
+    let users = values.users();
+    let hazard = |id: ValueId| {
+        let (context, e, _) = values.expression(id)?;
+        let undefined = signs.hazard(values, context, e);
+        let undefined = undefined.map(|operation| Stays::MayNotBeFinite {
+            operation: operation.to_owned(),
+        });
+        undefined.or_else(|| {
+            sign::overflow(values, ranges, id).map(|operation| Stays::MayOverflow {
+                operation: operation.to_owned(),
+            })
+        })
+    };
+    let mut hazards: Vec<Option<Stays>> = (0..values.values.len()).map(hazard).collect();
+    // An undefined result explains more than the overflow it causes.
+    let is_undefined = |h: &Option<Stays>| matches!(h, Some(Stays::MayNotBeFinite { .. }));
+    let (undefined, rest): (Vec<ValueId>, Vec<ValueId>) = (0..hazards.len())
+        .filter(|id| hazards[*id].is_some())
+        .partition(|id| is_undefined(&hazards[*id]));
+    for mut work in [undefined, rest] {
+        while let Some(id) = work.pop() {
+            for user in &users[id] {
+                let is_weaker = is_undefined(&hazards[id]) && !is_undefined(&hazards[*user]);
+                if hazards[*user].is_none() || is_weaker {
+                    hazards[*user] = hazards[id].clone();
+                    work.push(*user);
+                }
+            }
+        }
+    }
+    hazards
+}

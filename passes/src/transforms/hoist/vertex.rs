@@ -1,0 +1,264 @@
+//! The new vertex stage: the author's, then the hoisted work.
+//!
+//! ```text
+//! fn vs_author(..) -> VertexOutput_author          the author's, sliced to the outputs still needed
+//! fn hoisted(..) -> Hoisted
+//! @vertex fn vs(..) -> VertexOutput_hoist {
+//!     let author = vs_author(..);
+//!     let carried = hoisted(author.normal, ..);
+//!     return VertexOutput_hoist(author.position, author.uv, carried.specular);
+//! }
+//! ```
+//!
+//! They are two functions so that a tessellated version can call the first for three corners and
+//! the second for each new vertex.
+
+use std::collections::BTreeSet;
+
+use naga::{
+    Binding, Expression, FunctionResult, Handle, Module, Span, StructMember, Type, TypeInner,
+};
+
+use super::pack::Slot;
+use super::remainder::{slot_binding, slot_name, slot_type, width};
+use crate::core::program::Program;
+use crate::core::reflect;
+use crate::graph::Graph;
+use crate::rebuild::hoisted::{self, Failed, Hoisted, Wanted};
+use crate::rebuild::place::{self, PositionInvariance, Rewrite};
+use crate::slice::{self, Criterion, OutputFilter};
+
+/// The outputs of the new vertex stage.
+pub struct Outputs<'a> {
+    /// Locations of the author's varyings that the fragment stage still reads.
+    pub kept: &'a BTreeSet<u32>,
+    /// Moved values.
+    pub wanted: &'a [Wanted],
+    /// Their varyings.
+    pub slots: &'a [Slot],
+    /// Location of each varying.
+    pub locations: &'a [u32],
+}
+
+/// `module` with its vertex entry point calling the author's stage and `hoisted`.
+///
+/// # Errors
+/// [`Failed`].
+pub fn rebuild(
+    program: &Program,
+    module: Module,
+    vertex: usize,
+    hoisted: &Hoisted,
+    outputs: &Outputs<'_>,
+) -> Result<Module, Failed> {
+    let (hoisted, arguments) = (hoisted.function, &hoisted.arguments);
+    let needed: BTreeSet<u32> = arguments
+        .iter()
+        .flatten()
+        .chain(outputs.kept)
+        .copied()
+        .collect();
+    let built = program.with_module(module)?;
+    let graph = Graph::build(&built);
+    let mut criteria = vec![Criterion::Output(OutputFilter::Rasterization)];
+    criteria.extend(
+        needed
+            .iter()
+            .map(|l| Criterion::Output(OutputFilter::Location(*l))),
+    );
+    let slice = slice::backward(&graph, vertex, &criteria);
+    let mut module = place::entry_point(
+        &graph,
+        &slice,
+        built.module(),
+        "preshade_author",
+        "author",
+        PositionInvariance::AsWritten,
+    );
+    let Some(placed) = module.entry_points.pop() else {
+        return Err(Failed::Built("nothing was placed".to_owned()));
+    };
+    let name = module.entry_points[vertex].name.clone();
+    let given = reflect::outputs(&module, &placed.function);
+    let is_struct = placed.function.result.as_ref().is_some_and(|r| {
+        r.binding.is_none() && matches!(module.types[r.ty].inner, TypeInner::Struct { .. })
+    });
+    let inputs = placed.function.arguments.clone();
+    let struct_name = placed
+        .function
+        .result
+        .as_ref()
+        .and_then(|r| module.types[r.ty].name.clone());
+    let author = hoisted::as_function(&module, placed.function, &format!("{name}_author"));
+    let author = module.functions.append(author, Span::UNDEFINED);
+    let (result, of_result) = result_type(&mut module, &given, struct_name, outputs);
+    let hoisted_types: Vec<Handle<Type>> = module.functions[hoisted]
+        .arguments
+        .iter()
+        .map(|a| a.ty)
+        .collect();
+    let entry = &mut module.entry_points[vertex].function;
+    *entry = naga::Function {
+        name: Some(name),
+        result: Some(FunctionResult {
+            ty: result,
+            binding: None,
+        }),
+        ..naga::Function::default()
+    };
+    let mut failed = None;
+    let module = place::rewritten(
+        &module,
+        crate::graph::FunctionId::EntryPoint(vertex),
+        |build| {
+            let passed = inputs
+                .iter()
+                .map(|a| {
+                    let name = a.name.as_deref().unwrap_or("input");
+                    build.argument(name, a.ty, a.binding.clone())
+                })
+                .collect();
+            let Some(from_author) = build.call(author, passed) else {
+                failed = Some(Failed::Built("the vertex stage gives nothing".to_owned()));
+                return Rewrite::default();
+            };
+            build.name(from_author, "author");
+            let output = |build: &mut place::Builder<'_>, index: usize| match is_struct {
+                true => build.expression(Expression::AccessIndex {
+                    base: from_author,
+                    index: index as u32,
+                }),
+                false => from_author,
+            };
+            let mut passed = Vec::new();
+            for (locations, ty) in arguments.iter().zip(&hoisted_types) {
+                let mut members = Vec::new();
+                for location in locations {
+                    match given.iter().position(|io| is_at(io, *location)) {
+                        Some(index) => members.push(output(build, index)),
+                        None => {
+                            failed = Some(Failed::NoOutput(*location));
+                            return Rewrite::default();
+                        }
+                    }
+                }
+                let is_struct = matches!(build.module().types[*ty].inner, TypeInner::Struct { .. });
+                passed.push(match (is_struct, &members[..]) {
+                    (false, [one]) => *one,
+                    _ => build.expression(Expression::Compose {
+                        ty: *ty,
+                        components: members,
+                    }),
+                });
+            }
+            let Some(carried) = build.call(hoisted, passed) else {
+                failed = Some(Failed::Built("nothing is hoisted".to_owned()));
+                return Rewrite::default();
+            };
+            build.name(carried, "carried");
+            let values: Vec<Handle<Expression>> = match outputs.wanted {
+                [_] => vec![carried],
+                several => (0..several.len() as u32)
+                    .map(|index| {
+                        build.expression(Expression::AccessIndex {
+                            base: carried,
+                            index,
+                        })
+                    })
+                    .collect(),
+            };
+            let mut components = Vec::new();
+            for source in &of_result {
+                components.push(match source {
+                    Source::Author(index) => output(build, *index),
+                    Source::Slot(slot) => {
+                        let slot = &outputs.slots[*slot];
+                        let parts: Vec<_> = slot.parts.iter().map(|(i, _)| values[*i]).collect();
+                        match parts[..] {
+                            [one]
+                                if width(&outputs.wanted[slot.parts[0].0].inner) == slot.width =>
+                            {
+                                one
+                            }
+                            _ => {
+                                let ty = build.ty(slot_type(slot));
+                                build.expression(Expression::Compose {
+                                    ty,
+                                    components: parts,
+                                })
+                            }
+                        }
+                    }
+                });
+            }
+            let value = build.expression(Expression::Compose {
+                ty: result,
+                components,
+            });
+            build.statement(naga::Statement::Return { value: Some(value) });
+            Rewrite::default()
+        },
+    );
+    match failed {
+        Some(why) => Err(why),
+        None => Ok(module),
+    }
+}
+
+fn is_at(io: &reflect::Io, wanted: u32) -> bool {
+    matches!(io.binding, Some(Binding::Location { location, .. }) if location == wanted)
+}
+
+/// The source of a member of the result.
+enum Source {
+    /// An output of the author's stage, by index.
+    Author(usize),
+    /// A varying, by index.
+    Slot(usize),
+}
+
+fn result_type(
+    module: &mut Module,
+    given: &[reflect::Io],
+    name: Option<String>,
+    outputs: &Outputs<'_>,
+) -> (Handle<Type>, Vec<Source>) {
+    let mut members = Vec::new();
+    let mut sources = Vec::new();
+    for (index, io) in given.iter().enumerate() {
+        let goes_on = match &io.binding {
+            Some(Binding::Location { location, .. }) => outputs.kept.contains(location),
+            Some(Binding::BuiltIn(_)) => true,
+            None => false,
+        };
+        if goes_on {
+            members.push(StructMember {
+                name: Some(io.name.clone().unwrap_or_else(|| "position".to_owned())),
+                ty: io.ty,
+                binding: io.binding.clone(),
+                offset: 0,
+            });
+            sources.push(Source::Author(index));
+        }
+    }
+    for (index, slot) in outputs.slots.iter().enumerate() {
+        let ty = module.types.insert(
+            Type {
+                name: None,
+                inner: slot_type(slot),
+            },
+            Span::UNDEFINED,
+        );
+        members.push(StructMember {
+            name: Some(slot_name(index, slot, outputs.wanted)),
+            ty,
+            binding: Some(slot_binding(slot, outputs.locations[index])),
+            offset: 0,
+        });
+        sources.push(Source::Slot(index));
+    }
+    let base = name.unwrap_or_else(|| "VertexOutput".to_owned());
+    let base = base.strip_suffix("_author").unwrap_or(&base).to_owned();
+    let ty = place::io_struct(module, Some(format!("{base}_hoist")), members);
+    (ty, sources)
+}

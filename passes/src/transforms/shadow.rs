@@ -1,0 +1,192 @@
+//! `shadow`: the depth-only version of a material, to be drawn under a light's view.
+//!
+//! Goal: a shadow pass that agrees with the picture, alpha test, displacement and all, because it is a slice of the same shader (engines that write it by hand
+//! forget one or the other; see Bevy 8464 and Godot 84211).
+//!
+//! ```text
+//! before:  main     vs + fs
+//!
+//! after:   shadow   vs_shadow (+ fs_shadow)        depth only, the host binds the light's view in place of the camera's
+//!          main     vs + fs                        as it was
+//! ```
+//!
+//! What the slices read of the camera is listed in the plan (`view_dependent`): the vertex stage's projection must be replaced, and an alpha or a displacement
+//! that depends on the camera would follow the light.
+
+use naga::{AddressSpace, TypeInner};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::analysis::coverage;
+use crate::analysis::opaque::Opaque;
+use crate::analysis::refusals as shared;
+use crate::core::contract::Contract;
+use crate::core::pass::{Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Use};
+use crate::core::plan::{Attachment, Phase, Plan, Role, Step};
+use crate::core::program::Program;
+use crate::core::refusals::RefusalInfo;
+use crate::core::state::{
+    AttachmentOps, CompareFunction, DepthBias, DepthDirection, DepthFormat, DepthState, Multisample,
+};
+use crate::rebuild::depth_only::{self, VertexStage};
+use crate::rebuild::place::PositionInvariance;
+
+/// Name of the depth attachment that the shadow pass writes.
+pub const SHADOW_DEPTH: &str = "shadow-depth";
+
+/// The pass.
+pub struct Shadow;
+
+/// Parameters.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Params {
+    /// Format of the shadow map.
+    pub format: DepthFormat,
+}
+
+impl Pass for Shadow {
+    type Params = Params;
+
+    const INFO: PassInfo = PassInfo {
+        name: "shadow",
+        summary: "the depth-only version of the material, to be drawn under a light's view",
+        source: "falls out of depth-prepass: the same slices",
+        when: "a light needs a shadow map of a material that cuts out or displaces",
+        hurts: "never by itself: the main pass is untouched and the host decides which lights draw it",
+        reads_scene: false,
+    };
+
+    const REFUSALS: &'static [RefusalInfo] = &[];
+
+    const EXAMPLES: &'static [Example] = &[Example {
+        recipe: "shadow",
+        uses: &[
+            Use::Snapshot,
+            Use::Inject,
+            Use::Break,
+            Use::Pictures(4),
+            Use::Fuzz,
+            Use::Page("pages/leaf"),
+            Use::Picture {
+                scene: "fixtures/scenes/lit-room.toml --size 256x144 --frames 1 --order front-to-back",
+                caption: "the main pass is as it was; what is new is drawn under the light alone",
+                rows: 1,
+            },
+        ],
+    }];
+
+    fn run(plan: &Plan, _facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
+        let opaque = check(plan)?;
+        let slice = depth_only::slice(&opaque, VertexStage::Sliced);
+        let mut next = plan.clone();
+        let placed = slice.place(&opaque, "shadow", PositionInvariance::AsWritten, None);
+        // A shadow map is its own frame: forward depth, one sample, whatever the camera's frame does.
+        let depth = DepthState {
+            attachment: SHADOW_DEPTH.to_owned(),
+            compare: CompareFunction::Less,
+            write: true,
+            // The camera's bias points away from the camera's viewer, in units of the camera's format: a light needs its own, which the host knows.
+            bias: DepthBias::default(),
+            read_only: false,
+            ops: AttachmentOps::default(),
+            stencil_ops: params.format.has_stencil().then(AttachmentOps::default),
+        };
+        depth_only::insert_own(
+            &mut next,
+            &opaque,
+            placed,
+            Role::Shadow,
+            Phase::Shadow,
+            depth,
+            Self::INFO.name,
+        )?;
+        next.attachments.push(Attachment {
+            sampled: true,
+            ..Attachment::depth(SHADOW_DEPTH, params.format, DepthDirection::Forward, 1)
+        });
+        next.steps.push(Step {
+            pass: Self::INFO.name.to_owned(),
+            site: slice.key(&opaque),
+            params: serde_json::to_value(params).unwrap_or_default(),
+            contract: Contract::exact(),
+        });
+        let decided = opaque.fragment.filter(|_| opaque.decides.anything());
+        if decided.is_some_and(|fragment| {
+            let slice = opaque.decides.slice(&opaque.graph, fragment);
+            coverage::reads_rasterised_depth(opaque.program, &slice)
+        }) {
+            next.notes.push("what the shadow pass discards, or writes as depth, depends on the z of @builtin(position): there that is the light's depth, on some APIs with the bias in it that the host sets".to_owned());
+        }
+        depth_only::finish(&mut next, "original");
+        if let Some(pass) = next.passes.iter_mut().find(|p| p.role == Role::Shadow) {
+            pass.multisample = Multisample::default();
+            pass.view_dependent = next
+                .programs
+                .get(Role::Shadow.name())
+                .map(view_dependent)
+                .unwrap_or_default();
+        }
+        let what = "depth-only vertex and fragment stage for a light's view".to_owned();
+        Ok(slice.outcome(&opaque, what, next))
+    }
+}
+
+/// A light's view has its own sample count and no colour, so that alpha to coverage has no place there.
+fn check(plan: &Plan) -> Result<Opaque<'_>, Vec<Refusal>> {
+    let opaque = Opaque::examine(plan, Shadow::INFO.name)?;
+    if opaque.decides.alpha {
+        return Err(vec![Refusal::new(
+            Shadow::INFO.name,
+            &shared::ALPHA_TO_COVERAGE,
+            "coverage comes from alpha, sample by sample, and a shadow map has one sample and no colour target to take alpha from",
+            "test alpha by discard",
+        )]);
+    }
+    Ok(opaque)
+}
+
+/// Uniforms of a program whose name, or a member's, says camera, view, eye or projection, and members of such a variable or struct that say where it
+/// is or how far it sees. A name is all a shader tells of what a matrix means; `verify` feeds these from the light and all others from the camera.
+fn view_dependent(program: &Program) -> Vec<String> {
+    let module = program.module();
+    let says_view = |name: &str| {
+        let name = name.to_lowercase();
+        let part_of = [
+            "camera", "view", "eye", "proj", "mvp", "screen", "clip", "znear", "zfar",
+        ];
+        let whole = ["vp", "near", "far", "near_plane", "far_plane", "transform"];
+        part_of.iter().any(|w| name.contains(w)) || whole.contains(&name.trim_start_matches("u_"))
+    };
+    let says_place = |name: &str| {
+        let name = name.to_lowercase();
+        ["pos", "origin", "near", "far", "matrix", "vp"]
+            .iter()
+            .any(|w| name.contains(w))
+    };
+    let mut found = Vec::new();
+    for (_, global) in module
+        .global_variables
+        .iter()
+        .filter(|(_, g)| g.space == AddressSpace::Uniform)
+    {
+        let variable = global.name.clone().unwrap_or_default();
+        let struct_name = module.types[global.ty].name.as_deref().unwrap_or("");
+        let of_view = says_view(&variable) || says_view(struct_name);
+        let members = match &module.types[global.ty].inner {
+            TypeInner::Struct { members, .. } => members.as_slice(),
+            _ => &[],
+        };
+        if says_view(&variable) && members.is_empty() {
+            found.push(variable.clone());
+        }
+        found.extend(
+            members
+                .iter()
+                .filter_map(|m| m.name.as_deref())
+                .filter(|m| says_view(m) || (of_view && says_place(m)))
+                .map(|m| format!("{variable}.{m}")),
+        );
+    }
+    found
+}

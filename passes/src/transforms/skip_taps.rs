@@ -1,0 +1,282 @@
+//! `skip-taps`: texture taps that next to nothing is made of are not taken.
+//!
+//! Goal: hex tiling blends three copies of a texture, triplanar mapping three sides, a terrain its layers. At most fragments one or two of the weights are next to 0, and what they weigh is
+//! sampled all the same, with all that is made of it.
+//!
+//! ```text
+//! before:  let rough = w.x * textureSample(map, s, a).g + w.y * textureSample(map, s, b).g;
+//!
+//! after:   let a_dx = dpdxCoarse(a); ..
+//!          var tap = 0.0;  if abs(w.x) > 0.02 { tap = textureSampleGrad(map, s, a, a_dx, a_dy).g; }
+//!          var tap_1 = 0.0;  if abs(w.y) > 0.02 { tap_1 = textureSampleGrad(map, s, b, b_dx, b_dy).g; }
+//!          let rough = w.x * tap + w.y * tap_1;
+//! ```
+//!
+//! A *term* is a product with a weight, in a sum: `w * x`, `mix(x, y, w)`, `fma(w, x, y)`, a component of `dot(vec3(x, y, z), w)`. It is skipped where `x` has a sample in it and nothing else reads
+//! it, so that all that is computed for it alone goes behind the branch, calls included ([`find`], [`branch`]). The weights are not made to add up to 1 again: what is left out is missing, by at most the
+//! threshold times its size for each term.
+//!
+//! A sample at an implicit level reads its neighbours in the quad, which may not take it. Its gradients are taken ahead, where the author sampled; what level a gradient means is rounded
+//! otherwise by some adapters, so that the promise is a budget even with `threshold=0`. Samples with a level or gradients of their own keep them. With `threshold=0` and no implicit level nothing is left
+//! out but products with 0: the same sum, where what they would have been is finite, but for what a compiler may round otherwise ([`contraction`]).
+//!
+//! A tap stays that decides a discard, a depth or a coverage, and one in a function that the vertex stage runs too.
+
+use std::collections::BTreeSet;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::analysis::contraction;
+use crate::analysis::refusals as shared;
+use crate::analysis::simplify::{self, Simplified};
+use crate::core::budget::{Budget, Metric};
+use crate::core::contract::{Assumption, Contract, Turned};
+use crate::core::pass::{
+    Change, Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Site, SiteCost, Use,
+};
+use crate::core::plan::{GpuPass, Plan, Role};
+use crate::core::program::Program;
+use crate::core::refusals::RefusalInfo;
+use crate::graph::Graph;
+use crate::slice::{self, Criterion, OutputFilter};
+
+pub mod branch;
+pub mod find;
+pub mod refusals;
+
+use find::{Term, Terms};
+
+/// The pass.
+pub struct SkipTaps;
+
+/// Parameters.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Params {
+    /// Largest weight of a term that is left out, by its magnitude.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub threshold: f64,
+    /// Functions whose terms are meant, joined by `+`; default: all that the fragment stage calls, and itself.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub of: Option<String>,
+    /// How much the picture may differ, by `metric`, above 0 and at most 1. Not needed with `threshold=0` where no term samples at an implicit level.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0.0))]
+    pub budget: Option<f64>,
+    /// What the budget counts.
+    pub metric: Metric,
+}
+
+impl Default for Params {
+    fn default() -> Self {
+        Self {
+            threshold: 0.02,
+            of: None,
+            budget: None,
+            metric: Metric::default(),
+        }
+    }
+}
+
+impl Pass for SkipTaps {
+    type Params = Params;
+
+    const INFO: PassInfo = PassInfo {
+        name: "skip-taps",
+        summary: "leaves out texture taps whose blend weight is next to nothing, within a budget",
+        source: "Heitz and Neyret, High-Performance By-Example Noise (2018), and Mikkelsen, Practical Real-Time Hex-Tiling (2022), for the blends; Golus, Normal Mapping for a Triplanar Shader (2017), for the branch",
+        when: "textures are blended by weights that are mostly next to 0: hex tiling, triplanar mapping, layers of a terrain",
+        hurts: "where weights are seldom small, or differ from pixel to pixel: lanes that sample wait for nobody, but those that do not wait for them",
+        reads_scene: false,
+    };
+
+    const REFUSALS: &'static [RefusalInfo] = refusals::REFUSALS;
+
+    const EXAMPLES: &'static [Example] = &[
+        Example {
+            recipe: "skip-taps:budget=1",
+            uses: &[Use::Snapshot],
+        },
+        Example {
+            recipe: "skip-taps:threshold=0,budget=0.01",
+            uses: &[Use::Pictures(1)],
+        },
+        Example {
+            recipe: "skip-taps:budget=0.1,threshold=0.02",
+            uses: &[Use::Truth],
+        },
+        Example {
+            recipe: "skip-taps:budget=0.01",
+            uses: &[
+                Use::Page("pages/rock"),
+                Use::Picture {
+                    scene: "fixtures/scenes/terrain-triplanar.toml --camera slope --size 256x144 --frames 1",
+                    caption: "a slope between two sides of its texture: off by two steps at most where a third one was left out",
+                    rows: 1,
+                },
+            ],
+        },
+        Example {
+            recipe: "skip-taps:threshold=0",
+            uses: &[Use::Plan],
+        },
+        Example {
+            recipe: "skip-taps:BUDGET",
+            uses: &[Use::PlanWithin],
+        },
+        Example {
+            recipe: "skip-taps:BUDGET,depth-prepass",
+            uses: &[Use::PlanWithin],
+        },
+        Example {
+            recipe: "skip-taps:BUDGET,threshold=0",
+            uses: &[Use::Simplify],
+        },
+        Example {
+            recipe: "skip-taps:BUDGET,threshold=0.01",
+            uses: &[Use::Simplify],
+        },
+        Example {
+            recipe: "skip-taps:BUDGET,threshold=0.05",
+            uses: &[Use::Simplify],
+        },
+        Example {
+            recipe: "skip-taps:BUDGET,threshold=0.15",
+            uses: &[Use::Simplify],
+        },
+    ];
+
+    fn run(plan: &Plan, _facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
+        Ok(skipped(plan, params)?.outcome(plan, Self::INFO.name, params))
+    }
+}
+
+fn refuse(
+    code: &RefusalInfo,
+    reason: impl Into<String>,
+    remedy: impl Into<String>,
+) -> Box<Refusal> {
+    Box::new(Refusal::new(SkipTaps::INFO.name, code, reason, remedy))
+}
+
+/// A material's main pass with its taps behind branches.
+fn skipped(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
+    let (pass, program, fragment) = simplify::examine(
+        plan,
+        SkipTaps::INFO.name,
+        "skip taps first, then apply the other passes",
+        "there is no tap to skip",
+    )?;
+    let graph = Graph::build(program);
+    let meant = simplify::meant(&graph, fragment, params.of.as_deref(), SkipTaps::INFO.name)?;
+    let Terms { terms, left } = find::terms(&graph, pass, fragment, &meant);
+    if terms.is_empty() {
+        let reason = match left.is_empty() {
+            true => "the fragment stage has no sum of weighted texture samples",
+            false => "no weighted texture sample of the fragment stage can be left out",
+        };
+        let remedy = "explain lists what it weighs, and why each stays";
+        return Err((refuse(&refusals::NO_TAP, reason, remedy), left).into());
+    }
+    let is_implicit = terms.iter().any(|t| !t.implicit.is_empty());
+    if params.budget.is_none() && (params.threshold > 0.0 || is_implicit) {
+        let (reason, remedy) = match params.threshold > 0.0 {
+            true => (
+                "a sum without its small terms is another picture, and how much it may differ is not said",
+                "give budget=0.01 (of flip_mean, or say metric=max_abs), or threshold=0",
+            ),
+            false => (
+                "samples at an implicit level get gradients, whose level some adapters round otherwise, and how much the picture may differ is not said",
+                "give budget=0.01 (of flip_mean, or say metric=max_abs), or sample with gradients or a level",
+            ),
+        };
+        return Err((refuse(&shared::NO_BUDGET, reason, remedy), left).into());
+    }
+    let module = branch::skipping(&graph, &terms, params.threshold as f32);
+    let bug = |e| Box::new(Refusal::bug(SkipTaps::INFO.name, e));
+    let after = program.with_module(module).map_err(bug)?;
+    let whole = graph.entry_cost(fragment);
+    let skipped: f64 = terms.iter().map(|t| t.cost).sum();
+    let all = [Criterion::Output(OutputFilter::All)];
+    Ok(Simplified {
+        change: Change {
+            key: Site {
+                role: Role::Main,
+                entry_point: pass.fragment.clone().unwrap_or_default(),
+                slice: slice::backward(&graph, fragment, &all).hash(&graph),
+            },
+            what: described(&graph, &terms, params.threshold),
+            location: program.sources().locate(terms[0].span),
+            cost: SiteCost {
+                slice: skipped,
+                whole,
+            },
+        },
+        contract: promised(params, pass, program, &after),
+        program: after,
+        of: pass.program.clone(),
+        left,
+    })
+}
+
+/// What is promised: the user's budget, or where only products with 0 go what a compiler leaves of the rest.
+fn promised(params: &Params, pass: &GpuPass, before: &Program, after: &Program) -> Contract {
+    if let Some(budget) = params.budget {
+        return Contract::Approximate {
+            budget: Budget {
+                metric: params.metric,
+                limit: budget,
+            },
+            given: Vec::new(),
+        };
+    }
+    let mut given = vec![Assumption::SameContraction, Assumption::FiniteTaps];
+    given.sort();
+    let exposed = contraction::exposed(before, after, pass, &BTreeSet::new());
+    match exposed.roundings {
+        0 => Contract::Exact { given },
+        k => Contract::Rounding {
+            k,
+            turned: exposed.decides.map(|surface| Turned::on(k, surface)),
+            given,
+        },
+    }
+}
+
+fn described(graph: &Graph<'_>, terms: &[Term], threshold: f64) -> String {
+    let sources = graph.program().sources();
+    let mut places: Vec<String> = Vec::new();
+    for term in terms {
+        let line = sources
+            .locate(term.span)
+            .map(|l| format!(" line {}", l.line));
+        let place = format!(
+            "`{}`{}",
+            graph.name(term.function),
+            line.unwrap_or_default()
+        );
+        if !places.contains(&place) {
+            places.push(place);
+        }
+    }
+    let cost: f64 = terms.iter().map(|t| t.cost).sum();
+    let implicit: usize = terms.iter().map(|t| t.implicit.len()).sum();
+    let gradients = match implicit {
+        0 => String::new(),
+        1 => ", one sample gets gradients".to_owned(),
+        n => format!(", {n} samples get gradients"),
+    };
+    let what = match threshold > 0.0 {
+        true => format!("weighs no more than {threshold}"),
+        false => "weighs nothing".to_owned(),
+    };
+    format!(
+        "{} of a sum ({}) left out where it {what}: {cost:.0} ops behind branches{gradients}",
+        match terms.len() {
+            1 => "a term".to_owned(),
+            n => format!("each of {n} terms"),
+        },
+        places.join(", ")
+    )
+}

@@ -1,0 +1,540 @@
+//! `specialize`: only what a scene calls for is left of a material that can do everything.
+//!
+//! Goal: engines write one material with every effect, and uniforms say which of them a draw wants. Nobody changes most of these uniforms (Crawford and O'Boyle 2019 found 48 to 91% of them
+//! constant at run time), yet every fragment pays for what they switch off: registers, branches, varyings, bindings.
+//!
+//! ```text
+//! before:  fs(normal, tangent, world): if material.fog_density > 0 { fog(..) }  if has(NORMAL_MAP) { .. }  ..
+//!          a draw has fog_density = 0, flags = 0
+//!
+//! after:   fs(normal): ..                          guard: material.fog_density = 0, material.flags = 0
+//! ```
+//!
+//! What is known (uniforms that no frame changes, attributes and textures of one value, values given by hand) goes through the stages by online partial evaluation ([`fold`]), as intervals that
+//! are rounded outwards ([`arithmetic`]): a branch is left out where it is proved to be never taken. Then both stages are sliced to what they still write, which takes dead work,
+//! varyings, attributes and bindings along.
+//!
+//! Only integers, truths, selections and branches are folded. A float stays behind what it is read from, since a front end folds calls of literals on the CPU. With
+//! `fold=rounding`, sums with 0 and products with 0 and 1 go too.
+//!
+//! The promise is `Exact` where nothing around a float operation changes that a compiler fuses and reorders by, else `Rounding`, with the share of pixels in which a decision may turn on one
+//! ([`contraction`]): where a branch goes, a product may be fused into a sum that was none before, and no text prevents it.
+//!
+//! What was assumed is the plan's [guard](crate::core::guard::Guard), which a host asks before it draws.
+
+use std::collections::BTreeSet;
+
+use naga::{Binding, Expression, Handle, Interpolation, ShaderStage};
+
+use crate::analysis::contraction;
+use crate::analysis::refusals as shared;
+use crate::core::contract::{Assumption, Contract, Turned};
+use crate::core::guard::Guard;
+use crate::core::pass::{
+    Change, Example, Facts, Misnamed, Outcome, Pass, PassInfo, Refusal, Refused, Site, SiteCost,
+    Use,
+};
+use crate::core::plan::{GpuPass, ORIGINAL, Plan, Role, Step};
+use crate::core::program::Program;
+use crate::core::reflect;
+use crate::core::refusals::RefusalInfo;
+use crate::evaluate::overrides;
+use crate::graph::{FunctionId, Graph};
+
+pub mod arithmetic;
+pub mod assume;
+mod control;
+pub mod decision;
+pub mod effects;
+mod expressions;
+pub mod fold;
+pub mod known;
+mod params;
+pub mod refusals;
+mod shrink;
+mod unroll;
+mod versions;
+
+pub use params::{Fold, Params};
+
+use assume::Assumptions;
+use contraction::Exposed;
+use decision::Placed;
+use fold::{Folder, Stage};
+use known::{Known, Scalar};
+
+/// The pass.
+pub struct Specialize;
+
+impl Pass for Specialize {
+    type Params = Params;
+
+    const INFO: PassInfo = PassInfo {
+        name: "specialize",
+        summary: "leaves out what the scene's own values switch off, with a guard that says which values",
+        source: "Crawford and O'Boyle, Specialization Opportunities in Graphical Workloads (2019)",
+        when: "one material serves many objects, and uniforms switch its effects on and off (engine standard materials)",
+        hurts: "where values change from frame to frame, and where many draws want many variants: each is another pipeline",
+        reads_scene: true,
+    };
+
+    const REFUSALS: &'static [RefusalInfo] = refusals::REFUSALS;
+
+    const EXAMPLES: &'static [Example] = &[
+        Example {
+            recipe: "specialize",
+            uses: &[
+                Use::Fuzz,
+                Use::Pictures(1),
+                Use::Truth,
+                Use::Plan,
+                Use::Simplify,
+                Use::Ahead(0),
+                Use::Picture {
+                    scene: "fixtures/scenes/museum.toml --size 256x144 --frames 1 --order front-to-back",
+                    caption: "one shader for all exhibits, a version for each kind: the same picture",
+                    rows: 1,
+                },
+            ],
+        },
+        Example {
+            recipe: "specialize:fold=rounding",
+            uses: &[Use::Truth],
+        },
+        Example {
+            recipe: "specialize:set=fog=0",
+            uses: &[Use::Page("pages/leaf")],
+        },
+        Example {
+            recipe: "specialize:set=material.fog=0",
+            uses: &[Use::Break],
+        },
+        Example {
+            recipe: "specialize:set=material.fog=0,fold=rounding",
+            uses: &[Use::Break],
+        },
+        Example {
+            recipe: "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,depth-prepass:form=equal",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,early-discard:texture=float",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,hoist:budget=0.02,finite=assumed,jumps=carried",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,skip-taps:budget=1",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,visibility-buffer:formats=any,budget=1",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "specialize,depth-prepass",
+            uses: &[Use::Plan],
+        },
+        Example {
+            recipe: "specialize,hoist",
+            uses: &[Use::Plan],
+        },
+        Example {
+            recipe: "specialize,hoist,depth-prepass",
+            uses: &[Use::Plan],
+        },
+        Example {
+            recipe: "specialize,visibility-buffer",
+            uses: &[Use::Plan],
+        },
+        Example {
+            recipe: "specialize,skip-taps:threshold=0",
+            uses: &[Use::Plan],
+        },
+        Example {
+            recipe: "specialize,skip-taps:BUDGET",
+            uses: &[Use::PlanWithin],
+        },
+        Example {
+            recipe: "specialize,hoist:BUDGET",
+            uses: &[Use::PlanWithin],
+        },
+        Example {
+            recipe: "specialize,hoist:BUDGET,depth-prepass",
+            uses: &[Use::PlanWithin],
+        },
+    ];
+
+    fn misnamed(plan: &Plan, params: &Params) -> Option<Misnamed> {
+        let (_, program) = examine(plan).ok()?;
+        assume::misnamed(program.module(), params.set.as_deref()?)
+    }
+
+    fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
+        let done = Specialized::new(plan, facts, params)?;
+        Ok(Outcome {
+            change: done.change(),
+            plan: done.plan(plan, params),
+            left: Vec::new(),
+        })
+    }
+}
+
+fn refusal(code: &RefusalInfo, reason: impl Into<String>, remedy: impl Into<String>) -> Refusal {
+    Refusal::new(Specialize::INFO.name, code, reason, remedy)
+}
+
+/// A material's main pass, specialised.
+pub struct Specialized {
+    /// What was assumed.
+    pub guard: Guard,
+    /// Static cost of the vertex and of the fragment stage, before and after.
+    pub cost: [[f64; 2]; 2],
+    program: Program,
+    key: Site,
+    /// Key of the program it takes the place of.
+    of: String,
+    /// Float operations of the original that were left out.
+    roundings: BTreeSet<(FunctionId, Handle<Expression>)>,
+}
+
+impl Specialized {
+    /// Specialises a plan's main pass to what `facts` and `params` say of its values.
+    ///
+    /// # Errors
+    /// A refusal: nothing of the stages rests on what is known.
+    pub fn new(plan: &Plan, facts: &Facts, params: &Params) -> Result<Self, Box<Refusal>> {
+        let (pass, program) = examine(plan)?;
+        let assumptions = assumptions(plan, program, facts, params)?;
+        let graph = Graph::build(program);
+        let folded = folded(&graph, pass, &assumptions, params);
+        if folded.used.is_empty() {
+            return Err(Box::new(refusal(
+                &refusals::NOTHING_KNOWN,
+                match assumptions.values.is_empty() {
+                    true => "no value of the material is known to stay as it is",
+                    false => {
+                        "no branch, selection or integer rests on a value that is known to stay as it is"
+                    }
+                },
+                "give it a scene, or values by hand (specialize:set=NAME=NUMBER); fold=rounding folds weights of 0 and 1 too",
+            )));
+        }
+        let set = assumptions.set_overrides();
+        let module =
+            overrides::resolved(folded.module, set.map(|(handle, value, _)| (handle, value)));
+        let program_folded = program.with_module(module).map_err(bug)?;
+        // Whatever the text has another value of is assumed.
+        let mut used = folded.used;
+        used.extend(assumptions.set_overrides().map(|(_, _, at)| at));
+        let guard = assumptions.guard(&used);
+        let before = plan.guard.clone().unwrap_or_default();
+        if let Some(none) = before.and(guard.clone()).contradicted() {
+            return Err(Box::new(refusal(
+                &refusals::UNFIT_VALUES,
+                format!(
+                    "an earlier step of the recipe takes another value of `{}`",
+                    none.name
+                ),
+                "give each value once",
+            )));
+        }
+        let shrunk =
+            shrink::shrink(&program_folded, &pass.vertex, pass.fragment.as_deref()).map_err(bug)?;
+        let costs = |program: &Program| {
+            let graph = Graph::build(program);
+            let of = |stage, name: Option<&str>| {
+                name.and_then(|n| program.entry_point(stage, n))
+                    .map_or(0.0, |(i, _)| graph.entry_cost(i))
+            };
+            [
+                of(ShaderStage::Vertex, Some(&pass.vertex)),
+                of(ShaderStage::Fragment, pass.fragment.as_deref()),
+            ]
+        };
+        let (before, after) = (costs(program), costs(&shrunk.program));
+        Ok(Self {
+            guard,
+            cost: [[before[0], after[0]], [before[1], after[1]]],
+            key: Site {
+                role: Role::Main,
+                entry_point: pass.fragment.clone().unwrap_or_else(|| pass.vertex.clone()),
+                slice: shrunk.hash,
+            },
+            program: shrunk.program,
+            of: pass.program.clone(),
+            roundings: folded.roundings,
+        })
+    }
+
+    /// What is left of the material.
+    pub fn program(&self) -> &Program {
+        &self.program
+    }
+
+    /// A hash of what is left: the same for two draws whose values lead to the same stages.
+    pub fn hash(&self) -> &str {
+        &self.key.slice
+    }
+
+    fn change(&self) -> Change {
+        let [_, [before, after]] = self.cost;
+        Change {
+            key: self.key.clone(),
+            what: self.describe(),
+            location: None,
+            cost: SiteCost {
+                slice: before - after,
+                whole: before,
+            },
+        }
+    }
+
+    fn describe(&self) -> String {
+        let [[vertex, less], [fragment, left]] = self.cost;
+        let names: Vec<String> = self.guard.values.iter().map(ToString::to_string).collect();
+        format!(
+            "with {}: a fragment costs {left:.0} ops instead of {fragment:.0}, a vertex {less:.0} instead of {vertex:.0}",
+            names.join(", ")
+        )
+    }
+
+    fn plan(self, plan: &Plan, params: &Params) -> Plan {
+        let mut next = plan.clone();
+        for pass in &mut next.passes {
+            if pass.program == self.of {
+                reflect::fill(pass, &self.program);
+            }
+        }
+        let mut given = vec![Assumption::SameContraction, Assumption::ValuesOfTheGuard];
+        if !self.roundings.is_empty() {
+            given.insert(1, Assumption::FiniteTaps);
+        }
+        let before = plan
+            .main()
+            .and_then(|pass| Some((pass, plan.program(pass)?)));
+        let exposed = before.map_or_else(Exposed::default, |(pass, program)| {
+            contraction::exposed(program, &self.program, pass, &self.roundings)
+        });
+        let contract = match exposed.roundings {
+            0 => Contract::Exact { given },
+            k => Contract::Rounding {
+                k,
+                turned: exposed.decides.map(|surface| Turned::on(k, surface)),
+                given,
+            },
+        };
+        next.notes.push(self.describe());
+        next.steps.push(Step {
+            pass: Specialize::INFO.name.to_owned(),
+            site: self.key,
+            params: serde_json::to_value(params).unwrap_or_default(),
+            contract: contract.clone(),
+        });
+        next.contract = next.contract.and(contract);
+        next.guard = Some(next.guard.unwrap_or_default().and(self.guard));
+        next.fallback = Some(ORIGINAL.to_owned());
+        next.programs.insert(self.of, self.program);
+        next
+    }
+}
+
+fn bug(what: impl std::fmt::Display) -> Box<Refusal> {
+    Box::new(Refusal::bug(Specialize::INFO.name, what))
+}
+
+fn examine(plan: &Plan) -> Result<(&GpuPass, &Program), Box<Refusal>> {
+    let Some((pass, program)) = plan.main().and_then(|p| Some((p, plan.program(p)?))) else {
+        return Err(Box::new(refusal(
+            &shared::NO_MAIN_PASS,
+            "the plan has no main pass",
+            "start from the original plan",
+        )));
+    };
+    if plan.passes.len() > 1 || !plan.compute.is_empty() || !pass.geometry.is_as_given() {
+        return Err(Box::new(refusal(
+            &shared::NOT_FIRST,
+            "another pass of the plan draws the same surface, with stages that were made of the ones that would change",
+            "specialise first, then apply the other passes",
+        )));
+    }
+    Ok((pass, program))
+}
+
+fn assumptions(
+    plan: &Plan,
+    program: &Program,
+    facts: &Facts,
+    params: &Params,
+) -> Result<Assumptions, Box<Refusal>> {
+    Assumptions::new(
+        program.module(),
+        &plan.material,
+        facts,
+        params.set.as_deref(),
+    )
+    .map_err(|e| {
+        Box::new(refusal(
+            &refusals::UNFIT_VALUES,
+            e.to_string(),
+            "`set` is `name=number`, joined by `+`; names are those of the shader",
+        ))
+    })
+}
+
+/// Both stages folded.
+struct Folded {
+    module: naga::Module,
+    /// Assumptions that something left in them rests on.
+    used: BTreeSet<usize>,
+    /// Float operations that were left out.
+    roundings: BTreeSet<(FunctionId, Handle<Expression>)>,
+    /// Where decisions were left or taken, by stage.
+    stages: Vec<(&'static str, decision::Record)>,
+    /// What folding each function came to.
+    records: Vec<decision::Record>,
+}
+
+impl Folded {
+    /// What the draw decides in both stages.
+    fn decisions(&self, graph: &Graph<'_>) -> Vec<Placed> {
+        let mut all = Vec::new();
+        for (name, record) in &self.stages {
+            decision::of_stage(graph, name, record, &self.records, &mut all);
+        }
+        all
+    }
+}
+
+fn folded(graph: &Graph<'_>, pass: &GpuPass, assumptions: &Assumptions, params: &Params) -> Folded {
+    let (program, module) = (graph.program(), graph.module());
+    let mut folder = Folder::new(graph, assumptions, params.fold, params.unroll);
+    let mut stages: Vec<(usize, &'static str, Stage)> = Vec::new();
+    let mut varyings = Vec::new();
+    if let Some((vertex, point)) = program.entry_point(ShaderStage::Vertex, &pass.vertex) {
+        let known = |io: &reflect::Io| match io.binding {
+            Some(Binding::Location { location, .. }) => {
+                assumptions.attribute(location, &module.types[io.ty].inner)
+            }
+            _ => Known::Unknown,
+        };
+        let arguments = arguments(module, &point.function, &known);
+        let stage = folder.stage(vertex, arguments);
+        let outputs = reflect::outputs(module, &point.function);
+        let is_struct = point
+            .function
+            .result
+            .as_ref()
+            .is_some_and(|r| r.binding.is_none());
+        varyings = outputs
+            .into_iter()
+            .enumerate()
+            .filter_map(|(i, io)| match io.binding {
+                Some(Binding::Location { location, .. }) => {
+                    let value = if is_struct {
+                        stage.result.part(i)
+                    } else {
+                        stage.result.clone()
+                    };
+                    Some((location, value))
+                }
+                _ => None,
+            })
+            .collect();
+        stages.push((vertex, "vertex", stage));
+    }
+    let fragment = pass
+        .fragment
+        .as_deref()
+        .and_then(|f| program.entry_point(ShaderStage::Fragment, f));
+    if let Some((fragment, point)) = fragment {
+        let known = |io: &reflect::Io| match io.binding {
+            Some(Binding::Location {
+                location,
+                interpolation,
+                ..
+            }) => {
+                let found = varyings.iter().find(|(l, _)| *l == location);
+                let value = found.map(|(_, v)| v.assumed_only()).unwrap_or_default();
+                match interpolation {
+                    Some(Interpolation::Flat) => value,
+                    _ => interpolated(&value),
+                }
+            }
+            _ => Known::Unknown,
+        };
+        let arguments = arguments(module, &point.function, &known);
+        stages.push((fragment, "fragment", folder.stage(fragment, arguments)));
+    }
+    let (types, functions, records) = folder.into_parts();
+    let (mut used, mut roundings) = (BTreeSet::new(), BTreeSet::new());
+    for (_, _, stage) in &stages {
+        let (more, left_out) = stage.record.with_callees(&records);
+        used.extend(more);
+        roundings.extend(left_out);
+    }
+    let mut module = module.clone();
+    (module.types, module.functions) = (types, functions);
+    let kept: Vec<usize> = stages.iter().map(|(entry, ..)| *entry).collect();
+    let mut notes = Vec::new();
+    for (entry, name, stage) in stages {
+        module.entry_points[entry].function = stage.function;
+        notes.push((name, stage.record));
+    }
+    // Other entry points call functions that are not there any more.
+    let mut index = 0;
+    module.entry_points.retain(|_| {
+        index += 1;
+        kept.contains(&(index - 1))
+    });
+    Folded {
+        module,
+        used,
+        roundings,
+        stages: notes,
+        records,
+    }
+}
+
+/// What is known of each argument of an entry point, struct arguments by member.
+fn arguments(
+    module: &naga::Module,
+    function: &naga::Function,
+    known: &dyn Fn(&reflect::Io) -> Known,
+) -> Vec<Known> {
+    function
+        .arguments
+        .iter()
+        .map(|argument| {
+            let members = reflect::opened(module, std::slice::from_ref(argument));
+            let is_struct = argument.binding.is_none()
+                && matches!(
+                    module.types[argument.ty].inner,
+                    naga::TypeInner::Struct { .. }
+                );
+            match (is_struct, members.as_slice()) {
+                (true, members) => Known::Parts(members.iter().map(known).collect()),
+                (false, [one]) => known(one),
+                _ => Known::Unknown,
+            }
+        })
+        .collect()
+}
+
+/// What is known between vertices of what is known at each: equal values do not interpolate to quite the same.
+fn interpolated(known: &Known) -> Known {
+    match known {
+        Known::Parts(parts) => Known::Parts(parts.iter().map(interpolated).collect()),
+        Known::Scalar(Scalar::Float(a, b), sources) => match Scalar::rounded(*a, *b, 64.0) {
+            Some(scalar) => Known::Scalar(scalar, known::Sources::clone(sources)),
+            None => Known::Unknown,
+        },
+        _ => Known::Unknown,
+    }
+}

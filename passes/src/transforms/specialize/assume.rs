@@ -1,0 +1,488 @@
+//! Assumptions: known numbers in uniforms, attributes, textures and overrides, by variable.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::rc::Rc;
+
+use naga::{
+    AddressSpace, ArraySize, GlobalVariable, Handle, Module, Override, ScalarKind, Type, TypeInner,
+};
+
+use super::known::{Known, Scalar, Sources};
+use crate::core::guard::{Assumed, Bounds, Guard, Place, ScalarType};
+use crate::core::pass::{Facts, Misnamed};
+
+/// Length of the longest array whose elements are tracked separately.
+const MOST_ELEMENTS: u32 = 64;
+
+/// A scalar of a uniform buffer.
+#[derive(Clone, Debug, PartialEq)]
+pub struct UniformScalar {
+    /// The author's path: `hall.lights[1].color.x`.
+    pub name: String,
+    /// `@group`.
+    pub group: u32,
+    /// `@binding`.
+    pub binding: u32,
+    /// Byte offset in the binding.
+    pub offset: u32,
+    /// Its type.
+    pub ty: ScalarType,
+    /// Whether it is an element of a matrix.
+    pub is_of_matrix: bool,
+}
+
+impl UniformScalar {
+    /// The place that assumptions about it name.
+    pub fn place(&self) -> Place {
+        Place::Uniform {
+            group: self.group,
+            binding: self.binding,
+            offset: self.offset,
+        }
+    }
+}
+
+/// Every scalar of every uniform buffer, except in arrays of more than 64 elements.
+pub fn uniform_scalars(module: &Module) -> Vec<UniformScalar> {
+    let mut out = Vec::new();
+    for (_, global) in module.global_variables.iter() {
+        let (AddressSpace::Uniform, Some(at)) = (global.space, global.binding) else {
+            continue;
+        };
+        let name = global.name.clone().unwrap_or_default();
+        scalars(module, global.ty, name, 0, &mut |leaf| {
+            out.push(UniformScalar {
+                name: leaf.name,
+                group: at.group,
+                binding: at.binding,
+                offset: leaf.offset,
+                ty: leaf.ty,
+                is_of_matrix: leaf.is_of_matrix,
+            });
+            Known::Unknown
+        });
+    }
+    out
+}
+
+/// A scalar of a value in memory.
+struct Leaf {
+    name: String,
+    offset: u32,
+    ty: ScalarType,
+    is_of_matrix: bool,
+}
+
+/// Visits the 32-bit scalars of a type at an offset in memory. Returns the abstract value built
+/// from the results of `leaf`.
+fn scalars(
+    module: &Module,
+    ty: Handle<Type>,
+    name: String,
+    offset: u32,
+    leaf: &mut dyn FnMut(Leaf) -> Known,
+) -> Known {
+    let component = |i: u32| ["x", "y", "z", "w"][i.min(3) as usize];
+    let inner = &module.types[ty].inner;
+    match inner {
+        TypeInner::Scalar(s)
+        | TypeInner::Vector { scalar: s, .. }
+        | TypeInner::Matrix { scalar: s, .. } => {
+            let Some(ty) = ScalarType::of(*s) else {
+                return Known::Unknown;
+            };
+            match inner {
+                TypeInner::Vector { size, .. } => Known::Parts(
+                    (0..*size as u32)
+                        .map(|i| {
+                            leaf(Leaf {
+                                name: format!("{name}.{}", component(i)),
+                                offset: offset + 4 * i,
+                                ty,
+                                is_of_matrix: false,
+                            })
+                        })
+                        .collect(),
+                ),
+                TypeInner::Matrix { columns, rows, .. } => {
+                    let stride = if *rows as u32 == 2 { 8 } else { 16 };
+                    let column = |c: u32| {
+                        let row = |r: u32| {
+                            leaf(Leaf {
+                                name: format!("{name}[{c}].{}", component(r)),
+                                offset: offset + c * stride + 4 * r,
+                                ty,
+                                is_of_matrix: true,
+                            })
+                        };
+                        Known::Parts((0..*rows as u32).map(row).collect())
+                    };
+                    Known::Parts((0..*columns as u32).map(column).collect())
+                }
+                _ => leaf(Leaf {
+                    name,
+                    offset,
+                    ty,
+                    is_of_matrix: false,
+                }),
+            }
+        }
+        TypeInner::Array {
+            base,
+            size: ArraySize::Constant(count),
+            stride,
+        } if count.get() <= MOST_ELEMENTS => {
+            let element = |i| {
+                let at = offset + i * stride;
+                scalars(module, *base, format!("{name}[{i}]"), at, leaf)
+            };
+            Known::Parts((0..count.get()).map(element).collect())
+        }
+        TypeInner::Struct { members, .. } => {
+            let member = |m: &naga::StructMember| {
+                let own = m.name.as_deref().unwrap_or("?");
+                // An unnamed GLSL block has no prefix.
+                let path = match name.is_empty() {
+                    true => own.to_owned(),
+                    false => format!("{name}.{own}"),
+                };
+                scalars(module, m.ty, path, offset + m.offset, leaf)
+            };
+            Known::Parts(members.iter().map(member).collect())
+        }
+        _ => Known::Unknown,
+    }
+}
+
+/// A setting that does not fit the material.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Unfit {
+    /// Not of the form `name=value+name=value`.
+    #[error("`{0}` is not `name=number`")]
+    Syntax(String),
+    /// The name is unknown.
+    #[error("no scalar of a uniform and no override is named `{0}`")]
+    Unknown(String),
+    /// Several scalars have the name.
+    #[error("`{0}` may be {1}: say which, in full")]
+    Ambiguous(String, String),
+    /// Not a number of the type.
+    #[error("`{0}` cannot be {1}")]
+    Value(String, String),
+    /// The name has two values.
+    #[error("`{0}` is given twice")]
+    Twice(String),
+}
+
+/// All assumptions, and the abstract values that follow from them.
+#[derive(Debug, Default)]
+pub struct Assumptions {
+    /// Abstract values refer to these by index.
+    pub values: Vec<Assumed>,
+    globals: BTreeMap<Handle<GlobalVariable>, Known>,
+    textures: BTreeMap<Handle<GlobalVariable>, Known>,
+    /// Attributes by location, type and component.
+    attributes: BTreeMap<(u32, ScalarType, u32), Known>,
+    overrides: BTreeMap<Handle<Override>, Known>,
+}
+
+impl Assumptions {
+    /// Combines the constants in `facts` with `settings` (`name=value+name=value`). Settings take
+    /// precedence.
+    ///
+    /// # Errors
+    /// A setting does not fit the material.
+    pub fn new(
+        module: &Module,
+        material: &str,
+        facts: &Facts,
+        settings: Option<&str>,
+    ) -> Result<Self, Unfit> {
+        let mut values: Vec<Assumed> = match settings {
+            Some(settings) => set(module, settings)?,
+            None => Vec::new(),
+        };
+        for constant in facts.constants.iter().filter(|c| c.material == material) {
+            let same = |v: &Assumed| (&v.place, v.ty) == (&constant.value.place, constant.value.ty);
+            if !values.iter().any(same) {
+                values.push(constant.value.clone());
+            }
+        }
+        let derived = crate::evaluate::overrides::derived(module, &values);
+        values.extend(derived);
+        let mut this = Self {
+            values,
+            ..Self::default()
+        };
+        // Two variables at one binding may read a word as two types.
+        let leaves: BTreeMap<(Place, ScalarType), Known> = this
+            .values
+            .iter()
+            .enumerate()
+            .map(|(i, assumed)| ((assumed.place.clone(), assumed.ty), known(i, assumed)))
+            .collect();
+        for ((place, ty), known) in &leaves {
+            if let Place::Attribute {
+                location,
+                component,
+            } = place
+            {
+                let at = (*location, *ty, *component);
+                this.attributes.insert(at, known.clone());
+            }
+        }
+        for (handle, global) in module.global_variables.iter() {
+            let Some(at) = global.binding else { continue };
+            if global.space == AddressSpace::Uniform {
+                let content = scalars(module, global.ty, String::new(), 0, &mut |leaf| {
+                    let place = Place::Uniform {
+                        group: at.group,
+                        binding: at.binding,
+                        offset: leaf.offset,
+                    };
+                    leaves.get(&(place, leaf.ty)).cloned().unwrap_or_default()
+                });
+                if content.is_assumed() {
+                    this.globals.insert(handle, content);
+                }
+            }
+            let channel = |channel| {
+                let (group, binding) = (at.group, at.binding);
+                let place = Place::Texture {
+                    group,
+                    binding,
+                    channel,
+                };
+                let texel = leaves.get(&(place, ScalarType::F32));
+                texel.cloned().unwrap_or_default()
+            };
+            let texel = Known::Parts((0..4).map(channel).collect());
+            if texel.is_assumed() {
+                this.textures.insert(handle, texel);
+            }
+        }
+        for (handle, constant) in module.overrides.iter() {
+            let name = constant.name.clone().unwrap_or_default();
+            let ty = crate::evaluate::overrides::scalar_type(module, constant.ty);
+            let known = ty.and_then(|ty| leaves.get(&(Place::Override { name }, ty)));
+            if let Some(known) = known {
+                let is_bool =
+                    module.types[constant.ty].inner.scalar_kind() == Some(ScalarKind::Bool);
+                let known = match is_bool {
+                    true => super::arithmetic::converted(ScalarKind::Bool, known),
+                    false => known.clone(),
+                };
+                this.overrides.insert(handle, known);
+            }
+        }
+        Ok(this)
+    }
+
+    /// The abstract value of a variable's content.
+    pub fn content(&self, global: Handle<GlobalVariable>) -> Known {
+        self.globals.get(&global).cloned().unwrap_or_default()
+    }
+
+    /// The abstract value of every texel of a texture.
+    pub fn texel(&self, global: Handle<GlobalVariable>) -> Known {
+        self.textures.get(&global).cloned().unwrap_or_default()
+    }
+
+    /// The abstract value of an override.
+    pub fn constant(&self, handle: Handle<Override>) -> Known {
+        self.overrides.get(&handle).cloned().unwrap_or_default()
+    }
+
+    /// The abstract value of a scalar or vector attribute.
+    pub fn attribute(&self, location: u32, inner: &TypeInner) -> Known {
+        let Some(ty) = inner.scalar().and_then(ScalarType::of) else {
+            return Known::Unknown;
+        };
+        let component = |i: u32| {
+            let known = self.attributes.get(&(location, ty, i));
+            known.cloned().unwrap_or_default()
+        };
+        match inner {
+            TypeInner::Scalar(_) => component(0),
+            TypeInner::Vector { size, .. } => {
+                Known::Parts((0..*size as u32).map(component).collect()).settled()
+            }
+            _ => Known::Unknown,
+        }
+    }
+
+    /// The overrides with a value, the value, and the index of the assumption.
+    pub fn set_overrides(&self) -> impl Iterator<Item = (Handle<Override>, f64, usize)> + '_ {
+        self.overrides.iter().filter_map(|(handle, known)| {
+            let (_, sources) = known.scalar()?;
+            let at = *sources.first()?;
+            Some((*handle, self.values.get(at)?.bounds.low, at))
+        })
+    }
+
+    /// The guard for these assumptions.
+    pub fn guard(&self, used: &BTreeSet<usize>) -> Guard {
+        let values = used.iter().filter_map(|i| self.values.get(*i)).cloned();
+        Guard {
+            values: values.collect(),
+        }
+        .and(Guard::default())
+    }
+}
+
+fn known(index: usize, assumed: &Assumed) -> Known {
+    let Bounds { low, high } = assumed.bounds;
+    let scalar = match assumed.ty {
+        ScalarType::F32 if low == high => Scalar::float(low),
+        ScalarType::F32 => {
+            // Either bound may be flushed to 0.
+            let (a, b) = (Scalar::float(low), Scalar::float(high));
+            match (a, b) {
+                (Scalar::Float(a, _), Scalar::Float(_, b)) => Scalar::Float(a, b),
+                _ => return Known::Unknown,
+            }
+        }
+        ScalarType::I32 => Scalar::Sint(low as i64, high as i64),
+        ScalarType::U32 => Scalar::Uint(low as i64, high as i64),
+    };
+    let is_finite = low.is_finite() && high.is_finite() && low <= high;
+    match is_finite {
+        true => Known::Scalar(scalar, Rc::new(BTreeSet::from([index])) as Sources),
+        false => Known::Unknown,
+    }
+}
+
+/// Splits `name=value+name=value`. A plus without a following `name=` belongs to the number, as in
+/// `1e+3`.
+fn separate(settings: &str) -> Vec<String> {
+    let mut all: Vec<String> = Vec::new();
+    for part in settings.split('+') {
+        match all.last_mut() {
+            Some(last) if !part.contains('=') => *last = format!("{last}+{part}"),
+            _ => all.push(part.to_owned()),
+        }
+    }
+    all.retain(|setting| !setting.trim().is_empty());
+    all
+}
+
+/// The first error in the names and numbers of `settings`.
+pub(super) fn misnamed(module: &Module, settings: &str) -> Option<Misnamed> {
+    let unfit = set(module, settings).err()?;
+    let message = unfit.to_string();
+    let (name, known) = match unfit {
+        Unfit::Unknown(name) => {
+            let scalars = uniform_scalars(module).into_iter().map(|s| s.name);
+            let overrides = module.overrides.iter().filter_map(|(_, o)| o.name.clone());
+            (name, scalars.chain(overrides).collect())
+        }
+        Unfit::Syntax(text) => (text, Vec::new()),
+        Unfit::Ambiguous(name, _) | Unfit::Value(name, _) | Unfit::Twice(name) => {
+            (name, Vec::new())
+        }
+    };
+    Some(Misnamed {
+        message,
+        name,
+        known,
+    })
+}
+
+/// The assumptions in `name=value+name=value`. A name is a full path, or a suffix that only one
+/// path has.
+fn set(module: &Module, settings: &str) -> Result<Vec<Assumed>, Unfit> {
+    let scalars = uniform_scalars(module);
+    let mut out = Vec::new();
+    for setting in separate(settings) {
+        let Some((name, value)) = setting.split_once('=') else {
+            return Err(Unfit::Syntax(setting));
+        };
+        let (name, text) = (name.trim(), value.trim());
+        let value = match text {
+            "true" => 1.0,
+            "false" => 0.0,
+            text => match text.parse::<f64>() {
+                Ok(value) => value,
+                Err(_) => return Err(Unfit::Syntax(setting)),
+            },
+        };
+        let ends_so = |path: &str| {
+            path.strip_suffix(name)
+                .is_some_and(|rest| rest.ends_with('.'))
+        };
+        let whole: Vec<&UniformScalar> = scalars.iter().filter(|s| s.name == name).collect();
+        let found = match whole.is_empty() {
+            true => scalars.iter().filter(|s| ends_so(&s.name)).collect(),
+            false => whole,
+        };
+        let constant = module
+            .overrides
+            .iter()
+            .find(|(_, o)| o.name.as_deref() == Some(name));
+        let (place, ty, full) = match (found.as_slice(), constant) {
+            ([one], _) => (one.place(), one.ty, one.name.clone()),
+            ([], Some((_, o))) => {
+                let Some(ty) = crate::evaluate::overrides::scalar_type(module, o.ty) else {
+                    return Err(Unfit::Value(name.to_owned(), text.to_owned()));
+                };
+                let is_bool = module.types[o.ty].inner.scalar_kind() == Some(ScalarKind::Bool);
+                if is_bool && value != 0.0 && value != 1.0 {
+                    return Err(Unfit::Value(name.to_owned(), text.to_owned()));
+                }
+                let place = Place::Override {
+                    name: name.to_owned(),
+                };
+                (place, ty, name.to_owned())
+            }
+            ([], None) => return Err(Unfit::Unknown(name.to_owned())),
+            (several, _) => {
+                let names: Vec<&str> = several.iter().map(|s| s.name.as_str()).collect();
+                return Err(Unfit::Ambiguous(name.to_owned(), names.join(" or ")));
+            }
+        };
+        let fits = match ty {
+            ScalarType::F32 => (value as f32).is_finite(),
+            ScalarType::I32 => value == f64::from(value as i32),
+            ScalarType::U32 => value == f64::from(value as u32),
+        };
+        if !fits {
+            return Err(Unfit::Value(full, text.to_owned()));
+        }
+        let number = match ty {
+            ScalarType::F32 => f64::from(value as f32),
+            _ => value,
+        };
+        if out
+            .iter()
+            .any(|a: &Assumed| (&a.place, a.ty) == (&place, ty))
+        {
+            return Err(Unfit::Twice(full));
+        }
+        out.push(Assumed {
+            name: full,
+            place,
+            ty,
+            bounds: Bounds::one(number),
+        });
+    }
+    Ok(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::separate;
+
+    #[test]
+    fn a_plus_of_a_number_separates_nothing() {
+        let cases: [(&str, &[&str]); 5] = [
+            ("a=1e+3", &["a=1e+3"]),
+            ("a=1e+3+b.c=+2+d=0", &["a=1e+3", "b.c=+2", "d=0"]),
+            ("a=1 + b=2", &["a=1 ", " b=2"]),
+            ("a+b=1", &["a", "b=1"]),
+            ("", &[]),
+        ];
+        for (text, expected) in cases {
+            assert_eq!(separate(text), expected, "{text}");
+        }
+    }
+}

@@ -1,0 +1,649 @@
+//! Copies expressions and computes their abstract values.
+
+use naga::{
+    ArraySize, BinaryOperator, Block, Expression, Function, Handle, Literal, LocalVariable,
+    MathFunction, Module, Type, TypeInner,
+};
+
+use super::arithmetic;
+use super::fold::{Folder, Frame};
+use super::known::{FINITE, Known, Scalar, Sources};
+use super::params::Fold;
+use crate::graph::operands;
+
+/// The variable of a pointer.
+enum Root {
+    Local(Handle<LocalVariable>),
+    Global(Handle<naga::GlobalVariable>),
+    Elsewhere,
+}
+
+/// A pointer's variable and path; `dynamic` if the path ends at an unknown index.
+struct Place {
+    root: Root,
+    path: Vec<u32>,
+    sources: Sources,
+    dynamic: bool,
+}
+
+/// The abstract value of a type's zero.
+pub(super) fn zero(module: &Module, ty: Handle<Type>) -> Known {
+    let scalar = |s: naga::Scalar| match (s.kind, s.width) {
+        (naga::ScalarKind::Bool, _) => Known::constant(Scalar::Bool(false)),
+        (naga::ScalarKind::Sint, 4) => Known::constant(Scalar::Sint(0, 0)),
+        (naga::ScalarKind::Uint, 4) => Known::constant(Scalar::Uint(0, 0)),
+        (naga::ScalarKind::Float, 4) => Known::constant(Scalar::float(0.0)),
+        _ => Known::Unknown,
+    };
+    match &module.types[ty].inner {
+        TypeInner::Scalar(s) => scalar(*s),
+        TypeInner::Vector { size, scalar: s } => Known::Parts(vec![scalar(*s); *size as usize]),
+        TypeInner::Matrix {
+            columns,
+            rows,
+            scalar: s,
+        } => {
+            let column = Known::Parts(vec![scalar(*s); *rows as usize]);
+            Known::Parts(vec![column; *columns as usize])
+        }
+        TypeInner::Array {
+            base,
+            size: ArraySize::Constant(n),
+            ..
+        } if n.get() <= 64 => Known::Parts(vec![zero(module, *base); n.get() as usize]),
+        TypeInner::Struct { members, .. } => {
+            Known::Parts(members.iter().map(|m| zero(module, m.ty)).collect())
+        }
+        _ => Known::Unknown,
+    }
+}
+
+fn literal(literal: &Literal) -> Known {
+    match literal {
+        Literal::Bool(b) => Known::constant(Scalar::Bool(*b)),
+        Literal::I32(v) => Known::constant(Scalar::Sint((*v).into(), (*v).into())),
+        Literal::U32(v) => Known::constant(Scalar::Uint((*v).into(), (*v).into())),
+        Literal::F32(v) if v.is_finite() => Known::constant(Scalar::float(f64::from(*v))),
+        _ => Known::Unknown,
+    }
+}
+
+/// The abstract value of a constant expression.
+fn constant(module: &Module, e: Handle<Expression>) -> Known {
+    match &module.global_expressions[e] {
+        Expression::Literal(l) => literal(l),
+        Expression::Constant(c) => constant(module, module.constants[*c].init),
+        Expression::ZeroValue(ty) => zero(module, *ty),
+        Expression::Compose { ty, components } => {
+            let components = components.iter().map(|c| constant(module, *c)).collect();
+            composed(module, *ty, components)
+        }
+        Expression::Splat { size, value } => {
+            Known::Parts(vec![constant(module, *value); *size as usize])
+        }
+        _ => Known::Unknown,
+    }
+}
+
+/// Flattens vectors that are composed of vectors.
+fn composed(module: &Module, ty: Handle<Type>, components: Vec<Known>) -> Known {
+    let TypeInner::Vector { size, .. } = module.types[ty].inner else {
+        return Known::Parts(components);
+    };
+    if components.len() == size as usize {
+        return Known::Parts(components);
+    }
+    let mut parts = Vec::new();
+    for component in components {
+        match component {
+            Known::Parts(of) => parts.extend(of),
+            scalar @ Known::Scalar(..) => parts.push(scalar),
+            // An unknown value does not reveal its number of components.
+            Known::Unknown => return Known::Unknown,
+        }
+    }
+    match parts.len() == size as usize {
+        true => Known::Parts(parts),
+        false => Known::Unknown,
+    }
+}
+
+/// Number of elements; `None` if the type does not give it.
+fn length(module: &Module, inner: &TypeInner) -> Option<u32> {
+    Some(match inner {
+        TypeInner::Vector { size, .. } => *size as u32,
+        TypeInner::Matrix { columns, .. } => *columns as u32,
+        TypeInner::Array {
+            size: ArraySize::Constant(n),
+            ..
+        } => n.get(),
+        TypeInner::ValuePointer {
+            size: Some(size), ..
+        } => *size as u32,
+        TypeInner::Pointer { base, .. } => return length(module, &module.types[*base].inner),
+        _ => return None,
+    })
+}
+
+impl<'p> Folder<'p> {
+    /// Copies an expression and records its abstract value. `ahead`: it is before all statements,
+    /// outside any `Emit`.
+    pub(super) fn copy(
+        &mut self,
+        frame: &mut Frame<'p>,
+        e: Handle<Expression>,
+        out: &mut Block,
+        ahead: bool,
+    ) {
+        let known = self.evaluate(frame, e);
+        frame.known[e.index()] = match self.fold {
+            Fold::Exact => known,
+            Fold::Rounding => known.undecided_by_finite(),
+        };
+        if let Some(same) = self.stands_for(frame, e) {
+            let copy = match self.held_as(frame, e, same) {
+                Some(ty) if !ahead => {
+                    frame.flush(out);
+                    held(frame, e, same, ty)
+                }
+                _ => frame.mapped(same),
+            };
+            frame.map[e.index()] = Some(copy);
+            frame.known[e.index()] = frame.known[same.index()].clone();
+            return;
+        }
+        let mut expression = frame.original.expressions[e].clone();
+        if let Expression::Access { base, index } = expression
+            && let Some(at) = self.static_index(frame, base, index)
+        {
+            expression = Expression::AccessIndex { base, index: at };
+        }
+        let original = expression.clone();
+        // Decided expressions have no remaining reader, and must not be built from literals only.
+        let takes_literals = !ahead && frame.known[e.index()].literal().is_none();
+        operands::map_expression(&mut expression, &mut |operand| {
+            let literal = frame.known[operand.index()].literal();
+            match literal.map(|(value, sources)| (value, Sources::clone(sources))) {
+                Some((value, sources))
+                    if takes_literals && arithmetic::takes_literal(&original, *operand) =>
+                {
+                    frame.folds(&sources);
+                    *operand = frame.literal(value, out);
+                }
+                _ => *operand = frame.mapped(*operand),
+            }
+        });
+        let copy = match ahead || expression.needs_pre_emit() {
+            true => frame.append(expression, e),
+            false => frame.emit(expression, e),
+        };
+        frame.map[e.index()] = Some(copy);
+        frame.name(e, copy);
+    }
+
+    /// The operand of a statement: the copy, or a known integer or bool.
+    pub(super) fn read(
+        &self,
+        frame: &mut Frame<'p>,
+        e: Handle<Expression>,
+        out: &mut Block,
+    ) -> Handle<Expression> {
+        let Some((literal, sources)) = frame.known[e.index()].literal() else {
+            return frame.mapped(e);
+        };
+        let sources = Sources::clone(sources);
+        frame.folds(&sources);
+        frame.literal(literal, out)
+    }
+
+    /// The index of an access, if assumptions decide it and it is within bounds.
+    fn static_index(
+        &self,
+        frame: &mut Frame<'p>,
+        base: Handle<Expression>,
+        index: Handle<Expression>,
+    ) -> Option<u32> {
+        let (at, sources) = frame.known[index.index()].index()?;
+        let length = length(self.module, frame.f.ty(self.module, base))?;
+        if (sources.is_empty() && frame.turning == 0) || at >= length {
+            return None;
+        }
+        let sources = Sources::clone(sources);
+        frame.folds(&sources);
+        Some(at)
+    }
+
+    /// The operand that an expression is known to equal.
+    fn stands_for(
+        &self,
+        frame: &mut Frame<'p>,
+        e: Handle<Expression>,
+    ) -> Option<Handle<Expression>> {
+        let (same, sources, rounds) = match frame.original.expressions[e] {
+            Expression::Select {
+                condition,
+                accept,
+                reject,
+            } => {
+                let (truth, sources) = all_the_same(&frame.known[condition.index()])?;
+                (if truth { accept } else { reject }, sources, false)
+            }
+            _ if self.fold == Fold::Rounding => {
+                let (same, sources) = self.neutral(frame, e)?;
+                (same, sources, true)
+            }
+            _ => return None,
+        };
+        if rounds {
+            frame.record.roundings.insert((frame.id, e));
+        }
+        frame.folds(&sources);
+        Some(same)
+    }
+
+    /// The type of the variable that must hold a constant in place of `e`; `None` if no variable is
+    /// needed. Front ends fold expressions of literals themselves, with other bits, and refuse
+    /// `0 / 0`.
+    fn held_as(
+        &mut self,
+        frame: &Frame<'p>,
+        e: Handle<Expression>,
+        same: Handle<Expression>,
+    ) -> Option<Handle<Type>> {
+        let inner = frame.f.ty(self.module, same);
+        let is_number = matches!(inner, TypeInner::Scalar(_) | TypeInner::Vector { .. })
+            && inner.scalar_kind() != Some(naga::ScalarKind::Bool);
+        let is_held = is_number && frame.is_operand[e.index()] && is_constant(frame.original, same);
+        is_held.then(|| {
+            let ty = Type {
+                name: None,
+                inner: inner.clone(),
+            };
+            self.types.insert(ty, naga::Span::UNDEFINED)
+        })
+    }
+
+    /// The operand that remains after adding 0, multiplying by 1, or mixing by 0 or 1, in real
+    /// numbers.
+    fn neutral(
+        &self,
+        frame: &Frame<'p>,
+        e: Handle<Expression>,
+    ) -> Option<(Handle<Expression>, Sources)> {
+        let is = |operand: Handle<Expression>, value: f64| {
+            all_numbers(&frame.known[operand.index()], value)
+        };
+        // A matrix of ones is not the identity.
+        let is_matrix =
+            |e: Handle<Expression>| matches!(frame.f.ty(self.module, e), TypeInner::Matrix { .. });
+        let same_type = |operand: Handle<Expression>| {
+            frame.f.ty(self.module, operand) == frame.f.ty(self.module, e)
+        };
+        let found = match frame.original.expressions[e] {
+            Expression::Binary { left, right, .. } if is_matrix(left) || is_matrix(right) => None,
+            Expression::Binary { op, left, right } => match op {
+                BinaryOperator::Add => is(right, 0.0)
+                    .map(|s| (left, s))
+                    .or_else(|| is(left, 0.0).map(|s| (right, s))),
+                BinaryOperator::Subtract => is(right, 0.0).map(|s| (left, s)),
+                BinaryOperator::Multiply => is(right, 1.0)
+                    .map(|s| (left, s))
+                    .or_else(|| is(left, 1.0).map(|s| (right, s))),
+                BinaryOperator::Divide => is(right, 1.0).map(|s| (left, s)),
+                _ => None,
+            },
+            Expression::Math {
+                fun: MathFunction::Mix,
+                arg,
+                arg1: Some(arg1),
+                arg2: Some(arg2),
+                ..
+            } => is(arg2, 0.0)
+                .map(|s| (arg, s))
+                .or_else(|| is(arg2, 1.0).map(|s| (arg1, s))),
+            _ => None,
+        };
+        found.filter(|(same, sources)| !sources.is_empty() && same_type(*same))
+    }
+
+    fn evaluate(&self, frame: &Frame<'p>, e: Handle<Expression>) -> Known {
+        let of = |e: Handle<Expression>| &frame.known[e.index()];
+        match &frame.original.expressions[e] {
+            Expression::Literal(l) => literal(l),
+            Expression::Constant(c) => constant(self.module, self.module.constants[*c].init),
+            Expression::Override(o) => self.assumptions.constant(*o),
+            Expression::ZeroValue(ty) => zero(self.module, *ty),
+            Expression::Compose { ty, components } => {
+                let components = components.iter().map(|c| of(*c).clone()).collect();
+                composed(self.module, *ty, components)
+            }
+            Expression::Access { base, index } => match of(*index).index() {
+                Some((at, sources)) => of(*base).part(at as usize).resting_on(sources),
+                None => Known::Unknown,
+            },
+            Expression::AccessIndex { base, index } => of(*base).part(*index as usize),
+            Expression::Splat { size, value } => {
+                Known::Parts(vec![of(*value).clone(); *size as usize])
+            }
+            Expression::Swizzle {
+                size,
+                vector,
+                pattern,
+            } => Known::Parts(
+                pattern[..*size as usize]
+                    .iter()
+                    .map(|c| of(*vector).part(*c as usize))
+                    .collect(),
+            ),
+            Expression::FunctionArgument(i) => frame
+                .arguments
+                .get(*i as usize)
+                .cloned()
+                .unwrap_or_default(),
+            Expression::Load { pointer } => self.load(frame, *pointer),
+            Expression::ImageSample {
+                image,
+                gather: None,
+                depth_ref: None,
+                ..
+            } => self.texel(frame, e, *image),
+            Expression::ImageLoad {
+                image,
+                coordinate,
+                array_index,
+                sample,
+                level,
+            } => {
+                let at = [Some(*coordinate), *array_index, *sample, *level];
+                let texel = self.texel(frame, e, *image);
+                // Every texture has at least this one texel.
+                match at.into_iter().flatten().all(|e| is_0(of(e))) {
+                    true => texel,
+                    false => texel.join(&outside()),
+                }
+            }
+            Expression::Unary { op, expr } => arithmetic::unary(*op, of(*expr)),
+            Expression::Binary { op, left, right } => {
+                let is_matrix = |e: Handle<Expression>| {
+                    matches!(frame.f.ty(self.module, e), TypeInner::Matrix { .. })
+                };
+                match is_matrix(*left) || is_matrix(*right) {
+                    true => Known::Unknown,
+                    false => self.product(frame, *op, *left, *right),
+                }
+            }
+            Expression::Select {
+                condition,
+                accept,
+                reject,
+            } => match of(*condition).truth() {
+                Some(true) => of(*accept).clone(),
+                Some(false) => of(*reject).clone(),
+                None => of(*accept).join(of(*reject)),
+            },
+            Expression::Relational { fun, argument } => arithmetic::relational(*fun, of(*argument)),
+            Expression::Math {
+                fun,
+                arg,
+                arg1,
+                arg2,
+                arg3,
+            } => {
+                let arguments: Vec<&Known> = [Some(*arg), *arg1, *arg2, *arg3]
+                    .into_iter()
+                    .flatten()
+                    .map(of)
+                    .collect();
+                arithmetic::math(*fun, &arguments)
+            }
+            Expression::As {
+                expr,
+                kind,
+                convert: Some(width),
+            } if matches!((kind, width), (naga::ScalarKind::Bool, _) | (_, 4)) => {
+                let is_matrix = matches!(frame.f.ty(self.module, *expr), TypeInner::Matrix { .. });
+                match is_matrix {
+                    true => Known::Unknown,
+                    false => arithmetic::converted(*kind, of(*expr)),
+                }
+            }
+            _ => Known::Unknown,
+        }
+    }
+
+    /// The abstract value of a texture read.
+    fn texel(&self, frame: &Frame<'p>, e: Handle<Expression>, image: Handle<Expression>) -> Known {
+        let is_floats = matches!(
+            frame.f.ty(self.module, e),
+            TypeInner::Vector {
+                scalar: naga::Scalar::F32,
+                ..
+            }
+        );
+        match frame.original.expressions[image] {
+            Expression::GlobalVariable(g) if is_floats => self.assumptions.texel(g),
+            _ => Known::Unknown,
+        }
+    }
+
+    /// A product. With `fold=rounding` a product with 0 is 0, as if the other factor were known to
+    /// be finite.
+    fn product(
+        &self,
+        frame: &Frame<'p>,
+        op: BinaryOperator,
+        left: Handle<Expression>,
+        right: Handle<Expression>,
+    ) -> Known {
+        let of = |e: Handle<Expression>| &frame.known[e.index()];
+        if self.fold == Fold::Rounding && op == BinaryOperator::Multiply {
+            let zero = [left, right]
+                .into_iter()
+                .find_map(|e| all_numbers(of(e), 0.0));
+            let bounded = arithmetic::binary(op, of(left), of(right));
+            if let Some(sources) = zero
+                && all_numbers(&bounded, 0.0).is_none()
+            {
+                let finite = Sources::new([FINITE].into());
+                let sources = super::known::both(&sources, &finite);
+                let zero = Known::Scalar(Scalar::float(0.0), sources);
+                let width =
+                    [left, right]
+                        .into_iter()
+                        .find_map(|e| match frame.f.ty(self.module, e) {
+                            TypeInner::Vector { size, .. } => Some(*size as usize),
+                            _ => None,
+                        });
+                return match width {
+                    Some(width) => Known::Parts(vec![zero; width]),
+                    None => zero,
+                };
+            }
+        }
+        arithmetic::binary(op, of(left), of(right))
+    }
+
+    fn load(&self, frame: &Frame<'p>, pointer: Handle<Expression>) -> Known {
+        let place = frame.place(self.module, pointer);
+        if place.dynamic {
+            return Known::Unknown;
+        }
+        let content = match place.root {
+            Root::Local(v) => frame.locals.get(v.index()).cloned().unwrap_or_default(),
+            Root::Global(g) => self.assumptions.content(g),
+            Root::Elsewhere => return Known::Unknown,
+        };
+        content.at(&place.path).resting_on(&place.sources)
+    }
+}
+
+impl Frame<'_> {
+    fn place(&self, module: &Module, pointer: Handle<Expression>) -> Place {
+        match self.original.expressions[pointer] {
+            Expression::LocalVariable(v) => Place::at(Root::Local(v)),
+            Expression::GlobalVariable(g) => Place::at(Root::Global(g)),
+            Expression::AccessIndex { base, index } => {
+                self.place(module, base).step(Some(index), None)
+            }
+            Expression::Access { base, index } => {
+                let length = length(module, self.f.ty(module, base));
+                match self.known[index.index()].index() {
+                    Some((at, sources)) if length.is_some_and(|l| at < l) => {
+                        self.place(module, base).step(Some(at), Some(sources))
+                    }
+                    // Out of bounds it may be any element.
+                    _ => self.place(module, base).step(None, None),
+                }
+            }
+            _ => Place::at(Root::Elsewhere),
+        }
+    }
+
+    /// Stores through a pointer.
+    pub(super) fn store(&mut self, module: &Module, pointer: Handle<Expression>, value: Known) {
+        let place = self.place(module, pointer);
+        let Root::Local(v) = place.root else { return };
+        let Some(local) = self.locals.get_mut(v.index()) else {
+            return;
+        };
+        match place.dynamic {
+            true => local.set(&place.path, Known::Unknown),
+            false => {
+                // The address, and so the unchanged rest of the variable, depends on these.
+                *local = std::mem::take(local).resting_on(&place.sources);
+                local.set(&place.path, value.resting_on(&place.sources));
+            }
+        }
+    }
+
+    /// Forgets the whole variable of a pointer, after a store of unknown extent.
+    pub(super) fn forget_all(&mut self, pointer: Handle<Expression>) {
+        let mut at = pointer;
+        while let Expression::AccessIndex { base, .. } | Expression::Access { base, .. } =
+            self.original.expressions[at]
+        {
+            at = base;
+        }
+        if let Expression::LocalVariable(v) = self.original.expressions[at]
+            && let Some(local) = self.locals.get_mut(v.index())
+        {
+            *local = Known::Unknown;
+        }
+    }
+}
+
+impl Place {
+    fn at(root: Root) -> Self {
+        Self {
+            root,
+            path: Vec::new(),
+            sources: Sources::default(),
+            dynamic: false,
+        }
+    }
+
+    fn step(mut self, index: Option<u32>, sources: Option<&Sources>) -> Self {
+        if let Some(sources) = sources {
+            self.sources = super::known::both(&self.sources, sources);
+        }
+        match index {
+            Some(index) if !self.dynamic => self.path.push(index),
+            Some(_) => {}
+            None => self.dynamic = true,
+        }
+        self
+    }
+}
+
+/// Whether an expression consists only of the author's constants.
+fn is_constant(function: &Function, e: Handle<Expression>) -> bool {
+    match &function.expressions[e] {
+        Expression::Literal(_) | Expression::Constant(_) | Expression::ZeroValue(_) => true,
+        Expression::Compose { components, .. } => {
+            components.iter().all(|c| is_constant(function, *c))
+        }
+        Expression::Splat { value, .. } => is_constant(function, *value),
+        _ => false,
+    }
+}
+
+/// Reads a constant from a variable in place of `e`.
+fn held(
+    frame: &mut Frame<'_>,
+    e: Handle<Expression>,
+    constant: Handle<Expression>,
+    ty: Handle<Type>,
+) -> Handle<Expression> {
+    fn copy(frame: &mut Frame<'_>, e: Handle<Expression>) -> Handle<Expression> {
+        let mut expression = frame.original.expressions[e].clone();
+        operands::map_expression(&mut expression, &mut |o| *o = copy(frame, *o));
+        frame.append(expression, e)
+    }
+    let init = copy(frame, constant);
+    let variable = LocalVariable {
+        name: frame.original.named_expressions.get(&e).cloned(),
+        ty,
+        init: Some(init),
+    };
+    let variable = frame
+        .function
+        .local_variables
+        .append(variable, naga::Span::UNDEFINED);
+    let pointer = frame.append(Expression::LocalVariable(variable), e);
+    frame.emit(Expression::Load { pointer }, e)
+}
+
+/// The result of a read outside of a texture: 0, or alpha 1 (WGSL, section 17.7.4).
+fn outside() -> Known {
+    let zero = Known::constant(Scalar::float(0.0));
+    let alpha = Known::constant(Scalar::Float(0.0, 1.0));
+    Known::Parts(vec![zero.clone(), zero.clone(), zero, alpha])
+}
+
+/// Whether all components are known to be 0.
+fn is_0(known: &Known) -> bool {
+    match known {
+        Known::Parts(parts) => parts.iter().all(is_0),
+        scalar => scalar
+            .index()
+            .is_some_and(|(at, sources)| at == 0 && sources.is_empty()),
+    }
+}
+
+/// The bool that all components equal, if it depends on an assumption.
+fn all_the_same(known: &Known) -> Option<(bool, Sources)> {
+    match known {
+        Known::Parts(parts) => {
+            let mut all = parts.iter().map(all_the_same);
+            let (first, mut sources) = all.next()??;
+            for next in all {
+                let (truth, more) = next?;
+                if truth != first {
+                    return None;
+                }
+                sources = super::known::both(&sources, &more);
+            }
+            Some((first, sources))
+        }
+        scalar => scalar
+            .assumed_truth()
+            .map(|(truth, sources)| (truth, Sources::clone(sources))),
+    }
+}
+
+/// The assumptions by which all components equal this number exactly.
+fn all_numbers(known: &Known, value: f64) -> Option<Sources> {
+    match known {
+        Known::Parts(parts) => {
+            let mut sources = Sources::default();
+            for part in parts {
+                sources = super::known::both(&sources, &all_numbers(part, value)?);
+            }
+            (!parts.is_empty()).then_some(sources)
+        }
+        Known::Scalar(Scalar::Float(a, b), sources) if *a == value && *b == value => {
+            Some(Sources::clone(sources))
+        }
+        _ => None,
+    }
+}

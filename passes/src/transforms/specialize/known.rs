@@ -1,0 +1,298 @@
+//! Abstract values: bounds of scalars, with the assumptions that each depends on.
+//!
+//! Bounds are real numbers. Every result is widened by more than an adapter's rounding, so that it
+//! contains the adapter's number however the adapter rounds, flushes denormals or contracts
+//! products and sums. No bound contains NaN: a value that may be NaN is [`Known::Unknown`].
+
+use std::collections::BTreeSet;
+use std::rc::Rc;
+
+use naga::{Literal, ScalarKind};
+
+/// Indices of the assumptions that a value depends on.
+pub type Sources = Rc<BTreeSet<usize>>;
+
+/// Stands for the assumption that a factor of a product with 0 is finite. No value can prove it;
+/// `fold=rounding` assumes it for summed floats, but never bases a decision on it.
+pub const FINITE: usize = usize::MAX;
+
+/// Smallest normal `f32`. Smaller numbers may be flushed to 0.
+const SMALLEST: f64 = f32::MIN_POSITIVE as f64;
+
+/// A scalar with inclusive bounds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Scalar {
+    /// A `bool`.
+    Bool(bool),
+    /// An `i32`.
+    Sint(i64, i64),
+    /// A `u32`.
+    Uint(i64, i64),
+    /// An `f32`.
+    Float(f64, f64),
+}
+
+impl Scalar {
+    /// The bounds of an input `f32`: the number, or everything between it and 0 if an adapter may
+    /// flush it.
+    pub fn float(value: f64) -> Self {
+        match value != 0.0 && value.abs() < SMALLEST {
+            true => Self::Float(value.min(0.0), value.max(0.0)),
+            false => Self::Float(value, value),
+        }
+    }
+
+    /// The bounds of a rounded result with an error of at most `ulps`; `None` if it may be
+    /// infinite.
+    pub fn rounded(low: f64, high: f64, ulps: f64) -> Option<Self> {
+        let slack = |x: f64| match x == 0.0 {
+            // A result of exactly 0 stays 0.
+            true => 0.0,
+            false => x.abs() * ulps * f64::from(f32::EPSILON) + SMALLEST,
+        };
+        let (low, high) = (low - slack(low), high + slack(high));
+        let most = f64::from(f32::MAX);
+        (low <= high && low > -most && high < most).then_some(Self::Float(low, high))
+    }
+
+    /// An integer of `kind`; `None` if it wraps.
+    pub fn integer(kind: ScalarKind, low: i64, high: i64) -> Option<Self> {
+        match kind {
+            ScalarKind::Sint if low >= i64::from(i32::MIN) && high <= i64::from(i32::MAX) => {
+                Some(Self::Sint(low, high))
+            }
+            ScalarKind::Uint if low >= 0 && high <= i64::from(u32::MAX) => {
+                Some(Self::Uint(low, high))
+            }
+            _ => None,
+        }
+    }
+
+    fn join(self, other: Self) -> Option<Self> {
+        Some(match (self, other) {
+            (Self::Bool(a), Self::Bool(b)) if a == b => self,
+            (Self::Sint(a, b), Self::Sint(c, d)) => Self::Sint(a.min(c), b.max(d)),
+            (Self::Uint(a, b), Self::Uint(c, d)) => Self::Uint(a.min(c), b.max(d)),
+            (Self::Float(a, b), Self::Float(c, d)) => Self::Float(a.min(c), b.max(d)),
+            _ => return None,
+        })
+    }
+
+    /// Its literal, if it is a single integer or bool.
+    fn literal(self) -> Option<Literal> {
+        Some(match self {
+            Self::Bool(b) => Literal::Bool(b),
+            Self::Sint(a, b) if a == b => Literal::I32(i32::try_from(a).ok()?),
+            Self::Uint(a, b) if a == b => Literal::U32(u32::try_from(a).ok()?),
+            _ => return None,
+        })
+    }
+}
+
+/// An abstract value.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Known {
+    /// Unknown.
+    #[default]
+    Unknown,
+    /// A scalar's bounds.
+    Scalar(Scalar, Sources),
+    /// The abstract value of each component, column, element or member.
+    Parts(Vec<Known>),
+}
+
+impl Known {
+    /// A constant of the author's, which depends on no assumption.
+    pub fn constant(scalar: Scalar) -> Self {
+        Self::Scalar(scalar, Sources::default())
+    }
+
+    /// The scalar and the assumptions it depends on.
+    pub fn scalar(&self) -> Option<(Scalar, &Sources)> {
+        match self {
+            Self::Scalar(s, sources) => Some((*s, sources)),
+            _ => None,
+        }
+    }
+
+    /// The bool, if it is known by an assumption.
+    pub fn assumed_truth(&self) -> Option<(bool, &Sources)> {
+        match self.scalar()? {
+            (Scalar::Bool(b), sources) if !sources.is_empty() => Some((b, sources)),
+            _ => None,
+        }
+    }
+
+    /// The bool, if it is known.
+    pub fn truth(&self) -> Option<bool> {
+        match self.scalar()? {
+            (Scalar::Bool(b), _) => Some(b),
+            _ => None,
+        }
+    }
+
+    /// The literal that may replace it: an integer or bool that depends on an assumption. Floats
+    /// are never replaced, because front ends fold calls of float literals on the CPU.
+    pub fn literal(&self) -> Option<(Literal, &Sources)> {
+        match self.scalar()? {
+            (scalar, sources) if !sources.is_empty() => Some((scalar.literal()?, sources)),
+            _ => None,
+        }
+    }
+
+    /// The integer, if it is a single one.
+    pub fn index(&self) -> Option<(u32, &Sources)> {
+        match self.scalar()? {
+            (Scalar::Sint(a, b) | Scalar::Uint(a, b), sources) if a == b => {
+                Some((u32::try_from(a).ok()?, sources))
+            }
+            _ => None,
+        }
+    }
+
+    /// A part.
+    pub fn part(&self, index: usize) -> Self {
+        match self {
+            Self::Parts(parts) => parts.get(index).cloned().unwrap_or_default(),
+            _ => Self::Unknown,
+        }
+    }
+
+    /// The part at the end of a path.
+    pub fn at(&self, path: &[u32]) -> Self {
+        path.iter()
+            .fold(self.clone(), |known, i| known.part(*i as usize))
+    }
+
+    /// Replaces the part at the end of a path. A value without known parts stays unknown.
+    pub fn set(&mut self, path: &[u32], value: Self) {
+        match (path, self) {
+            ([], this) => *this = value,
+            ([first, rest @ ..], Self::Parts(parts)) => {
+                if let Some(part) = parts.get_mut(*first as usize) {
+                    part.set(rest, value);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// The union of both.
+    #[must_use]
+    pub fn join(&self, other: &Self) -> Self {
+        match (self, other) {
+            (Self::Scalar(a, s), Self::Scalar(b, t)) => match a.join(*b) {
+                Some(scalar) => Self::Scalar(scalar, both(s, t)),
+                None => Self::Unknown,
+            },
+            (Self::Parts(a), Self::Parts(b)) if a.len() == b.len() => {
+                Self::Parts(a.iter().zip(b).map(|(a, b)| a.join(b)).collect())
+            }
+            _ => Self::Unknown,
+        }
+    }
+
+    /// The same value with more assumptions.
+    #[must_use]
+    pub fn resting_on(self, more: &Sources) -> Self {
+        match self {
+            Self::Unknown => Self::Unknown,
+            Self::Scalar(s, sources) => Self::Scalar(s, both(&sources, more)),
+            Self::Parts(parts) => {
+                Self::Parts(parts.into_iter().map(|p| p.resting_on(more)).collect())
+            }
+        }
+    }
+
+    /// Whether any part depends on an assumption.
+    pub fn is_assumed(&self) -> bool {
+        match self {
+            Self::Unknown => false,
+            Self::Scalar(_, sources) => !sources.is_empty(),
+            Self::Parts(parts) => parts.iter().any(Self::is_assumed),
+        }
+    }
+
+    /// The same value; parts that are all unknown become [`Known::Unknown`].
+    #[must_use]
+    pub fn settled(self) -> Self {
+        match self {
+            Self::Parts(parts) => {
+                let parts: Vec<Self> = parts.into_iter().map(Self::settled).collect();
+                match parts.iter().all(|p| *p == Self::Unknown) {
+                    true => Self::Unknown,
+                    false => Self::Parts(parts),
+                }
+            }
+            other => other,
+        }
+    }
+
+    /// Without bools and integers that depend on [`FINITE`].
+    #[must_use]
+    pub fn undecided_by_finite(self) -> Self {
+        match self {
+            Self::Scalar(s, sources)
+                if !matches!(s, Scalar::Float(..)) && sources.contains(&FINITE) =>
+            {
+                Self::Unknown
+            }
+            Self::Parts(parts) => {
+                Self::Parts(parts.into_iter().map(Self::undecided_by_finite).collect())
+            }
+            other => other,
+        }
+    }
+
+    /// Without parts that depend on no assumption.
+    #[must_use]
+    pub fn assumed_only(&self) -> Self {
+        match self.is_assumed() {
+            true => self.clone(),
+            false => Self::Unknown,
+        }
+    }
+
+    /// Applies a function component by component. A scalar among vectors stands for each of its
+    /// components.
+    pub fn zip(operands: &[&Self], function: &dyn Fn(&[Scalar]) -> Option<Scalar>) -> Self {
+        let width = operands.iter().find_map(|o| match o {
+            Self::Parts(parts) => Some(parts.len()),
+            _ => None,
+        });
+        let Some(width) = width else {
+            let mut scalars = Vec::new();
+            let mut sources = Sources::default();
+            for operand in operands {
+                let Some((scalar, from)) = operand.scalar() else {
+                    return Self::Unknown;
+                };
+                scalars.push(scalar);
+                sources = both(&sources, from);
+            }
+            return function(&scalars).map_or(Self::Unknown, |s| Self::Scalar(s, sources));
+        };
+        let component = |i: usize| {
+            let parts: Vec<Self> = operands
+                .iter()
+                .map(|o| match o {
+                    Self::Parts(_) => o.part(i),
+                    scalar => (*scalar).clone(),
+                })
+                .collect();
+            Self::zip(&parts.iter().collect::<Vec<_>>(), function)
+        };
+        Self::Parts((0..width).map(component).collect())
+    }
+}
+
+/// The union of two dependences.
+pub fn both(a: &Sources, b: &Sources) -> Sources {
+    if b.is_subset(a) {
+        return Rc::clone(a);
+    }
+    if a.is_subset(b) {
+        return Rc::clone(b);
+    }
+    Rc::new(a.union(b).copied().collect())
+}

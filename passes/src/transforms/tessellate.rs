@@ -1,0 +1,534 @@
+//! `tessellate`: what was hoisted is computed at more vertices than the author's.
+//!
+//! Goal: a hoisted value that bends within a triangle is followed more closely, for less than a fragment's work (Wang et al. 2014; Erkaman's article does it by hand
+//! with a tessellation stage, which WebGPU has not).
+//!
+//! ```text
+//! before:  vs(attributes)        -> rest(author(attributes))
+//!
+//! after:   vs(vertex, instance)  -> place = which triangle, and where in it
+//!                                   rest(between(author(corner 0), author(corner 1), author(corner 2), place))
+//! ```
+//!
+//! `author` is the author's vertex stage and `rest` what `hoist` put behind it. Clip position and varyings of a new vertex are the corners' interpolated, as the
+//! rasteriser would have interpolated them there, so that surface and varyings stay what they were. The rasteriser snaps new vertices to its subpixel grid all the same:
+//! coverage and depth may differ in last bits, which is measured and not promised.
+//!
+//! No cracks: a corner keeps its own bits; a point on an edge is computed from the edge's ends alone, in an order given by the bits of their positions, so that both
+//! triangles agree even across a seam of vertices; all edges have one level.
+//!
+//! Strips are drawn as the lists of their triangles. Refused are varyings interpolated linearly on the screen, where a point behind the viewer has no place, and half-precision attributes
+//! and varyings, which would be decoded and blended at another precision than the rasteriser's.
+
+use std::collections::BTreeMap;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use naga::{Handle, Module, ShaderStage};
+
+use crate::core::contract::Contract;
+use crate::core::geometry::{Form, Geometry, Subdivision};
+use crate::core::pass::{
+    Change, Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Site, SiteCost, Use,
+};
+use crate::core::pattern;
+use crate::core::plan::{BindingKind, BindingSource, BindingUse, ComputePass, Draws, GeometryPart};
+use crate::core::plan::{GpuPass, Plan, Step, VertexBuffer, Visibility, When};
+use crate::core::program::Program;
+use crate::core::reflect;
+use crate::core::refusals::RefusalInfo;
+use crate::core::state::Topology;
+use crate::graph::{FunctionId, Graph};
+use crate::rebuild::place;
+
+mod adaptive;
+mod build;
+mod examine;
+mod fixed;
+pub mod mesh;
+pub mod native;
+pub mod refusals;
+mod split;
+mod stored;
+mod text;
+
+use build::Functions;
+use pattern::{MAX_LEVEL, Pattern};
+use split::{Origin, Outputs, Split};
+use stored::{Evaluation, Stored};
+use text::{Order, Place, Points, Text};
+
+/// The pass.
+pub struct Tessellate;
+
+/// Parameters.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Params {
+    /// Segments along each edge of a triangle, 1 to 64.
+    #[schemars(range(min = 1, max = MAX_LEVEL))]
+    pub level: u32,
+    /// Divides each edge into segments of at most so many pixels, 1 to 256, and into `level` of them at most; `form` is then `pulled`, and the pattern rows of similar
+    /// triangles. Default: every edge has `level` segments.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1, max = MOST_EDGE_PIXELS))]
+    pub edge_pixels: Option<u32>,
+    /// How a triangle is divided.
+    pub pattern: Pattern,
+    /// Where the new vertices are computed.
+    pub form: Form,
+    /// `form=static`: uniforms, or members of one (`camera.exposure`), that never change after load, joined by `+`; default: those that follow neither
+    /// the camera nor the time in the scene, where there is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fixed: Option<String>,
+}
+
+impl Default for Params {
+    fn default() -> Self {
+        Self {
+            level: 3,
+            edge_pixels: None,
+            pattern: Pattern::default(),
+            form: Form::default(),
+            fixed: None,
+        }
+    }
+}
+
+/// The longest segment that may be asked for, in pixels: its square in half pixels, times that of the highest level, fits 32 bits.
+pub const MOST_EDGE_PIXELS: u32 = 256;
+
+/// Bindings of our own: the constants, the pattern, the indices, and a stream for each attribute, in this order from `first` on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Slots {
+    group: u32,
+    first: u32,
+}
+
+impl Slots {
+    /// Behind all bindings of the last group that has any.
+    fn free(module: &Module) -> Self {
+        let bindings = || {
+            let globals = module.global_variables.iter();
+            globals.filter_map(|(_, g)| g.binding)
+        };
+        let group = bindings().map(|b| b.group).max().unwrap_or(0);
+        let first = bindings()
+            .filter(|b| b.group == group)
+            .map(|b| b.binding + 1)
+            .max()
+            .unwrap_or(0);
+        Self { group, first }
+    }
+
+    fn stream(self, index: usize) -> u32 {
+        self.first + 3 + index as u32
+    }
+}
+
+impl Pass for Tessellate {
+    type Params = Params;
+
+    const INFO: PassInfo = PassInfo {
+        name: "tessellate",
+        summary: "divides the triangles of a hoisted material, so that what was hoisted is computed at more vertices",
+        source: "Wang et al., Automatic Shader Simplification using Surface Signal Approximation (2014)",
+        when: "`hoist` gains much and its picture is off by too much: triangles are large, and what was hoisted bends within them",
+        hurts: "where triangles are small already: each new vertex costs what was hoisted, and three corners interpolated",
+        reads_scene: true,
+    };
+
+    const REFUSALS: &'static [RefusalInfo] = refusals::REFUSALS;
+
+    const EXAMPLES: &'static [Example] = &[
+        Example {
+            recipe: "tessellate",
+            uses: &[Use::Ahead(3)],
+        },
+        Example {
+            recipe: "hoist:budget=0.02,finite=assumed,jumps=carried,tessellate:level=3",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "hoist:budget=0.02,finite=assumed,jumps=carried,tessellate:level=2,pattern=uniform,form=shared",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "hoist:budget=0.02,finite=assumed,jumps=carried,tessellate:level=2,depth-prepass",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "hoist:budget=1,finite=assumed,jumps=carried,tessellate:level=3",
+            uses: &[Use::Fuzz],
+        },
+        Example {
+            recipe: "hoist:budget=0.3,tessellate:level=2",
+            uses: &[Use::Pictures(1)],
+        },
+        Example {
+            recipe: "hoist:budget=0.05,tessellate:level=4",
+            uses: &[
+                Use::Page("pages/leaf"),
+                Use::Picture {
+                    scene: "fixtures/scenes/teapot-specular.toml --camera article --size 240x220 --frames 1",
+                    caption: "the highlight of `hoist` at sixteen times the triangles: less is off",
+                    rows: 1,
+                },
+            ],
+        },
+        Example {
+            recipe: "hoist:BUDGET,tessellate:form=shared,level=2",
+            uses: &[Use::PlanWithin],
+        },
+        Example {
+            recipe: "hoist:BUDGET,tessellate:form=shared,level=4",
+            uses: &[Use::PlanWithin],
+        },
+        Example {
+            recipe: "hoist:BUDGET,tessellate:form=shared,level=8",
+            uses: &[Use::PlanWithin],
+        },
+    ];
+
+    fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
+        let material = Material::examine(plan, facts, params)?;
+        let bug = |why| Box::new(Refusal::bug(Self::INFO.name, why));
+        Ok(Outcome {
+            plan: material.apply(plan, params).map_err(bug)?,
+            change: material.change(params),
+            left: Vec::new(),
+        })
+    }
+}
+
+fn refuse(code: &RefusalInfo, reason: impl Into<String>, remedy: &str) -> Box<Refusal> {
+    Box::new(Refusal::new(
+        Tessellate::INFO.name,
+        code,
+        reason.into(),
+        remedy,
+    ))
+}
+
+/// A hoisted material.
+struct Material<'a> {
+    pass: &'a GpuPass,
+    program: &'a Program,
+    vertex: usize,
+    split: Split,
+    outputs: Outputs,
+    contract: Contract,
+    key: Site,
+    /// `static`: what it reads that may not change after load.
+    fixed: Vec<String>,
+}
+
+impl Material<'_> {
+    fn change(&self, params: &Params) -> Change {
+        Change {
+            key: self.key.clone(),
+            what: self.describe(&subdivision(params)),
+            location: None,
+            cost: self.cost(),
+        }
+    }
+
+    /// What was hoisted, which each new vertex computes, of the whole vertex stage.
+    fn cost(&self) -> SiteCost {
+        let graph = Graph::build(self.program);
+        let whole = graph.entry_cost(self.vertex);
+        let author = graph.cost(FunctionId::Function(self.split.author));
+        SiteCost {
+            slice: whole - author,
+            whole,
+        }
+    }
+
+    fn describe(&self, subdivision: &Subdivision) -> String {
+        let form = match subdivision.form {
+            Form::Pulled => "each triangle's own",
+            Form::Shared | Form::Static => "each once for all triangles around it",
+        };
+        let when = match (subdivision.form, &self.fixed[..]) {
+            (Form::Pulled | Form::Shared, _) => String::new(),
+            (Form::Static, []) => " once, at load".to_owned(),
+            (Form::Static, fixed) => {
+                format!(
+                    " once, at load, and again where any of {} changes",
+                    fixed.join(", ")
+                )
+            }
+        };
+        let level = match subdivision.edge_pixels {
+            None => format!("level {}", subdivision.level),
+            Some(pixels) => format!(
+                "segments of {pixels} pixels, at most {} an edge",
+                subdivision.level
+            ),
+        };
+        format!(
+            "{level}: {} triangles in place of each, {} vertices, {form}; clip position and varyings are interpolated, what was hoisted is computed at each{when}",
+            subdivision.indices.len() / 3,
+            subdivision.vertices.len(),
+        )
+    }
+
+    fn apply(&self, plan: &Plan, params: &Params) -> Result<Plan, String> {
+        let subdivision = Subdivision {
+            given: self.pass.primitive.topology,
+            ..subdivision(params)
+        };
+        let slots = Slots::free(self.program.module());
+        let mut next = plan.clone();
+        let program = match params.form {
+            Form::Pulled => self.pulled(slots, &subdivision)?,
+            Form::Shared => self.shared(&mut next, slots, &subdivision)?,
+            Form::Static => self.fixed(&mut next, slots, &subdivision)?,
+        };
+        let parts = self.parts(slots, params.form);
+        for pass in &mut next.passes {
+            pass.bindings.extend(parts.clone());
+            pass.geometry = Geometry::Subdivided(subdivision.clone());
+            pass.primitive.topology = Topology::TriangleList;
+            reflect::fill(pass, &program);
+        }
+        next.programs.insert(self.pass.program.clone(), program);
+        next.steps.push(Step {
+            pass: Tessellate::INFO.name.to_owned(),
+            site: self.key.clone(),
+            params: serde_json::to_value(params).unwrap_or_default(),
+            contract: self.contract.clone(),
+        });
+        next.notes.push(self.describe(&subdivision));
+        Ok(next)
+    }
+
+    /// The author's vertex stage at new vertices, in the module of its program.
+    fn functions(&self, text: &Text<'_>) -> Result<Functions, String> {
+        build::add(
+            self.program.module().clone(),
+            &self.pass.vertex,
+            self.split.clone(),
+            &self.outputs,
+            text,
+        )
+    }
+
+    /// `module` with these entry points alone, as a program.
+    fn program(&self, module: &Module, entries: &[(ShaderStage, &str)]) -> Result<Program, String> {
+        self.program
+            .with_module(place::retain(module, entries))
+            .map_err(|e| e.to_string())
+    }
+
+    /// The two stages of the main pass.
+    fn entries(&self) -> Vec<(ShaderStage, &str)> {
+        let fragment = self.pass.fragment.as_deref();
+        std::iter::once((ShaderStage::Vertex, self.pass.vertex.as_str()))
+            .chain(fragment.map(|f| (ShaderStage::Fragment, f)))
+            .collect()
+    }
+
+    fn pulled(&self, slots: Slots, subdivision: &Subdivision) -> Result<Program, String> {
+        if let Some(edge_pixels) = subdivision.edge_pixels {
+            let module = adaptive::adaptive(
+                self.program.module().clone(),
+                self.vertex,
+                &self.split,
+                &self.outputs,
+                &Text {
+                    attributes: &self.pass.attributes,
+                    widths: &self.outputs.widths(),
+                    slots,
+                    place: Place::Adaptive {
+                        vertices: subdivision.vertices.len() as u32,
+                        batch: subdivision.batch,
+                        edge_pixels,
+                        most: subdivision.level,
+                    },
+                    points: None,
+                    order: Order::ByPosition,
+                },
+            )?;
+            return self.program(&module, &self.entries());
+        }
+        let functions = self.functions(&Text {
+            attributes: &self.pass.attributes,
+            widths: &self.outputs.widths(),
+            slots,
+            place: Place::Pattern {
+                vertices: subdivision.vertices.len() as u32,
+                batch: subdivision.batch,
+                denominator: subdivision.denominator,
+            },
+            points: None,
+            order: Order::ByPosition,
+        })?;
+        self.program(&build::pulled(&functions, self.vertex), &self.entries())
+    }
+
+    /// Adds the compute pass to `plan`; the program is the main pass's, which reads what that stored.
+    fn shared(
+        &self,
+        plan: &mut Plan,
+        slots: Slots,
+        subdivision: &Subdivision,
+    ) -> Result<Program, String> {
+        let layout = Stored::of(self.program.module(), self.result()?, |_| true)?;
+        let points = (Points::Stored, layout.widths());
+        let functions = self.recorded(slots, subdivision, points, Order::ByPosition)?;
+        let entry = self.compute_entry();
+        let compute = stored::stored(&functions, self.vertex, &entry, &layout, Evaluation::Vertex)?;
+        let compute = self.program(&compute, &[(ShaderStage::Compute, &entry)])?;
+        self.add_compute(plan, (compute, entry), subdivision, &layout);
+        let main = stored::loaded(self.program.module().clone(), self.vertex, slots, &layout)?;
+        self.program(&main, &self.entries())
+    }
+
+    /// Adds the compute pass at load to `plan`; the program is the main pass's, which reads what that stored.
+    fn fixed(
+        &self,
+        plan: &mut Plan,
+        slots: Slots,
+        subdivision: &Subdivision,
+    ) -> Result<Program, String> {
+        let (compute, entry, layout) = self.at_load(slots, subdivision)?;
+        self.add_compute(plan, (compute, entry), subdivision, &layout);
+        let points = (Points::Loaded, layout.widths());
+        let functions = self.recorded(slots, subdivision, points, Order::ByPosition)?;
+        let origins = self.origins()?;
+        let main = fixed::read(&functions, self.vertex, &origins, &layout)?;
+        self.program(&main, &self.entries())
+    }
+
+    /// The program that computes what was hoisted alone, its entry point, and how that is stored.
+    fn at_load(
+        &self,
+        slots: Slots,
+        subdivision: &Subdivision,
+    ) -> Result<(Program, String, Stored), String> {
+        let origins = self.origins()?;
+        let is_hoisted = |index: u32| origins.get(index as usize) == Some(&Origin::Hoisted);
+        let layout = Stored::of(self.program.module(), self.result()?, is_hoisted)?;
+        let points = (Points::Stored, layout.widths());
+        let functions = self.recorded(slots, subdivision, points, Order::AsRecorded)?;
+        let entry = self.compute_entry();
+        let compute = fixed::kept(self.program, &functions, self.vertex, &entry, &layout)?;
+        let compute = self.program(&compute, &[(ShaderStage::Compute, &entry)])?;
+        Ok((compute, entry, layout))
+    }
+
+    /// The functions of a new vertex whose place and corners are recorded, and which is stored or loaded.
+    fn recorded(
+        &self,
+        slots: Slots,
+        subdivision: &Subdivision,
+        (points, widths): (Points, Vec<u8>),
+        order: Order,
+    ) -> Result<Functions, String> {
+        self.functions(&Text {
+            attributes: &self.pass.attributes,
+            widths: &self.outputs.widths(),
+            slots,
+            place: Place::Record {
+                denominator: subdivision.denominator,
+            },
+            points: Some((points, &widths)),
+            order,
+        })
+    }
+
+    fn compute_entry(&self) -> String {
+        format!("{}_points", self.pass.vertex)
+    }
+
+    fn result(&self) -> Result<Handle<naga::Type>, String> {
+        let result = self.split.rest.result.as_ref().map(|r| r.ty);
+        result.ok_or_else(|| "the vertex stage gives nothing".to_owned())
+    }
+
+    fn origins(&self) -> Result<Vec<Origin>, String> {
+        let origins = self.split.origins();
+        origins.ok_or_else(|| "the vertex stage's result is not put together".to_owned())
+    }
+
+    fn add_compute(
+        &self,
+        plan: &mut Plan,
+        (program, entry_point): (Program, String),
+        subdivision: &Subdivision,
+        layout: &Stored,
+    ) {
+        let form = subdivision.form;
+        let mut bindings = self.parts(Slots::free(self.program.module()), form);
+        bindings.extend(self.pass.bindings.iter().cloned());
+        let mut pass = ComputePass {
+            program: COMPUTE.to_owned(),
+            entry_point,
+            workgroup: text::WORKGROUP,
+            draws: Draws::All,
+            geometry: Geometry::Subdivided(subdivision.clone()),
+            bindings,
+            when: match form {
+                Form::Static => When::Load {
+                    fixed: self.fixed.clone(),
+                },
+                Form::Pulled | Form::Shared => When::Frame,
+            },
+            features: Vec::new(),
+            limits: BTreeMap::new(),
+        };
+        reflect::fill_compute(&mut pass, &program);
+        plan.compute.push(pass);
+        plan.programs.insert(COMPUTE.to_owned(), program);
+        plan.vertex_buffers.push(VertexBuffer {
+            name: VERTICES.to_owned(),
+            stride: layout.words * 4,
+        });
+    }
+
+    /// Our own bindings, for [`reflect::fill`] to know where they come from.
+    fn parts(&self, slots: Slots, form: Form) -> Vec<BindingUse> {
+        let attributes = &self.pass.attributes;
+        let constants = GeometryPart::Constants {
+            streams: attributes.iter().map(|a| a.location).collect(),
+        };
+        let parts = match form {
+            Form::Pulled => [constants, GeometryPart::Pattern, GeometryPart::Indices],
+            Form::Shared | Form::Static => {
+                let buffer = VERTICES.to_owned();
+                let vertices = GeometryPart::Vertices { buffer };
+                [constants, GeometryPart::Points, vertices]
+            }
+        };
+        let streams = attributes.iter().cloned().map(GeometryPart::Attribute);
+        parts
+            .into_iter()
+            .chain(streams)
+            .enumerate()
+            .map(|(index, part)| BindingUse {
+                group: slots.group,
+                binding: slots.first + index as u32,
+                name: String::new(),
+                kind: BindingKind::StorageRead,
+                visibility: Visibility::default(),
+                source: BindingSource::Geometry { part },
+                layout: None,
+            })
+            .collect()
+    }
+}
+
+/// Key of the compute pass's program.
+const COMPUTE: &str = "points";
+
+/// Name of the buffer between it and the main pass.
+const VERTICES: &str = "vertices";
+
+fn subdivision(params: &Params) -> Subdivision {
+    match params.edge_pixels {
+        Some(edge_pixels) => Subdivision::adaptive(params.level, edge_pixels),
+        None => Subdivision::new(params.pattern, params.level, params.form),
+    }
+}

@@ -1,0 +1,345 @@
+//! Whether a plan can be subdivided.
+
+use std::collections::BTreeSet;
+
+use naga::valid::GlobalUse;
+use naga::{AddressSpace, Binding, BuiltIn, Handle, Module, ShaderStage};
+
+use super::fixed::{self, Read};
+use super::refusals;
+use super::split::{self, Outputs, Split};
+use super::{MOST_EDGE_PIXELS, Material, Params, Slots, Tessellate, refuse};
+use crate::analysis::refusals as shared;
+use crate::core::contract::Contract;
+use crate::core::geometry::{Form, Subdivision};
+use crate::core::pass::{Facts, Pass, Refusal, Site};
+use crate::core::pattern::MAX_LEVEL;
+use crate::core::plan::{BindingKind, GpuPass, HOIST, Plan, Role};
+use crate::core::program::Program;
+use crate::core::reflect;
+
+/// Storage buffers per stage that every WebGPU device supports.
+const STORAGE_BUFFERS: usize = 8;
+
+impl<'a> Material<'a> {
+    pub(super) fn examine(
+        plan: &'a Plan,
+        facts: &Facts,
+        params: &Params,
+    ) -> Result<Self, Box<Refusal>> {
+        if !(1..=MAX_LEVEL).contains(&params.level) {
+            return Err(refuse(
+                &refusals::LEVEL,
+                format!("{} is no level of tessellation", params.level),
+                "give a level of 1 to 64",
+            ));
+        }
+        if params
+            .edge_pixels
+            .is_some_and(|p| !(1..=MOST_EDGE_PIXELS).contains(&p))
+        {
+            return Err(refuse(
+                &refusals::EDGE_PIXELS,
+                "a segment is 1 to 256 pixels long",
+                "give edge-pixels=8, say",
+            ));
+        }
+        if params.edge_pixels.is_some() && params.form != Form::Pulled {
+            return Err(refuse(
+                &refusals::ADAPTIVE_FORM,
+                "the vertices of a mesh that is made once cannot follow the camera",
+                "take form=pulled",
+            ));
+        }
+        let main = plan.main().and_then(|p| Some((p, plan.program(p)?)));
+        let Some((pass, program)) = main else {
+            return Err(refuse(
+                &shared::NO_MAIN_PASS,
+                "the plan has no main pass",
+                "start from the original plan",
+            ));
+        };
+        let hoist = plan.steps.iter().rfind(|s| s.pass == HOIST);
+        let Some(hoist) = hoist else {
+            return Err(refuse(
+                &refusals::NOT_HOISTED,
+                "nothing was moved to the vertices: more of them would change nothing but the time",
+                "put hoist:budget=0.01 before it in the recipe",
+            ));
+        };
+        if !matches!(hoist.contract, Contract::Approximate { .. }) {
+            return Err(refuse(
+                &refusals::NOTHING_BENDS,
+                "all that was hoisted interpolates to what it was: more vertices would change nothing but the time",
+                "give hoist a budget, so that it moves what bends",
+            ));
+        }
+        if plan.passes.len() > 1 {
+            return Err(refuse(
+                &shared::HAS_PREPASS,
+                "another pass of the plan draws the same surface, undivided",
+                "tessellate first, then add the pre-pass: it is then divided alike",
+            ));
+        }
+        if !pass.geometry.is_as_given() || !plan.compute.is_empty() {
+            return Err(refuse(
+                &shared::NOT_FIRST,
+                "its triangles are divided already, and its vertex stage makes vertices of new ones",
+                "tessellate once, at the level that is wanted",
+            ));
+        }
+        if !pass.primitive.topology.is_triangles() {
+            return Err(refuse(
+                &shared::TOPOLOGY,
+                "only triangles are divided",
+                "draw triangles",
+            ));
+        }
+        let Some((vertex, _)) = program.entry_point(ShaderStage::Vertex, &pass.vertex) else {
+            return Err(refuse(
+                &shared::NO_VERTEX_STAGE,
+                "the plan names a vertex stage that its program has not",
+                "start from the original plan",
+            ));
+        };
+        let module = program.module();
+        let Some(split) = split::split(module, vertex) else {
+            return Err(refuse(
+                &refusals::NOT_SPLIT,
+                "the vertex stage is not the one that hoist built",
+                "tessellate straight after hoist",
+            ));
+        };
+        Self::check_author(program, split.author)?;
+        Self::check_inputs(pass, &split, module)?;
+        Self::check_fragment(pass, program)?;
+        let outputs = Outputs::of(module, split.given).map_err(|(name, why)| {
+            refuse(
+                &refusals::VARYING,
+                format!("the varying `{name}` cannot be had at a new vertex: {why}"),
+                "make it a perspective-correct f32, or flat",
+            )
+        })?;
+        if params.form.is_indexed() && outputs.has_flat() {
+            return Err(refuse(
+                &refusals::FLAT_SHARED,
+                "a flat varying differs between the triangles around a vertex, which would share it",
+                "take form=pulled",
+            ));
+        }
+        Self::check_buffers(pass, params)?;
+        let mut material = Self {
+            pass,
+            program,
+            vertex,
+            split,
+            outputs,
+            fixed: Vec::new(),
+            contract: hoist.contract.clone(),
+            key: Site {
+                role: Role::Main,
+                entry_point: pass.vertex.clone(),
+                slice: hoist.site.slice.clone(),
+            },
+        };
+        if params.form == Form::Static {
+            material.fixed = material.check_fixed(plan, facts, params)?;
+        }
+        Ok(material)
+    }
+
+    /// Checks that nothing the work at load reads can change.
+    fn check_fixed(
+        &self,
+        plan: &Plan,
+        facts: &Facts,
+        params: &Params,
+    ) -> Result<Vec<String>, Box<Refusal>> {
+        let slots = Slots::free(self.program.module());
+        let built = self.at_load(slots, &Subdivision::new(params.pattern, 1, Form::Static));
+        let (compute, entry, _) = built.map_err(|why| match why.as_str() {
+            fixed::NO_CORNERS => refuse(
+                &refusals::NO_ATTRIBUTES,
+                "what was hoisted reads no vertex buffer (its vertices are made from their index), which work at load does not follow",
+                "take form=shared",
+            ),
+            _ => Box::new(Refusal::bug(Tessellate::INFO.name, why)),
+        })?;
+        let bindings = reflect::bindings(
+            &compute,
+            &[(ShaderStage::Compute, &entry)],
+            &self.parts(slots, Form::Static),
+        );
+        let reads = fixed::reads(&compute, &bindings);
+        let promised: Vec<&str> = params.fixed.iter().flat_map(|f| f.split('+')).collect();
+        let known = variables(self.program.module());
+        if let Some(unknown) = promised.iter().find(|p| !known.contains(**p)) {
+            let known: Vec<&str> = known.iter().map(String::as_str).collect();
+            return Err(refuse(
+                &refusals::UNKNOWN_FIXED,
+                format!("`fixed` names `{unknown}`, and the program has no such variable"),
+                &format!("name some of: {}", known.join(", ")),
+            ));
+        }
+        let is_promised = |read: &Read| {
+            promised.contains(&read.to_string().as_str()) || promised.contains(&read.name.as_str())
+        };
+        let quoted = |reads: &[&Read]| {
+            let names: Vec<String> = reads.iter().map(|r| format!("`{r}`")).collect();
+            names.join(", ")
+        };
+        let changing: Vec<&Read> = reads
+            .iter()
+            .filter(|read| {
+                let all = facts.changing.iter().flatten();
+                all.filter(|c| c.material == plan.material)
+                    .filter(|c| (c.group, c.binding) == (read.group, read.binding))
+                    .any(|c| read.member.is_none() || c.member == read.member)
+            })
+            .collect();
+        if !changing.is_empty() {
+            return Err(refuse(
+                &refusals::CHANGES,
+                format!(
+                    "what was hoisted reads {}, and the scene shows that changing from frame to frame: it cannot be computed once at load",
+                    quoted(&changing)
+                ),
+                "take form=shared; or give it a value of its own in the scene (`values`), if the host never changes it",
+            ));
+        }
+        let unknown: Vec<&Read> = reads.iter().filter(|r| !is_promised(r)).collect();
+        if facts.changing.is_none() && !unknown.is_empty() {
+            let names: Vec<String> = reads.iter().map(ToString::to_string).collect();
+            return Err(refuse(
+                &refusals::MAY_CHANGE,
+                format!(
+                    "what was hoisted reads {}, and without a scene it is not known whether that changes from frame to frame",
+                    quoted(&unknown)
+                ),
+                &format!("where none of it does, say fixed={}", names.join("+")),
+            ));
+        }
+        Ok(reads.iter().map(ToString::to_string).collect())
+    }
+
+    /// Checks the author's stage: it runs three times per invocation, and again for each new
+    /// vertex.
+    fn check_author(program: &Program, author: Handle<naga::Function>) -> Result<(), Box<Refusal>> {
+        let module = program.module();
+        let info = &program.info()[author];
+        for (handle, global) in module.global_variables.iter() {
+            if !info[handle].contains(GlobalUse::WRITE) {
+                continue;
+            }
+            let name = global.name.as_deref().unwrap_or_default();
+            return Err(match global.space {
+                AddressSpace::Private => refuse(
+                    &shared::VERTEX_STATE,
+                    format!(
+                        "the vertex stage keeps state in the private variable `{name}`, and it would run several times in one invocation"
+                    ),
+                    "make the variable local",
+                ),
+                _ => refuse(
+                    &refusals::VERTEX_STORES,
+                    format!(
+                        "the vertex stage writes `{name}`, and it would run more often than the material has vertices"
+                    ),
+                    "move the writes to a pass of their own",
+                ),
+            });
+        }
+        Ok(())
+    }
+
+    fn check_inputs(pass: &GpuPass, split: &Split, module: &Module) -> Result<(), Box<Refusal>> {
+        let half = pass.attributes.iter().find(|a| a.ty.contains("f16"));
+        if let Some(attribute) = half {
+            return Err(refuse(
+                &shared::HALF_ATTRIBUTE,
+                format!(
+                    "the attribute `{}` is of half precision, which is not decoded here",
+                    attribute.name
+                ),
+                "declare it f32: the vertex buffer's format may stay",
+            ));
+        }
+        let known = [BuiltIn::VertexIndex, BuiltIn::InstanceIndex];
+        for input in reflect::opened(module, &split.inputs) {
+            if let Some(Binding::BuiltIn(b)) = input.binding
+                && !known.contains(&b)
+            {
+                return Err(refuse(
+                    &shared::VERTEX_BUILTIN,
+                    format!("the vertex stage reads {b:?}, which a new vertex has not"),
+                    "leave it out",
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// Checks the storage buffers against WebGPU's guaranteed eight per stage
+    /// (`maxStorageBuffersPerShaderStage`).
+    fn check_buffers(pass: &GpuPass, params: &Params) -> Result<(), Box<Refusal>> {
+        let storage = [BindingKind::StorageRead, BindingKind::StorageReadWrite];
+        let authors = pass.bindings.iter();
+        let authors = authors.filter(|b| b.visibility.vertex && storage.contains(&b.kind));
+        let count = authors.count() + pass.attributes.len() + 2;
+        if count <= STORAGE_BUFFERS {
+            return Ok(());
+        }
+        let stage = match params.form {
+            Form::Pulled | Form::Static => "vertex",
+            Form::Shared => "compute",
+        };
+        Err(refuse(
+            &refusals::STORAGE_BUFFERS,
+            format!(
+                "its {stage} stage would read {count} storage buffers, and WebGPU promises {STORAGE_BUFFERS} (maxStorageBuffersPerShaderStage)"
+            ),
+            "pack attributes into fewer",
+        ))
+    }
+
+    /// Checks that the fragment stage does not depend on the author's triangles.
+    fn check_fragment(pass: &GpuPass, program: &Program) -> Result<(), Box<Refusal>> {
+        let fragment = pass.fragment.as_deref();
+        let entry = fragment.and_then(|f| program.entry_point(ShaderStage::Fragment, f));
+        let Some((_, entry)) = entry else {
+            return Ok(());
+        };
+        for input in reflect::inputs(program.module(), &entry.function) {
+            if let Some(Binding::BuiltIn(BuiltIn::PrimitiveIndex | BuiltIn::Barycentric { .. })) =
+                input.binding
+            {
+                return Err(refuse(
+                    &refusals::KNOWS_TRIANGLES,
+                    "the fragment stage reads the index of its triangle, or its place in it: both would be the small ones'",
+                    "pass them as varyings",
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Names of the host's variables and their members.
+fn variables(module: &Module) -> BTreeSet<String> {
+    let mut names = BTreeSet::new();
+    let bound = module.global_variables.iter().map(|(_, global)| global);
+    for global in bound.filter(|g| g.binding.is_some()) {
+        let name = global.name.as_deref().unwrap_or_default();
+        if !name.is_empty() {
+            names.insert(name.to_owned());
+        }
+        if let naga::TypeInner::Struct { members, .. } = &module.types[global.ty].inner {
+            let members = members.iter().filter_map(|m| m.name.as_deref());
+            names.extend(members.map(|member| match name {
+                "" => member.to_owned(),
+                name => format!("{name}.{member}"),
+            }));
+        }
+    }
+    names
+}

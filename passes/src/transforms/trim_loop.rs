@@ -1,0 +1,418 @@
+//! `trim-loop`: the last turns of a loop are left out.
+//!
+//! Goal: octaves of noise, steps of a march, samples of a filter. Many loops add less with every turn, and their authors chose a number that is enough wherever the shader is ever seen. What the
+//! last turns are worth on a scene is a thing to measure; what they cost is known.
+//!
+//! ```text
+//! before:  for (var i = 0; i < 4; i++) { sum += amplitude * noise(p); amplitude *= 0.5; p *= 2.0; }
+//!
+//! after:   for (var i = 0; i < 3; i++) { .. }
+//! ```
+//!
+//! Of every counted loop of the fragment stage ([`Counted`]), those of its callees included, `turns` turns go, at least one stays; `of=fbm+ridges` names the functions whose loops are meant. What is added up is not made up for: a sum
+//! of four octaves that is divided by its amplitudes stays right, one that is not gets darker.
+//!
+//! A turn of a series is worth less than the one before; a turn over the scene's own data is not. A loop that reads a buffer, a texel or a layer by its counter (`lights[i]`) stays, for its last turn is a light like the
+//! first, unless some weight of it is multiplied by less than 1 each turn. Of one that shows neither it is said in the plan's notes.
+//!
+//! The promise is the user's budget, and nothing else: the picture says what a turn is worth. So loops stay that decide a discard, a depth or a coverage, that write memory, and that the vertex stage
+//! runs too: with them the surface would move.
+//!
+//! Sitthi-Amorn et al. (2011) and Pellacini (2005) search such simplifications over whole expressions; loops are where most of the time is.
+
+use std::borrow::Cow;
+use std::collections::{BTreeMap, BTreeSet};
+
+use naga::{Literal, Span, Statement};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::analysis::coverage::Decides;
+use crate::analysis::refusals as shared;
+use crate::analysis::simplify::{self, Simplified};
+use crate::core::budget::{Budget, Metric};
+use crate::core::contract::Contract;
+use crate::core::pass::{
+    Change, Example, Facts, Left, Outcome, Pass, PassInfo, Refusal, Refused, Site, SiteCost, Use,
+};
+use crate::core::plan::{GpuPass, Plan, Role};
+use crate::core::refusals::RefusalInfo;
+use crate::graph::counted::Counted;
+use crate::graph::effect::Effect;
+use crate::graph::operands;
+use crate::graph::{FunctionId, Graph, StmtId};
+use crate::rebuild::place::{Replacement, Rewrite, rewritten};
+use crate::slice::{self, Criterion, OutputFilter};
+
+/// The pass.
+pub struct TrimLoop;
+
+pub mod refusals;
+mod series;
+
+/// Parameters.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Params {
+    /// Turns that each loop loses; at least one stays.
+    #[schemars(range(min = 1, max = 64))]
+    pub turns: u32,
+    /// Functions whose loops are meant, joined by `+`; default: all that the fragment stage calls, and itself.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub of: Option<String>,
+    /// How much the picture may differ, by `metric`, above 0 and at most 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0.0))]
+    pub budget: Option<f64>,
+    /// What the budget counts.
+    pub metric: Metric,
+}
+
+impl Default for Params {
+    fn default() -> Self {
+        Self {
+            turns: 1,
+            of: None,
+            budget: None,
+            metric: Metric::default(),
+        }
+    }
+}
+
+impl Pass for TrimLoop {
+    type Params = Params;
+
+    const INFO: PassInfo = PassInfo {
+        name: "trim-loop",
+        summary: "leaves out the last turns of loops, as octaves of noise, within a budget",
+        source: "Pellacini, User-Configurable Automatic Shader Simplification (2005); Sitthi-Amorn et al., Genetic Programming for Shader Simplification (2011)",
+        when: "a sum of noise, march steps or filter samples has more turns than the scene shows",
+        hurts: "where the last turns are seen: a sum that is not divided by its weights gets darker",
+        reads_scene: false,
+    };
+
+    const REFUSALS: &'static [RefusalInfo] = refusals::REFUSALS;
+
+    const EXAMPLES: &'static [Example] = &[
+        Example {
+            recipe: "trim-loop:budget=1",
+            uses: &[Use::Compile, Use::Fuzz, Use::Ahead(1)],
+        },
+        Example {
+            recipe: "trim-loop:budget=0.1",
+            uses: &[
+                Use::Validate,
+                Use::Inject,
+                Use::Keep,
+                Use::Pictures(2),
+                Use::Truth,
+            ],
+        },
+        Example {
+            recipe: "trim-loop:budget=0.05",
+            uses: &[
+                Use::Page("pages/leaf"),
+                Use::Picture {
+                    scene: "fixtures/scenes/teapot-noise.toml --camera article --size 240x220 --frames 1",
+                    caption: "noise without its last octave: fine detail is missing everywhere, by four steps at most",
+                    rows: 1,
+                },
+            ],
+        },
+        Example {
+            recipe: "trim-loop:BUDGET",
+            uses: &[Use::PlanWithin],
+        },
+        Example {
+            recipe: "trim-loop:BUDGET,turns=1",
+            uses: &[Use::Simplify],
+        },
+        Example {
+            recipe: "trim-loop:BUDGET,turns=2",
+            uses: &[Use::Simplify],
+        },
+        Example {
+            recipe: "trim-loop:BUDGET,turns=3",
+            uses: &[Use::Simplify],
+        },
+    ];
+
+    fn run(plan: &Plan, _facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
+        Ok(less_turns(plan, params)?.outcome(plan, Self::INFO.name, params))
+    }
+}
+
+fn refuse(
+    code: &RefusalInfo,
+    reason: impl Into<String>,
+    remedy: impl Into<String>,
+) -> Box<Refusal> {
+    Box::new(Refusal::new(TrimLoop::INFO.name, code, reason, remedy))
+}
+
+/// A loop, and why it stays as it is where it does.
+struct Found {
+    function: FunctionId,
+    at: StmtId,
+    span: Span,
+    /// Whether a weight of it is seen to shrink.
+    ebbs: bool,
+    counted: Result<Counted, Stays>,
+}
+
+/// Why a loop keeps its turns.
+type Stays = Cow<'static, str>;
+
+/// A material's main pass with less turns.
+fn less_turns(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
+    let (pass, program, fragment) = simplify::examine(
+        plan,
+        TrimLoop::INFO.name,
+        "trim first, then apply the other passes",
+        "there is nothing to trim",
+    )?;
+    let Some(budget) = params.budget else {
+        let refusal = refuse(
+            &shared::NO_BUDGET,
+            "less turns are another picture, and how much it may differ is not said",
+            "give budget=0.01 (of flip_mean, or say metric=max_abs)",
+        );
+        return Err(refusal.into());
+    };
+    let graph = Graph::build(program);
+    let meant = simplify::meant(&graph, fragment, params.of.as_deref(), TrimLoop::INFO.name)?;
+    let found = found(&graph, pass, fragment, &meant, params.turns);
+    let left = left(&graph, &found);
+    let chosen: Vec<(&Found, &Counted)> = found
+        .iter()
+        .filter_map(|f| Some((f, f.counted.as_ref().ok()?)))
+        .collect();
+    if chosen.is_empty() {
+        let reason = match found.is_empty() {
+            true => "the fragment stage has no loop",
+            false => "no loop of the fragment stage can lose a turn",
+        };
+        let remedy = "explain lists its loops, and why each stays";
+        return Err((refuse(&refusals::NO_LOOP, reason, remedy), left).into());
+    }
+    let module = trimmed(&graph, &chosen, params.turns);
+    let bug = |e| Box::new(Refusal::bug(TrimLoop::INFO.name, e));
+    let after = program.with_module(module).map_err(bug)?;
+    let whole = graph.entry_cost(fragment);
+    let rest = Graph::build(&after).entry_cost(fragment);
+    let (first, _) = chosen[0];
+    let all = [Criterion::Output(OutputFilter::All)];
+    Ok(Simplified {
+        change: Change {
+            key: Site {
+                role: Role::Main,
+                entry_point: pass.fragment.clone().unwrap_or_default(),
+                slice: slice::backward(&graph, fragment, &all).hash(&graph),
+            },
+            what: described(&graph, &chosen, params.turns, [whole, rest]),
+            location: program.sources().locate(first.span),
+            cost: SiteCost {
+                slice: whole - rest,
+                whole,
+            },
+        },
+        program: after,
+        of: pass.program.clone(),
+        left,
+        contract: Contract::Approximate {
+            budget: Budget {
+                metric: params.metric,
+                limit: budget,
+            },
+            given: Vec::new(),
+        },
+    })
+}
+
+/// The loops of functions, and which of them can lose `turns` turns.
+fn found(
+    graph: &Graph<'_>,
+    pass: &GpuPass,
+    fragment: usize,
+    meant: &BTreeSet<FunctionId>,
+    turns: u32,
+) -> Vec<Found> {
+    let program = graph.program();
+    let decides = Decides::of(graph, program, fragment, pass);
+    let covers = decides.anything().then(|| decides.slice(graph, fragment));
+    let decides_coverage = |function: FunctionId, at: StmtId| {
+        covers.as_ref().is_some_and(|slice| {
+            let parts = slice.parts.iter().filter(|p| p.function == function);
+            parts
+                .clone()
+                .any(|p| p.kept.statements.get(at.index()) == Some(&true))
+        })
+    };
+    let others: Vec<FunctionId> = (0..program.module().entry_points.len())
+        .filter(|i| *i != fragment)
+        .map(FunctionId::EntryPoint)
+        .collect();
+    let mut all = Vec::new();
+    for id in meant {
+        let f = graph.function(*id);
+        let uses = uses(f.function);
+        let stores = [Effect::Store, Effect::ImageStore, Effect::Atomic];
+        let writes = graph.effects(*id).iter().any(|e| stores.contains(e));
+        let is_shared = others.iter().any(|entry| graph.reaches(*entry, *id));
+        for (at, node) in f.statements.iter() {
+            let is_loop = matches!(node.statement, Statement::Loop { .. });
+            if !is_loop || !f.control.is_reachable(at) {
+                continue;
+            }
+            let ebbs = series::ebbs(program.module(), f, at);
+            let stays = |why: &'static str| Err(Cow::Borrowed(why));
+            let counted = match Counted::of(program.module(), f, at) {
+                _ if is_shared => {
+                    stays("the vertex stage runs it too, and its turns decide where the surface is")
+                }
+                _ if writes => stays("it stands in a function that writes memory"),
+                _ if decides_coverage(*id, at) => {
+                    stays("it decides a discard, a depth or a coverage")
+                }
+                None => stays("it is not seen how many turns it makes: its bound is no number"),
+                Some(c) if c.turns < 2 => stays("it makes one turn, or none"),
+                Some(c) if uses.get(&c.bound) != Some(&1) => {
+                    stays("the number that its counter is compared with is used elsewhere too")
+                }
+                Some(c) if c.bound_for(less(&c, turns)).is_none() => {
+                    stays("no other number in place of its bound takes away so many turns")
+                }
+                Some(c) => match series::scene_data(graph, *id, &c).filter(|_| !ebbs) {
+                    Some(read) => Err(Cow::Owned(format!(
+                        "it reads `{read}` by its counter: its last turn is another thing of the scene, and nothing says that it counts for less"
+                    ))),
+                    None => Ok(c),
+                },
+            };
+            all.push(Found {
+                function: *id,
+                at,
+                span: node.span,
+                ebbs,
+                counted,
+            });
+        }
+    }
+    all
+}
+
+/// How often each expression of a function is read.
+fn uses(function: &naga::Function) -> BTreeMap<naga::Handle<naga::Expression>, usize> {
+    let mut uses = BTreeMap::new();
+    let mut add = |of: Vec<naga::Handle<naga::Expression>>| {
+        for e in of {
+            *uses.entry(e).or_insert(0) += 1;
+        }
+    };
+    for (_, expression) in function.expressions.iter() {
+        add(operands::of_expression(expression));
+    }
+    let mut blocks = vec![&function.body];
+    while let Some(block) = blocks.pop() {
+        for statement in block {
+            add(operands::of_statement(statement));
+            blocks.extend(operands::blocks(statement));
+        }
+    }
+    uses
+}
+
+/// The module with less turns: what each counter is compared with is another number.
+fn trimmed(graph: &Graph<'_>, chosen: &[(&Found, &Counted)], turns: u32) -> naga::Module {
+    let mut module = graph.module().clone();
+    let functions: BTreeSet<FunctionId> = chosen.iter().map(|(f, _)| f.function).collect();
+    for id in functions {
+        let of = chosen.iter().filter(|(f, _)| f.function == id);
+        module = rewritten(&module, id, |build| {
+            let mut rewrite = Rewrite::default();
+            for (_, counted) in of {
+                let left = less(counted, turns);
+                // Loops without such a number were not chosen.
+                let Some(bound) = counted.bound_for(left) else {
+                    continue;
+                };
+                let literal = match counted.signed {
+                    true => Literal::I32(bound as i32),
+                    false => Literal::U32(bound as u32),
+                };
+                let value = Replacement::Value(build.literal(literal));
+                rewrite.replacements.insert(counted.bound, value);
+            }
+            rewrite
+        });
+    }
+    module
+}
+
+/// Turns that stay.
+fn less(counted: &Counted, turns: u32) -> u32 {
+    counted.turns.saturating_sub(turns).max(1)
+}
+
+fn described(
+    graph: &Graph<'_>,
+    chosen: &[(&Found, &Counted)],
+    turns: u32,
+    [whole, rest]: [f64; 2],
+) -> String {
+    let sources = graph.program().sources();
+    let loops: Vec<String> = chosen
+        .iter()
+        .map(|(f, c)| {
+            let line = sources
+                .locate(f.span)
+                .map(|l| format!(" in line {}", l.line));
+            format!(
+                "the loop of `{}`{} makes {} turns instead of {}{}",
+                graph.name(f.function),
+                line.unwrap_or_default(),
+                less(c, turns),
+                c.turns,
+                match f.ebbs {
+                    true => "",
+                    false => " (nothing in it says that its last turns add less)",
+                }
+            )
+        })
+        .collect();
+    format!(
+        "{}: a fragment costs {rest:.0} ops instead of {whole:.0}",
+        loops.join(", ")
+    )
+}
+
+/// The loops that stay as they are, and why.
+fn left(graph: &Graph<'_>, found: &[Found]) -> Vec<Left> {
+    let sources = graph.program().sources();
+    let mut left: Vec<Left> = found
+        .iter()
+        .filter_map(|f| {
+            let reason = f.counted.as_ref().err()?;
+            Some(Left {
+                name: format!("loop of {}", graph.name(f.function)),
+                reason: reason.clone().into_owned(),
+                cost: cost(graph, f),
+                location: sources.locate(f.span),
+            })
+        })
+        .collect();
+    left.sort_by(|a, b| b.cost.total_cmp(&a.cost));
+    left
+}
+
+/// Static cost of all turns of a loop, for one run of its function.
+fn cost(graph: &Graph<'_>, found: &Found) -> f64 {
+    let f = graph.function(found.function);
+    let end = f.statements.get(found.at).end;
+    let is_within = |s: StmtId| (found.at..end).contains(&s);
+    let calls = f.calls().filter(|(at, _)| is_within(*at));
+    let called: f64 = calls
+        .map(|(at, callee)| graph.cost(FunctionId::Function(callee)) * f.times[at.index()])
+        .sum();
+    called + f.own_cost(graph.module(), is_within, |_| true)
+}

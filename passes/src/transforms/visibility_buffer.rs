@@ -1,0 +1,434 @@
+//! `visibility-buffer`: draw which triangle each pixel shows, then shade each pixel once.
+//!
+//! Goal: the material's fragment stage runs once for each covered pixel, and only for what is seen, whatever the depth complexity and the order of draws
+//! (Burns and Hunt, "The Visibility Buffer: A Cache-Friendly Approach to Deferred Shading", JCGT 2013; Sidorkin, "A faster renderer that wasn't faster", builds one by hand for grass).
+//!
+//! ```text
+//! before:  main      vs + fs                 every fragment that is nearest so far is shaded
+//!
+//! after:   ids       each draw               position and discard, sliced; writes (draw and instance, triangle) and depth
+//!          classify  once for the frame      the number of the draw that each pixel shows, as a depth
+//!          resolve   full screen, each draw  the triangle's corners are fetched and run through the author's vertex stage, the varyings interpolated, and the
+//!                                            author's fragment stage run on them
+//! ```
+//!
+//! What a fragment took from the rasteriser is made again: barycentrics from homogeneous edge functions, right for triangles that reach behind the viewer; each varying by its
+//! own interpolation; gradients as differences between pixels of the quad on the same triangle; facing from a bit of the id.
+
+use naga::ShaderStage;
+
+use crate::analysis::opaque::Opaque;
+use crate::analysis::refusals as shared;
+use crate::core::budget::Budget;
+use crate::core::contract::{Assumption, Contract};
+use crate::core::pass::{
+    Change, Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, SamplerState, SiteCost, Use,
+};
+use crate::core::plan::{Attachment, ClearValue, GpuPass, Plan, Role, Step};
+use crate::core::rasterizer::{Corners, Rasterizer};
+use crate::core::refusals::RefusalInfo;
+use crate::core::self_test;
+use crate::graph::Graph;
+use crate::rebuild::depth_only::{self, DepthOnly, VertexStage};
+use crate::rebuild::place;
+use crate::slice::{self, Slice};
+
+mod build;
+mod count;
+mod gradients;
+mod ids;
+mod jumps;
+mod kept;
+mod legal;
+mod lists;
+mod names;
+mod params;
+mod parts;
+pub mod refusals;
+mod resolve;
+mod stage;
+mod steep;
+mod text;
+
+pub use crate::core::draw_table::{DRAWS, IDS};
+pub use count::counted;
+use gradients::Shaded;
+use jumps::Reached;
+use lists::Lists;
+pub use params::{Form, Ids, Params, Select, Vertices, Words};
+use parts::slots;
+
+/// The pass.
+pub struct VisibilityBuffer;
+
+impl Pass for VisibilityBuffer {
+    type Params = Params;
+
+    const INFO: PassInfo = PassInfo {
+        name: "visibility-buffer",
+        summary: "draws which triangle each pixel shows, then shades each pixel once",
+        source: "Burns and Hunt, The Visibility Buffer (JCGT 2013)",
+        when: "a pixel is covered many times by small triangles (grass, crowds, foliage), cut-outs keep the early test from helping, and the host can bind vertices as storage buffers; else a depth-prepass is simpler and mostly as fast",
+        hurts: "where little is hidden or vertices are dear: each shaded pixel fetches and runs three vertices; and where neighbouring pixels show far-apart instances, whose data no cache holds",
+        reads_scene: true,
+    };
+
+    const REFUSALS: &'static [RefusalInfo] = refusals::REFUSALS;
+
+    const EXAMPLES: &'static [Example] = &[
+        Example {
+            recipe: "visibility-buffer",
+            uses: &[Use::Validate, Use::Plan, Use::Cover],
+        },
+        Example {
+            recipe: "visibility-buffer:select=id",
+            uses: &[
+                Use::Plan,
+                Use::Picture {
+                    scene: "fixtures/scenes/grass.toml --size 256x144 --frames 1 --order front-to-back --set instances=20000",
+                    caption: "a meadow: each pixel is shaded once, after it is known which blade it shows",
+                    rows: 2,
+                },
+            ],
+        },
+        Example {
+            recipe: "visibility-buffer:form=compute",
+            uses: &[Use::Plan, Use::Cover],
+        },
+        Example {
+            recipe: "visibility-buffer:formats=any,budget=1",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "visibility-buffer:ids=unindexed,form=compute,budget=1",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "visibility-buffer:select=tiles,budget=1",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "visibility-buffer:form=binned,words=one,corners=snapped,budget=1",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "visibility-buffer:budget=0.1",
+            uses: &[Use::Pictures(1)],
+        },
+        Example {
+            recipe: "visibility-buffer:budget=1",
+            uses: &[Use::Fuzz],
+        },
+        Example {
+            recipe: "visibility-buffer:form=compute,budget=1",
+            uses: &[Use::Fuzz],
+        },
+        Example {
+            recipe: "visibility-buffer:budget=0.02",
+            uses: &[Use::Page("pages/leaf")],
+        },
+        Example {
+            recipe: "visibility-buffer:budget=MOST",
+            uses: &[Use::PlanWithin],
+        },
+        Example {
+            recipe: "visibility-buffer:select=id,budget=MOST",
+            uses: &[Use::PlanWithin],
+        },
+        Example {
+            recipe: "visibility-buffer:form=compute,budget=MOST",
+            uses: &[Use::PlanWithin],
+        },
+    ];
+
+    fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
+        let params = &params.resolved(facts)?;
+        let plan = alone(plan);
+        let material = Material::examine(&plan, params)?;
+        let next = material.apply(&plan, params, &facts.samplers_of(&plan.material))?;
+        Ok(Outcome {
+            plan: next,
+            change: material.change(params),
+            left: Vec::new(),
+        })
+    }
+}
+
+/// What a plan's resolves take the adapter's rasteriser to do that it was seen not to do, in words; `None` where they agree, and of plans that have no resolve.
+pub fn contradicted(plan: &Plan, seen: &Rasterizer) -> Option<String> {
+    let steps = plan.steps.iter();
+    let mut said = steps.filter(|s| s.pass == VisibilityBuffer::INFO.name);
+    let params: Params = serde_json::from_value(said.next_back()?.params.clone()).ok()?;
+    let told: Vec<String> = params
+        .contradicting(seen)
+        .into_iter()
+        .map(|[said, seen]| format!("{said}, and was seen to do as `{seen}` says"))
+        .collect();
+    (!told.is_empty()).then(|| told.join("; "))
+}
+
+/// The plan with nothing but the main pass's entry points in its program, under names that are none of ours: what else the author's file has may be called as ours are.
+fn alone(plan: &Plan) -> Plan {
+    let mut plan = plan.clone();
+    let Some((pass, program)) = plan
+        .main()
+        .and_then(|p| Some((p.clone(), plan.program(p)?)))
+    else {
+        return plan;
+    };
+    let stages = [
+        (ShaderStage::Vertex, Some(pass.vertex.as_str())),
+        (ShaderStage::Fragment, pass.fragment.as_deref()),
+    ];
+    let kept: Vec<(ShaderStage, &str)> = stages
+        .into_iter()
+        .filter_map(|(stage, name)| Some((stage, name?)))
+        .collect();
+    let mut module = place::retain(program.module(), &kept);
+    names::without_ours(&mut module);
+    // A program that was valid is so with less in it.
+    if let Ok(program) = program.with_module(module) {
+        plan.programs.insert(pass.program, program);
+        for pass in plan.passes.iter_mut().filter(|p| p.role == Role::Main) {
+            pass.vertex = names::given(&pass.vertex);
+            pass.fragment = pass.fragment.as_deref().map(names::given);
+        }
+    }
+    plan
+}
+
+fn refuse(code: &RefusalInfo, reason: impl Into<String>, remedy: &str) -> Refusal {
+    Refusal::new(VisibilityBuffer::INFO.name, code, reason.into(), remedy)
+}
+
+/// A material that can be split.
+struct Material<'a> {
+    opaque: Opaque<'a>,
+    depth: DepthOnly,
+    /// The slice of the fragment stage's colours.
+    colors: Slice,
+}
+
+impl<'a> Material<'a> {
+    fn examine(plan: &'a Plan, params: &Params) -> Result<Self, Vec<Refusal>> {
+        let opaque = Opaque::examine(plan, VisibilityBuffer::INFO.name)?;
+        let mut refusals = Vec::new();
+        refusals.extend(legal::state(plan, opaque.pass));
+        refusals.extend(legal::vertex(&opaque));
+        let Some(fragment) = opaque.fragment else {
+            refusals.push(refuse(
+                &shared::NO_FRAGMENT_STAGE,
+                "the material draws depth alone: there is nothing to shade later",
+                "leave it as it is",
+            ));
+            return Err(refusals);
+        };
+        let entry = &opaque.program.module().entry_points[fragment];
+        let colors = resolve::colors_of(opaque.program.module(), &entry.function);
+        if colors.is_empty() {
+            refusals.push(refuse(
+                &refusals::NO_COLOR,
+                "the fragment stage gives no colour: there is nothing to shade later",
+                "leave it as it is",
+            ));
+            return Err(refusals);
+        }
+        let colors = slice::backward(&opaque.graph, fragment, &colors);
+        refusals.extend(legal::fragment(&opaque, &colors));
+        if !refusals.is_empty() {
+            return Err(refusals);
+        }
+        Ok(Self {
+            depth: depth_only::slice(&opaque, params.vertex(&opaque)),
+            opaque,
+            colors,
+        })
+    }
+
+    fn change(&self, params: &Params) -> Change {
+        let graph = &self.opaque.graph;
+        let depth = self.depth.change(&self.opaque, self.describe(params));
+        Change {
+            cost: SiteCost {
+                slice: 3.0 * graph.entry_cost(self.opaque.vertex)
+                    + graph.entry_cost(self.colors.entry),
+                ..depth.cost
+            },
+            ..depth
+        }
+    }
+
+    fn describe(&self, params: &Params) -> String {
+        let triangles = match params.ids {
+            Ids::PrimitiveIndex => "by primitive_index",
+            Ids::Unindexed => "by vertices of their own",
+        };
+        let covers = match self.opaque.decides.anything() {
+            true => " and what decides coverage",
+            false => "",
+        };
+        let vertex = match params.vertex(&self.opaque) {
+            VertexStage::Same => "the author's vertex stage",
+            VertexStage::Sliced => "position",
+        };
+        let corners = match params.vertices {
+            Vertices::Refetched => "runs the vertex stage for three corners and",
+            Vertices::Kept => "loads what a compute pass made of three corners and runs",
+        };
+        let over = match Lists::of(params) {
+            Lists::None => "a full-screen resolve",
+            Lists::Quads | Lists::Groups => "a resolve of the tiles that show the draw",
+            Lists::Bins => "a resolve of the draw's pixels, sorted by instance,",
+        };
+        format!(
+            "an id pass of {vertex}{covers}, triangles {triangles}; {over} that {corners} the fragment stage once a pixel"
+        )
+    }
+
+    fn apply(
+        &self,
+        plan: &Plan,
+        params: &Params,
+        samplers: &[SamplerState],
+    ) -> Result<Plan, Box<Refusal>> {
+        let bug = |why: String| Box::new(Refusal::bug(VisibilityBuffer::INFO.name, why));
+        if params.budget.is_some_and(|b| !(0.0..=1.0).contains(&b)) {
+            return Err(Box::new(refuse(
+                &crate::core::refusals::BUDGET,
+                "the budget is the largest difference of a channel, which lies between 0 and 1",
+                "give budget=0.01, say",
+            )));
+        }
+        let slots = slots(self.opaque.program);
+        let mut next = plan.clone();
+        next.passes.clear();
+        next.programs.clear();
+        next.attachments.push(Attachment {
+            name: IDS.to_owned(),
+            format: params.words.format(),
+            samples: 1,
+            sampled: true,
+            clear: ClearValue::Color([0.0; 4]),
+        });
+        self.ids(&mut next, params, slots).map_err(bug)?;
+        self.check_varyings(&next, params)?;
+        if (params.form, params.select()) == (Form::Fragment, Select::Depth) {
+            self.classify(&mut next, params).map_err(bug)?;
+        }
+        let lists = Lists::of(params);
+        lists
+            .add(&mut next, self.opaque.program, params.words)
+            .map_err(bug)?;
+        let program = resolve::shaded(&self.opaque.graph, &self.colors).map_err(bug)?;
+        let graph = Graph::build(&program);
+        let shaded = Shaded::new(&graph, self.colors.entry);
+        match params.form {
+            Form::Fragment => self.resolve(&mut next, &shaded, params, slots)?,
+            Form::Compute | Form::Binned => self.compute(&mut next, &shaded, params, slots)?,
+        }
+        for program in next.programs.values_mut() {
+            if program.module().overrides.is_empty() {
+                continue;
+            }
+            let mut module = program.module().clone();
+            names::give_way_to_overrides(&mut module);
+            *program = program
+                .with_module(module)
+                .map_err(|e| bug(e.to_string()))?;
+        }
+        let k = self.change(params).cost.slice.ceil() as u32;
+        let reached = self.reached(&shaded, params, samplers)?;
+        let given = self.assumptions(params, &reached);
+        next.steps.push(Step {
+            pass: VisibilityBuffer::INFO.name.to_owned(),
+            site: self.depth.key(&self.opaque),
+            params: serde_json::to_value(params.of_taken(reached.interpolated, reached.taken))
+                .unwrap_or_default(),
+            contract: match params.budget {
+                None => Contract::Rounding {
+                    k,
+                    turned: None,
+                    given,
+                },
+                Some(budget) => Contract::Approximate {
+                    budget: Budget::max_abs(budget),
+                    given,
+                },
+            },
+        });
+        next.notes.push(self.describe(params));
+        next.self_test = self_test::identified(&next, plan);
+        depth_only::finish(&mut next, "original");
+        Ok(next)
+    }
+
+    /// The author's varyings and the id beside them may be one more than the author asks a device for. Who says `vertex=same` has it so.
+    fn check_varyings(&self, plan: &Plan, params: &Params) -> Result<(), Box<Refusal>> {
+        const LIMIT: &str = "maxInterStageShaderVariables";
+        let asked = |pass: &GpuPass| pass.limits.get(LIMIT).copied().unwrap_or(0);
+        let Some(ids) = plan.passes.iter().find(|p| p.role == Role::Ids) else {
+            return Ok(());
+        };
+        if params.vertex.is_some() || asked(ids) <= asked(self.opaque.pass) {
+            return Ok(());
+        }
+        Err(Box::new(refuse(
+            &refusals::TOO_MANY_VARYINGS,
+            format!(
+                "the id pass hands on the author's varyings and the id, {} in all, which is more than the material asks a device for ({LIMIT})",
+                asked(ids)
+            ),
+            "mark the position @invariant, or take vertex=sliced, which needs no varying but the id; or vertex=same, where devices have the limit",
+        )))
+    }
+
+    /// What the roundings of interpolated values reach; refused where it is a jump, or what has no bound, and no budget allows for it.
+    fn reached(
+        &self,
+        shaded: &Shaded<'_, '_>,
+        params: &Params,
+        samplers: &[SamplerState],
+    ) -> Result<Reached, Box<Refusal>> {
+        let values = shaded.values.as_ref();
+        let values = values
+            .map_err(|why| refuse(&shared::TOO_LARGE, why.to_string(), "leave it as it is"))?;
+        let reached = jumps::reached(values);
+        let refusal = match params.budget {
+            Some(_) => None,
+            None => legal::rounding(&reached, samplers, self.opaque.program.sources()),
+        };
+        refusal.map_or(Ok(reached), |refusal| Err(Box::new(refusal)))
+    }
+
+    /// What the promise rests on: that the id pass's depths and positions are those that the author's own pass would have, which the original's picture has and which
+    /// materials that are not split are tested against.
+    fn assumptions(&self, params: &Params, reached: &Reached) -> Vec<Assumption> {
+        let mut given = params.invariant(&self.opaque).assumptions(&self.opaque);
+        let samples = !reached.samples.is_empty();
+        given.extend(samples.then_some(Assumption::FilteredTextures));
+        let chosen = reached.taken.any();
+        given.extend(chosen.then_some(Assumption::DerivativeNeighbours));
+        if reached.interpolated {
+            given.extend([
+                Assumption::InterpolatedCorners,
+                Assumption::TrianglesWithArea,
+            ]);
+            // Planes through corners as given are the same however the triangle is cut.
+            let snaps = params.rasterizer().corners != Corners::AsGiven;
+            given.extend(snaps.then_some(Assumption::UnclippedTriangles));
+            // A budget is measured, whatever the slopes.
+            given.extend(params.budget.is_none().then_some(Assumption::GentleSlopes));
+        }
+        given.extend(reached.linear.then_some(Assumption::UnclippedLinear));
+        given.extend([
+            // The resolve runs the vertex stage in another stage.
+            Assumption::StagesAgree,
+            Assumption::SameViewport,
+            Assumption::SameDrawOrder,
+            Assumption::OrdinaryNeighbours,
+        ]);
+        given.extend(self.opaque.assumptions());
+        given.sort();
+        given
+    }
+}

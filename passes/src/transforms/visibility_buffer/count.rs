@@ -1,0 +1,54 @@
+//! Counts the pixels that a compute resolve shades, with a full-screen pass.
+
+use naga::ShaderStage;
+
+use super::parts::parts;
+use super::text::{self, Slots};
+use super::{IDS, Words, resolve};
+use crate::core::geometry::Formats;
+use crate::core::plan::{ComputePass, Draws, GpuPass, Phase, Plan, Role};
+use crate::core::program::Program;
+use crate::core::reflect;
+use crate::rebuild::fetch::Linked;
+use crate::rebuild::place;
+
+/// The full-screen pass and program that replace a resolving compute pass to count its pixels.
+///
+/// # Errors
+/// Our own program does not validate: a bug.
+pub fn counted(plan: &Plan, compute: &ComputePass) -> Result<(GpuPass, Program), String> {
+    let program = plan
+        .programs
+        .get(&compute.program)
+        .ok_or("it has no program of that name")?;
+    let ids = plan.attachment(IDS).map(|a| &a.format);
+    let words = match ids == Some(&Words::One.format()) {
+        true => Words::One,
+        false => Words::Two,
+    };
+    let module = Linked::new(naga::Module::default(), &text::count(words))?.module;
+    let entries = [
+        (ShaderStage::Vertex, resolve::VERTEX),
+        (ShaderStage::Fragment, "fs_count"),
+    ];
+    let program = program
+        .with_module(place::retain(&module, &entries))
+        .map_err(|e| e.to_string())?;
+    let like = plan
+        .passes
+        .iter()
+        .find(|p| p.role == Role::Clear)
+        .ok_or("nothing clears what it writes to")?;
+    let mut pass = GpuPass {
+        role: Role::Resolve,
+        phase: Phase::Resolve,
+        program: "count".to_owned(),
+        vertex: resolve::VERTEX.to_owned(),
+        fragment: Some("fs_count".to_owned()),
+        draws: Draws::Opaque,
+        bindings: parts(Slots { group: 0, first: 0 }, &[], Formats::Declared),
+        ..like.clone()
+    };
+    reflect::fill(&mut pass, &program);
+    Ok((pass, program))
+}

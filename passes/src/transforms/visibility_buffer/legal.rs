@@ -1,0 +1,356 @@
+//! Legality of the split.
+
+use naga::valid::GlobalUse;
+use naga::{AddressSpace, Binding, BuiltIn, Expression, GlobalVariable, Handle, Module};
+
+use super::ids::Facing;
+use super::jumps::Reached;
+use super::refusals;
+use super::refuse;
+use crate::analysis::opaque::Opaque;
+use crate::analysis::refusals as shared;
+use crate::core::pass::{Refusal, SamplerState};
+use crate::core::plan::{GpuPass, Plan};
+use crate::core::program::SourceMap;
+use crate::core::reflect;
+use crate::core::refusals::RefusalInfo;
+use crate::core::state::{CullMode, DepthBias, Topology};
+use crate::graph::{Effect, FunctionId};
+use crate::slice::Slice;
+
+/// Checks the state of a pass.
+pub fn state(plan: &Plan, pass: &GpuPass) -> Vec<Refusal> {
+    let mut refusals = Vec::new();
+    if pass.primitive.topology != Topology::TriangleList {
+        refusals.push(refuse(
+            &shared::TOPOLOGY,
+            "only lists of triangles have ids here (a strip's restarts are not followed)",
+            "draw a triangle list",
+        ));
+    }
+    if pass.multisample.count > 1 {
+        refusals.push(refuse(
+            &refusals::MULTISAMPLED,
+            "a pixel of several samples shows several triangles, and would be shaded for one of them",
+            "draw it with one sample a pixel",
+        ));
+    }
+    if !pass.geometry.is_as_given() {
+        refusals.push(refuse(
+            &refusals::SUBDIVIDED,
+            "the triangles are subdivided ones, whose corners are not the author's vertices",
+            "leave tessellate out of the recipe",
+        ));
+    }
+    if pass
+        .targets
+        .iter()
+        .flatten()
+        .any(|t| t.attachment.is_some())
+        || plan.passes.len() > 1
+    {
+        refusals.push(refuse(
+            &refusals::HAS_OTHER_PASSES,
+            "another pass of the plan draws the same surface",
+            "start from the original plan",
+        ));
+    }
+    refusals
+}
+
+/// Refusals if rounding differences between resolve and rasteriser may become larger: at a
+/// discontinuity or an unbounded slope. `samplers` are the material's, as far as known.
+pub fn rounding(
+    reached: &Reached,
+    samplers: &[SamplerState],
+    sources: &SourceMap,
+) -> Option<Refusal> {
+    const MEASURE: &str = "give budget=0.02, say, and let `verify` measure it";
+    if let Some((operation, span)) = &reached.jump {
+        let reason = format!(
+            "what is interpolated reaches {operation}, which may make any difference of a last bit, and a resolve's last bits are not a rasteriser's"
+        );
+        return Some(refuse(&refusals::DISCONTINUOUS, reason, MEASURE).at(sources, *span));
+    }
+    if let Some((operation, span)) = &reached.steep {
+        let reason = format!(
+            "what is interpolated reaches {operation}, whose slope has no bound where that comes to its end: it makes steps of the last bits in which a resolve and a rasteriser differ"
+        );
+        let remedy = format!("{MEASURE}, or keep the operand away from there (`max(.., 0.001)`)");
+        return Some(refuse(&refusals::STEEP, reason, &remedy).at(sources, *span));
+    }
+    let own_level = format!("{MEASURE}, or sample with gradients or a level of your own");
+    if let Some(span) = reached.biased {
+        let reason = "a sample's level has a bias, which a resolve makes of scaled gradients: levels round differently, by more than the promise of rounding allows";
+        return Some(refuse(&refusals::BIASED_SAMPLE, reason, &own_level).at(sources, span));
+    }
+    if let Some(span) = reached.cube {
+        let reason = "a cube is sampled at an implicit level, which adapters make of gradients of their own, and not as of gradients that are given";
+        return Some(refuse(&refusals::CUBE_SAMPLE, reason, &own_level).at(sources, span));
+    }
+    reached.samples.iter().find_map(|sample| {
+        // An unknown sampler may be any.
+        let may_be = |state: &&SamplerState| {
+            let binding = (state.group, state.binding);
+            sample.sampler.is_none_or(|s| (s.group, s.binding) == binding)
+        };
+        let mut candidates = samplers.iter().filter(may_be);
+        let refusal = candidates.find_map(|state| match (state.filtered, state.anisotropy) {
+            (false, _) => Some(refuse(
+                &refusals::NEAREST_SAMPLE,
+                "a nearest sampler of the scene reads where interpolated values or gradients say: between two texels, or two levels, it jumps",
+                MEASURE,
+            )),
+            (true, 2..) if sample.by_gradients => Some(refuse(
+                &refusals::ANISOTROPIC_SAMPLE,
+                format!(
+                    "the scene samples with an anisotropy of {}: how many texels that takes, and along which line, jumps with the last bits of the gradients",
+                    state.anisotropy
+                ),
+                MEASURE,
+            )),
+            (true, _) => None,
+        })?;
+        Some(refusal.at(sources, sample.span))
+    })
+}
+
+/// Checks that the vertex stage can run for three corners in one invocation.
+pub fn vertex(opaque: &Opaque<'_>) -> Vec<Refusal> {
+    let mut refusals = Vec::new();
+    let module = opaque.program.module();
+    let entry = &module.entry_points[opaque.vertex];
+    refusals.extend(kept_state(
+        opaque,
+        opaque.vertex,
+        &shared::VERTEX_STATE,
+        "the vertex stage",
+        "it would run three times in one invocation",
+    ));
+    for input in reflect::inputs(module, &entry.function) {
+        if let Some(Binding::BuiltIn(b)) = input.binding
+            && !matches!(b, BuiltIn::VertexIndex | BuiltIn::InstanceIndex)
+        {
+            refusals.push(refuse(
+                &shared::VERTEX_BUILTIN,
+                format!("the vertex stage reads {b:?}, which a resolve pass has not"),
+                "leave it out",
+            ));
+        }
+    }
+    if let Some(attribute) = opaque.pass.attributes.iter().find(|a| a.ty.contains("f16")) {
+        refusals.push(refuse(
+            &shared::HALF_ATTRIBUTE,
+            format!(
+                "the attribute `{}` is of half precision, which is not decoded here",
+                attribute.name
+            ),
+            "declare it f32: the vertex buffer's format may stay",
+        ));
+    }
+    refusals
+}
+
+/// Checks that the fragment stage can run on reconstructed inputs. `colors` is the slice of its
+/// colours, because a struct of inputs may have members that they do not need.
+pub fn fragment(opaque: &Opaque<'_>, colors: &Slice) -> Vec<Refusal> {
+    let mut refusals = Vec::new();
+    let module = opaque.program.module();
+    let fragment = colors.entry;
+    let entry = &module.entry_points[fragment];
+    let all = reflect::inputs(module, &entry.function);
+    let read = || colors.inputs.iter().filter_map(|i| all.get(*i)).cloned();
+    for input in read() {
+        let name = input.name.unwrap_or_default();
+        let half = module.types[input.ty].inner.scalar() == Some(naga::Scalar::F16);
+        match input.binding {
+            Some(Binding::BuiltIn(
+                BuiltIn::Position { .. } | BuiltIn::FrontFacing | BuiltIn::PrimitiveIndex,
+            )) => {}
+            Some(Binding::BuiltIn(b)) => refusals.push(refuse(
+                &refusals::FRAGMENT_BUILTIN,
+                format!("the fragment stage reads {b:?}, which is not reconstructed"),
+                "leave it out",
+            )),
+            Some(Binding::Location { .. }) if half => refusals.push(refuse(
+                &refusals::HALF_VARYING,
+                format!(
+                    "the varying `{name}` is of half precision, which is not interpolated here"
+                ),
+                "make it f32",
+            )),
+            _ => {}
+        }
+    }
+    let reads_position =
+        read().any(|i| matches!(i.binding, Some(Binding::BuiltIn(BuiltIn::Position { .. }))));
+    if reads_position && opaque.depth.bias != DepthBias::default() {
+        refusals.push(refuse(
+            &shared::BIASED_POSITION,
+            "the fragment stage reads the position, whose depth has the material's bias on some graphics interfaces and not on others",
+            "leave the bias out, or pass what is needed of the position as a varying",
+        ));
+    }
+    refusals.extend(kept_state(
+        opaque,
+        fragment,
+        &refusals::FRAGMENT_STATE,
+        "the fragment stage",
+        "parts of it run for several pixels in one invocation",
+    ));
+    let effects = opaque.graph.effects(FunctionId::EntryPoint(fragment));
+    if effects.contains(&Effect::Subgroup) {
+        refusals.push(refuse(
+            &refusals::SUBGROUP,
+            "the fragment stage talks to its neighbours, which in a resolve pass are others",
+            "leave it out",
+        ));
+    }
+    refusals
+}
+
+/// Refuses a stage that writes private variables. GLSL inputs and outputs that functions other than
+/// `main` use are among them.
+fn kept_state(
+    opaque: &Opaque<'_>,
+    entry: usize,
+    code: &RefusalInfo,
+    stage: &str,
+    why: &str,
+) -> Option<Refusal> {
+    let module = opaque.program.module();
+    let info = opaque.program.info().get_entry_point(entry);
+    let kept: Vec<(Handle<GlobalVariable>, &GlobalVariable)> = module
+        .global_variables
+        .iter()
+        .filter(|(_, global)| global.space == AddressSpace::Private)
+        .filter(|(handle, _)| info[*handle].contains(GlobalUse::WRITE))
+        .collect();
+    let (first, _) = *kept.first()?;
+    let function = &module.entry_points[entry].function;
+    let inputs = reflect::inputs(module, function);
+    let outputs = reflect::outputs(module, function);
+    let is_of = |all: &[reflect::Io], name| all.iter().any(|io| io.name.as_deref() == Some(name));
+    let told = kept.iter().map(|(handle, global)| {
+        let name = global.name.as_deref().unwrap_or_default();
+        let what = match (is_of(&inputs, name), is_of(&outputs, name)) {
+            (true, _) => "the input",
+            (false, true) => "the output",
+            (false, false) => "the private variable",
+        };
+        match user(module, *handle) {
+            Some(user) => format!("{what} `{name}`, which `{user}` uses"),
+            None => format!("{what} `{name}`"),
+        }
+    });
+    let told: Vec<String> = told.collect();
+    let remedy = match kept
+        .iter()
+        .any(|(handle, _)| user(module, *handle).is_some())
+    {
+        true => {
+            "hand it to the functions that use it: as a parameter where they read it, as the result (or an `inout` parameter, or a pointer) where they write it"
+        }
+        false => "declare it in the entry point's own body",
+    };
+    let refusal = refuse(
+        code,
+        format!(
+            "{stage} keeps state in {}, and {why}",
+            told.join(", and in ")
+        ),
+        remedy,
+    );
+    Some(refusal.at(
+        opaque.program.sources(),
+        module.global_variables.get_span(first),
+    ))
+}
+
+/// The first function, entry points apart, that uses a variable.
+fn user(module: &Module, variable: Handle<GlobalVariable>) -> Option<&str> {
+    let uses = |e: &Expression| matches!(e, Expression::GlobalVariable(g) if *g == variable);
+    let mut functions = module.functions.iter().map(|(_, function)| function);
+    functions
+        .find(|f| f.expressions.iter().any(|(_, e)| uses(e)))
+        .and_then(|f| f.name.as_deref())
+}
+
+/// How the resolve knows the facing of a pixel.
+pub fn facing(opaque: &Opaque<'_>, colors: &Slice) -> Facing {
+    let module = opaque.program.module();
+    let all = reflect::inputs(module, &module.entry_points[colors.entry].function);
+    let asks = colors
+        .inputs
+        .iter()
+        .filter_map(|i| all.get(*i))
+        .any(|i| matches!(i.binding, Some(Binding::BuiltIn(BuiltIn::FrontFacing))));
+    match opaque.pass.primitive.cull {
+        CullMode::None if asks => Facing::Written,
+        CullMode::Front => Facing::Back,
+        CullMode::None | CullMode::Back => Facing::Front,
+    }
+}
+
+/// A colour that a compute stage writes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Stored {
+    pub location: u32,
+    /// Storage texture format in WGSL.
+    pub format: &'static str,
+    pub encoding: Encoding,
+}
+
+impl Stored {
+    /// Whether stored values are in 0..1.
+    pub fn is_normalized(&self) -> bool {
+        self.format == "rgba8unorm"
+    }
+}
+
+/// Encoding before a storage write.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Encoding {
+    Linear,
+    /// sRGB: a render target would encode it, a storage texture does not.
+    Srgb,
+}
+
+/// The colours that a compute stage would write.
+pub fn stored(pass: &GpuPass) -> Result<Vec<Stored>, Box<Refusal>> {
+    const FORMATS: [(&str, &str, Encoding); 4] = [
+        ("rgba8unorm", "rgba8unorm", Encoding::Linear),
+        ("rgba8unorm-srgb", "rgba8unorm", Encoding::Srgb),
+        ("rgba16float", "rgba16float", Encoding::Linear),
+        ("rgba32float", "rgba32float", Encoding::Linear),
+    ];
+    let targets = (0..).zip(&pass.targets);
+    targets
+        .filter_map(|(location, target)| Some((location, target.as_ref()?)))
+        .map(|(location, target)| {
+            let found = FORMATS.iter().find(|(drawn, ..)| *drawn == target.format);
+            let Some((_, format, encoding)) = found else {
+                return Err(Box::new(refuse(
+                    &refusals::TARGET_FORMAT,
+                    format!(
+                        "colour target {location} is {}: WebGPU does not promise it as a storage texture",
+                        target.format
+                    ),
+                    "take form=fragment",
+                )));
+            };
+            if target.write_mask != 0b1111 {
+                return Err(Box::new(refuse(
+                    &refusals::WRITE_MASK,
+                    format!("colour target {location} is written in part, and a storage texture is written whole"),
+                    "take form=fragment",
+                )));
+            }
+            Ok(Stored {
+                location,
+                format,
+                encoding: *encoding,
+            })
+        })
+        .collect()
+}

@@ -1,0 +1,27 @@
+//! Tests of the passes, without an adapter.
+
+#![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
+
+mod common;
+mod metamorphic_support;
+mod uniformity_cases;
+
+mod bound;
+mod effects;
+mod evaluation;
+mod evaluation_bounds;
+mod finite;
+mod fixtures;
+mod graph;
+mod hoist;
+mod hoist_interpolated;
+mod metamorphic;
+mod skip_taps;
+mod slices;
+mod specialize;
+mod specialize_random;
+mod tessellate;
+mod tidy;
+mod trim_loop;
+mod uniformity;
+mod validate;

@@ -1,0 +1,156 @@
+//! The plans of a frame, drawn beside the original and held to their contract.
+
+use preshade_passes::contract::{Contract, Verdict};
+use preshade_passes::guard::Assumed;
+use preshade_passes::plan::Plan;
+
+use super::verdict::breaks;
+use super::{Error, ErrorLadder, Session, compare};
+use crate::render::{self, Prepared, Rendered};
+use crate::scene::{DrawOrder, Frame};
+
+/// The plans of a frame, one a material, with everything that drawing them needs.
+pub struct Subject<'a> {
+    session: &'a Session<'a>,
+    /// The plans, in the scene's order of materials.
+    pub plans: Vec<Plan>,
+    /// The contract of all plans together.
+    pub contract: Contract,
+    /// Whether the pictures so far keep the contract.
+    pub verdict: Verdict,
+    /// The worst difference of all pictures so far; `None`: nothing was compared.
+    pub error: Option<ErrorLadder>,
+    /// Materials drawn as written because their guard failed, with the failed assumption.
+    pub unguarded: Vec<(usize, Assumed)>,
+    prepared: Option<Prepared<'a>>,
+    /// The materials whose guards failed last, and the frame that draws these as written.
+    fallback: Option<(Vec<usize>, Prepared<'a>)>,
+}
+
+impl<'a> Subject<'a> {
+    /// A frame of `plans`, not yet built.
+    pub fn new(session: &'a Session<'a>, plans: Vec<Plan>) -> Self {
+        let contracts = plans.iter().map(|plan| plan.contract.clone());
+        Self {
+            session,
+            contract: contracts.fold(Contract::exact(), Contract::and),
+            plans,
+            verdict: Verdict::NotMeasured {
+                why: "nothing was drawn".to_owned(),
+            },
+            error: None,
+            unguarded: Vec::new(),
+            prepared: None,
+            fallback: None,
+        }
+    }
+
+    /// Builds the frame.
+    ///
+    /// # Errors
+    /// As [`Session::prepare`].
+    pub fn build(&mut self) -> Result<&Prepared<'a>, render::Error> {
+        let prepared = self.session.prepare(&self.plans)?;
+        Ok(self.prepared.insert(prepared))
+    }
+
+    /// The built frame; `None`: it cannot be drawn.
+    pub fn prepared(&self) -> Option<&Prepared<'a>> {
+        self.prepared.as_ref()
+    }
+
+    /// Whether it can be drawn and has kept its contract so far.
+    pub fn is_standing(&self) -> bool {
+        self.prepared.is_some() && !matches!(self.verdict, Verdict::Broken { .. })
+    }
+
+    /// Stops drawing it. A broken contract stays broken.
+    pub fn quit(&mut self, error: &Error) {
+        self.prepared = None;
+        if !matches!(self.verdict, Verdict::Broken { .. }) {
+            self.verdict = Verdict::NotMeasured {
+                why: error.to_string(),
+            };
+        }
+    }
+
+    /// The frame aimed at a view, as a host draws it: materials with failing guards are drawn as
+    /// written. `None`: it cannot be drawn.
+    ///
+    /// # Errors
+    ///
+    /// As [`Session::prepare`].
+    pub fn aimed(
+        &mut self,
+        frame: &Frame,
+        order: DrawOrder,
+    ) -> Result<Option<&Prepared<'a>>, Error> {
+        let Some(prepared) = &mut self.prepared else {
+            return Ok(None);
+        };
+        let failed = self.session.inputs().violated(&self.plans, frame)?;
+        if failed.is_empty() {
+            prepared.aim(frame, order);
+            return Ok(Some(prepared));
+        }
+        let indices: Vec<usize> = failed.iter().map(|(i, _)| *i).collect();
+        self.unguarded.extend(failed);
+        let fallback = match self.fallback.take() {
+            Some((of, prepared)) if of == indices => (of, prepared),
+            _ => {
+                let mut plans = self.plans.clone();
+                for i in &indices {
+                    if let Some(original) = plans[*i].original.clone() {
+                        plans[*i] = Plan::clone(&original);
+                    }
+                }
+                (indices, self.session.prepare(&plans)?)
+            }
+        };
+        let (_, prepared) = self.fallback.insert(fallback);
+        prepared.aim(frame, order);
+        Ok(Some(prepared))
+    }
+
+    /// Draws a view with the uniforms last set by [`render::SceneInputs::set_frame`]. `None`: it
+    /// cannot be drawn.
+    ///
+    /// # Errors
+    ///
+    /// As [`Prepared::render`].
+    pub fn draw(&mut self, frame: &Frame, order: DrawOrder) -> Result<Option<Rendered>, Error> {
+        let prepared = self.aimed(frame, order)?;
+        Ok(prepared.map(Prepared::render).transpose()?)
+    }
+
+    /// Compares a picture with the original's and checks the contract. `view` names the view. The
+    /// first broken view is the verdict.
+    ///
+    /// # Errors
+    ///
+    /// Pictures of different kinds.
+    pub fn compare(
+        &mut self,
+        reference: &Rendered,
+        picture: &Rendered,
+        view: &str,
+    ) -> Result<ErrorLadder, Error> {
+        let error = compare(reference, picture)?;
+        self.add(&error);
+        if !matches!(self.verdict, Verdict::Broken { .. }) {
+            self.verdict = match breaks(&self.contract, &error) {
+                None => Verdict::Holds,
+                Some(how) => Verdict::Broken {
+                    r#where: format!("{view}: {how}"),
+                },
+            };
+        }
+        Ok(error)
+    }
+
+    /// Adds a difference to the worst so far.
+    pub fn add(&mut self, error: &ErrorLadder) {
+        let worst = self.error.take();
+        self.error = Some(worst.map_or_else(|| error.clone(), |worst| worst.worst(error)));
+    }
+}

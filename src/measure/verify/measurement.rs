@@ -1,0 +1,334 @@
+//! The original or a variant on its way through the views.
+
+use std::cell::OnceCell;
+use std::sync::Arc;
+
+use preshade_passes::contract::Verdict;
+
+use super::{Settings, Variant};
+use crate::measure::elsewhere::{OtherCameras, Shown};
+use crate::measure::record::{
+    Cost, Kept, ORIGINAL, Picture, Pictures, SelfTestReport, VariantReport, ViewReport, Worst,
+};
+use crate::measure::statistics::invocations;
+use crate::measure::verdict::nothing_drawn;
+use crate::measure::{
+    Counter, Error, ErrorLadder, Session, Shading, Timing, View, counting, junctions, shadow,
+    subject::Subject,
+};
+use crate::render::{Gpu, Rendered, SelfTestResult, self_test};
+use crate::scene::Frame;
+
+/// The original or a variant.
+pub(super) struct Measurement<'a> {
+    pub(super) subject: Subject<'a>,
+    counter: Option<Counter<'a>>,
+    pub(super) report: VariantReport,
+    pub(super) pictures: Option<Pictures>,
+    /// The largest error so far, by mean FLIP and then by changed pixels, with its pictures unless
+    /// it is the headline view.
+    pub(super) worst: Option<((f64, u64), Option<Worst>)>,
+    /// The pictures from the other cameras.
+    pub(super) elsewhere: OtherCameras,
+    /// The verdict on its shadow passes under the light. `None`: it has none, or they were not
+    /// drawn yet.
+    pub(super) shadow: Option<Verdict>,
+    /// Pixels with anything opaque in them, over the views counted.
+    pub(super) covered: Option<u64>,
+    /// The reason for an empty picture. `None`: blended draws, which are not counted, may be in it.
+    pub(super) empty: Option<String>,
+}
+
+/// Draws a view with every subject and compares each with the first. Returns the first one's
+/// picture.
+pub(super) fn compare_view(
+    subjects: &mut [Measurement<'_>],
+    (view, frame): (&View, &Frame),
+    headline: &View,
+) -> Result<Option<Rendered>, Error> {
+    let [original, variants @ ..] = subjects else {
+        return Ok(None);
+    };
+    let Some(reference) = original.subject.draw(frame, view.order)? else {
+        return Ok(None);
+    };
+    // The original's picture, which all that show this view share.
+    let shown = OnceCell::new();
+    fn seen<'v>(
+        reference: &'v Rendered,
+        shown: &'v OnceCell<Option<Arc<Picture>>>,
+        picture: &'v Rendered,
+    ) -> Shown<'v> {
+        Shown {
+            reference,
+            shown,
+            picture,
+        }
+    }
+    // The original again: an adapter that does not repeat itself proves nothing.
+    if view == headline
+        && let Some(again) = original.subject.draw(frame, view.order)?
+    {
+        original.compare(view, headline, seen(&reference, &shown, &again))?;
+    } else {
+        original.subject.add(&ErrorLadder::default());
+        original.add_view(view, ErrorLadder::default());
+    }
+    for variant in variants {
+        let drawn = variant.subject.draw(frame, view.order);
+        variant.note_unguarded(view);
+        let compared = drawn.and_then(|picture| match picture {
+            Some(picture) => variant.compare(view, headline, seen(&reference, &shown, &picture)),
+            None => Ok(()),
+        });
+        if let Err(error) = compared {
+            variant.give_up(error)?;
+        }
+    }
+    Ok(Some(reference))
+}
+
+/// Counts the fragments of every subject in a view.
+pub(super) fn count_view(
+    subjects: &mut [Measurement<'_>],
+    (view, frame): (&View, &Frame),
+    is_headline: bool,
+) -> Result<(), Error> {
+    let mut before: Option<Shading> = None;
+    for subject in subjects {
+        let Some(counter) = &mut subject.counter else {
+            continue;
+        };
+        let shading = match counter.count(frame, view.order) {
+            Ok(shading) => shading,
+            Err(error) => {
+                subject.give_up(error)?;
+                continue;
+            }
+        };
+        *subject.covered.get_or_insert(0) += shading.covered;
+        let per_pixel = Some(shading.summary().per_pixel);
+        if let Some(row) = subject.report.by_view.last_mut() {
+            row.shaded_per_pixel = per_pixel;
+        }
+        if is_headline {
+            subject.report.shaded_per_pixel = per_pixel;
+            if let Some(pictures) = &mut subject.pictures {
+                pictures.overdraw_before = before.clone();
+                pictures.overdraw_after = Some(shading.clone());
+            }
+        }
+        before.get_or_insert(shading);
+    }
+    Ok(())
+}
+
+impl<'a> Measurement<'a> {
+    /// Builds the pipelines of a variant. If that fails, the variant is not measured.
+    ///
+    /// # Errors
+    ///
+    /// The original cannot be built.
+    pub(super) fn new(session: &'a Session<'a>, variant: &Variant) -> Result<Self, Error> {
+        let subject = Subject::new(session, variant.plans.clone());
+        let mut drawn = Self {
+            counter: None,
+            report: VariantReport {
+                name: variant.name.clone(),
+                recipe: variant.recipe.clone(),
+                contract: subject.contract.clone(),
+                verdict: subject.verdict.clone(),
+                error: None,
+                time_ms: None,
+                speedup: None,
+                shaded_per_pixel: None,
+                cost: None,
+                shadow: None,
+                self_test: Vec::new(),
+                junctions: junctions(session.scene(), &variant.plans),
+                kept: variant.kept.clone(),
+                by_path: Vec::new(),
+                by_view: Vec::new(),
+            },
+            pictures: None,
+            worst: None,
+            elsewhere: OtherCameras::default(),
+            shadow: None,
+            covered: None,
+            empty: nothing_drawn(&variant.plans),
+            subject,
+        };
+        if variant.is_refused() {
+            // Its picture would equal the original's and prove nothing.
+            drawn.subject.verdict = Verdict::NotMeasured {
+                why: "every material refuses it".to_owned(),
+            };
+            return Ok(drawn);
+        }
+        match drawn.build(session, variant) {
+            Ok(()) => {}
+            Err(error) if variant.name == ORIGINAL => return Err(error),
+            Err(error) => drawn.quit(&error),
+        }
+        Ok(drawn)
+    }
+
+    fn build(&mut self, session: &'a Session<'a>, variant: &Variant) -> Result<(), Error> {
+        let prepared = self.subject.build()?;
+        let (pipelines, creation) = prepared.creation();
+        let cost = Cost {
+            pipelines,
+            creation_ms: creation.as_secs_f64() * 1e3,
+            draw_calls: prepared.draw_calls(),
+            target_bytes: prepared.target_bytes(),
+            subdivision: prepared.subdivision_cost(),
+            encode_ms: None,
+            invocations: None,
+        };
+        let counter = Counter::shaded(session.inputs(), &variant.plans, session.form(), counting);
+        self.counter = Some(counter?);
+        self.report.cost = Some(cost);
+        Ok(())
+    }
+
+    fn compare(&mut self, view: &View, headline: &View, seen: Shown<'_>) -> Result<(), Error> {
+        let (reference, picture) = (seen.reference, seen.picture);
+        let error = self
+            .subject
+            .compare(reference, picture, &view.described())?;
+        let is_headline = view == headline;
+        if is_headline {
+            self.pictures = Pictures::new(&self.report.name, reference, picture);
+        }
+        let key = (error.flip_mean, error.changed_pixels);
+        if key > self.worst.as_ref().map_or((0.0, 0), |w| w.0) {
+            let pictures = match is_headline {
+                // Those are kept anyway.
+                true => None,
+                false => Pictures::new(&self.report.name, reference, picture),
+            };
+            let worst = pictures.map(|p| Worst {
+                view: view.described(),
+                error: error.clone(),
+                original: p.original,
+                variant: p.variant,
+                difference: p.difference,
+            });
+            self.worst = Some((key, worst));
+        }
+        if view.camera != headline.camera {
+            self.elsewhere.look(view, &error, seen);
+        }
+        self.add_view(view, error);
+        Ok(())
+    }
+
+    fn add_view(&mut self, view: &View, error: ErrorLadder) {
+        self.report.by_view.push(ViewReport {
+            camera: view.camera.clone(),
+            frame: view.frame,
+            order: view.order,
+            error,
+            time_ms: None,
+            speedup: None,
+            shaded_per_pixel: None,
+        });
+    }
+
+    /// Keeps which materials were drawn as written for their guards failed.
+    fn note_unguarded(&mut self, view: &View) {
+        for (index, assumed) in self.subject.unguarded.drain(..) {
+            let material = &self.subject.plans[index].material;
+            if !self.report.kept.iter().any(|k| k.material == *material) {
+                self.report.kept.push(Kept {
+                    material: material.clone(),
+                    without: None,
+                    why: format!(
+                        "its guard does not hold in {}: {assumed} was assumed",
+                        view.described()
+                    ),
+                });
+            }
+        }
+    }
+
+    /// Keeps its time in the view last compared.
+    pub(super) fn timed(&mut self, timing: Timing, is_headline: bool) {
+        if let Some(row) = self.report.by_view.last_mut() {
+            row.time_ms = Some(timing.time.clone());
+            row.speedup = Some(timing.speedup);
+        }
+        if is_headline {
+            self.report.time_ms = Some(timing.time);
+            self.report.speedup = Some(timing.speedup);
+            if let Some(cost) = &mut self.report.cost {
+                cost.encode_ms = Some(timing.encode_ms);
+            }
+        }
+    }
+
+    pub(super) fn count_invocations(&mut self, gpu: &Gpu) -> Result<(), Error> {
+        if let (Some(prepared), Some(cost)) = (self.subject.prepared(), &mut self.report.cost) {
+            cost.invocations = invocations(gpu, prepared)?;
+        }
+        Ok(())
+    }
+
+    /// Draws its shadow passes under the light and keeps the result.
+    pub(super) fn measure_shadow(
+        &mut self,
+        session: &Session<'_>,
+        variant: &Variant,
+        settings: &Settings,
+    ) {
+        let invariant = variant
+            .plans
+            .iter()
+            .filter(|p| shadow::has_shadow(p))
+            .all(shadow::has_invariant_position);
+        self.shadow = Some(match shadow::measure(session, variant, settings) {
+            Ok(report) => self.report.shadow.insert(report).verdict(invariant),
+            Err(error) => Verdict::NotMeasured {
+                why: format!("its shadow pass: {error}"),
+            },
+        });
+    }
+
+    /// Runs the self-tests of its plans. They do not affect the verdict: they are for hosts, which
+    /// cannot compare with the original. `lost`: why there is no adapter any more.
+    pub(super) fn run_self_tests(&mut self, session: &Session<'_>, lost: Option<&str>) {
+        for plan in self.subject.plans.iter().filter(|p| p.self_test.is_some()) {
+            let run = match lost {
+                Some(why) => Err(why.to_owned()),
+                None => {
+                    self_test(session.inputs(), plan, session.form()).map_err(|e| e.to_string())
+                }
+            };
+            let result = match run {
+                Ok(None) => continue,
+                Ok(Some(result)) => result,
+                Err(why) => SelfTestResult::NotRun { why },
+            };
+            self.report.self_test.push(SelfTestReport {
+                material: plan.material.clone(),
+                result,
+                fallback: plan.fallback.clone(),
+            });
+        }
+    }
+
+    /// Draws it no more.
+    fn quit(&mut self, error: &Error) {
+        self.counter = None;
+        self.subject.quit(error);
+    }
+
+    /// Draws it no more, unless the adapter is lost.
+    fn give_up(&mut self, error: Error) -> Result<(), Error> {
+        if error.is_lost() {
+            return Err(error);
+        }
+        self.quit(&error);
+        Ok(())
+    }
+}

@@ -1,0 +1,170 @@
+//! The pipeline: source text and a recipe in; plans, refusals and files out.
+//!
+//! Every command, build script, lock file and search applies its recipes here, with one policy: a
+//! refused step is skipped and reported, and the next step is tried on the plan so far.
+
+use preshade_passes::neighbours;
+use preshade_passes::pass::{Facts, Refusal};
+use preshade_passes::plan::Plan;
+use preshade_passes::state::MaterialState;
+
+use crate::emit::{self, File, Target};
+use crate::front::{self, Parsed};
+use crate::recipe::{Recipe, Step};
+
+/// A material's source, and how to read it.
+#[derive(Clone, Copy, Debug)]
+pub struct Shader<'a> {
+    /// Name of the material. It begins the names of the emitted files.
+    pub name: &'a str,
+    /// One WGSL file, or a vertex and a fragment file.
+    pub sources: &'a [front::Source],
+    /// Entry points, definitions, limits.
+    pub options: &'a front::Options,
+    /// The pipeline state that the material is drawn with.
+    pub state: &'a MaterialState,
+}
+
+/// The result of [`rewrite`].
+#[derive(Debug)]
+pub struct Output {
+    /// The variant. `plan.steps` lists the applied steps; without any, it is the original.
+    pub plan: Plan,
+    /// The skipped steps.
+    pub skipped: Vec<Skipped>,
+    /// The emitted shaders and `plan.json`.
+    pub files: Vec<File>,
+    /// One error for each target that cannot express the variant.
+    pub errors: Vec<emit::Error>,
+}
+
+/// Parses a shader, applies `recipe` and emits the variant for each target.
+///
+/// # Errors
+/// The shader cannot be parsed. Refused steps and failed targets are part of the [`Output`].
+pub fn rewrite(
+    shader: Shader<'_>,
+    recipe: &Recipe,
+    facts: &Facts,
+    targets: &[Target],
+) -> Result<Output, front::Error> {
+    let original = front::parse(shader.sources, shader.options)?.plan(shader.name, shader.state);
+    let (plan, skipped) = apply(&original, recipe, facts);
+    let (files, errors) = emit(&plan, targets);
+    Ok(Output {
+        plan,
+        skipped,
+        files,
+        errors,
+    })
+}
+
+impl Parsed {
+    /// The plan that draws the shader as written.
+    pub fn plan(self, name: &str, state: &MaterialState) -> Plan {
+        let fragment = self.fragment.as_deref();
+        Plan::original(name, self.program, &self.vertex, fragment, state)
+    }
+}
+
+/// A skipped step.
+#[derive(Clone, Debug)]
+pub struct Skipped {
+    /// Name of the material that refused it.
+    pub material: String,
+    /// The step.
+    pub step: Step,
+    /// Why, and what would lift the refusal.
+    pub refusal: Box<Refusal>,
+}
+
+/// Materials to rewrite, and the frame that they are drawn in.
+#[derive(Clone, Copy, Debug)]
+pub struct Frame<'a> {
+    /// The originals to rewrite.
+    pub materials: &'a [Plan],
+    /// The originals of the whole frame, `materials` among them.
+    pub neighbours: &'a [Plan],
+}
+
+/// What a step makes of a plan.
+pub type Applied = Result<Plan, Box<Refusal>>;
+
+/// Sees each result, with the step and the plan before it. Returns whether a new plan is taken: a
+/// caller that has conditions of its own skips the step with `false`, and reports it.
+pub type Inspect<'f> = dyn FnMut(&Step, &Plan, &Applied) -> bool + 'f;
+
+/// Applies `recipe` to one material on its own.
+pub fn apply(original: &Plan, recipe: &Recipe, facts: &Facts) -> (Plan, Vec<Skipped>) {
+    let frame = Frame {
+        materials: std::slice::from_ref(original),
+        neighbours: &[],
+    };
+    let (mut plans, skipped) = apply_in(frame, recipe, facts, &mut |_, _, _| true);
+    (plans.remove(0), skipped)
+}
+
+/// Applies `recipe` to the materials of a frame, step by step. Returns their plans in order, and the
+/// skipped steps. A step is also refused if the frame cannot be drawn with its result.
+pub fn apply_in(
+    frame: Frame<'_>,
+    recipe: &Recipe,
+    facts: &Facts,
+    inspect: &mut Inspect<'_>,
+) -> (Vec<Plan>, Vec<Skipped>) {
+    let mut plans = frame.materials.to_vec();
+    let mut skipped = Vec::new();
+    for step in &recipe.steps {
+        let mut results: Vec<Applied> = plans.iter().map(|p| step.apply(p, facts)).collect();
+        refuse(&mut results, |plan| {
+            neighbours::conflict(plan, frame.neighbours)
+        });
+        let drawn = results.iter().zip(&plans);
+        let drawn: Vec<Plan> = drawn
+            .map(|(r, p)| r.as_ref().unwrap_or(p).clone())
+            .collect();
+        refuse(&mut results, |plan| {
+            neighbours::tied(plan, &drawn, facts.depth_ties)
+        });
+        for (plan, result) in plans.iter_mut().zip(results) {
+            let is_taken = inspect(step, plan, &result);
+            match result {
+                Ok(next) if is_taken => *plan = next,
+                Ok(_) => {}
+                Err(refusal) => skipped.push(Skipped {
+                    material: plan.material.clone(),
+                    step: step.clone(),
+                    refusal,
+                }),
+            }
+        }
+    }
+    (plans, skipped)
+}
+
+fn refuse(results: &mut [Applied], why: impl Fn(&Plan) -> Option<Refusal>) {
+    for result in results {
+        if let Some(refusal) = result.as_ref().ok().and_then(&why) {
+            *result = Err(Box::new(refusal));
+        }
+    }
+}
+
+/// Emits `plan` for each target that can express it, with one `plan.json`. Returns the files, and
+/// an error for each of the other targets.
+pub fn emit(plan: &Plan, targets: &[Target]) -> (Vec<File>, Vec<emit::Error>) {
+    let emit = |targets: &[Target]| emit::emit(plan, targets, &emit::Options::default());
+    if let Ok(files) = emit(targets) {
+        return (files, Vec::new());
+    }
+    let (mut able, mut errors) = (Vec::new(), Vec::new());
+    for target in targets {
+        match emit(&[*target]) {
+            Ok(_) => able.push(*target),
+            Err(error) => errors.push(error),
+        }
+    }
+    // Each of `able` was emitted above. Without any, there is no plan.json either.
+    let files = emit(&able).ok().filter(|_| !able.is_empty());
+    (files.unwrap_or_default(), errors)
+}

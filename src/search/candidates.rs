@@ -1,0 +1,32 @@
+//! The recipes that are tried: those of the passes' examples that are for it.
+
+use preshade_passes::budget::{Budget, Metric};
+use preshade_passes::examples;
+use preshade_passes::pass::Use;
+
+use crate::recipe::{Recipe, RecipeError};
+
+/// The recipes to try. Under a budget there are more, which may change the picture.
+///
+/// # Errors
+///
+/// An example that does not parse: a bug.
+pub fn recipes(budget: Option<Budget>) -> Result<Vec<Recipe>, RecipeError> {
+    let of = |wanted: Use| {
+        let used = examples().filter(move |(_, used)| **used == wanted);
+        used.map(|(recipe, _)| recipe)
+    };
+    let within = budget.map(|budget| {
+        let words = format!("budget={},metric={}", budget.limit, budget.metric);
+        let most = budget.limit.to_string();
+        // Passes with `MOST` only know the metric `max_abs`.
+        let is_counted = move |r: &&str| !r.contains("MOST") || budget.metric == Metric::MaxAbs;
+        let within = of(Use::PlanWithin).filter(is_counted);
+        within.map(move |r| r.replace("BUDGET", &words).replace("MOST", &most))
+    });
+    let plain = of(Use::Plan).map(str::to_owned);
+    plain
+        .chain(within.into_iter().flatten())
+        .map(|text| Recipe::parse_list(&text))
+        .collect()
+}

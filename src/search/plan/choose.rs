@@ -1,0 +1,122 @@
+//! Chooses plans for one view or several from measured speedups. Pure functions of numbers.
+
+use crate::measure::Estimate;
+
+/// The least speedup that justifies a second set of shaders. Smaller gains are reported but not
+/// used.
+pub const WORTHWHILE: f64 = 1.01;
+
+/// The original's time over a plan's in one view, from samples taken side by side.
+pub type Speedup = Estimate;
+
+/// Speedups by plan, then by view. `None`: not drawn, or its contract is broken. The first plan is
+/// the original with 1 everywhere.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Table(pub Vec<Vec<Option<Speedup>>>);
+
+impl Table {
+    pub(super) fn views(&self) -> usize {
+        self.0.first().map_or(0, Vec::len)
+    }
+
+    fn at(&self, plan: usize, view: usize) -> Option<Speedup> {
+        self.0.get(plan)?.get(view).copied().flatten()
+    }
+
+    /// Whether a plan is sound: faster than the original in some of `views` (beyond noise and
+    /// worthwhile), and slower in none beyond noise. The original is.
+    pub(super) fn is_sound(&self, plan: usize, views: &[usize]) -> bool {
+        let speedups: Option<Vec<Speedup>> = views.iter().map(|v| self.at(plan, *v)).collect();
+        speedups.is_some_and(|speedups| {
+            plan == 0
+                || speedups.iter().any(|s| s.low > WORTHWHILE)
+                    && speedups.iter().all(|s| s.high >= 1.0)
+        })
+    }
+
+    /// Mean over `views` of a plan's time, the original's being 1.
+    pub(super) fn relative_time(&self, plan: usize, views: &[usize]) -> f64 {
+        let times = views.iter().map(|v| match self.at(plan, *v) {
+            Some(s) if s.median > 0.0 => 1.0 / s.median,
+            _ => f64::INFINITY,
+        });
+        times.sum::<f64>() / views.len().max(1) as f64
+    }
+
+    /// The fastest plan for one view among those faster than the original beyond noise. 0 if there
+    /// is none.
+    pub fn best_in(&self, view: usize) -> usize {
+        self.best_over(&[view])
+    }
+
+    /// The one plan for all views.
+    pub fn best(&self) -> usize {
+        let views: Vec<usize> = (0..self.views()).collect();
+        self.best_over(&views)
+    }
+
+    /// The one plan for these views.
+    pub(super) fn best_over(&self, views: &[usize]) -> usize {
+        (0..self.0.len())
+            .filter(|plan| self.is_sound(*plan, views))
+            .min_by(|a, b| {
+                let time = |plan: usize| self.relative_time(plan, views);
+                time(*a).total_cmp(&time(*b))
+            })
+            .unwrap_or(0)
+    }
+
+    /// Whether `plan` is faster than `other` in that view, their intervals apart.
+    pub(super) fn is_faster(&self, plan: usize, other: usize, view: usize) -> bool {
+        match (self.at(plan, view), self.at(other, view)) {
+            (Some(a), Some(b)) => a.low > b.high,
+            _ => false,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn about(median: f64) -> Option<Speedup> {
+        Some(Speedup {
+            median,
+            low: median - 0.02,
+            high: median + 0.02,
+        })
+    }
+
+    fn one() -> Option<Speedup> {
+        Some(Speedup {
+            median: 1.0,
+            low: 1.0,
+            high: 1.0,
+        })
+    }
+
+    #[test]
+    fn nothing_that_is_not_faster_beyond_noise() {
+        let table = Table(vec![
+            vec![one(); 3],
+            vec![about(1.015), about(0.97), about(1.5)],
+            vec![about(1.0), about(0.8), about(1.7)],
+            // The fastest of all, and broken.
+            vec![None, None, None],
+        ]);
+        let best: Vec<usize> = (0..3).map(|v| table.best_in(v)).collect();
+        assert_eq!(best, [0, 0, 2]);
+        // The first loses 3 % in the second view, within 2 %; so it does beyond noise.
+        assert_eq!(table.best(), 0);
+    }
+
+    #[test]
+    fn one_plan_may_gain_in_some_views_and_lose_in_none() {
+        let table = Table(vec![
+            vec![one(); 3],
+            vec![about(1.3), about(1.0), about(0.99)],
+            vec![about(2.0), about(1.0), about(0.9)],
+        ]);
+        assert_eq!(table.best(), 1);
+    }
+}

@@ -1,0 +1,164 @@
+//! Why a material is drawn as it is, in words.
+
+use preshade_passes::contract::Verdict;
+
+use super::decision::{Decision, PlanReport, PredictedRecipe};
+use crate::measure::Estimate;
+
+/// The reasons for one material. `recipes` are its recipes in the plans of the policy, which is
+/// final.
+pub fn of(
+    material: &str,
+    recipes: &[String],
+    predicted: &[PredictedRecipe],
+    decision: &Decision,
+) -> Vec<String> {
+    let mut reasons = Vec::new();
+    let drawn = decision.drawn();
+    for (plan, recipe) in drawn.iter().zip(recipes) {
+        let views = |i: &usize| decision.views[*i].plan == *plan;
+        if !recipe.is_empty() {
+            reasons.push(gain(decision, *plan, recipe, &views));
+        }
+    }
+    if recipes.iter().any(String::is_empty) {
+        reasons.push(match predicted.is_empty() {
+            true => "no pass applies to it".to_owned(),
+            false => left(material, recipes, predicted, decision),
+        });
+    }
+    let broken = decision.plans.iter().filter_map(|p| match &p.verdict {
+        Verdict::Broken { r#where } if p.recipes.contains_key(material) => Some(format!(
+            "`{}` broke its promise and is out: {}",
+            p.name, r#where
+        )),
+        _ => None,
+    });
+    reasons.extend(broken);
+    reasons
+}
+
+/// Speedups of a plan in the views of a kind, the largest first: measured, or where nothing was, predicted.
+fn speedups(
+    decision: &Decision,
+    plan: &PlanReport,
+    views: &dyn Fn(&usize) -> bool,
+) -> Vec<(Estimate, String)> {
+    let each = (0..decision.views.len()).filter(|i| views(i));
+    let mut all: Vec<(Estimate, String)> = each
+        .filter_map(|i| {
+            let at = plan.by_view.get(i)?;
+            let before = decision.plans.first()?.by_view.get(i)?;
+            let ratio = before.predicted_ms / at.predicted_ms;
+            let predicted = Estimate {
+                median: ratio,
+                low: ratio,
+                high: ratio,
+            };
+            let speedup = match decision.clock {
+                Some(_) => at.speedup?,
+                None => predicted,
+            };
+            Some((speedup, decision.views[i].view.to_string()))
+        })
+        .collect();
+    all.sort_by(|a, b| b.0.median.total_cmp(&a.0.median));
+    all
+}
+
+/// A ratio and its interval; of a prediction, which has none, the ratio.
+pub fn ratio(e: &Estimate) -> String {
+    match e.low < e.high {
+        true => format!("{:.3}x [{:.3}, {:.3}]", e.median, e.low, e.high),
+        false => format!("{:.3}x", e.median),
+    }
+}
+
+fn gain(decision: &Decision, plan: usize, recipe: &str, views: &dyn Fn(&usize) -> bool) -> String {
+    let all = speedups(decision, &decision.plans[plan], views);
+    let is = match decision.clock {
+        Some(_) => "is",
+        None => "is predicted to be",
+    };
+    match (all.first(), all.last()) {
+        (Some((best, at)), Some((worst, least))) if all.len() > 1 => format!(
+            "`{recipe}`: the frame {is} {} at {at}, and at the least {} at {least}",
+            ratio(best),
+            ratio(worst)
+        ),
+        (Some((best, at)), _) => format!("`{recipe}`: the frame {is} {} at {at}", ratio(best)),
+        _ => format!("`{recipe}`: in no view that was looked at"),
+    }
+}
+
+/// Why a material stays as written although recipes apply to it.
+fn left(
+    material: &str,
+    recipes: &[String],
+    predicted: &[PredictedRecipe],
+    decision: &Decision,
+) -> String {
+    let drawn = decision.drawn();
+    let original = drawn.iter().zip(recipes).find(|(_, r)| r.is_empty());
+    let at = original.map(|(plan, _)| *plan);
+    // The views in which it is drawn as written.
+    let views = |i: &usize| Some(decision.views[*i].plan) == at;
+    let tried = decision.plans.iter().filter(|p| {
+        p.recipes.contains_key(material) && !matches!(p.verdict, Verdict::Broken { .. })
+    });
+    let best = tried
+        .map(|p| (p, speedups(decision, p, &views)))
+        .filter(|(_, all)| !all.is_empty())
+        .max_by(|(_, a), (_, b)| a[0].0.median.total_cmp(&b[0].0.median));
+    let Some((plan, all)) = best else {
+        let least = predicted
+            .iter()
+            .min_by(|a, b| a.relative_time.total_cmp(&b.relative_time));
+        return least.map_or("nothing else was measured".to_owned(), |p| {
+            format!(
+                "as written: nothing of it was among the runners-up; the best predicted, `{}`, takes {:.3} of the frame's time",
+                p.recipe, p.relative_time
+            )
+        });
+    };
+    let (gain, gained) = &all[0];
+    let loss = all.iter().rev().find(|(s, _)| s.high < 1.0);
+    match loss {
+        Some((loss, lost)) if gain.low > super::choose::WORTHWHILE => format!(
+            "as written: `{}` gains at {gained}, {}, and loses at {lost}, {}",
+            plan.name,
+            ratio(gain),
+            ratio(loss)
+        ),
+        _ => format!(
+            "as written: nothing {}{}. The best {}, `{}`, is {} at {gained}{}",
+            match decision.clock {
+                Some(_) => "pays",
+                None => "is predicted to pay",
+            },
+            match original.is_some() && drawn.len() > 1 {
+                true => " there",
+                false => "",
+            },
+            match decision.clock {
+                Some(_) => "tried",
+                None => "by prediction",
+            },
+            plan.name,
+            ratio(gain),
+            hidden(decision, &views)
+        ),
+    }
+}
+
+/// The most that hiding fragments could gain.
+fn hidden(decision: &Decision, views: &dyn Fn(&usize) -> bool) -> String {
+    let each = decision.views.iter().enumerate().filter(|(i, _)| views(i));
+    let most = each.map(|(_, v)| v.overdraw).fold(0.0, f64::max);
+    match most < 1.1 {
+        true => format!(
+            "; {most:.2} fragments are shaded for each that is seen, so that depth ahead has next to nothing to hide"
+        ),
+        false => String::new(),
+    }
+}

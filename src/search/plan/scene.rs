@@ -1,0 +1,462 @@
+//! One scene, from its files to a decision.
+
+use preshade_passes::contract::{Contract, Verdict};
+use preshade_passes::pass::Facts;
+
+use super::assign::{Assignment, Considered, FramePredictor, finalists};
+use super::choices::{Choices, choices};
+use super::choose::Table;
+use super::count::FragmentCounter;
+use super::decision::{
+    Decision, MaterialDecision, PlanReport, PlanView, PredictedRecipe, SCHEMA, SwitchCost,
+    ViewReport,
+};
+use super::model::Model;
+use super::policy::{Hold, Measure, Rule, policy};
+use super::so_far::{Progress, SceneSoFar};
+use super::stage::{self, Runner};
+use super::work::{Counted, DrawCounts, drawn};
+use super::{Error, reasons};
+use crate::measure::telling::{self, Colours};
+use crate::measure::{Clock, Estimate, Session, TimingSettings, View};
+use crate::recipe::Recipe;
+use crate::scene::{Frame, Scene, bind};
+
+/// Whether anything is timed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Timed {
+    /// Nothing: the choice is a prediction.
+    No,
+    /// Everything the choice depends on.
+    #[default]
+    Yes,
+}
+
+/// How to decide.
+pub struct Settings<'a> {
+    /// Whether to measure.
+    pub timed: Timed,
+    /// How long and how often, for each view.
+    pub timing: TimingSettings,
+    /// Most frames of each camera to measure, evenly spaced from its first.
+    pub frames_per_camera: usize,
+    /// Plans of the frame that are measured beside the original, before any refinement.
+    pub runners: usize,
+    /// Most plans to measure in refining the best one, if there are several materials.
+    pub refinements: usize,
+    /// One plan, or two and a switch where that pays.
+    pub hold: Hold,
+    /// The cost model.
+    pub model: &'a Model,
+    /// The command to put into the report.
+    pub command: String,
+}
+
+/// A scene with the counts of its views.
+pub struct Scouted {
+    /// The candidates of each material.
+    pub choices: Vec<Choices>,
+    /// The draws of each material.
+    pub drawn: Vec<DrawCounts>,
+    /// The views.
+    pub views: Vec<(View, Frame)>,
+    /// The counts of each view.
+    pub counted: Vec<Counted>,
+}
+
+/// Applies the recipes to each material and counts fragments in every view.
+///
+/// # Errors
+/// As [`FragmentCounter::new`]; a scene without a view.
+pub fn scout(
+    session: &Session<'_>,
+    recipes: &[Recipe],
+    facts: &Facts,
+    frames_per_camera: usize,
+) -> Result<Scouted, Error> {
+    let (scene, inputs, originals) = (session.scene(), session.inputs(), session.originals());
+    let views: Vec<(View, Frame)> = View::all(scene, frames_per_camera)
+        .into_iter()
+        .map(|(view, frame)| (view, *frame))
+        .collect();
+    if views.is_empty() {
+        return Err(Error::NoView(scene.name.clone()));
+    }
+    let mut counter = FragmentCounter::new(inputs, originals)?;
+    let mut counted = Vec::new();
+    for (view, frame) in &views {
+        inputs.set_frame(frame)?;
+        counted.push(counter.count(frame, view.order)?);
+    }
+    Ok(Scouted {
+        choices: choices(originals, recipes, facts),
+        drawn: drawn(scene),
+        views,
+        counted,
+    })
+}
+
+impl Scouted {
+    /// The views as `model` sees them.
+    pub fn seen<'a>(&'a self, model: &'a Model) -> FramePredictor<'a> {
+        FramePredictor {
+            choices: &self.choices,
+            drawn: &self.drawn,
+            counted: &self.counted,
+            model,
+        }
+    }
+}
+
+/// The measurements, by frame and view.
+#[derive(Default)]
+struct Measured {
+    clock: Option<Clock>,
+    times: Vec<Vec<Option<Estimate>>>,
+    table: Table,
+    colours: Colours,
+    so_far: SceneSoFar,
+}
+
+/// Decides the plan of each material of a scene. `recipes` are the candidates, with their measured
+/// choices made. `progress` gets the part done, and the measurements after each view.
+///
+/// # Errors
+///
+/// The original cannot be drawn, counted or timed, or the adapter is lost.
+pub fn decide(
+    session: &Session<'_>,
+    recipes: &[Recipe],
+    facts: &Facts,
+    settings: &Settings<'_>,
+    progress: &mut dyn FnMut(Progress<'_>),
+) -> Result<Decision, Error> {
+    progress(Progress::at(0.0, "counting fragments"));
+    let scouted = scout(session, recipes, facts, settings.frames_per_camera)?;
+    let seen = scouted.seen(settings.model);
+    let all = seen.frames();
+    let finalists = match settings.timed {
+        Timed::No => (0..all.len()).collect(),
+        Timed::Yes => {
+            let predicted: Vec<&[f64]> = all.iter().map(|f| f.predicted.as_slice()).collect();
+            finalists(&predicted, settings.runners)
+        }
+    };
+    let mut frames: Vec<Considered> = finalists.into_iter().map(|i| all[i].clone()).collect();
+    let mut subjects = Vec::new();
+    let views = scouted.views.iter().map(|(view, _)| view.clone());
+    let mut measured = Measured {
+        so_far: SceneSoFar::new(&session.scene().name, views),
+        ..Measured::default()
+    };
+    match settings.timed {
+        Timed::No => {
+            let (original, each) = (&frames[0].predicted, frames.iter());
+            measured.table = Table(each.map(|f| predicted_row(original, f)).collect());
+            measured.times = vec![vec![None; scouted.views.len()]; frames.len()];
+        }
+        Timed::Yes => {
+            for frame in &frames {
+                let name = frame.assignment.name(&scouted.choices);
+                progress(Progress::at(0.1, format!("compiling {name}")));
+                subjects.push(Runner::new(session, &scouted.choices, frame)?);
+            }
+            measure_all(
+                session,
+                &mut subjects,
+                &scouted,
+                settings,
+                &mut measured,
+                &mut |p| {
+                    progress(Progress {
+                        done: 0.1 + 0.6 * p.done,
+                        ..p
+                    });
+                },
+            )?;
+            refine(
+                session,
+                &mut (&mut frames, &mut subjects),
+                &scouted,
+                settings,
+                &mut measured,
+                &mut |p| {
+                    progress(Progress {
+                        done: 0.7 + 0.3 * p.done,
+                        ..p
+                    });
+                },
+            )?;
+        }
+    }
+    progress(Progress::at(1.0, "done"));
+    Ok(report(
+        session, &scouted, settings, &frames, &subjects, measured,
+    ))
+}
+
+/// A frame's predicted speedups, as if they were measured without noise.
+fn predicted_row(original: &[f64], frame: &Considered) -> Vec<Option<Estimate>> {
+    let each = original.iter().zip(&frame.predicted);
+    each.map(|(before, after)| {
+        let ratio = before / after;
+        ratio.is_finite().then_some(Estimate {
+            median: ratio,
+            low: ratio,
+            high: ratio,
+        })
+    })
+    .collect()
+}
+
+/// Compares and times every subject in every view, and adds the results. The first is the original,
+/// which is measured again with each lot.
+fn measure_all(
+    session: &Session<'_>,
+    subjects: &mut [Runner<'_>],
+    scouted: &Scouted,
+    settings: &Settings<'_>,
+    measured: &mut Measured,
+    progress: &mut dyn FnMut(Progress<'_>),
+) -> Result<(), Error> {
+    let mut times = vec![Vec::new(); subjects.len()];
+    let mut speedups = vec![Vec::new(); subjects.len()];
+    let views = &scouted.views;
+    for (done, (view, frame)) in views.iter().enumerate() {
+        let part = |views_done: usize| views_done as f64 / views.len() as f64;
+        progress(Progress::at(part(done), view.to_string()));
+        if let Some(reference) = stage::compare(session, subjects, view, frame)? {
+            measured.colours.look(&reference);
+        }
+        let of = (frame, view.order);
+        let (clock, timings) = stage::time(session, subjects, of, &settings.timing)?;
+        measured.clock = Some(clock);
+        measured.so_far.add(clock, view, (&*subjects, &timings));
+        progress(Progress {
+            so_far: Some(&measured.so_far),
+            ..Progress::at(part(done + 1), view.to_string())
+        });
+        for (i, timing) in timings.into_iter().enumerate() {
+            times[i].push(timing.as_ref().map(|t| t.time.estimate));
+            speedups[i].push(timing.map(|t| t.speedup));
+        }
+    }
+    for (subject, (times, mut speedups)) in subjects.iter().zip(times.into_iter().zip(speedups)) {
+        // A plan that broke in a later view is out everywhere.
+        if !subject.subject.is_standing() {
+            speedups = vec![None; views.len()];
+        }
+        measured.times.push(times);
+        measured.table.0.push(speedups);
+    }
+    Ok(())
+}
+
+/// Frames, and their runners side by side.
+type Drawing<'d, 'a> = (&'d mut Vec<Considered>, &'d mut Vec<Runner<'a>>);
+
+/// Measures frames that differ from the best in one material, the fastest predicted first, as long
+/// as one is better.
+fn refine<'a>(
+    session: &'a Session<'a>,
+    (frames, subjects): &mut Drawing<'_, 'a>,
+    scouted: &Scouted,
+    settings: &Settings<'_>,
+    measured: &mut Measured,
+    progress: &mut dyn FnMut(Progress<'_>),
+) -> Result<(), Error> {
+    if scouted.choices.len() < 2 {
+        return Ok(());
+    }
+    let seen = scouted.seen(settings.model);
+    let mut left = settings.refinements;
+    loop {
+        let best = measured.table.best();
+        let is_new = |c: &Considered| !frames.iter().any(|f| f.assignment == c.assignment);
+        let near: Vec<Considered> = seen
+            .neighbours(&frames[best].assignment)
+            .into_iter()
+            .filter(is_new)
+            .take(left.min(LOT))
+            .filter_map(|c| seen.consider(c.assignment))
+            .filter(is_new)
+            .collect();
+        if near.is_empty() {
+            return Ok(());
+        }
+        left -= near.len();
+        // The original again, so that ratios are of samples taken side by side.
+        let mut lot = Vec::new();
+        for frame in frames[..1].iter().chain(&near) {
+            lot.push(Runner::new(session, &scouted.choices, frame)?);
+        }
+        let mut more = Measured {
+            so_far: std::mem::take(&mut measured.so_far),
+            ..Measured::default()
+        };
+        measure_all(session, &mut lot, scouted, settings, &mut more, progress)?;
+        measured.so_far = more.so_far;
+        frames.extend(near);
+        subjects.extend(lot.into_iter().skip(1));
+        measured.times.extend(more.times.into_iter().skip(1));
+        measured.table.0.extend(more.table.0.into_iter().skip(1));
+        if measured.table.best() == best {
+            return Ok(());
+        }
+    }
+}
+
+/// Frames measured at a time while refining.
+const LOT: usize = 3;
+
+fn report(
+    session: &Session<'_>,
+    scouted: &Scouted,
+    settings: &Settings<'_>,
+    frames: &[Considered],
+    subjects: &[Runner<'_>],
+    measured: Measured,
+) -> Decision {
+    let (gpu, scene) = (session.gpu(), session.scene());
+    let counted = scouted.views.iter().zip(&scouted.counted);
+    let measures: Vec<Measure> = counted
+        .map(|((view, _), counted)| Measure {
+            order: view.order,
+            shaded: counted.shaded_per_pixel(),
+        })
+        .collect();
+    let policy = policy(&measured.table, &measures, settings.hold);
+    let plans: Vec<PlanReport> = frames
+        .iter()
+        .enumerate()
+        .map(|(i, frame)| plan_report(i, frame, scouted, subjects.get(i), &measured))
+        .collect();
+    let views = scouted
+        .views
+        .iter()
+        .zip(&scouted.counted)
+        .enumerate()
+        .map(|(i, ((view, _), counted))| ViewReport {
+            view: view.clone(),
+            shaded_per_pixel: counted.shaded_per_pixel(),
+            overdraw: counted.overdraw(),
+            materials: counted.materials.clone(),
+            plan: policy.plan(measures[i].order, measures[i].shaded),
+            alone: measured.table.best_in(i),
+        })
+        .collect();
+    let mut decision = Decision {
+        schema: SCHEMA.to_owned(),
+        scene: scene.name.clone(),
+        resolution: scene.size,
+        command: settings.command.clone(),
+        adapter: gpu.adapter().clone(),
+        clock: measured.clock,
+        policy,
+        materials: Vec::new(),
+        plans,
+        views,
+        warnings: telling::missing_attributes(&bind::guessed(scene))
+            .into_iter()
+            .chain(measured.colours.warning())
+            .collect(),
+        switch_cost: Vec::new(),
+        model: settings.model.clone(),
+    };
+    decision.switch_cost = switch_costs(&decision);
+    let seen = scouted.seen(settings.model);
+    decision.materials = (0..scouted.choices.len())
+        .map(|m| material(m, scene, &seen, &decision, frames))
+        .collect();
+    decision
+}
+
+fn plan_report(
+    index: usize,
+    frame: &Considered,
+    scouted: &Scouted,
+    subject: Option<&Runner<'_>>,
+    measured: &Measured,
+) -> PlanReport {
+    let by_view = frame.predicted.iter().enumerate().map(|(view, predicted)| {
+        let at = |rows: &[Vec<Option<Estimate>>]| rows.get(index)?.get(view).copied().flatten();
+        PlanView {
+            predicted_ms: *predicted,
+            time_ms: at(&measured.times),
+            // Without a clock it would be the prediction again.
+            speedup: measured.clock.and_then(|_| at(&measured.table.0)),
+        }
+    });
+    let plans = frame.assignment.plans(&scouted.choices);
+    let promised = plans
+        .iter()
+        .fold(Contract::exact(), |c, plan| c.and(plan.contract.clone()));
+    PlanReport {
+        name: frame.assignment.name(&scouted.choices),
+        recipes: frame.assignment.recipes(&scouted.choices),
+        contract: promised,
+        verdict: subject.map_or_else(
+            || Verdict::NotMeasured {
+                why: "it was not drawn".to_owned(),
+            },
+            |s| s.subject.verdict.clone(),
+        ),
+        error: subject.and_then(|s| s.subject.error.clone()),
+        cost: subject.and_then(|s| s.cost.clone()),
+        notes: frame.notes.clone(),
+        by_view: by_view.collect(),
+    }
+}
+
+/// The costs of both plans of each switch.
+fn switch_costs(decision: &Decision) -> Vec<Option<SwitchCost>> {
+    let cost = |plan: usize| decision.plans.get(plan)?.cost.as_ref();
+    let of = |rule: &Rule| match rule {
+        Rule::One { .. } => None,
+        Rule::Switch(switch) => Some(SwitchCost::of(cost(switch.below)?, cost(switch.above)?)),
+    };
+    decision.policy.0.iter().map(|h| of(&h.rule)).collect()
+}
+
+/// The decision for one material.
+fn material(
+    index: usize,
+    scene: &Scene,
+    seen: &FramePredictor<'_>,
+    decision: &Decision,
+    frames: &[Considered],
+) -> MaterialDecision {
+    let choices = &seen.choices[index];
+    let recipes: Vec<String> = decision
+        .drawn()
+        .iter()
+        .map(|plan| {
+            let recipes = &decision.plans[*plan].recipes;
+            recipes.get(&choices.material).cloned().unwrap_or_default()
+        })
+        .collect();
+    let original = &frames[0].predicted;
+    let predicted: Vec<PredictedRecipe> = (1..choices.candidates.len())
+        .filter_map(|pick| {
+            let mut alone = Assignment::original(seen.choices);
+            alone.0[index] = pick;
+            let considered = seen.predict(alone)?;
+            let ratios = original.iter().zip(&considered.predicted);
+            let ratios: Vec<f64> = ratios.map(|(before, after)| after / before).collect();
+            Some(PredictedRecipe {
+                recipe: choices.candidates[pick].recipe.to_string(),
+                relative_time: ratios.iter().sum::<f64>() / ratios.len().max(1) as f64,
+            })
+        })
+        .collect();
+    MaterialDecision {
+        reasons: reasons::of(&choices.material, &recipes, &predicted, decision),
+        material: choices.material.clone(),
+        draws: (0..scene.draws.len())
+            .filter(|d| scene.draws[*d].material == index)
+            .collect(),
+        recipes,
+        refused: choices.refused.clone(),
+        predicted,
+    }
+}

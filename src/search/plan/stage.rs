@@ -1,0 +1,122 @@
+//! Frames drawn, compared with the original and timed side by side, view by view.
+
+use preshade_passes::contract::Verdict;
+
+use super::Error;
+use super::assign::Considered;
+use super::choices::Choices;
+use super::decision::PlanCost;
+use crate::measure::{self, Clock, Session, Subject, Timing, TimingSettings, View};
+use crate::render::Rendered;
+use crate::scene::{DrawOrder, Frame};
+
+/// A plan of the frame that is measured.
+pub struct Runner<'a> {
+    /// Name, in words.
+    pub name: String,
+    /// The costs of having it.
+    pub cost: Option<PlanCost>,
+    /// The plans.
+    pub subject: Subject<'a>,
+}
+
+impl<'a> Runner<'a> {
+    /// Builds the frame. If that fails, it is [`Verdict::NotMeasured`].
+    ///
+    /// # Errors
+    ///
+    /// A lost adapter.
+    pub fn new(
+        session: &'a Session<'a>,
+        choices: &[Choices],
+        considered: &Considered,
+    ) -> Result<Self, Error> {
+        let mut runner = Self {
+            name: considered.assignment.name(choices),
+            cost: None,
+            subject: Subject::new(session, considered.assignment.plans(choices)),
+        };
+        match runner.subject.build() {
+            Ok(prepared) => {
+                let (pipelines, creation) = prepared.creation();
+                runner.cost = Some(PlanCost {
+                    pipelines,
+                    creation_ms: creation.as_secs_f64() * 1e3,
+                    targets: prepared.targets(),
+                });
+            }
+            Err(error) => runner.give_up(error.into())?,
+        }
+        Ok(runner)
+    }
+
+    /// Draws it no more, unless the adapter is lost.
+    fn give_up(&mut self, error: measure::Error) -> Result<(), Error> {
+        if error.is_lost() {
+            return Err(error.into());
+        }
+        self.subject.quit(&error);
+        Ok(())
+    }
+}
+
+/// Draws one view with every runner and compares each with the first, the original, whose picture
+/// is returned. A runner that breaks its contract is drawn no more.
+///
+/// # Errors
+///
+/// The original cannot be drawn, or the adapter is lost.
+pub fn compare(
+    session: &Session<'_>,
+    runners: &mut [Runner<'_>],
+    view: &View,
+    frame: &Frame,
+) -> Result<Option<Rendered>, Error> {
+    session.inputs().set_frame(frame)?;
+    let [original, others @ ..] = runners else {
+        return Ok(None);
+    };
+    let Some(reference) = original.subject.draw(frame, view.order)? else {
+        return Ok(None);
+    };
+    original.subject.verdict = Verdict::Holds;
+    for runner in others.iter_mut().filter(|r| r.subject.is_standing()) {
+        match runner.subject.draw(frame, view.order) {
+            Ok(Some(picture)) => {
+                let subject = &mut runner.subject;
+                subject.compare(&reference, &picture, &view.to_string())?;
+            }
+            Ok(None) => {}
+            Err(error) => runner.give_up(error)?,
+        }
+    }
+    Ok(Some(reference))
+}
+
+/// Times one view with every standing runner. `None` for the others.
+///
+/// # Errors
+///
+/// As [`measure::time`].
+pub fn time(
+    session: &Session<'_>,
+    runners: &mut [Runner<'_>],
+    (frame, order): (&Frame, DrawOrder),
+    settings: &TimingSettings,
+) -> Result<(Clock, Vec<Option<Timing>>), Error> {
+    session.inputs().set_frame(frame)?;
+    let mut ready = Vec::new();
+    let mut standing = Vec::new();
+    for runner in runners.iter_mut() {
+        let prepared = match runner.subject.is_standing() {
+            true => runner.subject.aimed(frame, order)?,
+            false => None,
+        };
+        standing.push(prepared.is_some());
+        ready.extend(prepared);
+    }
+    let (clock, timings) = measure::time(session.gpu(), &ready, settings, |_| {})?;
+    let mut timings = timings.into_iter();
+    let of = |stands: bool| if stands { timings.next() } else { None };
+    Ok((clock, standing.into_iter().map(of).collect()))
+}

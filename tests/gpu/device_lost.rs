@@ -1,0 +1,195 @@
+//! A device that is lost in the middle: what was measured stands, what was not says so, and another device goes on.
+
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::time::Duration;
+
+use preshade::unstable::measure::record::Unfinished;
+use preshade::unstable::measure::{self, Session, Settings, Timed, TimingSettings, verify};
+use preshade::unstable::passes::budget::Metric;
+use preshade::unstable::passes::contract::Verdict;
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::recipe::Recipe;
+use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade::unstable::scene::{DrawOrder, Scene};
+use preshade::unstable::search::explore::{
+    Ended, Fate, Journal, SearchStage, Settings as Search, explore,
+};
+use preshade::unstable::search::plan::{self as decide, Hold, Model, SceneSoFar};
+
+/// One of its own: it is lost.
+fn gpu() -> Gpu {
+    Gpu::new(&AdapterChoice::Best).unwrap()
+}
+
+fn scene() -> Scene {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/scenes/simple.toml");
+    let mut scene = preshade::unstable::scene::load(&path)
+        .unwrap()
+        .resized([64, 48]);
+    scene.orders = vec![
+        DrawOrder::BackToFront,
+        DrawOrder::FrontToBack,
+        DrawOrder::AsGiven,
+    ];
+    scene.cameras.truncate(1);
+    scene
+}
+
+const LOST: &str = "the cable is out";
+
+#[test]
+fn verify_keeps_the_views_before_and_names_those_after() {
+    let (gpu, scene) = (gpu(), scene());
+    let originals = measure::originals(&scene);
+    let recipe = Recipe::parse(["depth-prepass"]).unwrap();
+    let variants = [measure::variant(&originals, &recipe, &Facts::default())];
+    let settings = Settings {
+        timed: Timed::No,
+        timing: TimingSettings::default(),
+        frames_per_camera: 1,
+        command: String::new(),
+    };
+    let mut kept: Vec<Unfinished> = Vec::new();
+    let outcome = verify(
+        &Session::new(&gpu, &scene, ShaderForm::Text).unwrap(),
+        &variants,
+        &settings,
+        &mut |p| {
+            if let Some(so_far) = p.so_far {
+                kept.push(*so_far);
+                gpu.pretend_lost(LOST);
+            }
+        },
+    );
+    let outcome = outcome.unwrap();
+    let why = outcome.lost.unwrap();
+    assert!(why.contains(LOST), "{why}");
+    // One view of three was drawn; each is in what was kept on the way, with the other two by name.
+    let [first] = &kept[..] else {
+        panic!("{} views were kept", kept.len())
+    };
+    assert_eq!(first.missing.len(), 2, "{:?}", first.missing);
+    assert!(first.missing[1].contains("as-given") || first.missing[1].contains("as given"));
+    for variant in &first.report.variants {
+        assert_eq!(variant.by_view.len(), 1);
+    }
+    assert_eq!(first.report.variants[1].by_view[0].error.changed_pixels, 0);
+    let text = serde_json::to_string(first).unwrap();
+    assert_eq!(&serde_json::from_str::<Unfinished>(&text).unwrap(), first);
+    for variant in &outcome.report.variants {
+        assert_eq!(variant.by_view.len(), 1, "{}", variant.name);
+        assert_eq!(variant.verdict, Verdict::NotMeasured { why: why.clone() });
+    }
+    // Another device goes on.
+    let again = verify(
+        &Session::new(&self::gpu(), &scene, ShaderForm::Text).unwrap(),
+        &variants,
+        &settings,
+        &mut |_| (),
+    )
+    .unwrap();
+    assert_eq!(again.lost, None);
+    assert_eq!(again.report.variants[1].verdict, Verdict::Holds);
+    assert_eq!(again.report.variants[1].by_view.len(), 3);
+}
+
+#[test]
+fn explore_keeps_what_it_drew_and_goes_on_with_another_device() {
+    let (gpu, scene) = (gpu(), scene());
+    let dir = std::env::temp_dir().join(format!("preshade-lost-{}", std::process::id()));
+    let _ = std::fs::remove_dir_all(&dir);
+    let path = dir.join("measured.jsonl");
+    let recipes = [
+        "depth-prepass",
+        "early-discard",
+        "depth-prepass:bias-slope=3",
+    ];
+    let settings = Search {
+        form: ShaderForm::Text,
+        metric: Metric::FlipMean,
+        budget: None,
+        recipes: recipes
+            .iter()
+            .map(|r| Recipe::parse_list(r).unwrap())
+            .collect(),
+        time: Duration::from_secs(900),
+        most: 12,
+        finalists: 2,
+        frames_per_camera: 1,
+        seed: 1,
+        command: String::new(),
+    };
+    let mut journal = Journal::open(&path).unwrap();
+    let found = explore(&gpu, &scene, &settings, &mut journal, &mut |p| {
+        if p.stage == SearchStage::Drawing && p.what.contains("drawing 2") {
+            gpu.pretend_lost(LOST);
+        }
+        ControlFlow::Continue(())
+    });
+    let exploration = found.unwrap().exploration;
+    assert!(
+        matches!(&exploration.ended, Ended::Lost { why } if why.contains(LOST)),
+        "{:?}",
+        exploration.ended
+    );
+    // The original, one that was drawn, and two that say why not.
+    let missing = |fate: &Fate| matches!(fate, Fate::NotMeasured { .. });
+    let points = &exploration.points;
+    assert_eq!(points.len(), 4);
+    assert_eq!(points[1].error.as_ref().unwrap().changed_pixels, 0);
+    assert!(missing(&points[2].fate) && missing(&points[3].fate));
+    drop(journal);
+    let mut journal = Journal::open(&path).unwrap();
+    assert_eq!(journal.missing().len(), 2, "{:?}", journal.missing());
+    let found = explore(&self::gpu(), &scene, &settings, &mut journal, &mut |_| {
+        ControlFlow::Continue(())
+    });
+    let exploration = found.unwrap().exploration;
+    assert_eq!(exploration.ended, Ended::Complete);
+    assert!(exploration.points[1..].iter().all(|p| p.error.is_some()));
+    assert!(journal.missing().is_empty(), "{:?}", journal.missing());
+    std::fs::remove_dir_all(&dir).unwrap();
+}
+
+#[test]
+fn an_exhaustive_plan_keeps_the_views_before() {
+    let (gpu, scene) = (gpu(), scene());
+    let model = Model::nominal();
+    let settings = decide::Settings {
+        timed: decide::Timed::Yes,
+        timing: TimingSettings {
+            budget: Duration::ZERO,
+            min_samples: 2,
+            ..TimingSettings::default()
+        },
+        frames_per_camera: 1,
+        runners: 1,
+        refinements: 0,
+        hold: Hold::One,
+        model: &model,
+        command: String::new(),
+    };
+    let recipes = [Recipe::parse(["depth-prepass"]).unwrap()];
+    let facts = Facts::without_ties();
+    let mut kept: Option<SceneSoFar> = None;
+    let lost = decide::exhaust(
+        &Session::new(&gpu, &scene, ShaderForm::Text).unwrap(),
+        &recipes,
+        &facts,
+        &settings,
+        &mut |p| {
+            kept = p.so_far.cloned();
+            gpu.pretend_lost(LOST);
+        },
+    );
+    assert!(lost.is_err_and(|e| e.to_string().contains(LOST)));
+    assert!(gpu.lost().is_some_and(|why| why.contains(LOST)));
+    let kept = kept.unwrap();
+    assert_eq!((kept.views.len(), kept.missing.len()), (1, 2));
+    for plan in &kept.views[0].plans {
+        assert_eq!(plan.verdict, Verdict::Holds, "{}", plan.name);
+        assert_eq!(plan.time.as_ref().unwrap().samples.len(), 2);
+    }
+    assert!(kept.views[0].plans.len() > 1);
+}

@@ -1,0 +1,42 @@
+//! Tests that draw: they need a Vulkan, Metal or DirectX adapter, a software one at least, and EGL.
+//! `scripts/setup.sh vulkan gl` installs Mesa's. A test fails if it finds no adapter.
+
+#![cfg(feature = "verify")]
+#![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
+
+#[path = "../support/fixtures_support.rs"]
+mod fixtures_support;
+#[path = "../../passes/tests/it/metamorphic_support.rs"]
+mod metamorphic_support;
+mod native;
+#[path = "../support/render_support/mod.rs"]
+mod render_support;
+
+mod decide;
+mod device_lost;
+mod early_discard;
+mod evaluate_on_adapter;
+mod exactness;
+mod explore;
+mod glsl_native;
+mod hoist;
+mod interpolation;
+mod measure;
+mod measure_shadow;
+mod measure_verdicts;
+mod measure_verify;
+mod metamorphic_pictures;
+mod native_tessellation;
+mod noise_grid;
+mod plan_is_enough;
+mod plan_mutations;
+mod plan_needs;
+mod render;
+mod self_test;
+mod skip_taps;
+mod specialize;
+mod sweep;
+mod tessellate;
+mod tessellate_static;
+mod validate_on_adapter;
+mod visibility_buffer;

@@ -1,0 +1,264 @@
+//! What is not proved is not said to hold: the verdicts of variants that no picture speaks for, each by name.
+
+use std::path::Path;
+
+use glam::{Mat4, Vec3};
+use preshade::unstable::measure::record::{Report, VariantReport};
+use preshade::unstable::measure::{
+    self, Session, Settings, Timed, TimingSettings, Variant, verify,
+};
+use preshade::unstable::passes::contract::Verdict;
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::state::{Blend, ColorTarget, CompareFunction};
+use preshade::unstable::recipe::Recipe;
+use preshade::unstable::render::ShaderForm;
+use preshade::unstable::scene::{self, Scene};
+
+use crate::render_support::*;
+
+fn run(scene: &Scene, variant: Variant) -> Report {
+    let settings = Settings {
+        timed: Timed::No,
+        timing: TimingSettings::default(),
+        frames_per_camera: 1,
+        command: String::new(),
+    };
+    verify(
+        &Session::new(gpu(), scene, ShaderForm::Text).unwrap(),
+        &[variant],
+        &settings,
+        &mut |_| {},
+    )
+    .unwrap()
+    .report
+}
+
+fn made_by(scene: &Scene, recipe: &str) -> Variant {
+    let recipe = Recipe::parse([recipe]).unwrap();
+    measure::variant(&originals(scene), &recipe, &Facts::without_ties())
+}
+
+fn not_measured(report: &VariantReport) -> &str {
+    match &report.verdict {
+        Verdict::NotMeasured { why } => why,
+        other => panic!("{}: {other:?}", report.name),
+    }
+}
+
+#[test]
+fn zero_covered_pixels_prove_nothing() {
+    let mut scene = planes([32, 32], 2);
+    for draw in &mut scene.draws {
+        draw.transform = Mat4::from_translation(Vec3::new(0.0, 0.0, 2.0));
+    }
+    let report = run(&scene, made_by(&scene, "depth-prepass"));
+    let [original, variant] = &report.variants[..] else {
+        panic!("{} variants", report.variants.len());
+    };
+    // Nor that the original draws anything: what it would make a position of is named.
+    let why = not_measured(original);
+    assert!(why.starts_with("nothing is drawn in any view"), "{why}");
+    assert!(
+        why.contains("(`flat` reads `position` at location 0)"),
+        "{why}"
+    );
+    assert_eq!(
+        not_measured(variant),
+        "no opaque surface is seen in any view"
+    );
+    assert!(variant.error.as_ref().unwrap().is_exact());
+    assert!(!report.is_broken());
+}
+
+/// A blended surface alone covers nothing that a pre-pass could spare.
+#[test]
+fn blended_pixels_are_not_covered_ones() {
+    let mut scene = planes([32, 32], 2);
+    let mut glass = scene.materials[0].clone();
+    glass.name = "glass".to_owned();
+    glass.state.depth_write = false;
+    glass.state.targets = vec![Some(ColorTarget {
+        blend: Some(Blend::ALPHA),
+        ..ColorTarget::opaque("rgba8unorm")
+    })];
+    scene.materials.push(glass);
+    scene.draws[0].material = 1;
+    scene.draws[1].transform = Mat4::from_translation(Vec3::new(0.0, 0.0, 2.0));
+    let report = run(&scene, made_by(&scene, "depth-prepass"));
+    assert_eq!(report.variants[0].verdict, Verdict::Holds);
+    assert_eq!(
+        not_measured(&report.variants[1]),
+        "no opaque surface is seen in any view"
+    );
+}
+
+/// Less beside Greater: one of them moves depth against the other, so neither may lay it ahead.
+#[test]
+fn compare_directions_that_do_not_match_are_refused() {
+    let mut scene = planes([32, 32], 3);
+    let mut against = scene.materials[0].clone();
+    against.name = "against".to_owned();
+    against.state.depth_compare = Some(CompareFunction::Greater);
+    scene.materials.push(against);
+    scene.draws[1].material = 1;
+    for recipe in ["depth-prepass:form=equal", "early-discard"] {
+        let variant = made_by(&scene, recipe);
+        let why = |material: &str| {
+            let kept = variant.kept.iter().find(|k| k.material == material);
+            kept.unwrap_or_else(|| panic!("{recipe}: `{material}` is not kept"))
+                .why
+                .clone()
+        };
+        assert!(
+            why("flat").contains("[neighbour-moves-depth]: material `against`"),
+            "{recipe}: {}",
+            why("flat")
+        );
+        why("against");
+        assert!(variant.plans.iter().all(|p| p.steps.is_empty()), "{recipe}");
+        let report = run(&scene, variant);
+        assert_eq!(
+            not_measured(&report.variants[1]),
+            "every material refuses it"
+        );
+    }
+    // Not for nothing: without the look at its neighbours it breaks.
+    let mut plans = originals(&scene);
+    let recipe = Recipe::parse(["depth-prepass:form=equal"]).unwrap();
+    plans[0] = recipe.apply(&plans[0], &Facts::without_ties()).unwrap();
+    let forced = Variant {
+        name: "forced".to_owned(),
+        recipe: recipe.to_string(),
+        plans,
+        kept: Vec::new(),
+    };
+    let error = run(&scene, forced).variants[1].error.clone().unwrap();
+    assert!(!error.is_exact());
+}
+
+#[test]
+fn a_neighbour_that_stores_keeps_every_depth_where_it_is() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/scenes/neighbour-stores.toml");
+    let scene = scene::load(&path).unwrap().resized([64, 36]);
+    for recipe in ["depth-prepass", "depth-prepass:form=equal", "early-discard"] {
+        let variant = made_by(&scene, recipe);
+        let codes: Vec<(&str, bool)> = variant
+            .kept
+            .iter()
+            .map(|k| {
+                let code = match k.material.as_str() {
+                    "probe" => "[fragment-store]",
+                    _ => "[neighbour-counts-fragments]: material `probe`",
+                };
+                (k.material.as_str(), k.why.contains(code))
+            })
+            .collect();
+        assert_eq!(codes, [("probe", true), ("stone", true)], "{recipe}");
+        assert!(variant.plans.iter().all(|p| p.steps.is_empty()), "{recipe}");
+        let report = run(&scene, variant);
+        assert_eq!(report.variants[0].verdict, Verdict::Holds);
+        assert_eq!(
+            not_measured(&report.variants[1]),
+            "every material refuses it"
+        );
+    }
+    // A shadow map is no frame of the neighbour's.
+    let report = run(&scene, made_by(&scene, "shadow"));
+    assert_eq!(report.variants[1].verdict, Verdict::Holds);
+}
+
+/// A leaning square whose colour goes through `waves` radians from its middle to its edge.
+fn waves(waves: f32) -> Scene {
+    let source = format!(
+        "
+struct Camera {{ view_proj: mat4x4<f32> }}
+struct Object {{ model: mat4x4<f32>, tint: vec4<f32> }}
+@group(0) @binding(0) var<uniform> camera: Camera;
+@group(1) @binding(0) var<uniform> object: Object;
+struct Out {{ @builtin(position) at: vec4<f32>, @location(0) place: vec2<f32> }}
+@vertex fn vs(@location(0) position: vec3<f32>) -> Out {{
+    return Out(camera.view_proj * object.model * vec4(position, 1.0), position.xy);
+}}
+@fragment fn fs(in: Out) -> @location(0) vec4<f32> {{
+    return vec4(0.5 + 0.4 * sin({waves:?} * (in.place.x + in.place.y)), 0.5, 0.5, 1.0) * object.tint;
+}}"
+    );
+    let leaning = Mat4::from_translation(Vec3::new(0.0, 0.0, 0.5))
+        * Mat4::from_rotation_z(0.37)
+        * Mat4::from_scale(Vec3::splat(0.717));
+    let drawn = draw("square", leaning, [1.0; 4]);
+    scene([96, 96], vec![material("waves", &source)], vec![drawn])
+}
+
+#[test]
+fn slopes_that_are_not_gentle_are_told_with_the_budget_that_holds() {
+    let gentle = waves(4.0);
+    let report = run(&gentle, made_by(&gentle, "visibility-buffer"));
+    assert_eq!(report.variants[1].verdict, Verdict::Holds);
+    let steep = waves(200_000.0);
+    let report = run(&steep, made_by(&steep, "visibility-buffer"));
+    let Verdict::Broken { r#where } = &report.variants[1].verdict else {
+        panic!("{:?}", report.variants[1].verdict);
+    };
+    let (_, advised) = r#where.split_once("more than a step, and ").unwrap();
+    let (budget, _) = advised.split_once(" would have held").unwrap();
+    let recipe = format!("visibility-buffer:{budget}");
+    let report = run(&steep, made_by(&steep, &recipe));
+    assert_eq!(report.variants[1].verdict, Verdict::Holds, "{recipe}");
+    let error = report.variants[1].error.as_ref().unwrap();
+    assert!(error.max_abs > 1.5 / 255.0, "{}", error.max_abs);
+}
+
+/// Where the picture of a plan that was made for an adapter that does otherwise is off, that is said beside.
+#[test]
+fn a_plan_for_another_adapter_is_named() {
+    use preshade::unstable::passes::rasterizer::Corners;
+    let seen = measure::rasterizer(gpu()).unwrap();
+    let [own, other] = match seen.corners {
+        Corners::Snapped => ["snapped", "as-given"],
+        Corners::AsGiven | Corners::Held => ["as-given", "snapped"],
+    };
+    // Steep enough to tell a 512th of a pixel.
+    let scene = waves(400.0);
+    let of = |corners: &str| {
+        let recipe = format!("visibility-buffer:corners={corners}");
+        run(&scene, made_by(&scene, &recipe)).variants.remove(1)
+    };
+    assert_eq!(of(own).verdict, Verdict::Holds);
+    let Verdict::Broken { r#where } = of(other).verdict else {
+        panic!("{other} holds");
+    };
+    assert!(
+        r#where.contains(&format!(
+            "corners={other}, and was seen to do as `{own}` says"
+        )),
+        "{where}"
+    );
+}
+
+/// A half has 11 bits: from 8 on they lie further apart than steps of 255.
+#[test]
+fn a_step_of_a_target_of_halves_is_theirs() {
+    for (format, largest) in [
+        ("rgba16float", 40.0),
+        ("rgba16float", 400.0),
+        ("rgba8unorm", 1.0),
+    ] {
+        let mut bright = waves(4.0);
+        bright.materials[0].state.targets = vec![Some(ColorTarget::opaque(format))];
+        for draw in &mut bright.draws {
+            let tint = vec![largest, largest, largest, 1.0];
+            let value = preshade::unstable::scene::Value::Numbers(tint);
+            draw.values.insert("object.tint".to_owned(), value);
+        }
+        let report = run(&bright, made_by(&bright, "visibility-buffer"));
+        assert_eq!(
+            report.variants[1].verdict,
+            Verdict::Holds,
+            "{format} {largest}"
+        );
+        let error = report.variants[1].error.as_ref().unwrap();
+        assert!(error.max_steps <= 1.0 + 1e-4, "{error:?}");
+        assert_eq!(error.beyond_step, 0, "{error:?}");
+    }
+}

@@ -1,0 +1,142 @@
+//! What a plan says it needs of a device is enough: a device with WebGPU's default limits, raised to what the emitted plans say, and with the features they name
+//! and no other, draws what they describe without an error. `plan_is_enough.rs` is the converse: nothing of a plan is said in vain.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+use preshade::unstable::emit::{self, PlanFile, Target};
+use preshade::unstable::measure;
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::state::ColorTarget;
+use preshade::unstable::recipe::Recipe;
+use preshade::unstable::render::{
+    AdapterChoice, Error, FrameSettings, Gpu, Prepared, SceneInputs, ShaderForm, Variant,
+};
+use preshade::unstable::scene::{DrawOrder, Scene};
+
+fn load(name: &str) -> Scene {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("fixtures/scenes")
+        .join(name);
+    let scene = preshade::unstable::scene::load(&path).unwrap_or_else(|e| panic!("{}", e.render()));
+    scene.resized([97, 61])
+}
+
+/// What the emitted plans say they need.
+#[derive(Debug, Default, PartialEq)]
+struct Needs {
+    features: BTreeSet<String>,
+    limits: BTreeMap<String, u64>,
+}
+
+fn needs(plans: &[Plan]) -> Needs {
+    let mut needs = Needs::default();
+    for plan in plans {
+        let files = emit::emit(plan, &[Target::Wgsl], &emit::Options::default()).unwrap();
+        let json = files
+            .iter()
+            .find(|f| f.name.ends_with(".plan.json"))
+            .unwrap();
+        let file: PlanFile = serde_json::from_slice(&json.bytes).unwrap();
+        let compute = file.plan.compute.into_iter();
+        let compute = compute.map(|pass| (pass.features, pass.limits));
+        let render = file.plan.passes.into_iter();
+        let render = render.map(|pass| (pass.features, pass.limits));
+        for (features, limits) in compute.chain(render) {
+            needs.features.extend(features);
+            for (name, value) in limits {
+                let most = needs.limits.entry(name).or_default();
+                *most = value.max(*most);
+            }
+        }
+    }
+    needs
+}
+
+fn recipe(scene: &Scene, steps: &[&str]) -> Vec<Plan> {
+    let originals = measure::originals(scene);
+    let recipe = Recipe::parse(steps).unwrap();
+    measure::variant(&originals, &recipe, &Facts::without_ties()).plans
+}
+
+/// One frame, on a device with `needs` and no more.
+fn draw(scene: &Scene, plans: &[Plan], needs: &Needs) -> Result<(), Error> {
+    let gpu = Gpu::with_needs(&AdapterChoice::Best, &needs.features, &needs.limits)?;
+    let inputs = SceneInputs::new(&gpu, scene)?;
+    let variant = Variant::new(plans, ShaderForm::Text)?;
+    let mut prepared = Prepared::new(&inputs, &variant, &FrameSettings::of(scene))?;
+    let (_, frame) = scene.frames().next().unwrap();
+    inputs.set_frame(frame)?;
+    prepared.aim(frame, DrawOrder::AsGiven);
+    prepared.render()?;
+    Ok(())
+}
+
+#[test]
+fn a_device_with_what_the_plans_name_and_no_more_draws_them() {
+    let smooth = "hoist:budget=1,finite=assumed,jumps=carried";
+    for (scene, steps) in [
+        ("simple.toml", &["depth-prepass"][..]),
+        ("simple.toml", &["early-discard"]),
+        ("gbuffer.toml", &["depth-prepass:form=equal"]),
+        ("frag-depth.toml", &["early-discard:texture=packed"]),
+        ("vertex-pulling.toml", &["depth-prepass"]),
+        ("instanced.toml", &["early-discard:attachment=readonly"]),
+        ("alpha-coverage.toml", &["depth-prepass"]),
+        ("teapot-noise.toml", &[smooth, "tessellate:level=2"]),
+        (
+            "teapot-noise.toml",
+            &[smooth, "tessellate:level=2,form=shared"],
+        ),
+        (
+            "teapot-noise.toml",
+            &[smooth, "tessellate:level=4,edge-pixels=9"],
+        ),
+    ] {
+        let scene_ = load(scene);
+        let plans = recipe(&scene_, steps);
+        assert!(
+            plans.iter().any(|p| !p.steps.is_empty()),
+            "{scene}: {steps:?}"
+        );
+        let needs = needs(&plans);
+        draw(&scene_, &plans, &needs)
+            .unwrap_or_else(|e| panic!("{scene}: {steps:?} with {needs:?}: {e}"));
+    }
+}
+
+/// Three targets of sixteen bytes, and depth clipping off: more than every device has.
+#[test]
+fn a_device_with_less_than_that_does_not() {
+    let mut scene = load("gbuffer.toml");
+    let material = &mut scene.materials[0].state;
+    material.targets = vec![Some(ColorTarget::opaque("rgba32float")); 3];
+    material.primitive.unclipped_depth = true;
+    let plans = recipe(&scene, &["depth-prepass"]);
+    let needs = needs(&plans);
+    let limit = "maxColorAttachmentBytesPerSample".to_owned();
+    let expected = Needs {
+        features: BTreeSet::from(["depth-clip-control".to_owned()]),
+        limits: BTreeMap::from([(limit, 48)]),
+    };
+    assert_eq!(needs, expected);
+    draw(&scene, &plans, &needs).unwrap();
+    let poorer = [
+        Needs {
+            features: BTreeSet::new(),
+            limits: needs.limits.clone(),
+        },
+        Needs {
+            features: needs.features.clone(),
+            limits: BTreeMap::new(),
+        },
+    ];
+    for needs in poorer {
+        let error = draw(&scene, &plans, &needs).unwrap_err();
+        assert!(
+            matches!(error, Error::Unsupported { .. }),
+            "{needs:?}: {error}"
+        );
+    }
+}

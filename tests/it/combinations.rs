@@ -1,0 +1,40 @@
+//! Recipes of random passes in random order, on all fixture materials: all compose or refuse.
+#![cfg(all(feature = "glsl", feature = "spirv"))]
+
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::validate::Effort;
+
+use crate::combinations_support::combinations;
+use crate::fixtures_support::{materials, original};
+
+/// As many with `PRESHADE_COMBINATIONS=10000`, from the first seed on.
+#[test]
+fn random_recipes_compose_or_refuse() {
+    let count = std::env::var("PRESHADE_COMBINATIONS")
+        .ok()
+        .and_then(|n| n.parse().ok())
+        .unwrap_or(400);
+    let originals: Vec<Plan> = materials()
+        .iter()
+        .map(|files| {
+            let files: Vec<_> = files.iter().map(std::path::PathBuf::as_path).collect();
+            original(&files)
+        })
+        .collect();
+    let effort = Effort {
+        inputs: 6,
+        steps: 40_000,
+        paths: 4,
+        ..Effort::default()
+    };
+    let tally = combinations(&originals, 0..count, &effort);
+    assert!(tally.wrong.is_empty(), "{}", tally.wrong.join("\n"));
+    assert_eq!(tally.combinations, count);
+    // They are not all refused, and every pass is among those that are not.
+    assert!(tally.refused_whole < count / 2, "{tally:#?}");
+    assert_eq!(
+        tally.accepted.len(),
+        preshade::unstable::passes::PASSES.len(),
+        "{tally:#?}"
+    );
+}

@@ -1,0 +1,172 @@
+//! WGSL with imports and conditions, naga_oil's and WESL, comes to the programs that it says.
+#![cfg(all(feature = "naga-oil", feature = "wesl"))]
+
+use std::path::{Path, PathBuf};
+
+use preshade::unstable::emit::{self, Target};
+use preshade::unstable::front::{self, Options, Source};
+use preshade_passes::plan::Plan;
+use preshade_passes::state::MaterialState;
+
+fn source(path: &Path) -> Source {
+    let text = std::fs::read_to_string(path).unwrap();
+    Source::new(path.display().to_string(), text)
+}
+
+/// The WGSL that files come to, read back as it is emitted.
+fn wgsl(files: &[PathBuf], options: &Options) -> Result<String, front::Error> {
+    let sources: Vec<Source> = files.iter().map(|f| source(f)).collect();
+    let parsed = front::parse(&sources, options)?;
+    let fragment = parsed.fragment.as_deref();
+    // A program that no transform has touched ships as its text.
+    let program = parsed.program.with_module(parsed.program.module().clone());
+    let state = MaterialState::default();
+    let plan = Plan::original("m", program.unwrap(), &parsed.vertex, fragment, &state);
+    let files = emit::emit(&plan, &[Target::Wgsl], &emit::Options::default());
+    let files = files.unwrap_or_else(|e| panic!("{e}"));
+    Ok(String::from_utf8(files[0].bytes.clone()).unwrap())
+}
+
+fn ours(path: &str) -> Vec<PathBuf> {
+    vec![
+        Path::new(env!("CARGO_MANIFEST_DIR"))
+            .join("tests/dialects")
+            .join(path),
+    ]
+}
+
+fn defined(all: &[(&str, &str)]) -> Options {
+    let defines = all.iter().map(|(n, v)| ((*n).to_owned(), (*v).to_owned()));
+    Options {
+        defines: defines.collect(),
+        ..Options::default()
+    }
+}
+
+#[test]
+fn naga_oils_imports_and_conditions_are_obeyed() {
+    let files = ours("oil/material.wgsl");
+    let bright = wgsl(&files, &defined(&[("GROUP", "2")])).unwrap();
+    assert!(
+        bright.contains("@group(2) @binding(0) var<uniform> light"),
+        "{bright}"
+    );
+    assert!(bright.contains("fn lambert("), "{bright}");
+    assert!(!bright.contains("0.5"), "{bright}");
+    let dim = wgsl(&files, &defined(&[("GROUP", "2"), ("DIM", "true")])).unwrap();
+    assert!(dim.contains("0.5"), "{dim}");
+    assert!(!dim.contains("naga_oil"), "{dim}");
+}
+
+#[test]
+fn wesls_imports_and_conditions_are_obeyed() {
+    let files = ours("wesl/src/material.wesl");
+    let bright = wgsl(&files, &Options::default()).unwrap();
+    assert!(
+        bright.contains("@group(1) @binding(0) var<uniform> light"),
+        "{bright}"
+    );
+    assert!(!bright.contains("0.5"), "{bright}");
+    let dim = wgsl(&files, &defined(&[("DIM", "true")])).unwrap();
+    assert!(dim.contains("0.5"), "{dim}");
+}
+
+#[test]
+fn what_is_missing_is_named() {
+    let error = wgsl(&ours("oil/material.wgsl"), &Options::default()).unwrap_err();
+    let said = error.render(front::Color::Never);
+    assert!(said.contains("GROUP"), "{said}");
+    let error = wgsl(&ours("oil/material.wgsl"), &defined(&[("GROUP", "x")])).unwrap_err();
+    assert!(
+        error.message().contains("`GROUP` is defined as `x`"),
+        "{}",
+        error.message()
+    );
+}
+
+/// As Bevy has it: a file for meshes, with a fragment stage for want of a better one and imports of other pipelines, and a file for the material.
+#[test]
+fn a_file_of_one_stage_goes_before_the_other_files_own() {
+    let files = ["oil/mesh.wgsl", "oil/shade.wgsl"].map(|f| ours(f).remove(0));
+    let mut reversed = files.clone();
+    reversed.reverse();
+    for files in [files, reversed] {
+        let text = wgsl(&files, &defined(&[("GROUP", "2")])).unwrap();
+        assert!(text.contains("fn lambert("), "{text}");
+        assert_eq!(text.matches("@fragment").count(), 1, "{text}");
+        assert!(!text.contains("previous"), "{text}");
+    }
+}
+
+#[test]
+fn wesls_own_errors_are_plain_text() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/dialects/wesl/src/broken.wesl");
+    let source = Source::new(folder.display().to_string(), "fn (");
+    let error = front::parse(&[source], &Options::default()).unwrap_err();
+    assert!(error.message().contains("broken.wesl: error"), "{error}");
+    assert!(
+        !error.render(front::Color::Never).contains("[0m"),
+        "{error}"
+    );
+}
+
+#[test]
+fn two_versions_of_a_module_are_told() {
+    let error = wgsl(&ours("twice/material.wgsl"), &Options::default()).unwrap_err();
+    let said = error.render(front::Color::Never);
+    assert!(said.contains("are both `own::shared`"), "{said}");
+}
+
+/// Bevy's own material, the last in naga_oil's dialect: `PRESHADE_BEVY` names a folder with the packages `bevy_pbr` 0.19, `bevy_render` and `bevy_core_pipeline` (and `bevy_light`,
+/// `bevy_image` and others that those import) as `cargo` unpacks them. They are not ours to keep here. What is defined is what Bevy's pipeline defines for a mesh with normals, tangents and
+/// texture coordinates on an adapter with storage buffers and without arrays of bindings.
+#[test]
+#[ignore = "needs Bevy's packages: PRESHADE_BEVY"]
+fn bevys_material_is_read() {
+    let folder = PathBuf::from(std::env::var_os("PRESHADE_BEVY").expect("PRESHADE_BEVY"));
+    let entries = std::fs::read_dir(&folder).unwrap();
+    let mut packages: Vec<PathBuf> = entries.map(|e| e.unwrap().path()).collect();
+    packages.retain(|p| p.to_string_lossy().contains("-0.19."));
+    let render = packages.iter().map(|p| p.join("src/render"));
+    let render = render.clone().find(|p| p.join("pbr.wgsl").is_file());
+    let render = render.unwrap_or_else(|| panic!("no bevy_pbr 0.19 in {}", folder.display()));
+    let flags = [
+        "MESH_PIPELINE",
+        "VERTEX_OUTPUT_INSTANCE_INDEX",
+        "VERTEX_POSITIONS",
+        "VERTEX_NORMALS",
+        "VERTEX_UVS",
+        "VERTEX_UVS_A",
+        "VERTEX_TANGENTS",
+        "VIEW_PROJECTION_PERSPECTIVE",
+        "SHADOW_FILTER_METHOD_GAUSSIAN",
+        "STANDARD_MATERIAL_NORMAL_MAP",
+        "TONEMAP_IN_SHADER",
+        "TONEMAP_METHOD_ACES_FITTED",
+        "DEBAND_DITHER",
+    ];
+    let numbers = [
+        ("MATERIAL_BIND_GROUP", "3"),
+        ("MAX_CASCADES_PER_LIGHT", "4"),
+        ("MAX_DIRECTIONAL_LIGHTS", "10"),
+        ("MAX_RECT_LIGHTS", "8"),
+        ("AVAILABLE_STORAGE_BUFFER_BINDINGS", "8"),
+        ("SCREEN_SPACE_SPECULAR_TRANSMISSION_BLUR_TAPS", "8"),
+    ];
+    let mut all = flags.map(|f| (f, "true")).to_vec();
+    all.extend(numbers);
+    let mut options = defined(&all);
+    options.include = packages;
+    let files = ["mesh.wgsl", "pbr.wgsl"].map(|n| render.join(n));
+    let text =
+        wgsl(&files, &options).unwrap_or_else(|e| panic!("{}", e.render(front::Color::Never)));
+    println!("{} lines of WGSL", text.lines().count());
+    assert!(text.contains("fn apply_pbr_lighting("), "{text}");
+    assert_eq!(text.matches("@fragment").count(), 1, "{text}");
+    // Each of the author's choices changes the program.
+    all.retain(|(name, _)| *name != "TONEMAP_IN_SHADER");
+    options.defines = defined(&all).defines;
+    let without = wgsl(&files, &options).unwrap();
+    assert!(!without.contains("fn tone_mapping("), "{without}");
+    assert!(text.contains("fn tone_mapping("), "{text}");
+}

@@ -1,0 +1,34 @@
+//! Tests that need no adapter and no tools: `cargo test --all-features --test it`.
+
+#![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
+
+#[cfg(all(feature = "glsl", feature = "spirv"))]
+mod combinations_support;
+#[path = "../support/fixtures_support.rs"]
+mod fixtures_support;
+#[cfg(feature = "verify")]
+mod fuzz_support;
+mod results_support;
+
+mod build_script;
+mod combinations;
+mod dialects;
+mod emit_tessellation;
+mod front;
+mod front_mutations;
+mod fuzz_corpus;
+mod glsl;
+mod glsl_semantics;
+mod pass_pages;
+mod refusals;
+mod results_page;
+mod scene_errors;
+mod scene_gltf;
+mod scene_image;
+mod scene_load;
+mod scene_mesh;
+mod scene_overdraw;
+mod scene_shaders;
+mod scene_synthesise;
+mod snapshots;
+mod validate;

@@ -1,0 +1,141 @@
+//! Textures and glTF files come out as their formats say.
+#![cfg(feature = "verify")]
+
+use glam::{Mat4, Vec3};
+use preshade::unstable::scene::Stream;
+use preshade::unstable::scene::image::{Pattern, Recipe, mip_chain};
+use preshade::unstable::scene::mesh::{Gltf, positions};
+
+#[test]
+fn mips_average_light_and_not_its_encoding() {
+    let black_and_white = [[0, 0, 0, 0], [255, 255, 255, 255]].concat();
+    let linear = mip_chain([2, 1], black_and_white.clone(), false);
+    assert_eq!(linear[1], [128, 128, 128, 128]);
+    // Half the light of white is 188 in sRGB; alpha is never encoded.
+    let srgb = mip_chain([2, 1], black_and_white, true);
+    assert_eq!(srgb[1], [188, 188, 188, 128]);
+}
+
+#[test]
+fn mip_chains_reach_one_texel_from_any_size() {
+    let levels = mip_chain([5, 3], vec![77; 5 * 3 * 4], true);
+    let sizes: Vec<usize> = levels.iter().map(Vec::len).collect();
+    assert_eq!(sizes, [60, 2 * 4, 4]);
+    assert!(levels.iter().flatten().all(|b| *b == 77));
+}
+
+#[test]
+fn patterns_are_the_same_every_time_and_cutouts_have_holes() {
+    for pattern in [Pattern::Leaf, Pattern::Chain, Pattern::Lace] {
+        let recipe = Recipe {
+            pattern: Some(pattern),
+            size: 64,
+            ..Recipe::default()
+        };
+        let image = recipe.generate();
+        assert_eq!(image, recipe.generate());
+        let opaque = image.levels[0].chunks(4).filter(|t| t[3] == 255).count();
+        assert!(
+            (64 * 64 / 10..64 * 64 * 9 / 10).contains(&opaque),
+            "{pattern:?} {opaque}"
+        );
+    }
+}
+
+#[test]
+fn png_files_are_srgb_unless_told_otherwise() {
+    let mut png = Vec::new();
+    let texels = [10, 20, 30, 255, 40, 50, 60, 0];
+    image::write_buffer_with_format(
+        &mut std::io::Cursor::new(&mut png),
+        &texels,
+        2,
+        1,
+        image::ColorType::Rgba8,
+        image::ImageFormat::Png,
+    )
+    .unwrap();
+    let read = Recipe::default().decode("two.png", &png).unwrap();
+    assert_eq!(
+        (read.size, read.srgb, &read.levels[0][..]),
+        ([2, 1], true, &texels[..])
+    );
+    let broken = Recipe::default().decode("two.png", &png[..20]).unwrap_err();
+    assert!(broken.to_string().contains("`two.png`"), "{broken}");
+}
+
+/// A triangle bound to one joint that has moved up by 5 since it was bound at y = 2, under a node that must not move it.
+fn glb() -> Vec<u8> {
+    let mut bin: Vec<u8> = Vec::new();
+    let mut floats = |v: &[f32]| bin.extend(v.iter().flat_map(|f| f.to_le_bytes()));
+    floats(&[0., 0., 0., 1., 0., 0., 0., 1., 0.]);
+    floats(&[1., 0., 0., 0., 1., 0., 0., 0., 1., 0., 0., 0.]);
+    floats(&Mat4::from_translation(Vec3::new(0., -2., 0.)).to_cols_array());
+    bin.extend([0_u8; 12]);
+    let json = format!(
+        r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0,1]}}],
+        "nodes":[{{"mesh":0,"skin":0,"translation":[9,9,9]}},{{"translation":[0,7,0]}}],
+        "skins":[{{"joints":[1],"inverseBindMatrices":2}}],
+        "meshes":[{{"name":"tri","primitives":[{{"attributes":{{"POSITION":0,"WEIGHTS_0":1,"JOINTS_0":3}}}}]}}],
+        "buffers":[{{"byteLength":{}}}],
+        "bufferViews":[{{"buffer":0,"byteOffset":0,"byteLength":36}},{{"buffer":0,"byteOffset":36,"byteLength":48}},
+            {{"buffer":0,"byteOffset":84,"byteLength":64}},{{"buffer":0,"byteOffset":148,"byteLength":12}}],
+        "accessors":[{{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[1,1,0]}},
+            {{"bufferView":1,"componentType":5126,"count":3,"type":"VEC4"}},
+            {{"bufferView":2,"componentType":5126,"count":1,"type":"MAT4"}},
+            {{"bufferView":3,"componentType":5121,"count":3,"type":"VEC4"}}]}}"#,
+        bin.len()
+    );
+    let mut json = json.into_bytes();
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let mut out = b"glTF".to_vec();
+    let word = |n: usize| (n as u32).to_le_bytes();
+    out.extend(word(2));
+    out.extend(word(12 + 8 + json.len() + 8 + bin.len()));
+    out.extend(word(json.len()));
+    out.extend(b"JSON");
+    out.extend(&json);
+    out.extend(word(bin.len()));
+    out.extend(b"BIN\0");
+    out.extend(&bin);
+    out
+}
+
+#[test]
+fn gltf_skins_keep_the_files_pose() {
+    let gltf = |mesh: Option<&str>| Gltf {
+        file: "tri.glb".to_owned(),
+        mesh: mesh.map(str::to_owned),
+    };
+    let rigged = gltf(None).load("tri", &|_| Ok(glb())).unwrap();
+    let at: Vec<Vec3> = positions(&rigged.mesh).collect();
+    assert_eq!(at, [Vec3::ZERO, Vec3::X, Vec3::Y]);
+    assert_eq!(
+        *rigged.joints,
+        [Mat4::from_translation(Vec3::new(0., 5., 0.))]
+    );
+    assert_eq!(
+        rigged.mesh.streams["joints"],
+        Stream::Uint {
+            components: 4,
+            data: vec![0; 12]
+        }
+    );
+    // Without normals in the file, they come from the triangles.
+    assert_eq!(
+        rigged.mesh.streams["normal"],
+        Stream::Float {
+            components: 3,
+            data: [0., 0., 1.].repeat(3)
+        }
+    );
+    let wrong = gltf(Some("try")).load("tri", &|_| Ok(glb())).unwrap_err();
+    assert_eq!(
+        wrong.to_string(),
+        "`tri.glb`: there is no mesh `try` (did you mean `tri`?)"
+    );
+    let cut = gltf(None)
+        .load("tri", &|_| Ok(glb()[..80].to_vec()))
+        .unwrap_err();
+    assert!(cut.to_string().contains("no glTF 2.0"), "{cut}");
+}

@@ -1,0 +1,71 @@
+//! The fixture materials and the recipes that every one of them goes through.
+#![allow(dead_code)]
+
+use std::path::{Path, PathBuf};
+
+use preshade::unstable::front::{self, Options, Source};
+use preshade::unstable::passes::examples;
+use preshade::unstable::passes::pass::Use;
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::state::MaterialState;
+
+/// The recipes of the passes' examples with one of these uses.
+pub fn recipes(of: &[Use]) -> Vec<&'static str> {
+    let used = examples().filter(|(_, used)| of.contains(used));
+    used.map(|(recipe, _)| recipe).collect()
+}
+
+/// A material of one file or two, with the default state.
+pub fn original(files: &[&Path]) -> Plan {
+    let sources: Vec<Source> = files
+        .iter()
+        .map(|path| {
+            Source::new(
+                path.file_name().unwrap().to_string_lossy(),
+                std::fs::read_to_string(path).unwrap(),
+            )
+        })
+        .collect();
+    let parsed = front::parse(&sources, &Options::default())
+        .unwrap_or_else(|e| panic!("{}", e.render(front::Color::Never)));
+    let material = files[0].file_stem().unwrap().to_string_lossy().into_owned();
+    Plan::original(
+        &material,
+        parsed.program,
+        &parsed.vertex,
+        parsed.fragment.as_deref(),
+        &MaterialState::default(),
+    )
+}
+
+/// The root of the checkout, also where this was built elsewhere: then it is the folder it runs in.
+pub fn root() -> PathBuf {
+    let built = PathBuf::from(env!("CARGO_MANIFEST_DIR"));
+    match built.join("fixtures").is_dir() {
+        true => built,
+        false => PathBuf::from("."),
+    }
+}
+
+/// Every material of `fixtures`: WGSL files, and GLSL pairs.
+pub fn materials() -> Vec<Vec<PathBuf>> {
+    let with_extension = |folder: &str, extension: &str| {
+        let mut found: Vec<PathBuf> = std::fs::read_dir(root().join(folder))
+            .unwrap()
+            .map(|e| e.unwrap().path())
+            .filter(|p| p.extension().is_some_and(|e| e == extension))
+            .collect();
+        found.sort();
+        found
+    };
+    let wgsl = with_extension("fixtures/shaders", "wgsl")
+        .into_iter()
+        .map(|p| vec![p]);
+    let glsl = with_extension("fixtures/glsl", "vert")
+        .into_iter()
+        .map(|p| {
+            let frag = p.with_extension("frag");
+            vec![p, frag]
+        });
+    wgsl.chain(glsl).collect()
+}

@@ -1,0 +1,19 @@
+//! Tests that run other programs on emitted shaders: Tint, spirv-val, glslang, and cargo on the example host.
+//! `scripts/setup.sh accept` installs them. A test fails if its program is missing.
+
+#![cfg(all(feature = "glsl", feature = "spirv"))]
+#![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
+
+mod accept;
+#[path = "../support/fixtures_support.rs"]
+mod fixtures_support;
+#[path = "../../passes/tests/it/uniformity_cases.rs"]
+mod uniformity_cases;
+
+mod acceptance;
+mod emit;
+mod es100;
+mod example;
+mod fixtures_emit;
+mod glsl_layout;
+mod glsl_names;
