@@ -1,9 +1,11 @@
-//! How preshade's own cost grows with the shader: reading, the graph, each pass and writing, of made shaders of 100 to 100,000 expressions, in one function and in many.
+//! How preshade's own cost grows with the shader: reading, the graph, each pass and writing, of
+//! made shaders of 100 to 100,000 expressions, in one function and in many.
 //!
-//! `cargo bench -p preshade --bench growth` prints milliseconds, and how much each step grew where the expressions grew tenfold: 12 is the limit for all but naga's own
-//! parser, which is quadratic within one function and stands apart. Then 1,000 materials in one process, and the largest memory of each.
-//! `-- --only STEP SHAPE EXPRESSIONS`, `--only graph one 10000` say, runs one step once: `scripts/callgrind.sh` counts its instructions.
-//! `-- --most N` ends at N expressions.
+//! `cargo bench -p preshade --bench growth` prints milliseconds, and how much each step grew where
+//! the expressions grew tenfold: 12 is the limit for all but naga's own parser, which is quadratic
+//! within one function and stands apart. Then 1,000 materials in one process, and the largest
+//! memory of each. `-- --only STEP SHAPE EXPRESSIONS`, `--only graph one 10000` say, runs one step
+//! once: `scripts/callgrind.sh` counts its instructions. `-- --most N` ends at N expressions.
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -105,7 +107,8 @@ fn main() -> Result<()> {
     thousand()
 }
 
-/// A whole compile of each fixture against naga's own parsing, validating and writing of the source and of every module that came of it.
+/// A whole compile of each fixture against naga's own parsing, validating and writing of the source
+/// and of every module that came of it.
 fn whole() -> Result<()> {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/shaders");
     let Ok(entries) = std::fs::read_dir(folder) else {
@@ -197,8 +200,10 @@ impl Made {
     }
 }
 
-/// The least of a few runs, in milliseconds: what others do to the machine only adds. As many runs of each size, the first of which asks the system for
-/// memory and the others find it, or growth would be one of first runs over later ones; only what takes seconds (naga's quadratic reading) runs once.
+/// The least of a few runs, in milliseconds: what others do to the machine only adds. As many runs
+/// of each size, the first of which asks the system for memory and the others find it, or growth
+/// would be one of first runs over later ones; only what takes seconds (naga's quadratic reading)
+/// runs once.
 fn best(step: &str, made: &Made) -> Result<f64> {
     let first = time(step, made)?;
     let again = if first < 4_000.0 { 4 } else { 0 };
@@ -266,7 +271,8 @@ fn count(program: &Program) -> usize {
     functions.chain(entries).map(|f| f.expressions.len()).sum()
 }
 
-/// A material of about so many expressions: a cut-out whose colour is a chain of small steps, with an affine and a slowly changing part.
+/// A material of about so many expressions: a cut-out whose colour is a chain of small steps, with
+/// an affine and a slowly changing part.
 fn made(shape: Shape, expressions: usize) -> Source {
     // A step is about 16 expressions.
     let steps = (expressions / 16).max(1);
@@ -323,7 +329,8 @@ struct Varyings {{ @builtin(position) clip: vec4<f32>, @location(0) uv: vec2<f32
     Source::new("made.wgsl", text)
 }
 
-/// A thousand materials of about 300 expressions, no two alike, each read, rewritten and written, one after the other.
+/// A thousand materials of about 300 expressions, no two alike, each read, rewritten and written,
+/// one after the other.
 fn thousand() -> Result<()> {
     forget_peak();
     let clock = Instant::now();

@@ -1,9 +1,12 @@
-//! What `preshade rewrite` costs in process: parse, graph and `depth-prepass`, and each target's emission, apart and in all.
+//! What `preshade rewrite` costs in process: parse, graph and `depth-prepass`, and each target's
+//! emission, apart and in all.
 //!
-//! `cargo bench -p preshade --features glsl,spirv --bench rewrite [-- FILE.wgsl..]`. Without files it takes the WGSL fixtures of one file and a made material of
-//! about 1,500 expressions. Median of 20 runs, in milliseconds; the limit set for `rewrite` in all is 10 ms.
+//! `cargo bench -p preshade --features glsl,spirv --bench rewrite [-- FILE.wgsl..]`. Without files
+//! it takes the WGSL fixtures of one file and a made material of about 1,500 expressions. Median of
+//! 20 runs, in milliseconds; the limit set for `rewrite` in all is 10 ms.
 //!
-//! Without files, then also what `hoist` costs of stages that grow: twice as many statements, or calls, should cost about twice as much.
+//! Without files, then also what `hoist` costs of stages that grow: twice as many statements, or
+//! calls, should cost about twice as much.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -117,7 +120,8 @@ fn straight_line(statements: usize) -> String {
     stage("", &format!("var x = in.uv.x;\n{lines}"))
 }
 
-/// A fragment stage of two calls, each of which makes two calls, and so on `depth` times; the last have a loop.
+/// A fragment stage of two calls, each of which makes two calls, and so on `depth` times; the last
+/// have a loop.
 fn tree(depth: usize) -> String {
     let mut functions = "fn t0(x: f32) -> f32 {
     var a = x;
@@ -231,7 +235,8 @@ fn ms(clock: Instant) -> f64 {
     clock.elapsed().as_secs_f64() * 1e3
 }
 
-/// A fragment stage of `layers` functions of `steps` small steps each: 8 x 7, or 1 x 56, is about 1,500 expressions.
+/// A fragment stage of `layers` functions of `steps` small steps each: 8 x 7, or 1 x 56, is about
+/// 1,500 expressions.
 fn made(layers: usize, steps: usize) -> String {
     let mut functions = String::new();
     let mut calls = String::new();

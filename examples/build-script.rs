@@ -1,6 +1,5 @@
-//! The work of a `build.rs`, outside of cargo: compiles a shader into a Rust module that depends only
-//! on wgpu.
-//! `cargo run --example build-script -- lit.wgsl out`.
+//! The work of a `build.rs`, outside of cargo: compiles a shader into a Rust module that depends
+//! only on wgpu. `cargo run --example build-script -- lit.wgsl out`.
 
 use std::error::Error;
 use std::path::Path;

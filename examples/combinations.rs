@@ -1,13 +1,17 @@
-//! Random recipes on all fixture materials, and pictures of some on the fixture scenes: how many are as promised.
+//! Random recipes on all fixture materials, and pictures of some on the fixture scenes: how many
+//! are as promised.
 //!
 //! ```text
 //! cargo run --release --all-features --example combinations -- --modules 10000 --pictures 500 --seed 1 [--adapter TEXT]
 //! cargo run --release --all-features --example combinations -- --modules 0 --pictures 1 --first 32000050
 //! ```
 //!
-//! The tables go to stdout as JSON. A module is wrong that does not validate, a text that does not read back, a promise that has a counterexample, a picture of an `exact` or `rounding` plan that
-//! `verify` finds to break it. Told apart: a picture over the user's budget, for nothing was measured when its plan was made, and telling so is what `verify` is for; and one of a plan whose parameters say of the
-//! adapter what it was seen not to do, which is what its promise rests on by name. `--first` says the first seed by itself; scenes, recipes and all else follow from a seed.
+//! The tables go to stdout as JSON. A module is wrong that does not validate, a text that does not
+//! read back, a promise that has a counterexample, a picture of an `exact` or `rounding` plan that
+//! `verify` finds to break it. Told apart: a picture over the user's budget, for nothing was
+//! measured when its plan was made, and telling so is what `verify` is for; and one of a plan whose
+//! parameters say of the adapter what it was seen not to do, which is what its promise rests on by
+//! name. `--first` says the first seed by itself; scenes, recipes and all else follow from a seed.
 #![allow(
     clippy::unwrap_used,
     clippy::panic,
@@ -42,7 +46,8 @@ const SIZE: [u32; 2] = [97, 61];
 #[derive(Default, serde::Serialize)]
 struct Pictures {
     adapter: String,
-    /// Scenes drawn with a recipe that at least one of its materials took, steps that it did not take left out.
+    /// Scenes drawn with a recipe that at least one of its materials took, steps that it did not
+    /// take left out.
     drawn: u64,
     /// Of these by the kind of the weakest contract of the scene's plans.
     by_contract: BTreeMap<String, u64>,
@@ -50,7 +55,8 @@ struct Pictures {
     held: BTreeMap<String, u64>,
     /// Over the budget that the recipe gave, and told to be.
     over_budget: Vec<String>,
-    /// Outside of a promise that rests on an adapter that does otherwise than this one was seen to do, and told to.
+    /// Outside of a promise that rests on an adapter that does otherwise than this one was seen to
+    /// do, and told to.
     of_another_adapter: Vec<String>,
     /// Not drawn, and why.
     not_measured: Vec<String>,

@@ -1,4 +1,5 @@
-//! How much GLSL of other people's is read: over the folders named, a table of what is accepted and why the rest is refused.
+//! How much GLSL of other people's is read: over the folders named, a table of what is accepted and
+//! why the rest is refused.
 //!
 //! ```text
 //! cargo run --release --example glsl-corpus --features glsl,spirv -- [--verbose] [--limit SECONDS] [--include DIR] [--write DIR] FOLDER..
@@ -6,8 +7,12 @@
 //! cargo run --release --example glsl-corpus --features glsl,spirv -- --time FILE [FILE]
 //! ```
 //!
-//! A pair is two files of one name, `.vert` and `.frag` or `.vs` and `.fs`; a fragment shader by itself is given a vertex stage that writes what it reads, and a file with
-//! `#pragma stage` lines is a pair. A material that takes longer than 30 seconds (`--limit`) hangs; each hundred of them is told on stderr, with the slowest. `--write` keeps what is emitted, for other compilers to look at. Accepted is what parses, validates, is emitted as WGSL that reads back as the same program, and as GLSL 4.50 or ES 3.00 that is read in again.
+//! A pair is two files of one name, `.vert` and `.frag` or `.vs` and `.fs`; a fragment shader by
+//! itself is given a vertex stage that writes what it reads, and a file with `#pragma stage` lines
+//! is a pair. A material that takes longer than 30 seconds (`--limit`) hangs; each hundred of them
+//! is told on stderr, with the slowest. `--write` keeps what is emitted, for other compilers to
+//! look at. Accepted is what parses, validates, is emitted as WGSL that reads back as the same
+//! program, and as GLSL 4.50 or ES 3.00 that is read in again.
 #![allow(
     clippy::unwrap_used,
     clippy::panic,

@@ -1,11 +1,14 @@
-//! Other people's GLSL drawn on both roads: through preshade on wgpu, and as it is by OpenGL, of the same bytes. Pairs are drawn by lot from the folders named.
+//! Other people's GLSL drawn on both roads: through preshade on wgpu, and as it is by OpenGL, of
+//! the same bytes. Pairs are drawn by lot from the folders named.
 //!
 //! ```text
 //! cargo run --release --example glsl-pairs --features verify -- [--pairs 200] [--seed 1] [--pictures DIR] FOLDER..
 //! ```
 //!
-//! `mediump` and `lowp` are `highp` on both roads. A pair is two files of one name, `.vert` and `.frag` or `.vs` and `.fs`; a fragment shader that reads no varying may stand alone. What OpenGL does not take, or draws nothing of, is no
-//! pair, and another is drawn in its place. Each pair has a process of its own, and five minutes.
+//! `mediump` and `lowp` are `highp` on both roads. A pair is two files of one name, `.vert` and
+//! `.frag` or `.vs` and `.fs`; a fragment shader that reads no varying may stand alone. What OpenGL
+//! does not take, or draws nothing of, is no pair, and another is drawn in its place. Each pair has
+//! a process of its own, and five minutes.
 #![allow(
     clippy::unwrap_used,
     clippy::panic,
@@ -33,7 +36,8 @@ const LIMIT: Duration = Duration::from_secs(300);
 /// Width and height of the pictures.
 const SIZE: [u32; 2] = [160, 90];
 
-/// Values without which a corpus does not draw: GraphicsFuzz's shaders end where the first is not below the second.
+/// Values without which a corpus does not draw: GraphicsFuzz's shaders end where the first is not
+/// below the second.
 const VALUES: [(&str, &[f32]); 2] = [
     ("injectionSwitch", &[0.0, 1.0]),
     ("resolution", &[160.0, 90.0]),
@@ -256,7 +260,8 @@ fn one(files: &[String]) -> String {
     }
 }
 
-/// A text of GLSL ES with all in `highp`, as preshade reads it: Mesa computes `mediump`, which integers are unless told otherwise, in 16 bits.
+/// A text of GLSL ES with all in `highp`, as preshade reads it: Mesa computes `mediump`, which
+/// integers are unless told otherwise, in 16 bits.
 fn in_full_precision(text: &str) -> String {
     let is_es = text.lines().any(|l| {
         let l = l.trim();

@@ -1,10 +1,12 @@
-//! Error against truth on the fixture scenes, as a table: what is hoisted, folded or left out, beside the original, both held against `f64`.
+//! Error against truth on the fixture scenes, as a table: what is hoisted, folded or left out,
+//! beside the original, both held against `f64`.
 //!
 //! ```text
 //! cargo run --release --features verify --example truth -- [--points 2000] [--seed 1] [--write docs/results/truth.md] [SCENE..]
 //! ```
 //!
-//! Needs no GPU. Without SCENE every scene of the fixtures is looked at; a recipe that a material refuses has no row. `--write` puts the tables into a page, between its two comments that say so.
+//! Needs no GPU. Without SCENE every scene of the fixtures is looked at; a recipe that a material
+//! refuses has no row. `--write` puts the tables into a page, between its two comments that say so.
 #![allow(
     clippy::unwrap_used,
     clippy::panic,

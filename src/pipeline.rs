@@ -4,7 +4,7 @@
 //! refused step is skipped and reported, and the next step is tried on the plan so far.
 
 use preshade_passes::neighbours;
-use preshade_passes::pass::{Facts, Refusal};
+use preshade_passes::pass::{Facts, Outcome, Refusal, Refused};
 use preshade_passes::plan::Plan;
 use preshade_passes::state::MaterialState;
 
@@ -115,17 +115,20 @@ pub fn apply_in(
     let mut plans = frame.materials.to_vec();
     let mut skipped = Vec::new();
     for step in &recipe.steps {
-        let mut results: Vec<Applied> = plans.iter().map(|p| step.apply(p, facts)).collect();
-        refuse(&mut results, |plan| {
-            neighbours::conflict(plan, frame.neighbours)
-        });
+        let run = |plan: &Plan| match run(step, plan, frame.neighbours, facts) {
+            Ok(outcome) => Ok(outcome.plan),
+            Err(refused) => Err(refused.first()),
+        };
+        let results: Vec<Applied> = plans.iter().map(run).collect();
         let drawn = results.iter().zip(&plans);
         let drawn: Vec<Plan> = drawn
             .map(|(r, p)| r.as_ref().unwrap_or(p).clone())
             .collect();
-        refuse(&mut results, |plan| {
-            neighbours::tied(plan, &drawn, facts.depth_ties)
-        });
+        let tied = |plan: Plan| match neighbours::tied(&plan, &drawn, facts.depth_ties) {
+            Some(refusal) => Err(Box::new(refusal)),
+            None => Ok(plan),
+        };
+        let results = results.into_iter().map(|result| result.and_then(tied));
         for (plan, result) in plans.iter_mut().zip(results) {
             let is_taken = inspect(step, plan, &result);
             match result {
@@ -142,11 +145,24 @@ pub fn apply_in(
     (plans, skipped)
 }
 
-fn refuse(results: &mut [Applied], why: impl Fn(&Plan) -> Option<Refusal>) {
-    for result in results {
-        if let Some(refusal) = result.as_ref().ok().and_then(&why) {
-            *result = Err(Box::new(refusal));
-        }
+/// Runs one step on a material. It is also refused if its result conflicts with the `neighbours` as
+/// written.
+///
+/// # Errors
+/// Every reason.
+pub fn run(
+    step: &Step,
+    plan: &Plan,
+    neighbours: &[Plan],
+    facts: &Facts,
+) -> Result<Outcome, Refused> {
+    let outcome = step.run(plan, facts)?;
+    match neighbours::conflict(&outcome.plan, neighbours) {
+        None => Ok(outcome),
+        Some(refusal) => Err(Refused {
+            refusals: vec![refusal],
+            left: outcome.left,
+        }),
     }
 }
 

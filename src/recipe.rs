@@ -3,7 +3,7 @@
 use std::fmt;
 
 use preshade_passes::core::refusals::{self, RefusalInfo};
-use preshade_passes::pass::{AnyPass, Facts, ParamError, Refusal, Refused, Site};
+use preshade_passes::pass::{AnyPass, Facts, Outcome, ParamError, Refusal, Refused, Site};
 use preshade_passes::plan::Plan;
 use preshade_passes::{PASSES, pass_named};
 use schemars::JsonSchema;
@@ -358,15 +358,15 @@ impl Recipe {
 }
 
 impl Step {
-    /// Applies the step. A site that is gone is refused as `stale`, several sites as `ambiguous`.
-    pub(crate) fn apply(&self, plan: &Plan, facts: &Facts) -> Applied {
+    /// Runs the pass. If the step names a site that is gone, it is refused as `stale`.
+    pub(crate) fn run(&self, plan: &Plan, facts: &Facts) -> Result<Outcome, Refused> {
         let refuse = |code: &RefusalInfo, reason: String, remedy: &str| {
-            Box::new(Refusal::new(&self.pass, code, reason, remedy))
+            Refused::from(vec![Refusal::new(&self.pass, code, reason, remedy)])
         };
         let pass = find(&self.pass)
             .map_err(|e| refuse(&refusals::UNKNOWN, e.to_string(), "name one of the passes"))?;
         let params = serde_json::Value::Object(self.params.clone());
-        let outcome = pass.run(plan, facts, &params).map_err(Refused::first)?;
+        let outcome = pass.run(plan, facts, &params)?;
         match &self.site {
             Some(site) if *site != outcome.change.key => Err(refuse(
                 &refusals::STALE,
@@ -376,7 +376,7 @@ impl Step {
                 ),
                 "make the recipe anew",
             )),
-            _ => Ok(outcome.plan),
+            _ => Ok(outcome),
         }
     }
 }

@@ -5,12 +5,12 @@ use std::ops::ControlFlow;
 use codespan_reporting::diagnostic::{Diagnostic, Label};
 use codespan_reporting::files::SimpleFiles;
 use codespan_reporting::term;
-use preshade::unstable::measure::{self, EffectUse, Session};
+use preshade::unstable::measure::{self, Detail, EffectUse, Session};
 use preshade::unstable::passes::PASSES;
 use preshade::unstable::passes::graph::Graph;
-use preshade::unstable::passes::neighbours;
 use preshade::unstable::passes::pass::{Bound, Change, Facts, Frequency, Left, Refusal, SiteCost};
 use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::pipeline;
 use preshade::unstable::recipe::{Recipe, Step};
 use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
 use serde::Serialize;
@@ -132,58 +132,80 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         known,
         ..
     } = args.shader.plans(&recipe)?;
-    let facts = match args.scene {
-        true => measured(args)?,
-        false if args.view.is_given() => {
-            return Err(Failure(
-                "error: --camera and --size are for --scene: nothing else is drawn".to_owned(),
-            ));
-        }
-        false => known,
-    };
+    if !args.scene && args.view.is_given() {
+        return Err(Failure(
+            "error: --camera and --size are for --scene: nothing else is drawn".to_owned(),
+        ));
+    }
     let effects = args.shader.effects()?;
-    let materials = plans
-        .iter()
-        .map(|plan| explain(plan, &steps, &facts, &frame, &effects, order))
-        .collect::<Result<Vec<_>, _>>()?;
-    match args.format {
-        Format::Json => output::json(&Explanation {
+    let mut materials: Vec<Explained> = Vec::new();
+    let mut add = |facts: &Facts, plan: &Plan| -> Result<(), Failure> {
+        let explained = explain(plan, &steps, facts, &frame, &effects, order)?;
+        if args.format == Format::Human {
+            let between = if materials.is_empty() { "" } else { "\n" };
+            output::data(&format!("{between}{}", print(&explained, plan)))?;
+        }
+        materials.push(explained);
+        Ok(())
+    };
+    match args.scene {
+        true => measured(args, &plans, &mut add)?,
+        false => plans.iter().try_for_each(|plan| add(&known, plan))?,
+    }
+    if args.format == Format::Json {
+        output::json(&Explanation {
             schema: "preshade.explain.v1",
             materials,
-        })?,
-        Format::Human => {
-            let texts: Vec<String> = materials
-                .iter()
-                .zip(&plans)
-                .map(|(explained, plan)| print(explained, plan))
-                .collect();
-            output::data(&texts.join("\n"))?;
-        }
+        })?;
     }
     Ok(Outcome::Fine)
 }
 
-/// Measures the facts of a scene by drawing it.
-fn measured(args: &Args) -> Result<Facts, Failure> {
+/// Size on a software adapter, if none is given: three materials then take less than a minute on
+/// two cores.
+const SOFTWARE_SIZE: [u32; 2] = [320, 180];
+
+/// Measures the facts of a scene by drawing it, and hands over each plan as soon as the facts about
+/// its material are complete.
+fn measured(
+    args: &Args,
+    plans: &[Plan],
+    each: &mut dyn FnMut(&Facts, &Plan) -> Result<(), Failure>,
+) -> Result<(), Failure> {
     let scene = args.view.of(args.shader.scene()?)?;
     let choice = args
         .adapter
         .clone()
         .map_or(AdapterChoice::Best, AdapterChoice::Matching);
     let gpu = Gpu::with_trust(&choice, args.shader.limits.limits().trust())?;
+    let scene = args.view.reduced(scene, &gpu, SOFTWARE_SIZE);
     let session = Session::new(&gpu, &scene, ShaderForm::Text)?;
-    let mut facts = measure::facts(&session)?;
     let bar = output::bar();
+    bar.set_message("looking for depth ties");
+    let facts = measure::facts(&session)?;
     bar.set_message("measuring what can be interpolated");
-    let mut progress = |done: f64| bar.set_position((done * 1000.0) as u64);
-    facts.frequencies = measure::frequencies(&session, &facts, &mut |done| {
-        progress(done);
+    let at = |plan: &Plan| {
+        let mut materials = scene.materials.iter();
+        materials.position(|m| m.name == plan.material)
+    };
+    let mut left = plans.iter().peekable();
+    let mut failed = Ok(());
+    measure::frequencies(&session, &facts, Detail::Table, &mut |step| {
+        bar.set_position((step.done * 1000.0) as u64);
+        while let Some(plan) = left.next_if(|plan| at(plan).is_none_or(|i| i < step.complete)) {
+            let known = Facts {
+                frequencies: step.measured.to_vec(),
+                ..facts.clone()
+            };
+            bar.suspend(|| failed = each(&known, plan));
+            if failed.is_err() {
+                return ControlFlow::Break(());
+            }
+        }
         ControlFlow::Continue(())
     })?;
-    bar.set_message("bounding how far it is off");
-    facts.frequencies = measure::interpolations(&session, &facts, &mut progress)?;
     bar.finish_and_clear();
-    Ok(facts)
+    failed
 }
 
 fn explain(
@@ -221,18 +243,13 @@ fn explain(
                     return Err(Failure(format!("error: no pass `{}`", step.pass)));
                 };
                 let info = pass.info();
-                let params = serde_json::Value::Object(step.params.clone());
-                let (sites, refusals, left) = match pass.run(&before, facts, &params) {
-                    // A pass may apply to the material alone and conflict with its neighbours.
-                    Ok(done) => match neighbours::conflict(&done.plan, frame) {
-                        None => {
-                            if order == Order::Chained {
-                                before = done.plan;
-                            }
-                            (vec![done.change], Vec::new(), done.left)
+                let (sites, refusals, left) = match pipeline::run(step, &before, frame, facts) {
+                    Ok(done) => {
+                        if order == Order::Chained {
+                            before = done.plan;
                         }
-                        Some(refusal) => (Vec::new(), vec![refusal], done.left),
-                    },
+                        (vec![done.change], Vec::new(), done.left)
+                    }
                     Err(refused) => (Vec::new(), refused.refusals, refused.left),
                 };
                 Ok(PassExplained {

@@ -13,7 +13,7 @@ use preshade::unstable::passes::contract::Verdict;
 use preshade::unstable::passes::specialize::Params;
 use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
 use preshade::unstable::report;
-use preshade::unstable::scene::{DrawOrder, Scene};
+use preshade::unstable::scene::DrawOrder;
 use preshade::unstable::search::explore::{self, Journal, Settings};
 
 use crate::input::ShaderArgs;
@@ -80,9 +80,8 @@ pub struct Args {
     pub shader: ShaderArgs,
 }
 
-/// Default for the most pixels on a software adapter, so that a search takes less than a minute on
-/// two cores.
-const SOFTWARE_PIXELS: f64 = 480.0 * 270.0;
+/// Size on a software adapter, if none is given: a search then takes less than a minute on two cores.
+const SOFTWARE_SIZE: [u32; 2] = [480, 270];
 
 /// Name of the journal's file.
 const JOURNAL: &str = "measured.jsonl";
@@ -166,9 +165,7 @@ fn one(args: &Args, shader: &ShaderArgs, out: Option<&Path>) -> Result<Outcome, 
         .clone()
         .map_or(AdapterChoice::Best, AdapterChoice::Matching);
     let gpu = Gpu::with_trust(&choice, args.shader.limits.limits().trust())?;
-    if !args.view.is_sized() && gpu.adapter().kind == "software" {
-        scene = reduced(scene);
-    }
+    scene = args.view.reduced(scene, &gpu, SOFTWARE_SIZE);
     let mut journal = match out {
         None => Journal::new(),
         Some(dir) => Journal::open(&dir.join(JOURNAL))
@@ -255,19 +252,4 @@ fn one(args: &Args, shader: &ShaderArgs, out: Option<&Path>) -> Result<Outcome, 
         true => Outcome::ContractBroken,
         false => Outcome::Fine,
     })
-}
-
-/// The scene at a size that a software adapter draws often enough.
-fn reduced(scene: Scene) -> Scene {
-    let [w, h] = scene.size.map(f64::from);
-    let scale = (SOFTWARE_PIXELS / (w * h)).sqrt();
-    if scale >= 1.0 {
-        return scene;
-    }
-    let size = [w, h].map(|side| ((side * scale) as u32).max(1));
-    output::message(&format!(
-        "note: drawn at {}x{}, since this is a software adapter (--size says another)",
-        size[0], size[1]
-    ));
-    scene.resized(size)
 }

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use preshade::unstable::emit;
 use preshade::unstable::front::{self, Source};
-use preshade::unstable::measure::{self, EffectUse, Session, TimingSettings, Variant};
+use preshade::unstable::measure::{self, Detail, EffectUse, Session, TimingSettings, Variant};
 use preshade::unstable::passes::budget::Budget;
 use preshade::unstable::passes::pass::Facts;
 use preshade::unstable::passes::plan::Plan;
@@ -435,11 +435,11 @@ fn prepare(
         return Ok((recipes, facts));
     }
     bar.set_message("measuring what can be interpolated");
-    facts.frequencies = measure::frequencies(session, &facts, &mut |done| {
-        bar.set_position((done * 1000.0) as u64);
+    facts.frequencies = measure::frequencies(session, &facts, Detail::Choice, &mut |step| {
+        bar.set_position((step.done * 1000.0) as u64);
         bar.set_message(format!(
             "measuring what can be interpolated, {:.0} %",
-            done * 100.0
+            step.done * 100.0
         ));
         ControlFlow::Continue(())
     })?;

@@ -6,7 +6,9 @@ use std::time::Duration;
 
 use preshade::unstable::measure::crossover::{Point, Series};
 use preshade::unstable::measure::record::{Chosen, Pictures, Report, SweepReport};
-use preshade::unstable::measure::{self, Session, Settings, Timed, TimingSettings, Variant};
+use preshade::unstable::measure::{
+    self, Detail, Session, Settings, Timed, TimingSettings, Variant,
+};
 use preshade::unstable::passes::budget::Budget;
 use preshade::unstable::passes::pass::Facts;
 use preshade::unstable::recipe::Recipe;
@@ -489,8 +491,8 @@ fn choose(
         return Ok(recipes);
     }
     bar.set_message("measuring what can be interpolated");
-    facts.frequencies = measure::frequencies(session, facts, &mut |done| {
-        bar.set_position((done * 1000.0) as u64);
+    facts.frequencies = measure::frequencies(session, facts, Detail::Choice, &mut |step| {
+        bar.set_position((step.done * 1000.0) as u64);
         ControlFlow::Continue(())
     })?;
     let originals = session.originals();

@@ -1,8 +1,9 @@
 //! `--camera` and `--size`.
 
+use preshade::unstable::render::Gpu;
 use preshade::unstable::scene::Scene;
 
-use crate::Failure;
+use crate::{Failure, output};
 
 /// Cameras and resolution.
 #[derive(clap::Args)]
@@ -45,9 +46,20 @@ impl ViewArgs {
         self.size
     }
 
-    /// Whether a resolution is given.
-    pub fn is_sized(&self) -> bool {
-        self.size.is_some()
+    /// The scene with about `most` pixels if the adapter is software and no size was given.
+    pub fn reduced(&self, scene: Scene, gpu: &Gpu, most: [u32; 2]) -> Scene {
+        let most = f64::from(most[0]) * f64::from(most[1]);
+        let [w, h] = scene.size.map(f64::from);
+        let scale = (most / (w * h)).sqrt();
+        if self.size.is_some() || gpu.adapter().kind != "software" || scale >= 1.0 {
+            return scene;
+        }
+        let size = [w, h].map(|side| ((side * scale) as u32).max(1));
+        output::message(&format!(
+            "note: drawn at {}x{}, since this is a software adapter (--size says another)",
+            size[0], size[1]
+        ));
+        scene.resized(size)
     }
 
     /// Whether anything is given.

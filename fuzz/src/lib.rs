@@ -8,7 +8,8 @@ use std::sync::Once;
 use arbitrary::{Arbitrary, Unstructured};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
-/// A module made of bytes by naga's own `Arbitrary`: few are valid, and those are written and read back.
+/// A module made of bytes by naga's own `Arbitrary`: few are valid, and those are written and read
+/// back.
 pub fn module(data: &[u8]) {
     let Ok(module) = naga::Module::arbitrary(&mut Unstructured::new(data)) else {
         return;

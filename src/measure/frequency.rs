@@ -7,7 +7,7 @@ use std::ops::ControlFlow;
 use preshade_passes::budget::{Budget, Metric};
 use preshade_passes::graph::Graph;
 use preshade_passes::hoist::{self, Candidate, Candidates, Computed, Hoist, Stages};
-use preshade_passes::pass::{Facts, Frequency, Pass};
+use preshade_passes::pass::{Bound, Facts, Frequency, Pass};
 use preshade_passes::pass_named;
 use preshade_passes::plan::Plan;
 
@@ -19,10 +19,29 @@ use crate::recipe::Recipe;
 use crate::render::Rendered;
 use crate::scene::{DrawOrder, Frame, Scene};
 
+/// How much to find out about each value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Detail {
+    /// Enough for choosing values. The most expensive values come first.
+    Choice,
+    /// Also more points between vertices, and a proved bound. Values come material by material.
+    Table,
+}
+
+/// The progress of [`frequencies`], after each value.
+#[derive(Clone, Copy, Debug)]
+pub struct Step<'m> {
+    /// Part done, 0 to 1.
+    pub done: f64,
+    /// The values measured so far.
+    pub measured: &'m [Frequency],
+    /// With [`Detail::Table`]: so many materials are complete, in the scene's order.
+    pub complete: usize,
+}
+
 /// Measures every candidate value: draws the scene with only that value interpolated, in all
 /// materials that have it, and compares with the original. Keeps the worst of the [`choosing`]
-/// frames. Of `facts` only the ranges matter. The most expensive values come first. `progress` gets
-/// the part done and may stop the measurement.
+/// frames. Of `facts` only the ranges matter. `progress` may stop the measurement.
 ///
 /// # Errors
 ///
@@ -30,13 +49,14 @@ use crate::scene::{DrawOrder, Frame, Scene};
 pub fn frequencies(
     session: &Session<'_>,
     facts: &Facts,
-    progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
+    detail: Detail,
+    progress: &mut dyn FnMut(Step<'_>) -> ControlFlow<()>,
 ) -> Result<Vec<Frequency>, Error> {
     match small(session.scene()) {
-        None => measured(session, facts, progress),
+        None => measured(session, facts, detail, progress),
         Some(scene) => {
             let session = Session::new(session.gpu(), &scene, session.form())?;
-            measured(&session, facts, progress)
+            measured(&session, facts, detail, progress)
         }
     }
 }
@@ -44,7 +64,8 @@ pub fn frequencies(
 fn measured(
     session: &Session<'_>,
     facts: &Facts,
-    progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
+    detail: Detail,
+    progress: &mut dyn FnMut(Step<'_>) -> ControlFlow<()>,
 ) -> Result<Vec<Frequency>, Error> {
     let plans = session.originals();
     let frames = choosing(session.scene());
@@ -52,35 +73,19 @@ fn measured(
     let stages = stages(plans);
     let graphs = graphs(&stages);
     let found = found(&stages, &graphs, facts);
-    // Materials of one shader have the same candidates, and are measured together.
-    let mut candidates: BTreeMap<&str, Vec<(usize, &Candidates<'_, '_>, &Candidate)>> =
-        BTreeMap::new();
-    for (material, found) in found.iter().enumerate() {
-        let Some(found) = found else { continue };
-        for candidate in found.list() {
-            let of = candidates.entry(&candidate.id).or_default();
-            of.push((material, found, candidate));
-        }
-    }
-    let mut candidates: Vec<_> = candidates.into_iter().collect();
-    let saved = |of: &[(usize, &Candidates<'_, '_>, &Candidate)]| -> f64 {
-        of.iter().map(|(_, _, c)| c.cost).fold(0.0, f64::max)
-    };
-    candidates.sort_by(|(_, a), (_, b)| saved(b).total_cmp(&saved(a)));
-    let mut measured = Vec::new();
-    for (done, (id, of)) in candidates.iter().enumerate() {
-        if progress(done as f64 / candidates.len() as f64).is_break() {
+    let values = values(&found, detail);
+    let mut measured: Vec<Frequency> = Vec::new();
+    for (done, value) in values.iter().enumerate() {
+        let step = Step {
+            done: done as f64 / values.len() as f64,
+            measured: &measured,
+            complete: value.materials[0].0,
+        };
+        if progress(step).is_break() {
             break;
         }
-        let mut alone: BTreeMap<usize, Plan> = BTreeMap::new();
-        let carried: Vec<_> = of
-            .iter()
-            .filter_map(|(material, found, candidate)| {
-                alone.insert(*material, found.alone(id).ok()?);
-                Some((material, candidate))
-            })
-            .collect();
-        if carried.is_empty() {
+        let alone = value.alone();
+        if alone.is_empty() {
             continue;
         }
         let mut changed = plans.to_vec();
@@ -92,15 +97,26 @@ fn measured(
         };
         let worst = worst(&references, &drawn)?;
         // Whether it is finite is seen by itself: a target of fixed point holds no NaN.
-        let interpolation = interpolation(session, &alone, Points::Few);
-        let interpolation = interpolation.unwrap_or_default();
-        measured.extend(carried.into_iter().map(|(material, candidate)| Frequency {
+        let points = match detail {
+            Detail::Choice => Points::Few,
+            Detail::Table => Points::Many,
+        };
+        let interpolation = interpolation(session, &alone, points).unwrap_or_default();
+        let bound = match detail {
+            Detail::Choice => None,
+            Detail::Table => value.bound(session),
+        };
+        let carried = value
+            .materials
+            .iter()
+            .filter(|(m, ..)| alone.contains_key(m));
+        measured.extend(carried.map(|(material, _, candidate)| Frequency {
             material: plans[*material].material.clone(),
-            value: (*id).to_owned(),
+            value: value.id.to_owned(),
             name: candidate.name.clone(),
             cost: candidate.cost,
             interpolation,
-            bound: None,
+            bound: bound.clone(),
             max_abs: worst.max_abs,
             flip_mean: worst.flip_mean,
             flip_p99: worst.flip_p99,
@@ -108,7 +124,67 @@ fn measured(
             location: candidate.location.clone(),
         }));
     }
+    let _ = progress(Step {
+        done: 1.0,
+        measured: &measured,
+        complete: plans.len(),
+    });
     Ok(measured)
+}
+
+/// A value that may be interpolated, in every material that has it.
+struct Shared<'f, 'a, 'p> {
+    id: &'f str,
+    /// Index of the material, in ascending order.
+    materials: Vec<(usize, &'f Candidates<'a, 'p>, &'f Candidate)>,
+}
+
+impl Shared<'_, '_, '_> {
+    /// The plans with only this value interpolated, by index of the material.
+    fn alone(&self) -> BTreeMap<usize, Plan> {
+        let plans = self.materials.iter();
+        plans
+            .filter_map(|(material, found, _)| Some((*material, found.alone(self.id).ok()?)))
+            .collect()
+    }
+
+    /// The proved bound of its interpolation error.
+    fn bound(&self, session: &Session<'_>) -> Option<Bound> {
+        let computed = self.materials.iter();
+        let computed: Option<BTreeMap<usize, Computed>> = computed
+            .map(|(material, found, _)| Some((*material, found.computed(self.id).ok()?)))
+            .collect();
+        bounds::bound(session.scene(), session.originals(), &computed?)
+    }
+}
+
+/// The candidate values. Materials of one shader have the same candidates, and are measured
+/// together.
+fn values<'f, 'a, 'p>(
+    found: &'f [Option<Candidates<'a, 'p>>],
+    detail: Detail,
+) -> Vec<Shared<'f, 'a, 'p>> {
+    let mut values: BTreeMap<&str, Vec<_>> = BTreeMap::new();
+    for (material, found) in found.iter().enumerate() {
+        let Some(found) = found else { continue };
+        for candidate in found.list() {
+            let of = values.entry(&candidate.id).or_default();
+            of.push((material, found, candidate));
+        }
+    }
+    let shared = |(id, materials)| Shared { id, materials };
+    let mut values: Vec<_> = values.into_iter().map(shared).collect();
+    let saved = |of: &Shared<'_, '_, '_>| -> f64 {
+        of.materials
+            .iter()
+            .map(|(_, _, c)| c.cost)
+            .fold(0.0, f64::max)
+    };
+    values.sort_by(|a, b| saved(b).total_cmp(&saved(a)));
+    if detail == Detail::Table {
+        values.sort_by_key(|of| of.materials[0].0);
+    }
+    values
 }
 
 /// The stages of each plan. `None`: nothing can be hoisted.
@@ -129,54 +205,6 @@ fn found<'a, 'p>(
     let each = stages.iter().zip(graphs);
     each.map(|(s, g)| Candidates::new(s.as_ref()?, g.as_ref()?, facts).ok())
         .collect()
-}
-
-/// Adds to the frequencies of `facts` how far each value itself is from its interpolation, at more
-/// points and with a proved bound. No choice depends on it, and it takes a while.
-///
-/// # Errors
-///
-/// None yet.
-pub fn interpolations(
-    session: &Session<'_>,
-    facts: &Facts,
-    progress: &mut dyn FnMut(f64),
-) -> Result<Vec<Frequency>, Error> {
-    let plans = session.originals();
-    let stages = stages(plans);
-    let graphs = graphs(&stages);
-    let found = found(&stages, &graphs, facts);
-    let mut frequencies = facts.frequencies.clone();
-    let values: BTreeSet<String> = frequencies.iter().map(|f| f.value.clone()).collect();
-    for (done, value) in values.iter().enumerate() {
-        progress(done as f64 / values.len() as f64);
-        let mut of: Vec<&mut Frequency> = frequencies
-            .iter_mut()
-            .filter(|f| f.value == *value)
-            .collect();
-        let materials: Vec<(usize, &Candidates<'_, '_>)> = found
-            .iter()
-            .enumerate()
-            .filter(|(m, _)| of.iter().any(|f| f.material == plans[*m].material))
-            .filter_map(|(m, found)| Some((m, found.as_ref()?)))
-            .collect();
-        let alone = materials
-            .iter()
-            .filter_map(|(m, found)| Some((*m, found.alone(value).ok()?)));
-        let alone: BTreeMap<usize, Plan> = alone.collect();
-        // If it cannot be evaluated, the picture's error remains.
-        let interpolation = interpolation(session, &alone, Points::Many).unwrap_or_default();
-        let computed = materials
-            .iter()
-            .map(|(m, found)| Some((*m, found.computed(value).ok()?)));
-        let computed: Option<BTreeMap<usize, Computed>> = computed.collect();
-        let bound = computed.and_then(|of| bounds::bound(session.scene(), plans, &of));
-        for frequency in &mut of {
-            frequency.interpolation = interpolation.or(frequency.interpolation);
-            frequency.bound.clone_from(&bound);
-        }
-    }
-    Ok(frequencies)
 }
 
 /// Most pixels of a candidate's pictures. Interpolation errors depend on triangles, not on pixels;

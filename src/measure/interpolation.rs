@@ -58,14 +58,15 @@ pub fn interpolation(
     let Some(&(level, _)) = levels.iter().find(|(_, most)| triangles <= *most) else {
         return Ok(None);
     };
-    let mut changed = plans.to_vec();
+    // Only the compute passes run: nothing is drawn, so no pipeline for drawing is built.
+    let mut changed: Vec<Plan> = plans.iter().map(computing).collect();
     let mut components = HashMap::new();
     let mut denominator = 1;
     for (material, alone) in alone {
         let Some((plan, wide, sum)) = tessellated(&plans[*material], alone, level) else {
             continue;
         };
-        changed[*material] = plan;
+        changed[*material] = computing(&plan);
         components.insert(*material, wide);
         denominator = sum;
     }
@@ -88,6 +89,15 @@ pub fn interpolation(
         }
     }
     Ok(measured.and_then(Measured::worst))
+}
+
+/// The plan with its compute passes alone.
+fn computing(plan: &Plan) -> Plan {
+    let mut plan = plan.clone();
+    plan.passes.clear();
+    let used = |key: &String| plan.compute.iter().any(|pass| pass.program == *key);
+    plan.programs.retain(|key, _| used(key));
+    plan
 }
 
 /// Which words of a vertex are floats of the value, which are interpolated.

@@ -63,7 +63,8 @@ impl ShadowReport {
             true => Verdict::Broken { r#where },
             false => Verdict::NotMeasured {
                 why: format!(
-                    "its shadow pass is exact against an original whose position is @invariant, and this one's is not (--invariant marks it): {where}"
+                    "its shadow pass is exact against an original whose position is @invariant, \
+                     and this one's is not (--invariant marks it): {where}"
                 ),
             },
         }

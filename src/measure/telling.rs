@@ -42,7 +42,8 @@ impl Colours {
     /// A warning if no wrong colour could be seen.
     pub(crate) fn warning(&self) -> Option<String> {
         (self.pictures > 0 && self.seen.len() <= PLAIN).then(|| {
-            "every picture of the original has one colour in front of another: no wrong colour would be seen, so that what holds here was tested for its outline alone"
+            "every picture of the original has one colour in front of another: no wrong colour \
+             would be seen, so that what holds here was tested for its outline alone"
                 .to_owned()
         })
     }
@@ -115,7 +116,9 @@ pub(crate) fn faces_away(
 }
 
 /// The reason if every triangle faces away.
-pub(crate) const FACES_AWAY: &str = "every triangle faces away and is culled: draw both sides (`--cull none`, or `state.primitive.cull = \"none\"` in a scene), or say which side is the front (`front_face`)";
+pub(crate) const FACES_AWAY: &str = "every triangle faces away and is culled: draw both sides \
+ (`--cull none`, or `state.primitive.cull = \"none\"` in a scene), or say which side is the front \
+ (`front_face`)";
 
 #[cfg(test)]
 mod tests {

@@ -85,7 +85,11 @@ fn rounded_too_far(k: u32, turned: Option<Turned>, error: &ErrorLadder) -> Optio
 pub(super) fn advice(contract: &Contract, error: &ErrorLadder) -> Option<String> {
     let given = |assumption| contract.given().contains(&assumption);
     if given(Assumption::UnclippedLinear) {
-        return Some("its promise is about triangles that are not clipped, where they have varyings interpolated linearly (`unclipped-linear`)".to_owned());
+        return Some(
+            "its promise is about triangles that are not clipped, where they have varyings \
+         interpolated linearly (`unclipped-linear`)"
+                .to_owned(),
+        );
     }
     // A quarter of all there is no rounding makes, however steep.
     const MOST: f64 = 0.25;
@@ -94,7 +98,8 @@ pub(super) fn advice(contract: &Contract, error: &ErrorLadder) -> Option<String>
         // Half a step more than was measured, in thousandths.
         let budget = ((error.max_abs + 0.5 / 255.0) * 1000.0).ceil() / 1000.0;
         format!(
-            "{} of {} pixels differ by more than a step, and budget={budget} would have held: take it if slopes are steep here (`gentle-slopes`){}, else what differs is a fault",
+            "{} of {} pixels differ by more than a step, and budget={budget} would have held: take \
+             it if slopes are steep here (`gentle-slopes`){}, else what differs is a fault",
             error.beyond_step,
             error.pixels,
             if given(Assumption::UnclippedTriangles) {

@@ -39,7 +39,8 @@ impl Chosen {
                 error,
                 speedup,
             } => format!(
-                "No variant within {name}={most} is faster than the original beyond noise: the fastest is {variant}, {}, {name} {error:.5}.",
+                "No variant within {name}={most} is faster than the original beyond noise: the \
+                 fastest is {variant}, {}, {name} {error:.5}.",
                 frontier::speedup(*speedup)
             ),
             Choice::None {
@@ -51,7 +52,8 @@ impl Chosen {
                 times(*speedup)
             ),
             Choice::None { .. } => format!(
-                "No variant within {name}={most} stood beside the original: each that was drawn is slower, further off, or was not verified."
+                "No variant within {name}={most} stood beside the original: each that was drawn is \
+                 slower, further off, or was not verified."
             ),
         }
     }

@@ -206,7 +206,8 @@ pub fn svg(series: &Series) -> Option<String> {
     let _ = writeln!(
         out,
         "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>\
-         <text x=\"16\" y=\"{:.1}\" transform=\"rotate(-90 16 {:.1})\" text-anchor=\"middle\">ms a frame</text>",
+         <text x=\"16\" y=\"{:.1}\" transform=\"rotate(-90 16 {:.1})\" text-anchor=\"middle\">ms a \
+          frame</text>",
         (LEFT + WIDTH - RIGHT) / 2.0,
         HEIGHT - 12.0,
         escaped(&series.variable),
@@ -231,13 +232,15 @@ pub fn svg(series: &Series) -> Option<String> {
             let ((x, low), (_, high)) = (axes.at(*x, e.low), axes.at(*x, e.high));
             let _ = writeln!(
                 out,
-                "<line x1=\"{x:.1}\" y1=\"{low:.1}\" x2=\"{x:.1}\" y2=\"{high:.1}\" stroke=\"{color}\" stroke-width=\"4\"/>"
+                "<line x1=\"{x:.1}\" y1=\"{low:.1}\" x2=\"{x:.1}\" y2=\"{high:.1}\" \
+                 stroke=\"{color}\" stroke-width=\"4\"/>"
             );
         }
         let y = TOP + 14.0 + 16.0 * i as f64;
         let _ = writeln!(
             out,
-            "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"12\" height=\"4\" fill=\"{color}\"/><text x=\"{:.1}\" y=\"{:.1}\">{}</text>",
+            "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"12\" height=\"4\" fill=\"{color}\"/><text \
+             x=\"{:.1}\" y=\"{:.1}\">{}</text>",
             LEFT + 12.0,
             y - 6.0,
             LEFT + 30.0,
@@ -254,7 +257,8 @@ pub fn svg(series: &Series) -> Option<String> {
             let (x, y) = axes.at(crossing.value, ms);
             let _ = writeln!(
                 out,
-                "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"5\" fill=\"none\" stroke=\"#000000\"><title>{}</title></circle>",
+                "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"5\" fill=\"none\" \
+                 stroke=\"#000000\"><title>{}</title></circle>",
                 escaped(&sentence(&series.variable, crossover))
             );
         }

@@ -75,7 +75,8 @@ pub(crate) fn model(decision: &Decision) -> String {
             median_error,
             worst_error,
         } => format!(
-            "cost model: fitted to {frames} frames on {adapter}, off by {:.0} % at the median and {:.0} % at the worst",
+            "cost model: fitted to {frames} frames on {adapter}, off by {:.0} % at the median and \
+             {:.0} % at the worst",
             median_error * 100.0,
             worst_error * 100.0
         ),
@@ -131,7 +132,8 @@ fn rule(decision: &Decision, rule: &Rule) -> Vec<String> {
 /// The costs of keeping both plans of a switch.
 pub(crate) fn switch_cost(cost: &SwitchCost) -> String {
     format!(
-        "both together have {} pipelines, made in {:.0} ms, and {:.1} MB of attachments that only one of them has; --one holds to one plan",
+        "both together have {} pipelines, made in {:.0} ms, and {:.1} MB of attachments that only \
+         one of them has; --one holds to one plan",
         cost.pipelines,
         cost.creation_ms,
         cost.target_bytes as f64 * 1e-6

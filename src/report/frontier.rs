@@ -61,7 +61,9 @@ pub fn said(found: &Exploration) -> Vec<String> {
     let timed = on_frontier(found).any(|p| p.name != ORIGINAL && p.speedup.is_some());
     let level = timed && !on_frontier(found).any(gains);
     let nothing = level.then(|| {
-        "Nothing that was verified is faster than the original beyond noise: every interval of the frontier reaches 1 or lies below.".to_owned()
+        "Nothing that was verified is faster than the original beyond noise: every interval of the \
+         frontier reaches 1 or lies below."
+            .to_owned()
     });
     let chosen = found.chosen.as_ref().map(Chosen::said);
     let warnings = found.report.iter().flat_map(|r| &r.warnings);
@@ -180,7 +182,8 @@ pub fn ended(found: &Exploration) -> String {
     let how = match &found.ended {
         Ended::Complete => format!("Searched in {seconds:.0} s.\n"),
         Ended::OutOfTime => format!(
-            "The time was up after {seconds:.0} s: not all candidates were measured (--seconds gives more, and --out keeps what was measured).\n"
+            "The time was up after {seconds:.0} s: not all candidates were measured (--seconds \
+             gives more, and --out keeps what was measured).\n"
         ),
         Ended::Stopped => {
             format!("Stopped after {seconds:.0} s: this is what was measured by then.\n")

@@ -1,6 +1,7 @@
 //! Prints records: tables for a terminal, CSV, plots, pictures and HTML pages.
 //!
-//! The records themselves are in [`crate::measure::record`] and [`crate::search`]. Only the command line uses this module.
+//! The records themselves are in [`crate::measure::record`] and [`crate::search`]. Only the command
+//! line uses this module.
 
 mod choice;
 pub mod crossover;

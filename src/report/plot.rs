@@ -128,7 +128,8 @@ fn draw(out: &mut String, panel: &Panel, x_label: &str, names: &[&str]) {
         let at = y(mark.height);
         let _ = writeln!(
             out,
-            "<line x1=\"{LEFT}\" y1=\"{at:.1}\" x2=\"{:.1}\" y2=\"{at:.1}\" stroke=\"#444444\" stroke-dasharray=\"5 4\"/>",
+            "<line x1=\"{LEFT}\" y1=\"{at:.1}\" x2=\"{:.1}\" y2=\"{at:.1}\" stroke=\"#444444\" \
+             stroke-dasharray=\"5 4\"/>",
             LEFT + w
         );
         // Above the line, or below where there is no room.

@@ -70,7 +70,8 @@ impl RegretReport {
         lines.push(String::new());
         lines.extend(self.prediction.iter().map(|p| {
             format!(
-                "predicted against measured, {}: {} frames, time off by {} at the median, ratio to the original by {}; predicted first is within 1 % of the fastest in {} of {} views",
+                "predicted against measured, {}: {} frames, time off by {} at the median, ratio to \
+                 the original by {}; predicted first is within 1 % of the fastest in {} of {} views",
                 p.scenes,
                 p.frames,
                 percent(p.time),
@@ -80,7 +81,8 @@ impl RegretReport {
             )
         }));
         lines.push(
-            "best: of the plans measured, which are the original, each recipe alone and the mixes predicted best; choices are judged before they are refined material by material"
+            "best: of the plans measured, which are the original, each recipe alone and the mixes \
+             predicted best; choices are judged before they are refined material by material"
                 .to_owned(),
         );
         lines.push(String::new());

@@ -116,7 +116,8 @@ pub(super) fn notes(report: &Report) -> String {
         };
         let views = report.variants.first().map_or(0, |v| v.by_view.len());
         out.push_str(&format!(
-            "Errors are the worst of {views} views; times ({clock}) and shaded fragments are of camera `{}`, {}.\n",
+            "Errors are the worst of {views} views; times ({clock}) and shaded fragments are of \
+             camera `{}`, {}.\n",
             view.camera,
             crate::render::order::name(view.order)
         ));
@@ -139,7 +140,8 @@ pub(super) fn notes(report: &Report) -> String {
         }
         for junction in &v.junctions {
             out.push_str(&format!(
-                "{}: {} edges of draw `{}` are edges of `{}` too, which is not divided alike: pixels along these T-junctions may show what is behind\n",
+                "{}: {} edges of draw `{}` are edges of `{}` too, which is not divided alike: \
+                 pixels along these T-junctions may show what is behind\n",
                 v.name, junction.edges, junction.divided, junction.beside
             ));
         }
@@ -227,7 +229,8 @@ fn self_tests(v: &VariantReport) -> String {
             } => {
                 let fallback = test.fallback.as_deref().unwrap_or("original");
                 out.push_str(&format!(
-                    "{name}: the self-test of `{material}` failed in camera `{camera}`: {failure}; a host falls back to `{fallback}`\n"
+                    "{name}: the self-test of `{material}` failed in camera `{camera}`: {failure}; \
+                     a host falls back to `{fallback}`\n"
                 ));
             }
             SelfTestResult::NotRun { why } => {

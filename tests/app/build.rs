@@ -1,4 +1,5 @@
-//! The leaf is drawn with a depth pre-pass; the shaders in their forms that need no scene come beside it, to be compared.
+//! The leaf is drawn with a depth pre-pass; the shaders in their forms that need no scene come
+//! beside it, to be compared.
 
 use preshade::unstable::passes::state::{ColorTarget, CullMode, MaterialState};
 

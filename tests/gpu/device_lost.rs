@@ -1,4 +1,5 @@
-//! A device that is lost in the middle: what was measured stands, what was not says so, and another device goes on.
+//! A device that is lost in the middle: what was measured stands, what was not says so, and another
+//! device goes on.
 
 use std::ops::ControlFlow;
 use std::path::Path;

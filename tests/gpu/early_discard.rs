@@ -1,4 +1,5 @@
-//! `early-discard` drawn: nothing that is seen changes, what is hidden is dropped, and what cannot hold is refused.
+//! `early-discard` drawn: nothing that is seen changes, what is hidden is dropped, and what cannot
+//! hold is refused.
 
 use std::path::Path;
 
@@ -28,7 +29,8 @@ fn scene(name: &str) -> Scene {
         .resized([160, 90])
 }
 
-/// Five layers of a textured material that fill the screen, seen at a slant. `edit` makes the fixture's text another.
+/// Five layers of a textured material that fill the screen, seen at a slant. `edit` makes the
+/// fixture's text another.
 fn layers(name: &str, edit: impl Fn(String) -> String) -> Scene {
     let fixture = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/shaders/textured.wgsl");
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
@@ -125,7 +127,8 @@ fn shaded_per_pixel(scene: &Scene, plans: &[Plan]) -> f64 {
     shading.summary().per_pixel
 }
 
-/// Fragments of the main pass that do their work, whatever the depth test makes of them after it: what a material that writes depth is charged for.
+/// Fragments of the main pass that do their work, whatever the depth test makes of them after it:
+/// what a material that writes depth is charged for.
 fn worked_per_pixel(scene: &Scene, plans: &[Plan]) -> f64 {
     let mut plans = plans.to_vec();
     for pass in plans.iter_mut().flat_map(|p| &mut p.passes) {
@@ -405,7 +408,8 @@ fn a_fixed_tolerance_is_an_option() {
     let scene = scene("simple.toml");
     let plans = transformed(&scene, "early-discard:tolerance=0.0001");
     assert_exact("0.0001", &scene, &plans);
-    // Nearer to each other than the article's tolerance: it drops nothing, where the derived one does.
+    // Nearer to each other than the article's tolerance: it drops nothing, where the derived one
+    // does.
     let mut close = planes([16, 16], 2);
     for (i, draw) in close.draws.iter_mut().enumerate() {
         draw.transform.w_axis.z = 0.99 + 0.00005 * i as f32;
@@ -500,7 +504,8 @@ fn packed_depth_is_for_webgl() {
         };
         assert!(text(".main.").contains("texelFetch("));
         assert!(text(".prepass.").contains("pack_depth("));
-        // Without fine derivatives a vote shields nobody: the form says so, where there is somebody to shield.
+        // Without fine derivatives a vote shields nobody: the form says so, where there is somebody
+        // to shield.
         let json = files.iter().find(|f| f.name.ends_with(".json")).unwrap();
         let host: emit::PlanFile = serde_json::from_slice(&json.bytes).unwrap();
         let samples = text(".main.").contains("texture(");

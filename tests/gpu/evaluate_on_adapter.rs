@@ -1,4 +1,5 @@
-//! What the interpreter makes of functions of bits, and of some of floats, is what the adapter makes of them.
+//! What the interpreter makes of functions of bits, and of some of floats, is what the adapter
+//! makes of them.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;

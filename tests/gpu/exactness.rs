@@ -1,4 +1,5 @@
-//! The promise of an `exact` contract, kept or broken: every scene, under every depth set-up, drawn as written and as each variant, compared bit by bit.
+//! The promise of an `exact` contract, kept or broken: every scene, under every depth set-up, drawn
+//! as written and as each variant, compared bit by bit.
 
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -109,7 +110,8 @@ fn broken(gpu: &Gpu, label: &str, scene: &Scene, form: ShaderForm) -> Vec<String
         let variant = measure::variant(&originals, &parsed, &facts);
         let transformed = variant.plans.iter().filter(|p| !p.steps.is_empty()).count();
         if ties > 0 && *used == Use::ExactWithoutTies {
-            // Materials that compare with LessEqual tie harmlessly; the others must have refused, by name.
+            // Materials that compare with LessEqual tie harmlessly; the others must have refused,
+            // by name.
             let named = variant.kept.iter().any(|k| k.why.contains("depth-ties"));
             if !named {
                 wrong.push(format!("{label}: {recipe} did not refuse {ties} ties"));
@@ -120,8 +122,8 @@ fn broken(gpu: &Gpu, label: &str, scene: &Scene, form: ShaderForm) -> Vec<String
             continue;
         }
         if transformed == 0 {
-            // What a shader writes as depth is neither read-only nor invariant, and some neighbours forbid it; nothing else may keep every
-            // material of a fixture out.
+            // What a shader writes as depth is neither read-only nor invariant, and some neighbours
+            // forbid it; nothing else may keep every material of a fixture out.
             let expected = [
                 "readonly-depth-writer",
                 "depth-not-invariant",
@@ -267,8 +269,8 @@ fn a_viewport_offset_and_half_resolution() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
-/// `LessEqual` is no fallback, and a pre-pass without a bias no biased one: both change the picture where surfaces tie. If this
-/// stops failing, the tests above prove nothing.
+/// `LessEqual` is no fallback, and a pre-pass without a bias no biased one: both change the picture
+/// where surfaces tie. If this stops failing, the tests above prove nothing.
 #[test]
 fn what_ties_would_break_is_seen_to_break() {
     let gpu = gpu();
@@ -292,7 +294,8 @@ fn what_ties_would_break_is_seen_to_break() {
     );
 }
 
-/// The same of alpha to coverage: a pre-pass that leaves it out covers samples that the main pass does not.
+/// The same of alpha to coverage: a pre-pass that leaves it out covers samples that the main pass
+/// does not.
 #[test]
 fn what_alpha_leaves_uncovered_is_seen_to_break() {
     let gpu = gpu();
@@ -319,7 +322,8 @@ fn what_alpha_leaves_uncovered_is_seen_to_break() {
     }
 }
 
-/// A pre-pass biased in spite of the refusal of a material that discards by its depth: the same slices, at depths that are not the main pass's.
+/// A pre-pass biased in spite of the refusal of a material that discards by its depth: the same
+/// slices, at depths that are not the main pass's.
 #[test]
 fn what_a_bias_does_to_the_depth_a_stage_sees_is_seen_to_break() {
     let gpu = gpu();
@@ -347,7 +351,8 @@ fn what_a_bias_does_to_the_depth_a_stage_sees_is_seen_to_break() {
     assert!(error.changed_pixels > 20, "{error:?}");
 }
 
-/// What lies hidden shows in the channels that a material leaves as they are. Each material by itself takes the recipe; only the frame knows better.
+/// What lies hidden shows in the channels that a material leaves as they are. Each material by
+/// itself takes the recipe; only the frame knows better.
 #[test]
 fn what_a_colour_mask_lets_through_is_seen_to_break() {
     let gpu = gpu();

@@ -1,4 +1,5 @@
-//! The search for the frontier: what it finds is beaten by nothing it measured, it goes on where it ended, and its page needs nothing else.
+//! The search for the frontier: what it finds is beaten by nothing it measured, it goes on where it
+//! ended, and its page needs nothing else.
 
 use std::ops::ControlFlow;
 use std::path::Path;

@@ -1,4 +1,5 @@
-//! GLSL of every dialect draws through preshade what OpenGL draws of the author's own text: same scene, same values, pictures within 1/255.
+//! GLSL of every dialect draws through preshade what OpenGL draws of the author's own text: same
+//! scene, same values, pictures within 1/255.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -16,8 +17,9 @@ use crate::native::pair::{Draw, FirstRow, Texture};
 use crate::native::{Native, Pixels, generate};
 use crate::render_support;
 
-/// The pairs under `fixtures/glsl/dialects` that are drawn, the `#version` that a host puts before a text without one, and where rows begin: a text that says
-/// `origin_upper_left` itself is not turned once more.
+/// The pairs under `fixtures/glsl/dialects` that are drawn, the `#version` that a host puts before
+/// a text without one, and where rows begin: a text that says `origin_upper_left` itself is not
+/// turned once more.
 const PAIRS: [(&str, &str, FirstRow); 14] = [
     ("es100-textured", "#version 100\n", FirstRow::Highest),
     ("gl120-sampling", "", FirstRow::Highest),
@@ -80,7 +82,8 @@ const NOT_IN_ES: [&str; 4] = [
     "textureGather",
 ];
 
-/// What is written for OpenGL, of every version, draws there what the author's own text does: the same window, rows from the bottom, no clip control, depth and all.
+/// What is written for OpenGL, of every version, draws there what the author's own text does: the
+/// same window, rows from the bottom, no clip control, depth and all.
 #[test]
 fn what_is_written_for_opengl_draws_as_the_author_s_text() {
     let gl = Native::new();
@@ -157,7 +160,8 @@ fn what_is_written_for_opengl_draws_as_the_author_s_text() {
     assert_eq!(drawn, [54, 29]);
 }
 
-/// What helpers read of inputs and of what `main` made is theirs as parameters, and keeps no pass from anything. What they write still does.
+/// What helpers read of inputs and of what `main` made is theirs as parameters, and keeps no pass
+/// from anything. What they write still does.
 #[test]
 fn what_helpers_read_hinders_no_pass() {
     let stateful = texts("gl330-lent");
@@ -193,7 +197,8 @@ fn what_helpers_read_hinders_no_pass() {
     assert!(refused.reason.contains(named), "{}", refused.reason);
 }
 
-/// What is written for WebGL 1 draws what the author's text does: as it is, and behind a pre-pass that packs its depth.
+/// What is written for WebGL 1 draws what the author's text does: as it is, and behind a pre-pass
+/// that packs its depth.
 #[test]
 fn what_is_written_in_es_1_00_draws_as_the_author_s_text() {
     let gl = Native::new();
@@ -280,7 +285,8 @@ fn what_is_written_in_es_1_00_draws_as_the_author_s_text() {
     }
 }
 
-/// Pairs made by a grammar, each of a seed: every dialect and every construct that the front end rewrites.
+/// Pairs made by a grammar, each of a seed: every dialect and every construct that the front end
+/// rewrites.
 #[test]
 fn generated_pairs_draw_as_opengl_draws_them() {
     let gl = Native::new();
@@ -314,7 +320,8 @@ fn generated_pairs_draw_as_opengl_draws_them() {
     assert_eq!(constructs.len(), generate::CONSTRUCTS, "{constructs:?}");
 }
 
-/// What naga's front end evaluates otherwise than GLSL says, or this crate's own rewriting once did: each body ends with a colour that tells.
+/// What naga's front end evaluates otherwise than GLSL says, or this crate's own rewriting once
+/// did: each body ends with a colour that tells.
 #[test]
 fn each_thing_is_evaluated_as_often_as_glsl_says() {
     let head = "#version 450

@@ -1,4 +1,5 @@
-//! What hoisting promises, drawn: nothing changes, the last bit changes, or the budget is kept on every frame of a path.
+//! What hoisting promises, drawn: nothing changes, the last bit changes, or the budget is kept on
+//! every frame of a path.
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -92,11 +93,13 @@ fn a_budget_is_kept_on_frames_the_choice_was_not_made_on() {
     facts.frequencies = measure::frequencies(
         &Session::new(gpu(), &scene, ShaderForm::Text).unwrap(),
         &facts,
+        measure::Detail::Choice,
         &mut |_| ControlFlow::Continue(()),
     )
     .unwrap();
     assert!(!facts.frequencies.is_empty(), "{name}");
-    // A picture as small as the test's has hardly more fragments than vertices; choose as for a large one.
+    // A picture as small as the test's has hardly more fragments than vertices; choose as for a
+    // large one.
     facts.vertices_per_fragment = Some(0.01);
     let open = Recipe::parse([format!("hoist:budget={budget}")]).unwrap();
     let chosen = measure::within_budget(
@@ -120,6 +123,7 @@ fn noise_that_bends_within_a_triangle_is_refused_with_the_number() {
         frequencies: measure::frequencies(
             &Session::new(gpu(), &scene, ShaderForm::Text).unwrap(),
             &Facts::default(),
+            measure::Detail::Choice,
             &mut |_| ControlFlow::Continue(()),
         )
         .unwrap(),
@@ -143,7 +147,8 @@ fn noise_that_bends_within_a_triangle_is_refused_with_the_number() {
     );
 }
 
-/// A number packed into bytes stays where nothing was measured, whatever the budget. Interpolated all the same, by the user's word, the picture is another.
+/// A number packed into bytes stays where nothing was measured, whatever the budget. Interpolated
+/// all the same, by the user's word, the picture is another.
 #[test]
 fn what_is_packed_into_bytes_is_not_interpolated() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/hoist/packed.toml");
@@ -163,7 +168,8 @@ fn what_is_packed_into_bytes_is_not_interpolated() {
     );
 }
 
-/// Ranges are those of the scene's own numbers: strata's colours, and its world, which the box and the sphere fill.
+/// Ranges are those of the scene's own numbers: strata's colours, and its world, which the box and
+/// the sphere fill.
 #[test]
 fn a_scene_tells_between_which_numbers_it_lies() {
     let ranges = measure::ranges(&scene("strata")).unwrap();

@@ -1,10 +1,11 @@
-//! How far values are from their interpolation: as the adapter finds it at points of the meshes, and as it is proved for all points.
+//! How far values are from their interpolation: as the adapter finds it at points of the meshes,
+//! and as it is proved for all points.
 
 use std::ops::ControlFlow;
 use std::path::Path;
 
 use preshade::unstable::measure;
-use preshade::unstable::measure::Session;
+use preshade::unstable::measure::{Detail, Session};
 use preshade::unstable::passes::hoist::{self, Hoist};
 use preshade::unstable::passes::pass::{Bound, Facts, Frequency, Pass};
 use preshade::unstable::render::ShaderForm;
@@ -24,20 +25,11 @@ fn frequencies(name: &str) -> Vec<Frequency> {
 }
 
 fn measured(scene: &Scene) -> Vec<Frequency> {
-    let found = measure::frequencies(
+    measure::frequencies(
         &Session::new(gpu(), scene, ShaderForm::Text).unwrap(),
         &Facts::default(),
+        Detail::Table,
         &mut |_| ControlFlow::Continue(()),
-    )
-    .unwrap();
-    let facts = Facts {
-        frequencies: found,
-        ..Facts::default()
-    };
-    measure::interpolations(
-        &Session::new(gpu(), scene, ShaderForm::Text).unwrap(),
-        &facts,
-        &mut |_| {},
     )
     .unwrap()
 }
@@ -128,8 +120,9 @@ target = [0, 0, 0]
     preshade::unstable::scene::load(&path).unwrap()
 }
 
-/// At the edge `inverse * inverse` overflows and 0 times it is no number, which a target of 8 bits cannot hold. The value says so itself; a varying of the author's that is infinite
-/// there says nothing of a value that does not rest on it.
+/// At the edge `inverse * inverse` overflows and 0 times it is no number, which a target of 8 bits
+/// cannot hold. The value says so itself; a varying of the author's that is infinite there says
+/// nothing of a value that does not rest on it.
 #[test]
 fn a_value_that_is_not_finite_is_left_whatever_the_target_holds() {
     let scene = plane(
@@ -163,7 +156,8 @@ fn a_value_that_is_not_finite_is_left_whatever_the_target_holds() {
     assert!(done.left.iter().all(|l| !l.name.contains("sound")));
 }
 
-/// 0.7 times 10 is 7 once it is rounded: what an adapter takes for it is not known, and either is within what is proved.
+/// 0.7 times 10 is 7 once it is rounded: what an adapter takes for it is not known, and either is
+/// within what is proved.
 #[test]
 fn what_a_rounding_decides_is_not_proved_to_be_near() {
     let scene = plane(

@@ -273,9 +273,11 @@ fn invocations_are_the_adapters_own_count() {
     match counted {
         None => assert!(!gpu.has_pipeline_statistics()),
         Some(n) => {
-            // Two passes of three squares: four vertices each where all reuse is found, six where none is.
+            // Two passes of three squares: four vertices each where all reuse is found, six where
+            // none is.
             assert!((24..=36).contains(&n.vertex), "{n:?}");
-            // One main pass under EQUAL shades each pixel once; a quad's helper lanes are none here.
+            // One main pass under EQUAL shades each pixel once; a quad's helper lanes are none
+            // here.
             assert!(n.fragment.is_none_or(|f| f >= 64 * 64), "{n:?}");
         }
     }

@@ -1,4 +1,5 @@
-//! Shadow passes under the light: the same depths as the whole program leaves there, and a forgotten alpha test or uniform is found.
+//! Shadow passes under the light: the same depths as the whole program leaves there, and a
+//! forgotten alpha test or uniform is found.
 
 use std::path::Path;
 

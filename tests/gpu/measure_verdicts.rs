@@ -1,4 +1,5 @@
-//! What is not proved is not said to hold: the verdicts of variants that no picture speaks for, each by name.
+//! What is not proved is not said to hold: the verdicts of variants that no picture speaks for,
+//! each by name.
 
 use std::path::Path;
 
@@ -209,7 +210,8 @@ fn slopes_that_are_not_gentle_are_told_with_the_budget_that_holds() {
     assert!(error.max_abs > 1.5 / 255.0, "{}", error.max_abs);
 }
 
-/// Where the picture of a plan that was made for an adapter that does otherwise is off, that is said beside.
+/// Where the picture of a plan that was made for an adapter that does otherwise is off, that is
+/// said beside.
 #[test]
 fn a_plan_for_another_adapter_is_named() {
     use preshade::unstable::passes::rasterizer::Corners;

@@ -369,7 +369,8 @@ fn contracts_are_held_to_their_own_terms() {
     assert!(!broken(&approximate(0.01).and(max_abs(0.01)), &error));
     assert!(broken(&approximate(0.01).and(max_abs(0.001)), &error));
     assert!(broken(&max_abs(0.01).and(approximate(0.001)), &error));
-    // Where a decision may turn on a rounding, a share of the pixels may differ by more than a step; elsewhere none may.
+    // Where a decision may turn on a rounding, a share of the pixels may differ by more than a
+    // step; elsewhere none may.
     let turning = |surface| Contract::Rounding {
         k: 4,
         turned: Some(Turned {

@@ -1,5 +1,6 @@
-//! Metamorphic tests with pictures: shaders of the fixture scenes with code written into them that changes nothing (`passes/tests/it/metamorphic.rs` tries the same without a GPU), drawn as they are
-//! and as transforms make of them, against the shader without.
+//! Metamorphic tests with pictures: shaders of the fixture scenes with code written into them that
+//! changes nothing (`passes/tests/it/metamorphic.rs` tries the same without a GPU), drawn as they
+//! are and as transforms make of them, against the shader without.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -43,7 +44,8 @@ fn scene(name: &str) -> Scene {
     scene
 }
 
-/// The scene with injections in each of its shaders, as `change` leaves them; and how many shaders that are.
+/// The scene with injections in each of its shaders, as `change` leaves them; and how many shaders
+/// that are.
 fn injected(scene: &Scene, seed: u64, change: impl Fn(String) -> String) -> (Scene, usize) {
     let (mut scene, mut count) = (scene.clone(), 0);
     for material in &mut scene.materials {
@@ -111,7 +113,8 @@ fn what_changes_nothing_changes_no_picture() {
                 match &variant.verdict {
                     Verdict::Holds => *pictures.entry(*recipe).or_insert(0) += 1,
                     Verdict::Broken { r#where } => wrong.push(format!("{what}: {}", r#where)),
-                    // An `equal` pre-pass is about an original that is @invariant where the author's is not.
+                    // An `equal` pre-pass is about an original that is @invariant where the
+                    // author's is not.
                     Verdict::NotMeasured { why } if why.contains("@invariant") => {}
                     // A refusal is an answer.
                     Verdict::NotMeasured { why } if why == "every material refuses it" => {}

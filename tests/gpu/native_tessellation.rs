@@ -1,4 +1,5 @@
-//! The tessellation stages that are emitted run: OpenGL draws what the WebGPU emulation of the same level draws.
+//! The tessellation stages that are emitted run: OpenGL draws what the WebGPU emulation of the same
+//! level draws.
 
 use std::path::Path;
 
@@ -40,7 +41,8 @@ fn emulated(scene: &Scene, plan: &Plan) -> Rendered {
     render_support::render_as(gpu, scene, plans, order, ShaderForm::Text)
 }
 
-/// What OpenGL draws of a hoisted plan, from the files a host is given and what `plan.json` says of them.
+/// What OpenGL draws of a hoisted plan, from the files a host is given and what `plan.json` says of
+/// them.
 fn tessellated(gl: &Native, scene: &Scene, hoisted: &Plan, level: u32) -> Rendered {
     let options = emit::Options {
         // Which also turns the rows: the lowest, which OpenGL's come from, is WebGPU's highest.
@@ -154,9 +156,11 @@ fn show(name: &str, picture: &Rendered) {
     }
 }
 
-/// The bounds of [`same_picture`]. Two rasterisers may round an edge to either side of a sample, so a pixel in a thousand may be covered otherwise; a varying may round
-/// otherwise in either, so a colour may be a step of 255 away, and one in ten thousand more, where another triangle is seen at a silhouette.
-/// On Mesa's software drivers, Vulkan against OpenGL, coverage does not differ, and fewer than forty colours do, by one step.
+/// The bounds of [`same_picture`]. Two rasterisers may round an edge to either side of a sample, so
+/// a pixel in a thousand may be covered otherwise; a varying may round otherwise in either, so a
+/// colour may be a step of 255 away, and one in ten thousand more, where another triangle is seen
+/// at a silhouette. On Mesa's software drivers, Vulkan against OpenGL, coverage does not differ,
+/// and fewer than forty colours do, by one step.
 fn same_picture(what: &str, expected: &Rendered, native: &Rendered) {
     let coverage = covered_otherwise(expected, native);
     let [any, more] = [0, 1].map(|steps| apart(expected, native, steps));
@@ -195,7 +199,8 @@ fn check(name: &str) {
         );
         errors.push(error.flip_mean);
     }
-    // Each level comes closer to the picture with all of it in the fragment stage, and the last one at least four times as close as the first.
+    // Each level comes closer to the picture with all of it in the fragment stage, and the last one
+    // at least four times as close as the first.
     assert!(errors.is_sorted_by(|a, b| a > b), "{errors:?}");
     assert!(errors[3] < errors[0] / 4.0, "{errors:?}");
 }

@@ -1,4 +1,5 @@
-//! The scenes `noise-grid-N` are what the frozen hand-written reference draws, so that a generated hoist may be held against the one by hand.
+//! The scenes `noise-grid-N` are what the frozen hand-written reference draws, so that a generated
+//! hoist may be held against the one by hand.
 
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -1,6 +1,6 @@
-//! Every field of `plan.json` matters. One mutation each: the field is changed in the JSON, and our renderer, which knows nothing else of a
-//! variant, either refuses it in words or draws another picture. The fields are those of the schema, so that a new one without a mutation
-//! fails here.
+//! Every field of `plan.json` matters. One mutation each: the field is changed in the JSON, and our
+//! renderer, which knows nothing else of a variant, either refuses it in words or draws another
+//! picture. The fields are those of the schema, so that a new one without a mutation fails here.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -232,7 +232,8 @@ const INFORMATIVE: &[(&str, &str)] = &[
     ),
 ];
 
-/// One mutation a field: the case, a JSON pointer into its `plan.json`, the value to put there, and what must come of it.
+/// One mutation a field: the case, a JSON pointer into its `plan.json`, the value to put there, and
+/// what must come of it.
 #[rustfmt::skip] // One row a field.
 fn mutations() -> Vec<(Case, &'static str, Json, Then)> {
     use Case::{Adaptive, Alone, Binned, Computed, Glass, Ids, Lit, Mask, Packed, Pulled, Read, Sampled, Shared, Tiled, Unindexed};
@@ -418,8 +419,9 @@ fn lit() -> Scene {
     scene
 }
 
-/// A wall, a mask, and glass that is drawn where the stencil is 1. The mask replaces 0 by 1 where it is in sight and where it is behind the
-/// wall, and makes it 2 where it is drawn once more. It is seen from the front above and from behind below.
+/// A wall, a mask, and glass that is drawn where the stencil is 1. The mask replaces 0 by 1 where
+/// it is in sight and where it is behind the wall, and makes it 2 where it is drawn once more. It
+/// is seen from the front above and from behind below.
 fn stencilled() -> Scene {
     let face = |fail, depth_fail, pass| StencilFace {
         compare: CompareFunction::NotEqual,
@@ -684,7 +686,8 @@ fn leaves(root: &Json, at: &Json, path: &str, out: &mut BTreeSet<String>) {
     for inner in of_maps.iter().map(|k| &at[*k]).filter(|i| i.is_object()) {
         leaves(root, inner, &format!("{path}.{{}}"), out);
     }
-    // Types with members of their own are not leaves, though a variant of theirs without any may be.
+    // Types with members of their own are not leaves, though a variant of theirs without any may
+    // be.
     let nested = out
         .range(format!("{path}.")..)
         .next()

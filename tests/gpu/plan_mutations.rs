@@ -1,5 +1,7 @@
-//! The plan file of a visibility buffer drives the renderer: each value of it, changed to each other that its type has, is refused or draws another picture. Nothing is
-//! picked by hand but what is listed as surviving, with the reason; [`plan_is_enough`](../plan_is_enough.rs) does the same for the schema's fields over all passes.
+//! The plan file of a visibility buffer drives the renderer: each value of it, changed to each
+//! other that its type has, is refused or draws another picture. Nothing is picked by hand but what
+//! is listed as surviving, with the reason; [`plan_is_enough`](../plan_is_enough.rs) does the same
+//! for the schema's fields over all passes.
 
 use std::collections::BTreeSet;
 
@@ -27,7 +29,8 @@ const NO_FRAME: [(&str, &str); 7] = [
     ("/self_test", "run at load: `self_test.rs`"),
 ];
 
-/// Values that may change to whatever their type has without another picture, and why. Passes and attachments go by their names; `*` is any.
+/// Values that may change to whatever their type has without another picture, and why. Passes and
+/// attachments go by their names; `*` is any.
 #[rustfmt::skip] // One row a value.
 const SURVIVORS: &[(&str, &str)] = &[
     ("/attachments/scene-depth/sampled", "one usage more than is needed"),
@@ -239,8 +242,9 @@ fn owner(plan: &Json, pointer: &str) -> (String, String) {
     (item.to_string(), within.to_owned())
 }
 
-/// Mutates the plan of the material of [`parts::parts_of_one`], split by `recipe`: of each value at least one mutation must be refused or draw another picture. What an
-/// earlier recipe has `done` is left out. Returns what is drawn alike.
+/// Mutates the plan of the material of [`parts::parts_of_one`], split by `recipe`: of each value at
+/// least one mutation must be refused or draw another picture. What an earlier recipe has `done` is
+/// left out. Returns what is drawn alike.
 fn unseen(recipe: &str, done: &mut BTreeSet<(String, String)>) -> Vec<String> {
     let scene = parts::parts_of_one();
     let recipe = Recipe::parse_list(recipe).unwrap();

@@ -1,5 +1,7 @@
-//! What a plan says it needs of a device is enough: a device with WebGPU's default limits, raised to what the emitted plans say, and with the features they name
-//! and no other, draws what they describe without an error. `plan_is_enough.rs` is the converse: nothing of a plan is said in vain.
+//! What a plan says it needs of a device is enough: a device with WebGPU's default limits, raised
+//! to what the emitted plans say, and with the features they name and no other, draws what they
+//! describe without an error. `plan_is_enough.rs` is the converse: nothing of a plan is said in
+//! vain.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;

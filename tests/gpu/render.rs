@@ -1,4 +1,5 @@
-//! What is drawn is what a plan says: known pixels, exact depth, every depth format and direction, several samples, viewports.
+//! What is drawn is what a plan says: known pixels, exact depth, every depth format and direction,
+//! several samples, viewports.
 
 use glam::{Mat4, Vec3};
 use preshade::unstable::limits::Limits;
@@ -78,7 +79,8 @@ fn depth_is_read_back_exactly_in_every_format_and_direction() {
             let out = render(gpu, &scene);
             let depth = out.depth.unwrap();
             assert_eq!(depth.values.len(), 256);
-            // The nearest plane wins, whichever way depth grows; its depth is a power of two, exact as a float.
+            // The nearest plane wins, whichever way depth grows; its depth is a power of two, exact
+            // as a float.
             let expected = match direction {
                 DepthDirection::Forward => 0.25_f32,
                 DepthDirection::Reversed => 0.75,
@@ -167,7 +169,8 @@ fn blended_draws_come_last_and_back_to_front() {
     let draws = vec![near, far, draw("wall", at(0.8), [0.0, 0.0, 1.0, 1.0])];
     let scene = scene([8, 8], vec![opaque, glass], draws);
     let out = render(gpu, &scene);
-    // (0.6 blue + 0.4 green) * 0.6 + 0.4 red, each step stored in 8 bits and none of them near a tie: 153, 102; then 102, 61.2, 91.8.
+    // (0.6 blue + 0.4 green) * 0.6 + 0.4 red, each step stored in 8 bits and none of them near a
+    // tie: 153, 102; then 102, 61.2, 91.8.
     let texel = texel(out.colors[0].as_ref().unwrap(), 4, 4);
     assert_eq!(texel[..3], [102, 61, 92]);
 }

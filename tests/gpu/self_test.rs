@@ -1,4 +1,5 @@
-//! The self-tests of plans, run as a host runs them: they hold as emitted, and fail where a driver (here: a changed plan) breaks what the plan rests on.
+//! The self-tests of plans, run as a host runs them: they hold as emitted, and fail where a driver
+//! (here: a changed plan) breaks what the plan rests on.
 
 use std::path::Path;
 
@@ -59,8 +60,9 @@ fn tests(variant: &mut Variant) -> Vec<&mut Plan> {
     plans.filter(|p| p.self_test.is_some()).collect()
 }
 
-/// Gives one pass of every plan with a self-test a program of its own, whose position is multiplied by `factor`, component by component: what a driver does that
-/// compiles one vertex stage in two ways.
+/// Gives one pass of every plan with a self-test a program of its own, whose position is multiplied
+/// by `factor`, component by component: what a driver does that compiles one vertex stage in two
+/// ways.
 fn scale_position(variant: &mut Variant, role: Role, factor: [f32; 4]) {
     for plan in tests(variant) {
         let pass = plan.passes.iter().find(|p| p.role == role).unwrap();

@@ -1,4 +1,5 @@
-//! Taps of no weight left out, drawn: hex tiling loses no pixel, and what samples at implicit levels keeps its budget.
+//! Taps of no weight left out, drawn: hex tiling loses no pixel, and what samples at implicit
+//! levels keeps its budget.
 
 use std::path::Path;
 
@@ -41,7 +42,8 @@ fn verified(name: &str, recipes: &[&str]) -> Vec<VariantReport> {
     outcome.report.variants.into_iter().skip(1).collect()
 }
 
-/// Three copies of a texture with gradients of their own: those of no weight are no part of the sum.
+/// Three copies of a texture with gradients of their own: those of no weight are no part of the
+/// sum.
 #[test]
 fn hex_tiling_without_the_copies_that_weigh_nothing() {
     let recipes = [

@@ -1,4 +1,5 @@
-//! What specialising promises, drawn: nothing changes, and where a value is not as assumed the host's fallback is.
+//! What specialising promises, drawn: nothing changes, and where a value is not as assumed the
+//! host's fallback is.
 
 use std::path::Path;
 
@@ -79,7 +80,8 @@ fn drawn(scene: &Scene, plans: &[Plan]) -> Rendered {
         .unwrap()
 }
 
-/// Eight kinds of exhibit, a version each, and the picture of the one material that can do everything.
+/// Eight kinds of exhibit, a version each, and the picture of the one material that can do
+/// everything.
 #[test]
 fn a_museum_takes_eight_versions_and_changes_no_pixel() {
     let whole = museum();
@@ -102,7 +104,8 @@ fn a_museum_takes_eight_versions_and_changes_no_pixel() {
     assert_eq!(before, after);
 }
 
-/// What is left of a material goes through every other pass, and keeps what both promise; what cannot stand together is refused by name.
+/// What is left of a material goes through every other pass, and keeps what both promise; what
+/// cannot stand together is refused by name.
 #[test]
 fn other_passes_work_on_what_is_left() {
     let mut scene = museum();
@@ -153,7 +156,8 @@ fn other_passes_work_on_what_is_left() {
     assert!(why("depth-prepass,specialize").contains("specialize[not-first]"));
 }
 
-/// naga's GLSL front end has statements evaluate the initial values of locals. They are kept, whatever rewrites the function: three.js's tone mapping turned black without them.
+/// naga's GLSL front end has statements evaluate the initial values of locals. They are kept,
+/// whatever rewrites the function: three.js's tone mapping turned black without them.
 #[test]
 fn initial_values_of_glsl_locals_stay() {
     let vertex = "#version 450
@@ -199,7 +203,8 @@ fn at_most_so_many_versions_are_made() {
     assert_eq!(report.error.unwrap().changed_pixels, 0);
 }
 
-/// Fog comes up behind the back of a variant that was made without: the variant is wrong, its guard says so, and what is drawn is the original.
+/// Fog comes up behind the back of a variant that was made without: the variant is wrong, its guard
+/// says so, and what is drawn is the original.
 #[test]
 fn a_violated_guard_takes_the_original() {
     let clear = measure::grouped(&museum(), &Params::default(), measure::MOST_GROUPS).unwrap();
@@ -227,7 +232,8 @@ fn a_violated_guard_takes_the_original() {
     assert_eq!(report.error.unwrap().changed_pixels, 0);
 }
 
-/// A host has the guard, and the original that it falls back to, in `plan.json`, whatever comes on top.
+/// A host has the guard, and the original that it falls back to, in `plan.json`, whatever comes on
+/// top.
 #[test]
 fn the_guard_travels_with_the_plan() {
     let scene = measure::grouped(&museum(), &Params::default(), measure::MOST_GROUPS).unwrap();
@@ -290,7 +296,8 @@ fn effects_are_found_and_counted() {
     assert_eq!(found, expected);
 }
 
-/// What a person makes of the museum for a kind of exhibit, frozen before there was a generator: the same picture, and no fewer operations.
+/// What a person makes of the museum for a kind of exhibit, frozen before there was a generator:
+/// the same picture, and no fewer operations.
 #[test]
 fn hand_specialised_exhibits_are_matched() {
     let whole = museum();

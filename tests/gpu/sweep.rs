@@ -1,4 +1,5 @@
-//! A range of a parameter, drawn: its table, its plot, its pictures, and what a budget leaves of it.
+//! A range of a parameter, drawn: its table, its plot, its pictures, and what a budget leaves of
+//! it.
 
 use std::collections::BTreeMap;
 

@@ -1,4 +1,5 @@
-//! Subdivided geometry covers what it covered: no cracks, no overlaps, and at level 1 the picture it was made from.
+//! Subdivided geometry covers what it covered: no cracks, no overlaps, and at level 1 the picture
+//! it was made from.
 
 use std::collections::BTreeMap;
 
@@ -156,7 +157,8 @@ fn both_forms_draw_one_picture() {
     }
 }
 
-/// More vertices follow what bends more closely: the error to the picture of every fragment falls about with the square of the level.
+/// More vertices follow what bends more closely: the error to the picture of every fragment falls
+/// about with the square of the level.
 #[test]
 fn the_error_falls_with_the_level() {
     let scene = sphere(WAVES);
@@ -172,7 +174,8 @@ fn the_error_falls_with_the_level() {
     assert!(errors.windows(2).all(|w| w[1] < w[0] * 0.5), "{errors:?}");
 }
 
-/// A pre-pass of a subdivided main pass draws the same triangles: not a pixel and not a depth changes.
+/// A pre-pass of a subdivided main pass draws the same triangles: not a pixel and not a depth
+/// changes.
 #[test]
 fn a_prepass_is_divided_alike() {
     let scene = sphere(WAVES);
@@ -186,7 +189,8 @@ fn a_prepass_is_divided_alike() {
     }
 }
 
-/// Instance data are fetched by the author's instance, vertex data by the author's index, of 16 bits and of 32, and without indices.
+/// Instance data are fetched by the author's instance, vertex data by the author's index, of 16
+/// bits and of 32, and without indices.
 #[test]
 fn instances_and_indices_of_every_kind_are_fetched() {
     let source = WAVES
@@ -296,7 +300,8 @@ fn strips_are_divided_as_lists() {
     check(&scene, "32 bits");
 }
 
-/// Cameras that see the edges of one sphere at many lengths: near and far, along and across, and from so near that some reach behind the viewer.
+/// Cameras that see the edges of one sphere at many lengths: near and far, along and across, and
+/// from so near that some reach behind the viewer.
 fn around() -> Vec<Frame> {
     let eyes = [
         [0.3, 0.4, 2.6],
@@ -325,7 +330,8 @@ fn coverage(rendered: &Rendered) -> (Vec<bool>, usize) {
     (covered, red.filter(|r| *r > 1).count())
 }
 
-/// Edges of other levels meet in every triangle, and not one pixel inside the closed mesh shows the background.
+/// Edges of other levels meet in every triangle, and not one pixel inside the closed mesh shows the
+/// background.
 #[test]
 fn adaptive_levels_leave_no_cracks() {
     let mut scene = counting(sphere(WAVES));
@@ -371,7 +377,8 @@ fn shorter_segments_err_less() {
     );
 }
 
-/// A sphere in two draws, of which one is left undivided: a ring of 13 edges is theirs both. Divided alike there is none.
+/// A sphere in two draws, of which one is left undivided: a ring of 13 edges is theirs both.
+/// Divided alike there is none.
 #[test]
 fn an_edge_divided_on_one_side_alone_is_found() {
     let mut scene = sphere(WAVES);

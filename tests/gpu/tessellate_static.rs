@@ -1,4 +1,5 @@
-//! `form=static`: what reads nothing that changes is computed once, at load, and draws what the other forms draw.
+//! `form=static`: what reads nothing that changes is computed once, at load, and draws what the
+//! other forms draw.
 
 use std::collections::BTreeMap;
 
@@ -16,7 +17,8 @@ use preshade::unstable::scene::{Draw, DrawOrder, Frame, Scene};
 use crate::render_support;
 use crate::render_support::{gpu, material, scene};
 
-/// Waves that stand still on the object, with a light that follows the camera's time outside what is hoisted.
+/// Waves that stand still on the object, with a light that follows the camera's time outside what
+/// is hoisted.
 const STILL: &str = "
 struct Camera { view_proj: mat4x4<f32>, time: f32 }
 struct Waves { height: f32 }
@@ -109,7 +111,8 @@ fn what_stands_still_is_computed_once() {
         assert_eq!((evaluations, at_load), (0, every_frame), "{parameters}");
         assert!(at_load > 1000, "{at_load}");
         for (i, (a, b)) in kept.iter().zip(&shared).enumerate() {
-            // The same vertices in the same places, so that depth has the same bits. The colour may round apart where a seam has two vertices.
+            // The same vertices in the same places, so that depth has the same bits. The colour may
+            // round apart where a seam has two vertices.
             assert_eq!(a.depth, b.depth, "{parameters}, frame {i}");
             let error = measure::compare(a, b).unwrap();
             assert!(error.max_abs <= 1.0 / 255.0, "{parameters}: {error:?}");
@@ -123,7 +126,8 @@ fn what_stands_still_is_computed_once() {
     }
 }
 
-/// The same plan with its work at load put into each frame, and work of each frame put at load: the renderer obeys.
+/// The same plan with its work at load put into each frame, and work of each frame put at load: the
+/// renderer obeys.
 #[test]
 fn work_at_load_is_not_done_again() {
     let scene = sphere(&STILL.replace("in.local.z * 8.0)", "in.local.z * 8.0 + camera.time)"));
@@ -132,7 +136,8 @@ fn work_at_load_is_not_done_again() {
     let mut stuck = shared;
     stuck[0].compute[0].when = When::Load { fixed: Vec::new() };
     let (stuck, _) = draw(&scene, &stuck);
-    // The first frame is what was loaded; the shared form keeps clip positions too, so that its camera stands still.
+    // The first frame is what was loaded; the shared form keeps clip positions too, so that its
+    // camera stands still.
     assert_eq!(stuck[0], moving[0]);
     assert_eq!(stuck[1], moving[0]);
     assert_ne!(moving[1], moving[0]);

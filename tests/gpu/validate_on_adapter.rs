@@ -1,4 +1,5 @@
-//! Original and variant run on an adapter, as compute stages: what holds agrees there, and what is broken on purpose is seen by that alone.
+//! Original and variant run on an adapter, as compute stages: what holds agrees there, and what is
+//! broken on purpose is seen by that alone.
 
 use std::collections::BTreeMap;
 
@@ -14,7 +15,8 @@ use preshade::unstable::recipe::Recipe;
 use crate::fixtures_support::{materials, original};
 use crate::render_support::{gpu, program};
 
-/// A loop, a discard, a private variable, a callee with a pointer, a texture, a derivative and an effect that a uniform switches off.
+/// A loop, a discard, a private variable, a callee with a pointer, a texture, a derivative and an
+/// effect that a uniform switches off.
 const MATERIAL: &str = "
 struct Camera { view_projection: mat4x4<f32>, sun: vec4<f32> }
 struct Material { fog: f32, octaves: i32, tint: vec3<f32> }
@@ -106,7 +108,8 @@ fn functions(module: &mut Module) -> Vec<&mut Function> {
     functions.chain(entries).collect()
 }
 
-/// The `n`-th subtraction the other way round, or, behind them all, the `n`-th discard that is not done.
+/// The `n`-th subtraction the other way round, or, behind them all, the `n`-th discard that is not
+/// done.
 fn mutant(module: &Module, mut n: usize) -> Option<Module> {
     let mut module = module.clone();
     for function in functions(&mut module) {
@@ -142,7 +145,8 @@ fn mutant(module: &Module, mut n: usize) -> Option<Module> {
     None
 }
 
-/// No proof and no run of the interpreter takes part in the verdict: what is held against each other comes from the adapter.
+/// No proof and no run of the interpreter takes part in the verdict: what is held against each
+/// other comes from the adapter.
 #[test]
 fn the_adapter_alone_sees_a_wrong_transform() {
     let original = plan();
@@ -216,7 +220,8 @@ fn the_adapter_is_given_named_gradients() {
     assert!(broken(&checks).is_some(), "{}", said(&checks));
 }
 
-/// Some of the fixture materials (all with `PRESHADE_ADAPTER_FIXTURES=all`): nothing is broken, most can be run, and what cannot says why.
+/// Some of the fixture materials (all with `PRESHADE_ADAPTER_FIXTURES=all`): nothing is broken,
+/// most can be run, and what cannot says why.
 #[test]
 fn the_fixtures_agree_on_the_adapter() {
     let effort = Effort {

@@ -1,4 +1,5 @@
-//! A visibility buffer draws what forward shading draws: the same pixels covered, at the same depths, and colours that differ by what rounding does.
+//! A visibility buffer draws what forward shading draws: the same pixels covered, at the same
+//! depths, and colours that differ by what rounding does.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
@@ -39,7 +40,8 @@ const FORMS: [&str; 13] = [
     "visibility-buffer:vertices=kept,form=compute,select=tiles,formats=any",
 ];
 
-/// Those whose promise is about an original that marks its position `@invariant`: a driver may give another text of it other bits.
+/// Those whose promise is about an original that marks its position `@invariant`: a driver may give
+/// another text of it other bits.
 const OF_MARKED: [&str; 3] = [
     "visibility-buffer:vertex=sliced",
     "visibility-buffer:vertex=sliced,invariant=as-written,ids=unindexed",
@@ -103,7 +105,9 @@ fn difference(before: &Rendered, after: &Rendered) -> Difference {
     }
 }
 
-/// Draws `scene` forward and in every form, those of [`OF_MARKED`] with its positions marked, asserts that the forms agree and that coverage and depth are the forward ones, and returns how colours differ.
+/// Draws `scene` forward and in every form, those of [`OF_MARKED`] with its positions marked,
+/// asserts that the forms agree and that coverage and depth are the forward ones, and returns how
+/// colours differ.
 fn compared(scene: &Scene) -> Difference {
     let marked = scene.clone().with_invariant_positions();
     compared_with(&marked, &OF_MARKED.map(str::to_owned));
@@ -185,7 +189,8 @@ mod glam {
     }
 }
 
-/// A material whose fragment stage is `body`, of an input `in` with `uv`, `world` and what `varyings` adds.
+/// A material whose fragment stage is `body`, of an input `in` with `uv`, `world` and what
+/// `varyings` adds.
 fn shader(name: &str, declared: &str, varyings: &str, given: &str, body: &str) -> Material {
     let source = format!(
         "
@@ -529,7 +534,8 @@ fn every_word_of_the_draw_table_is_needed() {
     assert!(alike.is_empty(), "{alike:?}");
 }
 
-/// Two draws of some hundred instances each, which their numbers place: more than one workgroup sorts.
+/// Two draws of some hundred instances each, which their numbers place: more than one workgroup
+/// sorts.
 #[test]
 fn instances_by_the_hundred() {
     let source = "
@@ -583,7 +589,8 @@ fn gradients_choose_the_mips_that_forward_shading_chooses() {
     material.textures.insert("albedo".to_owned(), mips(8));
     let difference = compared(&floor(material));
     let pixels = 128 * 96;
-    // A level more or less is 20 steps of grey: the level is the same to a twentieth. How a level is rounded, implicit or from gradients, no language says.
+    // A level more or less is 20 steps of grey: the level is the same to a twentieth. How a level
+    // is rounded, implicit or from gradients, no language says.
     assert!(
         difference.most <= 1 && difference.colors * 50 <= pixels,
         "{difference:?}"
@@ -660,7 +667,8 @@ fn fetched(by: sampler, at: vec2<f32>) -> vec4<f32> { return textureSample(albed
         let kept = code(jumps, filtered, "visibility-buffer:budget=0.02");
         assert_eq!(kept, "approximate");
     }
-    // A level that is said has no gradients to be anisotropic along; one that is not has those that a resolve makes, wherever it samples.
+    // A level that is said has no gradients to be anisotropic along; one that is not has those that
+    // a resolve makes, wherever it samples.
     let of = |sampler: Sampler, body: &str| {
         let mut material = shader("sampled", declared, "", "", body);
         material.samplers.insert("first".to_owned(), sampler);
@@ -700,7 +708,8 @@ fn a_cube_is_sampled_at_the_levels_that_the_adapter_takes() {
     assert_eq!(refused(&scene), "cube-sample");
     let difference = compared_within(&scene, "1");
     assert_eq!((difference.coverage, difference.depths), (0, 0));
-    // Software takes the levels of the gradients it is given; a card (an H200, by 44 steps) has levels of its own, which is why a budget is asked for.
+    // Software takes the levels of the gradients it is given; a card (an H200, by 44 steps) has
+    // levels of its own, which is why a budget is asked for.
     if gpu().adapter().kind == "software" {
         assert!(
             difference.most <= 1 && difference.colors * 50 <= 128 * 96,
@@ -1406,7 +1415,8 @@ fn the_emitted_text_and_the_ir_draw_alike() {
     assert_eq!(text, ir);
 }
 
-/// The rim of a ray-traced sphere, far away through a long lens: what cancels under the root is all there is, and comes out as steps.
+/// The rim of a ray-traced sphere, far away through a long lens: what cancels under the root is all
+/// there is, and comes out as steps.
 #[test]
 fn a_root_of_what_cancels_is_promised_nothing_without_a_budget() {
     let path =

@@ -1,4 +1,5 @@
-//! What a `build.rs` gets: only what differs is written, only what was read is told, a lock is obeyed or the original is shipped, and nothing depends on what was refused.
+//! What a `build.rs` gets: only what differs is written, only what was read is told, a lock is
+//! obeyed or the original is shipped, and nothing depends on what was refused.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -125,7 +126,8 @@ fn nothing_is_written_twice_and_the_bytes_are_the_same_everywhere() {
         let all = all.filter(|(path, _)| !path.ends_with("preshade.stamp"));
         let below = |path: &Path| path.strip_prefix(&p.0).unwrap().to_owned();
         all.map(|(path, (bytes, _))| {
-            // The text names the file by the path that was given, which is relative in a build script.
+            // The text names the file by the path that was given, which is relative in a build
+            // script.
             let text = String::from_utf8_lossy(&bytes).replace(&p.0.display().to_string(), "");
             (below(&path), text.into_bytes())
         })
@@ -179,7 +181,8 @@ fn an_early_discard_under_a_read_only_attachment_has_a_self_test() {
     let test = of.split("SELF_TEST: Option<SelfTest> = ").nth(1).unwrap();
     let test = test.lines().next().unwrap();
     assert!(test.starts_with("Some("), "{test}");
-    // The pre-pass lays what the main pass samples; then it must nowhere lie in front of what the main pass leaves.
+    // The pre-pass lays what the main pass samples; then it must nowhere lie in front of what the
+    // main pass leaves.
     let draws: Vec<&str> = test.split("TestDraw { pass: &").skip(1).collect();
     let passes: Vec<&str> = draws.iter().map(|d| d.split(',').next().unwrap()).collect();
     assert_eq!(passes, ["PREPASS", "MAIN", "PREPASS"]);
@@ -961,7 +964,8 @@ fn nothing_is_told_of_variants_that_nobody_asked_for() {
     );
 }
 
-/// The generated modules through rustc, against the wgpu that these tests were linked with, with every lint that a host may deny, clippy's too.
+/// The generated modules through rustc, against the wgpu that these tests were linked with, with
+/// every lint that a host may deny, clippy's too.
 #[cfg(feature = "verify")]
 #[test]
 fn generated_modules_compile_without_a_warning() {
@@ -1019,7 +1023,8 @@ fn generated_modules_compile_without_a_warning() {
     for edition in ["2021", "2024"] {
         compiled(&rustc, "host.rs", edition, &[]);
     }
-    // Every lint of rustc's that is allowed where nobody says otherwise; of clippy, all there are. A lint that may be forbidden is not allowed either.
+    // Every lint of rustc's that is allowed where nobody says otherwise; of clippy, all there are.
+    // A lint that may be forbidden is not allowed either.
     let plain = "#![forbid(unsafe_code, missing_docs, clippy::unwrap_used, clippy::panic)]\n//! A host.\n/// A material.\npub mod toon { include!(\"out/toon.rs\"); }\n";
     fs::write(package.0.join("plain.rs"), plain).unwrap();
     let told = |args: &[&str]| {

@@ -84,7 +84,8 @@ fn what_is_missing_is_named() {
     );
 }
 
-/// As Bevy has it: a file for meshes, with a fragment stage for want of a better one and imports of other pipelines, and a file for the material.
+/// As Bevy has it: a file for meshes, with a fragment stage for want of a better one and imports of
+/// other pipelines, and a file for the material.
 #[test]
 fn a_file_of_one_stage_goes_before_the_other_files_own() {
     let files = ["oil/mesh.wgsl", "oil/shade.wgsl"].map(|f| ours(f).remove(0));
@@ -117,9 +118,11 @@ fn two_versions_of_a_module_are_told() {
     assert!(said.contains("are both `own::shared`"), "{said}");
 }
 
-/// Bevy's own material, the last in naga_oil's dialect: `PRESHADE_BEVY` names a folder with the packages `bevy_pbr` 0.19, `bevy_render` and `bevy_core_pipeline` (and `bevy_light`,
-/// `bevy_image` and others that those import) as `cargo` unpacks them. They are not ours to keep here. What is defined is what Bevy's pipeline defines for a mesh with normals, tangents and
-/// texture coordinates on an adapter with storage buffers and without arrays of bindings.
+/// Bevy's own material, the last in naga_oil's dialect: `PRESHADE_BEVY` names a folder with the
+/// packages `bevy_pbr` 0.19, `bevy_render` and `bevy_core_pipeline` (and `bevy_light`, `bevy_image`
+/// and others that those import) as `cargo` unpacks them. They are not ours to keep here. What is
+/// defined is what Bevy's pipeline defines for a mesh with normals, tangents and texture
+/// coordinates on an adapter with storage buffers and without arrays of bindings.
 #[test]
 #[ignore = "needs Bevy's packages: PRESHADE_BEVY"]
 fn bevys_material_is_read() {

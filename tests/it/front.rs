@@ -343,7 +343,8 @@ fn stages_that_do_not_fit_are_refused() {
     );
 }
 
-/// Varyings in structs and in declarations of their own, in either language: the member is shown, on both sides.
+/// Varyings in structs and in declarations of their own, in either language: the member is shown,
+/// on both sides.
 #[test]
 fn a_varying_that_does_not_fit_is_shown_where_it_is_declared() {
     let text = material("    return vec4(1.0);");

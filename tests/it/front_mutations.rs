@@ -1,4 +1,5 @@
-//! Damaged source never takes the process down: it is a program or an error. And what parses is emitted, read back and equal.
+//! Damaged source never takes the process down: it is a program or an error. And what parses is
+//! emitted, read back and equal.
 #![cfg(all(feature = "glsl", feature = "spirv"))]
 
 use preshade::unstable::emit::{self, Target};
@@ -23,8 +24,9 @@ impl Random {
     }
 }
 
-/// Words, numbers, marks and spaces, so that a mutation is more often a wrong program than broken text.
-/// A program that the writer has to write: one that no transform has touched ships as its author's own text.
+/// Words, numbers, marks and spaces, so that a mutation is more often a wrong program than broken
+/// text. A program that the writer has to write: one that no transform has touched ships as its
+/// author's own text.
 fn touched(program: &Program) -> Program {
     program.with_module(program.module().clone()).unwrap()
 }

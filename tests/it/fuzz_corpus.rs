@@ -1,7 +1,9 @@
-//! The targets of `fuzz/` without libFuzzer: a few inputs of each in every run, and what was found stays mended.
+//! The targets of `fuzz/` without libFuzzer: a few inputs of each in every run, and what was found
+//! stays mended.
 //!
-//! `PRESHADE_FUZZ=recipes:300 cargo test --test it fuzz_corpus -- --nocapture drive` fuzzes one target for 300 seconds: inputs mutated at random, without coverage to guide it.
-//! What panics is kept in `target/tmp/crashes`; cut down, it belongs into `fixtures/crashes`.
+//! `PRESHADE_FUZZ=recipes:300 cargo test --test it fuzz_corpus -- --nocapture drive` fuzzes one
+//! target for 300 seconds: inputs mutated at random, without coverage to guide it. What panics is
+//! kept in `target/tmp/crashes`; cut down, it belongs into `fixtures/crashes`.
 #![cfg(feature = "verify")]
 
 use std::path::{Path, PathBuf};
@@ -72,7 +74,8 @@ fn seeds(target: &str) -> Vec<Vec<u8>> {
     }
 }
 
-/// A text with some of its words, numbers and marks taken out, doubled, swapped or made extreme; bytes where there is none.
+/// A text with some of its words, numbers and marks taken out, doubled, swapped or made extreme;
+/// bytes where there is none.
 fn mutated(seeds: &[Vec<u8>], random: &mut Random) -> Vec<u8> {
     let Some(text) = seeds.get(random.below(seeds.len())) else {
         return (0..12 + random.below(40))
@@ -180,7 +183,8 @@ fn a_few_scenes() {
     short("scene");
 }
 
-/// Without it the target would refuse nearly every texture for its size, and find nothing in what makes them.
+/// Without it the target would refuse nearly every texture for its size, and find nothing in what
+/// makes them.
 #[test]
 fn scenes_come_to_textures() {
     let texts = seeds("scene")

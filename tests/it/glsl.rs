@@ -1,4 +1,5 @@
-//! GLSL of every dialect: what naga's front end is given, and that the passes take it as they take any other.
+//! GLSL of every dialect: what naga's front end is given, and that the passes take it as they take
+//! any other.
 #![cfg(all(feature = "glsl", feature = "spirv"))]
 
 use std::path::{Path, PathBuf};
@@ -337,7 +338,8 @@ fn included_files_are_found_and_pointed_at() {
     std::fs::remove_dir_all(dir).unwrap();
 }
 
-/// C11 6.10.3.1 and 6.10.3.4, which GLSL's preprocessor follows: an argument is expanded before it is put in, and what a macro comes to is looked at together with what stands behind it.
+/// C11 6.10.3.1 and 6.10.3.4, which GLSL's preprocessor follows: an argument is expanded before it
+/// is put in, and what a macro comes to is looked at together with what stands behind it.
 #[test]
 fn macros_are_expanded_within_their_own_arguments_and_by_another_name() {
     let vertex = "attribute vec4 p; void main() { gl_Position = p; }";

@@ -1,4 +1,5 @@
-//! What GLSL says that naga's front end does otherwise or not at all: which function is called, how blocks lie, what the preprocessor is asked, and errors in GLSL's words.
+//! What GLSL says that naga's front end does otherwise or not at all: which function is called, how
+//! blocks lie, what the preprocessor is asked, and errors in GLSL's words.
 #![cfg(all(feature = "glsl", feature = "spirv"))]
 
 use preshade::unstable::emit::{self, Target};
@@ -107,7 +108,8 @@ void main() { gl_FragColor = vec4(mix(0.5), mix(0.1, 0.2, 0.3), 0.0, 1.0); }
     assert!(text.contains("mix_(0.5), mix(0.1, 0.2, 0.3)"), "{text}");
 }
 
-/// Which element is meant is settled in the argument's turn (4.60, section 6.1.1): Mesa reads `i` once all arguments are evaluated, so this one is not drawn beside it.
+/// Which element is meant is settled in the argument's turn (4.60, section 6.1.1): Mesa reads `i`
+/// once all arguments are evaluated, so this one is not drawn beside it.
 #[test]
 fn arguments_are_evaluated_from_left_to_right() {
     let text = "#version 330
@@ -178,7 +180,8 @@ void main() {
 }
 ";
 
-/// Matrices by rows lie transposed, in structs and arrays too, and what is stored to one of their columns goes to a component of each row.
+/// Matrices by rows lie transposed, in structs and arrays too, and what is stored to one of their
+/// columns goes to a component of each row.
 #[test]
 fn matrices_by_rows_are_stored_as_they_lie() {
     for layout in ["std430", "std140"] {
@@ -186,7 +189,8 @@ fn matrices_by_rows_are_stored_as_they_lie() {
         insta::assert_snapshot!(format!("rows_{layout}"), text);
         let parsed = parse(&ROWS.replace("LAYOUT", layout));
         let module = parsed.program.module();
-        // By hand: by std140 each row has 16 bytes, by std430 a row of two has 8; a `mat3x4` has 4 rows of 3.
+        // By hand: by std140 each row has 16 bytes, by std430 a row of two has 8; a `mat3x4` has 4
+        // rows of 3.
         let expected: &[(&str, u32)] = match layout {
             "std430" => &[
                 ("whole", 0),
@@ -225,7 +229,8 @@ fn matrices_by_rows_are_stored_as_they_lie() {
     }
 }
 
-/// A struct in a storage block has no padding that one in a uniform block has, whatever else it is used for.
+/// A struct in a storage block has no padding that one in a uniform block has, whatever else it is
+/// used for.
 #[test]
 fn structs_in_storage_blocks_are_not_padded() {
     let text = "#version 430
@@ -453,7 +458,8 @@ void main() { c = textureOffset(map, offset[0], ivec2(1, 0)) + textureOffset(map
     assert_eq!(text.matches("textureSample(").count(), 2, "{text}");
 }
 
-/// A function of floats returns one of what it is given of ints too, so that `int(..)` round it is no word too many.
+/// A function of floats returns one of what it is given of ints too, so that `int(..)` round it is
+/// no word too many.
 #[test]
 fn functions_of_floats_return_floats() {
     let text = given(
@@ -613,7 +619,8 @@ void main() {
     }
 }
 
-/// A call within a call of the same name, and an assignment in the index of another, are lowered in time that does not double with each level.
+/// A call within a call of the same name, and an assignment in the index of another, are lowered in
+/// time that does not double with each level.
 #[test]
 fn nested_calls_and_assignments_are_lowered_in_time() {
     let rounds = format!("{}x{}", "round(".repeat(50), ")".repeat(50));
@@ -639,7 +646,8 @@ void main() {{
     ));
 }
 
-/// Variables of ours are numbered, not named by ever more underscores: a thousand are found in no time, in a text that is not all names.
+/// Variables of ours are numbered, not named by ever more underscores: a thousand are found in no
+/// time, in a text that is not all names.
 #[test]
 fn many_variables_of_ours_are_named_in_time() {
     let body = "v[f()] += 1.0; ".repeat(1000);
@@ -680,7 +688,8 @@ void main() {
     assert!(text.contains("float parts_ = 2.0;"), "{text}");
 }
 
-/// `layout(row_major) uniform;` is of uniform blocks alone, `layout(std140) buffer;` of storage blocks (4.60, 4.4.5).
+/// `layout(row_major) uniform;` is of uniform blocks alone, `layout(std140) buffer;` of storage
+/// blocks (4.60, 4.4.5).
 #[test]
 fn defaults_of_blocks_are_of_their_own_kind() {
     let text = |defaults: &str| {
@@ -704,7 +713,8 @@ void main() {{ c = u[0] + m[0] + vec4(a[1]); }}
     assert!(buffer.contains("vec4 a[4]"), "{buffer}");
 }
 
-/// Arrays are bounded by what they hold in all, what is told apart one by one sooner, and no number overflows.
+/// Arrays are bounded by what they hold in all, what is told apart one by one sooner, and no number
+/// overflows.
 #[test]
 fn arrays_are_bounded_by_their_product() {
     let large = [
@@ -730,7 +740,8 @@ fn arrays_are_bounded_by_their_product() {
     );
 }
 
-/// Chains whose brackets are closed at once, and commas, nest as deeply as they are long; lists of values do not.
+/// Chains whose brackets are closed at once, and commas, nest as deeply as they are long; lists of
+/// values do not.
 #[test]
 fn chains_without_open_brackets_are_bounded() {
     let main = |body: &str| {
@@ -773,7 +784,8 @@ fn chains_without_open_brackets_are_bounded() {
     wgsl(table).unwrap();
 }
 
-/// Directives are found however they are spaced, and any number of unknown extensions is passed over.
+/// Directives are found however they are spaced, and any number of unknown extensions is passed
+/// over.
 #[test]
 fn directives_exhaust_no_stack() {
     let main = "layout(location = 0) out vec4 c;\nvoid main() { c = vec4(L18 1.0 R18); }\n";
@@ -874,7 +886,8 @@ fn where_window_coordinates_begin_is_said_again() {
     assert!(told.contains("`pixel_center_integer`"), "{told}");
 }
 
-/// A text for Vulkan finds `VULKAN` defined (GL_KHR_vulkan_glsl), and one of which that is not known is told.
+/// A text for Vulkan finds `VULKAN` defined (GL_KHR_vulkan_glsl), and one of which that is not
+/// known is told.
 #[test]
 fn vulkan_is_defined_where_it_is_known() {
     let text = "#version 450
@@ -1051,7 +1064,8 @@ fn a_struct_of_which_samplers_alone_are_read_is_declared_whole() {
     }
 }
 
-/// Lengths may come of any constant expression: of floats, vectors, conversions and other arrays' lengths, told from what hides them.
+/// Lengths may come of any constant expression: of floats, vectors, conversions and other arrays'
+/// lengths, told from what hides them.
 #[test]
 fn lengths_come_of_every_kind_of_constant() {
     let text = given(
@@ -1086,7 +1100,8 @@ void main() {
     assert_eq!((code, line), (Code::Unsupported, 5), "{told}");
 }
 
-/// An offset is what its constants come to, and a name of ours that both stages' unnamed structs share says what they hold.
+/// An offset is what its constants come to, and a name of ours that both stages' unnamed structs
+/// share says what they hold.
 #[test]
 fn offsets_and_unnamed_structs_are_told_by_what_they_hold() {
     let text = given(

@@ -67,7 +67,8 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// The comment that a pass's file opens with, as Markdown: links into the code are left as code, and left out where they stand in parentheses for readers of the code.
+/// The comment that a pass's file opens with, as Markdown: links into the code are left as code,
+/// and left out where they stand in parentheses for readers of the code.
 fn comment(name: &str) -> String {
     let file = name.replace('-', "_");
     let folder = root().join("passes/src/transforms");

@@ -1,4 +1,5 @@
-//! What the depth transforms refuse, by name and with a remedy: a refusal is a normal outcome, and the original is kept.
+//! What the depth transforms refuse, by name and with a remedy: a refusal is a normal outcome, and
+//! the original is kept.
 
 use preshade::unstable::emit::{self, Target};
 use preshade::unstable::front::{self, Options, Source};
@@ -214,7 +215,8 @@ fn states_that_no_prepass_can_stand_in_front_of() {
     }
 }
 
-/// What the plans of materials that write these channels of two targets say of each other: the code of the refusal of the first, or `together`.
+/// What the plans of materials that write these channels of two targets say of each other: the code
+/// of the refusal of the first, or `together`.
 #[test]
 fn materials_that_leave_channels_which_others_write() {
     let both = "struct O { @location(0) c: vec4<f32>, @location(1) n: vec4<f32> }\n@fragment fn fs() -> O { return O(vec4<f32>(1.0), vec4<f32>(1.0)); }\n";
@@ -230,7 +232,8 @@ fn materials_that_leave_channels_which_others_write() {
         depth_write: false,
         ..s
     };
-    // Text and state of both, what becomes of a pre-pass of the first, whether the first promises less alone.
+    // Text and state of both, what becomes of a pre-pass of the first, whether the first promises
+    // less alone.
     for (first, second, code, partial) in [
         (
             (both, two(target(15))),
@@ -256,7 +259,8 @@ fn materials_that_leave_channels_which_others_write() {
             "color-mask",
             true,
         ),
-        // The neighbour leaves what the first writes, with a pre-pass or without: farther draws of the first show there.
+        // The neighbour leaves what the first writes, with a pre-pass or without: farther draws of
+        // the first show there.
         (
             (both, two(target(15))),
             (both, two(target(7))),
@@ -495,7 +499,8 @@ fn only_the_depth_of_a_position_is_biased() {
     }
 }
 
-/// A written depth is pushed away in the shader alone, so that a z it is made of is the main pass's.
+/// A written depth is pushed away in the shader alone, so that a z it is made of is the main
+/// pass's.
 #[test]
 fn the_pre_pass_of_a_depth_writer_leaves_the_rasteriser_as_it_is() {
     let text = format!(

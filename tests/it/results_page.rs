@@ -35,7 +35,8 @@ fn first_difference(a: &str, b: &str) -> Option<usize> {
     })?
 }
 
-/// A series of two values and three variants, as small as the schema allows, of an adapter that nobody has.
+/// A series of two values and three variants, as small as the schema allows, of an adapter that
+/// nobody has.
 fn series(adapter: &str, changed: u64) -> File {
     let variant = |name: &str, ms: f64, changed: u64| {
         serde_json::json!({

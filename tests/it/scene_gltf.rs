@@ -1,4 +1,5 @@
-//! glTF files that are wrong, or ask for more than they have: an error, and nothing is taken before.
+//! glTF files that are wrong, or ask for more than they have: an error, and nothing is taken
+//! before.
 #![cfg(feature = "verify")]
 
 use preshade::unstable::limits::Limits;

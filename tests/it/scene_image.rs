@@ -64,7 +64,8 @@ fn png_files_are_srgb_unless_told_otherwise() {
     assert!(broken.to_string().contains("`two.png`"), "{broken}");
 }
 
-/// A triangle bound to one joint that has moved up by 5 since it was bound at y = 2, under a node that must not move it.
+/// A triangle bound to one joint that has moved up by 5 since it was bound at y = 2, under a node
+/// that must not move it.
 fn glb() -> Vec<u8> {
     let mut bin: Vec<u8> = Vec::new();
     let mut floats = |v: &[f32]| bin.extend(v.iter().flat_map(|f| f.to_le_bytes()));

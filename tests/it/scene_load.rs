@@ -21,7 +21,8 @@ fn load(path: &Path) -> scene::Scene {
     scene::load(path).unwrap_or_else(|e| panic!("{}", e.render()))
 }
 
-/// The scene that `docs/reference/scenes.md` shows is a shipped one, which every test of all scenes draws.
+/// The scene that `docs/reference/scenes.md` shows is a shipped one, which every test of all scenes
+/// draws.
 #[test]
 fn the_scene_of_the_documentation_is_shipped() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));

@@ -1,4 +1,5 @@
-//! Generated meshes are sound: unit normals, outward counter-clockwise triangles, closed where they claim to be.
+//! Generated meshes are sound: unit normals, outward counter-clockwise triangles, closed where they
+//! claim to be.
 #![cfg(feature = "verify")]
 
 use std::collections::BTreeMap;
@@ -69,7 +70,8 @@ fn check(mesh: &Mesh) {
     }
 }
 
-/// Every edge is run once in each direction, positions compared to the bit; and the volume is positive.
+/// Every edge is run once in each direction, positions compared to the bit; and the volume is
+/// positive.
 fn check_closed(mesh: &Mesh) {
     let p: Vec<Vec3> = positions(mesh).collect();
     let key = |i: u32| p[i as usize].to_array().map(|v| (v + 0.0).to_bits());
@@ -141,7 +143,8 @@ fn the_teapot_of_the_article_has_15704_triangles() {
     .mesh("teapot");
     check(&teapot);
     assert_eq!(teapot.indices.as_ref().unwrap().len(), 3 * 15_704);
-    // Its only borders are the rims: of the bowl, the lid, both ends of handle and spout. So no patch has other points on an edge than its neighbour.
+    // Its only borders are the rims: of the bowl, the lid, both ends of handle and spout. So no
+    // patch has other points on an edge than its neighbour.
     let p: Vec<Vec3> = positions(&teapot).collect();
     let cell = |i: u32| (p[i as usize] * 1e4).round().as_ivec3();
     let mut edges: BTreeMap<_, i32> = BTreeMap::new();

@@ -1,5 +1,6 @@
-//! The shipped scenes have the overdraw they were built for, counted by a small rasteriser of our own: shaded fragments per covered pixel of the opaque
-//! draws, in an order of draws, with the depth test and without discards.
+//! The shipped scenes have the overdraw they were built for, counted by a small rasteriser of our
+//! own: shaded fragments per covered pixel of the opaque draws, in an order of draws, with the
+//! depth test and without discards.
 #![cfg(feature = "verify")]
 
 use std::path::Path;

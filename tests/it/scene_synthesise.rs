@@ -151,7 +151,8 @@ fn written(files: &[(&str, &str)]) -> Scene {
     scene::synthesise(parsed, MaterialState::default())
 }
 
-/// Two variables may have one binding, each for entry points of its own: what is bound is the one that is read.
+/// Two variables may have one binding, each for entry points of its own: what is bound is the one
+/// that is read.
 #[test]
 fn variables_of_one_binding_are_told_apart() {
     let scene = written(&[(

@@ -1,4 +1,5 @@
-//! Every fixture shader through every pass, as text: a reviewer reads these files when a transform changes.
+//! Every fixture shader through every pass, as text: a reviewer reads these files when a transform
+//! changes.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -10,8 +11,8 @@ use preshade::unstable::recipe::Recipe;
 
 use crate::fixtures_support::{original, recipes};
 
-/// The variant for a reviewer: the passes of the plan in a few lines, then the text of each program.
-/// The error is the text of a refusal.
+/// The variant for a reviewer: the passes of the plan in a few lines, then the text of each
+/// program. The error is the text of a refusal.
 fn describe(plan: &Plan, recipe: &str) -> Result<String, String> {
     let author = plan.programs["main"].author_text().unwrap().to_owned();
     let recipe = Recipe::parse([recipe]).unwrap();
@@ -75,8 +76,8 @@ fn describe(plan: &Plan, recipe: &str) -> Result<String, String> {
     Ok(out)
 }
 
-/// A snapshot for each variant; one table of all refusals, each text once, followed by the recipes and
-/// fixtures that it refuses.
+/// A snapshot for each variant; one table of all refusals, each text once, followed by the recipes
+/// and fixtures that it refuses.
 #[test]
 fn every_fixture_through_every_pass() {
     let mut refused: BTreeMap<String, Vec<String>> = BTreeMap::new();

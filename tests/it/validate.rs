@@ -1,4 +1,5 @@
-//! Every fixture material through every recipe, validated without a GPU: no promise of a variant has a counterexample.
+//! Every fixture material through every recipe, validated without a GPU: no promise of a variant
+//! has a counterexample.
 
 use std::collections::BTreeMap;
 

@@ -29,7 +29,8 @@ pub struct Case {
     pub guards: &'static str,
     /// Depth set-ups to draw it under.
     pub setups: &'static [Setup],
-    /// Why it is drawn in no others, of [`ALL`] or of [`SAMPLED`]; empty where it is drawn in all of either.
+    /// Why it is drawn in no others, of [`ALL`] or of [`SAMPLED`]; empty where it is drawn in all
+    /// of either.
     pub only: &'static str,
     /// What is drawn, and what becomes of it.
     pub recipes: &'static [(&'static str, Expect)],
@@ -38,7 +39,8 @@ pub struct Case {
 }
 
 impl Case {
-    /// Of all that says what is drawn and how it is mutated, and of the scene's files: figures of another case are told apart by it.
+    /// Of all that says what is drawn and how it is mutated, and of the scene's files: figures of
+    /// another case are told apart by it.
     pub fn hash(&self) -> String {
         let folder = root().join("fixtures/scenes/stability");
         let read = |name: &str| std::fs::read_to_string(folder.join(name)).unwrap_or_default();
@@ -72,13 +74,17 @@ pub enum Expect {
     Holds,
     /// That, and it shades at most so many fragments a covered pixel.
     Shades(f64),
-    /// That, or some materials refuse it for ties that were measured: which depths tie depends on the format and the adapter.
+    /// That, or some materials refuse it for ties that were measured: which depths tie depends on
+    /// the format and the adapter.
     Untied,
-    /// That, or some materials refuse it for surfaces that were measured to lie on the near plane: what becomes of triangles of no area is the adapter's own.
+    /// That, or some materials refuse it for surfaces that were measured to lie on the near plane:
+    /// what becomes of triangles of no area is the adapter's own.
     OffNearPlane,
-    /// [`Expect::Holds`], also where the pre-pass computes its depth so many neighbouring floats apart, either way.
+    /// [`Expect::Holds`], also where the pre-pass computes its depth so many neighbouring floats
+    /// apart, either way.
     Withstands(i32),
-    /// [`Expect::Holds`], but where what its contract assumes, by this name, is known not to be so: there it breaks, and holds in all other places.
+    /// [`Expect::Holds`], but where what its contract assumes, by this name, is known not to be so:
+    /// there it breaks, and holds in all other places.
     Assumes(&'static str, &'static [Unmet]),
     /// It is refused by every material, under this code.
     Refused(&'static str),
@@ -126,7 +132,8 @@ pub const DIRECTIONS: &[Setup] = &[
     setup(Depth32float, Forward, 1),
     setup(Depth32float, Reversed, 1),
 ];
-/// Of a case whose depths are those that its vertex stage gives, and to whose colours they are nothing.
+/// Of a case whose depths are those that its vertex stage gives, and to whose colours they are
+/// nothing.
 pub const COLORS: &str = "it is about colours alone";
 /// Every format in every direction.
 pub const ALL: &[Setup] = &[
@@ -199,7 +206,8 @@ pub struct Outcome {
     pub runs: Vec<Run>,
     /// The least that was seen in any set-up.
     pub mutated: Red,
-    /// In how many set-ups it was seen that the guard was gone; 1 in files of before all were tried.
+    /// In how many set-ups it was seen that the guard was gone; 1 in files of before all were
+    /// tried.
     #[serde(default = "one")]
     pub mutations: usize,
 }
@@ -292,6 +300,7 @@ impl<'a> Stage<'a> {
         let found = measure::frequencies(
             &Session::new(gpu(), scene, ShaderForm::Text).unwrap(),
             &facts,
+            measure::Detail::Choice,
             &mut |_| ControlFlow::Continue(()),
         );
         facts.frequencies = found.unwrap();
@@ -444,7 +453,8 @@ fn draw(stage: &Stage<'_>, setup: Setup, recipe: &str, expect: Expect) -> Run {
     run
 }
 
-/// Draws a case under all its set-ups, and once without its guard. A panic is what is wrong with that case alone.
+/// Draws a case under all its set-ups, and once without its guard. A panic is what is wrong with
+/// that case alone.
 pub fn run(case: &Case) -> Outcome {
     std::panic::catch_unwind(|| drawn(case)).unwrap_or_else(|panic| {
         let text = panic.downcast_ref::<String>().cloned();
@@ -479,7 +489,8 @@ fn drawn(case: &Case) -> Outcome {
             "{} draws nothing",
             case.name
         );
-        // What promises to equal an original with `@invariant` positions is held against that, as `verify --invariant` does.
+        // What promises to equal an original with `@invariant` positions is held against that, as
+        // `verify --invariant` does.
         let marked = scene.clone().with_invariant_positions();
         let marked = SceneInputs::new(gpu(), &marked).unwrap();
         let mut on_marked: Option<Stage<'_>> = None;
@@ -527,7 +538,8 @@ fn drawn(case: &Case) -> Outcome {
     }
 }
 
-/// What taking the guard away does, where what is mutated holds as it is: else the judge would see that.
+/// What taking the guard away does, where what is mutated holds as it is: else the judge would see
+/// that.
 fn red(case: &Case, stage: &Stage<'_>) -> Red {
     match case.mutation.1.plain(stage) {
         Plain::Original => {}

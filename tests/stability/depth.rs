@@ -1,4 +1,5 @@
-//! Depth: two passes that must agree on it to the bit, formats that round it, surfaces that share it.
+//! Depth: two passes that must agree on it to the bit, formats that round it, surfaces that share
+//! it.
 
 use preshade::unstable::passes::plan::{Plan, Role};
 use preshade::unstable::passes::state::DepthDirection::{Forward, Reversed};
@@ -16,7 +17,8 @@ const SLICED: &str = "depth-prepass:form=equal,vertex=sliced";
 const EARLY: &str = "early-discard";
 const READ_ONLY: &str = "early-discard:attachment=readonly";
 
-/// Fragments that are shaded behind others are those of the walls that a pass cannot tell from the one in front, and the depth test neither.
+/// Fragments that are shaded behind others are those of the walls that a pass cannot tell from the
+/// one in front, and the depth test neither.
 const BELOW: &str =
     "how many walls a format tells apart is its own, and so each group of formats is a case";
 const FIXED: &str = "tolerance=0.0001";
@@ -246,7 +248,8 @@ pub fn biased(plans: &mut [Plan], change: impl Fn(DepthBias) -> DepthBias) {
     }
 }
 
-/// What a host does that meets such a driver: it runs the self-test, which fails, and draws the fallback, which is right.
+/// What a host does that meets such a driver: it runs the self-test, which fails, and draws the
+/// fallback, which is right.
 fn self_tested(stage: &Stage<'_>) -> Red {
     let facts = stage.facts.clone();
     let recipe = |text: &str| preshade::unstable::recipe::Recipe::parse_list(text).unwrap();
@@ -310,7 +313,8 @@ fn without_tolerance(stage: &Stage<'_>) -> Red {
     judged(stage, &plans, &contract)
 }
 
-/// With the slope in the bias, what is snapped apart by 1/128 pixel stays hidden; without, it shows.
+/// With the slope in the bias, what is snapped apart by 1/128 pixel stays hidden; without, it
+/// shows.
 fn without_slope(stage: &Stage<'_>) -> Red {
     let (recipe, facts) = stage.chosen(BIASED);
     let mut plans = preshade::unstable::measure::variant(&stage.originals, &recipe, &facts).plans;

@@ -1,7 +1,10 @@
-//! A world far from the origin, handed over as it is and relative to the eye: how far both are from the truth.
+//! A world far from the origin, handed over as it is and relative to the eye: how far both are from
+//! the truth.
 //!
-//! The host of both keeps positions in `f64`. One rounds them to `f32` and multiplies its matrices in `f32`; the other subtracts the eye first, and so hands over the position of each object
-//! relative to it, a view without a translation, and lights relative to the eye. The shader is the same: it takes differences of positions alone.
+//! The host of both keeps positions in `f64`. One rounds them to `f32` and multiplies its matrices
+//! in `f32`; the other subtracts the eye first, and so hands over the position of each object
+//! relative to it, a view without a translation, and lights relative to the eye. The shader is the
+//! same: it takes differences of positions alone.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -164,7 +167,8 @@ pub fn table() -> String {
     out
 }
 
-/// Median, 99th percentile and largest, of one digit: what a C library computes otherwise does not show.
+/// Median, 99th percentile and largest, of one digit: what a C library computes otherwise does not
+/// show.
 fn spread(of: Spread) -> String {
     let digit = |n: f64| match n {
         0.0 => "0".to_owned(),
@@ -197,7 +201,8 @@ fn positions_relative_to_the_eye_are_as_exact_anywhere() {
     assert_eq!(relative.positions.variant, relative.positions.original);
 }
 
-/// The same world at 10,000,000: relative to the eye it is the picture at the origin, but for pixels at edges; in the world it is not.
+/// The same world at 10,000,000: relative to the eye it is the picture at the origin, but for
+/// pixels at edges; in the world it is not.
 pub fn jitters(stage: &Stage<'_>) -> Red {
     let base = stage.inputs.scene();
     let changed = |form| {

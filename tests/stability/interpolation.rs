@@ -1,4 +1,5 @@
-//! Interpolation: what a triangle makes of its corners, where they are behind the viewer, far away, or without a value.
+//! Interpolation: what a triangle makes of its corners, where they are behind the viewer, far away,
+//! or without a value.
 
 use preshade::unstable::passes::contract::Contract;
 use preshade::unstable::passes::plan::Role;
@@ -15,7 +16,8 @@ const EARLY: &str = "early-discard";
 const VISIBLE: &str = "visibility-buffer";
 const VISIBLE_WITHIN: &str = "visibility-buffer:budget=0.03";
 const FIXED_LEVEL: &str = "hoist:budget=0.05,finite=assumed,jumps=carried,metric=max_abs,tessellate:level=3,pattern=uniform";
-/// Planes through corners as they are, whatever the adapter's: then it is each triangle of no area that is divided by it.
+/// Planes through corners as they are, whatever the adapter's: then it is each triangle of no area
+/// that is divided by it.
 const AS_GIVEN: &str = "visibility-buffer:budget=1,corners=as-given";
 
 /// The difference of a corner and the pixel by way of an origin far from both.
@@ -23,7 +25,8 @@ const AFAR_A: &str = "((a.xy + vec2(4096f * a.w)) - (clip + vec2(4096f)) * a.w)"
 const AFAR_B: &str = "((b.xy + vec2(4096f * b.w)) - (clip + vec2(4096f)) * b.w)";
 const AFAR_C: &str = "((c.xy + vec2(4096f * c.w)) - (clip + vec2(4096f)) * c.w)";
 
-/// What is drawn of values that are none at vertices which no fragment sees, and the guard taken away.
+/// What is drawn of values that are none at vertices which no fragment sees, and the guard taken
+/// away.
 const HIDDEN: &[(&str, Expect)] = &[
     (BIASED, Holds),
     (EARLY, Holds),
@@ -401,7 +404,8 @@ fn on_near_plane(stage: &Stage<'_>) -> Red {
     }
 }
 
-/// With its guard a resolve of triangles of no area makes numbers; without, what is none. An adapter's own interpolation of the original may make either, and is not asked.
+/// With its guard a resolve of triangles of no area makes numbers; without, what is none. An
+/// adapter's own interpolation of the original may make either, and is not asked.
 fn divided(stage: &Stage<'_>) -> Red {
     let (recipe, facts) = stage.chosen(AS_GIVEN);
     let plans = preshade::unstable::measure::variant(&stage.originals, &recipe, &facts).plans;

@@ -1,8 +1,11 @@
-//! Hard cases stay numerically stable. Each case is drawn under every depth set-up that matters and through every pass that applies, and judged by the pass's contract;
-//! then its guard is taken away, and the same judge must find the failure that the guard is for.
+//! Hard cases stay numerically stable. Each case is drawn under every depth set-up that matters and
+//! through every pass that applies, and judged by the pass's contract; then its guard is taken
+//! away, and the same judge must find the failure that the guard is for.
 //!
-//! `UPDATE_PAGES=1 cargo test --test stability` makes `docs/results/stability.md` anew, with the figures of this machine's adapter. `STABILITY_OUT=FILE` writes them to a file
-//! instead, on a machine that has no checkout to write to; put into `docs/results/stability`, it becomes a column, once `UPDATE_PAGES=text` has made the page of the files as they are.
+//! `UPDATE_PAGES=1 cargo test --test stability` makes `docs/results/stability.md` anew, with the
+//! figures of this machine's adapter. `STABILITY_OUT=FILE` writes them to a file instead, on a
+//! machine that has no checkout to write to; put into `docs/results/stability`, it becomes a
+//! column, once `UPDATE_PAGES=text` has made the page of the files as they are.
 #![cfg(feature = "verify")]
 #![allow(clippy::unwrap_used, clippy::panic)]
 
@@ -52,7 +55,8 @@ fn outcomes(group: usize) -> &'static [Outcome] {
     })
 }
 
-/// Whether to draw a case: all, or while one is worked on those with `STABILITY_CASE` in `group/name`.
+/// Whether to draw a case: all, or while one is worked on those with `STABILITY_CASE` in
+/// `group/name`.
 fn is_asked_for(group: &str, case: &Case) -> bool {
     let asked = std::env::var("STABILITY_CASE").unwrap_or_default();
     format!("{group}/{}", case.name).contains(&asked)

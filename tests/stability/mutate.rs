@@ -1,4 +1,5 @@
-//! Guards taken away. Nothing is widened: what is mutated is drawn and held to the contract of what it was made from.
+//! Guards taken away. Nothing is widened: what is mutated is drawn and held to the contract of what
+//! it was made from.
 
 use naga::{
     BinaryOperator, Binding, BuiltIn, Expression, Handle, Literal, Module, Scalar, ScalarKind,
@@ -23,17 +24,20 @@ pub enum Mutation {
     Plans(&'static str, fn(&mut [Plan])),
     /// The texts that are emitted for a recipe, with every `from` made a `to`.
     Text(&'static str, &'static [(&'static str, &'static str)]),
-    /// The same beside edits of the author's own lines, which say what a driver might do: with them alone all holds.
+    /// The same beside edits of the author's own lines, which say what a driver might do: with them
+    /// alone all holds.
     Driver {
         recipe: &'static str,
         does: &'static [(&'static str, &'static str)],
         edits: &'static [(&'static str, &'static str)],
     },
-    /// What the guard refuses: a recipe with its parameter for it off, held to the contract of one with it on.
+    /// What the guard refuses: a recipe with its parameter for it off, held to the contract of one
+    /// with it on.
     Recipe(&'static str, &'static str),
     /// A recipe that is told of no ties.
     Untied(&'static str),
-    /// What the guard refuses, written by hand: the scene's only material drawn with another shader, held to a contract.
+    /// What the guard refuses, written by hand: the scene's only material drawn with another
+    /// shader, held to a contract.
     Shader(&'static str, fn() -> Contract),
     /// A recipe that shades more than so many fragments a pixel.
     Shades(&'static str, f64),
@@ -213,7 +217,8 @@ fn naive(stage: &Stage<'_>, file: &str) -> Plan {
     )
 }
 
-/// What a driver does that compiles one vertex stage in two ways: the position of every pass of `role`, moved.
+/// What a driver does that compiles one vertex stage in two ways: the position of every pass of
+/// `role`, moved.
 #[derive(Clone, Copy)]
 pub enum Moved {
     /// z by so many neighbouring floats, away from 0.

@@ -15,8 +15,9 @@ const EQUAL: &str = "depth-prepass:form=equal";
 const SLICED: &str = "depth-prepass:form=equal,vertex=sliced";
 const EARLY: &str = "early-discard";
 
-/// The same position in real numbers. Near the origin the bias is more than what they differ by. Column by column: a product of two matrices and a vector is one that a driver may
-/// take in the other order again (an H200's was seen to).
+/// The same position in real numbers. Near the origin the bias is more than what they differ by.
+/// Column by column: a product of two matrices and a vector is one that a driver may take in the
+/// other order again (an H200's was seen to).
 const MULTIPLIED: Mutation = Mutation::Text(
     BIASED,
     &[
@@ -205,7 +206,8 @@ pub const CASES: &[Case] = &[
     },
 ];
 
-/// Not far out the bias is enough for what another order of products does; without it the pre-pass hides what it drew.
+/// Not far out the bias is enough for what another order of products does; without it the pre-pass
+/// hides what it drew.
 fn unbiased(stage: &super::case::Stage<'_>) -> Red {
     if let Red::Seen { how } = MULTIPLIED.red(stage) {
         panic!("the bias is not enough for another order of products: {how}");

@@ -1,7 +1,9 @@
-//! Compilers that are not ours judge what we emit: Tint for WGSL, spirv-val for SPIR-V, glslang for GLSL.
+//! Compilers that are not ours judge what we emit: Tint for WGSL, spirv-val for SPIR-V, glslang for
+//! GLSL.
 //!
-//! Needed: Debian's `spirv-tools` and `glslang-tools`, node 18 or later, and `npm ci --ignore-scripts` in `tests/accept`. A tool that is missing is a
-//! failure, never a skipped check.
+//! Needed: Debian's `spirv-tools` and `glslang-tools`, node 18 or later, and
+//! `npm ci --ignore-scripts` in `tests/accept`. A tool that is missing is a failure, never a
+//! skipped check.
 
 use std::collections::HashSet;
 use std::io::Write as _;
@@ -25,14 +27,16 @@ pub struct Judged {
     pub linked: usize,
 }
 
-/// Has every file of every set judged, each text once: a set is a label, for the message, and what `emit::emit` returned. Panics with all rejections, each
-/// with the text that was refused. Files other than shaders pass unread.
+/// Has every file of every set judged, each text once: a set is a label, for the message, and what
+/// `emit::emit` returned. Panics with all rejections, each with the text that was refused. Files
+/// other than shaders pass unread.
 pub fn accept(sets: &[(String, Vec<File>)]) -> Judged {
     let dir = scratch();
     let mut paths = Vec::new();
     let mut seen = HashSet::new();
     for (i, (label, files)) in sets.iter().enumerate() {
-        // A stage that no pass changed is that of many sets. Stages that are linked are looked at together.
+        // A stage that no pass changed is that of many sets. Stages that are linked are looked at
+        // together.
         let rules = |f: &File| f.name.split('.').skip(1).collect::<Vec<_>>().join(".");
         let is_linked = |f: &File| {
             let control = Path::new(&f.name).with_extension("tesc");

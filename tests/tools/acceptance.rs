@@ -1,4 +1,5 @@
-//! Nothing a back end writes is shipped on faith: every fixture through every pass, in every target, compiled by compilers that are not ours.
+//! Nothing a back end writes is shipped on faith: every fixture through every pass, in every
+//! target, compiled by compilers that are not ours.
 
 use std::path::{Path, PathBuf};
 
@@ -25,8 +26,9 @@ fn other_compilers_take_every_variant_of_every_fixture() {
         judged.wgsl > 100 && judged.spirv > 200 && judged.glsl > 100 && judged.linked > 20,
         "{judged:?}"
     );
-    // What GLSL cannot say is refused by name, never written wrong: a depth texture's texels, storage buffers in ES 3.00 and in 4.00, and the
-    // indices of vertices and instances, which naga writes in OpenGL's words alone; blocks and unsigned integers in ES 1.00.
+    // What GLSL cannot say is refused by name, never written wrong: a depth texture's texels,
+    // storage buffers in ES 3.00 and in 4.00, and the indices of vertices and instances, which naga
+    // writes in OpenGL's words alone; blocks and unsigned integers in ES 1.00.
     let known = |text: &str| {
         text.contains("early-discard: `texture=float`")
             || (text.contains("glsl-es") && text.contains("storage buffers"))
@@ -65,7 +67,8 @@ fn variants(files: &[PathBuf]) -> (Sets, Vec<String>) {
     let original = fixtures_support::original(&paths);
     let mut variants = vec![("original", original.clone())];
     for recipe in fixtures_support::recipes(&[Use::Snapshot, Use::Compile]) {
-        // Ties measured to be none: the main pass of `equal` loses its discard, the hardest text of the two.
+        // Ties measured to be none: the main pass of `equal` loses its discard, the hardest text of
+        // the two.
         let facts = Facts::without_ties();
         if let Ok(plan) = Recipe::parse_list(recipe).unwrap().apply(&original, &facts) {
             variants.push((recipe, plan));

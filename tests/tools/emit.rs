@@ -50,10 +50,12 @@ fn fs_main(in: Varyings) -> @location(0) vec4<f32> {
 }
 ";
 
-/// Loops, a switch, early returns, an array, a private global, padded structs, names that end in digits.
+/// Loops, a switch, early returns, an array, a private global, padded structs, names that end in
+/// digits.
 const EVERYTHING: &str = include_str!("../materials/everything.wgsl");
 
-/// A program that the writer has to write: one that no transform has touched ships as its author's own text.
+/// A program that the writer has to write: one that no transform has touched ships as its author's
+/// own text.
 fn touched(program: &Program) -> Program {
     program.with_module(program.module().clone()).unwrap()
 }
@@ -335,7 +337,8 @@ void main() { color = vec4(n(gl_FragCoord.xyz)); }
     accept::accept(&[("shadowed".to_owned(), files)]);
 }
 
-/// A case in braces ends there: nothing is copied behind its `break`, where a call would be none that naga knows of when the text is read again.
+/// A case in braces ends there: nothing is copied behind its `break`, where a call would be none
+/// that naga knows of when the text is read again.
 #[test]
 fn a_case_in_braces_falls_into_nothing() {
     let vertex = "#version 450\nlayout(location=0) in vec3 p;\nvoid main() { gl_Position = vec4(p, 1.0); }\n";
@@ -441,7 +444,8 @@ fn invariant_positions_are_not_contracted_in_spirv() {
     // The product and the sum.
     assert_eq!(decorations(&text("@invariant")), 2);
 
-    // What another output is made of is left alone: by a struct's member, through a variable, or out of a function.
+    // What another output is made of is left alone: by a struct's member, through a variable, or
+    // out of a function.
     let struct_ = "struct Out { @invariant @builtin(position) clip: vec4<f32>, @location(0) light: vec4<f32> }\n";
     let of = |body: &str| {
         decorations(&format!(
@@ -501,7 +505,8 @@ fn writing_is_atomic_and_leaves_equal_files_alone() {
     std::fs::remove_dir_all(&dir).unwrap();
 }
 
-/// Inputs, outputs, a global that a helper shares, an early return, a discard, a matrix output through a struct.
+/// Inputs, outputs, a global that a helper shares, an early return, a discard, a matrix output
+/// through a struct.
 const GLSL_VERTEX: &str = include_str!("../materials/everything.vert");
 const GLSL_FRAGMENT: &str = include_str!("../materials/everything.frag");
 
@@ -525,7 +530,8 @@ fn glsl_reads_like_an_authors_wgsl() {
     accept::accept(&[("glsl".to_owned(), files)]);
 }
 
-/// A plan that draws one program twice, once without its fragment stage, and with another fragment stage in a third pass.
+/// A plan that draws one program twice, once without its fragment stage, and with another fragment
+/// stage in a third pass.
 fn three_passes() -> Plan {
     let text = format!(
         "{LIT}@fragment fn fs_depth(in: Varyings) {{ if textureSample(albedo, linear_sampler, in.uv0).a < 0.5 {{ discard; }} }}\nfn unused() -> f32 {{ return 1.0; }}\n"

@@ -1,5 +1,6 @@
-//! GLSL ES 1.00, for WebGL 1: what is written of every fixture is accepted by glslang, or refused by the name of what the language lacks; and the packed prologue draws what the
-//! author's text does.
+//! GLSL ES 1.00, for WebGL 1: what is written of every fixture is accepted by glslang, or refused
+//! by the name of what the language lacks; and the packed prologue draws what the author's text
+//! does.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -111,7 +112,8 @@ fn fixtures_are_accepted_or_refused_by_name() {
     );
 }
 
-/// Appendix A has indices by a loop's own variable, which a counter is where it begins at the same number each time. What is drawn so is `es100-textured`, in GL and in WebGL 1.
+/// Appendix A has indices by a loop's own variable, which a counter is where it begins at the same
+/// number each time. What is drawn so is `es100-textured`, in GL and in WebGL 1.
 #[test]
 fn a_counter_is_an_index() {
     let vertex = "attribute vec3 position; varying vec3 local; void main() { local = position; gl_Position = vec4(position, 1.0); }";
@@ -194,7 +196,8 @@ fn a_counter_is_an_index() {
         "vec4 a(float x) { int k = 3; int m = 0; if (x > 1.0) m = 5; return table[k] * float(m); }
         vec4 b(float x) { int k = 3; int m = 0; if (x > 1.0) m = 5; return table[m] * float(k); }";
     refused(set_in_one, "sum += a(sum.x) + b(sum.y);", index);
-    // A test that a turn may not come to ends nothing after a known number of turns; nor does one of a counter that a function writes.
+    // A test that a turn may not come to ends nothing after a known number of turns; nor does one
+    // of a counter that a function writes.
     for body in [
         "for (int i = 0;; i++) { sum.x -= 1.0; if (sum.x > 0.0) continue; if (!(i < 3)) break; sum.y += 1.0; }",
         "for (int i = 0;; i++) { if (!(i < 3)) { sum.x -= 1.0; if (sum.x > 0.0) continue; break; } sum.y += 1.0; }",
@@ -208,7 +211,8 @@ fn a_counter_is_an_index() {
     );
 }
 
-/// The same of WGSL, whose `for` naga writes in another form, and whose names may look like those it makes up.
+/// The same of WGSL, whose `for` naga writes in another form, and whose names may look like those
+/// it makes up.
 #[test]
 fn a_counter_of_wgsl_is_an_index_where_it_is_one() {
     let emitted = |functions: &str, body: &str| {

@@ -1,5 +1,6 @@
-//! The example host of `tests/app`, copied out of the workspace and built against the packaged crates: what it draws is the original's picture, and cargo runs its build script
-//! when it should and at no other time.
+//! The example host of `tests/app`, copied out of the workspace and built against the packaged
+//! crates: what it draws is the original's picture, and cargo runs its build script when it should
+//! and at no other time.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -55,7 +56,8 @@ impl Example {
     fn new() -> Self {
         let root = Path::new(env!("CARGO_MANIFEST_DIR"));
         let temporary = Path::new(env!("CARGO_TARGET_TMPDIR"));
-        // Always the same folder for the same checkout, so that what cargo built of it is found again.
+        // Always the same folder for the same checkout, so that what cargo built of it is found
+        // again.
         let mut hasher = DefaultHasher::new();
         root.hash(&mut hasher);
         let away = std::env::temp_dir().join(format!("preshade-example-{:x}", hasher.finish()));
@@ -73,7 +75,8 @@ impl Example {
         let mut patch = "\n[patch.crates-io]\n".to_owned();
         for name in CRATES {
             let file = packages.join(format!("package/{name}-{version}.crate"));
-            // All files of a package are of one day in 2006, so that cargo, which compares times, takes another package in the same place for the one it has built.
+            // All files of a package are of one day in 2006, so that cargo, which compares times,
+            // takes another package in the same place for the one it has built.
             let mut hasher = DefaultHasher::new();
             fs::read(&file).unwrap().hash(&mut hasher);
             let folder = format!("{:x}", hasher.finish());
@@ -137,7 +140,8 @@ impl Example {
     }
 
     fn append(&self, file: &str, text: &str) {
-        // Cargo compares times: of a file that was written within the same second some file systems tell no difference.
+        // Cargo compares times: of a file that was written within the same second some file systems
+        // tell no difference.
         std::thread::sleep(std::time::Duration::from_millis(1100));
         let path = self.app.join(file);
         let old = fs::read_to_string(&path).unwrap_or_default();

@@ -1,4 +1,5 @@
-//! Every fixture material, in every target: emitted text reads back (emission itself sees to that), and other compilers take it.
+//! Every fixture material, in every target: emitted text reads back (emission itself sees to that),
+//! and other compilers take it.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -14,7 +15,8 @@ use preshade_passes::state::MaterialState;
 
 use crate::accept;
 
-/// A program that the writer has to write: one that no transform has touched ships as its author's own text.
+/// A program that the writer has to write: one that no transform has touched ships as its author's
+/// own text.
 fn touched(program: &Program) -> Program {
     program.with_module(program.module().clone()).unwrap()
 }
@@ -151,7 +153,8 @@ fn the_handwritten_reference_is_accepted_everywhere() {
     check("handwritten");
 }
 
-/// WebGL links no program without a fragment stage: a pass that draws depth alone has an empty one there, and nowhere else.
+/// WebGL links no program without a fragment stage: a pass that draws depth alone has an empty one
+/// there, and nowhere else.
 #[test]
 fn a_depth_only_pass_has_an_empty_fragment_stage_in_glsl_es() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/shaders/textured.wgsl");
@@ -199,10 +202,12 @@ fn a_depth_only_pass_has_an_empty_fragment_stage_in_glsl_es() {
     }
 }
 
-/// The walk that finds what decides a position in SPIR-V, held against the slicer of the IR: it may take in more, never less.
+/// The walk that finds what decides a position in SPIR-V, held against the slicer of the IR: it may
+/// take in more, never less.
 #[test]
 fn all_that_decides_an_invariant_position_is_not_contracted() {
-    /// Float arithmetic (SPIR-V's opcodes from `OpFNegate` to `OpDot`), and how much of it is decorated with `NoContraction`.
+    /// Float arithmetic (SPIR-V's opcodes from `OpFNegate` to `OpDot`), and how much of it is
+    /// decorated with `NoContraction`.
     fn arithmetic(bytes: &[u8]) -> (usize, usize) {
         let words: Vec<u32> = bytes
             .chunks(4)

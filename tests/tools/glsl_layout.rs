@@ -1,4 +1,5 @@
-//! What lies in a block lies there in what is emitted too, to the byte: glslang's offsets of the author's text against those of each target.
+//! What lies in a block lies there in what is emitted too, to the byte: glslang's offsets of the
+//! author's text against those of each target.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::fmt::Write as _;

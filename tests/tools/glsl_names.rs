@@ -1,4 +1,5 @@
-//! GLSL out keeps the author's own names for whatever an engine sees of a program: uniforms outside of blocks, blocks, samplers, attributes, outputs.
+//! GLSL out keeps the author's own names for whatever an engine sees of a program: uniforms outside
+//! of blocks, blocks, samplers, attributes, outputs.
 
 use preshade::unstable::emit::{self, File, Target};
 use preshade::unstable::front::{self, Source};
@@ -241,7 +242,8 @@ fn of_wgsl(name: &str, text: &str) -> Vec<File> {
     files.concat()
 }
 
-/// GLSL combines a texture with one sampler, WGSL with as many as one likes: also over stages, which share a uniform by its name.
+/// GLSL combines a texture with one sampler, WGSL with as many as one likes: also over stages,
+/// which share a uniform by its name.
 #[test]
 fn a_texture_with_several_samplers_is_a_uniform_for_each() {
     let wgsl = "
@@ -379,7 +381,8 @@ fn numbers_are_the_authors() {
     accept::accept(&[("numbered".to_owned(), files)]);
 }
 
-/// Of Vulkan's GLSL, which naga reads as it is, the numbers stay too; OpenGL has no sets, so that what those alone tell apart gets the next number that is free.
+/// Of Vulkan's GLSL, which naga reads as it is, the numbers stay too; OpenGL has no sets, so that
+/// what those alone tell apart gets the next number that is free.
 #[test]
 fn numbers_of_what_is_read_as_it_is_stay() {
     let vertex = "#version 450
@@ -406,7 +409,8 @@ void main() { color = texture(sampler2D(map, map_sampler), vec2(0.5)) * tinted.t
     accept::accept(&[("sets".to_owned(), files)]);
 }
 
-/// Floats come back to their bits by any compiler: the largest is no infinity, the smallest no zero.
+/// Floats come back to their bits by any compiler: the largest is no infinity, the smallest no
+/// zero.
 #[test]
 fn floats_are_written_with_all_their_digits() {
     let fragment = "#version 450

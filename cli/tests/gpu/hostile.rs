@@ -1,4 +1,5 @@
-//! Shaders that never end, processes that are killed, full disks and names that are markup, in commands that draw.
+//! Shaders that never end, processes that are killed, full disks and names that are markup, in
+//! commands that draw.
 
 use std::fs;
 use std::path::Path;
@@ -7,7 +8,8 @@ use std::time::{Duration, Instant};
 
 use crate::hostile_support::{SCENE, folder, kill, preshade, run, stderr, wait};
 
-/// A software adapter lets all loops of a shader have 65,535 turns together, so that each turn takes long.
+/// A software adapter lets all loops of a shader have 65,535 turns together, so that each turn
+/// takes long.
 fn endless() -> String {
     let turn = "n += sin(n + at.x);".repeat(256);
     format!(
@@ -49,9 +51,9 @@ fn variants_apart_are_told_as_variants_together() {
         "no",
         "--format",
         "json",
-        "--pass",
+        "--variant",
         "depth-prepass",
-        "--pass",
+        "--variant",
         "early-discard",
         "--out",
         "out",
@@ -83,19 +85,20 @@ fn children(parent: u32) -> Vec<u32> {
         .collect()
 }
 
-/// `verify` of the scene in `here` by three passes, each in a process of its own, with a report in `out`.
+/// `verify` of the scene in `here` by three passes, each in a process of its own, with a report in
+/// `out`.
 #[cfg(target_os = "linux")]
 fn measured_apart(here: &Path) -> Command {
     let mut command = preshade(here);
     command.args(["verify", "a.toml", "--time", "no"]);
     command.args(["--limits", "seconds=300", "--out", "out"]);
     command.args([
-        "--pass",
+        "--variant",
         "depth-prepass",
-        "--pass",
+        "--variant",
         "depth-prepass:form=equal",
     ]);
-    command.args(["--pass", "early-discard"]);
+    command.args(["--variant", "early-discard"]);
     command
 }
 
@@ -178,7 +181,8 @@ fn a_run_that_is_killed_leaves_what_it_measured_and_says_what_is_missing() {
 #[test]
 fn a_full_disk_loses_nothing_that_was_told() {
     let here = folder("disk", SCENE, "");
-    // A file of more than 512 bytes cannot be written: neither what is kept on the way nor the report.
+    // A file of more than 512 bytes cannot be written: neither what is kept on the way nor the
+    // report.
     let script = format!(
         "trap '' XFSZ; ulimit -f 1; exec {} verify a.toml --time no --pass depth-prepass --out out",
         env!("CARGO_BIN_EXE_preshade")
@@ -295,4 +299,39 @@ fn under_strict_limits_shaders_are_compiled_with_checks_and_every_report_says_so
             "{limits}: {json}"
         );
     }
+}
+
+#[test]
+fn what_naga_would_panic_at_is_an_error_at_the_author_s_text() {
+    let part = "var a = array<f32, 3>(); let sum = half_of(&a[1]);";
+    let here = folder("part", SCENE, part);
+    let shader = fs::read_to_string(here.join("a.wgsl")).unwrap();
+    let half = "fn half_of(p: ptr<function, f32>) -> f32 { return *p / 2.0; }\n";
+    fs::write(here.join("a.wgsl"), shader + half).unwrap();
+    let spirv = [
+        "rewrite",
+        "a.wgsl",
+        "--pass",
+        "depth-prepass",
+        "--emit",
+        "spirv",
+        "-o",
+        "out",
+    ];
+    for args in [&spirv[..], &["verify", "a.toml", "--time", "no"]] {
+        let output = run(&here, args);
+        let told = stderr(&output);
+        assert_eq!(output.status.code(), Some(2), "{told}");
+        assert!(
+            told.contains("a.wgsl:9:") && told.contains("`a[1]`"),
+            "{told}"
+        );
+        assert!(told.contains("pass a variable of its own"), "{told}");
+        assert!(!told.contains("panicked"), "{told}");
+    }
+    let wgsl = run(
+        &here,
+        &["rewrite", "a.wgsl", "--pass", "depth-prepass", "-o", "out"],
+    );
+    assert_eq!(wgsl.status.code(), Some(0), "{}", stderr(&wgsl));
 }

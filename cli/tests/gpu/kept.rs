@@ -1,4 +1,5 @@
-//! A run that is killed, runs out of disk or meets a scene that is no good keeps every finished result, and says what is missing.
+//! A run that is killed, runs out of disk or meets a scene that is no good keeps every finished
+//! result, and says what is missing.
 #![cfg(unix)]
 
 use std::fs;

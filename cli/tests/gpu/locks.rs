@@ -63,7 +63,8 @@ fn a_decision_is_kept_for_builds() {
     let predicted = run(&tree, &[&args[..], &["--time", "no"]].concat());
     assert_eq!(predicted.status.code(), Some(2));
 
-    // Another preshade's is written anew; what is no lock stays as it is, and nothing is measured in vain.
+    // Another preshade's is written anew; what is no lock stays as it is, and nothing is measured
+    // in vain.
     fs::write(&path, r#"{"schema": "preshade.lock.v9", "materials": {}}"#).unwrap();
     let output = run(&tree, &args);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));

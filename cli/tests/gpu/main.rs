@@ -1,5 +1,5 @@
-//! Tests of commands that draw: they need an adapter, and `page` and `three` also Chromium, node and npm.
-//! `scripts/setup.sh vulkan three` installs them. A test fails if something is missing.
+//! Tests of commands that draw: they need an adapter, and `page` and `three` also Chromium, node
+//! and npm. `scripts/setup.sh vulkan three` installs them. A test fails if something is missing.
 
 #![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
 

@@ -1,6 +1,8 @@
-//! The reports of `verify`, `plan` and `explore` in headless Chromium: no rule of axe broken, by keyboard, in light and dark, narrow and on paper. Screenshots go to `out/page`.
+//! The reports of `verify`, `plan` and `explore` in headless Chromium: no rule of axe broken, by
+//! keyboard, in light and dark, narrow and on paper. Screenshots go to `out/page`.
 //!
-//! Needed: node 18 or later with npm, and Chromium (`scripts/setup.sh three`). What is missing is a failure, never a skipped test.
+//! Needed: node 18 or later with npm, and Chromium (`scripts/setup.sh three`). What is missing is a
+//! failure, never a skipped test.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -53,11 +55,11 @@ fn the_reports_can_be_read_by_everyone() {
                 "0.1",
                 "--frames",
                 "2",
-                "--pass",
+                "--variant",
                 "depth-prepass",
-                "--pass",
+                "--variant",
                 "early-discard",
-                "--pass",
+                "--variant",
                 "hoist:budget=1,threshold=1",
             ],
         ),

@@ -36,7 +36,8 @@ fn project() -> PathBuf {
     project
 }
 
-/// The lines of the README's shell blocks that call preshade, without comments and what the output is piped to.
+/// The lines of the README's shell blocks that call preshade, without comments and what the output
+/// is piped to.
 fn commands() -> Vec<String> {
     let readme = fs::read_to_string(root().join("README.md")).unwrap();
     let blocks = readme.split("```sh\n").skip(1);

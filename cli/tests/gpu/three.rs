@@ -1,6 +1,8 @@
-//! The client of `tests/three`: three.js in headless Chromium draws what preshade makes of its materials, and its pictures are compared. Screenshots go to `out/three`.
+//! The client of `tests/three`: three.js in headless Chromium draws what preshade makes of its
+//! materials, and its pictures are compared. Screenshots go to `out/three`.
 //!
-//! Needed: node 18 or later with npm, and Chromium (`scripts/setup.sh three`). What is missing is a failure, never a skipped test.
+//! Needed: node 18 or later with npm, and Chromium (`scripts/setup.sh three`). What is missing is a
+//! failure, never a skipped test.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -25,7 +27,8 @@ fn run(program: impl AsRef<Path>, arguments: &[&str]) -> String {
     said
 }
 
-/// The packages of the lock file, where those that are there are not newer. One test at a time puts them there.
+/// The packages of the lock file, where those that are there are not newer. One test at a time puts
+/// them there.
 fn install() {
     static ONE: Mutex<()> = Mutex::new(());
     let _one = ONE.lock();

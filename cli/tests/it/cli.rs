@@ -1,11 +1,13 @@
-//! What every command says to good and bad input, and what it leaves behind: exit status, stdout, stderr, files.
+//! What every command says to good and bad input, and what it leaves behind: exit status, stdout,
+//! stderr, files.
 
 use std::fs;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
-/// Every transcript in `tests/cmd`. `TRYCMD=overwrite` updates them. `tests/gpu` runs those that draw.
+/// Every transcript in `tests/cmd`. `TRYCMD=overwrite` updates them. `tests/gpu` runs those that
+/// draw.
 #[test]
 fn transcripts() {
     trycmd::TestCases::new()
@@ -390,7 +392,8 @@ fn what_a_scene_forbids_is_neither_written_nor_said_to_apply() {
     assert!(!said.contains("applies to"), "{said}");
 }
 
-/// What a language cannot say is told in the author's words, and not in those of the library that writes it.
+/// What a language cannot say is told in the author's words, and not in those of the library that
+/// writes it.
 #[test]
 fn what_a_language_lacks_is_told_in_words() {
     let out = nowhere("lacks");

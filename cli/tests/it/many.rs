@@ -637,7 +637,8 @@ fn watch_sees_a_missing_include_come() {
     }
 }
 
-/// What is told into a file beside the shaders is no change of theirs: a mistake would be told without end.
+/// What is told into a file beside the shaders is no change of theirs: a mistake would be told
+/// without end.
 #[test]
 fn watch_is_not_woken_by_its_own_log() {
     let tree = tree("many-log");

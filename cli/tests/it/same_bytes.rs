@@ -76,8 +76,8 @@ fn rewritten(recipe: &Recipe, inputs: &[&str], out: &[&str]) -> Files {
     files
 }
 
-/// Holds the plans that `verify` draws against the files of `rewrite`. Returns how many plans had a step refused
-/// and another one applied.
+/// Holds the plans that `verify` draws against the files of `rewrite`. Returns how many plans had a
+/// step refused and another one applied.
 fn check(recipe: &Recipe, originals: &[Plan], facts: &Facts, written: &Files) -> usize {
     let variant = measure::variant(originals, recipe, facts);
     for plan in &variant.plans {

@@ -72,7 +72,8 @@ eye = [0, 0.3, 3]
 target = [0, 0, 0]
 "#;
 
-/// A folder of its own with a scene and its shader; a folder beside it holds what the scene must not reach.
+/// A folder of its own with a scene and its shader; a folder beside it holds what the scene must
+/// not reach.
 pub fn folder(name: &str, scene: &str, body: &str) -> PathBuf {
     let all = Path::new(env!("CARGO_TARGET_TMPDIR"))
         .join("hostile")

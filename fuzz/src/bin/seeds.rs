@@ -1,4 +1,5 @@
-//! Writes the corpora's first inputs, and the dictionaries of words, of the fixtures: `cargo run --bin seeds`, in `fuzz/`.
+//! Writes the corpora's first inputs, and the dictionaries of words, of the fixtures:
+//! `cargo run --bin seeds`, in `fuzz/`.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};

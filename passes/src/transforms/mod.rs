@@ -1,6 +1,7 @@
 //! The passes: one file or folder each. No transform imports another.
 
 pub mod depth_prepass;
+pub mod early_alpha;
 pub mod early_discard;
 pub mod hoist;
 pub mod shadow;
@@ -18,6 +19,7 @@ use crate::{analysis, core};
 pub const PASSES: &[&dyn AnyPass] = &[
     &Erased::<specialize::Specialize>::NEW,
     &Erased::<depth_prepass::DepthPrepass>::NEW,
+    &Erased::<early_alpha::EarlyAlpha>::NEW,
     &Erased::<early_discard::EarlyDiscard>::NEW,
     &Erased::<shadow::Shadow>::NEW,
     &Erased::<hoist::Hoist>::NEW,

@@ -1,4 +1,5 @@
-//! Bounds over triangles hold wherever a value is sampled, and are as tight as the arithmetic promises where that can be worked out by hand.
+//! Bounds over triangles hold wherever a value is sampled, and are as tight as the arithmetic
+//! promises where that can be worked out by hand.
 
 use std::collections::BTreeMap;
 
@@ -124,7 +125,8 @@ fn waves_roots_and_directions_are_bounded_within_a_few_times() {
     }
 }
 
-/// What jumps within the triangle is known between two values; what decides a branch there is not known at all.
+/// What jumps within the triangle is known between two values; what decides a branch there is not
+/// known at all.
 #[test]
 fn jumps_are_intervals_and_branches_end_the_evaluation() {
     let jumps = module("return vec3(floor(p.x * 10.0 + 0.5), step(0.3, p.x), fract(p.y * 10.0));");
@@ -153,7 +155,8 @@ fn comparisons_are_decided_where_the_ranges_are_apart() {
     assert_eq!(narrow.compare(Affine::constant(3.0)), None);
 }
 
-/// Evaluates over the triangle, with a constant of the draw: what is proved, and what single evaluations show.
+/// Evaluates over the triangle, with a constant of the draw: what is proved, and what single
+/// evaluations show.
 fn with_a_constant(expression: &str, constant: f32) -> (Result<Vec<Distance>, Stuck>, f64) {
     let source = format!(
         "@group(0) @binding(0) var<uniform> u: f32;
@@ -190,7 +193,8 @@ fn with_a_constant(expression: &str, constant: f32) -> (Result<Vec<Distance>, St
     (found, seen)
 }
 
-/// Ten times the `f32` nearest to 0.7 is a little below 7, and 7 once it is rounded; ten times the one nearest to 0.1 a little above 1, and 1. What rests on which of them it is, is not decided.
+/// Ten times the `f32` nearest to 0.7 is a little below 7, and 7 once it is rounded; ten times the
+/// one nearest to 0.1 a little above 1, and 1. What rests on which of them it is, is not decided.
 #[test]
 fn a_rounding_decides_nothing() {
     let wave = "sin(p.x * p.y * 0.9 + p.x * p.x)";
@@ -305,7 +309,8 @@ fn expression(bytes: &mut std::slice::Iter<'_, u8>, depth: usize) -> String {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 400, ..ProptestConfig::default() })]
 
-    /// The remainder is a bound, and what roundings add to it is one of what the sampling in `f32` adds.
+    /// The remainder is a bound, and what roundings add to it is one of what the sampling in `f32`
+    /// adds.
     #[test]
     fn no_sample_is_further_off_than_the_bound(bytes in proptest::collection::vec(any::<u8>(), 4..60), corners in any::<[[i8; 5]; 3]>(), parts in 1..4_u32) {
         let text = expression(&mut bytes.iter(), 4);

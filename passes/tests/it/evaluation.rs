@@ -1,5 +1,5 @@
-//! Running a slice gives the sliced value: random structured programs, original and slice run on the same inputs, outputs equal bit for bit,
-//! and the same fragments discarded.
+//! Running a slice gives the sliced value: random structured programs, original and slice run on
+//! the same inputs, outputs equal bit for bit, and the same fragments discarded.
 
 use std::collections::BTreeMap;
 
@@ -128,7 +128,8 @@ fn check(program: &Program, criteria: &[Criterion], termination: Termination) {
     }
 }
 
-/// The outputs with the one component of the first location that is sliced for, where that is all: the others may be anything.
+/// The outputs with the one component of the first location that is sliced for, where that is all:
+/// the others may be anything.
 fn decided(outputs: Vec<(Binding, Value)>, criteria: &[Criterion]) -> Vec<(Binding, Value)> {
     let component = criteria.iter().find_map(|c| match c {
         Criterion::Component(_, component) => Some(*component as usize),

@@ -1,4 +1,5 @@
-//! What the interpreter takes on: values are bounded as variables are, and what is bound is not copied for each run.
+//! What the interpreter takes on: values are bounded as variables are, and what is bound is not
+//! copied for each run.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;

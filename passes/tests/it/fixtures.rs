@@ -1,5 +1,5 @@
-//! Every output of every fixture shader, sliced: the placed slice validates, prints as WGSL that parses again, costs no more, and where
-//! the interpreter can run the shader, gives the same bits.
+//! Every output of every fixture shader, sliced: the placed slice validates, prints as WGSL that
+//! parses again, costs no more, and where the interpreter can run the shader, gives the same bits.
 
 use std::collections::BTreeMap;
 

@@ -5,7 +5,8 @@ use preshade_passes::graph::{FunctionId, Graph, counted, text};
 
 use crate::common;
 
-/// The rate of each named value of the fragment stage, `name: rate`, with the stages that can have it where not all can.
+/// The rate of each named value of the fragment stage, `name: rate`, with the stages that can have
+/// it where not all can.
 fn rates(source: &str, stage: ShaderStage) -> Vec<String> {
     let program = common::program(source);
     let graph = Graph::build(&program);
@@ -173,7 +174,8 @@ fn trips_of_counted_loops() {
     assert_eq!(counted, [Some(10), Some(5), Some(10), Some(3), None]);
 }
 
-/// A counter that leaves its range comes in at the other end: the first of these never ends, others end later than they seem to.
+/// A counter that leaves its range comes in at the other end: the first of these never ends, others
+/// end later than they seem to.
 #[test]
 fn a_counter_that_wraps_is_not_counted() {
     let counted = trips(

@@ -87,7 +87,8 @@ fn a_loop_of_noise_moves_whole() {
     assert_eq!(plan.contract.kind(), "approximate");
 }
 
-/// Both stages run one after the other: what the fragment stage gives where a fragment lies on a vertex.
+/// Both stages run one after the other: what the fragment stage gives where a fragment lies on a
+/// vertex.
 fn at_vertex(program: &Program, seed: u32) -> Result<(BTreeMap<String, Value>, bool), Stuck> {
     let vertex = run(
         program,
@@ -161,7 +162,8 @@ fn random_shaders_are_hoisted_often_enough_to_count() {
     assert!(hoisted >= 15, "only {hoisted} of 120");
 }
 
-/// A material around a fragment body. The vertex stage gives a position in the world, a normal, texture coordinates and a flat number.
+/// A material around a fragment body. The vertex stage gives a position in the world, a normal,
+/// texture coordinates and a flat number.
 fn material(globals: &str, body: &str) -> String {
     format!(
         "
@@ -322,7 +324,8 @@ fn a_jump_that_does_not_happen_holds_nothing_back() {
     }
 }
 
-/// The open example of Mesa's `nir_opt_varyings`, from text to text: three inputs of which two sums are needed.
+/// The open example of Mesa's `nir_opt_varyings`, from text to text: three inputs of which two sums
+/// are needed.
 #[test]
 fn three_inputs_are_carried_as_two_sums() {
     let source = "

@@ -1,4 +1,5 @@
-//! What hoisting promises without a budget, inside a triangle: the rasteriser's part is played here, with weights that do not add up to 1, as a rasteriser's do not.
+//! What hoisting promises without a budget, inside a triangle: the rasteriser's part is played
+//! here, with weights that do not add up to 1, as a rasteriser's do not.
 
 use std::collections::BTreeMap;
 
@@ -46,7 +47,8 @@ fn interpolate(corners: [&Value; 3], weights: Weights) -> Value {
     }
 }
 
-/// What the fragment stage gives inside a triangle of three vertices. Its flat inputs are the first vertex's.
+/// What the fragment stage gives inside a triangle of three vertices. Its flat inputs are the first
+/// vertex's.
 fn inside(
     program: &Program,
     seed: u32,
@@ -54,7 +56,8 @@ fn inside(
 ) -> Result<(BTreeMap<String, Value>, bool), Stuck> {
     let corner = |i: u32| {
         let mut at = attributes(seed.wrapping_add(i * 7919));
-        // One triangle is one primitive: what is flat, or the instance's, is the same at all of its corners.
+        // One triangle is one primitive: what is flat, or the instance's, is the same at all of its
+        // corners.
         at.insert(2, Value::i32((seed % 7) as i32 - 2));
         run(program, ShaderStage::Vertex, "vs", &at, true)
     };
@@ -120,7 +123,8 @@ fn between(
     Ok((ran.by_binding, ran.discarded))
 }
 
-/// A random material in which a float and an integer input of the fragment stage are constants of the draw instead.
+/// A random material in which a float and an integer input of the fragment stage are constants of
+/// the draw instead.
 fn material(bytes: &[u8]) -> String {
     let fragment = random::shader(bytes)
         .replace("in.r", "draw.r")
@@ -190,7 +194,8 @@ proptest! {
     }
 }
 
-/// A material in which the draw's constants decide between constants and varyings, some of them behind a call, and in which the last bit shows.
+/// A material in which the draw's constants decide between constants and varyings, some of them
+/// behind a call, and in which the last bit shows.
 fn choosing(steps: &[(u8, u8, u8, u8)]) -> String {
     use std::fmt::Write as _;
     let mut body = String::new();
@@ -257,7 +262,8 @@ fn enough_is_hoisted_exactly_to_count() {
     assert!(hoisted >= 15, "only {hoisted} of 120");
 }
 
-/// A material whose fragment stage is `body`, with a matrix of the draw to make affine work of a position.
+/// A material whose fragment stage is `body`, with a matrix of the draw to make affine work of a
+/// position.
 fn affine(body: &str) -> String {
     format!(
         "struct Draw {{ m: mat4x4<f32>, v: vec4<f32> }}
@@ -271,7 +277,8 @@ struct Varyings {{ @builtin(position) position: vec4<f32>, @location(0) world: v
     )
 }
 
-/// After a cancellation nothing is left but last bits, and a large factor makes any number of them: one after the other, in a vector, in a matrix, in a function.
+/// After a cancellation nothing is left but last bits, and a large factor makes any number of them:
+/// one after the other, in a vector, in a matrix, in a function.
 #[test]
 fn rounding_does_not_reach_what_amplifies_it() {
     for body in [
@@ -315,7 +322,8 @@ fn rounding_does_not_reach_what_amplifies_it() {
     }
 }
 
-/// Layers of one pixel add up, samples lie outside of triangles, coverage jumps: no rounding is small there. What is behind another hoist has its varyings elsewhere.
+/// Layers of one pixel add up, samples lie outside of triangles, coverage jumps: no rounding is
+/// small there. What is behind another hoist has its varyings elsewhere.
 #[test]
 fn rounding_needs_one_fragment_a_pixel() {
     let source = affine("return vec4(sin(p), 1.0);");
@@ -391,7 +399,8 @@ fn what_is_carried_under_rounding_changes_outputs_by_half_a_step_at_most() {
     assert!(largest > 0.0, "nothing was rounded elsewhere");
 }
 
-/// The ranges of a scene decide where they are known: large numbers refuse what ordinary ones allow, small ones allow what those refuse.
+/// The ranges of a scene decide where they are known: large numbers refuse what ordinary ones
+/// allow, small ones allow what those refuse.
 #[test]
 fn the_numbers_of_a_scene_decide() {
     let ranges = |world: f32, draw: f32| Facts {

@@ -1,6 +1,8 @@
-//! Metamorphic tests after GraphicsFuzz (Donaldson, Evrard, Lascu and Thomson 2017): what changes nothing is written into the fixture shaders, and still no variant gives anything else.
+//! Metamorphic tests after GraphicsFuzz (Donaldson, Evrard, Lascu and Thomson 2017): what changes
+//! nothing is written into the fixture shaders, and still no variant gives anything else.
 //!
-//! Into the text, as an author would: dead code behind an opaque predicate, statements wrapped into branches and loops that run once, expressions split and returned by name.
+//! Into the text, as an author would: dead code behind an opaque predicate, statements wrapped into
+//! branches and loops that run once, expressions split and returned by name.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

@@ -1,9 +1,12 @@
-//! What changes nothing, written into a shader's text as an author would: dead code behind an opaque predicate, statements wrapped into branches and loops that run once, expressions split and returned by name.
+//! What changes nothing, written into a shader's text as an author would: dead code behind an
+//! opaque predicate, statements wrapped into branches and loops that run once, expressions split
+//! and returned by name.
 #![allow(dead_code, clippy::unwrap_used)]
 
 use preshade_passes::validate::inputs::Random;
 
-/// Private variables: opaque to a transform, which does not know what ran before, and 0 and 1 all the same.
+/// Private variables: opaque to a transform, which does not know what ran before, and 0 and 1 all
+/// the same.
 const OPAQUE: &str = "
 var<private> meta_zero: f32 = 0.0;
 var<private> meta_one: i32 = 1;
@@ -24,7 +27,8 @@ pub fn statements(text: &str) -> Vec<Simple> {
     let bytes = text.as_bytes();
     let mut found = Vec::new();
     let mut at = 0;
-    // Whether each open brace holds statements, and whether the outermost is a fragment entry point's.
+    // Whether each open brace holds statements, and whether the outermost is a fragment entry
+    // point's.
     let mut braces: Vec<bool> = Vec::new();
     let (mut parens, mut start, mut in_fragment) = (0, 0, false);
     while at < bytes.len() {

@@ -1,4 +1,5 @@
-//! What is left of a sum when its small terms go: which texels are read, what comes out, and what stays.
+//! What is left of a sum when its small terms go: which texels are read, what comes out, and what
+//! stays.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -49,7 +50,8 @@ fn text(plan: &Plan) -> String {
     common::wgsl(plan.program(plan.main().unwrap()).unwrap())
 }
 
-/// The red that a fragment stage without inputs writes under these weights, and the textures that it looked into, by their bindings: 1, 2 and 3 hold a tenth of that.
+/// The red that a fragment stage without inputs writes under these weights, and the textures that
+/// it looked into, by their bindings: 1, 2 and 3 hold a tenth of that.
 fn drawn(plan: &Plan, weights: [f32; 4]) -> (f32, Vec<u32>) {
     let program = plan.program(plan.main().unwrap()).unwrap();
     let (entry, _) = program.entry_point(ShaderStage::Fragment, "fs").unwrap();

@@ -48,7 +48,8 @@ fn everything_off() {
     assert_eq!(plan.fallback.as_deref(), Some("original"));
 }
 
-/// What is promised of a fragment stage with this body, and of a vertex stage whose position is this, when the uniform `flag` is known to be 0.
+/// What is promised of a fragment stage with this body, and of a vertex stage whose position is
+/// this, when the uniform `flag` is known to be 0.
 fn promised(position: &str, body: &str) -> Contract {
     let source = format!(
         "struct U {{ flag: u32, a: vec4<f32>, b: vec4<f32>, c: vec4<f32> }}
@@ -66,7 +67,8 @@ struct V {{ @builtin(position) position: vec4<f32>, @location(0) t: vec4<f32> }}
         .contract
 }
 
-/// A compiler fuses and reorders by what it sees around an operation. Where that stays as it was the bits do; where it changes no text can promise them.
+/// A compiler fuses and reorders by what it sees around an operation. Where that stays as it was
+/// the bits do; where it changes no text can promise them.
 #[test]
 fn exact_is_promised_where_nothing_around_a_float_operation_changes() {
     let exact = |body: &str| assert_eq!(promised("", body).kind(), "exact", "{body}");
@@ -547,7 +549,8 @@ fn a_selected_constant_is_not_computed_with_by_a_front_end() {
     assert!(written.contains("c = vec4(0.5f)"), "{written}");
 }
 
-/// Each loop is tried once, however many stand around it: with a try for each way to give up those outside this would not end.
+/// Each loop is tried once, however many stand around it: with a try for each way to give up those
+/// outside this would not end.
 #[test]
 fn loops_in_loops_are_walked_once() {
     for head in ["i32(p.x)", "i32(u.k) + 30", "i32(u.other)"] {

@@ -1,6 +1,8 @@
-//! Random materials, specialised to random values: wherever the guard holds both programs write the same bits, whatever lies outside the guard.
+//! Random materials, specialised to random values: wherever the guard holds both programs write the
+//! same bits, whatever lies outside the guard.
 //!
-//! `PRESHADE_CASES=20000 cargo test -p preshade-passes --test it specialize_random` runs more of them, `PRESHADE_SEED` others.
+//! `PRESHADE_CASES=20000 cargo test -p preshade-passes --test it specialize_random` runs more of
+//! them, `PRESHADE_SEED` others.
 
 use std::collections::BTreeMap;
 use std::panic::AssertUnwindSafe;

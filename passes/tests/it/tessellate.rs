@@ -1,4 +1,5 @@
-//! Tessellation builds valid programs around any hoisted vertex stage, and refuses what it cannot divide.
+//! Tessellation builds valid programs around any hoisted vertex stage, and refuses what it cannot
+//! divide.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -219,7 +220,8 @@ fn along(
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
-    /// Both triangles of an edge have the same bits along it, where they share its vertices and where a seam gives each vertices of its own.
+    /// Both triangles of an edge have the same bits along it, where they share its vertices and
+    /// where a seam gives each vertices of its own.
     #[test]
     fn an_edge_is_one_edge_from_both_sides(
         positions in prop::array::uniform4(prop::array::uniform3(-9.0_f32..9.0)),
@@ -241,7 +243,8 @@ proptest! {
     }
 }
 
-/// The distinct positions of a triangle's pattern that lie on the straight line between two of its corners' positions, in order.
+/// The distinct positions of a triangle's pattern that lie on the straight line between two of its
+/// corners' positions, in order.
 fn on_line(
     (plan, subdivision): &(Plan, Subdivision),
     mesh: &Mesh<'_>,
@@ -249,7 +252,8 @@ fn on_line(
     [from, to]: [usize; 2],
 ) -> BTreeSet<[u32; 4]> {
     let level = subdivision.level;
-    // Rows and columns of the corners at the highest level do not say where a vertex went: where it is does.
+    // Rows and columns of the corners at the highest level do not say where a vertex went: where it
+    // is does.
     let all = (0..subdivision.vertices.len() as u32).map(|vertex| {
         let Value::Composite(members) = position(plan, subdivision, mesh, (triangle, vertex))
         else {
@@ -282,7 +286,8 @@ fn on_line(
         .collect()
 }
 
-/// Whatever the other edges of its two triangles have, an edge has the same points on both sides, and no longer than asked for.
+/// Whatever the other edges of its two triangles have, an edge has the same points on both sides,
+/// and no longer than asked for.
 #[test]
 fn an_adaptive_edge_has_its_own_points_on_both_sides() {
     let plan = hoisted(&original(WAVES, &MaterialState::default()));
@@ -530,7 +535,8 @@ fn what_cannot_be_divided_is_refused() {
     assert_eq!(refused(&primitive).code, "knows-triangles");
 }
 
-/// At load nothing but what was hoisted is computed and stored; the vertex stage interpolates the rest.
+/// At load nothing but what was hoisted is computed and stored; the vertex stage interpolates the
+/// rest.
 #[test]
 fn what_is_static_is_stored_alone() {
     let smooth = WAVES
@@ -554,7 +560,8 @@ fn what_is_static_is_stored_alone() {
     ));
 }
 
-/// What a site costs is what was hoisted: more of it costs more, and the author's own vertex stage is no part of it.
+/// What a site costs is what was hoisted: more of it costs more, and the author's own vertex stage
+/// is no part of it.
 #[test]
 fn a_site_tells_what_each_new_vertex_costs() {
     let cost = |source: &str| {

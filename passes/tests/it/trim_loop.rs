@@ -180,7 +180,8 @@ fn what_decides_more_than_a_colour_stays() {
     assert!(shared.contains("vertex stage"), "{shared}");
 }
 
-/// The last light is a light like the first: no turn over the scene's own data goes, however the counter gets there.
+/// The last light is a light like the first: no turn over the scene's own data goes, however the
+/// counter gets there.
 #[test]
 fn a_loop_over_the_scene_stays_unless_its_turns_ebb_away() {
     let head = "struct Light { at: vec4<f32>, color: vec4<f32> }

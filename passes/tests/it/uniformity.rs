@@ -1,7 +1,9 @@
-//! Uniformity by WGSL's rules: cases of each of them with what the rules say, and cases of others from a folder.
+//! Uniformity by WGSL's rules: cases of each of them with what the rules say, and cases of others
+//! from a folder.
 //!
-//! `UNIFORMITY_CASES=FOLDER cargo test -p preshade-passes --test it uniformity -- --nocapture` runs files `NAME.pass.wgsl` and `NAME.fail.wgsl` too, and prints how many verdicts are those of the names.
-//! Tint judges the cases here as well: `tests/tools/acceptance.rs`.
+//! `UNIFORMITY_CASES=FOLDER cargo test -p preshade-passes --test it uniformity -- --nocapture` runs
+//! files `NAME.pass.wgsl` and `NAME.fail.wgsl` too, and prints how many verdicts are those of the
+//! names. Tint judges the cases here as well: `tests/tools/acceptance.rs`.
 
 use preshade_passes::uniformity::{Need, non_uniform};
 
@@ -45,7 +47,8 @@ fn the_operation_or_the_call_is_told() {
     assert_eq!(&source[found.span.to_range().unwrap()], "edge(uv.y)");
 }
 
-/// Soundness on cases of others: what they call non-uniform is not uniform here. Where we are stricter is printed.
+/// Soundness on cases of others: what they call non-uniform is not uniform here. Where we are
+/// stricter is printed.
 #[test]
 fn cases_of_others() {
     let Ok(folder) = std::env::var("UNIFORMITY_CASES") else {

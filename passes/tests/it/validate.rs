@@ -1,4 +1,5 @@
-//! Validation is only worth something where it turns red: variants are broken on purpose, one expression or statement at a time.
+//! Validation is only worth something where it turns red: variants are broken on purpose, one
+//! expression or statement at a time.
 
 use naga::{
     BinaryOperator, Block, Expression, Function, Literal, Module, SampleLevel, ShaderStage,
@@ -12,7 +13,8 @@ use preshade_passes::{examples, pass_named, reflect};
 
 use crate::common;
 
-/// A material with a loop, a discard, a private variable, a callee with a pointer, an effect that a uniform switches off and a wave that may be hoisted.
+/// A material with a loop, a discard, a private variable, a callee with a pointer, an effect that a
+/// uniform switches off and a wave that may be hoisted.
 const MATERIAL: &str = "
 struct Camera { view_projection: mat4x4<f32>, sun: vec4<f32> }
 struct Material { fog: f32, octaves: i32, tint: vec3<f32> }
@@ -229,7 +231,8 @@ fn statement(block: &mut Block, kind: Mutation, left: &mut usize) -> bool {
     false
 }
 
-/// The variant with a broken program under the key; `None` where it does not validate, which no validation of ours has to see.
+/// The variant with a broken program under the key; `None` where it does not validate, which no
+/// validation of ours has to see.
 fn broken(variant: &Plan, key: &str, kind: Mutation, n: usize) -> Option<Option<Plan>> {
     let program = &variant.programs[key];
     let module = mutant(program.module(), kind, n)?;
@@ -249,7 +252,8 @@ fn every(kind: Mutation) -> usize {
     }
 }
 
-/// Every mutant of every variant is seen, but for those that compute the same: the prologue's own tolerance, say, may be wider and drops less.
+/// Every mutant of every variant is seen, but for those that compute the same: the prologue's own
+/// tolerance, say, may be wider and drops less.
 #[test]
 fn broken_variants_are_seen() {
     let original = plan(MATERIAL);
@@ -393,7 +397,8 @@ fn stores_are_promised_too() {
     assert!(counterexample(&found).unwrap().output.contains("buffer"));
 }
 
-/// The guard of a specialised variant decides which inputs count: outside of it another picture is nobody's bug.
+/// The guard of a specialised variant decides which inputs count: outside of it another picture is
+/// nobody's bug.
 #[test]
 fn inputs_are_what_the_guard_wants() {
     let original = plan(MATERIAL);
@@ -451,7 +456,8 @@ fn a_pre_pass_that_moves_a_vertex_by_its_last_bit_is_seen() {
     assert!(found.verdict.is_broken(), "{}", said(&checks));
 }
 
-/// What the vertex stage hands on of a number that is known is known in the fragment stage too, which is made for that and no other varying.
+/// What the vertex stage hands on of a number that is known is known in the fragment stage too,
+/// which is made for that and no other varying.
 #[test]
 fn a_fragment_stage_made_for_varyings_that_are_known_is_not_asked_of_others() {
     let original = plan(
@@ -477,7 +483,8 @@ struct Varyings { @builtin(position) position: vec4<f32>, @location(0) at: vec2<
     );
 }
 
-/// A prologue that reads packed depths is tried on all of them, not on what the attachment is cleared to: digits that change places are the same of a depth of 1.
+/// A prologue that reads packed depths is tried on all of them, not on what the attachment is
+/// cleared to: digits that change places are the same of a depth of 1.
 #[test]
 fn packed_depths_are_tried() {
     let original = plan(MATERIAL);
@@ -559,7 +566,8 @@ fn levelled(variant: &Plan, change: fn(&mut SampleLevel)) -> Plan {
     plan
 }
 
-/// Gradients and a bias that the author names are what a lookup is given; those that a transform writes out for an implicit level are not.
+/// Gradients and a bias that the author names are what a lookup is given; those that a transform
+/// writes out for an implicit level are not.
 #[test]
 fn named_levels_are_looked_at() {
     let known = ("specialize", serde_json::json!({"set": "material.fog=0"}));
@@ -598,7 +606,8 @@ fn named_levels_are_looked_at() {
     }
 }
 
-/// A vertex stage that makes its triangle of the index is tried on all of its corners, and on triangles further on.
+/// A vertex stage that makes its triangle of the index is tried on all of its corners, and on
+/// triangles further on.
 #[test]
 fn every_vertex_index_is_tried() {
     let text = "@vertex fn vs(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4<f32> {

@@ -59,7 +59,8 @@ impl Measurement<'_> {
             {
                 Verdict::NotMeasured {
                     why: format!(
-                        "its promise is about an original whose position is @invariant, and this one's is not (--invariant marks it): {where}"
+                        "its promise is about an original whose position is @invariant, and this \
+                         one's is not (--invariant marks it): {where}"
                     ),
                 }
             }

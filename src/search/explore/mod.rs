@@ -30,7 +30,7 @@ use serde::Serialize;
 
 use crate::measure::frequency::{choosing, small};
 use crate::measure::record::{Chosen, PathTime, Pictures, Report};
-use crate::measure::{self, Error, ErrorLadder, Estimate, Session, Variant};
+use crate::measure::{self, Detail, Error, ErrorLadder, Estimate, Session, Variant};
 use crate::recipe::Recipe;
 use crate::render::{AdapterReport, Gpu, ShaderForm};
 use crate::scene::{DrawOrder, Scene};
@@ -312,8 +312,11 @@ fn measured_facts(
     let mut facts = measure::facts(session)?;
     let is_open = |r: &Recipe| r.steps.iter().any(|s| s.pass == "hoist");
     if settings.recipes.is_empty() || settings.recipes.iter().any(is_open) {
-        facts.frequencies = measure::frequencies(session, &facts, &mut |done| {
-            let part = format!("measuring what can be interpolated, {:.0} %", done * 100.0);
+        facts.frequencies = measure::frequencies(session, &facts, Detail::Choice, &mut |step| {
+            let part = format!(
+                "measuring what can be interpolated, {:.0} %",
+                step.done * 100.0
+            );
             watch.at(SearchStage::Frequencies, part);
             watch.going_on(FREQUENCIES_BY)
         })?;

@@ -50,7 +50,8 @@ pub enum Error {
     Render(#[from] crate::render::Error),
     /// A counting stage of ours does not validate: a bug.
     #[error(
-        "the counting stage of material `{material}` is invalid: {message}; this is a bug, please report it with the shader"
+        "the counting stage of material `{material}` is invalid: {message}; this is a bug, please \
+         report it with the shader"
     )]
     Counting {
         /// Material.

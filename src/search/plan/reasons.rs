@@ -116,7 +116,8 @@ fn left(
             .min_by(|a, b| a.relative_time.total_cmp(&b.relative_time));
         return least.map_or("nothing else was measured".to_owned(), |p| {
             format!(
-                "as written: nothing of it was among the runners-up; the best predicted, `{}`, takes {:.3} of the frame's time",
+                "as written: nothing of it was among the runners-up; the best predicted, `{}`, \
+                 takes {:.3} of the frame's time",
                 p.recipe, p.relative_time
             )
         });
@@ -157,7 +158,8 @@ fn hidden(decision: &Decision, views: &dyn Fn(&usize) -> bool) -> String {
     let most = each.map(|(_, v)| v.overdraw).fold(0.0, f64::max);
     match most < 1.1 {
         true => format!(
-            "; {most:.2} fragments are shaded for each that is seen, so that depth ahead has next to nothing to hide"
+            "; {most:.2} fragments are shaded for each that is seen, so that depth ahead has next \
+             to nothing to hide"
         ),
         false => String::new(),
     }

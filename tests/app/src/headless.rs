@@ -53,7 +53,8 @@ pub fn run() -> Result<(), Box<dyn std::error::Error>> {
         println!("{recipe}: {} passes, {changed} pixels changed, self-test {test}", passes.len());
         broken |= changed > 0 || passes.len() < 2;
     }
-    // A variant for still air holds for one time alone: `CHOICES` are made at load, and the frame's own bytes choose.
+    // A variant for still air holds for one time alone: `CHOICES` are made at load, and the frame's
+    // own bytes choose.
     for time in [0.0, 0.7] {
         let bytes = grove.set_time(&queue, time);
         let chosen = leaf::still::variant_for(&[], |group, binding| ((group, binding) == (0, 0)).then_some(&bytes[..]));

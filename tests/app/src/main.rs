@@ -1,6 +1,8 @@
-//! A grove of swaying leaves, drawn as its author wrote it and with what preshade's build script made of it.
+//! A grove of swaying leaves, drawn as its author wrote it and with what preshade's build script
+//! made of it.
 //!
-//! `preshade-example` opens a window; the space bar changes between the two. `preshade-example --headless` draws both into textures and compares every pixel.
+//! `preshade-example` opens a window; the space bar changes between the two.
+//! `preshade-example --headless` draws both into textures and compares every pixel.
 
 mod grove;
 mod headless;
@@ -11,7 +13,8 @@ mod leaf {
     preshade::include_variant!("leaf");
 }
 
-/// What it made of `shaders/ground.wgsl`, for which it was asked nothing. It draws with the leaf's types where both are in one frame; here it is only built.
+/// What it made of `shaders/ground.wgsl`, for which it was asked nothing. It draws with the leaf's
+/// types where both are in one frame; here it is only built.
 mod ground {
     preshade::include_variant!("ground");
 }

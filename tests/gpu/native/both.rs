@@ -1,4 +1,5 @@
-//! One pair on both roads: through preshade on wgpu, and as its author wrote it on OpenGL, from the same bytes.
+//! One pair on both roads: through preshade on wgpu, and as its author wrote it on OpenGL, from the
+//! same bytes.
 
 use std::collections::BTreeMap;
 

@@ -1,6 +1,8 @@
-//! Pairs of shaders made by a grammar: every construct that the front end rewrites, in every dialect that has it, put together at random.
+//! Pairs of shaders made by a grammar: every construct that the front end rewrites, in every
+//! dialect that has it, put together at random.
 //!
-//! What is computed is smooth, or decided by whole numbers: the two roads may differ by roundings, and a picture that jumps where they do would prove nothing.
+//! What is computed is smooth, or decided by whole numbers: the two roads may differ by roundings,
+//! and a picture that jumps where they do would prove nothing.
 
 use std::fmt::Write as _;
 
@@ -676,7 +678,8 @@ impl Maker {
             false => "",
         };
         let Stage { declared, body, .. } = &self.vertex;
-        // A triangle that is clipped has no linear values that two drivers, or two clip spaces, agree on: small enough to be seen whole.
+        // A triangle that is clipped has no linear values that two drivers, or two clip spaces,
+        // agree on: small enough to be seen whole.
         let size = match declared.contains("noperspective") {
             true => "0.41",
             false => "1.0",

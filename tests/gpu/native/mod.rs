@@ -1,7 +1,9 @@
-//! OpenGL 4.0 without a window: one draw of patches, read back. The only place in the tests that talks to a driver behind wgpu's back.
+//! OpenGL 4.0 without a window: one draw of patches, read back. The only place in the tests that
+//! talks to a driver behind wgpu's back.
 //!
-//! Needed: libEGL and a driver with OpenGL 4.0; on Debian and Ubuntu `scripts/setup.sh gl` installs Mesa's, which needs no graphics card. Where they are missing
-//! everything here panics and says so: a skipped picture proves nothing.
+//! Needed: libEGL and a driver with OpenGL 4.0; on Debian and Ubuntu `scripts/setup.sh gl` installs
+//! Mesa's, which needs no graphics card. Where they are missing everything here panics and says so:
+//! a skipped picture proves nothing.
 #![allow(unsafe_code)]
 
 pub mod both;
@@ -66,7 +68,8 @@ impl Drop for Native {
 
 impl Native {
     pub fn new() -> Self {
-        // SAFETY: loading the system's libEGL runs its initialisers, which every program that draws trusts.
+        // SAFETY: loading the system's libEGL runs its initialisers, which every program that draws
+        // trusts.
         let egl = unsafe { egl::DynamicInstance::<egl::EGL1_5>::load_required() }
             .unwrap_or_else(|e| panic!("no EGL 1.5 ({e}): {INSTALL}"));
         // SAFETY: the surfaceless platform has one display, and takes no native one.
@@ -119,15 +122,18 @@ impl Native {
 
     /// The driver's name for what it draws with.
     pub fn renderer(&self) -> String {
-        // SAFETY: the context is current on this thread: it can neither be sent nor shared (it holds raw pointers).
+        // SAFETY: the context is current on this thread: it can neither be sent nor shared (it
+        // holds raw pointers).
         unsafe { self.gl.get_parameter_string(glow::RENDERER) }
     }
 
-    /// Draws once. Depth is compared by `LESS`, and what turns counter-clockwise is culled: positions come upside down, as WebGPU's do on OpenGL.
+    /// Draws once. Depth is compared by `LESS`, and what turns counter-clockwise is culled:
+    /// positions come upside down, as WebGPU's do on OpenGL.
     pub fn draw(&self, draw: &PatchDraw<'_>) -> Pixels {
-        // SAFETY: the context is current on this thread. Buffers are as long as what is said to be in them: `buffer_data` copies slices whole, the indices
-        // are checked against the vertices here, and each block against the size that the program says it has. The slices that pixels are read into hold
-        // the whole framebuffer at the alignment set.
+        // SAFETY: the context is current on this thread. Buffers are as long as what is said to be
+        // in them: `buffer_data` copies slices whole, the indices are checked against the vertices
+        // here, and each block against the size that the program says it has. The slices that
+        // pixels are read into hold the whole framebuffer at the alignment set.
         unsafe { self.draw_checked(draw) }
     }
 

@@ -1,4 +1,5 @@
-//! A vertex and a fragment shader as their author wrote them, drawn by OpenGL: uniforms, attributes and samplers by name.
+//! A vertex and a fragment shader as their author wrote them, drawn by OpenGL: uniforms, attributes
+//! and samplers by name.
 
 use std::collections::BTreeMap;
 
@@ -42,7 +43,8 @@ pub struct Vertices {
 pub enum FirstRow {
     /// OpenGL's own.
     Lowest,
-    /// WebGPU's, by `glClipControl`: quads begin at the same pixel, and so give the same derivatives.
+    /// WebGPU's, by `glClipControl`: quads begin at the same pixel, and so give the same
+    /// derivatives.
     Highest,
 }
 
@@ -51,7 +53,8 @@ pub type Uniform<'a> = Box<dyn Fn(&str) -> Option<Vec<u8>> + 'a>;
 
 /// One draw of triangles.
 pub struct Draw<'a> {
-    /// The bytes of the uniform of that name, array element and member included, or `None` if there is none: `lights[1].color`. Matrices' columns are 16 bytes apart.
+    /// The bytes of the uniform of that name, array element and member included, or `None` if there
+    /// is none: `lights[1].color`. Matrices' columns are 16 bytes apart.
     pub uniform: Uniform<'a>,
     /// Uniform blocks by name.
     pub blocks: BTreeMap<String, Vec<u8>>,
@@ -75,7 +78,8 @@ impl Native {
     unsafe fn first_vertex_provokes(&self) {
         let found = self.egl.get_proc_address("glProvokingVertex");
         let found = found.expect("OpenGL 3.2");
-        // SAFETY: that is the function's type by the specification (OpenGL 4.5, section 13.4), and the context is current.
+        // SAFETY: that is the function's type by the specification (OpenGL 4.5, section 13.4), and
+        // the context is current.
         let call: extern "system" fn(u32) = unsafe { std::mem::transmute(found) };
         call(0x8E4D);
     }
@@ -84,12 +88,14 @@ impl Native {
     unsafe fn clip_control(&self, origin: u32) {
         let found = self.egl.get_proc_address("glClipControl");
         let found = found.expect("OpenGL 4.5, or ARB_clip_control");
-        // SAFETY: that is the function's type by the specification (OpenGL 4.5, section 13.5), and the context is current.
+        // SAFETY: that is the function's type by the specification (OpenGL 4.5, section 13.5), and
+        // the context is current.
         let call: extern "system" fn(u32, u32) = unsafe { std::mem::transmute(found) };
         call(origin, NEGATIVE_ONE_TO_ONE);
     }
 
-    /// Draws, nearest first by depth, without culling, on a clear of `clear`. Rows come from the top. An error is what the driver says of the texts, or a uniform without a value.
+    /// Draws, nearest first by depth, without culling, on a clear of `clear`. Rows come from the
+    /// top. An error is what the driver says of the texts, or a uniform without a value.
     pub fn draw_pair(
         &self,
         first: FirstRow,
@@ -98,7 +104,8 @@ impl Native {
         texts: [&str; 2],
         draws: &[Draw<'_>],
     ) -> Result<Pixels, String> {
-        // SAFETY: as for `draw`: the context is current on this thread, and every buffer is as long as is said.
+        // SAFETY: as for `draw`: the context is current on this thread, and every buffer is as long
+        // as is said.
         unsafe { self.draw_pair_checked(first, size, clear, texts, draws) }
     }
 

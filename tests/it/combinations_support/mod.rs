@@ -1,4 +1,5 @@
-//! Random recipes, of all passes in any order with any parameters: what a combination of them with a material comes to.
+//! Random recipes, of all passes in any order with any parameters: what a combination of them with
+//! a material comes to.
 #![allow(dead_code)]
 
 use std::collections::BTreeMap;
@@ -148,7 +149,8 @@ pub struct Tally {
     pub inexpressible: BTreeMap<String, u64>,
     /// Promises, by what became of them.
     pub promises: BTreeMap<String, u64>,
-    /// What must not be: an invalid module, a text that does not read back, a broken promise, a panic.
+    /// What must not be: an invalid module, a text that does not read back, a broken promise, a
+    /// panic.
     pub wrong: Vec<String>,
 }
 
@@ -177,7 +179,8 @@ impl Tally {
     }
 }
 
-/// The steps of a recipe that a material takes; the others are left out, as `rewrite` leaves them out.
+/// The steps of a recipe that a material takes; the others are left out, as `rewrite` leaves them
+/// out.
 pub fn applied(original: &Plan, recipe: &Recipe, facts: &Facts, tally: &mut Tally) -> Plan {
     let mut plan = original.clone();
     for step in &recipe.steps {
@@ -213,7 +216,8 @@ const TARGETS: [Target; 4] = [
     Target::GlslEs300,
 ];
 
-/// One combination: the recipe of a seed on one of the materials. Each program of a plan is a validated one; its text is read back when it is written, and its promises are looked at.
+/// One combination: the recipe of a seed on one of the materials. Each program of a plan is a
+/// validated one; its text is read back when it is written, and its promises are looked at.
 pub fn combination(originals: &[Plan], seed: u64, effort: &Effort) -> Tally {
     let mut random = Random::new(seed, "combination");
     let original = &originals[random.below(originals.len())];

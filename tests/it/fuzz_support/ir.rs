@@ -1,4 +1,5 @@
-//! Valid modules that no author wrote: a fixture's, with some of its expressions and statements changed, as far as naga's validator takes the result.
+//! Valid modules that no author wrote: a fixture's, with some of its expressions and statements
+//! changed, as far as naga's validator takes the result.
 
 use naga::{
     BinaryOperator, Expression, Function, Handle, Literal, MathFunction, Statement, UnaryOperator,
@@ -106,14 +107,16 @@ fn change(function: &mut Function, bytes: &mut Bytes<'_>) {
     }
 }
 
-/// Whether naga's own writer makes a text of it that naga's own parser reads: its validator lets an expression rest on one that was evaluated in a block which has ended.
+/// Whether naga's own writer makes a text of it that naga's own parser reads: its validator lets an
+/// expression rest on one that was evaluated in a block which has ended.
 fn is_text(program: &Program) -> bool {
     let flags = naga::back::wgsl::WriterFlags::empty();
     let text = naga::back::wgsl::write_string(program.module(), program.info(), flags);
     text.is_ok_and(|text| naga::front::wgsl::parse_str(&text).is_ok())
 }
 
-/// Changes one statement somewhere in a block. What naga's validator takes and no front end makes is left out: a path without its return, code behind a discard that is always reached.
+/// Changes one statement somewhere in a block. What naga's validator takes and no front end makes
+/// is left out: a path without its return, code behind a discard that is always reached.
 fn disturb(block: &mut naga::Block, depth: usize, bytes: &mut Bytes<'_>) {
     let n = block.len();
     if n == 0 {

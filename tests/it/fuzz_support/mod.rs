@@ -1,6 +1,8 @@
-//! What is fuzzed, apart from what drives it: `fuzz/` under libFuzzer, `tests/it/fuzz_corpus.rs` on what was found.
+//! What is fuzzed, apart from what drives it: `fuzz/` under libFuzzer, `tests/it/fuzz_corpus.rs` on
+//! what was found.
 //!
-//! A target takes any bytes. It panics where preshade is wrong: a panic of ours, an invalid module, a text that does not read back. An error or a refusal is an answer.
+//! A target takes any bytes. It panics where preshade is wrong: a panic of ours, an invalid module,
+//! a text that does not read back. An error or a refusal is an answer.
 #![allow(dead_code, clippy::unwrap_used, clippy::panic)]
 
 pub mod ir;
@@ -49,7 +51,8 @@ impl Bytes<'_> {
     }
 }
 
-/// The root of the checkout; where that is on another machine than it was built on, the folder that the fuzzer runs in.
+/// The root of the checkout; where that is on another machine than it was built on, the folder that
+/// the fuzzer runs in.
 pub fn root() -> PathBuf {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
     let all = [Some(here), here.parent(), Some(Path::new("."))];
@@ -63,7 +66,8 @@ fn parsed(sources: &[Source]) {
     match front::parse(sources, &Options::default()) {
         Ok(parsed) => {
             let fragment = parsed.fragment.as_deref();
-            // One that the writers have to write: a program that no transform has touched ships as its author's text.
+            // One that the writers have to write: a program that no transform has touched ships as
+            // its author's text.
             let module = parsed.program.module().clone();
             let program = parsed.program.with_module(module).unwrap();
             let state = MaterialState::default();
@@ -88,7 +92,8 @@ pub fn emitted(plan: &Plan) {
     for target in Target::GENERAL {
         match emit::emit(plan, &[target], &emit::Options::default()) {
             Ok(_) | Err(emit::Error::Inexpressible { .. }) => {}
-            // A panic or a refusal of naga's writers is told and nothing is shipped; the fuzzer is after what is ours.
+            // A panic or a refusal of naga's writers is told and nothing is shipped; the fuzzer is
+            // after what is ours.
             Err(emit::Error::Writer { .. }) => {}
             Err(e) => panic!("{e}"),
         }

@@ -50,7 +50,8 @@ pub fn load(text: &str) -> Result<Scene, scene::Error> {
     scene::read(text, &path, &Variables::new(), access)
 }
 
-/// The scene file with generated textures of 16 texels a side where they have more. A size that no texture has stays as it is.
+/// The scene file with generated textures of 16 texels a side where they have more. A size that no
+/// texture has stays as it is.
 pub fn shrunk(text: &str) -> Option<String> {
     let mut file: toml::Table = text.parse().ok()?;
     let materials = file.get_mut("materials")?.as_table_mut()?;

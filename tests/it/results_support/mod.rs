@@ -1,5 +1,6 @@
-//! The files of `docs/results`, as far as the pages made of them need: the rest of a file is not read, so that one made by an older or a newer `preshade` is still
-//! readable as long as its schema has the same name.
+//! The files of `docs/results`, as far as the pages made of them need: the rest of a file is not
+//! read, so that one made by an older or a newer `preshade` is still readable as long as its schema
+//! has the same name.
 
 use std::path::Path;
 

@@ -17,8 +17,8 @@ use preshade::unstable::scene::{
     Camera, Draw, DrawOrder, DrawRange, Frame, Light, Material, Mesh, Scene, Stream, Value,
 };
 
-/// The adapter of the environment's choice, opened once: some drivers deadlock when many devices come and go in one process. Tests fail
-/// without an adapter: a skipped picture proves nothing.
+/// The adapter of the environment's choice, opened once: some drivers deadlock when many devices
+/// come and go in one process. Tests fail without an adapter: a skipped picture proves nothing.
 pub fn gpu() -> &'static Gpu {
     static GPU: OnceLock<Gpu> = OnceLock::new();
     GPU.get_or_init(|| {
@@ -99,7 +99,8 @@ pub fn draw(name: &str, transform: Mat4, tint: [f64; 4]) -> Draw {
     }
 }
 
-/// A scene that looks along +z from z = -10 with no perspective: world z in 0..1 is depth (or one minus depth).
+/// A scene that looks along +z from z = -10 with no perspective: world z in 0..1 is depth (or one
+/// minus depth).
 pub fn scene(size: [u32; 2], materials: Vec<Material>, draws: Vec<Draw>) -> Scene {
     Scene {
         name: "test".to_owned(),
@@ -132,7 +133,8 @@ pub fn scene(size: [u32; 2], materials: Vec<Material>, draws: Vec<Draw>) -> Scen
     }
 }
 
-/// `n` full-screen squares at depths 1/(n+1), 2/(n+1) and so on, nearest first, each of its own grey.
+/// `n` full-screen squares at depths 1/(n+1), 2/(n+1) and so on, nearest first, each of its own
+/// grey.
 pub fn planes(size: [u32; 2], n: usize) -> Scene {
     let draws = (1..=n)
         .map(|i| {

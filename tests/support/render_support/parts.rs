@@ -1,4 +1,5 @@
-//! A scene whose draws take parts of meshes and of instances, so that nothing that counts from somewhere counts from 0.
+//! A scene whose draws take parts of meshes and of instances, so that nothing that counts from
+//! somewhere counts from 0.
 
 use std::collections::BTreeMap;
 
@@ -98,8 +99,9 @@ fn sided(name: &str, source: &str, cull: CullMode) -> Material {
     material
 }
 
-/// Six draws of two materials, in a part of the target: of indices of 16 and of 32 bits and of none, from a first index, vertex and instance on, with vertices added to and
-/// taken from each index.
+/// Six draws of two materials, in a part of the target: of indices of 16 and of 32 bits and of
+/// none, from a first index, vertex and instance on, with vertices added to and taken from each
+/// index.
 pub fn parts() -> Scene {
     let two = [0, 1, 2, 0, 2, 3];
     let squares: Vec<[f32; 3]> = (0..3).flat_map(|i| square(0.1 * i as f32, 0.0)).collect();

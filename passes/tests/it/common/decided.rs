@@ -1,10 +1,12 @@
-//! Random materials full of what a draw decides: integers, flags, loops to counts, functions that branch on uniforms. As in [`super::random`] each byte is a choice.
+//! Random materials full of what a draw decides: integers, flags, loops to counts, functions that
+//! branch on uniforms. As in [`super::random`] each byte is a choice.
 
 use std::fmt::Write;
 
 use super::random::Choices;
 
-/// The uniform `u` at group 0, binding 0: its scalars in the order of their offsets, four bytes each.
+/// The uniform `u` at group 0, binding 0: its scalars in the order of their offsets, four bytes
+/// each.
 pub const FIELDS: [(&str, Kind); 7] = [
     ("u.a", Kind::Integer),
     ("u.b", Kind::Integer),

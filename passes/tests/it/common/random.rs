@@ -1,5 +1,5 @@
-//! Random structured fragment shaders as WGSL, from a string of bytes: each byte is a choice, and where they run out the simplest is made, so
-//! that shrinking the bytes shrinks the program.
+//! Random structured fragment shaders as WGSL, from a string of bytes: each byte is a choice, and
+//! where they run out the simplest is made, so that shrinking the bytes shrinks the program.
 
 use std::fmt::Write;
 
@@ -56,7 +56,8 @@ struct Generator<'c, 'a> {
     in_breakable: bool,
 }
 
-/// A whole shader: private globals, two helpers that take pointers, and a fragment entry point with four outputs.
+/// A whole shader: private globals, two helpers that take pointers, and a fragment entry point with
+/// four outputs.
 pub fn shader(bytes: &[u8]) -> String {
     // The entry point gets half of the choices.
     let (helpers, entry) = bytes.split_at(bytes.len() / 2);
@@ -481,7 +482,8 @@ impl Generator<'_, '_> {
     }
 }
 
-/// Makes cases of the switches of a module fall through into the next, as `choices` says: WGSL cannot write it, GLSL and IR can.
+/// Makes cases of the switches of a module fall through into the next, as `choices` says: WGSL
+/// cannot write it, GLSL and IR can.
 pub fn fall_through(module: &mut naga::Module, choices: &mut Choices<'_>) {
     let functions = module
         .functions

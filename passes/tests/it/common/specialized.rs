@@ -63,7 +63,8 @@ pub fn text(plan: &Plan) -> String {
     super::wgsl(plan.program(plan.main().unwrap()).unwrap())
 }
 
-/// What a fragment stage writes whose one argument is `p`, with this content of the uniform of group 0 and binding 0.
+/// What a fragment stage writes whose one argument is `p`, with this content of the uniform of
+/// group 0 and binding 0.
 pub fn ran(plan: &Plan, uniform: &Value, p: [f32; 4]) -> Result<Option<Value>, Stuck> {
     let program = plan.program(plan.main().unwrap()).unwrap();
     let (entry, point) = program.entry_point(ShaderStage::Fragment, "fs").unwrap();
