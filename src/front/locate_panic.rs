@@ -159,7 +159,7 @@ fn one() { let x = 1; }
 fn three() {}
 ";
         let panics = |text: &str| text.contains("PANIC");
-        let found = statement(text, &panics).unwrap();
+        let found = panicking_statement(text, &panics).unwrap();
         assert_eq!(&text[found], "PANIC;");
         assert_eq!(
             panicking_statement(&text.replace("PANIC", "fine"), &panics),
