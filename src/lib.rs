@@ -46,6 +46,8 @@ mod lock;
 #[cfg(feature = "compiler")]
 mod nearest;
 #[cfg(feature = "compiler")]
+mod panics;
+#[cfg(feature = "compiler")]
 mod parameters;
 #[cfg(feature = "compiler")]
 mod pipeline;
@@ -55,6 +57,8 @@ mod recipe;
 mod regular;
 #[cfg(feature = "compiler")]
 mod sweep;
+#[cfg(feature = "compiler")]
+mod wgsl;
 
 #[cfg(feature = "verify")]
 mod measure;

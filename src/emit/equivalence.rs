@@ -9,8 +9,8 @@ use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use naga::{AddressSpace, Block, Expression, Function, Handle, Module, Statement};
 use preshade_passes::program::Program;
 
-use super::{tidy, wgsl};
-use crate::front::{self, Color, Options, Source, operands};
+use crate::front::{self, Color, Options, Source};
+use crate::wgsl::{self, operands, tidy};
 
 /// The effects of a module in order, one line per effect or control flow.
 fn effects(module: &Module) -> Vec<String> {
@@ -143,7 +143,7 @@ fn prove(name: &str, text: &str) {
         }
         Err(e) => panic!("{}", e.render(Color::Never)),
     };
-    let (program, raw) = wgsl::written(&program, name).unwrap();
+    let (program, raw) = wgsl::written(&program).unwrap();
     let tidied = tidy::tidy(program.module(), &raw);
     let read = |text: &str| {
         naga::front::wgsl::parse_str(text)

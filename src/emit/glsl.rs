@@ -5,11 +5,11 @@ mod author;
 mod depth;
 mod es100;
 mod layout;
-mod loosen;
+mod loose_uniforms;
 mod read_back;
+mod reserved_words;
 mod text;
-mod twins;
-mod words;
+mod texture_copies;
 
 use std::collections::HashSet;
 
@@ -33,13 +33,14 @@ use self::author::Authored;
 use self::text::Dialect;
 use super::overrides::{self, Settled};
 use super::plan_json::{Form, GlslBlock, GlslTexture, StageFile};
-use super::text::Spelling;
 use super::{ClipSpace, Error, Options, Target, reduce};
+use crate::wgsl::{self, text::Spelling};
 
 /// Prepares the program to be written with its author's names.
 pub(super) fn author(program: &Program, name: &str, target: Target) -> Result<Authored, Error> {
     // naga writes two brackets per level, and our front end limits nesting.
-    let named = super::prepare::prepare(program).and_then(|m| program.with_module(m).ok());
+    let named = wgsl::deep_expressions::name_deep_expressions(program)
+        .and_then(|m| program.with_module(m).ok());
     let program = named.as_ref().unwrap_or(program);
     author::prepare(program).map_err(|failed| match failed {
         author::Failed::Layout(what) => Error::Inexpressible {
@@ -61,16 +62,17 @@ pub(super) fn author(program: &Program, name: &str, target: Target) -> Result<Au
 
 /// naga's conversion of a position from WebGPU's clip space, and its replacement for a host with
 /// OpenGL's matrices, which restores the author's depth.
-const TURNED: &str = "gl_Position.yz = vec2(-gl_Position.y, gl_Position.z * 2.0 - gl_Position.w);";
+const CONVERTED_POSITION: &str =
+    "gl_Position.yz = vec2(-gl_Position.y, gl_Position.z * 2.0 - gl_Position.w);";
 const OWN_DEPTH: &str = "gl_Position.z = gl_Position.z * 2.0 - gl_Position.w;";
 
 /// Restores the author's depth at each conversion; `None` if there is none or naga's text differs.
-fn with_own_depth(text: &str) -> Option<String> {
-    let turned = text.matches(TURNED).count();
+fn with_author_depth(text: &str) -> Option<String> {
+    let turned = text.matches(CONVERTED_POSITION).count();
     // There must be one conversion per end of the entry point and no other assignment, or the image
     // would be upside down.
     let written = text.matches("gl_Position.yz").count();
-    (turned > 0 && turned == written).then(|| text.replace(TURNED, OWN_DEPTH))
+    (turned > 0 && turned == written).then(|| text.replace(CONVERTED_POSITION, OWN_DEPTH))
 }
 
 /// As [`write`], with the author's names for everything that a host sees.
@@ -83,22 +85,23 @@ pub(super) fn write_named(
     options: &Options,
 ) -> Result<(String, StageFile), Error> {
     let declared = authored.program.declared();
-    let own_depth =
+    let keeps_author_depth =
         declared.depth == Depth::OpenGl && options.glsl_clip_space == ClipSpace::AsWritten;
-    let authors_own = own_depth.then(|| depth::as_authored(&authored.program, stage, entry));
+    let authors_own =
+        keeps_author_depth.then(|| depth::as_authored(&authored.program, stage, entry));
     let authors_own = authors_own.flatten();
     let clip_space = options.glsl_clip_space;
     let program = authors_own.as_ref().unwrap_or(&authored.program);
     // Invert the depth conversion if it cannot be removed. This costs the last bits of precision.
-    let turned = own_depth && authors_own.is_none();
+    let turned = keeps_author_depth && authors_own.is_none();
     let options = match turned {
         true => Options {
             glsl_clip_space: ClipSpace::OpenGl,
         },
         false => *options,
     };
-    let (mut text, mut said) = write(program, program, stage, entry, name, target, &options)?;
-    for texture in &mut said.textures {
+    let (mut text, mut stage_file) = write(program, program, stage, entry, name, target, &options)?;
+    for texture in &mut stage_file.textures {
         let [group, binding] = texture.texture;
         if let Some(author) = authored.twins.get(&ResourceBinding { group, binding }) {
             texture.texture = [author.group, author.binding];
@@ -106,7 +109,7 @@ pub(super) fn write_named(
     }
     refuse_later_functions(&text, name, target)?;
     if turned && stage == ShaderStage::Vertex {
-        text = with_own_depth(&text).ok_or_else(|| Error::Writer {
+        text = with_author_depth(&text).ok_or_else(|| Error::Writer {
             file: name.to_owned(),
             target,
             message: "the position has an unexpected form in naga's text".to_owned(),
@@ -122,16 +125,16 @@ pub(super) fn write_named(
         target,
         message: format!("{what} has an unexpected form in naga's text"),
     };
-    let (text, said) =
-        text::named(authored, &text, stage, dialect, said, loose).map_err(unexpected)?;
+    let (text, stage_file) =
+        text::named(authored, &text, stage, dialect, stage_file, loose).map_err(unexpected)?;
     let counts_from_the_top = declared.origin_upper_left && stage == ShaderStage::Fragment;
     let text = match counts_from_the_top {
         true => with_own_origin(text, clip_space, name, target)?,
         false => text,
     };
-    let (text, said) = match target {
+    let (text, stage_file) = match target {
         Target::GlslEs100 => {
-            es100::rewritten(&text, stage, said).map_err(|es100::Lacks(what)| {
+            es100::rewritten(&text, stage, stage_file).map_err(|es100::Lacks(what)| {
                 Error::Inexpressible {
                     file: name.to_owned(),
                     target,
@@ -140,16 +143,16 @@ pub(super) fn write_named(
                 }
             })?
         }
-        _ => (text, said),
+        _ => (text, stage_file),
     };
     let reads = matches!(stage, ShaderStage::Vertex | ShaderStage::Fragment);
-    match reads.then(|| read_back::difference(authored, &text, &said, stage, entry)) {
+    match reads.then(|| read_back::difference(authored, &text, &stage_file, stage, entry)) {
         Some(Some(difference)) => Err(Error::Differs {
             file: name.to_owned(),
             target,
             difference,
         }),
-        _ => Ok((text, said)),
+        _ => Ok((text, stage_file)),
     }
 }
 
@@ -161,7 +164,7 @@ fn with_own_origin(
     name: &str,
     target: Target,
 ) -> Result<String, Error> {
-    let is_read = super::text::tokens(&text).any(|(_, range)| &text[range] == "gl_FragCoord");
+    let is_read = wgsl::text::tokens(&text).any(|(_, range)| &text[range] == "gl_FragCoord");
     if clip_space == ClipSpace::OpenGl || !is_read {
         return Ok(text);
     }
@@ -203,7 +206,7 @@ const LATER_FUNCTIONS: [&str; 14] = [
 ];
 
 fn refuse_later_functions(text: &str, name: &str, target: Target) -> Result<(), Error> {
-    let mut words = super::text::tokens(text).map(|(_, range)| &text[range]);
+    let mut words = wgsl::text::tokens(text).map(|(_, range)| &text[range]);
     let es = matches!(target, Target::GlslEs300 | Target::GlslEs100);
     match words.find(|w| es && LATER_FUNCTIONS.contains(w)) {
         None => Ok(()),
@@ -273,7 +276,7 @@ pub(super) fn write(
     )
     .and_then(|mut writer| writer.write())
     .map_err(failed)?;
-    text = super::text::exact_floats(&text, Spelling::Glsl);
+    text = wgsl::text::exact_floats(&text, Spelling::Glsl);
 
     // A struct shared by both stages makes the fragment input invariant too. WGSL allows that, GLSL
     // does not.
@@ -285,7 +288,7 @@ pub(super) fn write(
     let slot = |binding: ResourceBinding| binding_map.get(&binding).map(|slot| u32::from(*slot));
     let pair = |b: ResourceBinding| [b.group, b.binding];
     // Each GLSL stage is called `main`.
-    let mut said = StageFile {
+    let mut stage_file = StageFile {
         overrides: settled
             .as_ref()
             .map(|s| s.values(program))
@@ -294,7 +297,7 @@ pub(super) fn write(
     };
     for (uniform, mapping) in &reflection.texture_mapping {
         if let Some(texture) = at(mapping.texture) {
-            said.textures.push(GlslTexture {
+            stage_file.textures.push(GlslTexture {
                 name: uniform.clone(),
                 texture: pair(texture),
                 sampler: mapping.sampler.and_then(at).map(pair),
@@ -305,16 +308,16 @@ pub(super) fn write(
     }
     for (handle, block) in &reflection.uniforms {
         if let Some(binding) = at(*handle) {
-            said.blocks.push(GlslBlock {
+            stage_file.blocks.push(GlslBlock {
                 block: block.clone(),
                 binding: pair(binding),
                 slot: slot(binding),
             });
         }
     }
-    said.textures.sort_by(|a, b| a.name.cmp(&b.name));
-    said.blocks.sort_by_key(|b| b.binding);
-    Ok((text, said))
+    stage_file.textures.sort_by(|a, b| a.name.cmp(&b.name));
+    stage_file.blocks.sort_by_key(|b| b.binding);
+    Ok((text, stage_file))
 }
 
 /// GLSL ES 3.00 has a single kind of derivative, possibly coarse, and naga writes it for fine ones
@@ -337,7 +340,7 @@ pub(super) fn without_fine_derivatives(plan: &Plan) -> Option<Form> {
 /// Others get free numbers in the order of group and binding. All stages of a program share them.
 fn binding_map(program: &Program) -> BindingMap {
     let module = program.module();
-    let said = &program.declared().numbers;
+    let stage_file = &program.declared().numbers;
     let loose = program.declared().loose;
     let is_used = |handle: Handle<GlobalVariable>| {
         let mut entries = 0..module.entry_points.len();
@@ -370,7 +373,7 @@ fn binding_map(program: &Program) -> BindingMap {
     let mut taken: HashSet<(u8, u8)> = HashSet::new();
     let mut map = BindingMap::default();
     for (binding, kind) in &bound {
-        let own = said.iter().find(|n| n.binding == *binding);
+        let own = stage_file.iter().find(|n| n.binding == *binding);
         let own = own.and_then(|n| u8::try_from(n.number).ok());
         if let Some(own) = own.filter(|own| taken.insert((*kind, *own))) {
             map.insert(*binding, own);
@@ -590,10 +593,13 @@ mod tests {
         let main = |line: &str| {
             format!("void main() {{\n    if (x) {{ {line} return; }}\n    {line}\n}}\n")
         };
-        let own = with_own_depth(&main(TURNED));
+        let own = with_author_depth(&main(CONVERTED_POSITION));
         assert_eq!(own, Some(main(OWN_DEPTH)));
-        assert_eq!(with_own_depth(&main("gl_Position = vec4(0.0);")), None);
-        let other = TURNED.replace("2.0", "2");
-        assert_eq!(with_own_depth(&(main(TURNED) + &other)), None);
+        assert_eq!(with_author_depth(&main("gl_Position = vec4(0.0);")), None);
+        let other = CONVERTED_POSITION.replace("2.0", "2");
+        assert_eq!(
+            with_author_depth(&(main(CONVERTED_POSITION) + &other)),
+            None
+        );
     }
 }

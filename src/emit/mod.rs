@@ -21,30 +21,23 @@
 //! empty fragment file in GLSL ES and none elsewhere. A plan with the original as its fallback also
 //! has `MATERIAL.original` files, unless its main program is the original.
 
-mod blank;
+mod empty_fragment;
 #[cfg(test)]
 mod equivalence;
-mod fingerprint;
 #[cfg(feature = "glsl")]
 mod glsl;
-mod initialisers;
-mod loops;
 mod output;
 #[cfg(any(feature = "glsl", feature = "spirv"))]
 mod overrides;
 #[cfg(feature = "spirv")]
-pub(crate) mod parts;
+pub(crate) mod partial_pointers;
 mod plan_json;
-mod prepare;
 mod reduce;
-mod repair;
 #[cfg(feature = "spirv")]
 mod spirv;
 #[cfg(feature = "glsl")]
 mod tess;
-mod text;
-mod tidy;
-pub(crate) mod wgsl;
+mod wgsl;
 
 use std::collections::BTreeMap;
 
@@ -55,7 +48,7 @@ use preshade_passes::state::Topology;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::front::guard;
+use crate::panics;
 
 pub use output::{is_material_name, write};
 pub use plan_json::{
@@ -237,7 +230,7 @@ impl Error {
 /// # Errors
 /// The first file that cannot be written; see [`Error`]. A panic in naga becomes [`Error::Writer`].
 pub fn emit(plan: &Plan, targets: &[Target], options: &Options) -> Result<Vec<File>, Error> {
-    guard::run(|| emit_guarded(plan, targets, options)).unwrap_or_else(|panicked| {
+    panics::run(|| emit_guarded(plan, targets, options)).unwrap_or_else(|panicked| {
         Err(Error::Writer {
             file: plan.material.clone(),
             target: targets.first().copied().unwrap_or(Target::Wgsl),
@@ -250,7 +243,7 @@ pub fn emit(plan: &Plan, targets: &[Target], options: &Options) -> Result<Vec<Fi
 
 /// The stage files of a program: entry points and file names without extensions.
 #[derive(Clone, Debug, PartialEq, Eq)]
-struct Stage {
+struct EmittedStage {
     stage: ShaderStage,
     entry: String,
     /// `MATERIAL.ROLE` or `MATERIAL.ROLE.ENTRY`.
@@ -265,7 +258,7 @@ fn emit_guarded(plan: &Plan, targets: &[Target], options: &Options) -> Result<Ve
     tess::check(plan, targets)?;
     refuse_external_textures(plan, targets)?;
     refuse_lost_point_sizes(plan, targets)?;
-    refuse_rows_of_two_ways(plan, targets)?;
+    refuse_flipped_rows(plan, targets)?;
     let mut files = Vec::new();
     let written = write_programs(plan, targets, options, &mut files)?;
     let fallback = match plan.original.as_deref() {
@@ -309,7 +302,7 @@ fn refuse_external_textures(plan: &Plan, targets: &[Target]) -> Result<(), Error
 
 /// Rejects OpenGL targets for passes that read an earlier pass's target at `gl_FragCoord` under
 /// `layout(origin_upper_left)`: OpenGL's textures start at the bottom, so the row would differ.
-fn refuse_rows_of_two_ways(plan: &Plan, targets: &[Target]) -> Result<(), Error> {
+fn refuse_flipped_rows(plan: &Plan, targets: &[Target]) -> Result<(), Error> {
     let is_glsl = |t: &&Target| !matches!(t, Target::Wgsl | Target::Spirv);
     let Some(target) = targets.iter().find(is_glsl) else {
         return Ok(());
@@ -384,26 +377,27 @@ fn write_programs(
         }
         let program = reduce::reduce(plan, key, &stages)?;
         for target in dedup(targets) {
-            for (file, said) in write_program(plan, key, &program, &stages, target, options)? {
+            for (file, stage_file) in write_program(plan, key, &program, &stages, target, options)?
+            {
                 files.push(file);
-                for (stage, said) in said {
-                    written.insert((key.clone(), stage, target), said);
+                for (stage, stage_file) in stage_file {
+                    written.insert((key.clone(), stage, target), stage_file);
                 }
             }
         }
     }
-    for blank::Blank {
+    for empty_fragment::EmptyFragment {
         program,
         target,
         file,
-        said,
-    } in blank::files(plan, targets)
+        stage_file,
+    } in empty_fragment::files(plan, targets)
     {
         // The main pass and the original can share an empty fragment stage.
         if !files.contains(&file) {
             files.push(file);
         }
-        written.insert((program, blank::key(), target), said);
+        written.insert((program, empty_fragment::key(), target), stage_file);
     }
     Ok(written)
 }
@@ -487,16 +481,16 @@ fn dedup(targets: &[Target]) -> Vec<Target> {
 }
 
 /// The entry points of a program that passes use, vertex first and compute last.
-fn stages(plan: &Plan, key: &str) -> Vec<Stage> {
+fn stages(plan: &Plan, key: &str) -> Vec<EmittedStage> {
     let passes = || plan.passes.iter().filter(|p| p.program == key);
-    let mut all: Vec<Stage> = Vec::new();
+    let mut all: Vec<EmittedStage> = Vec::new();
     let vertex = passes().map(|p| (ShaderStage::Vertex, p.vertex.clone()));
     let fragment = passes().filter_map(|p| Some((ShaderStage::Fragment, p.fragment.clone()?)));
     let compute = plan.compute.iter().filter(|c| c.program == key);
     let compute = compute.map(|c| (ShaderStage::Compute, c.entry_point.clone()));
     for (stage, entry) in vertex.chain(fragment).chain(compute) {
         if !all.iter().any(|s| s.stage == stage && s.entry == entry) {
-            all.push(Stage {
+            all.push(EmittedStage {
                 stage,
                 entry,
                 stem: String::new(),
@@ -532,7 +526,7 @@ fn write_program(
     plan: &Plan,
     key: &str,
     program: &Program,
-    stages: &[Stage],
+    stages: &[EmittedStage],
     target: Target,
     options: &Options,
 ) -> Result<Vec<Emitted>, Error> {
@@ -543,7 +537,7 @@ fn write_program(
                 Some(text) => text,
                 None => wgsl::write(program, &name, &wgsl::header(plan, program))?,
             };
-            let said = stages
+            let stage_file = stages
                 .iter()
                 .map(|s| {
                     (
@@ -553,7 +547,7 @@ fn write_program(
                 })
                 .collect();
             let bytes = text.into_bytes();
-            Ok(vec![(File { name, bytes }, said)])
+            Ok(vec![(File { name, bytes }, stage_file)])
         }
         #[cfg(feature = "spirv")]
         Target::Spirv => stages
@@ -561,13 +555,13 @@ fn write_program(
             .map(|s| {
                 let name = format!("{}.{}.spv", s.stem, extension(s.stage));
                 let (bytes, overrides) = spirv::write(program, s.stage, &s.entry, &name)?;
-                let said = StageFile {
+                let stage_file = StageFile {
                     overrides,
                     ..StageFile::new(&name, &s.entry)
                 };
                 Ok((
                     File { name, bytes },
-                    vec![(written_key(s.stage, &s.entry), said)],
+                    vec![(written_key(s.stage, &s.entry), stage_file)],
                 ))
             })
             .collect(),
@@ -579,13 +573,13 @@ fn write_program(
                 Target::GlslEs100 => "es100.",
                 _ => "",
             };
-            let write = |s: &Stage| {
+            let write = |s: &EmittedStage| {
                 let name = format!("{}.{es}{}", s.stem, extension(s.stage));
-                let (text, said) =
+                let (text, stage_file) =
                     glsl::write_named(&authored, s.stage, &s.entry, &name, target, options)?;
                 let bytes = text.into_bytes();
-                let said = vec![(written_key(s.stage, &s.entry), said)];
-                Ok((File { name, bytes }, said))
+                let stage_file = vec![(written_key(s.stage, &s.entry), stage_file)];
+                Ok((File { name, bytes }, stage_file))
             };
             stages.iter().map(write).collect()
         }

@@ -4,10 +4,10 @@ use naga::{Module, ShaderStage, compact};
 use preshade_passes::plan::Plan;
 use preshade_passes::program::Program;
 
-use super::{Error, Stage};
+use super::{EmittedStage, Error};
 
 /// The plan's program `key` with only the entry points of `stages` and their dependencies.
-pub(super) fn reduce(plan: &Plan, key: &str, stages: &[Stage]) -> Result<Program, Error> {
+pub(super) fn reduce(plan: &Plan, key: &str, stages: &[EmittedStage]) -> Result<Program, Error> {
     let broken = |what: String| Error::BrokenPlan {
         material: plan.material.clone(),
         what,

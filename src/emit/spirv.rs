@@ -14,10 +14,10 @@ use preshade_passes::reflect;
 
 mod position;
 
-use super::fingerprint;
 use super::overrides::{self, Settled};
-use super::parts;
+use super::partial_pointers;
 use super::{Error, Target};
+use crate::wgsl::fingerprint;
 
 /// Words before the first instruction (SPIR-V 2.3).
 const HEADER: usize = 5;
@@ -42,7 +42,7 @@ pub(super) fn write(
     entry: &str,
     name: &str,
 ) -> Result<(Vec<u8>, BTreeMap<String, f64>), Error> {
-    if let Some(message) = parts::passed(program) {
+    if let Some(message) = partial_pointers::find(program) {
         return Err(Error::Writer {
             file: name.to_owned(),
             target: Target::Spirv,

@@ -28,8 +28,8 @@ use preshade_passes::tessellate::native::{self, Blend, Native, Patch, PatchVaryi
 
 use super::plan_json::StageFile;
 use super::{
-    ClipSpace, Emitted, Error, File, Options, Stage, Target, TessellationStage, dedup, extension,
-    glsl, written_key,
+    ClipSpace, Emitted, EmittedStage, Error, File, Options, Target, TessellationStage, dedup,
+    extension, glsl, written_key,
 };
 
 /// The article's recommended level, for hosts that set none.
@@ -65,7 +65,7 @@ fn infix(target: Target) -> &'static str {
 pub(super) fn write(
     plan: &Plan,
     program: &Program,
-    stages: &[Stage],
+    stages: &[EmittedStage],
     target: Target,
     options: &Options,
 ) -> Result<Vec<Emitted>, Error> {
@@ -93,14 +93,14 @@ pub(super) fn write(
                 let key = |of: TessellationStage| of.key(&stage.entry);
                 let control = name("tesc");
                 let text = control_text(&hoisted.patch, target, &control)?;
-                let said = StageFile::new(&control, "main");
-                let said = vec![(key(TessellationStage::Control), said)];
-                files.push((file(control, text), said));
+                let stage_file = StageFile::new(&control, "main");
+                let stage_file = vec![(key(TessellationStage::Control), stage_file)];
+                files.push((file(control, text), stage_file));
                 let evaluation = name("tese");
-                let (text, said) =
+                let (text, stage_file) =
                     evaluation_text(hoisted, all, &stage.entry, target, options, &evaluation)?;
-                let said = vec![(key(TessellationStage::Evaluation), said)];
-                files.push((file(evaluation, text), said));
+                let stage_file = vec![(key(TessellationStage::Evaluation), stage_file)];
+                files.push((file(evaluation, text), stage_file));
             }
             _ => files.push(plain(program, all, stage, &own, target, options)?),
         }
@@ -117,13 +117,13 @@ fn file(name: String, text: String) -> File {
 fn plain(
     program: &Program,
     numbered: &Program,
-    stage: &Stage,
+    stage: &EmittedStage,
     name: &str,
     target: Target,
     options: &Options,
 ) -> Result<Emitted, Error> {
     refuse(program, stage.stage, &stage.entry, target, name)?;
-    let (text, said) = glsl::write(
+    let (text, stage_file) = glsl::write(
         program,
         numbered,
         stage.stage,
@@ -132,8 +132,8 @@ fn plain(
         target,
         options,
     )?;
-    let said = vec![(written_key(stage.stage, &stage.entry), said)];
-    Ok((file(name.to_owned(), text), said))
+    let stage_file = vec![(written_key(stage.stage, &stage.entry), stage_file)];
+    Ok((file(name.to_owned(), text), stage_file))
 }
 
 /// Rejects features that naga writes although the version lacks them: storage buffers in GLSL 4.00;
@@ -300,7 +300,7 @@ fn evaluation_text(
 ) -> Result<(String, StageFile), Error> {
     let program = &hoisted.evaluation;
     refuse(program, ShaderStage::Vertex, entry, target, file)?;
-    let (text, mut said) = glsl::write(
+    let (text, mut stage_file) = glsl::write(
         program,
         numbered,
         ShaderStage::Vertex,
@@ -325,7 +325,7 @@ fn evaluation_text(
     let (evaluate, between) = (free("evaluate"), free("between"));
 
     let mut names = BTreeMap::from([("main".to_owned(), evaluate.clone())]);
-    for block in &mut said.blocks {
+    for block in &mut stage_file.blocks {
         let Some(stem) = block.block.strip_suffix("Vertex") else {
             return Err(written_otherwise("a block"));
         };
@@ -335,7 +335,7 @@ fn evaluation_text(
         names.insert(format!("{variable}_vs"), format!("{variable}_te"));
         names.insert(std::mem::replace(&mut block.block, name.clone()), name);
     }
-    for texture in &mut said.textures {
+    for texture in &mut stage_file.textures {
         let Some(stem) = texture.name.strip_suffix("_vs") else {
             return Err(written_otherwise("a texture"));
         };
@@ -405,7 +405,7 @@ fn evaluation_text(
 "
         );
     }
-    Ok((out + &main, said))
+    Ok((out + &main, stage_file))
 }
 
 /// The winding that keeps the patch's orientation. OpenGL's domain has its origin at the lower

@@ -1,59 +1,34 @@
-//! Writes a program as readable WGSL that naga and Tint accept.
+//! The WGSL target: headers, the author's own text, and errors with their file.
 
-use naga::back::wgsl::{Writer, WriterFlags};
 use preshade_passes::budget::Budget;
 use preshade_passes::contract::Contract;
 use preshade_passes::plan::Plan;
 use preshade_passes::program::{Language, Program};
 
-use super::{Error, Target, fingerprint, initialisers, prepare, repair, text, tidy};
+use super::{Error, Target};
+use crate::wgsl::{self, WgslError};
 
 /// Writes a reduced program. `name` is the file's, for errors, and `header` its first lines.
-pub(crate) fn write(program: &Program, name: &str, header: &str) -> Result<String, Error> {
-    let (prepared, repaired) = written(program, name)?;
-    let tidied = tidy::tidy(prepared.module(), &repaired);
-    let text = format!("{header}{tidied}");
-    check(program, &text, name)?;
-    Ok(text)
-}
-
-/// The program and naga's repaired text for it.
-pub(super) fn written(program: &Program, name: &str) -> Result<(Program, String), Error> {
-    let failed = |message: String| Error::Writer {
-        file: name.to_owned(),
-        target: Target::Wgsl,
-        message,
-    };
-    let prepared = match prepare::prepare(program) {
-        Some(module) => program
-            .with_module(module)
-            .map_err(|invalid| failed(format!("the prepared module is invalid: {invalid}")))?,
-        None => program.clone(),
-    };
-    let raw = |program: &Program| {
-        let mut writer = Writer::new(String::new(), WriterFlags::empty());
-        let written = writer.write(program.module(), program.info());
-        written.map_err(|e| failed(e.to_string()))?;
-        Ok(writer.finish())
-    };
-    let written = match initialisers::set_apart(prepared.module()) {
-        None => raw(&prepared)?,
-        Some(apart) => {
-            let without = prepared.with_module(apart.module.clone());
-            let without = without
-                .map_err(|invalid| failed(format!("the prepared module is invalid: {invalid}")))?;
-            apart.put_back(&raw(&without)?)
-        }
-    };
-    let written = text::exact_floats(&written, text::Spelling::Wgsl);
-    let repaired =
-        repair::repair(prepared.module(), &written).map_err(|what| Error::Inexpressible {
-            file: name.to_owned(),
-            target: Target::Wgsl,
+pub(super) fn write(program: &Program, name: &str, header: &str) -> Result<String, Error> {
+    let (file, target) = (name.to_owned(), Target::Wgsl);
+    wgsl::write(program, name, header).map_err(|error| match error {
+        WgslError::Inexpressible(what) => Error::Inexpressible {
+            file,
+            target,
             what,
             remedy: "emit SPIR-V or GLSL, or use WGSL's struct layout".to_owned(),
-        })?;
-    Ok((prepared, repaired))
+        },
+        WgslError::Writer(message) => Error::Writer {
+            file,
+            target,
+            message,
+        },
+        WgslError::Differs(difference) => Error::Differs {
+            file,
+            target,
+            difference,
+        },
+    })
 }
 
 /// The author's own text of an unchanged program; `None` for any other program.
@@ -63,30 +38,6 @@ pub(super) fn author_text(plan: &Plan, key: &str) -> Option<String> {
         .get(key)
         .filter(|p| p.language() == Language::Wgsl)?;
     program.author_text().map(str::to_owned)
-}
-
-/// Parses `text` and compares it with the program.
-fn check(program: &Program, text: &str, name: &str) -> Result<(), Error> {
-    let differs = |difference: String| Error::Differs {
-        file: name.to_owned(),
-        target: Target::Wgsl,
-        difference,
-    };
-    let module = naga::front::wgsl::parse_str(text).map_err(|e| {
-        differs(format!(
-            "it does not parse: {}",
-            e.emit_to_string_with_path(text, name)
-        ))
-    })?;
-    let wanted = fingerprint::of(program.module());
-    let found = fingerprint::of(&module);
-    if let Some(difference) = fingerprint::difference(&wanted, &found) {
-        return Err(differs(difference));
-    }
-    program
-        .with_module(module)
-        .map_err(|invalid| differs(format!("it is not valid: {invalid}")))?;
-    Ok(())
 }
 
 /// Comment lines with the source files, the recipe and the contract. No date and no folder, so that

@@ -10,7 +10,7 @@ use naga::{Expression, Function, Handle, Module, Override, SampleLevel, Span};
 
 /// Turns `derivative_uniformity` off (WGSL 2.3) for a GLSL module that takes derivatives. WGSL
 /// rejects derivatives in non-uniform control flow; GLSL leaves their values undefined there.
-pub(super) fn leave_uniformity_to_the_author(module: &mut Module) {
+pub(super) fn disable_derivative_uniformity(module: &mut Module) {
     let functions = module.functions.iter().map(|(_, f)| f);
     let entries = module.entry_points.iter().map(|e| &e.function);
     if module.diagnostic_filter_leaf.is_some() || !functions.chain(entries).any(differentiates) {

@@ -8,8 +8,6 @@ use std::ops::Range;
 use naga::{ShaderStage, Span};
 use preshade_passes::program::{SourceFile, SourceMap};
 
-use super::entry;
-
 /// A word, a number or one sign. Comments and preprocessor lines are skipped.
 #[derive(Clone, Copy)]
 struct Token<'a> {
@@ -102,6 +100,41 @@ pub(super) fn member(sources: &SourceMap, of: Span, name: &str) -> Option<Span> 
         .map(|r| span(file, start, r))
 }
 
+/// The stage's name in messages.
+pub(super) fn stage_name(stage: ShaderStage) -> &'static str {
+    match stage {
+        ShaderStage::Vertex => "vertex",
+        ShaderStage::Fragment => "fragment",
+        _ => "other",
+    }
+}
+
+/// The span of an entry point's name in WGSL text, which naga's IR lacks. `None` for GLSL.
+pub(super) fn entry_point(sources: &SourceMap, stage: ShaderStage, name: &str) -> Option<Span> {
+    let attribute = format!("@{}", stage_name(stage));
+    // Linking may have appended the stage.
+    let authors = name.strip_suffix(&format!("_{}", stage_name(stage)));
+    for name in [Some(name), authors].into_iter().flatten() {
+        for file in sources.files() {
+            for (at, _) in file.text.match_indices("fn ") {
+                let rest = file.text[at + 3..].trim_start();
+                let start = file.text.len() - rest.len();
+                let is_name = rest
+                    .strip_prefix(name)
+                    .is_some_and(|r| r.trim_start().starts_with('('));
+                // The function's attributes begin after the previous item.
+                let before = &file.text[..at];
+                let item = before.rfind(['}', ';']).map_or(before, |i| &before[i..]);
+                if is_name && item.contains(&attribute) {
+                    let start = file.base + start as u32;
+                    return Some(Span::new(start, start + name.len() as u32));
+                }
+            }
+        }
+    }
+    None
+}
+
 /// The input or output of an entry point at a location: an argument, a result, or a struct member.
 pub(super) fn varying(
     sources: &SourceMap,
@@ -110,7 +143,7 @@ pub(super) fn varying(
     direction: Direction,
     location: u32,
 ) -> Option<Span> {
-    match entry::place(sources, stage, entry_point) {
+    match self::entry_point(sources, stage, entry_point) {
         Some(name) => wgsl_varying(sources, name, direction, location),
         None => glsl_varying(sources, stage, direction, location),
     }

@@ -3,8 +3,6 @@
 use std::path::Path;
 
 use preshade_passes::program::Searched;
-#[cfg(any(feature = "naga-oil", feature = "wesl"))]
-use preshade_passes::program::Wanted;
 
 #[cfg(any(feature = "naga-oil", feature = "wesl"))]
 use super::Options;
@@ -58,38 +56,18 @@ impl Dialect {
 pub(super) struct Compiled {
     /// WGSL.
     pub text: String,
-    pub origin: Origin,
+    pub origin: CompiledFrom,
 }
 
 /// The inputs of a compilation besides the file itself.
 #[derive(Default)]
-pub(super) struct Origin {
+pub(super) struct CompiledFrom {
     /// Imported files: path and text.
     pub imported: Vec<(String, String)>,
     /// Paths that did not exist when they were tried.
     pub absent: Vec<String>,
     /// Folder searches and their results.
     pub searched: Vec<Searched>,
-}
-
-/// Whether a search has the same result now.
-pub(crate) fn still_finds(searched: &Searched) -> bool {
-    let Searched {
-        folders,
-        wanted,
-        found,
-    } = searched;
-    match wanted {
-        #[cfg(feature = "naga-oil")]
-        Wanted::Modules => super::naga_oil::found(folders) == *found,
-        #[cfg(feature = "wesl")]
-        Wanted::Package(name) => super::wesl::found(folders, name) == *found,
-        #[cfg(not(all(feature = "naga-oil", feature = "wesl")))]
-        _ => {
-            let _ = (folders, found);
-            false
-        }
-    }
 }
 
 /// The error for a dialect whose Cargo feature is off.
@@ -126,12 +104,12 @@ pub(super) fn files_below(
     ending: &str,
     options: &Options,
 ) -> Vec<(std::path::PathBuf, String)> {
-    type Seen = std::collections::HashSet<std::path::PathBuf>;
+    type Visited = std::collections::HashSet<std::path::PathBuf>;
     fn walk(
         folder: &Path,
         ending: &str,
         options: &Options,
-        seen: &mut Seen,
+        seen: &mut Visited,
         out: &mut Vec<(std::path::PathBuf, String)>,
     ) {
         let entries = std::fs::read_dir(folder).into_iter().flatten();
@@ -154,7 +132,7 @@ pub(super) fn files_below(
             walk(folder, ending, options, seen, out);
         }
     }
-    let mut seen = Seen::new();
+    let mut seen = Visited::new();
     let mut out = Vec::new();
     for folder in folders {
         walk(folder, ending, options, &mut seen, &mut out);

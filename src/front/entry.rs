@@ -1,52 +1,17 @@
 //! Chooses the entry points and checks that the stages fit together.
 
-use naga::{Binding, Module, ShaderStage, Span, compact};
+use naga::{Binding, Module, ShaderStage, compact};
 use preshade_passes::program::SourceMap;
 use preshade_passes::reflect;
 
 use super::Options;
-use super::declaration::{self, Direction};
+use super::declaration::{self, Direction, entry_point, stage_name};
 use super::error::{Code, Error};
-use super::varying::Varying;
+use crate::wgsl::varying::Varying;
 
 pub(super) struct Entries {
     pub vertex: String,
     pub fragment: Option<String>,
-}
-
-/// The stage's name in messages.
-pub(super) fn stage_name(stage: ShaderStage) -> &'static str {
-    match stage {
-        ShaderStage::Vertex => "vertex",
-        ShaderStage::Fragment => "fragment",
-        _ => "other",
-    }
-}
-
-/// The span of an entry point's name in WGSL text, which naga's IR lacks. `None` for GLSL.
-pub(super) fn place(sources: &SourceMap, stage: ShaderStage, name: &str) -> Option<Span> {
-    let attribute = format!("@{}", stage_name(stage));
-    // Linking may have appended the stage.
-    let authors = name.strip_suffix(&format!("_{}", stage_name(stage)));
-    for name in [Some(name), authors].into_iter().flatten() {
-        for file in sources.files() {
-            for (at, _) in file.text.match_indices("fn ") {
-                let rest = file.text[at + 3..].trim_start();
-                let start = file.text.len() - rest.len();
-                let is_name = rest
-                    .strip_prefix(name)
-                    .is_some_and(|r| r.trim_start().starts_with('('));
-                // The function's attributes begin after the previous item.
-                let before = &file.text[..at];
-                let item = before.rfind(['}', ';']).map_or(before, |i| &before[i..]);
-                if is_name && item.contains(&attribute) {
-                    let start = file.base + start as u32;
-                    return Some(Span::new(start, start + name.len() as u32));
-                }
-            }
-        }
-    }
-    None
 }
 
 /// Takes the only entry point of each stage, or the one that `options` names.
@@ -98,7 +63,7 @@ fn one(
         .filter(|e| e.stage == stage)
         .map(|e| e.name.as_str())
         .collect();
-    let at = |name: &str| place(sources, stage, name);
+    let at = |name: &str| entry_point(sources, stage, name);
     let stage = stage_name(stage);
     match (wanted, names.as_slice()) {
         (Some(wanted), _) => {
@@ -145,7 +110,7 @@ fn one(
 
 /// If one of two files has only a fragment (or only a vertex) stage, drops the other file's entry
 /// points of that stage. Bevy's `mesh.wgsl` has a fragment stage that paints meshes pink.
-pub(super) fn give_up_the_others_stage(first: &mut Module, second: &mut Module) {
+pub(super) fn drop_other_stage(first: &mut Module, second: &mut Module) {
     let only = |module: &Module, stage: ShaderStage| {
         let mut stages = module.entry_points.iter().map(|e| e.stage).peekable();
         stages.peek().is_some() && stages.all(|s| s == stage)
@@ -216,7 +181,7 @@ pub(super) fn locate_invalid(
             .message()
             .starts_with(&format!("Entry point {name} at "))
     });
-    let at = named.and_then(|(stage, name)| place(sources, *stage, name));
+    let at = named.and_then(|(stage, name)| entry_point(sources, *stage, name));
     error.label_if(at)
 }
 
@@ -299,7 +264,7 @@ pub(super) fn check_interface(
         };
         let at = |stage, name: &str, direction| {
             declaration::varying(sources, stage, name, direction, wanted.location)
-                .or_else(|| place(sources, stage, name))
+                .or_else(|| entry_point(sources, stage, name))
         };
         return Err(error
             .label_if(at(ShaderStage::Fragment, &fragment.name, Direction::In))

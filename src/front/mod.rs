@@ -3,33 +3,30 @@
 //! [`parse`] takes one WGSL file with both entry points, two WGSL files, or a GLSL vertex and a
 //! GLSL fragment file. It links two files into one naga module.
 //!
-//! In data-flow order: `nesting` rejects text that would overflow the stack, `guard` runs naga,
+//! In data-flow order: `nesting` rejects text that would overflow the stack, `panics` runs naga,
 //! `glsl` and `wgsl` parse one file, `link` joins two modules, and `entry` chooses entry points and
 //! checks that the stages fit. Every [`Error`] points at the author's text.
 
 mod beyond_wgsl;
-mod blame;
 mod declaration;
 mod dialect;
 mod entry;
 mod error;
 #[cfg(feature = "glsl")]
-mod glsl;
-pub(crate) mod guard;
+mod fall_through;
 #[cfg(feature = "glsl")]
-mod lend;
+mod global_parameters;
+#[cfg(feature = "glsl")]
+mod glsl;
+#[cfg(feature = "glsl")]
+mod inline_main;
+mod locate_panic;
+#[cfg(feature = "glsl")]
+mod missing_returns;
+mod module_size;
 #[cfg(feature = "naga-oil")]
 mod naga_oil;
 mod nesting;
-pub(crate) mod operands;
-#[cfg(feature = "glsl")]
-mod promote;
-#[cfg(feature = "glsl")]
-mod returns;
-mod size;
-#[cfg(feature = "glsl")]
-mod switch;
-pub(crate) mod varying;
 #[cfg(feature = "wesl")]
 mod wesl;
 mod wgsl;
@@ -40,13 +37,15 @@ use std::sync::Arc;
 
 use naga::ShaderStage;
 use preshade_passes::declared::Declared;
-use preshade_passes::program::{Language, Program, SourceMap};
+#[cfg(any(feature = "naga-oil", feature = "wesl"))]
+use preshade_passes::program::Wanted;
+use preshade_passes::program::{Language, Program, Searched, SourceMap};
 
-use self::dialect::{Dialect, Origin};
-pub(crate) use dialect::still_finds;
+use self::dialect::{CompiledFrom, Dialect};
 pub use error::{Code, Color, Error, Label};
 
 use crate::limits::Limits;
+use crate::panics;
 
 /// One file of a material.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -167,7 +166,8 @@ pub struct Parsed {
 pub fn parse(sources: &[Source], options: &Options) -> Result<Parsed, Error> {
     let translated = sources.iter().map(|source| translated(source, options));
     let translated = translated.collect::<Result<Vec<_>, _>>()?;
-    let (plain, origins): (Vec<Cow<'_, Source>>, Vec<Origin>) = translated.into_iter().unzip();
+    let (plain, origins): (Vec<Cow<'_, Source>>, Vec<CompiledFrom>) =
+        translated.into_iter().unzip();
     let plain: Vec<Source> = plain.into_iter().map(Cow::into_owned).collect();
     let sources = plain.as_slice();
     let mut map = SourceMap::new();
@@ -188,7 +188,7 @@ pub fn parse(sources: &[Source], options: &Options) -> Result<Parsed, Error> {
 fn translated<'a>(
     source: &'a Source,
     options: &Options,
-) -> Result<(Cow<'a, Source>, Origin), Error> {
+) -> Result<(Cow<'a, Source>, CompiledFrom), Error> {
     let dialect = match source.language() {
         Some(Language::Wgsl) => Dialect::of(source),
         _ => Dialect::Plain,
@@ -206,12 +206,12 @@ fn translated<'a>(
     };
     let compiled = match dialect {
         Dialect::Plain => None,
-        _ => guard::run(compile)
+        _ => panics::run(compile)
             .unwrap_or_else(|panicked| Err(bug(std::slice::from_ref(source), &panicked)))?,
     };
     let _ = options;
     Ok(match compiled {
-        None => (Cow::Borrowed(source), Origin::default()),
+        None => (Cow::Borrowed(source), CompiledFrom::default()),
         Some(dialect::Compiled { text, origin }) => {
             let wgsl = Source {
                 name: format!("{} (as WGSL)", source.name),
@@ -222,6 +222,26 @@ fn translated<'a>(
             (Cow::Owned(wgsl), origin)
         }
     })
+}
+
+/// Whether a search has the same result now.
+pub(crate) fn still_finds(searched: &Searched) -> bool {
+    let Searched {
+        folders,
+        wanted,
+        found,
+    } = searched;
+    match wanted {
+        #[cfg(feature = "naga-oil")]
+        Wanted::Modules => naga_oil::found(folders) == *found,
+        #[cfg(feature = "wesl")]
+        Wanted::Package(name) => wesl::found(folders, name) == *found,
+        #[cfg(not(all(feature = "naga-oil", feature = "wesl")))]
+        _ => {
+            let _ = (folders, found);
+            false
+        }
+    }
 }
 
 fn parse_mapped(
@@ -241,7 +261,7 @@ fn parse_mapped(
         Err(error) => return (Err(error), Arc::new(map)),
     };
     // Parsing adds included files to the map.
-    let read = guard::run(|| match language {
+    let read = panics::run(|| match language {
         Language::Wgsl => sources
             .iter()
             .zip(bases)
@@ -252,7 +272,7 @@ fn parse_mapped(
     });
     let map = Arc::new(map);
     let parsed = read
-        .and_then(|modules| guard::run(|| assemble(modules?, bases, language, options, &map)))
+        .and_then(|modules| panics::run(|| assemble(modules?, bases, language, options, &map)))
         .unwrap_or_else(|panicked| Err(bug_at(sources, bases, language, &panicked)));
     (parsed, map)
 }
@@ -262,7 +282,7 @@ fn bug_at(
     sources: &[Source],
     bases: &[u32],
     language: Language,
-    panicked: &guard::Panicked,
+    panicked: &panics::Panicked,
 ) -> Error {
     let error = bug(sources, panicked);
     if language != Language::Wgsl {
@@ -278,10 +298,10 @@ fn bug_at(
             .validate(&module)
             .ok()
         };
-        guard::run(read).is_err()
+        panics::run(read).is_err()
     };
     let mut found = sources.iter().zip(bases).filter_map(|(source, base)| {
-        let range = blame::statement(&without_mark(&source.text), &panics)?;
+        let range = locate_panic::panicking_statement(&without_mark(&source.text), &panics)?;
         Some(naga::Span::new(
             base + range.start as u32,
             base + range.end as u32,
@@ -293,7 +313,7 @@ fn bug_at(
     }
 }
 
-fn bug(sources: &[Source], panicked: &guard::Panicked) -> Error {
+fn bug(sources: &[Source], panicked: &panics::Panicked) -> Error {
     let names: Vec<&str> = sources.iter().map(|s| s.name.as_str()).collect();
     Error::new(
         Code::Panic,
@@ -319,7 +339,7 @@ fn assemble(
         return Err(Error::new(Code::Empty, "no source is given"));
     };
     if let Some(mut second) = modules.next() {
-        entry::give_up_the_others_stage(&mut module, &mut second);
+        entry::drop_other_stage(&mut module, &mut second);
         // GLSL spans are already offset.
         let base = match language {
             Language::Wgsl => bases.get(1).copied().unwrap_or(0),
@@ -328,10 +348,10 @@ fn assemble(
         module = link(module, &second, base, map)?;
     }
     if language == Language::Glsl {
-        beyond_wgsl::leave_uniformity_to_the_author(&mut module);
+        beyond_wgsl::disable_derivative_uniformity(&mut module);
         beyond_wgsl::rename_constants(&mut module);
     }
-    size::check(&module, &options.limits)?;
+    module_size::check(&module, &options.limits)?;
     let entries = entry::choose(&module, options, map)?;
     entry::check_interface(&module, &entries, map)?;
     let names = entry::names(&module);
@@ -354,7 +374,7 @@ fn link(
     let suffix = second
         .entry_points
         .first()
-        .map_or("second", |e| entry::stage_name(e.stage));
+        .map_or("second", |e| declaration::stage_name(e.stage));
     let linked = preshade_passes::link::link(first, second, base, suffix).map_err(|e| {
         // Label the members that differ if the text shows them, else the variables.
         let members = e
@@ -468,7 +488,7 @@ fn check_glsl_stages(sources: &[Source]) -> Result<(), Error> {
                 "{} and {} are both {} shaders",
                 sources[0].name,
                 sources[1].name,
-                entry::stage_name(stages[0])
+                declaration::stage_name(stages[0])
             ),
         ));
     }
@@ -609,7 +629,7 @@ pub fn normalised_glsl(
     let bases: Vec<u32> = sources.iter().map(|s| map.add(&s.name, &s.text)).collect();
     let stages = glsl_stages(sources, &bases);
     let texts: Vec<glsl::Text<'_>> = stages.iter().map(GlslStage::text).collect();
-    let read = guard::run(|| glsl::normalise(&texts, options, &mut map));
+    let read = panics::run(|| glsl::normalise(&texts, options, &mut map));
     let read = read.unwrap_or_else(|panicked| Err(bug(sources, &panicked)));
     let map = Arc::new(map);
     let (normalised, _) = read.map_err(|e| e.with_sources(&map))?;
@@ -630,7 +650,7 @@ pub fn glsl_syntax(sources: &[Source], options: &Options) -> Result<(), Error> {
     let bases: Vec<u32> = sources.iter().map(|s| map.add(&s.name, &s.text)).collect();
     let stages = glsl_stages(sources, &bases);
     let texts: Vec<glsl::Text<'_>> = stages.iter().map(GlslStage::text).collect();
-    let read = guard::run(|| glsl::parse_alone(&texts, options, &mut map));
+    let read = panics::run(|| glsl::parse_alone(&texts, options, &mut map));
     let read = read.unwrap_or_else(|panicked| Err(bug(sources, &panicked)));
     read.map_err(|e| e.with_sources(&Arc::new(map)))
 }
@@ -645,7 +665,7 @@ pub fn vertex_stage_for(fragment: &Source, options: &Options) -> Result<String, 
     let mut map = SourceMap::new();
     let base = map.add(&fragment.name, &fragment.text);
     let stages = glsl_stages(std::slice::from_ref(fragment), &[base]);
-    let read = guard::run(|| match stages.first() {
+    let read = panics::run(|| match stages.first() {
         Some(stage) => glsl::vertex_stage_for(&stage.text(), options, &mut map),
         None => Err(Error::new(Code::Empty, "no source is given")),
     });

@@ -22,18 +22,25 @@ use naga_oil::compose::{
 };
 use preshade_passes::program::{Language, Program, Searched, Wanted};
 
-use super::dialect::{Compiled, Defined, Origin, beside, definitions, files_below, path_of};
+use super::dialect::{Compiled, CompiledFrom, Defined, beside, definitions, files_below, path_of};
 use super::error::{Code, Error};
 use super::{Options, Source};
-use crate::emit::wgsl;
+use crate::wgsl::{self, WgslError};
 
 /// Compiles a file and its imports to WGSL.
 pub(super) fn compile(source: &Source, options: &Options) -> Result<Compiled, Error> {
     let (module, origin) = compose(source, options)?;
     let program = Program::new(module, Arc::default(), Language::Wgsl)
         .map_err(|invalid| Error::invalid(&invalid))?;
-    let text = wgsl::write(&program, &source.name, "")
-        .map_err(|e| Error::new(Code::Unsupported, e.to_string()))?;
+    let text = wgsl::write(&program, &source.name, "").map_err(|error| {
+        let (WgslError::Inexpressible(why) | WgslError::Writer(why) | WgslError::Differs(why)) =
+            error;
+        let message = format!(
+            "{}: the composed module cannot be written: {why}",
+            source.name
+        );
+        Error::new(Code::Unsupported, message)
+    })?;
     Ok(Compiled { text, origin })
 }
 
@@ -61,7 +68,7 @@ fn named(folders: &[&Path], options: &Options) -> Vec<Named> {
 }
 
 /// A line for each module, to compare searches: path, module name and, for duplicates, the text.
-fn told(all: &[Named]) -> Vec<String> {
+fn fingerprints(all: &[Named]) -> Vec<String> {
     let mut called: HashMap<&str, usize> = HashMap::new();
     for one in all {
         *called.entry(&one.name).or_default() += 1;
@@ -79,11 +86,11 @@ fn told(all: &[Named]) -> Vec<String> {
 /// The result of searching these folders now.
 pub(super) fn found(folders: &[String]) -> Vec<String> {
     let folders: Vec<&Path> = folders.iter().map(Path::new).collect();
-    told(&named(&folders, &Options::default()))
+    fingerprints(&named(&folders, &Options::default()))
 }
 
 /// Composes the module and records its inputs.
-fn compose(source: &Source, options: &Options) -> Result<(Module, Origin), Error> {
+fn compose(source: &Source, options: &Options) -> Result<(Module, CompiledFrom), Error> {
     let defines: HashMap<String, ShaderDefValue> = definitions(options)?
         .into_iter()
         .map(|(name, value)| {
@@ -110,7 +117,7 @@ fn compose(source: &Source, options: &Options) -> Result<(Module, Origin), Error
     let searched = Searched {
         folders: folders.iter().map(|f| f.display().to_string()).collect(),
         wanted: Wanted::Modules,
-        found: told(&all),
+        found: fingerprints(&all),
     };
     for one in all {
         // The given text of the main file takes precedence over the file on disk.
@@ -118,12 +125,12 @@ fn compose(source: &Source, options: &Options) -> Result<(Module, Origin), Error
             continue;
         }
         let file = File {
-            place: Place::of(&one.path, &own),
+            place: Nearness::of(&one.path, &own),
             path: one.path.display().to_string(),
             text: one.text,
             imports: one.imports,
         };
-        library.know(one.name, file);
+        library.register(one.name, file);
     }
     let (_, imports, _) = get_preprocessor_data(&source.text);
     for import in imports {
@@ -138,7 +145,7 @@ fn compose(source: &Source, options: &Options) -> Result<(Module, Origin), Error
     let mut module = made.map_err(|e| library.error(&source.name, &e))?;
     plain_names(&mut module);
     compact::compact(&mut module, compact::KeepUnused::No);
-    let origin = Origin {
+    let origin = CompiledFrom {
         imported: library.imported,
         absent: Vec::new(),
         searched: vec![searched],
@@ -148,7 +155,7 @@ fn compose(source: &Source, options: &Options) -> Result<(Module, Origin), Error
 
 /// Where a module's file is, nearest first.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Place {
+enum Nearness {
     /// In the shader's folder.
     Own,
     /// In one of its subfolders.
@@ -157,7 +164,7 @@ enum Place {
     Included,
 }
 
-impl Place {
+impl Nearness {
     fn of(path: &Path, own: &Path) -> Self {
         match path.parent() {
             Some(folder) if folder == own => Self::Own,
@@ -171,7 +178,7 @@ struct File {
     path: String,
     text: String,
     imports: Vec<String>,
-    place: Place,
+    place: Nearness,
 }
 
 impl File {
@@ -179,7 +186,9 @@ impl File {
     /// folder. The first is used. (Bevy has one for builds without meshlets.)
     fn is_choice_beside(&self, other: &Self) -> bool {
         let (a, b) = (Path::new(&self.path), Path::new(&other.path));
-        self.place == Place::Included && a.parent() == b.parent() && a.file_name() != b.file_name()
+        self.place == Nearness::Included
+            && a.parent() == b.parent()
+            && a.file_name() != b.file_name()
     }
 }
 
@@ -196,10 +205,10 @@ struct Library {
 impl Library {
     /// Registers a file as module `name`, unless a nearer file has that name. Call it from near to
     /// far.
-    fn know(&mut self, name: String, file: File) {
+    fn register(&mut self, name: String, file: File) {
         match self.files.get(&name) {
             None => drop(self.files.insert(name, file)),
-            Some(first) if first.place < file.place && file.place != Place::Included => {}
+            Some(first) if first.place < file.place && file.place != Nearness::Included => {}
             Some(first) if first.text == file.text || first.is_choice_beside(&file) => {}
             Some(_) => drop(self.twice.entry(name).or_insert(file.path)),
         }

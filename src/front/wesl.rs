@@ -14,7 +14,7 @@ use preshade_passes::program::{Searched, Wanted};
 use wesl::syntax::PathOrigin;
 use wesl::{CompileOptions, EscapeMangler, Feature, Features, ModulePath, ResolveError, Resolver};
 
-use super::dialect::{Compiled, Defined, Origin, beside, definitions, path_of, text_within};
+use super::dialect::{Compiled, CompiledFrom, Defined, beside, definitions, path_of, text_within};
 use super::error::{Code, Error};
 use super::{Options, Source};
 
@@ -58,7 +58,7 @@ pub(super) fn compile(source: &Source, options: &Options) -> Result<Compiled, Er
     let absent = resolver.absent.into_inner();
     let packages = resolver.packages.into_inner();
     let folders = shown(&options.include);
-    let origin = Origin {
+    let origin = CompiledFrom {
         imported: imported
             .map(|(path, text)| (path.display().to_string(), text))
             .collect(),

@@ -9,7 +9,7 @@ use wgpu::{Backends, DeviceType, ErrorFilter, Features};
 
 use super::trusted::{self, Trust};
 use super::{Error, limits};
-use crate::front::guard;
+use crate::panics;
 
 /// Which adapter to draw on.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -386,7 +386,7 @@ impl Gpu {
         let internal = self.device.push_error_scope(ErrorFilter::Internal);
         let validation = self.device.push_error_scope(ErrorFilter::Validation);
         // naga's writers, which wgpu calls, panic for some modules that pass wgpu's own validation.
-        let made = guard::caught(make);
+        let made = panics::caught(make);
         let errors = [
             pollster::block_on(validation.pop()),
             pollster::block_on(internal.pop()),

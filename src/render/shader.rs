@@ -55,7 +55,11 @@ impl Variant {
     pub fn new(plans: &[Plan], form: ShaderForm) -> Result<Self, Error> {
         let mut out = Self::empty();
         for plan in plans {
-            if let Some(message) = plan.programs.values().find_map(emit::parts::passed) {
+            if let Some(message) = plan
+                .programs
+                .values()
+                .find_map(emit::partial_pointers::find)
+            {
                 return Err(Error::Plan {
                     material: plan.material.clone(),
                     message,

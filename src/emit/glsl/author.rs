@@ -16,9 +16,9 @@ use preshade_passes::program::Program;
 use preshade_passes::reflect;
 
 use super::layout;
-use super::loosen::{self, Loose};
-use super::twins::{self, Inseparable, Twins};
-use super::words;
+use super::loose_uniforms::{self, LooseUniform};
+use super::reserved_words;
+use super::texture_copies::{self, Inseparable, TextureCopies};
 
 /// A program to write, and the names to put into its text.
 pub(in crate::emit) struct Authored {
@@ -26,13 +26,13 @@ pub(in crate::emit) struct Authored {
     pub program: Program,
     /// Replacements for markers and for names that naga chooses.
     pub(super) words: HashMap<String, Word>,
-    /// Loose uniforms by marker, in declaration order.
+    /// LooseUniform uniforms by marker, in declaration order.
     pub(super) uniforms: Vec<Uniform>,
     /// Sampler members of a uniform's struct, by the struct's marker.
-    pub(super) members: HashMap<String, Vec<Member>>,
+    pub(super) members: HashMap<String, Vec<SamplerMember>>,
     /// Structs that naga does not write because only their samplers are used: name and members,
     /// inner ones first.
-    pub(super) structs: Vec<(String, Vec<Member>)>,
+    pub(super) structs: Vec<(String, Vec<SamplerMember>)>,
     /// Struct declarations of uniforms with samplers, by marker, inner ones first, for stages where
     /// naga writes none.
     pub(super) whole: Vec<(String, String)>,
@@ -41,7 +41,7 @@ pub(in crate::emit) struct Authored {
     /// Blocks, by naga's name of their variable.
     pub(super) blocks: HashMap<String, Block>,
     /// Inputs and outputs, by naga's name.
-    pub(super) located: HashMap<String, Input>,
+    pub(super) located: HashMap<String, LocatedName>,
     /// Names in use.
     pub(super) taken: Taken,
     /// The author's texture of each added copy.
@@ -79,26 +79,26 @@ pub(super) struct Uniform {
 
 /// A member of a struct that naga does not write.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Member {
+pub(super) struct SamplerMember {
     pub name: String,
-    pub ty: MemberType,
+    pub ty: SamplerMemberType,
     pub dimensions: String,
 }
 
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum MemberType {
+pub(super) enum SamplerMemberType {
     Plain(String),
     Sampler(String),
     /// One of [`Authored::structs`].
     Struct(String),
 }
 
-impl Member {
+impl SamplerMember {
     /// The struct it is of.
     pub fn of_struct(&self) -> Option<&String> {
         match &self.ty {
-            MemberType::Struct(name) => Some(name),
-            MemberType::Plain(_) | MemberType::Sampler(_) => None,
+            SamplerMemberType::Struct(name) => Some(name),
+            SamplerMemberType::Plain(_) | SamplerMemberType::Sampler(_) => None,
         }
     }
 }
@@ -118,7 +118,7 @@ pub(super) struct Block {
 
 /// A vertex input or fragment output.
 #[derive(Clone, Debug)]
-pub(super) struct Input {
+pub(super) struct LocatedName {
     pub name: String,
     /// First location.
     pub location: u32,
@@ -157,7 +157,7 @@ impl Taken {
                 Scope::Vertex => self.all.contains(name) || self.vertex.contains(name),
                 Scope::Fragment => self.all.contains(name) || self.fragment.contains(name),
             };
-            !taken && !words::is_reserved(name)
+            !taken && !reserved_words::is_reserved(name)
         };
         let name = match free(&wanted) {
             true => wanted,
@@ -212,13 +212,13 @@ pub(super) enum Failed {
 
 /// Prepares `program` to be written with its author's names.
 pub(in crate::emit) fn prepare(program: &Program) -> Result<Authored, Failed> {
-    let split = twins::split(program).map_err(|Inseparable| Failed::Samplers)?;
+    let split = texture_copies::split(program).map_err(|Inseparable| Failed::Samplers)?;
     let (program, twins) = match split {
-        Some(Twins { ref program, of }) => (program, of),
+        Some(TextureCopies { ref program, of }) => (program, of),
         None => (program, HashMap::new()),
     };
     let declared = program.declared();
-    let (mut module, loose) = match loosen::loosen(program.module(), declared) {
+    let (mut module, loose) = match loose_uniforms::split(program.module(), declared) {
         Ok(loosened) => (loosened.module, loosened.uniforms),
         // A block passed to a function keeps its struct.
         Err(_) if declared.loose.is_none() => (program.module().clone(), Vec::new()),
@@ -404,9 +404,9 @@ impl Authored {
                 TypeInner::Struct { members, .. } => members.as_slice(),
                 _ => &[],
             };
-            let said = declared.blocks.iter().find(|b| b.binding == binding);
+            let stage_file = declared.blocks.iter().find(|b| b.binding == binding);
             let own = global.name.clone();
-            let (name, instance) = match said {
+            let (name, instance) = match stage_file {
                 Some(block) => (block.name.clone(), block.instance.clone()),
                 None => (
                     match &ty.name {
@@ -521,14 +521,14 @@ impl Authored {
                 let parts = parts(&l.declaration.ty);
                 (l.location..l.location + parts.len() as u32).contains(location)
             };
-            let Some(said) = declared.iter().find(covers) else {
+            let Some(stage_file) = declared.iter().find(covers) else {
                 let own = match (own.as_str(), scope) {
                     ("", Scope::Fragment) => &format!("target_{location}"),
                     ("", _) => &format!("input_{location}"),
                     (own, _) => own,
                 };
                 let name = self.taken.claim(own, scope);
-                let input = Input {
+                let input = LocatedName {
                     name: name.clone(),
                     location: *location,
                     chosen: Chosen::ByAuthor,
@@ -538,7 +538,7 @@ impl Authored {
                 self.words.insert(naga(*location), Word::Path(name));
                 continue;
             };
-            let Declaration { name, ty, .. } = &said.declaration;
+            let Declaration { name, ty, .. } = &stage_file.declaration;
             let name = self.taken.claim(name, scope);
             let parts = parts(ty);
             for (i, part) in parts.iter().enumerate() {
@@ -547,11 +547,11 @@ impl Authored {
                     (_, Declares::Plain(plain)) => Some((plain.clone(), ty.dimensions())),
                     _ => None,
                 };
-                let at = naga(said.location + i as u32);
-                let input = Input {
+                let at = naga(stage_file.location + i as u32);
+                let input = LocatedName {
                     name: name.clone(),
-                    location: said.location,
-                    chosen: said.chosen,
+                    location: stage_file.location,
+                    chosen: stage_file.chosen,
                     whole,
                 };
                 self.located.insert(at.clone(), input);
@@ -586,7 +586,7 @@ impl Authored {
             for (i, member) in members.iter_mut().enumerate() {
                 let mark = marks.of_member(handle, i);
                 let author = identifier(member.name.as_deref().unwrap_or("member"));
-                let mut name = match words::is_keyword(&author) {
+                let mut name = match reserved_words::is_keyword(&author) {
                     true => format!("own_{author}"),
                     false => author,
                 };
@@ -621,7 +621,7 @@ impl Authored {
         module: &mut Module,
         declared: &Declared,
         names: &HashMap<String, String>,
-        loose: &[Loose],
+        loose: &[LooseUniform],
         marks: &Marks,
         types: &HashMap<Handle<Type>, String>,
     ) {
@@ -717,19 +717,21 @@ impl Authored {
     }
 
     /// The members without data.
-    fn sampler_members(&mut self, declared: &[Declaration]) -> Vec<Member> {
+    fn sampler_members(&mut self, declared: &[Declaration]) -> Vec<SamplerMember> {
         let samplers = declared.iter().filter(|d| !d.ty.has_data());
         samplers.filter_map(|d| self.member(d)).collect()
     }
 
-    fn member(&mut self, declared: &Declaration) -> Option<Member> {
+    fn member(&mut self, declared: &Declaration) -> Option<SamplerMember> {
         let ty = match declared.ty.innermost() {
-            Declares::Plain(word) => MemberType::Plain(word.clone()),
-            Declares::Sampler(sampler) => MemberType::Sampler(sampler.clone()),
-            Declares::Struct(of, members) => MemberType::Struct(self.own_struct(of, members)),
+            Declares::Plain(word) => SamplerMemberType::Plain(word.clone()),
+            Declares::Sampler(sampler) => SamplerMemberType::Sampler(sampler.clone()),
+            Declares::Struct(of, members) => {
+                SamplerMemberType::Struct(self.own_struct(of, members))
+            }
             Declares::Array(..) => return None,
         };
-        Some(Member {
+        Some(SamplerMember {
             name: declared.name.clone(),
             ty,
             dimensions: declared.ty.dimensions(),
@@ -740,7 +742,7 @@ impl Authored {
     fn own_struct(&mut self, name: &str, declared: &[Declaration]) -> String {
         // As in the other stage, which may read its data.
         let data = declared.iter().filter(|d| d.ty.has_data());
-        let mut members: Vec<Member> = data.filter_map(|d| self.member(d)).collect();
+        let mut members: Vec<SamplerMember> = data.filter_map(|d| self.member(d)).collect();
         members.extend(self.sampler_members(declared));
         if let Some((name, _)) = self.structs.iter().find(|(_, m)| *m == members) {
             return name.clone();

@@ -12,8 +12,8 @@
 //! feature: unsigned integers, bit operators, `switch`, blocks, other texture types, flat varyings,
 //! loops without a constant bound, and non-constant indices in a fragment stage.
 
-mod counted;
 mod expression;
+mod loop_bounds;
 mod statement;
 mod types;
 
@@ -36,19 +36,19 @@ fn lacks<T>(what: impl Into<String>) -> Result<T> {
     Err(Lacks(what.into()))
 }
 
-/// Converts one stage, and adds new uniforms to `said`. `es300` is text that this crate wrote.
+/// Converts one stage, and adds new uniforms to `stage_file`. `es300` is text that this crate wrote.
 pub(super) fn rewritten(
     es300: &str,
     stage: ShaderStage,
-    mut said: StageFile,
+    mut stage_file: StageFile,
 ) -> Result<(String, StageFile)> {
     let tree = front::glsl_tree(es300, stage)
         .map_err(|e| Lacks(format!("a text that does not parse ({e})")))?;
-    let fetched = said.textures.iter().filter(|t| t.sampler.is_none());
-    let mut rewrite = Rewrite {
+    let fetched = stage_file.textures.iter().filter(|t| t.sampler.is_none());
+    let mut rewrite = Es100 {
         stage,
         fetched: fetched.map(|t| t.name.clone()).collect(),
-        ..Rewrite::default()
+        ..Es100::default()
     };
     rewrite.outputs_of(&tree)?;
     let mut declarations = Vec::new();
@@ -70,14 +70,14 @@ pub(super) fn rewritten(
     }
     text += body.trim_end();
     text.push('\n');
-    for texture in &mut said.textures {
+    for texture in &mut stage_file.textures {
         texture.size = rewrite.sizes.get(&texture.name).cloned();
     }
-    for attribute in &mut said.attributes {
+    for attribute in &mut stage_file.attributes {
         // The language has no `layout`: a host binds the location by name.
         attribute.explicit = false;
     }
-    Ok((text, said))
+    Ok((text, stage_file))
 }
 
 /// The texture type of a sampler.
@@ -89,7 +89,7 @@ enum Sampler {
 
 /// Information from the text so far. Locals have unique names in a function; later declarations
 /// replace earlier ones.
-struct Rewrite {
+struct Es100 {
     stage: ShaderStage,
     /// Textures without a sampler.
     fetched: HashSet<String>,
@@ -114,12 +114,12 @@ struct Rewrite {
     /// Number of bounded loops so far.
     loops: usize,
     /// How often the current code can run.
-    entered: counted::Entered,
+    entered: loop_bounds::Entered,
     /// Variables made only of constants and loop counters, as expressions of these.
     indices: HashMap<String, ast::Expr>,
 }
 
-impl Default for Rewrite {
+impl Default for Es100 {
     fn default() -> Self {
         Self {
             stage: ShaderStage::Fragment,
@@ -135,13 +135,13 @@ impl Default for Rewrite {
             sizes: BTreeMap::new(),
             names: HashSet::new(),
             loops: 0,
-            entered: counted::Entered::Once,
+            entered: loop_bounds::Entered::Once,
             indices: HashMap::new(),
         }
     }
 }
 
-impl Rewrite {
+impl Es100 {
     /// Names fragment outputs: a single one at location 0 is `gl_FragColor`.
     fn outputs_of(&mut self, tree: &ast::TranslationUnit) -> Result<()> {
         let mut found: Vec<(String, i32)> = Vec::new();

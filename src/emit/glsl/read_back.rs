@@ -12,18 +12,19 @@ use preshade_passes::reflect::{self, Io};
 
 use super::author::{Authored, Word};
 use crate::emit::plan_json::StageFile;
-use crate::emit::text;
-use crate::front::{self, Code, Color, varying::Varying};
+use crate::front::{self, Code, Color};
+use crate::wgsl::text;
+use crate::wgsl::varying::Varying;
 
 /// The first difference between the text and its stage.
 pub(super) fn difference(
     authored: &Authored,
     text: &str,
-    said: &StageFile,
+    stage_file: &StageFile,
     stage: ShaderStage,
     entry: &str,
 ) -> Option<String> {
-    let (module, declared) = match front::glsl_stage(&said.file, text, stage) {
+    let (module, declared) = match front::glsl_stage(&stage_file.file, text, stage) {
         Ok(read) => read,
         // The front end has no atomics, so such a stage is not compared.
         Err(e) if e.code() == Code::Unsupported && has_atomics(text) => return None,
@@ -38,9 +39,18 @@ pub(super) fn difference(
     if let Err(invalid) = valid {
         return Some(format!("it is not valid: {invalid}"));
     }
-    uniforms(authored, said, &declared)
-        .or_else(|| blocks(authored, said, &module, &declared, stage, entry))
-        .or_else(|| interface(authored, said, &module, &declared, (stage, entry), outputs))
+    uniforms(authored, stage_file, &declared)
+        .or_else(|| blocks(authored, stage_file, &module, &declared, stage, entry))
+        .or_else(|| {
+            interface(
+                authored,
+                stage_file,
+                &module,
+                &declared,
+                (stage, entry),
+                outputs,
+            )
+        })
 }
 
 fn has_atomics(text: &str) -> bool {
@@ -67,10 +77,10 @@ fn differ(wanted: &BTreeSet<String>, found: &BTreeSet<String>) -> Option<String>
 }
 
 /// Compares uniforms outside of blocks, and samplers.
-fn uniforms(authored: &Authored, said: &StageFile, read: &Declared) -> Option<String> {
+fn uniforms(authored: &Authored, stage_file: &StageFile, read: &Declared) -> Option<String> {
     let root = |path: &str| path.split(['.', '[']).next().unwrap_or(path).to_owned();
-    let mut names: BTreeSet<String> = said.uniforms.iter().map(|u| u.name.clone()).collect();
-    names.extend(said.textures.iter().map(|t| root(&t.name)));
+    let mut names: BTreeSet<String> = stage_file.uniforms.iter().map(|u| u.name.clone()).collect();
+    names.extend(stage_file.textures.iter().map(|t| root(&t.name)));
     let declared = authored.uniforms.iter();
     let types: BTreeMap<&str, &Declares> =
         declared.map(|u| (u.name.as_str(), &u.declares)).collect();
@@ -85,7 +95,7 @@ fn uniforms(authored: &Authored, said: &StageFile, read: &Declared) -> Option<St
         )
         .collect();
     // So do texture sizes in ES 1.00.
-    let sizes: BTreeSet<&str> = said
+    let sizes: BTreeSet<&str> = stage_file
         .textures
         .iter()
         .filter_map(|t| t.size.as_deref())
@@ -113,14 +123,14 @@ fn uniforms(authored: &Authored, said: &StageFile, read: &Declared) -> Option<St
             return Some(format!("uniforms: {difference}"));
         }
     }
-    let wanted: BTreeSet<String> = said
+    let wanted: BTreeSet<String> = stage_file
         .textures
         .iter()
         .filter(|t| t.sampler.is_some())
         .map(|t| t.name.clone())
         .collect();
     for sampler in &read.samplers {
-        let mut all = said.textures.iter();
+        let mut all = stage_file.textures.iter();
         let unit = all.find(|t| t.name == sampler.path).map(|t| t.unit);
         if let Some(unit) = unit
             && let Some(wrong) = number(read, sampler.texture, unit, &sampler.path)
@@ -168,7 +178,7 @@ fn type_lines(ty: &Declares, path: &str, out: &mut BTreeSet<String>) {
 /// Compares the offset of every number in blocks.
 fn blocks(
     authored: &Authored,
-    said: &StageFile,
+    stage_file: &StageFile,
     read: &Module,
     declared: &Declared,
     stage: ShaderStage,
@@ -177,7 +187,7 @@ fn blocks(
     let module = authored.program.module();
     let used = authored.program.entry_point(stage, entry);
     let used = used.map(|(index, _)| authored.program.info().get_entry_point(index));
-    for block in &said.blocks {
+    for block in &stage_file.blocks {
         let Some(found) = declared.blocks.iter().find(|b| b.name == block.block) else {
             return Some(format!("the block `{}` is lost", block.block));
         };
@@ -212,8 +222,8 @@ fn blocks(
         };
         let mut rest = String::new();
         // A block of one variable, if the program has that variable.
-        let said = authored.blocks.values();
-        let opened = said.into_iter().find(|b| b.name == block.block);
+        let stage_file = authored.blocks.values();
+        let opened = stage_file.into_iter().find(|b| b.name == block.block);
         let opened = opened.is_some_and(|b| b.opened || b.of.is_some());
         if !opened
             && let TypeInner::Struct { members, .. } = &read.types[found].inner
@@ -290,7 +300,7 @@ enum Outputs {
 /// Compares inputs and outputs.
 fn interface(
     authored: &Authored,
-    said: &StageFile,
+    stage_file: &StageFile,
     read: &Module,
     declared: &Declared,
     (stage, entry): (ShaderStage, &str),
@@ -303,7 +313,11 @@ fn interface(
     };
     let (wanted, found) = (&wanted.function, &found.function);
     if stage == ShaderStage::Vertex {
-        let wanted: BTreeSet<String> = said.attributes.iter().map(|a| a.name.clone()).collect();
+        let wanted: BTreeSet<String> = stage_file
+            .attributes
+            .iter()
+            .map(|a| a.name.clone())
+            .collect();
         let names = declared.attributes.iter();
         let found: BTreeSet<String> = names.map(|a| a.declaration.name.clone()).collect();
         if let Some(difference) = differ(&wanted, &found) {

@@ -8,10 +8,10 @@ use std::ops::Range;
 use naga::ShaderStage;
 use preshade_passes::declared::{Chosen, Type as Declares};
 
-use super::author::{Authored, Input, Member, MemberType, Word};
+use super::author::{Authored, LocatedName, SamplerMember, SamplerMemberType, Word};
 use super::layout;
 use crate::emit::plan_json::{GlslAttribute, GlslUniform, StageFile};
-use crate::emit::text::{self, Kind};
+use crate::wgsl::text::{self, TokenKind};
 
 /// The GLSL dialect to write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,7 +25,7 @@ pub(super) struct Unexpected(pub String);
 
 /// A part of the text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Item<'a> {
+enum TextItem<'a> {
     /// `#version`, `#extension`, `precision`.
     Head(&'a str),
     Struct(&'a str),
@@ -34,13 +34,13 @@ enum Item<'a> {
     Declaration(&'a str),
 }
 
-/// Rewrites the text of `stage`, and renames `said`.
+/// Rewrites the text of `stage`, and renames `stage_file`.
 pub(super) fn named(
     authored: &Authored,
     naga: &str,
     stage: ShaderStage,
     dialect: Dialect,
-    mut said: StageFile,
+    mut stage_file: StageFile,
     loose: Option<[u32; 2]>,
 ) -> Result<(String, StageFile), Unexpected> {
     let constructed = match authored.paddings.is_empty() {
@@ -50,7 +50,7 @@ pub(super) fn named(
     let items = items(&constructed)?;
     let mut structs: HashMap<&str, String> = HashMap::new();
     for item in &items {
-        if let Item::Struct(text) = item
+        if let TextItem::Struct(text) = item
             && let Some(mark) = words(text).nth(1)
         {
             let text = match authored.paddings.get(mark) {
@@ -60,11 +60,11 @@ pub(super) fn named(
             structs.insert(mark, text);
         }
     }
-    let rewrite = Rewrite {
+    let rewrite = NameRewrite {
         authored,
         collisions: collisions(authored, &items, stage),
     };
-    let textures = said.textures.clone();
+    let textures = stage_file.textures.clone();
     let paths: HashSet<&str> = textures.iter().map(|t| t.name.as_str()).collect();
     let mut out = Parts {
         used: HashSet::new(),
@@ -72,22 +72,22 @@ pub(super) fn named(
     };
     for item in &items {
         match item {
-            Item::Head(text) => {
+            TextItem::Head(text) => {
                 out.head.push_str(text.trim_end());
                 out.head.push('\n');
             }
-            Item::Struct(_) => {}
-            Item::Function(text) => {
+            TextItem::Struct(_) => {}
+            TextItem::Function(text) => {
                 out.note_types(text);
                 out.functions.push(rewrite.function(text));
             }
-            Item::Declaration(text) => {
+            TextItem::Declaration(text) => {
                 declaration(&rewrite, text, stage, &structs, &paths, &mut out)?
             }
         }
     }
-    uniforms(authored, dialect, &mut out, &paths, &mut said, loose);
-    for texture in &mut said.textures {
+    uniforms(authored, dialect, &mut out, &paths, &mut stage_file, loose);
+    for texture in &mut stage_file.textures {
         if let Some(Word::Path(path)) = authored.words.get(&texture.name) {
             // An array has a single binding, from which its elements count.
             if path.contains(['.', '[']) {
@@ -100,14 +100,14 @@ pub(super) fn named(
             texture.name = path.clone();
         }
     }
-    said.textures.sort_by(|a, b| a.name.cmp(&b.name));
-    for block in &mut said.blocks {
+    stage_file.textures.sort_by(|a, b| a.name.cmp(&b.name));
+    for block in &mut stage_file.blocks {
         if let Some(name) = out.renamed_blocks.get(&block.block) {
             block.block = name.clone();
         }
     }
-    said.attributes = std::mem::take(&mut out.attributes);
-    Ok((out.text(&rewrite, &items, &structs, dialect), said))
+    stage_file.attributes = std::mem::take(&mut out.attributes);
+    Ok((out.text(&rewrite, &items, &structs, dialect), stage_file))
 }
 
 /// The parts of the new text.
@@ -137,15 +137,15 @@ impl Parts {
 
     fn text(
         &self,
-        rewrite: &Rewrite<'_>,
-        items: &[Item<'_>],
+        rewrite: &NameRewrite<'_>,
+        items: &[TextItem<'_>],
         structs: &HashMap<&str, String>,
         dialect: Dialect,
     ) -> String {
         // Structs contain structs, which naga writes first.
         let mut used = self.used.clone();
         for item in items.iter().rev() {
-            if let Item::Struct(text) = item
+            if let TextItem::Struct(text) = item
                 && words(text).nth(1).is_some_and(|n| used.contains(n))
             {
                 used.extend(words(text).map(str::to_owned));
@@ -167,7 +167,7 @@ impl Parts {
         let mut own = self.own_structs.clone();
         for (name, members) in rewrite.authored.structs.iter().rev() {
             if own.contains(name) {
-                own.extend(members.iter().filter_map(Member::of_struct).cloned());
+                own.extend(members.iter().filter_map(SamplerMember::of_struct).cloned());
             }
         }
         for (name, members) in &rewrite.authored.structs {
@@ -176,7 +176,9 @@ impl Parts {
             }
         }
         for item in items {
-            let Item::Struct(text) = item else { continue };
+            let TextItem::Struct(text) = item else {
+                continue;
+            };
             let Some(mark) = words(text).nth(1).filter(|n| used.contains(*n)) else {
                 continue;
             };
@@ -209,13 +211,13 @@ impl Parts {
     }
 }
 
-fn member_lines(members: &[Member], dialect: Dialect) -> String {
+fn member_lines(members: &[SamplerMember], dialect: Dialect) -> String {
     members
         .iter()
         .map(|m| {
             let ty = match &m.ty {
-                MemberType::Sampler(ty) => sampler_type(ty, dialect),
-                MemberType::Plain(name) | MemberType::Struct(name) => name.clone(),
+                SamplerMemberType::Sampler(ty) => sampler_type(ty, dialect),
+                SamplerMemberType::Plain(name) | SamplerMemberType::Struct(name) => name.clone(),
             };
             format!("    {ty} {}{};\n", m.name, m.dimensions)
         })
@@ -232,12 +234,12 @@ fn sampler_type(ty: &str, dialect: Dialect) -> String {
 
 fn words(text: &str) -> impl Iterator<Item = &str> {
     text::tokens(text)
-        .filter(|(kind, _)| *kind == Kind::Word)
+        .filter(|(kind, _)| *kind == TokenKind::Word)
         .map(|(_, range)| &text[range])
 }
 
 /// The text's parts in order.
-fn items(naga: &str) -> Result<Vec<Item<'_>>, Unexpected> {
+fn items(naga: &str) -> Result<Vec<TextItem<'_>>, Unexpected> {
     let mut out = Vec::new();
     let mut rest = naga;
     loop {
@@ -247,7 +249,7 @@ fn items(naga: &str) -> Result<Vec<Item<'_>>, Unexpected> {
         }
         if rest.starts_with('#') {
             let end = rest.find('\n').unwrap_or(rest.len());
-            out.push(Item::Head(&rest[..end]));
+            out.push(TextItem::Head(&rest[..end]));
             rest = &rest[end..];
             continue;
         }
@@ -281,10 +283,10 @@ fn items(naga: &str) -> Result<Vec<Item<'_>>, Unexpected> {
         let (item, after) = rest.split_at(end);
         rest = after;
         out.push(match (first, function) {
-            (_, true) => Item::Function(item),
-            ("precision", _) => Item::Head(item),
-            ("struct", _) => Item::Struct(item),
-            _ => Item::Declaration(item),
+            (_, true) => TextItem::Function(item),
+            ("precision", _) => TextItem::Head(item),
+            ("struct", _) => TextItem::Struct(item),
+            _ => TextItem::Declaration(item),
         });
     }
 }
@@ -292,18 +294,18 @@ fn items(naga: &str) -> Result<Vec<Item<'_>>, Unexpected> {
 /// New names for naga's names that collide with the author's.
 fn collisions(
     authored: &Authored,
-    items: &[Item<'_>],
+    items: &[TextItem<'_>],
     stage: ShaderStage,
 ) -> HashMap<String, String> {
     let mut all: HashSet<&str> = HashSet::new();
     for item in items {
-        if let Item::Head(_) = item {
+        if let TextItem::Head(_) = item {
             continue;
         }
-        let (Item::Head(text)
-        | Item::Struct(text)
-        | Item::Function(text)
-        | Item::Declaration(text)) = *item;
+        let (TextItem::Head(text)
+        | TextItem::Struct(text)
+        | TextItem::Function(text)
+        | TextItem::Declaration(text)) = *item;
         all.extend(free(text).map(|range| &text[range]));
     }
     let mut out: HashMap<String, String> = HashMap::new();
@@ -346,16 +348,16 @@ fn free(text: &str) -> impl Iterator<Item = Range<usize>> + '_ {
             _ => {}
         }
         before = word;
-        (kind == Kind::Word && !member && layout == 0).then_some(range)
+        (kind == TokenKind::Word && !member && layout == 0).then_some(range)
     })
 }
 
-struct Rewrite<'a> {
+struct NameRewrite<'a> {
     authored: &'a Authored,
     collisions: HashMap<String, String>,
 }
 
-impl Rewrite<'_> {
+impl NameRewrite<'_> {
     /// Adds sampler members to a struct.
     fn with_samplers(&self, mark: &str, text: &str, dialect: Dialect) -> String {
         let mut written = self.plain(text);
@@ -384,7 +386,7 @@ impl Rewrite<'_> {
                 copied = range.end;
             }
             drop_dot = false;
-            if kind != Kind::Word {
+            if kind != TokenKind::Word {
                 continue;
             }
             let is_free = free.contains(&range.start);
@@ -441,7 +443,7 @@ fn is_input(word: &str) -> bool {
 }
 
 fn declaration(
-    rewrite: &Rewrite<'_>,
+    rewrite: &NameRewrite<'_>,
     text: &str,
     stage: ShaderStage,
     structs: &HashMap<&str, String>,
@@ -537,12 +539,18 @@ fn declaration(
 }
 
 /// A vertex input or fragment output.
-fn located(rewrite: &Rewrite<'_>, text: &str, input: &Input, stage: ShaderStage, out: &mut Parts) {
+fn located(
+    rewrite: &NameRewrite<'_>,
+    text: &str,
+    input: &LocatedName,
+    stage: ShaderStage,
+    out: &mut Parts,
+) {
     if !out.located.insert(input.name.clone()) {
         return;
     }
     let vertex = stage == ShaderStage::Vertex;
-    let Input {
+    let LocatedName {
         name,
         location,
         chosen,
@@ -580,7 +588,7 @@ fn uniforms(
     dialect: Dialect,
     out: &mut Parts,
     textures: &HashSet<&str>,
-    said: &mut StageFile,
+    stage_file: &mut StageFile,
     loose: Option<[u32; 2]>,
 ) {
     let paths: Vec<String> = textures
@@ -640,7 +648,7 @@ fn uniforms(
         if read.is_some()
             && let Some(binding) = loose
         {
-            said.uniforms.push(GlslUniform {
+            stage_file.uniforms.push(GlslUniform {
                 name: name.to_owned(),
                 binding,
                 offset: uniform.offset,
@@ -664,10 +672,10 @@ fn uniforms(
 /// `layout(..)` and a space, or nothing.
 fn layout_of(location: Option<u32>, binding: Option<u32>) -> String {
     let of = |word: &str, n: Option<u32>| n.map(|n| format!("{word} = {n}"));
-    let said = [of("location", location), of("binding", binding)];
-    match said.into_iter().flatten().collect::<Vec<_>>()[..] {
+    let stage_file = [of("location", location), of("binding", binding)];
+    match stage_file.into_iter().flatten().collect::<Vec<_>>()[..] {
         [] => String::new(),
-        ref said => format!("layout({}) ", said.join(", ")),
+        ref stage_file => format!("layout({}) ", stage_file.join(", ")),
     }
 }
 
@@ -675,5 +683,5 @@ fn layout_of(location: Option<u32>, binding: Option<u32>) -> String {
 fn needed_structs(authored: &Authored, out: &mut Parts) {
     let members = authored.members.values().flatten();
     out.own_structs
-        .extend(members.filter_map(Member::of_struct).cloned());
+        .extend(members.filter_map(SamplerMember::of_struct).cloned());
 }

@@ -33,11 +33,11 @@ const BUILT_IN: u32 = 11;
 const POSITION: u32 = 0;
 
 /// A variable or pointer parameter and its member; `None`: all of it.
-type Place = (u32, Option<u32>);
+type Memory = (u32, Option<u32>);
 
 /// A write to memory.
 struct Write {
-    to: Place,
+    to: Memory,
     pointer: u32,
     value: u32,
 }
@@ -67,7 +67,7 @@ pub(super) fn slice(words: &[u32]) -> Option<HashSet<u32>> {
 }
 
 /// Reads the module, and collects the first targets: the position and all branch conditions.
-fn read(words: &[u32]) -> Option<(Module<'_>, Vec<Place>)> {
+fn read(words: &[u32]) -> Option<(Module<'_>, Vec<Memory>)> {
     let mut module = Module {
         defined: HashMap::new(),
         writes: Vec::new(),
@@ -75,7 +75,7 @@ fn read(words: &[u32]) -> Option<(Module<'_>, Vec<Place>)> {
         returns: HashMap::new(),
         calls: Vec::new(),
     };
-    let mut asked: Vec<Place> = Vec::new();
+    let mut asked: Vec<Memory> = Vec::new();
     let mut position = None;
     let mut function = 0;
     let mut stores = Vec::new();
@@ -131,7 +131,7 @@ fn has_result(opcode: u16) -> bool {
 
 impl Module<'_> {
     /// Visits `member` of `id`.
-    fn ask(&self, id: u32, member: Option<u32>, asked: &mut Vec<Place>) -> Option<()> {
+    fn ask(&self, id: u32, member: Option<u32>, asked: &mut Vec<Memory>) -> Option<()> {
         // An unknown id is a literal or a label.
         let Some((opcode, operands)) = self.defined.get(&id).copied() else {
             return Some(());
@@ -182,7 +182,7 @@ impl Module<'_> {
 
     /// Visits every store to `member` of a variable or a parameter's target. For a by-value
     /// parameter, visits the arguments.
-    fn ask_memory(&self, root: u32, member: Option<u32>, asked: &mut Vec<Place>) -> Option<()> {
+    fn ask_memory(&self, root: u32, member: Option<u32>, asked: &mut Vec<Memory>) -> Option<()> {
         for write in self.writes.iter().filter(|w| w.to.0 == root) {
             match (write.to.1, member) {
                 (Some(a), Some(b)) if a != b => {}
@@ -212,7 +212,7 @@ impl Module<'_> {
     }
 
     /// A pointer's target. `None` for pointers that are not access chains.
-    fn place(&self, pointer: u32) -> Option<Place> {
+    fn place(&self, pointer: u32) -> Option<Memory> {
         let (opcode, operands) = self.defined.get(&pointer)?;
         match (*opcode, *operands) {
             (OP_VARIABLE | OP_FUNCTION_PARAMETER, _) => Some((pointer, None)),

@@ -7,20 +7,20 @@ use glsl_lang::ast::{BinaryOpData as B, Expr, ExprData, FunIdentifierData, Unary
 use super::ty::Ty;
 
 /// Scalar and vector constants by name, and array lengths by [`length_of`] the array's name.
-pub(super) type Constants = HashMap<String, Value>;
+pub(super) type Constants = HashMap<String, ConstantValue>;
 
 /// The value of a constant expression, with GLSL's 32-bit numbers (4.60, 4.1).
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Value {
+pub(super) enum ConstantValue {
     Int(i32),
     Uint(u32),
     Float(f32),
     Bool(bool),
     /// Two to four scalars.
-    Vector(Vec<Value>),
+    Vector(Vec<ConstantValue>),
 }
 
-use Value::{Bool, Float, Int, Uint, Vector};
+use ConstantValue::{Bool, Float, Int, Uint, Vector};
 
 /// The key for an array's length. No name has brackets, so it is unique.
 fn length_of(name: &str) -> String {
@@ -48,7 +48,7 @@ pub(super) fn declare(constants: &mut Constants, name: &str, ty: &Ty, value: Opt
 }
 
 /// Converts the value to `ty`.
-fn converted(value: Value, ty: &Ty) -> Option<Value> {
+fn converted(value: ConstantValue, ty: &Ty) -> Option<ConstantValue> {
     match ty {
         Ty::Scalar(_) | Ty::Vector(..) => call(&ty.name(), &[value]),
         _ => None,
@@ -70,14 +70,14 @@ pub(super) fn integers(expr: &Expr, constants: &Constants) -> Option<Vec<i32>> {
     let Vector(parts) = value(expr, constants)? else {
         return None;
     };
-    let int = |part: Value| match part {
+    let int = |part: ConstantValue| match part {
         Int(n) => Some(n),
         _ => None,
     };
     parts.into_iter().map(int).collect()
 }
 
-fn value(expr: &Expr, constants: &Constants) -> Option<Value> {
+fn value(expr: &Expr, constants: &Constants) -> Option<ConstantValue> {
     let of = |e: &Expr| value(e, constants);
     match &expr.content {
         ExprData::IntConst(i) => Some(Int(*i)),
@@ -116,14 +116,14 @@ fn value(expr: &Expr, constants: &Constants) -> Option<Value> {
                     _ => name.as_ident()?.to_string(),
                 },
             };
-            let values: Option<Vec<Value>> = arguments.iter().map(of).collect();
+            let values: Option<Vec<ConstantValue>> = arguments.iter().map(of).collect();
             call(&name, values?.as_slice())
         }
         _ => None,
     }
 }
 
-fn unary(op: &UnaryOpData, a: Value) -> Option<Value> {
+fn unary(op: &UnaryOpData, a: ConstantValue) -> Option<ConstantValue> {
     Some(match (op, a) {
         (_, Vector(parts)) => {
             let parts: Option<_> = parts.into_iter().map(|p| unary(op, p)).collect();
@@ -141,14 +141,14 @@ fn unary(op: &UnaryOpData, a: Value) -> Option<Value> {
 }
 
 /// `v.x`, `v.rg`.
-fn swizzled(of: Value, names: &str) -> Option<Value> {
+fn swizzled(of: ConstantValue, names: &str) -> Option<ConstantValue> {
     let Vector(parts) = of else { return None };
     let part = |name: char| {
         let sets = ["xyzw", "rgba", "stpq"];
         let at = sets.iter().find_map(|s| s.find(name))?;
         parts.get(at).cloned()
     };
-    let mut chosen: Vec<Value> = names.chars().map(part).collect::<Option<_>>()?;
+    let mut chosen: Vec<ConstantValue> = names.chars().map(part).collect::<Option<_>>()?;
     match chosen.len() {
         1 => chosen.pop(),
         2..=4 => Some(Vector(chosen)),
@@ -157,14 +157,14 @@ fn swizzled(of: Value, names: &str) -> Option<Value> {
 }
 
 /// Converts both values to one type, by GLSL's implicit conversions.
-fn alike(a: Value, b: Value) -> Option<(Value, Value)> {
-    let real = |v: Value| match v {
+fn alike(a: ConstantValue, b: ConstantValue) -> Option<(ConstantValue, ConstantValue)> {
+    let real = |v: ConstantValue| match v {
         Int(n) => Some(Float(n as f32)),
         Uint(n) => Some(Float(n as f32)),
         Float(_) => Some(v),
         Bool(_) | Vector(_) => None,
     };
-    let unsigned = |v: Value| match v {
+    let unsigned = |v: ConstantValue| match v {
         Int(n) => Uint(n as u32),
         other => other,
     };
@@ -175,10 +175,10 @@ fn alike(a: Value, b: Value) -> Option<(Value, Value)> {
     }
 }
 
-fn binary(op: &B, a: Value, b: Value) -> Option<Value> {
+fn binary(op: &B, a: ConstantValue, b: ConstantValue) -> Option<ConstantValue> {
     // Per component; comparing vectors gives one bool.
     let compares = matches!(op, B::Equal | B::NonEqual | B::Lt | B::Gt | B::Lte | B::Gte);
-    let all = |pairs: Vec<(Value, Value)>| {
+    let all = |pairs: Vec<(ConstantValue, ConstantValue)>| {
         let parts: Option<_> = pairs.into_iter().map(|(a, b)| binary(op, a, b)).collect();
         parts.map(Vector)
     };
@@ -192,7 +192,7 @@ fn binary(op: &B, a: Value, b: Value) -> Option<Value> {
     }
 }
 
-fn scalars(op: &B, a: Value, b: Value) -> Option<Value> {
+fn scalars(op: &B, a: ConstantValue, b: ConstantValue) -> Option<ConstantValue> {
     if let B::LShift | B::RShift = op {
         let by = match b {
             Int(n) => u32::try_from(n).ok()?,
@@ -248,7 +248,7 @@ fn scalars(op: &B, a: Value, b: Value) -> Option<Value> {
     }
 }
 
-fn compared<T: PartialOrd>(op: &B, a: &T, b: &T) -> Option<Value> {
+fn compared<T: PartialOrd>(op: &B, a: &T, b: &T) -> Option<ConstantValue> {
     Some(Bool(match op {
         B::Equal => a == b,
         B::NonEqual => a != b,
@@ -260,7 +260,7 @@ fn compared<T: PartialOrd>(op: &B, a: &T, b: &T) -> Option<Value> {
     }))
 }
 
-fn call(name: &str, values: &[Value]) -> Option<Value> {
+fn call(name: &str, values: &[ConstantValue]) -> Option<ConstantValue> {
     let vector = [
         ("bvec", "bool"),
         ("ivec", "int"),
@@ -323,8 +323,8 @@ fn call(name: &str, values: &[Value]) -> Option<Value> {
 
 /// A vector of `n` components of type `of`: from one scalar, from a larger vector, or from values
 /// with `n` components in total (4.60, 5.4.2).
-fn constructed(n: usize, of: &str, values: &[Value]) -> Option<Value> {
-    let mut parts: Vec<Value> = Vec::new();
+fn constructed(n: usize, of: &str, values: &[ConstantValue]) -> Option<ConstantValue> {
+    let mut parts: Vec<ConstantValue> = Vec::new();
     for value in values {
         match value {
             Vector(more) => parts.extend(more.iter().cloned()),
@@ -336,7 +336,7 @@ fn constructed(n: usize, of: &str, values: &[Value]) -> Option<Value> {
         [scalar] => parts = vec![scalar.clone(); n],
         _ => {}
     }
-    let parts: Option<Vec<Value>> = parts.into_iter().map(|p| call(of, &[p])).collect();
+    let parts: Option<Vec<ConstantValue>> = parts.into_iter().map(|p| call(of, &[p])).collect();
     parts
         .filter(|p| (2..=4).contains(&n) && p.len() == n)
         .map(Vector)

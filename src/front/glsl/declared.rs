@@ -6,13 +6,17 @@ use preshade_passes::declared::{
     Block, Chosen, CombinedSampler, Declaration, Declared, Depth, Located, Numbered, Type,
 };
 
-use super::interface::{Interface, Slot, index};
-use super::stage::{FRAG_COORD_Y, Stage, Variable};
+use super::interface::{BindingSlot, Interface, index};
+use super::stage::{FRAG_COORD_Y, GlslStage, Variable};
 use super::ty::{Structs, Ty};
 use crate::front::ClipSpace;
 
 /// Collects the declarations of stages that `interface` has numbered.
-pub(super) fn declared(stages: &[Stage<'_>], interface: &Interface, clip: ClipSpace) -> Declared {
+pub(super) fn declared(
+    stages: &[GlslStage<'_>],
+    interface: &Interface,
+    clip: ClipSpace,
+) -> Declared {
     let mut out = Declared {
         loose: (!interface.uniforms.is_empty()).then(|| binding(interface.uniform_slot)),
         depth: match clip {
@@ -76,12 +80,12 @@ pub(super) fn declared(stages: &[Stage<'_>], interface: &Interface, clip: ClipSp
 }
 
 /// Warnings about code that means something else in the target.
-fn notes(stages: &[Stage<'_>], clip: ClipSpace) -> Vec<String> {
+fn notes(stages: &[GlslStage<'_>], clip: ClipSpace) -> Vec<String> {
     let mut fragment = stages.iter().filter(|s| s.kind == ShaderStage::Fragment);
     let mut out = Vec::new();
     match clip {
         ClipSpace::OpenGl => {
-            let uses = |s: &Stage<'_>, words: &[&str]| words.iter().any(|w| s.used.contains(*w));
+            let uses = |s: &GlslStage<'_>, words: &[&str]| words.iter().any(|w| s.used.contains(*w));
             let Some(stage) = fragment.next() else {
                 return out;
             };
@@ -120,9 +124,9 @@ pub(super) fn as_bound(modules: &[Module]) -> Vec<Numbered> {
 }
 
 /// The author's binding numbers, once for each binding.
-fn numbers(stages: &[Stage<'_>], interface: &Interface) -> Vec<Numbered> {
+fn numbers(stages: &[GlslStage<'_>], interface: &Interface) -> Vec<Numbered> {
     let mut out: Vec<Numbered> = Vec::new();
-    let mut add = |slot: Option<&Slot>, number: Option<u32>| {
+    let mut add = |slot: Option<&BindingSlot>, number: Option<u32>| {
         if let (Some(slot), Some(number)) = (slot, number)
             && out.iter().all(|n| n.binding != binding(*slot))
         {
@@ -148,7 +152,7 @@ fn numbers(stages: &[Stage<'_>], interface: &Interface) -> Vec<Numbered> {
     out
 }
 
-fn binding((group, binding): Slot) -> ResourceBinding {
+fn binding((group, binding): BindingSlot) -> ResourceBinding {
     ResourceBinding { group, binding }
 }
 

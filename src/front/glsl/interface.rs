@@ -11,16 +11,16 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 
 use naga::{Module, ShaderStage, Span, TypeInner};
 
-use super::stage::{Stage, Variable, unsupported};
-use super::ty::{Member, Rules, Struct, Ty};
+use super::stage::{GlslStage, Variable, unsupported};
+use super::ty::{GlslMember, Rules, Struct, Ty};
 use crate::front::error::{Code, Error};
 
 /// Group and binding.
-pub(super) type Slot = (u32, u32);
+pub(super) type BindingSlot = (u32, u32);
 
 /// A combined sampler, split into a texture and a sampler.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Pair {
+pub(super) struct SplitSampler {
     /// The author's type, such as `sampler2D`.
     pub combined: String,
     pub texture: String,
@@ -29,9 +29,9 @@ pub(super) struct Pair {
 
 /// A split sampler with its bindings.
 #[derive(Clone, Debug)]
-pub(super) struct Bound {
-    pub pair: Pair,
-    pub slots: [Slot; 2],
+pub(super) struct BoundSampler {
+    pub pair: SplitSampler,
+    pub slots: [BindingSlot; 2],
     /// The author's binding.
     pub number: Option<u32>,
 }
@@ -39,7 +39,7 @@ pub(super) struct Bound {
 /// A block that is printed without an instance name.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Opened {
-    pub slot: Slot,
+    pub slot: BindingSlot,
     pub instance: String,
     /// Members in order, padding included.
     pub members: Vec<String>,
@@ -74,18 +74,18 @@ impl Opened {
 #[derive(Debug, Default)]
 pub(super) struct Interface {
     /// Loose uniforms of both stages, without samplers.
-    pub uniforms: Vec<Member>,
+    pub uniforms: Vec<GlslMember>,
     /// Structs of these uniforms, which a stage may lack.
     pub structs: Vec<Struct>,
-    pub uniform_slot: Slot,
+    pub uniform_slot: BindingSlot,
     /// Type and instance name of the block of loose uniforms.
     pub uniform_block: [String; 2],
     /// Keyed by path: `map`, `material.diffuse`, `maps[2]`.
-    pub samplers: BTreeMap<String, Bound>,
+    pub samplers: BTreeMap<String, BoundSampler>,
     /// Names of struct copies with another layout in blocks. Key: name, row-major, std430.
-    pub twins: HashMap<(String, bool, bool), String>,
-    pub opaque: HashMap<String, Slot>,
-    pub blocks: HashMap<String, Slot>,
+    pub struct_copies: HashMap<(String, bool, bool), String>,
+    pub opaque: HashMap<String, BindingSlot>,
+    pub blocks: HashMap<String, BindingSlot>,
     /// Locations of inputs and outputs by key, one map per stage.
     pub inputs: [HashMap<String, u32>; 2],
     pub outputs: [HashMap<String, u32>; 2],
@@ -112,7 +112,7 @@ impl Interface {
         name
     }
 
-    pub(super) fn of(stages: &mut [Stage<'_>]) -> Result<Self, Error> {
+    pub(super) fn of(stages: &mut [GlslStage<'_>]) -> Result<Self, Error> {
         let mut out = Self::default();
         for stage in stages.iter() {
             out.names.extend(stage.unit.names.iter().cloned());
@@ -128,7 +128,7 @@ impl Interface {
 
     /// In Vulkan the binding identifies a resource, not the name. Renames resources with one name
     /// and two bindings.
-    fn tell_apart(&mut self, stages: &mut [Stage<'_>]) -> Result<(), Error> {
+    fn tell_apart(&mut self, stages: &mut [GlslStage<'_>]) -> Result<(), Error> {
         let [first, second] = stages else {
             return Ok(());
         };
@@ -142,7 +142,7 @@ impl Interface {
                 block.name = self.fresh(&format!("{}_fragment", block.name));
             }
         }
-        let opaque = |stage: &'_ Stage<'_>| -> Vec<super::stage::Variable> {
+        let opaque = |stage: &'_ GlslStage<'_>| -> Vec<super::stage::Variable> {
             stage
                 .uniforms
                 .iter()
@@ -168,7 +168,7 @@ impl Interface {
         Ok(())
     }
 
-    fn uniforms(&mut self, stages: &mut [Stage<'_>]) -> Result<(), Error> {
+    fn uniforms(&mut self, stages: &mut [GlslStage<'_>]) -> Result<(), Error> {
         let mut declared: HashMap<String, (Ty, Option<Span>)> = HashMap::new();
         for stage in stages.iter_mut() {
             for uniform in &stage.uniforms {
@@ -190,7 +190,7 @@ impl Interface {
                 }
                 declared.insert(uniform.name.clone(), (uniform.ty.clone(), uniform.place));
                 if stage.structs.has_data(&uniform.ty) {
-                    self.uniforms.push(Member {
+                    self.uniforms.push(GlslMember {
                         name: uniform.name.clone(),
                         ty: uniform.ty.clone(),
                         row_major: false,
@@ -247,28 +247,30 @@ impl Interface {
         Ok(())
     }
 
-    fn bindings(&mut self, stages: &[Stage<'_>]) -> Result<(), Error> {
-        let mut taken: HashSet<Slot> = HashSet::new();
+    fn bindings(&mut self, stages: &[GlslStage<'_>]) -> Result<(), Error> {
+        let mut taken: HashSet<BindingSlot> = HashSet::new();
         // The author's bindings take precedence.
         let explicit = |v: &super::stage::Qualifiers| {
             let binding = v.number("binding")?;
             Some((v.number("set").unwrap_or(0), binding))
         };
         // One resource per slot: the same name in both stages, or the same binding and kind.
-        let mut kinds: HashMap<Slot, (usize, String)> = HashMap::new();
-        let mut claim =
-            |stage: usize, kind: &str, slot: Option<Slot>, taken: &mut HashSet<Slot>| {
-                let slot = slot?;
-                match kinds.get(&slot) {
-                    None => {
-                        kinds.insert(slot, (stage, kind.to_owned()));
-                        taken.insert(slot);
-                        Some(slot)
-                    }
-                    Some((other, of)) if *other != stage && of == kind => Some(slot),
-                    Some(_) => None,
+        let mut kinds: HashMap<BindingSlot, (usize, String)> = HashMap::new();
+        let mut claim = |stage: usize,
+                         kind: &str,
+                         slot: Option<BindingSlot>,
+                         taken: &mut HashSet<BindingSlot>| {
+            let slot = slot?;
+            match kinds.get(&slot) {
+                None => {
+                    kinds.insert(slot, (stage, kind.to_owned()));
+                    taken.insert(slot);
+                    Some(slot)
                 }
-            };
+                Some((other, of)) if *other != stage && of == kind => Some(slot),
+                Some(_) => None,
+            }
+        };
         let mut waiting: Vec<(Waiting, u32)> = Vec::new();
         for (at, stage) in stages.iter().enumerate() {
             for block in &stage.blocks {
@@ -328,7 +330,7 @@ impl Interface {
                         }
                     };
                     let sampler = self.fresh(&format!("{texture}_sampler"));
-                    let pair = Pair {
+                    let pair = SplitSampler {
                         combined,
                         texture,
                         sampler,
@@ -340,7 +342,7 @@ impl Interface {
                     let texture = claim(at, &pair.combined, slot, &mut taken);
                     self.samplers.insert(
                         path.clone(),
-                        Bound {
+                        BoundSampler {
                             pair,
                             slots: [texture.unwrap_or((u32::MAX, 0)); 2],
                             number: slot.map(|(_, number)| number),
@@ -381,14 +383,14 @@ impl Interface {
         Ok(())
     }
 
-    fn attributes(&mut self, stages: &[Stage<'_>]) -> Result<(), Error> {
+    fn attributes(&mut self, stages: &[GlslStage<'_>]) -> Result<(), Error> {
         if let Some(vertex) = stages.iter().find(|s| s.kind == ShaderStage::Vertex) {
             self.inputs[0] = numbered(vertex, &vertex.inputs, HashMap::new())?;
         }
         Ok(())
     }
 
-    fn varyings(&mut self, stages: &[Stage<'_>]) -> Result<(), Error> {
+    fn varyings(&mut self, stages: &[GlslStage<'_>]) -> Result<(), Error> {
         let vertex = stages.iter().find(|s| s.kind == ShaderStage::Vertex);
         let fragment = stages.iter().find(|s| s.kind == ShaderStage::Fragment);
         for variable in vertex
@@ -469,7 +471,7 @@ impl Interface {
         Ok(())
     }
 
-    fn targets(&mut self, stages: &[Stage<'_>]) -> Result<(), Error> {
+    fn targets(&mut self, stages: &[GlslStage<'_>]) -> Result<(), Error> {
         if let Some(fragment) = stages.iter().find(|s| s.kind == ShaderStage::Fragment) {
             self.outputs[1] = numbered(fragment, &fragment.outputs, HashMap::new())?;
         }
@@ -484,7 +486,7 @@ enum Waiting {
 }
 
 /// Whether a type contains the struct `name`.
-fn names(ty: &Ty, stage: &Stage<'_>, name: &str) -> bool {
+fn names(ty: &Ty, stage: &GlslStage<'_>, name: &str) -> bool {
     match ty.innermost() {
         Ty::Struct(of) => {
             of == name
@@ -498,7 +500,7 @@ fn names(ty: &Ty, stage: &Stage<'_>, name: &str) -> bool {
 }
 
 /// Adds missing structs of `ty` to a stage, inner ones first.
-fn import(ty: &Ty, all: &[Struct], stage: &mut Stage<'_>) {
+fn import(ty: &Ty, all: &[Struct], stage: &mut GlslStage<'_>) {
     let Ty::Struct(name) = ty.innermost() else {
         return;
     };
@@ -511,6 +513,20 @@ fn import(ty: &Ty, all: &[Struct], stage: &mut Stage<'_>) {
         }
         stage.structs.insert(of.clone());
     }
+}
+
+/// The types of a combined sampler's texture and sampler.
+pub(super) fn split_type(combined: &str) -> [String; 2] {
+    let texture = combined.replacen("sampler", "texture", 1);
+    let sampler = if combined.ends_with("Shadow") {
+        "samplerShadow"
+    } else {
+        "sampler"
+    };
+    [
+        texture.trim_end_matches("Shadow").to_owned(),
+        sampler.to_owned(),
+    ]
 }
 
 /// Converts a path to a name: `lights[1].map` to `lights_1_map`.
@@ -535,7 +551,7 @@ fn refuse_sampler(combined: &str, variable: &Variable) -> Result<(), Error> {
 
 /// Assigns locations to `variables`: their own, those in `given`, then the next free ones.
 fn numbered(
-    stage: &Stage<'_>,
+    stage: &GlslStage<'_>,
     variables: &[Variable],
     given: HashMap<String, u32>,
 ) -> Result<HashMap<String, u32>, Error> {

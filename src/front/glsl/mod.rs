@@ -6,23 +6,23 @@
 //!
 //! `preprocess` runs directives and macros; `syntax` parses; `stage` collects a stage's
 //! declarations; `interface` assigns bindings and locations to both stages; `declared` records the
-//! author's own; `lower` prints; `marks` maps the printed text to the source, and `respan` applies
-//! that map to the module. `gather` adds gathers to the IR.
+//! author's own; `lower` prints; `source_marks` maps the printed text to the source, and `map_spans` applies
+//! that map to the module. `gather_functions` adds gathers to the IR.
 
 mod constant;
 mod declared;
-mod gather;
+mod gather_functions;
 mod include;
 mod interface;
 mod lower;
-mod marks;
+mod map_spans;
+mod parser_messages;
 mod preprocess;
-mod respan;
+mod source_marks;
 mod stage;
 mod syntax;
-mod told;
 mod ty;
-mod writes;
+mod version;
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -36,12 +36,13 @@ use preshade_passes::link::offset;
 use preshade_passes::program::SourceMap;
 
 use self::interface::Interface;
-use self::lower::Given;
-use self::marks::Map;
-use self::stage::Stage;
-use self::syntax::{Dialect, Input};
+use self::lower::BuiltinCall;
+use self::source_marks::Map;
+use self::stage::GlslStage;
+use self::syntax::StageText;
+use self::version::Dialect;
 use super::error::{Code, Error};
-use super::{ClipSpace, Options, lend, promote, returns, switch};
+use super::{ClipSpace, Options, fall_through, global_parameters, inline_main, missing_returns};
 
 /// One stage's text.
 pub(super) struct Text<'a> {
@@ -61,9 +62,9 @@ pub(super) fn parse(
     options: &Options,
     map: &mut SourceMap,
 ) -> Result<(Vec<Module>, Declared), Error> {
-    let as_they_are = || match options.clip_space {
+    let read_by_naga = || match options.clip_space {
         Some(ClipSpace::OpenGl) => None,
-        _ => as_they_are(texts).map(|modules| {
+        _ => read_by_naga(texts).map(|modules| {
             let declared = Declared {
                 numbers: declared::as_bound(&modules),
                 ..Declared::default()
@@ -73,15 +74,15 @@ pub(super) fn parse(
     };
     // We expand macros ourselves: naga's preprocessor does not limit the work.
     let has_macros = !options.defines.is_empty() || texts.iter().any(|t| has_directives(t.text));
-    let lost = has_macros || texts.iter().any(|t| is_evaluated_otherwise(t.text));
-    if !lost && let Some(read) = as_they_are() {
+    let lost = has_macros || texts.iter().any(|t| is_misread_by_naga(t.text));
+    if !lost && let Some(read) = read_by_naga() {
         return Ok(read);
     }
     let rewritten = rewritten(texts, options, map);
     match lost && !has_macros {
         // If we cannot rewrite the text, naga's own reading is better than none.
         true => rewritten.or_else(|e| match e.code() {
-            Code::Unsupported => as_they_are().ok_or(e),
+            Code::Unsupported => read_by_naga().ok_or(e),
             _ => Err(e),
         }),
         false => rewritten,
@@ -90,13 +91,13 @@ pub(super) fn parse(
 
 /// Whether naga accepts the text but changes its meaning: short-circuit operators, `do` loops,
 /// array layers, fetch offsets, written parameters.
-fn is_evaluated_otherwise(text: &str) -> bool {
+fn is_misread_by_naga(text: &str) -> bool {
     let marks = ["&&", "||", "Array", "texelFetchOffset"];
     let mut words = text.split(|c: char| !c.is_alphanumeric() && c != '_');
     marks.iter().any(|m| text.contains(m))
         || words.any(|w| w == "do" || w == "inout")
         || writes_parameters(text)
-        || does_something_in_an_index(text)
+        || has_effect_in_index(text)
 }
 
 /// Whether the text has directives other than `#version` and `#extension`. naga's preprocessor does
@@ -117,7 +118,7 @@ fn writes_parameters(text: &str) -> bool {
 }
 
 /// Whether an index has side effects: naga evaluates the index of a target twice.
-fn does_something_in_an_index(text: &str) -> bool {
+fn has_effect_in_index(text: &str) -> bool {
     text.split('[').skip(1).any(|rest| {
         let inside = rest.split(']').next().unwrap_or("");
         inside.contains("++") || inside.contains("--") || inside.contains(['(', '='])
@@ -136,9 +137,9 @@ fn rewritten(
         .map(|(rewritten, text)| {
             let place = |span: Span| rewritten.map.back(span);
             let mut module = read(&rewritten.text, text.stage, &place, &rewritten.given)?;
-            gather::replace(&mut module, &rewritten.gathers);
+            gather_functions::replace(&mut module, &rewritten.gathers);
             rewritten.opened.iter().for_each(|o| o.close(&mut module));
-            respan::respan(&mut module, &place);
+            map_spans::map_spans(&mut module, &place);
             finish(&mut module, text.stage);
             Ok(module)
         })
@@ -163,7 +164,7 @@ fn units(
     let mut units = Vec::new();
     for text in texts {
         units.push(syntax::parse(
-            &Input {
+            &StageText {
                 text: text.text,
                 stage: text.stage,
                 path: Path::new(text.name),
@@ -182,7 +183,7 @@ pub(super) struct Normalised {
     pub text: String,
     map: Map,
     opened: Vec<interface::Opened>,
-    given: Vec<Given>,
+    given: Vec<BuiltinCall>,
     /// Placeholder functions for gathers, with their components.
     gathers: HashMap<String, u32>,
 }
@@ -196,7 +197,7 @@ pub(super) fn normalise(
     let units = units(texts, options, map)?;
     let mut stages = Vec::new();
     for (unit, text) in units.iter().zip(texts) {
-        stages.push(Stage::collect(unit, text.stage)?);
+        stages.push(GlslStage::collect(unit, text.stage)?);
     }
     let clip = options.clip_space.unwrap_or_else(|| clip_space(&stages));
     let mut interface = Interface::of(&mut stages)?;
@@ -220,7 +221,7 @@ pub(super) fn normalise(
 
 /// Guesses the clip space: OpenGL's, unless the text is Vulkan's GLSL, which has explicit bindings
 /// and no loose uniforms.
-fn clip_space(stages: &[Stage<'_>]) -> ClipSpace {
+fn clip_space(stages: &[GlslStage<'_>]) -> ClipSpace {
     let opengl = stages.iter().any(|s| {
         let Dialect { version, es } = s.unit.dialect;
         let loose = s
@@ -237,7 +238,7 @@ fn clip_space(stages: &[Stage<'_>]) -> ClipSpace {
 }
 
 /// naga's own modules, if it reads all texts correctly.
-fn as_they_are(texts: &[Text<'_>]) -> Option<Vec<Module>> {
+fn read_by_naga(texts: &[Text<'_>]) -> Option<Vec<Module>> {
     let modules: Option<Vec<Module>> = texts
         .iter()
         .map(|text| {
@@ -268,7 +269,7 @@ fn as_they_are(texts: &[Text<'_>]) -> Option<Vec<Module>> {
             if !is_valid(&module) || is_mixed || !is_laid_out(&module) {
                 return None;
             }
-            respan::respan(&mut module, &|span| offset(span, text.base));
+            map_spans::map_spans(&mut module, &|span| offset(span, text.base));
             finish(&mut module, text.stage);
             Some(module)
         })
@@ -310,7 +311,7 @@ fn read(
     text: &str,
     stage: ShaderStage,
     place: &dyn Fn(Span) -> Span,
-    given: &[Given],
+    given: &[BuiltinCall],
 ) -> Result<Module, Error> {
     Frontend::default()
         .parse(&NagaOptions::from(stage), text)
@@ -320,10 +321,10 @@ fn read(
                 return Error::new(Code::Parse, "the GLSL parser failed without a message");
             };
             let at = place(first.meta);
-            let called = |g: &&Given| {
+            let called = |g: &&BuiltinCall| {
                 let name = format!("`{}`", g.name);
                 let meets = g.place.to_range().zip(at.to_range());
-                told::told(&first.kind).contains(&name)
+                parser_messages::message(&first.kind).contains(&name)
                     && meets.is_some_and(|(a, b)| a.start < b.end && b.start < a.end)
             };
             let message = match given.iter().find(called) {
@@ -331,11 +332,11 @@ fn read(
                     let types: Vec<String> = given.types.iter().map(ty::Ty::spelled).collect();
                     format!("no `{}` takes ({})", given.name, types.join(", "))
                 }
-                None => told::told(&first.kind),
+                None => parser_messages::message(&first.kind),
             };
             let error = Error::new(Code::Parse, message).label(at, "");
             all.fold(error, |error, other| {
-                error.label(place(other.meta), told::told(&other.kind))
+                error.label(place(other.meta), parser_messages::message(&other.kind))
             })
         })
 }
@@ -349,12 +350,12 @@ fn finish(module: &mut Module, stage: ShaderStage) {
     for entry in &mut module.entry_points {
         entry.name = name.to_owned();
     }
-    switch::write_out_fall_through(module);
+    fall_through::remove(module);
     // Leave an invalid module unchanged for the validator's message.
     if is_valid(module) {
-        lend::lend(module);
-        promote::promote(module);
-        returns::complete(module);
+        global_parameters::pass_globals(module);
+        inline_main::inline_main(module);
+        missing_returns::add(module);
     }
 }
 
@@ -407,7 +408,7 @@ pub(super) fn tree(
     text: &Text<'_>,
     map: &mut SourceMap,
 ) -> Result<glsl_lang::ast::TranslationUnit, Error> {
-    let input = Input {
+    let input = StageText {
         text: text.text,
         stage: text.stage,
         path: Path::new(text.name),
@@ -424,7 +425,7 @@ pub(super) fn vertex_stage_for(
     map: &mut SourceMap,
 ) -> Result<String, Error> {
     let unit = syntax::parse(
-        &Input {
+        &StageText {
             text: text.text,
             stage: text.stage,
             path: Path::new(text.name),
@@ -433,7 +434,7 @@ pub(super) fn vertex_stage_for(
         },
         map,
     )?;
-    let stage = Stage::collect(&unit, ShaderStage::Fragment)?;
+    let stage = GlslStage::collect(&unit, ShaderStage::Fragment)?;
     let mut out = "#version 450\n".to_owned();
     for name in &stage.structs.order {
         let made = |v: &stage::Variable| matches!(v.ty.innermost(), ty::Ty::Struct(n) if n == name);

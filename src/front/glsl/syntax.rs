@@ -22,63 +22,12 @@ use preshade_passes::program::SourceMap;
 
 use super::include::Files;
 use super::preprocess::{Preprocessed, Task, preprocess};
+use super::version::Dialect;
 use crate::front::error::{Code, Error};
 use crate::front::{ClipSpace, Language, Options, nesting};
 
 /// Maximum tokens of a stage after macro expansion.
 const TOKENS: usize = 1 << 20;
-
-/// GLSL version and profile.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Dialect {
-    /// 100 to 460. See [`Dialect::of`] for a text without `#version`.
-    pub version: u16,
-    pub es: bool,
-}
-
-impl Dialect {
-    /// Reads `#version`. Without one, WebGL assumes GLSL ES 1.00 and OpenGL GLSL 1.10; both are
-    /// read alike.
-    pub(super) fn of(text: &str, path: &Path) -> Self {
-        let line = text
-            .lines()
-            .map(str::trim)
-            .find_map(|l| l.strip_prefix('#')?.trim_start().strip_prefix("version"));
-        let mut words = line.unwrap_or("").split_whitespace();
-        let version = words
-            .next()
-            .and_then(|v| v.parse().ok())
-            // RetroArch's shaders may have it in an included file.
-            .unwrap_or(match path.extension().is_some_and(|e| e == "slang") {
-                true => 450,
-                false => 110,
-            });
-        let es = version == 100 || words.next() == Some("es");
-        Self { version, es }
-    }
-
-    /// The name of a token that is a keyword only in later versions.
-    fn name(self, token: &Token) -> Option<&'static str> {
-        let before = |es: u16, desktop: u16| self.version < if self.es { es } else { desktop };
-        let (name, is_name) = match token {
-            Token::Sample => ("sample", before(320, 400)),
-            Token::Patch => ("patch", before(320, 400)),
-            Token::Precise => ("precise", before(320, 400)),
-            Token::Buffer => ("buffer", before(310, 430)),
-            Token::Shared => ("shared", before(310, 430)),
-            Token::Coherent => ("coherent", before(310, 420)),
-            Token::Volatile => ("volatile", before(310, 420)),
-            Token::Restrict => ("restrict", before(310, 420)),
-            Token::ReadOnly => ("readonly", before(310, 420)),
-            Token::WriteOnly => ("writeonly", before(310, 420)),
-            Token::Subroutine => ("subroutine", before(320, 400)),
-            Token::Smooth => ("smooth", before(300, 130)),
-            Token::NoPerspective => ("noperspective", before(320, 130)),
-            _ => return None,
-        };
-        is_name.then_some(name)
-    }
-}
 
 /// A stage's syntax tree and its source map.
 pub(super) struct Unit {
@@ -121,7 +70,7 @@ fn joined(first: Span, last: Span) -> Span {
 }
 
 /// One stage's text and how to read it.
-pub(super) struct Input<'a> {
+pub(super) struct StageText<'a> {
     pub text: &'a str,
     pub stage: ShaderStage,
     /// The file, for relative includes.
@@ -132,7 +81,7 @@ pub(super) struct Input<'a> {
 }
 
 /// Preprocesses and parses a stage. Adds included files to `map`.
-pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Error> {
+pub(super) fn parse(input: &StageText<'_>, map: &mut SourceMap) -> Result<Unit, Error> {
     let dialect = Dialect::of(input.text, input.path);
     // In other dialects these names of Vulkan's textures are functions.
     let old = ["texture2D(", "textureCube(", "texture2D (", "texture3D("];
@@ -143,7 +92,7 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
     let folder = input.path.parent().unwrap_or(Path::new(""));
     let files = Files::new(input.options);
     // The lexer knows Vulkan's types since 4.60.
-    let said_version = if vulkan { 460 } else { dialect.version };
+    let printed_version = if vulkan { 460 } else { dialect.version };
     let task = Task {
         text: input.text,
         stage: input.stage,
@@ -153,7 +102,7 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
         defines: &input.options.defines,
         vulkan: input.options.clip_space == Some(ClipSpace::AsWritten)
             || input.path.extension().is_some_and(|e| e == "slang"),
-        said_version,
+        printed_version,
     };
     let preprocessed = preprocess(&task, &files, map);
     for path in files.absent.borrow().iter() {
@@ -170,7 +119,7 @@ pub(super) fn parse(input: &Input<'_>, map: &mut SourceMap) -> Result<Unit, Erro
         .open_source(text, Path::new(""))
         .with_state(state(dialect));
     let options = ParseOptions {
-        default_version: said_version,
+        default_version: printed_version,
         target_vulkan: vulkan,
         ..ParseOptions::default()
     };

@@ -6,7 +6,7 @@ use naga::Span;
 
 /// The component type of a scalar, vector or matrix.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum Component {
     Bool,
     Int,
     Uint,
@@ -14,7 +14,7 @@ pub(super) enum Kind {
     Double,
 }
 
-impl Kind {
+impl Component {
     /// The prefix of vector names.
     fn prefix(self) -> &'static str {
         match self {
@@ -52,10 +52,10 @@ impl Kind {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Ty {
     Void,
-    Scalar(Kind),
-    Vector(Kind, u8),
+    Scalar(Component),
+    Vector(Component, u8),
     /// Columns and rows.
-    Matrix(Kind, u8, u8),
+    Matrix(Component, u8, u8),
     /// Outermost dimension first. `None`: unsized.
     Array(Box<Ty>, Option<u32>),
     /// By name in [`Structs`].
@@ -69,26 +69,32 @@ pub(super) enum Ty {
 }
 
 impl Ty {
-    pub(super) const FLOAT: Self = Self::Scalar(Kind::Float);
-    pub(super) const INT: Self = Self::Scalar(Kind::Int);
-    pub(super) const UINT: Self = Self::Scalar(Kind::Uint);
-    pub(super) const BOOL: Self = Self::Scalar(Kind::Bool);
+    pub(super) const FLOAT: Self = Self::Scalar(Component::Float);
+    pub(super) const INT: Self = Self::Scalar(Component::Int);
+    pub(super) const UINT: Self = Self::Scalar(Component::Uint);
+    pub(super) const BOOL: Self = Self::Scalar(Component::Bool);
 
     /// The built-in type of that name.
     pub(super) fn named(name: &str) -> Self {
         let scalar = match name {
             "void" => return Self::Void,
-            "bool" => Some(Kind::Bool),
-            "int" => Some(Kind::Int),
-            "uint" => Some(Kind::Uint),
-            "float" => Some(Kind::Float),
-            "double" => Some(Kind::Double),
+            "bool" => Some(Component::Bool),
+            "int" => Some(Component::Int),
+            "uint" => Some(Component::Uint),
+            "float" => Some(Component::Float),
+            "double" => Some(Component::Double),
             _ => None,
         };
         if let Some(kind) = scalar {
             return Self::Scalar(kind);
         }
-        for kind in [Kind::Bool, Kind::Int, Kind::Uint, Kind::Double, Kind::Float] {
+        for kind in [
+            Component::Bool,
+            Component::Int,
+            Component::Uint,
+            Component::Double,
+            Component::Float,
+        ] {
             if let Some(rest) = name.strip_prefix(kind.prefix()) {
                 let digit = |s: &str| s.parse::<u8>().ok().filter(|n| (2..=4).contains(n));
                 if let Some(size) = rest.strip_prefix("vec").and_then(digit) {
@@ -114,15 +120,15 @@ impl Ty {
         Self::Opaque(name.to_owned())
     }
 
-    /// A vector of `size` components, or a scalar for 1.
-    pub(super) fn vector(kind: Kind, size: u8) -> Self {
+    /// A vector of `module_size` components, or a scalar for 1.
+    pub(super) fn vector(kind: Component, size: u8) -> Self {
         match size {
             1 => Self::Scalar(kind),
             _ => Self::Vector(kind, size),
         }
     }
 
-    pub(super) fn kind(&self) -> Option<Kind> {
+    pub(super) fn kind(&self) -> Option<Component> {
         match self {
             Self::Scalar(k) | Self::Vector(k, _) | Self::Matrix(k, ..) => Some(*k),
             _ => None,
@@ -130,7 +136,7 @@ impl Ty {
     }
 
     /// The same shape with another component type.
-    pub(super) fn with_kind(&self, kind: Kind) -> Self {
+    pub(super) fn with_kind(&self, kind: Component) -> Self {
         match self {
             Self::Scalar(_) => Self::Scalar(kind),
             Self::Vector(_, n) => Self::Vector(kind, *n),
@@ -204,7 +210,7 @@ impl Ty {
 
 /// A member of a struct or block.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Member {
+pub(super) struct GlslMember {
     pub name: String,
     pub ty: Ty,
     /// `layout(row_major)`.
@@ -216,23 +222,23 @@ pub(super) struct Member {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Struct {
     pub name: String,
-    pub members: Vec<Member>,
+    pub members: Vec<GlslMember>,
     /// The struct is used in a uniform block, so its members have [`stored`] types.
-    pub hosted: bool,
+    pub in_uniform_block: bool,
     /// The std430 copy of a struct. It is never padded.
     pub tight: bool,
 }
 
 /// The layout of a value in memory, where it differs from the computed value.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Lay {
+pub(super) struct MemoryLayout {
     /// The layout rules of the enclosing block. `None`: not in a block.
     pub rules: Option<Rules>,
     /// Row-major: matrices are declared transposed.
     pub rows: bool,
 }
 
-impl Lay {
+impl MemoryLayout {
     pub(super) fn by(rules: Rules) -> Self {
         Self {
             rules: Some(rules),
@@ -246,7 +252,7 @@ impl Lay {
     }
 
     /// Whether the rules are std430.
-    pub(super) fn is_tight(self) -> bool {
+    pub(super) fn is_std430(self) -> bool {
         matches!(self.rules, Some(Rules::Std430 | Rules::Std430Struct))
     }
 
@@ -331,31 +337,34 @@ impl Structs {
 
     /// Whether naga's layout of the declared type matches std430. naga lays structs out by std140,
     /// and structs that are also in a uniform block have padding and [`stored`] members.
-    pub(super) fn is_tight(&self, ty: &Ty) -> bool {
+    pub(super) fn is_std430(&self, ty: &Ty) -> bool {
         match ty {
-            Ty::Scalar(kind) | Ty::Vector(kind, _) => *kind != Kind::Bool,
+            Ty::Scalar(kind) | Ty::Vector(kind, _) => *kind != Component::Bool,
             Ty::Matrix(_, _, rows) => *rows != 2,
             Ty::Array(of, _) => {
                 let stride = |(align, size): (u32, u32)| size.next_multiple_of(align);
                 let (align, size) = self.std140(of);
-                self.is_tight(of) && stride((align.max(16), size)) == stride(self.std430(of))
+                self.is_std430(of) && stride((align.max(16), size)) == stride(self.std430(of))
             }
             Ty::Struct(name) => self.get(name).is_none_or(|s| {
-                let padded = || self.laid_out(&s.members, true).contains(&Entry::Padding);
-                s.members.iter().all(|m| self.is_tight(&m.ty)) && !(s.hosted && padded())
+                let padded = || {
+                    self.laid_out(&s.members, true)
+                        .contains(&BlockEntry::Padding)
+                };
+                s.members.iter().all(|m| self.is_std430(&m.ty)) && !(s.in_uniform_block && padded())
             }),
             _ => true,
         }
     }
 
-    /// Marks the structs of a uniform's type as `hosted`.
+    /// Marks the structs of a uniform's type as `in_uniform_block`.
     pub(super) fn host(&mut self, ty: &Ty) {
         let Ty::Struct(name) = ty.innermost() else {
             return;
         };
         let members = match self.by_name.get_mut(name) {
-            Some(of) if !of.hosted => {
-                of.hosted = true;
+            Some(of) if !of.in_uniform_block => {
+                of.in_uniform_block = true;
                 of.members.clone()
             }
             _ => return,
@@ -438,8 +447,8 @@ impl Structs {
 
 /// A declared entry of a struct or block.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Entry<'a> {
-    Member(&'a Member),
+pub(super) enum BlockEntry<'a> {
+    Member(&'a GlslMember),
     /// An unused float.
     Padding,
 }
@@ -452,8 +461,8 @@ impl Structs {
 
     /// The same for row-major or column-major matrices.
     pub(super) fn std140_by(&self, ty: &Ty, by_rows: bool) -> (u32, u32) {
-        let width = |k: &Kind| if *k == Kind::Double { 8 } else { 4 };
-        let vector = |k: &Kind, n: u8| {
+        let width = |k: &Component| if *k == Component::Double { 8 } else { 4 };
+        let vector = |k: &Component, n: u8| {
             (
                 width(k) * [1, 2, 4, 4][usize::from(n) - 1],
                 width(k) * u32::from(n),
@@ -548,7 +557,11 @@ impl Structs {
 
     /// The data members with the padding that struct alignment needs. `whole` also pads the end to
     /// 16 bytes.
-    pub(super) fn laid_out<'a>(&self, members: &'a [Member], whole: bool) -> Vec<Entry<'a>> {
+    pub(super) fn laid_out<'a>(
+        &self,
+        members: &'a [GlslMember],
+        whole: bool,
+    ) -> Vec<BlockEntry<'a>> {
         let mut out = Vec::new();
         let mut end = 0u32;
         let mut largest = 4;
@@ -558,14 +571,14 @@ impl Structs {
             let naga = self.naga_align(&member.ty);
             largest = largest.max(naga);
             if end.next_multiple_of(naga) != at {
-                out.extend((0..(at - end) / 4).map(|_| Entry::Padding));
+                out.extend((0..(at - end) / 4).map(|_| BlockEntry::Padding));
             }
-            out.push(Entry::Member(member));
+            out.push(BlockEntry::Member(member));
             end = at + size;
         }
         if whole && largest < 16 {
             let rest = end.next_multiple_of(16) - end;
-            out.extend((0..rest / 4).map(|_| Entry::Padding));
+            out.extend((0..rest / 4).map(|_| BlockEntry::Padding));
         }
         out
     }
@@ -583,37 +596,38 @@ impl Structs {
     }
 
     /// Whether the stored type differs from the computed type.
-    pub(super) fn lies_otherwise(&self, ty: &Ty, lay: Lay) -> bool {
+    pub(super) fn is_converted(&self, ty: &Ty, lay: MemoryLayout) -> bool {
         let otherwise = lay.stored(ty) != *ty;
         otherwise
             || match ty {
                 Ty::Matrix(..) => lay.rows,
-                Ty::Array(of, _) => self.lies_otherwise(of, lay),
+                Ty::Array(of, _) => self.is_converted(of, lay),
                 Ty::Struct(_) => {
-                    lay.rows && self.has_matrices(ty) || lay.is_tight() && !self.is_tight(ty)
+                    lay.rows && self.has_matrices(ty) || lay.is_std430() && !self.is_std430(ty)
                 }
                 _ => false,
             }
     }
 
     /// The layout of a member of a struct with this layout.
-    pub(super) fn member_lay(&self, name: &str, lay: Lay) -> Lay {
-        let hosted = self.get(name).is_some_and(|s| s.hosted);
-        Lay {
-            rules: match lay.is_tight() {
+    pub(super) fn member_lay(&self, name: &str, lay: MemoryLayout) -> MemoryLayout {
+        let in_uniform_block = self.get(name).is_some_and(|s| s.in_uniform_block);
+        MemoryLayout {
+            rules: match lay.is_std430() {
                 true => Some(Rules::Std430Struct),
-                false => hosted.then_some(Rules::Std140),
+                false => in_uniform_block.then_some(Rules::Std140),
             },
             ..lay
         }
     }
 
-    /// Marks structs as `hosted` that naga always lays out as in a block: those with arrays of
+    /// Marks structs as `in_uniform_block` that naga always lays out as in a block: those with arrays of
     /// small elements or two-row matrices.
-    pub(super) fn host_small(&mut self) {
+    pub(super) fn mark_small_elements(&mut self) {
         for of in self.by_name.values_mut().filter(|of| !of.tight) {
-            of.hosted |= of.members.iter().any(|m| {
-                !matches!(m.ty.kind(), Some(Kind::Bool)) && stored(&m.ty, Rules::Std140) != m.ty
+            of.in_uniform_block |= of.members.iter().any(|m| {
+                !matches!(m.ty.kind(), Some(Component::Bool))
+                    && stored(&m.ty, Rules::Std140) != m.ty
             });
         }
     }
@@ -632,9 +646,9 @@ pub(super) enum Rules {
 
 /// The declared type of a value in a block, with the same offsets.
 pub(super) fn stored(ty: &Ty, rules: Rules) -> Ty {
-    fn of_kind(kind: Kind) -> Kind {
+    fn of_kind(kind: Component) -> Component {
         match kind {
-            Kind::Bool => Kind::Uint,
+            Component::Bool => Component::Uint,
             other => other,
         }
     }
@@ -648,9 +662,9 @@ pub(super) fn stored(ty: &Ty, rules: Rules) -> Ty {
             };
             Ty::Array(Box::new(element), *n)
         }
-        Ty::Matrix(Kind::Float, columns, 2) if rules != Rules::Std430 => {
+        Ty::Matrix(Component::Float, columns, 2) if rules != Rules::Std430 => {
             let column = if rules == Rules::Std140 { 4 } else { 2 };
-            let column = Ty::Vector(Kind::Float, column);
+            let column = Ty::Vector(Component::Float, column);
             Ty::Array(Box::new(column), Some(u32::from(*columns)))
         }
         Ty::Scalar(k) => Ty::Scalar(of_kind(*k)),

@@ -10,7 +10,7 @@ use serde::Deserialize;
 
 use super::accessors::{self, Cost};
 use super::{Builder, bounds, merged, positions, transformed};
-use crate::front::guard;
+use crate::panics;
 use crate::scene::{Error, Mesh, Stream};
 
 /// A part of a glTF file.
@@ -58,7 +58,7 @@ impl Gltf {
         take: &dyn Fn(u64, u64) -> Result<(), Error>,
     ) -> Result<Rigged, Error> {
         // The glTF crate may panic on errors that the checks below miss.
-        guard::run(|| self.loaded(name, read, take)).unwrap_or_else(|panicked| {
+        panics::run(|| self.loaded(name, read, take)).unwrap_or_else(|panicked| {
             Err(Error::new(format!(
                 "`{}`: the crate that reads glTF panicked: {panicked}",
                 self.file

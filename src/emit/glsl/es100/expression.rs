@@ -6,7 +6,7 @@ use glsl_lang::ast::{
 };
 use naga::ShaderStage;
 
-use super::{Result, Rewrite, Sampler, lacks, types};
+use super::{Es100, Result, Sampler, lacks, types};
 
 /// Float functions that both languages share (GLSL ES 1.00, chapter 8).
 const FLOATS: [&str; 33] = [
@@ -75,7 +75,7 @@ const BUILTINS: [&str; 7] = [
 const DERIVATIVES: &str = "GL_OES_standard_derivatives";
 const LEVELS: &str = "GL_EXT_shader_texture_lod";
 
-impl Rewrite {
+impl Es100 {
     pub(super) fn expression(&mut self, expression: &mut ast::Expr) -> Result<()> {
         if let Some(condition) = self.tested(expression) {
             *expression = condition;

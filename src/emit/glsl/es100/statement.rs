@@ -6,13 +6,13 @@ use glsl_lang::ast::{
     SelectionRestStatementData, StatementData,
 };
 
-use super::counted::{self, Entered};
-use super::{Result, Rewrite, lacks, types};
+use super::loop_bounds::{self, Entered};
+use super::{Es100, Result, lacks, types};
 
-impl Rewrite {
-    /// Converts a list of statements. `counted` analyses the whole list for loop counters.
+impl Es100 {
+    /// Converts a list of statements. `loop_bounds` analyses the whole list for loop counters.
     pub(super) fn statements(&mut self, list: Vec<ast::Statement>) -> Result<Vec<ast::Statement>> {
-        let known = counted::Known::of(&list, &self.functions);
+        let known = loop_bounds::Known::of(&list, &self.functions);
         self.indices.clear();
         self.block(list, &known)
     }
@@ -20,7 +20,7 @@ impl Rewrite {
     fn block(
         &mut self,
         list: Vec<ast::Statement>,
-        known: &counted::Known,
+        known: &loop_bounds::Known,
     ) -> Result<Vec<ast::Statement>> {
         let mut out = Vec::with_capacity(list.len());
         for statement in list {
@@ -29,7 +29,11 @@ impl Rewrite {
         Ok(out)
     }
 
-    fn one(&mut self, statement: ast::Statement, known: &counted::Known) -> Result<ast::Statement> {
+    fn one(
+        &mut self,
+        statement: ast::Statement,
+        known: &loop_bounds::Known,
+    ) -> Result<ast::Statement> {
         let mut list = self.block(vec![statement], known)?;
         Ok(match (list.pop(), list.is_empty()) {
             (Some(one), true) => one,
@@ -43,7 +47,7 @@ impl Rewrite {
     fn statement(
         &mut self,
         mut statement: ast::Statement,
-        known: &counted::Known,
+        known: &loop_bounds::Known,
         out: &mut Vec<ast::Statement>,
     ) -> Result<()> {
         match &mut *statement {
@@ -112,7 +116,7 @@ impl Rewrite {
     fn turned(
         &mut self,
         mut body: ast::Statement,
-        known: &counted::Known,
+        known: &loop_bounds::Known,
         ahead: &[ast::Statement],
     ) -> Result<ast::Statement> {
         let Some(counted) = known.loop_of(&body, ahead, self.entered) else {
@@ -137,11 +141,11 @@ impl Rewrite {
             }
         }
         (self.indices, self.entered) = outside;
-        Ok(counted::bounded(&turn, counted.turns, compound(inner)))
+        Ok(loop_bounds::bounded(&turn, counted.turns, compound(inner)))
     }
 
     /// Records whether a temporary only uses constants and loop counters.
-    fn note_index(&mut self, head: &ast::SingleDeclaration, known: &counted::Known) {
+    fn note_index(&mut self, head: &ast::SingleDeclaration, known: &loop_bounds::Known) {
         let Some(name) = &head.name else { return };
         let index = match head.initializer.as_deref() {
             Some(InitializerData::Simple(value)) if known.is_temporary(name.as_str()) => {

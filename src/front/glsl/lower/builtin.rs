@@ -1,6 +1,6 @@
 //! Built-in functions: names and result types.
 
-use super::super::ty::{Kind, Ty};
+use super::super::ty::{Component, Ty};
 
 /// Functions that naga's front end knows. An author's function of such a name is renamed, because
 /// naga would confuse them.
@@ -115,10 +115,10 @@ pub(super) fn is_known(name: &str) -> bool {
 /// The result type of a built-in function without textures.
 pub(super) fn result(name: &str, arguments: &[Ty]) -> Ty {
     let first = arguments.first().cloned().unwrap_or(Ty::Unknown);
-    let bools = |ty: &Ty| ty.with_kind(Kind::Bool);
+    let bools = |ty: &Ty| ty.with_kind(Component::Bool);
     match name {
         "length" | "distance" | "dot" | "determinant" => match first.kind() {
-            Some(Kind::Double) => Ty::Scalar(Kind::Double),
+            Some(Component::Double) => Ty::Scalar(Component::Double),
             _ => Ty::FLOAT,
         },
         "all" | "any" => Ty::BOOL,
@@ -132,18 +132,18 @@ pub(super) fn result(name: &str, arguments: &[Ty]) -> Ty {
             (Ty::Vector(k, rows), Some(Ty::Vector(_, columns))) => Ty::Matrix(*k, *columns, *rows),
             _ => Ty::Unknown,
         },
-        "floatBitsToInt" | "bitCount" | "findLSB" | "findMSB" => first.with_kind(Kind::Int),
+        "floatBitsToInt" | "bitCount" | "findLSB" | "findMSB" => first.with_kind(Component::Int),
         "bitfieldExtract" | "bitfieldInsert" | "bitfieldReverse" | "ldexp" => first,
-        "floatBitsToUint" => first.with_kind(Kind::Uint),
-        "intBitsToFloat" | "uintBitsToFloat" => first.with_kind(Kind::Float),
+        "floatBitsToUint" => first.with_kind(Component::Uint),
+        "intBitsToFloat" | "uintBitsToFloat" => first.with_kind(Component::Float),
         "packSnorm4x8" | "packUnorm4x8" | "packSnorm2x16" | "packUnorm2x16" | "packHalf2x16" => {
             Ty::UINT
         }
-        "unpackSnorm4x8" | "unpackUnorm4x8" => Ty::Vector(Kind::Float, 4),
-        "unpackSnorm2x16" | "unpackUnorm2x16" | "unpackHalf2x16" => Ty::Vector(Kind::Float, 2),
+        "unpackSnorm4x8" | "unpackUnorm4x8" => Ty::Vector(Component::Float, 4),
+        "unpackSnorm2x16" | "unpackUnorm2x16" | "unpackHalf2x16" => Ty::Vector(Component::Float, 2),
         "step" | "smoothstep" => match arguments.last() {
-            Some(last) if last.kind() == Some(Kind::Double) => last.clone(),
-            Some(last) => last.with_kind(Kind::Float),
+            Some(last) if last.kind() == Some(Component::Double) => last.clone(),
+            Some(last) => last.with_kind(Component::Float),
             None => Ty::Unknown,
         },
         "imageLoad" | "imageSize" | "subpassLoad" => Ty::Unknown,
@@ -164,8 +164,8 @@ pub(super) fn result(name: &str, arguments: &[Ty]) -> Ty {
                 .unwrap_or(Ty::Unknown);
             match (name, kind) {
                 // Float functions convert integers: `mod(x, 8)`.
-                (_, Some(Kind::Int | Kind::Uint)) if is_of_floats(name) => {
-                    widest.with_kind(Kind::Float)
+                (_, Some(Component::Int | Component::Uint)) if is_of_floats(name) => {
+                    widest.with_kind(Component::Float)
                 }
                 (_, Some(k)) if is_of_floats(name) => widest.with_kind(k),
                 // `mix` with a bool selector has the type of the others.

@@ -2,14 +2,14 @@
 
 use glsl_lang::ast::{self, Expr, ExprData, FunIdentifierData};
 
-use super::super::interface::Pair;
-use super::super::marks::unmarked;
+use super::super::interface::SplitSampler;
+use super::super::source_marks::unmarked;
 use super::super::stage::{Signature, Storage, spelled, unsupported};
-use super::super::ty::{Entry, Kind, Lay, Ty};
+use super::super::ty::{BlockEntry, Component, MemoryLayout, Ty};
 use super::effect::{Argument, after};
 use super::expression::{Ex, level};
-use super::overload::{Choice, choose};
-use super::{Given, Lower, builtin, texture};
+use super::overload::{OverloadChoice, choose};
+use super::{BuiltinCall, Lower, builtin, texture};
 use crate::front::error::Error;
 
 impl Lower<'_, '_> {
@@ -78,7 +78,7 @@ impl Lower<'_, '_> {
                     format!("{name}({}, {})", texture.text, sampler.text),
                     ty.clone(),
                 );
-                ex.pair = Some(Pair {
+                ex.pair = Some(SplitSampler {
                     combined: name.clone(),
                     texture: texture.text.clone(),
                     sampler: sampler.text.clone(),
@@ -90,16 +90,16 @@ impl Lower<'_, '_> {
                     .stage
                     .structs
                     .get(name)
-                    .map(|s| (s.hosted, s.members.clone()));
-                let (hosted, members) = members.unwrap_or_default();
-                let entries = match hosted {
+                    .map(|s| (s.in_uniform_block, s.members.clone()));
+                let (in_uniform_block, members) = members.unwrap_or_default();
+                let entries = match in_uniform_block {
                     true => self.stage.structs.laid_out(&members, true),
-                    false => members.iter().map(Entry::Member).collect(),
+                    false => members.iter().map(BlockEntry::Member).collect(),
                 };
                 let (mut first, mut parts) = (Vec::new(), Vec::new());
                 let mut values = values.into_iter();
                 for entry in entries {
-                    let Entry::Member(member) = entry else {
+                    let BlockEntry::Member(member) = entry else {
                         parts.push("0.0".to_owned());
                         continue;
                     };
@@ -107,8 +107,8 @@ impl Lower<'_, '_> {
                         break;
                     };
                     let value = self.coerce(value, &member.ty);
-                    let lay = self.stage.structs.member_lay(name, Lay::default());
-                    let value = match self.stage.structs.lies_otherwise(&member.ty, lay) {
+                    let lay = self.stage.structs.member_lay(name, MemoryLayout::default());
+                    let value = match self.stage.structs.is_converted(&member.ty, lay) {
                         true => {
                             let (before, value) = self.once(&value);
                             first.extend(before);
@@ -201,7 +201,7 @@ impl Lower<'_, '_> {
     fn components(
         &mut self,
         ty: &Ty,
-        kind: Kind,
+        kind: Component,
         wanted: usize,
         values: Vec<Ex>,
     ) -> Result<Ex, Error> {
@@ -239,7 +239,9 @@ impl Lower<'_, '_> {
             parts.push(match converts && !alone {
                 // Keep a literal a literal.
                 true => match (from, kind) {
-                    (Some(Kind::Int), Kind::Float) => self.coerce_kind(value, Some(kind)).text,
+                    (Some(Component::Int), Component::Float) => {
+                        self.coerce_kind(value, Some(kind)).text
+                    }
                     _ => {
                         let to = value.ty.with_kind(kind);
                         format!("{}({})", to.name(), value.text)
@@ -284,7 +286,7 @@ impl Lower<'_, '_> {
             values.push(self.look(argument)?.ty);
         }
         let given: Vec<&Ty> = values.iter().collect();
-        Ok(choose(signatures, &given, self.is_implicit()) == Choice::None)
+        Ok(choose(signatures, &given, self.is_implicit()) == OverloadChoice::None)
     }
 
     /// A call of a user function.
@@ -308,17 +310,17 @@ impl Lower<'_, '_> {
             *storage != Storage::In && structs.has_data(to) && !structs.has_samplers(to)
         };
         let outs: Vec<bool> = signature.parameters.iter().map(copies).collect();
-        let meeting = self.meeting(arguments, outs.clone());
+        let call_effects = self.call_effects(arguments, outs.clone());
         let mut direct = Vec::new();
         for (i, (_, to)) in signature.parameters.iter().enumerate() {
-            direct.push(!outs[i] || self.is_direct(&meeting, i, to)?);
+            direct.push(!outs[i] || self.is_direct(&call_effects, i, to)?);
         }
         // If an argument is copied before the call, all later side effects must keep their order.
-        let in_turn = direct.contains(&false) && meeting.has_effects();
+        let in_order = direct.contains(&false) && call_effects.has_effects();
         let mut parts = Vec::new();
         for (i, (storage, to)) in signature.parameters.iter().enumerate() {
             if !direct[i] {
-                parts.push(self.copied(&meeting, i, to, *storage)?);
+                parts.push(self.copied(&call_effects, i, to, *storage)?);
                 continue;
             }
             let value = match values[i].text.is_empty() {
@@ -342,8 +344,8 @@ impl Lower<'_, '_> {
                     _ => value,
                 };
                 let samplers = self.stage.structs.has_samplers(to);
-                parts.push(match in_turn && *storage == Storage::In && !samplers {
-                    true => self.in_turn(&arguments[i], value)?,
+                parts.push(match in_order && *storage == Storage::In && !samplers {
+                    true => self.in_order(&arguments[i], value)?,
                     false => Argument::of(value.at(level::ASSIGNMENT)),
                 });
             }
@@ -388,7 +390,7 @@ impl Lower<'_, '_> {
         let types: Vec<Ty> = values.iter().map(|v| v.ty.clone()).collect();
         if let Some(place) = place {
             let (name, types) = (name.to_owned(), types.clone());
-            self.given.push(Given { name, types, place });
+            self.given.push(BuiltinCall { name, types, place });
         }
         let result = builtin::result(name, &types);
         // Implicit conversions.
@@ -396,7 +398,9 @@ impl Lower<'_, '_> {
             values = values
                 .into_iter()
                 .map(|v| match v.ty.kind() {
-                    Some(Kind::Int | Kind::Uint) => self.coerce_kind(v, Some(Kind::Float)),
+                    Some(Component::Int | Component::Uint) => {
+                        self.coerce_kind(v, Some(Component::Float))
+                    }
                     _ => v,
                 })
                 .collect();
@@ -570,12 +574,12 @@ impl Lower<'_, '_> {
         let outs = 1 + usize::from(name == "umulExtended");
         let first = arguments.len().saturating_sub(outs);
         let is_out: Vec<bool> = (0..arguments.len()).map(|i| i >= first).collect();
-        let meeting = self.meeting(arguments, is_out);
+        let call_effects = self.call_effects(arguments, is_out);
         let mut direct = Vec::new();
         for (i, value) in values.iter().enumerate() {
-            direct.push(i < first || self.is_direct(&meeting, i, &value.ty)?);
+            direct.push(i < first || self.is_direct(&call_effects, i, &value.ty)?);
         }
-        let in_turn = direct.contains(&false) && meeting.has_effects();
+        let in_order = direct.contains(&false) && call_effects.has_effects();
         let mut parts = Vec::new();
         for (i, value) in values.into_iter().enumerate() {
             let value = match direct[i] && value.text.is_empty() {
@@ -583,10 +587,10 @@ impl Lower<'_, '_> {
                 false => value,
             };
             parts.push(match direct[i] {
-                false => self.copied(&meeting, i, &value.ty, Storage::Out)?,
-                true if i < first && in_turn => {
+                false => self.copied(&call_effects, i, &value.ty, Storage::Out)?,
+                true if i < first && in_order => {
                     let value = self.value(value);
-                    self.in_turn(&arguments[i], value)?
+                    self.in_order(&arguments[i], value)?
                 }
                 true => Argument::of(self.value(value).at(level::ASSIGNMENT)),
             });

@@ -4,7 +4,7 @@
 use glsl_lang::ast::BinaryOpData as B;
 use naga::Span;
 
-use super::super::ty::{Kind, Ty};
+use super::super::ty::{Component, Ty};
 use super::Lower;
 use super::expression::Ex;
 use super::overload::{conversion, is_same};
@@ -37,17 +37,17 @@ pub(super) fn becomes(from: &Ty, to: &Ty) -> bool {
 }
 
 fn is_number(ty: &Ty) -> bool {
-    ty.kind().is_some_and(|k| k != Kind::Bool)
+    ty.kind().is_some_and(|k| k != Component::Bool)
 }
 
 fn is_integer(ty: &Ty) -> bool {
-    matches!(ty.kind(), Some(Kind::Int | Kind::Uint)) && !matches!(ty, Ty::Matrix(..))
+    matches!(ty.kind(), Some(Component::Int | Component::Uint)) && !matches!(ty, Ty::Matrix(..))
 }
 
 /// Both have the same shape, or one is a scalar.
 fn is_component_wise(a: &Ty, b: &Ty) -> bool {
     let scalar = |t: &Ty| matches!(t, Ty::Scalar(_));
-    scalar(a) || scalar(b) || a.with_kind(Kind::Bool) == b.with_kind(Kind::Bool)
+    scalar(a) || scalar(b) || a.with_kind(Component::Bool) == b.with_kind(Component::Bool)
 }
 
 /// Whether the operator accepts these types (GLSL 4.60, 5.9).

@@ -5,10 +5,10 @@ use std::collections::HashMap;
 
 use naga::ShaderStage;
 
-use super::super::interface::{Opened, Slot, index};
-use super::super::marks::{Marks, unmarked};
+use super::super::interface::{BindingSlot, Opened, index};
+use super::super::source_marks::{Marks, unmarked};
 use super::super::stage::{Global, Storage, Variable, unsupported};
-use super::super::ty::{Entry, Kind, Lay, Member, Rules, Ty, stored};
+use super::super::ty::{BlockEntry, Component, GlslMember, MemoryLayout, Rules, Ty, stored};
 use super::{Lower, Var};
 use crate::front::ClipSpace;
 use crate::front::error::Error;
@@ -57,14 +57,14 @@ impl Lower<'_, '_> {
             let Some(of) = self.stage.structs.get(&name).cloned() else {
                 continue;
             };
-            let entries = match of.hosted {
+            let entries = match of.in_uniform_block {
                 true => self.stage.structs.laid_out(&of.members, true),
                 false => {
                     let data = of
                         .members
                         .iter()
                         .filter(|m| self.stage.structs.has_data(&m.ty));
-                    data.map(Entry::Member).collect()
+                    data.map(BlockEntry::Member).collect()
                 }
             };
             if entries.is_empty() {
@@ -72,12 +72,12 @@ impl Lower<'_, '_> {
             }
             out += &format!("struct {name} {{\n");
             for (i, entry) in entries.into_iter().enumerate() {
-                let Entry::Member(member) = entry else {
+                let BlockEntry::Member(member) = entry else {
                     out += &format!("    float padding_{i};\n");
                     continue;
                 };
                 out += &self.marks.mark(member.place);
-                let ty = match of.hosted {
+                let ty = match of.in_uniform_block {
                     true => stored(&member.ty, Rules::Std140),
                     false => member.ty.clone(),
                 };
@@ -88,7 +88,7 @@ impl Lower<'_, '_> {
         out
     }
 
-    fn layout(slot: Slot) -> String {
+    fn layout(slot: BindingSlot) -> String {
         format!("set = {}, binding = {}", slot.0, slot.1)
     }
 
@@ -101,9 +101,9 @@ impl Lower<'_, '_> {
             let storage = block.qualifiers.storage == Some(Storage::Buffer);
             let push = block.qualifiers.says("push_constant");
             let rules = block.rules();
-            let lay = |member: &Member| Lay {
+            let lay = |member: &GlslMember| MemoryLayout {
                 rows: member.row_major,
-                ..Lay::by(rules)
+                ..MemoryLayout::by(rules)
             };
             let layout = match push {
                 true => "push_constant, std430".to_owned(),
@@ -131,17 +131,17 @@ impl Lower<'_, '_> {
             let mark = self.marks.mark(block.place);
             let word = if storage { "buffer" } else { "uniform" };
             let mut body = String::new();
-            let shapes: Vec<Member> = block
+            let shapes: Vec<GlslMember> = block
                 .members
                 .iter()
-                .map(|m| Member {
+                .map(|m| GlslMember {
                     ty: self.shape(&m.ty, lay(m)),
                     ..m.clone()
                 })
                 .collect();
             let entries = match rules {
                 Rules::Std140 => self.stage.structs.laid_out(&shapes, false),
-                _ => shapes.iter().map(Entry::Member).collect(),
+                _ => shapes.iter().map(BlockEntry::Member).collect(),
             };
             let instance = block.instance.as_ref().map(|i| self.safe(i));
             let last = block.members.last().map(|m| &m.ty);
@@ -153,7 +153,7 @@ impl Lower<'_, '_> {
             let mut written: HashMap<String, String> = HashMap::new();
             for (i, entry) in entries.into_iter().enumerate() {
                 let (name, text) = match entry {
-                    Entry::Member(member) => {
+                    BlockEntry::Member(member) => {
                         let mut own = member.clone();
                         if let Some(instance) = &open {
                             own.name = self.fresh(&format!("{instance}_{}", member.name));
@@ -162,7 +162,7 @@ impl Lower<'_, '_> {
                         let text = member_text(&mut self.marks, &own, rules);
                         (member.name.clone(), text)
                     }
-                    Entry::Padding => {
+                    BlockEntry::Padding => {
                         let name = format!("{}_padding_{i}", block.name);
                         let text = format!("    float {name};\n");
                         (name, text)
@@ -293,7 +293,7 @@ impl Lower<'_, '_> {
             let var = Var {
                 text: format!("{instance}.{}", uniform.name),
                 ty: uniform.ty.clone(),
-                lay: Lay::by(Rules::Std140),
+                lay: MemoryLayout::by(Rules::Std140),
                 path,
                 fixed: Some("a uniform"),
             };
@@ -313,8 +313,8 @@ impl Lower<'_, '_> {
             .enumerate()
         {
             out += &match entry {
-                Entry::Member(member) => member_text(&mut self.marks, member, Rules::Std140),
-                Entry::Padding => format!("    float padding_{i};\n"),
+                BlockEntry::Member(member) => member_text(&mut self.marks, member, Rules::Std140),
+                BlockEntry::Padding => format!("    float padding_{i};\n"),
             };
         }
         Ok(out + &format!("}} {instance};\n"))
@@ -393,8 +393,8 @@ impl Lower<'_, '_> {
         let target = !self.is_vertex() && direction == Storage::Out;
         let narrow = target && variable.ty.components().is_some_and(|n| n < 4);
         let mut declare = |at_location: u32, ty: &Ty, name: &str| -> Result<(), Error> {
-            let integer = matches!(ty.kind(), Some(Kind::Int | Kind::Uint));
-            if ty.kind() == Some(Kind::Bool) {
+            let integer = matches!(ty.kind(), Some(Component::Int | Component::Uint));
+            if ty.kind() == Some(Component::Bool) {
                 return Err(unsupported(
                     "a bool cannot be an input or an output",
                     variable.place,
@@ -431,7 +431,7 @@ impl Lower<'_, '_> {
         {
             // WebGPU needs all components of the target. OpenGL leaves the rest undefined; we write
             // opaque black.
-            let kind = ty.kind().unwrap_or(Kind::Float);
+            let kind = ty.kind().unwrap_or(Component::Float);
             let leaf = self.fresh(&format!("{name}_rgba"));
             let rest = match ty.components() {
                 Some(1) => ", 0, 0, 1",
@@ -538,7 +538,7 @@ impl Lower<'_, '_> {
 }
 
 /// Declares a block member with its stored type.
-fn member_text(marks: &mut Marks, member: &Member, rules: Rules) -> String {
+fn member_text(marks: &mut Marks, member: &GlslMember, rules: Rules) -> String {
     let mark = marks.mark(member.place);
     let ty = stored(&member.ty, rules);
     format!("{mark}    {};\n", ty.declare(&member.name))

@@ -10,10 +10,10 @@ use std::collections::HashSet;
 
 use naga::Span;
 
-use super::super::marks::unmarked;
+use super::super::source_marks::unmarked;
 use super::super::stage::Storage;
+use super::super::stage::side_effects::{Effects, root, written_by_own};
 use super::super::ty::Ty;
-use super::super::writes::{Found, root, written_by_own};
 use super::Lower;
 use super::expression::{Ex, level};
 use crate::front::error::Error;
@@ -37,16 +37,16 @@ impl Argument {
 
 /// Properties of an expression, found before it is printed.
 #[derive(Clone, Debug)]
-pub(super) struct Looked {
+pub(super) struct Properties {
     pub ty: Ty,
     /// naga can assign to it directly.
     pub is_plain: bool,
     /// Its stored type differs from its computed type.
-    pub lies_otherwise: bool,
+    pub is_converted: bool,
 }
 
 /// Side effects of a call's arguments, and of the call.
-pub(super) struct Meeting<'e> {
+pub(super) struct CallEffects<'e> {
     arguments: &'e [Expr],
     /// Whether the call writes each argument.
     outs: Vec<bool>,
@@ -55,7 +55,7 @@ pub(super) struct Meeting<'e> {
     effects: Vec<(HashSet<String>, bool)>,
 }
 
-impl Meeting<'_> {
+impl CallEffects<'_> {
     /// Whether any argument has side effects.
     pub(super) fn has_effects(&self) -> bool {
         self.effects
@@ -134,7 +134,7 @@ impl Lower<'_, '_> {
 
     /// Finds an expression's properties by printing it and undoing all effects. Results are cached,
     /// or nesting would take exponential time.
-    pub(super) fn look(&mut self, e: &Expr) -> Result<Looked, Error> {
+    pub(super) fn look(&mut self, e: &Expr) -> Result<Properties, Error> {
         let known = key(e.span).filter(|k| !self.held.contains_key(k));
         if let Some(looked) = known.and_then(|k| self.looked.get(&k)) {
             return Ok(looked.clone());
@@ -152,9 +152,9 @@ impl Lower<'_, '_> {
         self.calls.truncate(calls);
         self.given.truncate(given);
         let ex = ex?;
-        let looked = Looked {
+        let looked = Properties {
             is_plain: self.is_plain(&ex),
-            lies_otherwise: self.stage.structs.lies_otherwise(&ex.ty, ex.lay),
+            is_converted: self.stage.structs.is_converted(&ex.ty, ex.lay),
             ty: ex.ty,
         };
         if let Some(key) = known {
@@ -225,15 +225,19 @@ impl Lower<'_, '_> {
     }
 
     fn effects(&self, e: &Expr) -> (HashSet<String>, bool) {
-        let found = Found::within(e, &self.stage.signatures);
+        let found = Effects::within(e, &self.stage.signatures);
         let calls = found.images || found.calls.iter().any(|c| self.stage.writers.contains(c));
         (found.written, calls)
     }
 
     /// The side effects of a call that writes the arguments in `outs`.
-    pub(super) fn meeting<'e>(&self, arguments: &'e [Expr], outs: Vec<bool>) -> Meeting<'e> {
+    pub(super) fn call_effects<'e>(
+        &self,
+        arguments: &'e [Expr],
+        outs: Vec<bool>,
+    ) -> CallEffects<'e> {
         let effects = arguments.iter().map(|a| self.effects(a)).collect();
-        Meeting {
+        CallEffects {
             arguments,
             outs,
             effects,
@@ -248,17 +252,17 @@ impl Lower<'_, '_> {
     /// nothing else in the call uses.
     pub(super) fn is_direct(
         &mut self,
-        meeting: &Meeting<'_>,
+        call_effects: &CallEffects<'_>,
         i: usize,
         to: &Ty,
     ) -> Result<bool, Error> {
-        let argument = &meeting.arguments[i];
+        let argument = &call_effects.arguments[i];
         self.check_written(argument)?;
         let ExprData::Variable(name) = &argument.content else {
             return Ok(false);
         };
         let name = name.as_str();
-        if meeting.may_change(name, self.is_local(name), Some(i)) {
+        if call_effects.may_change(name, self.is_local(name), Some(i)) {
             return Ok(false);
         }
         let target = self.raw(argument)?;
@@ -266,7 +270,7 @@ impl Lower<'_, '_> {
     }
 
     /// A by-value argument, held in a temporary if later arguments have side effects.
-    pub(super) fn in_turn(&mut self, of: &Expr, value: Ex) -> Result<Argument, Error> {
+    pub(super) fn in_order(&mut self, of: &Expr, value: Ex) -> Result<Argument, Error> {
         let text = value.at(level::ASSIGNMENT);
         if is_literal(of) || matches!(value.ty, Ty::Unknown) {
             return Ok(Argument::of(text));
@@ -283,18 +287,18 @@ impl Lower<'_, '_> {
     /// the call (GLSL 4.60, 6.1.1). Its indices are evaluated when its turn comes.
     pub(super) fn copied(
         &mut self,
-        meeting: &Meeting<'_>,
+        call_effects: &CallEffects<'_>,
         i: usize,
         to: &Ty,
         storage: Storage,
     ) -> Result<Argument, Error> {
-        let argument = &meeting.arguments[i];
+        let argument = &call_effects.arguments[i];
         let place = self.place(argument.span);
         let mut before = self.settle_where(argument, &|this, index| {
-            let found = Found::within(index, &this.stage.signatures);
+            let found = Effects::within(index, &this.stage.signatures);
             let moves = |name: &String| {
                 let known = this.stage.constants.contains_key(name);
-                !known && meeting.may_change(name, this.is_local(name), None)
+                !known && call_effects.may_change(name, this.is_local(name), None)
             };
             let global =
                 |name: &String| !this.is_local(name) && !this.stage.constants.contains_key(name);

@@ -6,10 +6,10 @@ use glsl_lang::ast::{
 };
 
 use super::super::constant;
-use super::super::interface::Pair;
-use super::super::marks::unmarked;
+use super::super::interface::SplitSampler;
+use super::super::source_marks::unmarked;
 use super::super::stage::{initial_length, unsupported};
-use super::super::ty::{Kind, Lay, Ty};
+use super::super::ty::{Component, MemoryLayout, Ty};
 use super::effect::{after, is_literal};
 use super::{Lower, Var, check};
 use crate::front::error::{Code, Error};
@@ -34,7 +34,7 @@ pub(super) struct Ex {
     pub ty: Ty,
     pub level: u8,
     /// Its layout in a block. [`Lower::value`] converts it to a value.
-    pub lay: Lay,
+    pub lay: MemoryLayout,
     /// Assignment targets by component, where naga cannot assign to it: `m[1].xy`, a column of a
     /// row-major matrix.
     pub parts: Option<Vec<String>>,
@@ -45,9 +45,9 @@ pub(super) struct Ex {
     /// Where its samplers are in [`Lower::pairs`].
     pub path: Option<String>,
     /// It is a combined sampler.
-    pub pair: Option<Pair>,
+    pub pair: Option<SplitSampler>,
     /// It is an element of a sampler array with a dynamic index.
-    pub choice: Option<(Box<Ex>, Vec<Pair>)>,
+    pub choice: Option<(Box<Ex>, Vec<SplitSampler>)>,
 }
 
 impl Ex {
@@ -56,7 +56,7 @@ impl Ex {
             text: text.into(),
             ty,
             level,
-            lay: Lay::default(),
+            lay: MemoryLayout::default(),
             parts: None,
             column: false,
             turned: None,
@@ -87,7 +87,7 @@ impl Lower<'_, '_> {
         if is_place && self.held(expr).is_none() && self.has_effect(expr) {
             let looked = self.look(expr)?;
             let is_whole = matches!(looked.ty, Ty::Matrix(..) | Ty::Array(..) | Ty::Struct(_));
-            if is_whole && looked.lies_otherwise {
+            if is_whole && looked.is_converted {
                 // The value has several parts, and each repeats the target.
                 first = self.settle(expr)?;
             }
@@ -117,7 +117,7 @@ impl Lower<'_, '_> {
             // naga's front end has no 64-bit literals.
             ExprData::DoubleConst(d) if f64::from(*d as f32) == *d => Ex::primary(
                 format!("double({})", float(*d as f32)),
-                Ty::Scalar(Kind::Double),
+                Ty::Scalar(Component::Double),
             ),
             ExprData::DoubleConst(d) => {
                 return Err(unsupported(
@@ -223,7 +223,7 @@ impl Lower<'_, '_> {
     /// A built-in variable.
     fn own_variable(&mut self, name: &str, expr: &Expr) -> Result<Ex, Error> {
         let place = self.place(expr.span);
-        let vec4 = || Ty::Vector(Kind::Float, 4);
+        let vec4 = || Ty::Vector(Component::Float, 4);
         let fragment = !self.is_vertex();
         Ok(match name {
             "gl_Position" if !fragment => Ex::primary(name, vec4()),
@@ -417,7 +417,10 @@ impl Lower<'_, '_> {
                 ));
             };
             self.targets.insert(n);
-            return Ok(Ex::primary(self.target_name(n), Ty::Vector(Kind::Float, 4)));
+            return Ok(Ex::primary(
+                self.target_name(n),
+                Ty::Vector(Component::Float, 4),
+            ));
         }
         let base = self.raw(of)?;
         let index = self.expr(index)?;
@@ -436,7 +439,7 @@ impl Lower<'_, '_> {
             .note("assign the index to a variable first"));
         }
         let index = match index.ty.kind() {
-            Some(Kind::Float | Kind::Bool) => format!("int({})", index.text),
+            Some(Component::Float | Component::Bool) => format!("int({})", index.text),
             _ => index.text,
         };
         Ok(self.element_of(base, &index))
@@ -541,7 +544,7 @@ impl Lower<'_, '_> {
     pub(super) fn coerce(&self, ex: Ex, to: &Ty) -> Ex {
         match (&ex.ty, to) {
             (Ty::Scalar(_) | Ty::Vector(..) | Ty::Matrix(..), _)
-                if ex.ty != *to && ex.ty.with_kind(to.kind().unwrap_or(Kind::Bool)) == *to =>
+                if ex.ty != *to && ex.ty.with_kind(to.kind().unwrap_or(Component::Bool)) == *to =>
             {
                 self.coerce_kind(ex, to.kind())
             }
@@ -549,15 +552,18 @@ impl Lower<'_, '_> {
         }
     }
 
-    pub(super) fn coerce_kind(&self, ex: Ex, kind: Option<Kind>) -> Ex {
+    pub(super) fn coerce_kind(&self, ex: Ex, kind: Option<Component>) -> Ex {
         let (Some(from), Some(to)) = (ex.ty.kind(), kind) else {
             return ex;
         };
-        if from == to || from == Kind::Bool || to == Kind::Bool {
+        if from == to || from == Component::Bool || to == Component::Bool {
             return ex;
         }
         let bare = unmarked(&ex.text);
-        if from == Kind::Int && to == Kind::Float && bare.bytes().all(|b| b.is_ascii_digit()) {
+        if from == Component::Int
+            && to == Component::Float
+            && bare.bytes().all(|b| b.is_ascii_digit())
+        {
             return Ex::primary(format!("{}.0", ex.text), Ty::FLOAT);
         }
         let ty = ex.ty.with_kind(to);

@@ -5,9 +5,9 @@ use std::mem;
 use glsl_lang::ast::{self, FunctionParameterDeclarationData as P};
 
 use super::super::constant;
-use super::super::interface::{Pair, flat};
+use super::super::interface::{SplitSampler, flat, split_type};
 use super::super::stage::{Signature, Storage, unsupported};
-use super::super::ty::{Entry, Kind, Rules, Ty, stored};
+use super::super::ty::{BlockEntry, Component, Rules, Ty, stored};
 use super::{Lower, Var, builtin};
 use crate::front::error::Error;
 
@@ -135,7 +135,7 @@ impl<'u> Lower<'_, 'u> {
     /// A zero of the stored type.
     fn zero(&self, ty: &Ty) -> String {
         match ty {
-            Ty::Scalar(Kind::Bool) => "false".to_owned(),
+            Ty::Scalar(Component::Bool) => "false".to_owned(),
             Ty::Array(of, n) => {
                 let parts = vec![self.zero(of); n.unwrap_or(1) as usize];
                 format!("{}({})", ty.name(), parts.join(", "))
@@ -144,16 +144,18 @@ impl<'u> Lower<'_, 'u> {
                 let Some(of) = self.stage.structs.get(name) else {
                     return format!("{name}()");
                 };
-                let entries = match of.hosted {
+                let entries = match of.in_uniform_block {
                     true => self.stage.structs.laid_out(&of.members, true),
-                    false => of.members.iter().map(Entry::Member).collect(),
+                    false => of.members.iter().map(BlockEntry::Member).collect(),
                 };
                 let parts: Vec<String> = entries
                     .iter()
                     .map(|e| match e {
-                        Entry::Member(m) if of.hosted => self.zero(&stored(&m.ty, Rules::Std140)),
-                        Entry::Member(m) => self.zero(&m.ty),
-                        Entry::Padding => "0.0".to_owned(),
+                        BlockEntry::Member(m) if of.in_uniform_block => {
+                            self.zero(&stored(&m.ty, Rules::Std140))
+                        }
+                        BlockEntry::Member(m) => self.zero(&m.ty),
+                        BlockEntry::Padding => "0.0".to_owned(),
                     })
                     .collect();
                 format!("{name}({})", parts.join(", "))
@@ -205,16 +207,12 @@ impl<'u> Lower<'_, 'u> {
                     false => self.fresh(&texture),
                 };
                 let sampler = self.fresh(&format!("{texture}_sampler"));
-                let shadow = combined.ends_with("Shadow");
-                let ty = combined.replacen("sampler", "texture", 1);
-                out.push(format!("{} {texture}", ty.trim_end_matches("Shadow")));
-                out.push(format!(
-                    "{} {sampler}",
-                    if shadow { "samplerShadow" } else { "sampler" }
-                ));
+                let [texture_type, sampler_type] = split_type(&combined);
+                out.push(format!("{texture_type} {texture}"));
+                out.push(format!("{sampler_type} {sampler}"));
                 self.pairs.insert(
                     path,
-                    Pair {
+                    SplitSampler {
                         combined,
                         texture,
                         sampler,

@@ -21,10 +21,10 @@ use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use glsl_lang::ast::NodeSpan;
 use naga::{ShaderStage, Span};
 
-use super::interface::{Interface, Pair};
-use super::marks::Marks;
-use super::stage::Stage;
-use super::ty::{Lay, Ty};
+use super::interface::{Interface, SplitSampler};
+use super::source_marks::Marks;
+use super::stage::GlslStage;
+use super::ty::{MemoryLayout, Ty};
 use crate::front::ClipSpace;
 use crate::front::error::Error;
 
@@ -77,7 +77,7 @@ struct Var {
     text: String,
     ty: Ty,
     /// Its layout in a block or a struct.
-    lay: Lay,
+    lay: MemoryLayout,
     /// Where its samplers are: a path in [`Lower::pairs`].
     path: Option<String>,
     /// Why it cannot be assigned to.
@@ -96,7 +96,7 @@ impl Var {
         Self {
             text: text.into(),
             ty,
-            lay: Lay::default(),
+            lay: MemoryLayout::default(),
             path: None,
             fixed: None,
         }
@@ -105,14 +105,14 @@ impl Var {
 
 /// The state of lowering a stage.
 pub(super) struct Lower<'a, 'u> {
-    stage: &'a mut Stage<'u>,
+    stage: &'a mut GlslStage<'u>,
     interface: &'a mut Interface,
     clip: ClipSpace,
     marks: Marks,
     /// Innermost last.
     scopes: Vec<HashMap<String, Var>>,
     /// The texture and sampler of each combined sampler, by path.
-    pairs: HashMap<String, Pair>,
+    pairs: HashMap<String, SplitSampler>,
     /// User functions with names of naga's.
     renamed: HashMap<String, String>,
     /// Statements at the start and the end of `main`.
@@ -145,11 +145,11 @@ pub(super) struct Lower<'a, 'u> {
     /// Their positions, in order.
     held_keys: Vec<(u32, u32)>,
     /// Cached results of [`Self::look`].
-    looked: HashMap<(u32, u32), effect::Looked>,
+    looked: HashMap<(u32, u32), effect::Properties>,
     /// Constants for literal texture offsets.
     offsets: Vec<String>,
     /// Calls of built-in functions, for error messages.
-    given: Vec<Given>,
+    given: Vec<BuiltinCall>,
     indent: usize,
     /// Bytes of statements so far.
     written: usize,
@@ -161,7 +161,7 @@ pub(super) struct Lower<'a, 'u> {
 
 /// A call of a built-in function.
 #[derive(Clone, Debug)]
-pub(super) struct Given {
+pub(super) struct BuiltinCall {
     pub name: String,
     pub types: Vec<Ty>,
     pub place: Span,
@@ -172,14 +172,14 @@ pub(super) struct Lowered {
     /// The rewritten text with marks.
     pub text: String,
     pub marks: Marks,
-    pub given: Vec<Given>,
+    pub given: Vec<BuiltinCall>,
     /// The placeholder functions for gathers, with their components.
     pub gathers: HashMap<String, u32>,
 }
 
 /// Lowers a stage.
 pub(super) fn lower(
-    stage: &mut Stage<'_>,
+    stage: &mut GlslStage<'_>,
     interface: &mut Interface,
     clip: ClipSpace,
 ) -> Result<Lowered, Error> {

@@ -3,7 +3,7 @@
 use naga::Span;
 
 use super::super::stage::{Signature, Storage};
-use super::super::ty::{Kind, Ty};
+use super::super::ty::{Component, Ty};
 use super::Lower;
 use super::expression::Ex;
 use crate::front::error::{Code, Error};
@@ -59,10 +59,10 @@ pub(super) fn conversion(from: &Ty, to: &Ty, implicit: bool) -> Option<Conversio
         return None;
     }
     match (a, b) {
-        (Kind::Float, Kind::Double) => Some(Conversion::FloatToDouble),
-        (Kind::Int | Kind::Uint, Kind::Float) => Some(Conversion::IntToFloat),
-        (Kind::Int | Kind::Uint, Kind::Double) => Some(Conversion::IntToDouble),
-        (Kind::Int, Kind::Uint) => Some(Conversion::Other),
+        (Component::Float, Component::Double) => Some(Conversion::FloatToDouble),
+        (Component::Int | Component::Uint, Component::Float) => Some(Conversion::IntToFloat),
+        (Component::Int | Component::Uint, Component::Double) => Some(Conversion::IntToDouble),
+        (Component::Int, Component::Uint) => Some(Conversion::Other),
         _ => None,
     }
 }
@@ -85,7 +85,7 @@ fn conversions(signature: &Signature, given: &[&Ty], implicit: bool) -> Option<V
 
 /// The result of overload resolution.
 #[derive(Debug, PartialEq, Eq)]
-pub(super) enum Choice {
+pub(super) enum OverloadChoice {
     One(usize),
     /// No signature fits.
     None,
@@ -94,7 +94,7 @@ pub(super) enum Choice {
 }
 
 /// Finds the signature that fits best.
-pub(super) fn choose(signatures: &[Signature], given: &[&Ty], implicit: bool) -> Choice {
+pub(super) fn choose(signatures: &[Signature], given: &[&Ty], implicit: bool) -> OverloadChoice {
     let fits: Vec<(usize, Vec<Conversion>)> = signatures
         .iter()
         .enumerate()
@@ -109,9 +109,9 @@ pub(super) fn choose(signatures: &[Signature], given: &[&Ty], implicit: bool) ->
         others.all(|(_, b)| beats(a, b))
     });
     match (best, &fits[..]) {
-        (Some((i, _)), _) => Choice::One(*i),
-        (None, []) => Choice::None,
-        (None, several) => Choice::Several(several.iter().map(|(i, _)| *i).collect()),
+        (Some((i, _)), _) => OverloadChoice::One(*i),
+        (None, []) => OverloadChoice::None,
+        (None, several) => OverloadChoice::Several(several.iter().map(|(i, _)| *i).collect()),
     }
 }
 
@@ -154,10 +154,10 @@ impl Lower<'_, '_> {
         };
         let implicit = self.is_implicit();
         match choose(signatures, &given, implicit) {
-            Choice::One(i) => Ok(i),
+            OverloadChoice::One(i) => Ok(i),
             // With an unknown type, take the first: naga resolves the call.
-            Choice::Several(which) if given.contains(&&Ty::Unknown) => Ok(which[0]),
-            Choice::Several(which) => Err(Error::new(
+            OverloadChoice::Several(which) if given.contains(&&Ty::Unknown) => Ok(which[0]),
+            OverloadChoice::Several(which) => Err(Error::new(
                 Code::Parse,
                 format!(
                     "`{name}` with ({}) is ambiguous: {}",
@@ -167,12 +167,12 @@ impl Lower<'_, '_> {
             )
             .label_if(place)
             .note("convert an argument, so that one of them fits best")),
-            Choice::None => {
+            OverloadChoice::None => {
                 let all: Vec<usize> = (0..signatures.len()).collect();
                 let error = Error::new(Code::Parse, format!("no `{name}` takes ({})", called()))
                     .label_if(place)
                     .note(format!("there is {}", list(&all)));
-                let would = !implicit && choose(signatures, &given, true) != Choice::None;
+                let would = !implicit && choose(signatures, &given, true) != OverloadChoice::None;
                 Err(match would {
                     true => error.note(
                         "GLSL ES has no implicit conversions: convert explicitly, as in `float(i)`",
@@ -188,7 +188,7 @@ impl Lower<'_, '_> {
 mod tests {
     use super::*;
 
-    fn chosen(signatures: &[&[&str]], given: &[&str], implicit: bool) -> Choice {
+    fn chosen(signatures: &[&[&str]], given: &[&str], implicit: bool) -> OverloadChoice {
         let signatures: Vec<Signature> = signatures
             .iter()
             .map(|types| Signature {
@@ -213,29 +213,50 @@ mod tests {
             &["vec4", "out uvec4"],
             &["ivec4", "out dvec4"],
         ];
-        assert_eq!(chosen(three, &["vec4", "vec4"], true), Choice::One(0));
-        assert_eq!(chosen(three, &["vec4", "uvec4"], true), Choice::One(1));
+        assert_eq!(
+            chosen(three, &["vec4", "vec4"], true),
+            OverloadChoice::One(0)
+        );
+        assert_eq!(
+            chosen(three, &["vec4", "uvec4"], true),
+            OverloadChoice::One(1)
+        );
         // Out arguments convert in reverse: from float to double rather than from uint.
-        assert_eq!(chosen(three, &["vec4", "dvec4"], true), Choice::One(0));
-        assert_eq!(chosen(three, &["ivec4", "vec4"], true), Choice::One(0));
-        assert_eq!(chosen(three, &["uvec4", "ivec4"], true), Choice::None);
+        assert_eq!(
+            chosen(three, &["vec4", "dvec4"], true),
+            OverloadChoice::One(0)
+        );
+        assert_eq!(
+            chosen(three, &["ivec4", "vec4"], true),
+            OverloadChoice::One(0)
+        );
+        assert_eq!(
+            chosen(three, &["uvec4", "ivec4"], true),
+            OverloadChoice::None
+        );
     }
 
     #[test]
     fn conversions_have_ranks_and_es_has_none() {
         let floats: &[&[&str]] = &[&["double"], &["float"]];
-        assert_eq!(chosen(floats, &["int"], true), Choice::One(1));
-        assert_eq!(chosen(floats, &["int"], false), Choice::None);
-        assert_eq!(chosen(floats, &["float"], false), Choice::One(1));
+        assert_eq!(chosen(floats, &["int"], true), OverloadChoice::One(1));
+        assert_eq!(chosen(floats, &["int"], false), OverloadChoice::None);
+        assert_eq!(chosen(floats, &["float"], false), OverloadChoice::One(1));
         let mixed: &[&[&str]] = &[&["uint"], &["float"]];
-        assert_eq!(chosen(mixed, &["int"], true), Choice::Several(vec![0, 1]));
+        assert_eq!(
+            chosen(mixed, &["int"], true),
+            OverloadChoice::Several(vec![0, 1])
+        );
         let crossed: &[&[&str]] = &[&["float", "int"], &["int", "float"]];
-        let several = Choice::Several(vec![0, 1]);
+        let several = OverloadChoice::Several(vec![0, 1]);
         assert_eq!(chosen(crossed, &["int", "int"], true), several);
-        assert_eq!(chosen(crossed, &["int", "float"], true), Choice::One(1));
+        assert_eq!(
+            chosen(crossed, &["int", "float"], true),
+            OverloadChoice::One(1)
+        );
         assert_eq!(
             chosen(&[&["bool"], &["int"]], &["float"], true),
-            Choice::None
+            OverloadChoice::None
         );
     }
 }

@@ -7,7 +7,7 @@ use glsl_lang::ast::{
 };
 
 use super::super::constant;
-use super::super::marks::unmarked;
+use super::super::source_marks::unmarked;
 use super::super::stage::{Storage, simple, unsupported};
 use super::super::ty::Ty;
 use super::expression::{Ex, level};

@@ -4,9 +4,9 @@
 use glsl_lang::ast::{BinaryOpData, Expr, ExprData};
 use naga::Span;
 
-use super::super::marks::unmarked;
+use super::super::source_marks::unmarked;
 use super::super::stage::unsupported;
-use super::super::ty::{Entry, Kind, Lay, Member, Struct, Ty};
+use super::super::ty::{BlockEntry, Component, GlslMember, MemoryLayout, Struct, Ty};
 use super::Lower;
 use super::effect::after;
 use super::expression::{Ex, element, level, splat};
@@ -38,21 +38,24 @@ fn compound(word: &str) -> Option<BinaryOpData> {
 
 impl Lower<'_, '_> {
     /// The declared type in this layout, without padding.
-    pub(super) fn shape(&mut self, ty: &Ty, lay: Lay) -> Ty {
-        self.make_twins(ty, lay);
+    pub(super) fn shape(&mut self, ty: &Ty, lay: MemoryLayout) -> Ty {
+        self.copy_structs(ty, lay);
         self.shaped(ty, lay)
     }
 
-    fn shaped(&self, ty: &Ty, lay: Lay) -> Ty {
+    fn shaped(&self, ty: &Ty, lay: MemoryLayout) -> Ty {
         match ty {
             Ty::Array(of, n) => Ty::Array(Box::new(self.shaped(of, lay)), *n),
             Ty::Struct(name) => {
-                let twin = self.interface.twins.get(&self.twin_key(name, lay));
+                let twin = self
+                    .interface
+                    .struct_copies
+                    .get(&self.struct_copy_key(name, lay));
                 Ty::Struct(twin.unwrap_or(name).clone())
             }
             other => {
                 let turned = lay.turned(other);
-                match lay.is_tight() {
+                match lay.is_std430() {
                     true => lay.stored(&turned),
                     false => turned,
                 }
@@ -61,25 +64,25 @@ impl Lower<'_, '_> {
     }
 
     /// The declared type in this layout.
-    fn stored_as(&self, ty: &Ty, lay: Lay) -> Ty {
+    fn stored_as(&self, ty: &Ty, lay: MemoryLayout) -> Ty {
         lay.stored(&self.shaped(ty, lay))
     }
 
     /// A struct's name, and whether its copy is row-major and std430.
-    fn twin_key(&self, name: &str, lay: Lay) -> (String, bool, bool) {
+    fn struct_copy_key(&self, name: &str, lay: MemoryLayout) -> (String, bool, bool) {
         let structs = &self.stage.structs;
         let ty = Ty::Struct(name.to_owned());
         let rows = lay.rows && structs.has_matrices(&ty);
-        let tight = lay.is_tight() && (rows || !structs.is_tight(&ty));
+        let tight = lay.is_std430() && (rows || !structs.is_std430(&ty));
         (name.to_owned(), rows, tight)
     }
 
     /// Declares the struct copies of a block, with the same names in both stages.
-    fn make_twins(&mut self, ty: &Ty, lay: Lay) {
+    fn copy_structs(&mut self, ty: &Ty, lay: MemoryLayout) {
         let Ty::Struct(name) = ty.innermost() else {
             return;
         };
-        let key = self.twin_key(name, lay);
+        let key = self.struct_copy_key(name, lay);
         let own = self.stage.structs.get(name).cloned();
         let (true, Some(own)) = (key.1 || key.2, own) else {
             return;
@@ -89,11 +92,13 @@ impl Lower<'_, '_> {
             (true, false) => "_rows",
             _ => "_std430",
         };
-        let twin = match self.interface.twins.get(&key) {
+        let twin = match self.interface.struct_copies.get(&key) {
             Some(twin) => twin.clone(),
             None => {
                 let twin = self.interface.fresh(&format!("{name}{ending}"));
-                self.interface.twins.insert(key.clone(), twin.clone());
+                self.interface
+                    .struct_copies
+                    .insert(key.clone(), twin.clone());
                 twin
             }
         };
@@ -101,7 +106,7 @@ impl Lower<'_, '_> {
             return;
         }
         let inner = self.stage.structs.member_lay(name, lay);
-        let members = own.members.into_iter().map(|m| Member {
+        let members = own.members.into_iter().map(|m| GlslMember {
             ty: self.shape(&m.ty, inner),
             ..m
         });
@@ -109,23 +114,23 @@ impl Lower<'_, '_> {
         self.stage.structs.insert(Struct {
             name: twin,
             members,
-            hosted: own.hosted && !key.2,
+            in_uniform_block: own.in_uniform_block && !key.2,
             tight: key.2,
         });
     }
 
     /// Converts an expression from its stored type to a value.
     pub(super) fn value(&self, ex: Ex) -> Ex {
-        if !self.stage.structs.lies_otherwise(&ex.ty, ex.lay) {
+        if !self.stage.structs.is_converted(&ex.ty, ex.lay) {
             return Ex {
-                lay: Lay::default(),
+                lay: MemoryLayout::default(),
                 ..ex
             };
         }
         let text = ex.at(level::POSTFIX);
         match &ex.ty {
-            Ty::Scalar(Kind::Bool) => Ex::new(format!("{text} != 0u"), Ty::BOOL, 10),
-            Ty::Vector(Kind::Bool, n) => {
+            Ty::Scalar(Component::Bool) => Ex::new(format!("{text} != 0u"), Ty::BOOL, 10),
+            Ty::Vector(Component::Bool, n) => {
                 Ex::primary(format!("notEqual({text}, uvec{n}(0u))"), ex.ty.clone())
             }
             Ty::Matrix(..) => {
@@ -155,7 +160,7 @@ impl Lower<'_, '_> {
             }
             Ty::Struct(name) => {
                 let lay = self.stage.structs.member_lay(name, ex.lay);
-                let own = self.stage.structs.member_lay(name, Lay::default());
+                let own = self.stage.structs.member_lay(name, MemoryLayout::default());
                 let parts = self.members_of(name, |member| {
                     let mut part = Ex::new(
                         format!("{text}.{}", member.name),
@@ -180,32 +185,32 @@ impl Lower<'_, '_> {
     fn members_of(
         &self,
         name: &str,
-        part: impl Fn(&Member) -> Option<String>,
+        part: impl Fn(&GlslMember) -> Option<String>,
     ) -> Option<Vec<String>> {
         let of = self.stage.structs.get(name)?;
-        let entries = match of.hosted {
+        let entries = match of.in_uniform_block {
             true => self.stage.structs.laid_out(&of.members, true),
-            false => of.members.iter().map(Entry::Member).collect(),
+            false => of.members.iter().map(BlockEntry::Member).collect(),
         };
         entries
             .into_iter()
             .map(|entry| match entry {
-                Entry::Member(member) => part(member),
-                Entry::Padding => Some("0.0".to_owned()),
+                BlockEntry::Member(member) => part(member),
+                BlockEntry::Padding => Some("0.0".to_owned()),
             })
             .collect()
     }
 
     /// Converts a value to its stored type in an expression that repeats the value. `None` where no
     /// expression can, for struct copies and row-major matrices.
-    pub(super) fn packed(&self, value: &Ex, ty: &Ty, lay: Lay) -> Option<String> {
-        if !self.stage.structs.lies_otherwise(ty, lay) {
+    pub(super) fn packed(&self, value: &Ex, ty: &Ty, lay: MemoryLayout) -> Option<String> {
+        if !self.stage.structs.is_converted(ty, lay) {
             return Some(value.at(level::ASSIGNMENT));
         }
         let text = value.at(level::POSTFIX);
         Some(match ty {
-            Ty::Scalar(Kind::Bool) => format!("uint({})", value.text),
-            Ty::Vector(Kind::Bool, n) => format!("uvec{n}({})", value.text),
+            Ty::Scalar(Component::Bool) => format!("uint({})", value.text),
+            Ty::Vector(Component::Bool, n) => format!("uvec{n}({})", value.text),
             Ty::Matrix(..) => {
                 let turned = match lay.rows {
                     true => format!("transpose({})", value.text),
@@ -247,7 +252,7 @@ impl Lower<'_, '_> {
             }
             Ty::Struct(name) => {
                 let inner = self.stage.structs.member_lay(name, lay);
-                let own = self.stage.structs.member_lay(name, Lay::default());
+                let own = self.stage.structs.member_lay(name, MemoryLayout::default());
                 let twin = self.stored_as(ty, lay).name();
                 let plain = self.stage.structs.get(name)?;
                 let parts = self.members_of(&twin, |member| {
@@ -268,7 +273,7 @@ impl Lower<'_, '_> {
 
     /// Whether naga can assign to it with the author's operator.
     pub(super) fn is_plain(&self, target: &Ex) -> bool {
-        target.parts.is_none() && !self.stage.structs.lies_otherwise(&target.ty, target.lay)
+        target.parts.is_none() && !self.stage.structs.is_converted(&target.ty, target.lay)
     }
 
     /// Assigns `value` to a target by parts. Repeats the value.
@@ -288,7 +293,7 @@ impl Lower<'_, '_> {
             let stores = each.map(|(part, c)| format!("{part} = {text}.{c}"));
             return Ok(first.into_iter().chain(stores).collect());
         }
-        if !self.stage.structs.lies_otherwise(&target.ty, target.lay) {
+        if !self.stage.structs.is_converted(&target.ty, target.lay) {
             let text = format!(
                 "{} = {}",
                 target.at(level::UNARY),
@@ -296,7 +301,7 @@ impl Lower<'_, '_> {
             );
             return Ok(vec![text]);
         }
-        if target.lay.is_tight() && matches!(target.ty.innermost(), Ty::Struct(_)) {
+        if target.lay.is_std430() && matches!(target.ty.innermost(), Ty::Struct(_)) {
             return self.stores_apart(target, value, place);
         }
         let (first, value) = self.once(value);
@@ -329,7 +334,7 @@ impl Lower<'_, '_> {
                     };
                     let structs = &self.stage.structs;
                     let to = part(target, structs.member_lay(name, target.lay));
-                    let from = part(value, structs.member_lay(name, Lay::default()));
+                    let from = part(value, structs.member_lay(name, MemoryLayout::default()));
                     let from = self.value(from);
                     all.extend(self.stores(&to, &from, place)?);
                 }
@@ -491,7 +496,7 @@ impl Lower<'_, '_> {
 
     /// An element of an array, a column, or a component.
     pub(super) fn element_of(&self, base: Ex, index: &str) -> Ex {
-        let scalar = || Ty::Scalar(base.ty.kind().unwrap_or(Kind::Float));
+        let scalar = || Ty::Scalar(base.ty.kind().unwrap_or(Component::Float));
         if let Some((matrix, column)) = &base.turned {
             let text = format!("{matrix}[{index}][{column}]");
             return Ex::new(text, scalar(), level::POSTFIX);
@@ -534,8 +539,8 @@ impl Lower<'_, '_> {
             .label_if(place)
         })?;
         let lay = match kind {
-            Kind::Bool => base.lay,
-            _ => Lay::default(),
+            Component::Bool => base.lay,
+            _ => MemoryLayout::default(),
         };
         let text = base.at(level::POSTFIX);
         let text = match base.lay.is_padded() {
@@ -566,7 +571,7 @@ fn of_four(text: &str) -> &str {
     text.strip_suffix(".xy").unwrap_or(text)
 }
 
-/// The component indices of a swizzle; `None` if it is invalid for a vector of `size`.
+/// The component indices of a swizzle; `None` if it is invalid for a vector of `module_size`.
 fn numbers(name: &str, size: u8) -> Option<Vec<usize>> {
     let sets = ["xyzw", "rgba", "stpq"];
     let of = |set: &&str| -> Option<Vec<usize>> { name.chars().map(|c| set.find(c)).collect() };

@@ -3,10 +3,10 @@
 use glsl_lang::ast::Expr;
 
 use super::super::constant;
-use super::super::interface::Pair;
-use super::super::marks::unmarked;
+use super::super::interface::SplitSampler;
+use super::super::source_marks::unmarked;
 use super::super::stage::unsupported;
-use super::super::ty::{Kind, Ty};
+use super::super::ty::{Component, Ty};
 use super::Lower;
 use super::effect::after;
 use super::expression::{Ex, level};
@@ -115,9 +115,9 @@ impl Lower<'_, '_> {
             }
         };
         let kind = match combined.chars().next() {
-            Some('i') => Kind::Int,
-            Some('u') => Kind::Uint,
-            _ => Kind::Float,
+            Some('i') => Component::Int,
+            Some('u') => Component::Uint,
+            _ => Component::Float,
         };
         let shadow = combined.ends_with("Shadow");
         let texel = match shadow {
@@ -127,7 +127,7 @@ impl Lower<'_, '_> {
         let layers = u8::from(combined.contains("Array"));
         let mut result = match function.name.as_str() {
             "textureSize" => Ty::vector(
-                Kind::Int,
+                Component::Int,
                 if combined.contains("Cube") {
                     2
                 } else {
@@ -145,10 +145,12 @@ impl Lower<'_, '_> {
         rest = rest
             .into_iter()
             .map(|v| match v.ty.kind() {
-                Some(Kind::Int | Kind::Uint) if !fetches && v.ty.components() == Some(1) => {
-                    self.coerce_kind(v, Some(Kind::Float))
+                Some(Component::Int | Component::Uint)
+                    if !fetches && v.ty.components() == Some(1) =>
+                {
+                    self.coerce_kind(v, Some(Component::Float))
                 }
-                Some(Kind::Uint) if fetches => self.coerce_kind(v, Some(Kind::Int)),
+                Some(Component::Uint) if fetches => self.coerce_kind(v, Some(Component::Int)),
                 _ => v,
             })
             .collect();
@@ -158,7 +160,7 @@ impl Lower<'_, '_> {
         if layers == 1
             && !fetches
             && let Some(p) = rest.first_mut()
-            && let Ty::Vector(Kind::Float, n) = p.ty
+            && let Ty::Vector(Component::Float, n) = p.ty
         {
             let layer = usize::from(coordinates(&combined));
             let parts: Vec<&str> = (0..usize::from(n))
@@ -178,7 +180,7 @@ impl Lower<'_, '_> {
                 .map(|e| constant::integers(e, constants))
                 .collect();
             for (offset, known) in rest.iter_mut().zip(known).skip(1) {
-                let (Ty::Vector(Kind::Int, n), Some(parts)) = (&offset.ty, known) else {
+                let (Ty::Vector(Component::Int, n), Some(parts)) = (&offset.ty, known) else {
                     continue;
                 };
                 let parts: Vec<String> = parts.iter().map(i32::to_string).collect();
@@ -246,7 +248,7 @@ impl Lower<'_, '_> {
                     let text = p.at(level::POSTFIX);
                     *p = Ex::new(
                         format!("{text}.xyz / {text}.w"),
-                        Ty::Vector(Kind::Float, 3),
+                        Ty::Vector(Component::Float, 3),
                         14,
                     );
                     name = name.replacen("Proj", "", 1);
@@ -273,7 +275,7 @@ impl Lower<'_, '_> {
                 None => format!("{name}Lod"),
             };
         }
-        let call = |pair: Option<&Pair>| {
+        let call = |pair: Option<&SplitSampler>| {
             let first = match pair {
                 Some(pair) => format!("{}({}, {})", pair.combined, pair.texture, pair.sampler),
                 None => sampler.text.clone(),
@@ -308,7 +310,7 @@ impl Lower<'_, '_> {
             }
         };
         if function.compares_to_vector {
-            result = Ty::Vector(Kind::Float, 4);
+            result = Ty::Vector(Component::Float, 4);
             ex = Ex::primary(format!("vec4({})", ex.text), result);
         }
         Ok(after(first, ex))
@@ -366,7 +368,7 @@ impl Lower<'_, '_> {
         let text = format!(
             "{} {helper}({texture} t, {of} s, {} p{extra}) {{\n    return {body};\n}}\n",
             result.name(),
-            Ty::vector(Kind::Float, n).name()
+            Ty::vector(Component::Float, n).name()
         );
         self.helpers.insert(helper.clone(), text);
         let mut all = vec![pair.texture.clone(), pair.sampler.clone()];

@@ -4,7 +4,7 @@
 
 use std::rc::Rc;
 
-use super::tokens::{Kind, Token};
+use super::tokens::{Token, TokenKind};
 use super::{Preprocessor, Stop};
 
 /// A macro definition.
@@ -18,14 +18,14 @@ pub(super) struct Macro {
 }
 
 /// The source of tokens.
-pub(super) enum Input {
+pub(super) enum TokenSource {
     /// The files.
     Files,
     /// A list, in reverse order.
     List(Vec<Token>),
 }
 
-impl Input {
+impl TokenSource {
     pub(super) fn list(mut tokens: Vec<Token>) -> Self {
         tokens.reverse();
         Self::List(tokens)
@@ -58,19 +58,19 @@ impl Preprocessor<'_> {
         }
     }
 
-    pub(super) fn next(&mut self, input: &mut Input) -> Result<Option<Token>, Stop> {
+    pub(super) fn next(&mut self, input: &mut TokenSource) -> Result<Option<Token>, Stop> {
         match input {
-            Input::Files => self.next_token(),
-            Input::List(tokens) => Ok(tokens.pop()),
+            TokenSource::Files => self.next_token(),
+            TokenSource::List(tokens) => Ok(tokens.pop()),
         }
     }
 
-    fn unread(&mut self, input: &mut Input, tokens: Vec<Token>) -> Result<(), Stop> {
+    fn unread(&mut self, input: &mut TokenSource, tokens: Vec<Token>) -> Result<(), Stop> {
         self.work(tokens.len())?;
         let back = tokens.into_iter().rev();
         match input {
-            Input::Files => self.pending.extend(back),
-            Input::List(tokens) => tokens.extend(back),
+            TokenSource::Files => self.pending.extend(back),
+            TokenSource::List(tokens) => tokens.extend(back),
         }
         Ok(())
     }
@@ -81,7 +81,7 @@ impl Preprocessor<'_> {
         tokens: Vec<Token>,
         depth: usize,
     ) -> Result<Vec<Token>, Stop> {
-        let mut input = Input::list(tokens);
+        let mut input = TokenSource::list(tokens);
         let mut out = Vec::new();
         while let Some(token) = self.next(&mut input)? {
             if let Some(token) = self.expand(token, &mut input, depth)? {
@@ -96,14 +96,14 @@ impl Preprocessor<'_> {
     pub(super) fn expand(
         &mut self,
         mut token: Token,
-        input: &mut Input,
+        input: &mut TokenSource,
         depth: usize,
     ) -> Result<Option<Token>, Stop> {
-        if token.kind != Kind::Word || token.is_hidden_from(token.name) {
+        if token.kind != TokenKind::Word || token.is_hidden_from(token.name) {
             return Ok(Some(token));
         }
         if let Some(text) = self.own_value(&token) {
-            token.kind = Kind::Number;
+            token.kind = TokenKind::Number;
             token.name = self.names.number(&text);
             return Ok(Some(token));
         }
@@ -208,7 +208,7 @@ impl Preprocessor<'_> {
         let paste = self.names.number("##");
         let is_paste = |i: Option<usize>| {
             let token = i.and_then(|i| of.body.get(i));
-            token.is_some_and(|t| t.kind == Kind::Other && t.name == paste)
+            token.is_some_and(|t| t.kind == TokenKind::Other && t.name == paste)
         };
         let mut full: Vec<Option<Vec<Token>>> = vec![None; arguments.len()];
         let mut out: Vec<Token> = Vec::with_capacity(of.body.len());
@@ -221,7 +221,7 @@ impl Preprocessor<'_> {
                 continue;
             }
             let number = match token.kind {
-                Kind::Word => parameters.iter().position(|p| *p == token.name),
+                TokenKind::Word => parameters.iter().position(|p| *p == token.name),
                 _ => None,
             };
             let piece = match number.and_then(|n| arguments.get(n).map(|a| (n, a))) {
@@ -284,7 +284,7 @@ impl Preprocessor<'_> {
         let joined = super::tokens::Joined::of(&text);
         let made = super::tokens::tokens(&joined, 0, &mut self.names).unwrap_or_default();
         match &made[..] {
-            [one, line] if line.kind == Kind::Line => Ok(Token {
+            [one, line] if line.kind == TokenKind::Line => Ok(Token {
                 kind: one.kind,
                 name: one.name,
                 start: place.0,

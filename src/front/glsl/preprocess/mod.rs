@@ -18,10 +18,10 @@ use naga::{ShaderStage, Span};
 use preshade_passes::program::SourceMap;
 
 use self::condition::{Word, Wrong, evaluate, integer};
-use self::macros::{Input, Macro};
-use self::tokens::{Joined, Kind, Names, Token, tokens};
+use self::macros::{Macro, TokenSource};
+use self::tokens::{Joined, Names, Token, TokenKind, tokens};
 use super::include::Files;
-use super::syntax::Dialect;
+use super::version::Dialect;
 use crate::front::error::{Code, Error};
 
 /// Maximum tokens read, skipped or made.
@@ -46,7 +46,7 @@ pub(super) struct Task<'a> {
     pub dialect: Dialect,
     pub defines: &'a [(String, String)],
     /// The version to print in `#version`.
-    pub said_version: u16,
+    pub printed_version: u16,
     /// The text is for Vulkan.
     pub vulkan: bool,
 }
@@ -101,7 +101,7 @@ struct Preprocessor<'a> {
     map: &'a mut SourceMap,
     stage: ShaderStage,
     dialect: Dialect,
-    said_version: u16,
+    printed_version: u16,
     vulkan: bool,
     /// The folder of the first file.
     home: PathBuf,
@@ -137,7 +137,7 @@ pub(super) fn preprocess(
         map,
         stage: input.stage,
         dialect: input.dialect,
-        said_version: input.said_version,
+        printed_version: input.printed_version,
         vulkan: input.vulkan,
         home: input.folder.to_owned(),
         names,
@@ -159,7 +159,7 @@ pub(super) fn preprocess(
     };
     preprocessor.predefine(input.defines)?;
     while let Some(token) = preprocessor.next_token()? {
-        if let Some(token) = preprocessor.expand(token, &mut Input::Files, 0)? {
+        if let Some(token) = preprocessor.expand(token, &mut TokenSource::Files, 0)? {
             preprocessor.emit(&token)?;
         }
     }
@@ -208,7 +208,7 @@ impl Preprocessor<'_> {
                     format!("the value of `{name}` has a comment that is not closed"),
                 )
             })?;
-            body.retain(|t| t.kind != Kind::Line);
+            body.retain(|t| t.kind != TokenKind::Line);
             let name = self.names.number(name);
             let made = Macro {
                 parameters: None,
@@ -283,11 +283,11 @@ impl Preprocessor<'_> {
                 continue;
             };
             reading.at += 1;
-            if token.kind == Kind::Line {
+            if token.kind == TokenKind::Line {
                 continue;
             }
             let token = token.clone();
-            if token.begins_line && token.kind == Kind::Other && self.is(&token, "#") {
+            if token.begins_line && token.kind == TokenKind::Other && self.is(&token, "#") {
                 let line = self.rest_of_line()?;
                 self.directive(&token, line)?;
                 continue;
@@ -305,7 +305,7 @@ impl Preprocessor<'_> {
             return Ok(Vec::new());
         };
         let rest = reading.tokens.get(reading.at..).unwrap_or_default();
-        let ends = |t: &Token| t.kind == Kind::Line;
+        let ends = |t: &Token| t.kind == TokenKind::Line;
         let length = rest.iter().position(ends).unwrap_or(rest.len());
         let line = rest[..length].to_vec();
         reading.at += length;
@@ -390,7 +390,7 @@ impl Preprocessor<'_> {
                     self.dialect.version = version;
                 }
                 let profile = words.get(1).map(|p| format!(" {p}")).unwrap_or_default();
-                let version = match self.said_version {
+                let version = match self.printed_version {
                     460 if (420..=460).contains(&self.dialect.version) => 460,
                     _ => self.dialect.version,
                 };
@@ -433,7 +433,7 @@ impl Preprocessor<'_> {
     }
 
     fn named(&self, rest: &[Token], directive: &str, place: (u32, u32)) -> Result<u32, Stop> {
-        let name = rest.first().filter(|t| t.kind == Kind::Word);
+        let name = rest.first().filter(|t| t.kind == TokenKind::Word);
         name.map(|t| t.name)
             .ok_or_else(|| self.stop(format!("`#{directive}` names no macro"), place))
     }
@@ -474,7 +474,7 @@ impl Preprocessor<'_> {
                 match (token, text.as_deref()) {
                     (_, Some(")")) => break,
                     (_, Some(",")) => {}
-                    (Some(token), _) if token.kind == Kind::Word => names.push(token.name),
+                    (Some(token), _) if token.kind == TokenKind::Word => names.push(token.name),
                     _ => {
                         let name = self.names.text(name);
                         return Err(self.stop(
@@ -500,7 +500,7 @@ impl Preprocessor<'_> {
     fn answer(&mut self, asked: Token, name: u32) -> Token {
         let value = u8::from(self.is_defined(name)).to_string();
         Token {
-            kind: Kind::Number,
+            kind: TokenKind::Number,
             name: self.names.number(&value),
             ..asked
         }
@@ -516,14 +516,14 @@ impl Preprocessor<'_> {
                 continue;
             }
             let bracket = rest.next_if(|t| self.is(t, "(")).is_some();
-            let name = rest.next_if(|t| t.kind == Kind::Word);
+            let name = rest.next_if(|t| t.kind == TokenKind::Word);
             let closed = !bracket || rest.next_if(|t| self.is(t, ")")).is_some();
             let Some(name) = name.filter(|_| closed) else {
                 return Err(self.stop("`defined` names no macro", place));
             };
             ready.push(self.answer(token, name.name));
         }
-        let mut input = Input::list(ready);
+        let mut input = TokenSource::list(ready);
         let mut expanded = Vec::new();
         while let Some(token) = self.next(&mut input)? {
             // Macros may produce `defined`. C leaves that undefined (C11 6.10.1), and compilers
@@ -535,7 +535,7 @@ impl Preprocessor<'_> {
                     name = self.next(&mut input)?;
                 }
                 let closed = !bracket || self.next(&mut input)?.is_some_and(|t| self.is(&t, ")"));
-                let Some(name) = name.filter(|t| closed && t.kind == Kind::Word) else {
+                let Some(name) = name.filter(|t| closed && t.kind == TokenKind::Word) else {
                     return Err(self.stop("`defined` names no macro", place));
                 };
                 expanded.push(self.answer(token, name.name));
@@ -548,13 +548,13 @@ impl Preprocessor<'_> {
         for (i, token) in expanded.iter().enumerate() {
             let text = self.names.text(token.name);
             words.push(match token.kind {
-                Kind::Number => Word::Number(integer(&text).ok_or_else(|| {
+                TokenKind::Number => Word::Number(integer(&text).ok_or_else(|| {
                     self.stop(
                         format!("`{text}` is not an integer, which `#if` needs"),
                         place,
                     )
                 })?),
-                Kind::Word => Word::Undefined(i),
+                TokenKind::Word => Word::Undefined(i),
                 _ => Word::Operator(text.to_string()),
             });
         }
@@ -580,7 +580,7 @@ impl Preprocessor<'_> {
     fn include(&mut self, line: Vec<Token>, place: (u32, u32)) -> Result<(), Stop> {
         let is_name = |this: &Self, line: &[Token]| {
             line.first()
-                .is_some_and(|t| t.kind == Kind::Quoted || this.is(t, "<"))
+                .is_some_and(|t| t.kind == TokenKind::Quoted || this.is(t, "<"))
         };
         let line = match is_name(self, &line) {
             true => line,
@@ -592,7 +592,7 @@ impl Preprocessor<'_> {
                 .note("put the name in quotes or angle brackets, or use a macro for it"));
         }
         let texts: Vec<Rc<str>> = line.iter().map(|t| self.names.text(t.name)).collect();
-        let angled = line.first().is_some_and(|t| t.kind != Kind::Quoted);
+        let angled = line.first().is_some_and(|t| t.kind != TokenKind::Quoted);
         let name = match (&texts[..], angled) {
             ([first, ..], false) => first.trim_matches('"').to_owned(),
             ([_, rest @ ..], _) => {

@@ -7,7 +7,7 @@ use std::rc::Rc;
 
 /// The kind of a token.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in super::super) enum Kind {
+pub(in super::super) enum TokenKind {
     Word,
     /// Anything that begins like a number.
     Number,
@@ -21,7 +21,7 @@ pub(in super::super) enum Kind {
 /// A token with its source.
 #[derive(Clone, Debug)]
 pub(in super::super) struct Token {
-    pub kind: Kind,
+    pub kind: TokenKind,
     /// Its text, as an index into [`Names`].
     pub name: u32,
     /// Bytes in the source map.
@@ -130,7 +130,7 @@ pub(super) fn tokens(joined: &Joined<'_>, base: u32, names: &mut Names) -> Resul
     while let Some(byte) = bytes.get(at) {
         let rest = &text[at..];
         let (kind, length) = match byte {
-            b'\n' => (Kind::Line, 1),
+            b'\n' => (TokenKind::Line, 1),
             b if b.is_ascii_whitespace() => {
                 at += 1;
                 continue;
@@ -147,22 +147,22 @@ pub(super) fn tokens(joined: &Joined<'_>, base: u32, names: &mut Names) -> Resul
             b'"' => {
                 let line = rest[1..].find(['"', '\n']);
                 match line.filter(|end| rest[1 + end..].starts_with('"')) {
-                    Some(end) => (Kind::Quoted, end + 2),
-                    None => (Kind::Other, 1),
+                    Some(end) => (TokenKind::Quoted, end + 2),
+                    None => (TokenKind::Other, 1),
                 }
             }
-            b if b.is_ascii_digit() => (Kind::Number, number(rest)),
+            b if b.is_ascii_digit() => (TokenKind::Number, number(rest)),
             b'.' if bytes.get(at + 1).is_some_and(u8::is_ascii_digit) => {
-                (Kind::Number, number(rest))
+                (TokenKind::Number, number(rest))
             }
             b if is_word(b) => (
-                Kind::Word,
+                TokenKind::Word,
                 bytes[at..].iter().take_while(|b| is_word(b)).count(),
             ),
             _ => {
                 let long = OPERATORS.iter().find(|o| rest.starts_with(**o));
                 let one = || rest.chars().next().map_or(1, char::len_utf8);
-                (Kind::Other, long.map_or_else(one, |o| o.len()))
+                (TokenKind::Other, long.map_or_else(one, |o| o.len()))
             }
         };
         out.push(Token {
@@ -173,11 +173,11 @@ pub(super) fn tokens(joined: &Joined<'_>, base: u32, names: &mut Names) -> Resul
             begins_line,
             hidden: None,
         });
-        begins_line = kind == Kind::Line;
+        begins_line = kind == TokenKind::Line;
         at += length;
     }
     out.push(Token {
-        kind: Kind::Line,
+        kind: TokenKind::Line,
         name: names.number("\n"),
         start: place(text.len()),
         end: place(text.len()),

@@ -7,15 +7,16 @@ use naga::{ShaderStage, Span};
 
 use super::constant::{self, Constants};
 use super::syntax::Unit;
-use super::ty::{Member, Rules, Structs, Ty};
+use super::ty::{GlslMember, Rules, Structs, Ty};
 use crate::front::error::{Code, Error};
 
 mod qualifiers;
-mod reach;
+mod reachable;
+pub(super) mod side_effects;
 mod types;
 
 pub(super) use qualifiers::{Qualifiers, Storage};
-pub(super) use reach::FRAG_COORD_Y;
+pub(super) use reachable::FRAG_COORD_Y;
 pub(super) use types::spelled;
 
 use types::APART;
@@ -62,7 +63,7 @@ pub(super) fn simple(init: &ast::Initializer) -> Option<&ast::Expr> {
 pub(super) struct Block {
     pub name: String,
     pub instance: Option<String>,
-    pub members: Vec<Member>,
+    pub members: Vec<GlslMember>,
     pub qualifiers: Qualifiers,
     pub place: Option<Span>,
 }
@@ -100,7 +101,7 @@ pub(super) struct Signature {
 }
 
 /// One stage.
-pub(super) struct Stage<'u> {
+pub(super) struct GlslStage<'u> {
     pub unit: &'u Unit,
     pub kind: ShaderStage,
     pub structs: Structs,
@@ -150,7 +151,7 @@ pub(super) fn unsupported(what: impl Into<String>, place: Option<Span>) -> Error
     Error::new(Code::Unsupported, what).label_if(place)
 }
 
-impl<'u> Stage<'u> {
+impl<'u> GlslStage<'u> {
     pub(super) fn collect(unit: &'u Unit, kind: ShaderStage) -> Result<Self, Error> {
         let mut stage = Self {
             unit,
@@ -356,7 +357,7 @@ impl<'u> Stage<'u> {
         for field in &block.fields {
             let q = self.qualifiers(field.qualifier.as_ref())?;
             for (name, ty, place) in self.fields(field)? {
-                members.push(Member {
+                members.push(GlslMember {
                     name,
                     ty,
                     row_major: (row_major || q.says("row_major")) && !q.says("column_major"),
@@ -414,7 +415,7 @@ impl<'u> Stage<'u> {
     /// Rejects explicit offsets that differ from the default layout, which naga cannot express.
     fn refuse_offsets(
         &self,
-        members: &[Member],
+        members: &[GlslMember],
         qualifiers: &[Qualifiers],
         tight: bool,
     ) -> Result<(), Error> {

@@ -6,7 +6,7 @@ use glsl_lang::ast::{
 };
 use naga::ShaderStage;
 
-use super::{Stage, unsupported};
+use super::{GlslStage, unsupported};
 use crate::front::error::Error;
 use crate::front::glsl::constant;
 
@@ -48,7 +48,7 @@ impl Qualifiers {
     }
 }
 
-impl Stage<'_> {
+impl GlslStage<'_> {
     pub(in crate::front::glsl) fn qualifiers(
         &self,
         qualifier: Option<&ast::TypeQualifier>,

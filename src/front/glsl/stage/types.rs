@@ -6,17 +6,17 @@ use glsl_lang::ast::{
 use glsl_lang::transpiler::glsl::{FormattingState, show_type_specifier_non_array};
 use naga::Span;
 
-use super::{Stage, unsupported};
+use super::{GlslStage, unsupported};
 use crate::front::error::{Code, Error};
 use crate::front::glsl::constant;
-use crate::front::glsl::ty::{Member, Struct, Ty};
+use crate::front::glsl::ty::{GlslMember, Struct, Ty};
 
 /// Maximum elements of arrays that are split into variables: varyings and samplers.
 pub(super) const APART: u64 = 1 << 10;
 /// Maximum members of a struct, nested members included.
 const MEMBERS: u64 = 1 << 12;
 
-impl Stage<'_> {
+impl GlslStage<'_> {
     /// The type of `spec` with the array dimensions at the variable's name.
     pub(in crate::front::glsl) fn ty(
         &mut self,
@@ -34,7 +34,7 @@ impl Stage<'_> {
                 let mut members = Vec::new();
                 for field in &definition.fields {
                     for (name, ty, place) in self.fields(field)? {
-                        members.push(Member {
+                        members.push(GlslMember {
                             name,
                             ty,
                             row_major: false,
@@ -58,7 +58,7 @@ impl Stage<'_> {
                     .label_if(place));
                 }
                 if let Some(old) = self.structs.get(&name) {
-                    let same = |a: &Member, b: &Member| a.name == b.name && a.ty == b.ty;
+                    let same = |a: &GlslMember, b: &GlslMember| a.name == b.name && a.ty == b.ty;
                     let alike = old.members.len() == members.len()
                         && old.members.iter().zip(&members).all(|(a, b)| same(a, b));
                     if !alike {
@@ -71,10 +71,10 @@ impl Stage<'_> {
                     self.structs.insert(Struct {
                         name: name.clone(),
                         members,
-                        hosted: false,
+                        in_uniform_block: false,
                         tight: false,
                     });
-                    self.structs.host_small();
+                    self.structs.mark_small_elements();
                 }
                 Ty::Struct(name)
             }
@@ -86,7 +86,7 @@ impl Stage<'_> {
 
     /// Names an anonymous struct by its members, so that different structs of the two stages have
     /// different names.
-    fn unnamed(&self, members: &[Member]) -> String {
+    fn unnamed(&self, members: &[GlslMember]) -> String {
         let mut name = "Unnamed".to_owned();
         for member in members {
             let word = member.name.trim_matches('_');
@@ -96,7 +96,7 @@ impl Stage<'_> {
             }
         }
         let taken = |name: &str| {
-            let same = |a: &Member, b: &Member| a.name == b.name && a.ty == b.ty;
+            let same = |a: &GlslMember, b: &GlslMember| a.name == b.name && a.ty == b.ty;
             let old = self.structs.get(name);
             old.is_some_and(|old| {
                 old.members.len() != members.len()

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::panic;
 use std::sync::Once;
 
-/// Stack size for naga, which recurses once per nesting level. [`super::nesting`] bounds the
+/// Stack size for naga, which recurses once per nesting level. `front::nesting` bounds the
 /// levels. The system only commits pages that are used.
 const STACK: usize = 256 << 20;
 

@@ -6,7 +6,7 @@ use preshade_passes::graph::operands;
 use preshade_passes::program::Program;
 
 /// The location of such a call in the program's text, with a remedy.
-pub(crate) fn passed(program: &Program) -> Option<String> {
+pub(crate) fn find(program: &Program) -> Option<String> {
     let module = program.module();
     let functions = module.functions.iter().map(|(_, f)| f);
     let entries = module.entry_points.iter().map(|e| &e.function);

@@ -13,7 +13,10 @@ const MOST_FUNCTIONS: usize = 400;
 
 /// The innermost statement that makes `panics` true, or else the function's body. `None` if no
 /// single function is the cause.
-pub(super) fn statement(text: &str, panics: &dyn Fn(&str) -> bool) -> Option<Range<usize>> {
+pub(super) fn panicking_statement(
+    text: &str,
+    panics: &dyn Fn(&str) -> bool,
+) -> Option<Range<usize>> {
     if text.len() > MOST_BYTES || !panics(text) {
         return None;
     }
@@ -156,12 +159,15 @@ fn one() { let x = 1; }
 fn three() {}
 ";
         let panics = |text: &str| text.contains("PANIC");
-        let found = statement(text, &panics).unwrap();
+        let found = panicking_statement(text, &panics).unwrap();
         assert_eq!(&text[found], "PANIC;");
-        assert_eq!(statement(&text.replace("PANIC", "fine"), &panics), None);
+        assert_eq!(
+            panicking_statement(&text.replace("PANIC", "fine"), &panics),
+            None
+        );
         // A panic in a declaration has no culprit function.
         assert_eq!(
-            statement(&text.replace("a = 1", "a = PANIC"), &panics),
+            panicking_statement(&text.replace("a = 1", "a = PANIC"), &panics),
             None
         );
     }

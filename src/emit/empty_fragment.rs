@@ -26,15 +26,15 @@ pub(super) fn key() -> Written {
 }
 
 /// The empty stage of a program.
-pub(super) struct Blank {
+pub(super) struct EmptyFragment {
     pub program: String,
     pub target: Target,
     pub file: File,
-    pub said: StageFile,
+    pub stage_file: StageFile,
 }
 
 /// The file of each pass without a fragment stage, `MATERIAL.ROLE.es.frag`, if GLSL ES is a target.
-pub(super) fn files(plan: &Plan, targets: &[Target]) -> Vec<Blank> {
+pub(super) fn files(plan: &Plan, targets: &[Target]) -> Vec<EmptyFragment> {
     let mut all = Vec::new();
     for (target, version, extension) in LANGUAGES {
         if !targets.contains(&target) {
@@ -42,18 +42,18 @@ pub(super) fn files(plan: &Plan, targets: &[Target]) -> Vec<Blank> {
         }
         for pass in plan.passes.iter().filter(|pass| pass.fragment.is_none()) {
             let name = format!("{}.{}.{extension}", plan.material, pass.role.name());
-            let said = StageFile::new(&name, "main");
+            let stage_file = StageFile::new(&name, "main");
             // A pass that shares the main program has no file named after itself.
             let vertex = match pass.role {
                 Role::Prepass if pass.program == Role::Main.name() => WITH_MAIN,
                 _ => "",
             };
             let bytes = format!("{version}\n{TEXT}{vertex}").into_bytes();
-            all.push(Blank {
+            all.push(EmptyFragment {
                 program: pass.program.clone(),
                 target,
                 file: File { name, bytes },
-                said,
+                stage_file,
             });
         }
     }

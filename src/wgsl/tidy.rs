@@ -28,10 +28,10 @@ use naga::{
 };
 
 use super::loops;
-use super::text::{self, Kind, Words};
+use super::text::{self, TokenKind, Words};
 
 /// Tidies the text of `module` after the writer and `repair`.
-pub(super) fn tidy(module: &Module, text: &str) -> String {
+pub(crate) fn tidy(module: &Module, text: &str) -> String {
     let module_words = module_words(text);
     let impure = declared_functions(module, text);
     let mut functions = module
@@ -95,7 +95,7 @@ fn free_words(line: &str) -> impl Iterator<Item = &str> {
     let mut after_dot = false;
     text::tokens(line).filter_map(move |(kind, range)| {
         let word = &line[range];
-        let free = kind == Kind::Word && !after_dot;
+        let free = kind == TokenKind::Word && !after_dot;
         after_dot = word == ".";
         free.then_some(word)
     })
@@ -116,7 +116,7 @@ fn is_place(text: &str) -> bool {
             "[" => depth += 1,
             "]" => depth = depth.saturating_sub(1),
             "." => {}
-            _ => return kind != Kind::Mark || depth > 0,
+            _ => return kind != TokenKind::Mark || depth > 0,
         }
         true
     })
@@ -134,7 +134,7 @@ enum Reads {
 }
 
 /// A right-hand side that may move to its use.
-struct Value {
+struct MovableValue {
     text: String,
     reads: Reads,
 }
@@ -201,7 +201,7 @@ impl<'a> Body<'a> {
 
     /// The movable value of a `let`: a load written with names, members and indices, or a texture
     /// read. Both bind tighter than any operator.
-    fn movable(&self, expression: usize, line: Option<&str>) -> Option<Value> {
+    fn movable(&self, expression: usize, line: Option<&str>) -> Option<MovableValue> {
         let handle = self.handle(expression)?;
         let (_, right) = line?.split_once(" = ")?;
         let right = right.strip_suffix(';')?;
@@ -219,7 +219,7 @@ impl<'a> Body<'a> {
             }
             _ => return None,
         };
-        Some(Value {
+        Some(MovableValue {
             text: right.to_owned(),
             reads,
         })
@@ -278,7 +278,7 @@ impl<'a> Body<'a> {
                         || word.starts_with("atomic")
                         || word.starts_with("workgroup")
                         || word.starts_with("subgroup");
-                    kind != Kind::Word || !writes
+                    kind != TokenKind::Word || !writes
                 })
         };
         let mut count = 0;
@@ -423,7 +423,7 @@ fn uses(body: &[&str]) -> FastHashMap<usize, Vec<usize>> {
     let mut uses: FastHashMap<usize, Vec<usize>> = FastHashMap::default();
     for (line, text) in body.iter().enumerate() {
         for (kind, range) in text::tokens(text) {
-            if kind == Kind::Word
+            if kind == TokenKind::Word
                 && let Some(number) = text[range].strip_prefix("_e")
                 && let Ok(number) = number.parse()
             {

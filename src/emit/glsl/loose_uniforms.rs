@@ -14,17 +14,17 @@ use naga::{
 };
 use preshade_passes::declared::{self, Declaration, Declared};
 
-use crate::front::operands;
+use crate::wgsl::operands;
 
 /// The module and the variable of each uniform.
-pub(super) struct Loosened {
+pub(super) struct SplitUniforms {
     pub module: Module,
     /// In the order of the block's members.
-    pub uniforms: Vec<Loose>,
+    pub uniforms: Vec<LooseUniform>,
 }
 
 /// A uniform outside of blocks.
-pub(super) struct Loose {
+pub(super) struct LooseUniform {
     /// The author's name.
     pub name: String,
     /// Its variable.
@@ -34,7 +34,7 @@ pub(super) struct Loose {
 }
 
 /// Splits the uniforms. On an error, which describes the obstacle, the module keeps its blocks.
-pub(super) fn loosen(module: &Module, declared: &Declared) -> Result<Loosened, String> {
+pub(super) fn split(module: &Module, declared: &Declared) -> Result<SplitUniforms, String> {
     let mut out = module.clone();
     let mut uniforms = Vec::new();
     let mut roots = HashMap::new();
@@ -47,7 +47,7 @@ pub(super) fn loosen(module: &Module, declared: &Declared) -> Result<Loosened, S
             continue;
         }
         if declared.loose.is_none() || global.binding != declared.loose {
-            roots.insert(handle, Root::Block);
+            roots.insert(handle, UniformRoot::Block);
             continue;
         }
         let mut variables = Vec::new();
@@ -71,13 +71,13 @@ pub(super) fn loosen(module: &Module, declared: &Declared) -> Result<Loosened, S
                 Span::UNDEFINED,
             );
             variables.push(Some((variable, ty)));
-            uniforms.push(Loose {
+            uniforms.push(LooseUniform {
                 name: uniform.name.clone(),
                 variable,
                 offset: member.offset,
             });
         }
-        roots.insert(handle, Root::Loose(variables));
+        roots.insert(handle, UniformRoot::LooseUniform(variables));
     }
     let Module {
         types,
@@ -89,18 +89,18 @@ pub(super) fn loosen(module: &Module, declared: &Declared) -> Result<Loosened, S
     for function in bodies.chain(entry_points.iter_mut().map(|e| &mut e.function)) {
         *function = Rebuild::function(types, module, &roots, function)?;
     }
-    Ok(Loosened {
+    Ok(SplitUniforms {
         module: out,
         uniforms,
     })
 }
 
 /// A uniform variable of the rebuilt module.
-enum Root {
+enum UniformRoot {
     /// A block.
     Block,
     /// The block of loose uniforms: variable and type of each member, `None` for padding.
-    Loose(Vec<Option<(Handle<GlobalVariable>, Handle<Type>)>>),
+    LooseUniform(Vec<Option<(Handle<GlobalVariable>, Handle<Type>)>>),
 }
 
 /// The author's type of a member stored as `stored`.
@@ -249,8 +249,8 @@ fn plain(name: &str) -> Option<TypeInner> {
 
 /// A part of uniform memory: how to read it, and its new and old types.
 #[derive(Clone, Copy)]
-struct Place {
-    at: At,
+struct UniformPlace {
+    at: UniformBase,
     /// The type in the new module.
     own: Handle<Type>,
     /// The type that the old expressions expect.
@@ -258,9 +258,9 @@ struct Place {
 }
 
 #[derive(Clone, Copy)]
-enum At {
+enum UniformBase {
     /// A whole block.
-    Root(Handle<GlobalVariable>),
+    UniformRoot(Handle<GlobalVariable>),
     /// The target of a pointer in the new function.
     Pointer(Handle<Expression>),
 }
@@ -274,11 +274,11 @@ enum Index {
 struct Rebuild<'a> {
     types: &'a mut UniqueArena<Type>,
     module: &'a Module,
-    roots: &'a HashMap<Handle<GlobalVariable>, Root>,
+    roots: &'a HashMap<Handle<GlobalVariable>, UniformRoot>,
     expressions: Arena<Expression>,
     globals: HashMap<Handle<GlobalVariable>, Handle<Expression>>,
     /// Pointers into uniforms and loaded values, by old expression.
-    places: HashMap<Handle<Expression>, Place>,
+    places: HashMap<Handle<Expression>, UniformPlace>,
     values: HashMap<Handle<Expression>, Handle<Expression>>,
     /// New expressions by old expression.
     made: HashMap<Handle<Expression>, Vec<Handle<Expression>>>,
@@ -289,7 +289,7 @@ impl<'a> Rebuild<'a> {
     fn function(
         types: &'a mut UniqueArena<Type>,
         module: &'a Module,
-        roots: &'a HashMap<Handle<GlobalVariable>, Root>,
+        roots: &'a HashMap<Handle<GlobalVariable>, UniformRoot>,
         function: &Function,
     ) -> Result<Function, String> {
         let reads = function
@@ -370,8 +370,8 @@ impl<'a> Rebuild<'a> {
         let place = match expression {
             Expression::GlobalVariable(global) if self.roots.contains_key(global) => {
                 let ty = self.module.global_variables[*global].ty;
-                Some(Place {
-                    at: At::Root(*global),
+                Some(UniformPlace {
+                    at: UniformBase::UniformRoot(*global),
                     own: ty,
                     wanted: ty,
                 })
@@ -413,26 +413,29 @@ impl<'a> Rebuild<'a> {
     }
 
     /// A part of a place.
-    fn step(&mut self, of: Place, index: Index) -> Result<Place, String> {
+    fn step(&mut self, of: UniformPlace, index: Index) -> Result<UniformPlace, String> {
         let (own, wanted) = (self.types[of.own].clone(), self.types[of.wanted].clone());
         let pointer = match (of.at, index) {
-            (At::Root(global), Index::Constant(i)) => match self.roots.get(&global) {
-                Some(Root::Loose(variables)) => {
+            (UniformBase::UniformRoot(global), Index::Constant(i)) => match self.roots.get(&global)
+            {
+                Some(UniformRoot::LooseUniform(variables)) => {
                     let (variable, own) = variables
                         .get(i as usize)
                         .copied()
                         .flatten()
                         .ok_or("the padding of a block")?;
-                    return Ok(Place {
-                        at: At::Pointer(self.global(variable)),
+                    return Ok(UniformPlace {
+                        at: UniformBase::Pointer(self.global(variable)),
                         own,
                         wanted: member(&wanted.inner, i).ok_or("a member")?.1,
                     });
                 }
                 _ => self.global(global),
             },
-            (At::Root(_), Index::Dynamic(_)) => return Err("an indexed block".to_owned()),
-            (At::Pointer(pointer), _) => pointer,
+            (UniformBase::UniformRoot(_), Index::Dynamic(_)) => {
+                return Err("an indexed block".to_owned());
+            }
+            (UniformBase::Pointer(pointer), _) => pointer,
         };
         let (own, wanted, own_index) = match (&own.inner, &wanted.inner, index) {
             (
@@ -466,8 +469,8 @@ impl<'a> Rebuild<'a> {
                 TypeInner::Vector { scalar: other, .. },
                 Index::Constant(0),
             ) => {
-                return Ok(Place {
-                    at: At::Pointer(pointer),
+                return Ok(UniformPlace {
+                    at: UniformBase::Pointer(pointer),
                     own: self.scalar(*scalar),
                     wanted: self.scalar(*other),
                 });
@@ -484,8 +487,8 @@ impl<'a> Rebuild<'a> {
                 index,
             },
         };
-        Ok(Place {
-            at: At::Pointer(self.append(expression)),
+        Ok(UniformPlace {
+            at: UniformBase::Pointer(self.append(expression)),
             own,
             wanted,
         })
@@ -504,9 +507,9 @@ impl<'a> Rebuild<'a> {
     }
 
     /// The value of a place, in the type that the old expressions expect.
-    fn load(&mut self, place: Place) -> Result<Handle<Expression>, String> {
+    fn load(&mut self, place: UniformPlace) -> Result<Handle<Expression>, String> {
         let wanted = self.types[place.wanted].inner.clone();
-        if let At::Pointer(pointer) = place.at
+        if let UniformBase::Pointer(pointer) = place.at
             && place.own == place.wanted
         {
             return Ok(self.append(Expression::Load { pointer }));
@@ -515,8 +518,8 @@ impl<'a> Rebuild<'a> {
         let parts = match (&own, &wanted) {
             (_, TypeInner::Struct { members, .. }) => {
                 let has = |m: &StructMember, i: usize| match (&own, place.at) {
-                    (_, At::Root(global)) => match self.roots.get(&global) {
-                        Some(Root::Loose(variables)) => {
+                    (_, UniformBase::UniformRoot(global)) => match self.roots.get(&global) {
+                        Some(UniformRoot::LooseUniform(variables)) => {
                             variables.get(i).is_some_and(Option::is_some)
                         }
                         _ => true,
@@ -583,8 +586,12 @@ impl<'a> Rebuild<'a> {
     }
 
     /// Converts a scalar or vector to another scalar type.
-    fn converted(&mut self, place: Place, scalar: Scalar) -> Result<Handle<Expression>, String> {
-        let At::Pointer(pointer) = place.at else {
+    fn converted(
+        &mut self,
+        place: UniformPlace,
+        scalar: Scalar,
+    ) -> Result<Handle<Expression>, String> {
+        let UniformBase::Pointer(pointer) = place.at else {
             return Err("a block that is a scalar".to_owned());
         };
         let value = self.append(Expression::Load { pointer });

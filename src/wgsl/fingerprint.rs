@@ -9,10 +9,10 @@ use naga::{
 use preshade_passes::graph::operands;
 use preshade_passes::reflect::{self, Io};
 
-use crate::front::varying::Varying;
+use super::varying::Varying;
 
 /// Sorted lines. They are equal if a host cannot distinguish the modules.
-pub(super) fn of(module: &Module) -> Vec<String> {
+pub(crate) fn of(module: &Module) -> Vec<String> {
     let mut lines = Vec::new();
     for entry in &module.entry_points {
         let at = format!("{:?} entry point {}", entry.stage, entry.name);
@@ -86,12 +86,12 @@ fn constant(module: &Module, e: Handle<Expression>) -> String {
         *operand = e;
     });
     // Remove the expression's own handle.
-    let said = format!("{expression:?}").replace(&format!("{e:?}"), "_");
-    format!("{said}{operands:?}")
+    let stage_file = format!("{expression:?}").replace(&format!("{e:?}"), "_");
+    format!("{stage_file}{operands:?}")
 }
 
 /// The first line that only one side has.
-pub(super) fn difference(wanted: &[String], found: &[String]) -> Option<String> {
+pub(crate) fn difference(wanted: &[String], found: &[String]) -> Option<String> {
     if wanted == found {
         return None;
     }
@@ -146,7 +146,7 @@ fn layout(module: &Module, ty: Handle<Type>) -> String {
 }
 
 /// The chain of diagnostic filters that ends in `leaf`, innermost first.
-pub(super) fn filters(
+pub(crate) fn filters(
     arena: &Arena<DiagnosticFilterNode>,
     leaf: Option<Handle<DiagnosticFilterNode>>,
 ) -> Vec<(String, String)> {
@@ -177,7 +177,7 @@ pub(super) fn filters(
 /// The stage interface that SPIR-V keeps, as sorted lines: inputs and outputs by location or
 /// builtin, resources by group and binding.
 #[cfg(feature = "spirv")]
-pub(super) fn interface(
+pub(crate) fn interface(
     module: &Module,
     info: &naga::valid::ModuleInfo,
     stage: ShaderStage,

@@ -5,13 +5,13 @@ use naga::proc::TypeResolution;
 use naga::{Expression, Function, Handle, Module, TypeInner};
 use preshade_passes::program::Program;
 
-use crate::front::operands;
+use crate::wgsl::operands;
 
 /// Maximum levels of unnamed expressions.
 const LEVELS: u32 = 32;
 
 /// The module with added names; `None` if none are needed.
-pub(super) fn prepare(program: &Program) -> Option<Module> {
+pub(crate) fn name_deep_expressions(program: &Program) -> Option<Module> {
     let module = program.module();
     let info = program.info();
     let deep = |f: &Function, info: &naga::valid::FunctionInfo| {

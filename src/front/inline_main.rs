@@ -17,12 +17,12 @@ use naga::{
     Module, Statement,
 };
 
-use super::operands;
+use crate::wgsl::operands;
 
 type Copies = HashMap<Handle<Expression>, Handle<Expression>>;
 
 /// Inlines `main` into each wrapper entry point. `module` must be valid and stays valid.
-pub(super) fn promote(module: &mut Module) {
+pub(super) fn inline_main(module: &mut Module) {
     // naga's front end gives every function an expression for every global. Compaction leaves those
     // in use.
     naga::compact::compact(module, naga::compact::KeepUnused::Yes);
@@ -315,7 +315,7 @@ impl Inliner<'_> {
             if let Statement::Emit(range) = statement {
                 evaluated.extend(range.clone());
             }
-            evaluated.extend(super::switch::result(statement));
+            evaluated.extend(super::fall_through::result(statement));
         });
         let mut copies = Copies::new();
         for (handle, _) in from.expressions.iter() {
@@ -401,7 +401,7 @@ impl Inliner<'_> {
                 }
                 other => {
                     let mut statement = other.clone();
-                    if let Some(result) = super::switch::result(other) {
+                    if let Some(result) = super::fall_through::result(other) {
                         self.expression(from, result, copies);
                     }
                     let mut blocks: Vec<Block> = operands::blocks(&mut statement)

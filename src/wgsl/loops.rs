@@ -18,7 +18,7 @@
 const INDENT: &str = "    ";
 
 /// Rewrites every such loop in a function's lines, which must have naga's indentation.
-pub(super) fn structured(mut lines: Vec<String>) -> Vec<String> {
+pub(crate) fn structured(mut lines: Vec<String>) -> Vec<String> {
     // Backwards: inner loops first.
     for at in (0..lines.len()).rev() {
         if lines[at].trim_start() == "loop {"

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 /// The kind of a token.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(crate) enum TokenKind {
     /// An identifier or keyword.
     Word,
     /// A number with its suffix.
@@ -14,7 +14,7 @@ pub(super) enum Kind {
 }
 
 /// The tokens of `text`.
-pub(super) fn tokens(text: &str) -> impl Iterator<Item = (Kind, Range<usize>)> + '_ {
+pub(crate) fn tokens(text: &str) -> impl Iterator<Item = (TokenKind, Range<usize>)> + '_ {
     let bytes = text.as_bytes();
     let mut at = 0;
     std::iter::from_fn(move || {
@@ -35,14 +35,14 @@ pub(super) fn tokens(text: &str) -> impl Iterator<Item = (Kind, Range<usize>)> +
                 }
                 at += 1;
             }
-            Kind::Number
+            TokenKind::Number
         } else if word(first) {
             while bytes.get(at).is_some_and(|b| word(*b)) {
                 at += 1;
             }
-            Kind::Word
+            TokenKind::Word
         } else {
-            Kind::Mark
+            TokenKind::Mark
         };
         Some((kind, start..at))
     })
@@ -50,7 +50,7 @@ pub(super) fn tokens(text: &str) -> impl Iterator<Item = (Kind, Range<usize>)> +
 
 /// Which words to visit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Words {
+pub(crate) enum Words {
     /// All words.
     All,
     /// Words that are not members, so no dot precedes them.
@@ -58,7 +58,7 @@ pub(super) enum Words {
 }
 
 /// Replaces each word for which `rename` returns a name.
-pub(super) fn rename_words<'a>(
+pub(crate) fn rename_words<'a>(
     text: &'a str,
     words: Words,
     rename: impl Fn(&'a str) -> Option<&'a str>,
@@ -68,7 +68,7 @@ pub(super) fn rename_words<'a>(
     let mut after_dot = false;
     for (kind, range) in tokens(text) {
         let word = &text[range.clone()];
-        let considered = kind == Kind::Word && (words == Words::All || !after_dot);
+        let considered = kind == TokenKind::Word && (words == Words::All || !after_dot);
         after_dot = word == ".";
         if considered && let Some(new) = rename(word) {
             out.push_str(&text[copied..range.start]);
@@ -82,7 +82,7 @@ pub(super) fn rename_words<'a>(
 
 /// The syntax of 32-bit float literals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Spelling {
+pub(crate) enum Spelling {
     /// `1.5f`.
     Wgsl,
     /// `1.5`, or `1e-7`.
@@ -96,12 +96,12 @@ pub(super) enum Spelling {
 /// Rewrites floats so that every compiler reads naga's bits. The shortest digits of the largest
 /// float exceed it, which Tint rejects and ANGLE reads as infinity. In WGSL, numbers get the
 /// exponents that Rust prints and naga omits.
-pub(super) fn exact_floats(text: &str, spelling: Spelling) -> String {
+pub(crate) fn exact_floats(text: &str, spelling: Spelling) -> String {
     let mut out = String::with_capacity(text.len());
     let mut copied = 0;
     for (kind, range) in tokens(text) {
         let word = &text[range.clone()];
-        if kind != Kind::Number || word.starts_with("0x") {
+        if kind != TokenKind::Number || word.starts_with("0x") {
             continue;
         }
         let digits = match spelling {

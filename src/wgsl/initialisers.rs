@@ -11,35 +11,36 @@ use naga::{
 use preshade_passes::graph::operands;
 
 /// A module without such initialisers, and their targets.
-pub(super) struct Apart {
+pub(crate) struct Apart {
     /// The module, with one temporary function per initialiser at the end.
     pub module: Module,
-    places: Vec<Place>,
+    places: Vec<InitialiserOf>,
 }
 
 /// The override or private variable of an initialiser.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Place {
+enum InitialiserOf {
     Override(usize),
     Private(usize),
 }
 
 /// Removes initialisers that the writer cannot write; `None` if there are none.
-pub(super) fn set_apart(module: &Module) -> Option<Apart> {
+pub(crate) fn set_apart(module: &Module) -> Option<Apart> {
     let amiss = |init: &Option<Handle<Expression>>| init.filter(|e| !is_writable(module, *e));
     let overrides = module.overrides.iter().enumerate();
     let overrides = overrides.filter_map(|(i, (_, o))| {
         let init = amiss(&o.init)?;
-        Some((Place::Override(i), init, o.ty))
+        Some((InitialiserOf::Override(i), init, o.ty))
     });
     let private = |g: &naga::GlobalVariable| g.space == AddressSpace::Private;
     let variables = module.global_variables.iter();
     let variables = variables.filter(|(_, g)| private(g)).enumerate();
     let variables = variables.filter_map(|(i, (_, g))| {
         let init = amiss(&g.init)?;
-        Some((Place::Private(i), init, g.ty))
+        Some((InitialiserOf::Private(i), init, g.ty))
     });
-    let all: Vec<(Place, Handle<Expression>, Handle<Type>)> = overrides.chain(variables).collect();
+    let all: Vec<(InitialiserOf, Handle<Expression>, Handle<Type>)> =
+        overrides.chain(variables).collect();
     if all.is_empty() {
         return None;
     }
@@ -48,15 +49,17 @@ pub(super) fn set_apart(module: &Module) -> Option<Apart> {
         let function = returning(module, *init, *ty);
         apart.functions.append(function, Span::UNDEFINED);
     }
-    let places: Vec<Place> = all.into_iter().map(|(place, ..)| place).collect();
+    let places: Vec<InitialiserOf> = all.into_iter().map(|(place, ..)| place).collect();
     for (i, (_, constant)) in apart.overrides.iter_mut().enumerate() {
         constant.init = constant
             .init
-            .filter(|_| !places.contains(&Place::Override(i)));
+            .filter(|_| !places.contains(&InitialiserOf::Override(i)));
     }
     let globals = apart.global_variables.iter_mut().map(|(_, g)| g);
     for (i, global) in globals.filter(|g| private(g)).enumerate() {
-        global.init = global.init.filter(|_| !places.contains(&Place::Private(i)));
+        global.init = global
+            .init
+            .filter(|_| !places.contains(&InitialiserOf::Private(i)));
     }
     Some(Apart {
         module: apart,
@@ -116,7 +119,7 @@ fn copied(
 
 impl Apart {
     /// Moves the initialisers from the functions to their declarations.
-    pub(super) fn put_back(&self, text: &str) -> String {
+    pub(crate) fn put_back(&self, text: &str) -> String {
         let own = self.module.functions.len() - self.places.len();
         let mut plain: Vec<&str> = Vec::new();
         let mut returned: Vec<&str> = Vec::new();
@@ -144,10 +147,10 @@ impl Apart {
         for line in plain {
             let place = if line.starts_with("override ") || line.starts_with("@id(") {
                 overrides += 1;
-                Some(Place::Override(overrides - 1))
+                Some(InitialiserOf::Override(overrides - 1))
             } else if line.starts_with("var<private> ") {
                 variables += 1;
-                Some(Place::Private(variables - 1))
+                Some(InitialiserOf::Private(variables - 1))
             } else {
                 None
             };

@@ -6,17 +6,17 @@ use std::collections::{HashMap, HashSet};
 use glsl_lang::ast::{self, Expr, ExprData, UnaryOpData};
 use glsl_lang::visitor::{Host as _, Visit, Visitor};
 
-use super::stage::{Signature, Storage};
+use super::{Signature, Storage};
 
 /// The names of functions with side effects, directly or through calls.
-pub(super) fn writers(
+pub(in crate::front::glsl) fn writers(
     functions: &[&ast::FunctionDefinition],
     signatures: &HashMap<String, Vec<Signature>>,
 ) -> HashSet<String> {
-    let found: Vec<(String, Found<'_>)> = functions
+    let found: Vec<(String, Effects<'_>)> = functions
         .iter()
         .map(|f| {
-            let mut found = Found::of(signatures);
+            let mut found = Effects::of(signatures);
             for parameter in &f.prototype.parameters {
                 if let ast::FunctionParameterDeclarationData::Named(_, d) = &parameter.content {
                     found.own.insert(d.ident.ident.as_str().to_owned());
@@ -33,7 +33,7 @@ pub(super) fn writers(
         .collect();
     // GLSL has no recursion, so this ends after at most as many rounds as the call depth.
     loop {
-        let calls = |f: &Found<'_>| f.calls.iter().any(|c| out.contains(c));
+        let calls = |f: &Effects<'_>| f.calls.iter().any(|c| out.contains(c));
         let more: Vec<String> = found
             .iter()
             .filter(|(name, f)| !out.contains(name) && calls(f))
@@ -47,7 +47,7 @@ pub(super) fn writers(
 }
 
 /// The base variable of an assignment target.
-pub(super) fn root(e: &Expr) -> Option<&str> {
+pub(in crate::front::glsl) fn root(e: &Expr) -> Option<&str> {
     match &e.content {
         ExprData::Variable(name) => Some(name.as_str()),
         ExprData::Dot(of, _) | ExprData::Bracket(of, _) => root(of),
@@ -56,7 +56,7 @@ pub(super) fn root(e: &Expr) -> Option<&str> {
 }
 
 /// The variables that an expression or body writes, and the functions it calls.
-pub(super) struct Found<'s> {
+pub(in crate::front::glsl) struct Effects<'s> {
     signatures: &'s HashMap<String, Vec<Signature>>,
     /// Variables written in whole or part.
     pub written: HashSet<String>,
@@ -69,7 +69,7 @@ pub(super) struct Found<'s> {
     pub named: HashSet<String>,
 }
 
-impl<'s> Found<'s> {
+impl<'s> Effects<'s> {
     fn of(signatures: &'s HashMap<String, Vec<Signature>>) -> Self {
         Self {
             signatures,
@@ -82,7 +82,10 @@ impl<'s> Found<'s> {
     }
 
     /// Analyses one expression.
-    pub(super) fn within(e: &Expr, signatures: &'s HashMap<String, Vec<Signature>>) -> Self {
+    pub(in crate::front::glsl) fn within(
+        e: &Expr,
+        signatures: &'s HashMap<String, Vec<Signature>>,
+    ) -> Self {
         let mut found = Self::of(signatures);
         e.visit(&mut found);
         found
@@ -94,7 +97,7 @@ impl<'s> Found<'s> {
 }
 
 /// The number of trailing out arguments of a built-in function.
-pub(super) fn written_by_own(name: &str) -> usize {
+pub(in crate::front::glsl) fn written_by_own(name: &str) -> usize {
     match name {
         "modf" | "frexp" | "uaddCarry" | "usubBorrow" => 1,
         "umulExtended" | "imulExtended" => 2,
@@ -102,7 +105,7 @@ pub(super) fn written_by_own(name: &str) -> usize {
     }
 }
 
-impl Visitor for Found<'_> {
+impl Visitor for Effects<'_> {
     fn visit_single_declaration(&mut self, declaration: &ast::SingleDeclaration) -> Visit {
         let name = declaration.name.as_ref();
         self.own.extend(name.map(|n| n.as_str().to_owned()));

@@ -3,10 +3,10 @@
 
 use naga::{Arena, Block, Function, Module, Span, UniqueArena};
 
-use super::super::operands;
+use crate::wgsl::operands;
 
 /// Maps every span of the module by `to`.
-pub(super) fn respan(module: &mut Module, to: &impl Fn(Span) -> Span) {
+pub(super) fn map_spans(module: &mut Module, to: &impl Fn(Span) -> Span) {
     let mut types = UniqueArena::new();
     for (handle, ty) in module.types.iter() {
         types.insert(ty.clone(), to(module.types.get_span(handle)));

@@ -19,7 +19,7 @@ const INNER: [&str; 12] = [
 ];
 
 /// The message for an error.
-pub(super) fn told(kind: &ErrorKind) -> String {
+pub(super) fn message(kind: &ErrorKind) -> String {
     match kind {
         ErrorKind::EndOfFile => "unexpected end of the text".to_owned(),
         ErrorKind::InvalidToken(..) | ErrorKind::PreprocessorError(_) => {
@@ -128,7 +128,7 @@ mod tests {
                 "constant_id value 3",
             ),
         ] {
-            let told = told(&ErrorKind::SemanticError(text.into()));
+            let told = message(&ErrorKind::SemanticError(text.into()));
             assert!(told.contains(says), "{told}");
             assert!(!told.contains(['[', '{', '\'']), "{told}");
         }

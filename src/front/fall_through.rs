@@ -5,10 +5,11 @@ use std::collections::HashMap;
 
 use naga::{Arena, Block, Expression, Handle, Module, Statement};
 
-use super::{operands, returns};
+use super::missing_returns;
+use crate::wgsl::operands;
 
 /// Removes all fall-through, except for empty cases that share the next body.
-pub(super) fn write_out_fall_through(module: &mut Module) {
+pub(super) fn remove(module: &mut Module) {
     let functions = module.functions.iter_mut().map(|(_, f)| f);
     let entries = module.entry_points.iter_mut().map(|e| &mut e.function);
     for function in functions.chain(entries) {
@@ -30,7 +31,7 @@ fn write_out_cases(expressions: &mut Arena<Expression>, block: &mut Block) {
                 continue;
             }
             // The end is unreachable. naga's front end only looks at the last statement.
-            if !returns::reaches_end(&cases[i].body) {
+            if !missing_returns::reaches_end(&cases[i].body) {
                 cases[i].fall_through = false;
                 continue;
             }

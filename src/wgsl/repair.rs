@@ -10,13 +10,13 @@ use naga::{
 };
 
 use super::fingerprint::filters;
-use super::text::{self, Kind, Words};
+use super::text::{self, TokenKind, Words};
 
 /// Restores everything that the writer dropped.
 ///
 /// # Errors
 /// Anything that WGSL cannot express.
-pub(super) fn repair(module: &Module, text: &str) -> Result<String, String> {
+pub(crate) fn repair(module: &Module, text: &str) -> Result<String, String> {
     let sizes = member_sizes(module)?;
     let attributes = function_attributes(module);
     let mut out = directives(module, text);
@@ -64,9 +64,9 @@ pub(super) fn repair(module: &Module, text: &str) -> Result<String, String> {
 fn directives(module: &Module, text: &str) -> String {
     let mut out = String::new();
     let half = text::tokens(text).any(|(kind, range)| match kind {
-        Kind::Word => &text[range] == "f16",
-        Kind::Number => text[range].ends_with('h'),
-        Kind::Mark => false,
+        TokenKind::Word => &text[range] == "f16",
+        TokenKind::Number => text[range].ends_with('h'),
+        TokenKind::Mark => false,
     });
     if half && !text.contains("enable f16;") {
         out.push_str("enable f16;\n");
@@ -174,7 +174,7 @@ fn is_predeclared(module: &Module, ty: Handle<Type>) -> bool {
 fn authors_names(module: &Module, text: &str) -> String {
     let authors = names(module);
     let words: FastHashSet<&str> = text::tokens(text)
-        .filter(|(kind, _)| *kind == Kind::Word)
+        .filter(|(kind, _)| *kind == TokenKind::Word)
         .map(|(_, range)| &text[range])
         .collect();
     let mut renames: FastHashMap<&str, &str> = words

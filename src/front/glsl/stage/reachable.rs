@@ -5,11 +5,11 @@ use std::collections::{HashMap, HashSet};
 use glsl_lang::ast::{self, ExprData};
 use glsl_lang::visitor::{Host as _, Visit, Visitor};
 
-use super::Stage;
+use super::GlslStage;
+use super::side_effects;
 use crate::front::error::{Code, Error};
-use crate::front::glsl::writes as writers;
 
-impl<'u> Stage<'u> {
+impl<'u> GlslStage<'u> {
     /// Orders reachable functions with callees first, and records the names they use.
     pub(super) fn reach(
         &mut self,
@@ -53,7 +53,7 @@ impl<'u> Stage<'u> {
             self.used.extend(names[*i].iter().cloned());
         }
         self.functions = order.into_iter().map(|i| definitions[i]).collect();
-        self.writers = writers::writers(&self.functions, &self.signatures);
+        self.writers = side_effects::writers(&self.functions, &self.signatures);
         Ok(())
     }
 }
@@ -81,7 +81,7 @@ fn visit(
     order.push(at);
 }
 
-/// A pseudo name in `Stage::used`: the fragment coordinate's y is read.
+/// A pseudo name in `GlslStage::used`: the fragment coordinate's y is read.
 pub(in crate::front::glsl) const FRAG_COORD_Y: &str = "gl_FragCoord.y";
 
 /// The variables and functions that a function names, and [`FRAG_COORD_Y`].

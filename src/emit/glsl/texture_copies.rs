@@ -9,28 +9,28 @@ use naga::{
 };
 use preshade_passes::program::Program;
 
-use crate::front::operands;
+use crate::wgsl::operands;
 
 /// A program with one sampler per texture.
-pub(super) struct Twins {
+pub(super) struct TextureCopies {
     pub program: Program,
     /// The original texture of each copy.
     pub of: HashMap<ResourceBinding, ResourceBinding>,
 }
 
 /// A texture and its sampler.
-type Pair = (Handle<GlobalVariable>, Handle<GlobalVariable>);
+type TextureSampler = (Handle<GlobalVariable>, Handle<GlobalVariable>);
 
 /// A texture with several samplers that cannot be split.
 pub(super) struct Inseparable;
 
 /// Splits textures that any stage uses with several samplers: one name is one uniform in all
 /// stages. `None` if there are none. Textures passed to functions keep their sampler.
-pub(super) fn split(program: &Program) -> Result<Option<Twins>, Inseparable> {
+pub(super) fn split(program: &Program) -> Result<Option<TextureCopies>, Inseparable> {
     let module = program.module();
     let read_with = samplers(program);
     let mut out = module.clone();
-    let mut twins: HashMap<Pair, Handle<GlobalVariable>> = HashMap::new();
+    let mut twins: HashMap<TextureSampler, Handle<GlobalVariable>> = HashMap::new();
     let mut of = HashMap::new();
     for (image, sampler) in read_with.values().flat_map(|s| s.values().skip(1)) {
         let (texture, with) = (
@@ -59,21 +59,21 @@ pub(super) fn split(program: &Program) -> Result<Option<Twins>, Inseparable> {
     let program = program.with_module(out).map_err(|_| Inseparable)?;
     match samplers(&program).values().any(|all| all.len() > 1) {
         true => Err(Inseparable),
-        false => Ok(Some(Twins { program, of })),
+        false => Ok(Some(TextureCopies { program, of })),
     }
 }
 
 /// A binding, with an order.
-type At = (u32, u32);
+type BindingKey = (u32, u32);
 
 /// The samplers of each texture in all stages.
-fn samplers(program: &Program) -> BTreeMap<At, BTreeMap<At, Pair>> {
+fn samplers(program: &Program) -> BTreeMap<BindingKey, BTreeMap<BindingKey, TextureSampler>> {
     let module = program.module();
     let at = |handle: Handle<GlobalVariable>| {
         let binding = module.global_variables[handle].binding?;
         Some((binding.group, binding.binding))
     };
-    let mut out: BTreeMap<At, BTreeMap<At, Pair>> = BTreeMap::new();
+    let mut out: BTreeMap<BindingKey, BTreeMap<BindingKey, TextureSampler>> = BTreeMap::new();
     for index in 0..module.entry_points.len() {
         for key in &program.info().get_entry_point(index).sampling_set {
             if let (Some(image), Some(sampler)) = (at(key.image), at(key.sampler)) {
@@ -99,7 +99,7 @@ fn free(module: &Module, group: u32) -> ResourceBinding {
 }
 
 /// Replaces the textures of samples in a function.
-fn read_twins(function: &mut Function, twins: &HashMap<Pair, Handle<GlobalVariable>>) {
+fn read_twins(function: &mut Function, twins: &HashMap<TextureSampler, Handle<GlobalVariable>>) {
     let global = |e: Handle<Expression>| match function.expressions[e] {
         Expression::GlobalVariable(global) => Some(global),
         _ => None,

@@ -10,7 +10,7 @@
 //! ```
 //!
 //! If only `main` and its wrapper write a variable, it is constant during each call that `main`
-//! makes. [`super::promote`] then turns the variable into a local.
+//! makes. [`super::inline_main`] then turns the variable into a local.
 
 use std::collections::{HashMap, HashSet};
 
@@ -19,8 +19,8 @@ use naga::{
     LocalVariable, Module, Range, Span, Statement,
 };
 
-use super::operands;
-use super::promote::{for_each_statement, global_of, wrapped};
+use super::inline_main::{for_each_statement, global_of, wrapped};
+use crate::wgsl::operands;
 
 /// Larger variables, in bytes, are not passed: copying a table at each call costs too much.
 const MOST_BYTES: u32 = 256;
@@ -29,11 +29,11 @@ const MOST_BYTES: u32 = 256;
 const MOST_PARAMETERS: usize = 255;
 
 /// The variables that become parameters of each function, in declaration order.
-type Lent = HashMap<Handle<Function>, Vec<Handle<GlobalVariable>>>;
+type Parameters = HashMap<Handle<Function>, Vec<Handle<GlobalVariable>>>;
 
 /// Passes variables as parameters to the functions that `main` calls. `module` must be valid and
 /// stays valid.
-pub(super) fn lend(module: &mut Module) {
+pub(super) fn pass_globals(module: &mut Module) {
     // naga's front end gives every function an expression for every global. Compaction leaves those
     // in use.
     naga::compact::compact(module, naga::compact::KeepUnused::Yes);
@@ -44,22 +44,22 @@ pub(super) fn lend(module: &mut Module) {
     let Some((_, main)) = wrapped(module, 0) else {
         return;
     };
-    let variables = lendable(module, main);
-    let lent = lent(module, main, &variables);
-    let parameters =
+    let variables = passable(module, main);
+    let added = parameters(module, main, &variables);
+    let count =
         |(f, more): (&Handle<Function>, &Vec<_>)| module.functions[*f].arguments.len() + more.len();
-    if lent.is_empty() || lent.iter().map(parameters).any(|n| n > MOST_PARAMETERS) {
+    if added.is_empty() || added.iter().map(count).any(|n| n > MOST_PARAMETERS) {
         return;
     }
-    for (handle, variables) in &lent {
-        let borrower = borrower(module, &module.functions[*handle], variables, &lent);
-        module.functions[*handle] = borrower;
+    for (handle, variables) in &added {
+        let function = with_parameters(module, &module.functions[*handle], variables, &added);
+        module.functions[*handle] = function;
     }
-    lender(&mut module.functions[main], &lent);
+    pass_arguments(&mut module.functions[main], &added);
 }
 
 /// Private variables that only `main` or its wrapper writes and all other functions only load.
-fn lendable(module: &Module, main: Handle<Function>) -> HashSet<Handle<GlobalVariable>> {
+fn passable(module: &Module, main: Handle<Function>) -> HashSet<Handle<GlobalVariable>> {
     let mut layouter = naga::proc::Layouter::default();
     if layouter.update(module.to_ctx()).is_err() {
         return HashSet::new();
@@ -125,12 +125,12 @@ fn uses(function: &Function) -> Vec<(Handle<GlobalVariable>, Use)> {
 }
 
 /// The `variables` that each function except `main` loads, directly or through calls.
-fn lent(
+fn parameters(
     module: &Module,
     main: Handle<Function>,
     variables: &HashSet<Handle<GlobalVariable>>,
-) -> Lent {
-    let mut lent = Lent::new();
+) -> Parameters {
+    let mut parameters = Parameters::new();
     // Callees come before their callers in the arena.
     for (handle, function) in module.functions.iter().filter(|(h, _)| *h != main) {
         let mut needed: Vec<Handle<GlobalVariable>> = Vec::new();
@@ -141,24 +141,24 @@ fn lent(
         }
         for_each_statement(&mut function.body.clone(), &mut |statement| {
             if let Statement::Call { function, .. } = statement {
-                needed.extend(lent.get(function).into_iter().flatten());
+                needed.extend(parameters.get(function).into_iter().flatten());
             }
         });
         needed.sort();
         needed.dedup();
         if !needed.is_empty() {
-            lent.insert(handle, needed);
+            parameters.insert(handle, needed);
         }
     }
-    lent
+    parameters
 }
 
 /// Rebuilds a function with parameters for `variables`.
-fn borrower(
+fn with_parameters(
     module: &Module,
     from: &Function,
     variables: &[Handle<GlobalVariable>],
-    lent: &Lent,
+    parameters: &Parameters,
 ) -> Function {
     let mut to = Function {
         name: from.name.clone(),
@@ -242,25 +242,25 @@ fn borrower(
         }
     }
     to.body = stores;
-    let made = Made {
+    let made = RebuiltStatements {
         from,
         copies: &copies,
         arguments: &arguments,
-        lent,
+        parameters,
     };
     to.body.extend_block(made.block(&from.body));
     to
 }
 
 /// Maps statements of the old function to the new one.
-struct Made<'a> {
+struct RebuiltStatements<'a> {
     from: &'a Function,
     copies: &'a HashMap<Handle<Expression>, Handle<Expression>>,
     arguments: &'a HashMap<Handle<GlobalVariable>, Handle<Expression>>,
-    lent: &'a Lent,
+    parameters: &'a Parameters,
 }
 
-impl Made<'_> {
+impl RebuiltStatements<'_> {
     fn block(&self, block: &Block) -> Block {
         let mut out = Block::with_capacity(block.len());
         for (statement, span) in block.span_iter() {
@@ -287,7 +287,7 @@ impl Made<'_> {
                         ..
                     } = &mut statement
                     {
-                        let more = self.lent.get(function).into_iter().flatten();
+                        let more = self.parameters.get(function).into_iter().flatten();
                         arguments.extend(more.map(|g| self.arguments[g]));
                     }
                     out.push(statement, *span);
@@ -307,24 +307,24 @@ impl Made<'_> {
 }
 
 /// In `main`, loads the variables before each call that takes them as arguments.
-fn lender(main: &mut Function, lent: &Lent) {
+fn pass_arguments(main: &mut Function, parameters: &Parameters) {
     let mut body = std::mem::take(&mut main.body);
-    lender_block(main, &mut body, lent);
+    lender_block(main, &mut body, parameters);
     main.body = body;
 }
 
-fn lender_block(main: &mut Function, block: &mut Block, lent: &Lent) {
+fn lender_block(main: &mut Function, block: &mut Block, parameters: &Parameters) {
     let mut out = Block::with_capacity(block.len());
     for (mut statement, span) in std::mem::take(block).span_into_iter() {
         for inner in operands::blocks(&mut statement) {
-            lender_block(main, inner, lent);
+            lender_block(main, inner, parameters);
         }
         if let Statement::Call {
             function,
             arguments,
             ..
         } = &mut statement
-            && let Some(variables) = lent.get(function)
+            && let Some(variables) = parameters.get(function)
         {
             let pointers: Vec<Handle<Expression>> =
                 variables.iter().map(|g| pointer(main, *g, span)).collect();

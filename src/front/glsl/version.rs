@@ -1,0 +1,57 @@
+//! GLSL versions.
+
+use std::path::Path;
+
+use glsl_lang::lexer::Token;
+
+/// GLSL version and profile.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Dialect {
+    /// 100 to 460. See [`Dialect::of`] for a text without `#version`.
+    pub version: u16,
+    pub es: bool,
+}
+
+impl Dialect {
+    /// Reads `#version`. Without one, WebGL assumes GLSL ES 1.00 and OpenGL GLSL 1.10; both are
+    /// read alike.
+    pub(super) fn of(text: &str, path: &Path) -> Self {
+        let line = text
+            .lines()
+            .map(str::trim)
+            .find_map(|l| l.strip_prefix('#')?.trim_start().strip_prefix("version"));
+        let mut words = line.unwrap_or("").split_whitespace();
+        let version = words
+            .next()
+            .and_then(|v| v.parse().ok())
+            // RetroArch's shaders may have it in an included file.
+            .unwrap_or(match path.extension().is_some_and(|e| e == "slang") {
+                true => 450,
+                false => 110,
+            });
+        let es = version == 100 || words.next() == Some("es");
+        Self { version, es }
+    }
+
+    /// The name of a token that is a keyword only in later versions.
+    pub(super) fn name(self, token: &Token) -> Option<&'static str> {
+        let before = |es: u16, desktop: u16| self.version < if self.es { es } else { desktop };
+        let (name, is_name) = match token {
+            Token::Sample => ("sample", before(320, 400)),
+            Token::Patch => ("patch", before(320, 400)),
+            Token::Precise => ("precise", before(320, 400)),
+            Token::Buffer => ("buffer", before(310, 430)),
+            Token::Shared => ("shared", before(310, 430)),
+            Token::Coherent => ("coherent", before(310, 420)),
+            Token::Volatile => ("volatile", before(310, 420)),
+            Token::Restrict => ("restrict", before(310, 420)),
+            Token::ReadOnly => ("readonly", before(310, 420)),
+            Token::WriteOnly => ("writeonly", before(310, 420)),
+            Token::Subroutine => ("subroutine", before(320, 400)),
+            Token::Smooth => ("smooth", before(300, 130)),
+            Token::NoPerspective => ("noperspective", before(320, 130)),
+            _ => return None,
+        };
+        is_name.then_some(name)
+    }
+}
