@@ -1,6 +1,8 @@
 //! Rejects text whose nesting would overflow the stack of a recursive parser or analysis. It is
 //! fast and reports a location.
 
+use std::ops::Range;
+
 use naga::Span;
 
 use super::Language;
@@ -50,154 +52,184 @@ pub(super) fn check(
     limits: &Limits,
     language: Language,
 ) -> Result<(), Error> {
-    let brackets = usize::try_from(limits.nesting).unwrap_or(usize::MAX);
     if text.len() as u64 > limits.source_bytes {
-        return Err(Error::new(
-            Code::TooDeep,
-            format!(
-                "{} bytes of source; the limit is {}",
-                text.len(),
-                limits.source_bytes
-            ),
-        ));
+        let (bytes, limit) = (text.len(), limits.source_bytes);
+        let message = format!("{bytes} bytes of source; the limit is {limit}");
+        return Err(Error::new(Code::TooDeep, message));
     }
     let bytes = text.as_bytes();
     let glsl = language == Language::Glsl;
-    let here = |at: usize| Span::new(base + at as u32, base + at as u32 + 1);
-    let too_many = |what: String, at: usize| {
-        Error::new(Code::TooDeep, what)
-            .label(here(at), "this one is too many")
-            .note("split it into several variables")
+    let mut scan = Scan {
+        text,
+        base,
+        glsl,
+        brackets: usize::try_from(limits.nesting).unwrap_or(usize::MAX),
+        open: vec![Level::default()],
+        last: b';',
+        is_called: false,
     };
-    // One level per open bracket, outermost first.
-    let mut open: Vec<Level> = vec![Level::default()];
-    // The last byte outside of white space and comments, and whether it ends a callable word.
-    let (mut last, mut is_called) = (b';', false);
     let mut is_fresh = true;
     let mut at = 0;
     while at < bytes.len() {
         let start = at;
-        at += 1;
-        let Some(level) = open.last_mut() else {
-            break;
-        };
-        let (before, named) = (last, is_called);
         let byte = bytes[start];
-        let is_comment = byte == b'/' && matches!(bytes.get(at), Some(b'/' | b'*'));
-        if !byte.is_ascii_whitespace() && !is_comment {
-            (last, is_called) = (byte, false);
-        }
-        // Macros are checked after expansion.
         let begins_line = is_fresh;
         is_fresh = byte == b'\n' || is_fresh && byte.is_ascii_whitespace();
+        at = match (byte, bytes.get(start + 1)) {
+            // Macros are checked after expansion.
+            (b'#', _) if glsl && begins_line => {
+                (scan.last, scan.is_called) = (byte, false);
+                end_of_directive(bytes, start + 1)
+            }
+            (b'/', Some(b'/')) => end_of_line(bytes, start + 1),
+            (b'/', Some(b'*')) => end_of_comment(bytes, start + 2),
+            (b'a'..=b'z' | b'A'..=b'Z' | b'_', _) => {
+                let is_word = |b: &u8| b.is_ascii_alphanumeric() || *b == b'_';
+                let length = bytes[start..].iter().take_while(|b| is_word(b)).count();
+                scan.word(start..start + length)?;
+                start + length
+            }
+            _ => {
+                scan.sign(start)?;
+                start + 1
+            }
+        };
+    }
+    Ok(())
+}
+
+struct Scan<'a> {
+    text: &'a str,
+    base: u32,
+    glsl: bool,
+    /// Maximum open brackets.
+    brackets: usize,
+    /// One level per open bracket, outermost first. Never empty.
+    open: Vec<Level>,
+    /// The last byte outside of white space and comments, and whether it ends a callable word.
+    last: u8,
+    is_called: bool,
+}
+
+impl Scan<'_> {
+    fn level(&mut self) -> &mut Level {
+        if self.open.is_empty() {
+            self.open.push(Level::default());
+        }
+        let last = self.open.len() - 1;
+        &mut self.open[last]
+    }
+
+    fn error(&self, message: String, at: usize, label: &str, note: &str) -> Error {
+        let start = self.base + at as u32;
+        Error::new(Code::TooDeep, message)
+            .label(Span::new(start, start + 1), label)
+            .note(note)
+    }
+
+    /// Fails if `count` exceeds `most`.
+    fn limit(&self, count: usize, most: usize, of: &str, at: usize) -> Result<(), Error> {
+        if count <= most {
+            return Ok(());
+        }
+        let message = format!("one expression has more than {most} {of}");
+        let note = "split it into several variables";
+        Err(self.error(message, at, "this one is too many", note))
+    }
+
+    fn word(&mut self, range: Range<usize>) -> Result<(), Error> {
+        let start = range.start;
+        let word = &self.text[range];
+        self.last = word.as_bytes()[0];
+        self.is_called = !matches!(word, "if" | "for" | "while" | "switch" | "return");
+        let begins_chain = word == "if" && !self.text[..start].trim_end().ends_with("else");
+        let level = self.level();
+        if begins_chain {
+            level.elses = 0;
+        }
+        let too_many = match word {
+            // Without braces, statements nest until the next semicolon.
+            "if" | "for" | "while" | "do" => {
+                level.operators += 1;
+                level.operators > OPERATORS
+            }
+            "else" => {
+                level.elses += 1;
+                level.elses > ELSES
+            }
+            _ => false,
+        };
+        if too_many {
+            let message = format!("more than {ELSES} branches are nested");
+            let note = "use a switch, or a table";
+            return Err(self.error(message, start, "this one is too many", note));
+        }
+        Ok(())
+    }
+
+    fn sign(&mut self, at: usize) -> Result<(), Error> {
+        let byte = self.text.as_bytes()[at];
+        let (before, named) = (self.last, self.is_called);
+        if !byte.is_ascii_whitespace() {
+            (self.last, self.is_called) = (byte, false);
+        }
+        let glsl = self.glsl;
+        let level = self.level();
         match byte {
-            b'#' if glsl && begins_line => at = end_of_directive(bytes, at),
-            b'/' if bytes.get(at) == Some(&b'/') => at = end_of_line(bytes, at),
-            b'/' if bytes.get(at) == Some(&b'*') => at = end_of_comment(bytes, at + 1),
             b'(' | b'[' | b'{' => {
                 // A list follows a name, a length or a type's `>`, and `= {` in GLSL. Otherwise it
                 // is a block.
                 let is_list = match byte {
-                    b'(' => named || before == b']' || !glsl,
-                    b'{' => {
-                        before == b'=' || level.is_list && matches!(before, b',' | b'{') || !glsl
-                    }
-                    _ => !glsl,
+                    _ if !glsl => true,
+                    b'(' => named || before == b']',
+                    b'{' => before == b'=' || level.is_list && matches!(before, b',' | b'{'),
+                    _ => false,
                 };
                 if byte == b'{' {
                     level.end();
                 }
-                open.push(Level {
+                self.open.push(Level {
                     is_list,
                     ..Level::default()
                 });
-                if open.len() > brackets {
-                    return Err(Error::new(
-                        Code::TooDeep,
-                        format!("brackets are nested more than {brackets} deep"),
-                    )
-                    .label(here(start), "this one is too deep")
-                    .note("move the inner parts to variables"));
+                if self.open.len() > self.brackets {
+                    let message = format!("brackets are nested more than {} deep", self.brackets);
+                    let note = "move the inner parts to variables";
+                    return Err(self.error(message, at, "this one is too deep", note));
                 }
             }
             b')' | b']' | b'}' => {
                 // The parser reports an extra bracket.
-                if open.len() > 1 {
-                    open.pop();
+                if self.open.len() > 1 {
+                    self.open.pop();
                 }
-                let Some(level) = open.last_mut() else {
-                    break;
-                };
+                let level = self.level();
                 if byte == b'}' {
                     level.end();
-                    continue;
-                }
-                level.closed += 1;
-                if level.closed > OPERATORS {
-                    let what =
-                        format!("one expression has more than {OPERATORS} brackets in a row");
-                    return Err(too_many(what, start));
+                } else {
+                    level.closed += 1;
+                    let closed = level.closed;
+                    self.limit(closed, OPERATORS, "brackets in a row", at)?;
                 }
             }
             b';' => level.end(),
-            b',' if level.is_list => level.separate(),
+            b',' if level.is_list || !glsl => level.separate(),
             b',' => {
                 level.operators = 0;
-                level.commas += usize::from(glsl);
-                if !glsl {
-                    level.separate();
-                }
-                if level.commas > COMMAS {
-                    let what = format!("one expression has more than {COMMAS} commas");
-                    return Err(too_many(what, start));
-                }
+                level.commas += 1;
+                let commas = level.commas;
+                self.limit(commas, COMMAS, "commas", at)?;
             }
             b'+' | b'-' | b'*' | b'/' | b'%' | b'&' | b'|' | b'^' | b'!' | b'~' | b'=' | b'<'
             | b'>' | b'.' | b'?' => {
                 level.operators += 1;
-                if level.operators > OPERATORS {
-                    let what = format!("one expression has more than {OPERATORS} operators");
-                    return Err(too_many(what, start));
-                }
-            }
-            b'a'..=b'z' | b'A'..=b'Z' | b'_' => {
-                while bytes
-                    .get(at)
-                    .is_some_and(|b| b.is_ascii_alphanumeric() || *b == b'_')
-                {
-                    at += 1;
-                }
-                let word = &bytes[start..at];
-                is_called = !matches!(word, b"if" | b"for" | b"while" | b"switch" | b"return");
-                if word == b"if" && !text[..start].trim_end().ends_with("else") {
-                    // A new chain begins.
-                    level.elses = 0;
-                }
-                let too_many = match word {
-                    // Without braces, statements nest until the next semicolon.
-                    b"if" | b"for" | b"while" | b"do" => {
-                        level.operators += 1;
-                        level.operators > OPERATORS
-                    }
-                    b"else" => {
-                        level.elses += 1;
-                        level.elses > ELSES
-                    }
-                    _ => false,
-                };
-                if too_many {
-                    return Err(Error::new(
-                        Code::TooDeep,
-                        format!("more than {ELSES} branches are nested"),
-                    )
-                    .label(here(start), "this one is too many")
-                    .note("use a switch, or a table"));
-                }
+                let operators = level.operators;
+                self.limit(operators, OPERATORS, "operators", at)?;
             }
             _ => {}
         }
+        Ok(())
     }
-    Ok(())
 }
 
 /// Whether `text` only has white space and comments.

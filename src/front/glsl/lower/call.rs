@@ -1,6 +1,7 @@
 //! Calls of constructors, user functions and built-in functions.
 
 use glsl_lang::ast::{self, Expr, ExprData, FunIdentifierData};
+use naga::Span;
 
 use super::super::interface::SplitSampler;
 use super::super::source_marks::unmarked;
@@ -57,203 +58,148 @@ impl Lower<'_, '_> {
         arguments.iter().map(|a| self.expr(a)).collect()
     }
 
+    /// A constructor's call.
     fn constructor(&mut self, ty: Ty, arguments: &[Expr], whole: &Expr) -> Result<Ex, Error> {
         let place = self.place(whole.span);
         let values = self.values(arguments)?;
         let types: Vec<Ty> = values.iter().map(|v| v.ty.clone()).collect();
         self.check_constructor(&ty, &types, place)?;
-        let texts = |values: &[Ex]| -> String {
-            let all: Vec<String> = values.iter().map(|v| v.at(level::ASSIGNMENT)).collect();
-            all.join(", ")
-        };
-        match &ty {
-            Ty::Combined(name) => {
-                let [texture, sampler] = &values[..] else {
-                    return Err(unsupported(
-                        format!("`{name}` takes a texture and a sampler"),
-                        place,
-                    ));
-                };
-                let mut ex = Ex::primary(
-                    format!("{name}({}, {})", texture.text, sampler.text),
-                    ty.clone(),
-                );
+        Ok(match (&ty, &values[..]) {
+            (Ty::Combined(name), [texture, sampler]) => {
+                let (texture, sampler) = (texture.text.clone(), sampler.text.clone());
+                let mut ex = Ex::primary(format!("{name}({texture}, {sampler})"), ty.clone());
                 ex.pair = Some(SplitSampler {
                     combined: name.clone(),
-                    texture: texture.text.clone(),
-                    sampler: sampler.text.clone(),
+                    texture,
+                    sampler,
                 });
-                Ok(ex)
+                ex
             }
-            Ty::Struct(name) => {
-                let members = self
-                    .stage
-                    .structs
-                    .get(name)
-                    .map(|s| (s.in_uniform_block, s.members.clone()));
-                let (in_uniform_block, members) = members.unwrap_or_default();
-                let entries = match in_uniform_block {
-                    true => self.stage.structs.laid_out(&members, true),
-                    false => members.iter().map(BlockEntry::Member).collect(),
-                };
-                let (mut first, mut parts) = (Vec::new(), Vec::new());
-                let mut values = values.into_iter();
-                for entry in entries {
-                    let BlockEntry::Member(member) = entry else {
-                        parts.push("0.0".to_owned());
-                        continue;
-                    };
-                    let Some(value) = values.next() else {
-                        break;
-                    };
-                    let value = self.coerce(value, &member.ty);
-                    let lay = self.stage.structs.member_lay(name, MemoryLayout::default());
-                    let value = match self.stage.structs.is_converted(&member.ty, lay) {
-                        true => {
-                            let (before, value) = self.once(&value);
-                            first.extend(before);
-                            value
-                        }
-                        false => value,
-                    };
-                    parts.push(self.packed(&value, &member.ty, lay).ok_or_else(|| {
-                        unsupported("a struct of this shape cannot be constructed", place)
-                    })?);
-                }
-                let text = format!("{name}({})", parts.join(", "));
-                Ok(after(first, Ex::primary(text, ty.clone())))
+            (Ty::Combined(name), _) => {
+                let message = format!("`{name}` takes a texture and a sampler");
+                return Err(unsupported(message, place));
             }
-            Ty::Array(of, n) => {
-                let n = n.unwrap_or(values.len() as u32);
+            (Ty::Struct(name), _) => return self.struct_constructor(name, values, place),
+            (Ty::Array(of, n), _) => {
+                let ty = Ty::Array(of.clone(), Some(n.unwrap_or(values.len() as u32)));
                 let values: Vec<Ex> = values.into_iter().map(|v| self.coerce(v, of)).collect();
-                let ty = Ty::Array(of.clone(), Some(n));
-                Ok(Ex::primary(
-                    format!("{}({})", ty.name(), texts(&values)),
-                    ty,
-                ))
+                constructed(&values, ty)
             }
-            Ty::Scalar(_) => {
-                // The first component of a vector or matrix.
-                let [value] = &values[..] else {
-                    return Ok(Ex::primary(
-                        format!("{}({})", ty.name(), texts(&values)),
-                        ty,
-                    ));
-                };
-                if value.ty == ty {
-                    return Ok(value.clone());
-                }
+            (Ty::Void | Ty::Opaque(_) | Ty::Unknown, _) => constructed(&values, ty),
+            (_, [value]) if value.ty == ty => value.clone(),
+            // The first component of a vector or matrix.
+            (Ty::Scalar(_), [value]) => {
                 let text = match &value.ty {
                     Ty::Vector(..) => format!("{}.x", value.at(level::POSTFIX)),
                     Ty::Matrix(..) => format!("{}[0].x", value.at(level::POSTFIX)),
                     _ => value.text.clone(),
                 };
-                Ok(Ex::primary(format!("{}({text})", ty.name()), ty))
+                Ex::primary(format!("{}({text})", ty.name()), ty)
             }
-            Ty::Vector(kind, n) => {
-                if let [value] = &values[..] {
-                    match &value.ty {
-                        same if *same == ty => return Ok(value.clone()),
-                        // A longer vector is truncated.
-                        Ty::Vector(from, m) if m > n => {
-                            let cut = format!(
-                                "{}.{}",
-                                value.at(level::POSTFIX),
-                                &"xyzw"[..usize::from(*n)]
-                            );
-                            return Ok(match from == kind {
-                                true => Ex::new(cut, ty, level::POSTFIX),
-                                false => Ex::primary(format!("{}({cut})", ty.name()), ty),
-                            });
-                        }
-                        _ => {}
-                    }
+            // A longer vector is truncated.
+            (Ty::Vector(kind, n), [value]) if value.ty.components().is_some_and(|m| m > *n) => {
+                let swizzle = &"xyzw"[..usize::from(*n)];
+                let cut = format!("{}.{swizzle}", value.at(level::POSTFIX));
+                match value.ty.kind() == Some(*kind) {
+                    true => Ex::new(cut, ty, level::POSTFIX),
+                    false => Ex::primary(format!("{}({cut})", ty.name()), ty),
                 }
-                self.components(&ty, *kind, usize::from(*n), values)
             }
-            Ty::Matrix(kind, columns, rows) => {
+            (Ty::Vector(kind, n), _) => self.components(&ty, *kind, usize::from(*n), values),
+            (Ty::Matrix(kind, columns, rows), _) => {
                 let all = usize::from(*columns) * usize::from(*rows);
                 match &values[..] {
-                    [value] if value.ty == ty => Ok(value.clone()),
-                    [value] if matches!(value.ty, Ty::Matrix(..)) => Ok(resized(value, &ty)),
+                    [value] if matches!(value.ty, Ty::Matrix(..)) => resized(value, &ty),
                     [value] if matches!(value.ty, Ty::Vector(..)) => {
                         let (first, value) = self.once(value);
                         let text = value.at(level::POSTFIX);
-                        let parts: Vec<String> = "xyzw"
-                            .chars()
-                            .take(all)
-                            .map(|c| format!("{text}.{c}"))
-                            .collect();
-                        let text = format!("{}({})", ty.name(), parts.join(", "));
-                        Ok(after(first, Ex::primary(text, ty)))
+                        let parts = "xyzw".chars().take(all).map(|c| format!("{text}.{c}"));
+                        after(first, called(&ty.name(), parts, ty))
                     }
                     _ => self.components(&ty, *kind, all, values),
                 }
             }
-            _ => Ok(Ex::primary(
-                format!("{}({})", ty.name(), texts(&values)),
-                ty,
-            )),
+            _ => constructed(&values, ty),
+        })
+    }
+
+    fn struct_constructor(
+        &mut self,
+        name: &str,
+        values: Vec<Ex>,
+        place: Option<Span>,
+    ) -> Result<Ex, Error> {
+        let of = self.stage.structs.get(name).cloned();
+        let (in_uniform_block, members) =
+            of.map_or_else(Default::default, |s| (s.in_uniform_block, s.members));
+        let entries = match in_uniform_block {
+            true => self.stage.structs.laid_out(&members, true),
+            false => members.iter().map(BlockEntry::Member).collect(),
+        };
+        let (mut first, mut parts) = (Vec::new(), Vec::new());
+        let mut values = values.into_iter();
+        for entry in entries {
+            let BlockEntry::Member(member) = entry else {
+                parts.push("0.0".to_owned());
+                continue;
+            };
+            let Some(value) = values.next() else {
+                break;
+            };
+            let mut value = self.coerce(value, &member.ty);
+            let lay = self.stage.structs.member_lay(name, MemoryLayout::default());
+            if self.stage.structs.is_converted(&member.ty, lay) {
+                let (before, held) = self.once(&value);
+                first.extend(before);
+                value = held;
+            }
+            parts.push(self.packed(&value, &member.ty, lay).ok_or_else(|| {
+                unsupported("a struct of this shape cannot be constructed", place)
+            })?);
         }
+        Ok(after(
+            first,
+            called(name, parts, Ty::Struct(name.to_owned())),
+        ))
     }
 
     /// A vector or matrix constructor from components: converts each and drops extra ones.
-    fn components(
-        &mut self,
-        ty: &Ty,
-        kind: Component,
-        wanted: usize,
-        values: Vec<Ex>,
-    ) -> Result<Ex, Error> {
+    fn components(&self, ty: &Ty, kind: Component, wanted: usize, mut values: Vec<Ex>) -> Ex {
         let alone = values.len() == 1;
         // A single scalar for all components is converted first.
-        let values: Vec<Ex> = match &values[..] {
-            [
-                Ex {
-                    ty: Ty::Scalar(from),
-                    text,
-                    ..
-                },
-            ] if *from != kind => {
-                let to = Ty::Scalar(kind);
-                vec![Ex::primary(format!("{}({text})", to.name()), to)]
-            }
-            _ => values,
-        };
-        let mut parts = Vec::new();
+        if let [value] = &mut values[..]
+            && matches!(value.ty, Ty::Scalar(from) if from != kind)
+        {
+            let to = Ty::Scalar(kind);
+            *value = Ex::primary(format!("{}({})", to.name(), value.text), to);
+        }
         let mut have = 0;
-        for value in values {
-            let n = usize::from(value.ty.components().unwrap_or(1));
-            // The last argument may have extra components.
-            let value = match value.ty {
-                Ty::Vector(k, _) if have + n > wanted && have < wanted => {
+        let parts: Vec<String> = values
+            .into_iter()
+            .map(|mut value| {
+                let n = usize::from(value.ty.components().unwrap_or(1));
+                // The last argument may have extra components.
+                if let Ty::Vector(k, _) = value.ty
+                    && have + n > wanted
+                    && have < wanted
+                {
                     let rest = wanted - have;
                     let text = format!("{}.{}", value.at(level::POSTFIX), &"xyzw"[..rest]);
-                    Ex::new(text, Ty::vector(k, rest as u8), level::POSTFIX)
+                    value = Ex::new(text, Ty::vector(k, rest as u8), level::POSTFIX);
                 }
-                _ => value,
-            };
-            have += n;
-            let from = value.ty.kind();
-            let converts = from.is_some_and(|f| f != kind);
-            parts.push(match converts && !alone {
-                // Keep a literal a literal.
-                true => match (from, kind) {
+                have += n;
+                match (value.ty.kind(), kind) {
+                    (Some(from), _) if from == kind || alone => value.at(level::ASSIGNMENT),
+                    (None, _) => value.at(level::ASSIGNMENT),
+                    // Keep a literal a literal.
                     (Some(Component::Int), Component::Float) => {
                         self.coerce_kind(value, Some(kind)).text
                     }
-                    _ => {
-                        let to = value.ty.with_kind(kind);
-                        format!("{}({})", to.name(), value.text)
-                    }
-                },
-                false => value.at(level::ASSIGNMENT),
-            });
-        }
-        Ok(Ex::primary(
-            format!("{}({})", ty.name(), parts.join(", ")),
-            ty.clone(),
-        ))
+                    _ => format!("{}({})", value.ty.with_kind(kind).name(), value.text),
+                }
+            })
+            .collect();
+        called(&ty.name(), parts, ty.clone())
     }
 
     fn named(&mut self, name: &str, arguments: &[Expr], whole: &Expr) -> Result<Ex, Error> {
@@ -394,23 +340,23 @@ impl Lower<'_, '_> {
         }
         let result = builtin::result(name, &types);
         // Implicit conversions.
-        if builtin::is_of_floats(name) {
-            values = values
-                .into_iter()
-                .map(|v| match v.ty.kind() {
-                    Some(Component::Int | Component::Uint) => {
-                        self.coerce_kind(v, Some(Component::Float))
-                    }
-                    _ => v,
-                })
-                .collect();
-        } else if matches!(name, "min" | "max" | "clamp" | "mix") {
-            let kind = types.iter().filter_map(Ty::kind).max_by_key(|k| k.power());
-            values = values
-                .into_iter()
-                .map(|v| self.coerce_kind(v, kind))
-                .collect();
-        }
+        let kind = match name {
+            _ if builtin::is_of_floats(name) => None,
+            "min" | "max" | "clamp" | "mix" => {
+                Some(types.iter().filter_map(Ty::kind).max_by_key(|k| k.power()))
+            }
+            _ => Some(None),
+        };
+        values = values
+            .into_iter()
+            .map(|v| match (kind, v.ty.kind()) {
+                (Some(kind), _) => self.coerce_kind(v, kind),
+                (None, Some(Component::Int | Component::Uint)) => {
+                    self.coerce_kind(v, Some(Component::Float))
+                }
+                _ => v,
+            })
+            .collect();
         // Evaluate values that are printed several times only once.
         let mut first = Vec::new();
         if matches!(name, "matrixCompMult" | "outerProduct" | "isnan" | "isinf") {
@@ -420,102 +366,12 @@ impl Lower<'_, '_> {
                 *value = held;
             }
         }
-        let text = |i: usize| {
-            values
-                .get(i)
-                .map(|v| v.at(level::ASSIGNMENT))
-                .unwrap_or_default()
-        };
-        let post = |i: usize| {
-            values
-                .get(i)
-                .map(|v| v.at(level::POSTFIX))
-                .unwrap_or_default()
-        };
-        let at = |i: usize, level: u8| values.get(i).map(|v| v.at(level)).unwrap_or_default();
-        let rewritten = match (name, types.first()) {
-            ("matrixCompMult", Some(ty @ Ty::Matrix(_, columns, _))) => {
-                let columns: Vec<String> = (0..*columns)
-                    .map(|c| format!("{}[{c}] * {}[{c}]", post(0), post(1)))
-                    .collect();
-                Some(format!("{}({})", ty.name(), columns.join(", ")))
-            }
-            ("outerProduct", Some(Ty::Vector(..))) => match &result {
-                Ty::Matrix(_, columns, _) => {
-                    let column = |c: char| format!("{} * {}.{c}", at(0, 14), post(1));
-                    let columns: Vec<String> = "xyzw"
-                        .chars()
-                        .take(usize::from(*columns))
-                        .map(column)
-                        .collect();
-                    Some(format!("{}({})", result.name(), columns.join(", ")))
-                }
-                _ => None,
-            },
-            // naga only accepts vectors here.
-            ("dot", Some(Ty::Scalar(_))) => Some(format!("({} * {})", at(0, 14), at(1, 15))),
-            ("length", Some(Ty::Scalar(_))) => Some(format!("abs({})", text(0))),
-            ("distance", Some(Ty::Scalar(_))) => {
-                Some(format!("abs({} - {})", at(0, 13), at(1, 14)))
-            }
-            ("normalize", Some(Ty::Scalar(_))) => Some(format!("sign({})", text(0))),
-            // WGSL lacks both. Test the bits, which no compiler treats as a constant.
-            ("isnan" | "isinf", Some(of)) => {
-                let bits = format!("floatBitsToUint({})", text(0));
-                Some(match (of, name) {
-                    (Ty::Vector(_, n), _) => {
-                        let compare = if name == "isnan" {
-                            "greaterThan"
-                        } else {
-                            "equal"
-                        };
-                        format!("{compare}({bits} & uvec{n}(0x7FFFFFFFu), uvec{n}(0x7F800000u))")
-                    }
-                    (_, "isnan") => format!("(({bits} & 0x7FFFFFFFu) > 0x7F800000u)"),
-                    _ => format!("(({bits} & 0x7FFFFFFFu) == 0x7F800000u)"),
-                })
-            }
-            ("memoryBarrier" | "groupMemoryBarrier" | "barrier", _) => {
-                return Err(unsupported(
-                    format!("`{name}` belongs to compute shaders"),
-                    place,
-                ));
-            }
-            ("interpolateAtCentroid" | "interpolateAtSample" | "interpolateAtOffset", _) => {
-                return Err(unsupported(
-                    format!(
-                        "`{name}` is not supported: in WebGPU each input has one interpolation"
-                    ),
-                    place,
-                )
-                .note("qualify the input itself with `centroid` or `sample`"));
-            }
-            ("subpassLoad", _) => {
-                return Err(unsupported(
-                    "`subpassLoad` is not supported: WebGPU has no subpasses",
-                    place,
-                ));
-            }
-            ("ftransform", _) => {
-                return Err(unsupported(
-                    "`ftransform` is not supported: it depends on OpenGL's fixed functions",
-                    place,
-                ));
-            }
-            _ => None,
-        };
-        if let Some(text) = rewritten {
+        if let Some(text) = replacement(name, &values, types.first(), &result) {
             return Ok(after(first, Ex::primary(text, result)));
         }
-        let all: Vec<String> = (0..values.len()).map(text).collect();
-        if !builtin::is_known(name) && !name.starts_with("image") && !name.starts_with("subgroup") {
-            return Err(Error::new(
-                crate::front::error::Code::Unsupported,
-                format!("there is no function `{name}`"),
-            )
-            .label_if(place));
-        }
-        Ok(Ex::primary(format!("{name}({})", all.join(", ")), result))
+        check_supported(name, place)?;
+        let all = values.iter().map(|v| v.at(level::ASSIGNMENT));
+        Ok(called(name, all, result))
     }
 
     /// Built-in functions with out parameters, written as expressions.
@@ -668,4 +524,88 @@ fn resized(value: &Ex, to: &Ty) -> Ex {
         }
     }
     Ex::primary(format!("{}({})", to.name(), parts.join(", ")), to.clone())
+}
+
+/// A call of `function`.
+fn called(function: &str, arguments: impl IntoIterator<Item = String>, ty: Ty) -> Ex {
+    let arguments: Vec<String> = arguments.into_iter().collect();
+    Ex::primary(format!("{function}({})", arguments.join(", ")), ty)
+}
+
+fn constructed(values: &[Ex], ty: Ty) -> Ex {
+    let parts = values.iter().map(|v| v.at(level::ASSIGNMENT));
+    called(&ty.name(), parts, ty)
+}
+
+/// An expression for built-in functions that naga lacks or restricts.
+fn replacement(name: &str, values: &[Ex], first: Option<&Ty>, result: &Ty) -> Option<String> {
+    let at = |i: usize, level: u8| values.get(i).map(|v| v.at(level)).unwrap_or_default();
+    let text = || at(0, level::ASSIGNMENT);
+    let post = |i: usize| at(i, level::POSTFIX);
+    Some(match (name, first?) {
+        ("matrixCompMult", ty @ Ty::Matrix(_, columns, _)) => {
+            let columns: Vec<String> = (0..*columns)
+                .map(|c| format!("{}[{c}] * {}[{c}]", post(0), post(1)))
+                .collect();
+            format!("{}({})", ty.name(), columns.join(", "))
+        }
+        ("outerProduct", Ty::Vector(..)) => {
+            let Ty::Matrix(_, columns, _) = result else {
+                return None;
+            };
+            let column = |c: char| format!("{} * {}.{c}", at(0, 14), post(1));
+            let columns = "xyzw".chars().take(usize::from(*columns));
+            let columns: Vec<String> = columns.map(column).collect();
+            format!("{}({})", result.name(), columns.join(", "))
+        }
+        // naga only accepts vectors here.
+        ("dot", Ty::Scalar(_)) => format!("({} * {})", at(0, 14), at(1, 15)),
+        ("length", Ty::Scalar(_)) => format!("abs({})", text()),
+        ("distance", Ty::Scalar(_)) => format!("abs({} - {})", at(0, 13), at(1, 14)),
+        ("normalize", Ty::Scalar(_)) => format!("sign({})", text()),
+        // WGSL lacks both. Test the bits, which no compiler treats as a constant.
+        ("isnan" | "isinf", of) => {
+            let bits = format!("floatBitsToUint({})", text());
+            let (function, operator) = match name {
+                "isnan" => ("greaterThan", ">"),
+                _ => ("equal", "=="),
+            };
+            match of {
+                Ty::Vector(_, n) => {
+                    format!("{function}({bits} & uvec{n}(0x7FFFFFFFu), uvec{n}(0x7F800000u))")
+                }
+                _ => format!("(({bits} & 0x7FFFFFFFu) {operator} 0x7F800000u)"),
+            }
+        }
+        _ => return None,
+    })
+}
+
+/// Rejects built-in functions that WebGPU or naga lacks.
+fn check_supported(name: &str, place: Option<Span>) -> Result<(), Error> {
+    Err(match name {
+        "memoryBarrier" | "groupMemoryBarrier" | "barrier" => {
+            unsupported(format!("`{name}` belongs to compute shaders"), place)
+        }
+        "interpolateAtCentroid" | "interpolateAtSample" | "interpolateAtOffset" => unsupported(
+            format!("`{name}` is not supported: in WebGPU each input has one interpolation"),
+            place,
+        )
+        .note("qualify the input itself with `centroid` or `sample`"),
+        "subpassLoad" => unsupported(
+            "`subpassLoad` is not supported: WebGPU has no subpasses",
+            place,
+        ),
+        "ftransform" => unsupported(
+            "`ftransform` is not supported: it depends on OpenGL's fixed functions",
+            place,
+        ),
+        _ if builtin::is_known(name)
+            || name.starts_with("image")
+            || name.starts_with("subgroup") =>
+        {
+            return Ok(());
+        }
+        _ => unsupported(format!("there is no function `{name}`"), place),
+    })
 }

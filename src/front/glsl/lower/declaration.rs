@@ -5,9 +5,9 @@ use std::collections::HashMap;
 
 use naga::ShaderStage;
 
-use super::super::interface::{BindingSlot, Opened, index};
+use super::super::interface::{BindingSlot, Opened, SplitSampler, index, split_type};
 use super::super::source_marks::{Marks, unmarked};
-use super::super::stage::{Global, Storage, Variable, unsupported};
+use super::super::stage::{Block, Global, Qualifiers, Storage, Variable, unsupported};
 use super::super::ty::{BlockEntry, Component, GlslMember, MemoryLayout, Rules, Ty, stored};
 use super::{Lower, Var};
 use crate::front::ClipSpace;
@@ -96,189 +96,159 @@ impl Lower<'_, '_> {
         let mut out = self.loose_uniforms()?;
         // naga makes members of a block global names, even if the block has an instance. Later
         // declarations hide them again.
-        let mut named = String::new();
+        let mut first = String::new();
         for block in self.stage.blocks.clone() {
-            let storage = block.qualifiers.storage == Some(Storage::Buffer);
-            let push = block.qualifiers.says("push_constant");
-            let rules = block.rules();
-            let lay = |member: &GlslMember| MemoryLayout {
-                rows: member.row_major,
-                ..MemoryLayout::by(rules)
-            };
-            let layout = match push {
-                true => "push_constant, std430".to_owned(),
-                false => {
-                    let slot = self
-                        .interface
-                        .blocks
-                        .get(&block.name)
-                        .copied()
-                        .unwrap_or_default();
-                    let said = match (storage, rules) {
-                        (true, Rules::Std140) => ", std140",
-                        (true, _) => ", std430",
-                        _ => "",
-                    };
-                    Self::layout(slot) + said
-                }
-            };
-            let memory: String = block
-                .qualifiers
-                .memory
-                .iter()
-                .map(|m| format!("{m} "))
-                .collect();
-            let mark = self.marks.mark(block.place);
-            let word = if storage { "buffer" } else { "uniform" };
-            let mut body = String::new();
-            let shapes: Vec<GlslMember> = block
-                .members
-                .iter()
-                .map(|m| GlslMember {
-                    ty: self.shape(&m.ty, lay(m)),
-                    ..m.clone()
-                })
-                .collect();
-            let entries = match rules {
-                Rules::Std140 => self.stage.structs.laid_out(&shapes, false),
-                _ => shapes.iter().map(BlockEntry::Member).collect(),
-            };
-            let instance = block.instance.as_ref().map(|i| self.safe(i));
-            let last = block.members.last().map(|m| &m.ty);
-            // naga reads a block's member by loading the whole block, which fails for an unsized
-            // one.
-            let open = instance.clone();
-            let open = open.filter(|_| storage && matches!(last, Some(Ty::Array(_, None))));
-            let mut said = Vec::new();
-            let mut written: HashMap<String, String> = HashMap::new();
-            for (i, entry) in entries.into_iter().enumerate() {
-                let (name, text) = match entry {
-                    BlockEntry::Member(member) => {
-                        let mut own = member.clone();
-                        if let Some(instance) = &open {
-                            own.name = self.fresh(&format!("{instance}_{}", member.name));
-                            written.insert(member.name.clone(), own.name.clone());
-                        }
-                        let text = member_text(&mut self.marks, &own, rules);
-                        (member.name.clone(), text)
-                    }
-                    BlockEntry::Padding => {
-                        let name = format!("{}_padding_{i}", block.name);
-                        let text = format!("    float {name};\n");
-                        (name, text)
-                    }
-                };
-                said.push(name);
-                body += &text;
-            }
-            let name = self.safe(&block.name);
-            let text = format!("{mark}layout({layout}) {memory}{word} {name} {{\n{body}}}");
-            match (&instance, &open) {
-                (Some(instance), None) => named += &format!("{text} {instance};\n"),
-                _ => out += &format!("{text};\n"),
-            }
-            if let (Some(instance), Some(slot)) = (open, self.interface.blocks.get(&block.name)) {
-                self.interface.opened.push(Opened {
-                    slot: *slot,
-                    instance,
-                    members: said,
-                });
-            }
-            let members: Vec<(String, Var)> = block
-                .members
-                .iter()
-                .map(|m| {
-                    let text = match (&instance, written.get(&m.name)) {
-                        (_, Some(written)) => written.clone(),
-                        (Some(instance), None) => format!("{instance}.{}", m.name),
-                        (None, None) => m.name.clone(),
-                    };
-                    (
-                        m.name.clone(),
-                        Var {
-                            text,
-                            ty: m.ty.clone(),
-                            lay: lay(m),
-                            path: None,
-                            fixed: match storage {
-                                true if block.qualifiers.memory.contains(&"readonly") => {
-                                    Some("in a readonly block")
-                                }
-                                true => None,
-                                false => Some("a uniform"),
-                            },
-                        },
-                    )
-                })
-                .collect();
-            match &block.instance {
-                // A block is not a value; only its members are.
-                Some(instance) => {
-                    for (name, var) in members {
-                        self.bind(&format!("{instance}.{name}"), var);
-                    }
-                }
-                None => {
-                    for (name, var) in members {
-                        self.bind(&name, var);
-                    }
-                }
-            }
+            let (text, is_first) = self.block(&block);
+            if is_first { &mut first } else { &mut out }.push_str(&text);
         }
         for variable in self.stage.opaque.clone() {
-            let slot = self
-                .interface
-                .opaque
-                .get(&variable.name)
-                .copied()
-                .unwrap_or_default();
-            let name = self.safe(&variable.name);
-            let format: String = variable
-                .qualifiers
-                .layout
-                .iter()
-                .filter(|(k, v)| v.is_none() && k.starts_with(['r']))
-                .map(|(k, _)| format!(", {k}"))
-                .collect();
-            let memory: String = variable
-                .qualifiers
-                .memory
-                .iter()
-                .map(|m| format!("{m} "))
-                .collect();
-            let mark = self.marks.mark(variable.place);
-            out += &format!(
-                "{mark}layout({}{format}) uniform {memory}{};\n",
-                Self::layout(slot),
-                variable.ty.declare(&name)
-            );
-            self.bind(&variable.name, Var::plain(name, variable.ty.clone()));
+            out += &self.opaque(&variable);
         }
         for uniform in self.stage.uniforms.clone() {
-            let mut found = Vec::new();
-            self.stage
-                .structs
-                .samplers(&uniform.ty, &uniform.name, &mut found);
-            for (path, _) in found {
-                let Some(bound) = self.interface.samplers.get(&path).cloned() else {
-                    continue;
-                };
-                // An unused texture is inactive, as in OpenGL.
-                if !self.stage.used.contains(&uniform.name) {
-                    continue;
-                }
-                let mark = self.marks.mark(uniform.place);
-                let shadow = bound.pair.combined.ends_with("Shadow");
-                let texture = bound.pair.combined.replacen("sampler", "texture", 1);
-                let texture = texture.trim_end_matches("Shadow");
-                let sampler = if shadow { "samplerShadow" } else { "sampler" };
-                let [t, s] = bound.slots.map(Self::layout);
-                let texture_name = bound.pair.texture.clone();
-                out += &format!("{mark}layout({t}) uniform {texture} {texture_name};\n");
-                out += &format!("layout({s}) uniform {sampler} {};\n", bound.pair.sampler);
+            // An unused texture is inactive, as in OpenGL.
+            if self.stage.used.contains(&uniform.name) {
+                out += &self.samplers(&uniform);
             }
         }
-        Ok(named + &out)
+        Ok(first + &out)
+    }
+
+    /// Declares a block and its members. Returns true for a block with an instance name, which
+    /// comes before all others.
+    fn block(&mut self, block: &Block) -> (String, bool) {
+        let storage = block.qualifiers.storage == Some(Storage::Buffer);
+        let rules = block.rules();
+        let lay = |member: &GlslMember| MemoryLayout {
+            rows: member.row_major,
+            ..MemoryLayout::by(rules)
+        };
+        let slot = self.interface.blocks.get(&block.name).copied();
+        let layout = if block.qualifiers.says("push_constant") {
+            "push_constant, std430".to_owned()
+        } else {
+            let rules = match (storage, rules) {
+                (true, Rules::Std140) => ", std140",
+                (true, _) => ", std430",
+                _ => "",
+            };
+            Self::layout(slot.unwrap_or_default()) + rules
+        };
+        let mark = self.marks.mark(block.place);
+        let shapes: Vec<GlslMember> = block
+            .members
+            .iter()
+            .map(|m| GlslMember {
+                ty: self.shape(&m.ty, lay(m)),
+                ..m.clone()
+            })
+            .collect();
+        let entries = match rules {
+            Rules::Std140 => self.stage.structs.laid_out(&shapes, false),
+            _ => shapes.iter().map(BlockEntry::Member).collect(),
+        };
+        let instance = block.instance.as_ref().map(|i| self.safe(i));
+        let last = block.members.last().map(|m| &m.ty);
+        // naga reads a block's member by loading the whole block, which fails for an unsized one.
+        let is_unsized = matches!(last, Some(Ty::Array(_, None)));
+        let open = instance.clone().filter(|_| storage && is_unsized);
+        let mut names = Vec::new();
+        let mut renamed: HashMap<String, String> = HashMap::new();
+        let mut body = String::new();
+        for (i, entry) in entries.into_iter().enumerate() {
+            match entry {
+                BlockEntry::Member(member) => {
+                    let mut own = member.clone();
+                    if let Some(instance) = &open {
+                        own.name = self.fresh(&format!("{instance}_{}", member.name));
+                        renamed.insert(member.name.clone(), own.name.clone());
+                    }
+                    body += &member_text(&mut self.marks, &own, rules);
+                    names.push(member.name.clone());
+                }
+                BlockEntry::Padding => {
+                    let name = format!("{}_padding_{i}", block.name);
+                    body += &format!("    float {name};\n");
+                    names.push(name);
+                }
+            }
+        }
+        let fixed = match storage {
+            true if block.qualifiers.memory.contains(&"readonly") => Some("in a readonly block"),
+            true => None,
+            false => Some("a uniform"),
+        };
+        for member in &block.members {
+            let text = match (&instance, renamed.get(&member.name)) {
+                (_, Some(renamed)) => renamed.clone(),
+                (Some(instance), None) => format!("{instance}.{}", member.name),
+                (None, None) => member.name.clone(),
+            };
+            let mut var = Var::plain(text, member.ty.clone()).fixed(fixed);
+            var.lay = lay(member);
+            // A block is not a value; only its members are.
+            match &block.instance {
+                Some(instance) => self.bind(&format!("{instance}.{}", member.name), var),
+                None => self.bind(&member.name, var),
+            }
+        }
+        let name = self.safe(&block.name);
+        let memory = memory(&block.qualifiers);
+        let word = if storage { "buffer" } else { "uniform" };
+        let text = format!("{mark}layout({layout}) {memory}{word} {name} {{\n{body}}}");
+        match (instance, open) {
+            (Some(instance), None) => return (format!("{text} {instance};\n"), true),
+            (_, Some(instance)) => self.interface.opened.extend(slot.map(|slot| Opened {
+                slot,
+                instance,
+                members: names,
+            })),
+            (None, None) => {}
+        }
+        (format!("{text};\n"), false)
+    }
+
+    /// Declares a separate texture, sampler or image.
+    fn opaque(&mut self, variable: &Variable) -> String {
+        let slot = self.interface.opaque.get(&variable.name).copied();
+        let name = self.safe(&variable.name);
+        let layout = variable.qualifiers.layout.iter();
+        let format: String = layout
+            .filter(|(k, v)| v.is_none() && k.starts_with(['r']))
+            .map(|(k, _)| format!(", {k}"))
+            .collect();
+        let mark = self.marks.mark(variable.place);
+        let text = format!(
+            "{mark}layout({}{format}) uniform {}{};\n",
+            Self::layout(slot.unwrap_or_default()),
+            memory(&variable.qualifiers),
+            variable.ty.declare(&name)
+        );
+        self.bind(&variable.name, Var::plain(name, variable.ty.clone()));
+        text
+    }
+
+    /// Declares the split samplers of a uniform.
+    fn samplers(&mut self, uniform: &Variable) -> String {
+        let mut found = Vec::new();
+        let structs = &self.stage.structs;
+        structs.samplers(&uniform.ty, &uniform.name, &mut found);
+        let mut out = String::new();
+        for (path, _) in found {
+            let Some(bound) = self.interface.samplers.get(&path) else {
+                continue;
+            };
+            let mark = self.marks.mark(uniform.place);
+            let SplitSampler {
+                combined,
+                texture,
+                sampler,
+            } = &bound.pair;
+            let [texture_type, sampler_type] = split_type(combined);
+            let [t, s] = bound.slots.map(Self::layout);
+            out += &format!("{mark}layout({t}) uniform {texture_type} {texture};\n");
+            out += &format!("layout({s}) uniform {sampler_type} {sampler};\n");
+        }
+        out
     }
 
     fn loose_uniforms(&mut self) -> Result<String, Error> {
@@ -542,4 +512,9 @@ fn member_text(marks: &mut Marks, member: &GlslMember, rules: Rules) -> String {
     let mark = marks.mark(member.place);
     let ty = stored(&member.ty, rules);
     format!("{mark}    {};\n", ty.declare(&member.name))
+}
+
+/// `readonly` and other memory qualifiers.
+fn memory(qualifiers: &Qualifiers) -> String {
+    qualifiers.memory.iter().map(|m| format!("{m} ")).collect()
 }

@@ -1,9 +1,12 @@
 //! Texture functions of all GLSL versions.
 
+use std::iter;
+
 use glsl_lang::ast::Expr;
+use naga::Span;
 
 use super::super::constant;
-use super::super::interface::SplitSampler;
+use super::super::interface::split_type;
 use super::super::source_marks::unmarked;
 use super::super::stage::unsupported;
 use super::super::ty::{Component, Ty};
@@ -21,317 +24,287 @@ pub(super) struct Function {
     pub compares_to_vector: bool,
 }
 
+/// Texture functions of GLSL 4.50.
+const FUNCTIONS: &str = "texture textureLod textureGrad textureOffset textureLodOffset \
+    textureGradOffset textureProj textureProjLod textureProjGrad textureProjOffset \
+    textureProjLodOffset textureProjGradOffset texelFetch texelFetchOffset textureSize \
+    textureQueryLevels textureQueryLod textureGather textureGatherOffset textureGatherOffsets \
+    textureSamples";
+
+/// Prefixes of texture functions in older versions.
+const OLD_PREFIXES: &str =
+    "texture2DRect texture1D texture2D texture3D textureCube shadow1D shadow2D";
+
 /// The function of that name in any version.
 pub(super) fn function(name: &str) -> Option<Function> {
-    let is = |name: &str| Function {
-        name: name.to_owned(),
-        compares_to_vector: false,
-    };
-    let modern = [
-        "texture",
-        "textureLod",
-        "textureGrad",
-        "textureOffset",
-        "textureLodOffset",
-        "textureGradOffset",
-        "textureProj",
-        "textureProjLod",
-        "textureProjGrad",
-        "textureProjOffset",
-        "textureProjLodOffset",
-        "textureProjGradOffset",
-        "texelFetch",
-        "texelFetchOffset",
-        "textureSize",
-        "textureQueryLevels",
-        "textureQueryLod",
-        "textureGather",
-        "textureGatherOffset",
-        "textureGatherOffsets",
-        "textureSamples",
-    ];
-    if modern.contains(&name) {
-        return Some(is(name));
+    if FUNCTIONS.split(' ').any(|f| f == name) {
+        return Some(Function {
+            name: name.to_owned(),
+            compares_to_vector: false,
+        });
     }
     let bare = name
         .trim_end_matches("EXT")
         .trim_end_matches("ARB")
         .trim_end_matches("OES");
-    let shapes = [
-        "texture2DRect",
-        "texture1D",
-        "texture2D",
-        "texture3D",
-        "textureCube",
-        "shadow1D",
-        "shadow2D",
-    ];
-    let shape = shapes.iter().find(|s| bare.starts_with(**s))?;
-    let what = match &bare[shape.len()..] {
-        "" => "texture",
-        "Lod" => "textureLod",
-        "Grad" => "textureGrad",
-        "Proj" => "textureProj",
-        "ProjLod" => "textureProjLod",
-        "ProjGrad" => "textureProjGrad",
-        _ => return None,
-    };
-    Some(Function {
-        name: what.to_owned(),
+    let prefix = OLD_PREFIXES.split(' ').find(|p| bare.starts_with(p))?;
+    let suffix = &bare[prefix.len()..];
+    let known = ["", "Lod", "Grad", "Proj", "ProjLod", "ProjGrad"].contains(&suffix);
+    known.then(|| Function {
+        name: format!("texture{suffix}"),
         // The `EXT` version of GLSL ES 1.00 returns a float.
-        compares_to_vector: shape.starts_with("shadow") && !name.ends_with("EXT"),
+        compares_to_vector: prefix.starts_with("shadow") && !name.ends_with("EXT"),
     })
 }
 
-/// Number of coordinates without the layer.
-fn coordinates(combined: &str) -> u8 {
-    match combined {
-        c if c.contains("1D") => 1,
-        c if c.contains("2D") => 2,
-        _ => 3,
+/// The shape of a texture.
+struct Shape<'a> {
+    combined: &'a str,
+    component: Component,
+    shadow: bool,
+    layered: bool,
+    /// Number of coordinates without the layer.
+    coordinates: u8,
+}
+
+impl<'a> Shape<'a> {
+    fn of(combined: &'a str) -> Self {
+        Self {
+            combined,
+            component: match combined.chars().next() {
+                Some('i') => Component::Int,
+                Some('u') => Component::Uint,
+                _ => Component::Float,
+            },
+            shadow: combined.ends_with("Shadow"),
+            layered: combined.contains("Array"),
+            coordinates: match combined {
+                c if c.contains("1D") => 1,
+                c if c.contains("2D") => 2,
+                _ => 3,
+            },
+        }
+    }
+
+    /// The result type of a texture function.
+    fn result(&self, function: &str) -> Ty {
+        match function {
+            "textureSize" => {
+                let size = if self.combined.contains("Cube") {
+                    2
+                } else {
+                    self.coordinates
+                };
+                Ty::vector(Component::Int, size + u8::from(self.layered))
+            }
+            "textureQueryLevels" | "textureSamples" => Ty::INT,
+            name if name.starts_with("textureGather") => Ty::Vector(self.component, 4),
+            _ if self.shadow => Ty::FLOAT,
+            _ => Ty::Vector(self.component, 4),
+        }
+    }
+
+    /// Adds 0.5 to the layer: GLSL rounds it to the nearest (4.60, 8.9), naga truncates it.
+    fn round_layer(&self, coordinates: &mut Ex) {
+        let Ty::Vector(Component::Float, n) = coordinates.ty else {
+            return;
+        };
+        if self.layered && self.coordinates < n {
+            let parts: Vec<&str> = (0..n)
+                .map(|i| if i == self.coordinates { "0.5" } else { "0.0" })
+                .collect();
+            let text = format!("{} + vec{n}({})", coordinates.at(12), parts.join(", "));
+            *coordinates = Ex::new(text, coordinates.ty.clone(), 12);
+        }
     }
 }
 
+/// Rejects texture functions that WebGPU lacks.
+fn check_supported(author: &str, name: &str, place: Option<Span>) -> Result<(), Error> {
+    Err(match name {
+        "textureQueryLod" => unsupported(
+            format!("`{author}` is not supported: WebGPU has no such query"),
+            place,
+        )
+        .note("compute the level from the coordinates' derivatives"),
+        "textureGatherOffsets" => unsupported(
+            "`textureGatherOffsets` is not supported: WebGPU only gathers a square",
+            place,
+        ),
+        "textureGatherOffset" => unsupported(
+            "`textureGatherOffset` is not supported: use `textureGather`, on textures without \
+             layers",
+            place,
+        ),
+        _ => return Ok(()),
+    })
+}
+
 impl Lower<'_, '_> {
+    /// A call of a texture function with the arguments `rest` after the sampler.
     pub(super) fn sample(
         &mut self,
         author: &str,
         function: &Function,
         sampler: Ex,
-        mut rest: Vec<Ex>,
+        rest: Vec<Ex>,
         arguments: &[Expr],
         whole: &Expr,
     ) -> Result<Ex, Error> {
         let place = self.place(whole.span);
-        let combined = match &sampler.ty {
-            Ty::Combined(name) => name.clone(),
-            // A separate texture, for a fetch or its size.
-            Ty::Opaque(name) => name.clone(),
-            other => {
-                return Err(unsupported(
-                    format!("`{author}` takes a sampler, not a {}", other.name()),
-                    place,
-                ));
-            }
+        // An opaque type is a separate texture, for a fetch or its size.
+        let (Ty::Combined(combined) | Ty::Opaque(combined)) = &sampler.ty else {
+            let message = format!("`{author}` takes a sampler, not a {}", sampler.ty.name());
+            return Err(unsupported(message, place));
         };
-        let kind = match combined.chars().next() {
-            Some('i') => Component::Int,
-            Some('u') => Component::Uint,
-            _ => Component::Float,
-        };
-        let shadow = combined.ends_with("Shadow");
-        let texel = match shadow {
-            true => Ty::FLOAT,
-            false => Ty::Vector(kind, 4),
-        };
-        let layers = u8::from(combined.contains("Array"));
-        let mut result = match function.name.as_str() {
-            "textureSize" => Ty::vector(
-                Component::Int,
-                if combined.contains("Cube") {
-                    2
-                } else {
-                    coordinates(&combined)
-                } + layers,
-            ),
-            "textureQueryLevels" | "textureSamples" => Ty::INT,
-            name if name.starts_with("textureGather") => Ty::Vector(kind, 4),
-            _ => texel,
-        };
+        let mut name = function.name.clone();
+        check_supported(author, &name, place)?;
+        let shape = Shape::of(combined);
+        let result = shape.result(&name);
         let fetches = matches!(
-            function.name.as_str(),
+            name.as_str(),
             "texelFetch" | "texelFetchOffset" | "textureSize" | "textureQueryLevels"
         );
-        rest = rest
+        let mut rest: Vec<Ex> = rest
             .into_iter()
-            .map(|v| match v.ty.kind() {
-                Some(Component::Int | Component::Uint)
-                    if !fetches && v.ty.components() == Some(1) =>
-                {
+            .map(|v| match v.ty {
+                Ty::Scalar(Component::Int | Component::Uint) if !fetches => {
                     self.coerce_kind(v, Some(Component::Float))
                 }
-                Some(Component::Uint) if fetches => self.coerce_kind(v, Some(Component::Int)),
+                _ if fetches && v.ty.kind() == Some(Component::Uint) => {
+                    self.coerce_kind(v, Some(Component::Int))
+                }
                 _ => v,
             })
             .collect();
-        let mut name = function.name.clone();
-        let mut first = Vec::new();
-        // GLSL rounds a layer to the nearest (4.60, 8.9), naga truncates it.
-        if layers == 1
-            && !fetches
-            && let Some(p) = rest.first_mut()
-            && let Ty::Vector(Component::Float, n) = p.ty
-        {
-            let layer = usize::from(coordinates(&combined));
-            let parts: Vec<&str> = (0..usize::from(n))
-                .map(|i| if i == layer { "0.5" } else { "0.0" })
-                .collect();
-            if layer < parts.len() {
-                let text = format!("{} + vec{n}({})", p.at(12), parts.join(", "));
-                *p = Ex::new(text, p.ty.clone(), 12);
-            }
+        if !fetches && let Some(coordinates) = rest.first_mut() {
+            shape.round_layer(coordinates);
         }
-        // naga's GLSL writer requires named literals.
         if name.ends_with("Offset") && name.starts_with("texture") {
-            let constants = &self.stage.constants;
-            let known: Vec<_> = arguments
-                .iter()
-                .skip(1)
-                .map(|e| constant::integers(e, constants))
-                .collect();
-            for (offset, known) in rest.iter_mut().zip(known).skip(1) {
-                let (Ty::Vector(Component::Int, n), Some(parts)) = (&offset.ty, known) else {
-                    continue;
-                };
-                let parts: Vec<String> = parts.iter().map(i32::to_string).collect();
-                let bare = format!("ivec{n}({})", parts.join(", "));
-                let known = self.offsets.iter().position(|o| *o == bare);
-                let at = known.unwrap_or_else(|| {
-                    self.offsets.push(bare.clone());
-                    self.offsets.len() - 1
-                });
-                let name = self.helper_name(&format!("offset_{at}"));
-                let text = format!("const ivec{n} {name} = {bare};\n");
-                self.helpers.insert(name.clone(), text);
-                *offset = Ex::primary(name, offset.ty.clone());
-            }
+            self.name_offsets(&mut rest, arguments);
         }
-        // naga loses the offset.
-        if name == "texelFetchOffset"
-            && let [p, _, offset] = &rest[..]
-        {
-            let offset = match (&p.ty, &offset.ty) {
-                (Ty::Vector(_, n), Ty::Vector(_, m)) if n > m => {
-                    format!("ivec{n}({}, 0)", offset.text)
-                }
-                _ => offset.at(13),
+        if name == "textureGather" {
+            let component = match arguments.get(2) {
+                Some(e) if !shape.shadow => constant::evaluate(e, &self.stage.constants),
+                _ => Some(0),
             };
-            rest[0] = Ex::new(format!("{} + {offset}", p.at(12)), p.ty.clone(), 12);
-            rest.truncate(2);
+            return self.gathered(&shape, &sampler, rest, component, place);
+        }
+        if name == "texelFetchOffset" && rest.len() == 3 {
+            add_fetch_offset(&mut rest);
             name = "texelFetch".to_owned();
         }
-        match name.as_str() {
-            "textureQueryLod" => {
-                return Err(unsupported(
-                    format!("`{author}` is not supported: WebGPU has no such query"),
-                    place,
-                )
-                .note("compute the level from the coordinates' derivatives"));
-            }
-            "textureGatherOffsets" => {
-                return Err(unsupported(
-                    "`textureGatherOffsets` is not supported: WebGPU only gathers a square",
-                    place,
-                ));
-            }
-            "textureGatherOffset" => {
-                return Err(unsupported(
-                    "`textureGatherOffset` is not supported: use `textureGather`, on textures without layers",
-                    place,
-                ));
-            }
-            "textureGather" => {
-                let component = match arguments.get(2) {
-                    Some(e) if !shadow => constant::evaluate(e, &self.stage.constants),
-                    _ => Some(0),
-                };
-                return self.gathered(&combined, &sampler, rest, component, result, place);
-            }
+        let mut first = Vec::new();
+        let projects = matches!(
+            name.as_str(),
             "textureProj" | "textureProjLod" | "textureProjGrad" | "textureProjOffset"
-                if shadow =>
-            {
-                // naga does not project comparisons. Divide three coordinates by the fourth.
-                if let Some(p) = rest.first_mut() {
-                    let (before, held) = self.once(p);
-                    first.extend(before);
-                    *p = held;
-                    let text = p.at(level::POSTFIX);
-                    *p = Ex::new(
-                        format!("{text}.xyz / {text}.w"),
-                        Ty::Vector(Component::Float, 3),
-                        14,
-                    );
-                    name = name.replacen("Proj", "", 1);
-                }
-            }
-            _ => {}
+        );
+        if shape.shadow && projects {
+            first.extend(self.project(&mut rest, &mut name));
         }
-        // Without derivatives, GLSL samples the base level, and the bias becomes the level (4.60,
-        // 8.9).
-        let implicit = name.starts_with("texture")
-            && !["Size", "Lod", "Grad", "Query", "Samples"]
-                .iter()
-                .any(|w| name.contains(w));
-        let cube_shadow = combined.starts_with("samplerCube") && shadow;
-        if self.is_vertex() && implicit && !cube_shadow {
-            let coordinates = usize::from(name.ends_with("Offset")) + 1;
-            if rest.len() == coordinates {
-                rest.insert(1, Ex::primary("0.0", Ty::FLOAT));
-            } else if coordinates == 2 {
-                rest.swap(1, 2);
-            }
-            name = match name.strip_suffix("Offset") {
-                Some(start) => format!("{start}LodOffset"),
-                None => format!("{name}Lod"),
-            };
+        if self.is_vertex() {
+            use_base_level(&shape, &mut name, &mut rest);
         }
-        let call = |pair: Option<&SplitSampler>| {
-            let first = match pair {
-                Some(pair) => format!("{}({}, {})", pair.combined, pair.texture, pair.sampler),
-                None => sampler.text.clone(),
-            };
-            let mut all = vec![first];
-            all.extend(rest.iter().map(|r| r.at(level::ASSIGNMENT)));
-            format!("{name}({})", all.join(", "))
-        };
-        let mut ex = match &sampler.choice {
-            None => Ex::primary(call(None), result.clone()),
-            Some((index, pairs)) => {
-                // GLSL requires a dynamically uniform index, so this control flow is uniform.
-                let (before, index) = self.once(index);
-                let bare = unmarked(&index.text);
-                if before.is_none() && (bare.contains(['(', '=']) || bare.contains("++")) {
-                    return Err(unsupported(
-                        "a call that selects a sampler must be in a function",
-                        place,
-                    ));
-                }
-                first.splice(0..0, before);
-                let index = &index.text;
-                let Some((last, others)) = pairs.split_last() else {
-                    return Err(unsupported("this array of samplers is empty", place));
-                };
-                let mut text = String::new();
-                for (i, pair) in others.iter().enumerate() {
-                    text += &format!("({index}) == {i} ? {} : ", call(Some(pair)));
-                }
-                text += &call(Some(last));
-                Ex::new(text, result.clone(), level::TERNARY)
-            }
-        };
+        let (before, mut ex) = self.select_sampler(&name, &sampler, &rest, result, place)?;
+        first.splice(0..0, before);
         if function.compares_to_vector {
-            result = Ty::Vector(Component::Float, 4);
-            ex = Ex::primary(format!("vec4({})", ex.text), result);
+            let ty = Ty::Vector(Component::Float, 4);
+            ex = Ex::primary(format!("vec4({})", ex.text), ty);
         }
         Ok(after(first, ex))
+    }
+
+    /// Makes literal offsets named constants, as naga's GLSL writer requires.
+    fn name_offsets(&mut self, rest: &mut [Ex], arguments: &[Expr]) {
+        for (offset, argument) in rest.iter_mut().zip(arguments.iter().skip(1)).skip(1) {
+            let known = constant::integers(argument, &self.stage.constants);
+            let (Ty::Vector(Component::Int, n), Some(parts)) = (&offset.ty, known) else {
+                continue;
+            };
+            let parts: Vec<String> = parts.iter().map(i32::to_string).collect();
+            let bare = format!("ivec{n}({})", parts.join(", "));
+            let known = self.offsets.iter().position(|o| *o == bare);
+            let at = known.unwrap_or_else(|| {
+                self.offsets.push(bare.clone());
+                self.offsets.len() - 1
+            });
+            let name = self.helper_name(&format!("offset_{at}"));
+            let text = format!("const ivec{n} {name} = {bare};\n");
+            self.helpers.insert(name.clone(), text);
+            *offset = Ex::primary(name, offset.ty.clone());
+        }
+    }
+
+    /// Divides three coordinates by the fourth, because naga does not project comparisons.
+    fn project(&mut self, rest: &mut [Ex], name: &mut String) -> Option<String> {
+        let coordinates = rest.first_mut()?;
+        let (before, held) = self.once(coordinates);
+        let text = held.at(level::POSTFIX);
+        let ty = Ty::Vector(Component::Float, 3);
+        *coordinates = Ex::new(format!("{text}.xyz / {text}.w"), ty, 14);
+        *name = name.replacen("Proj", "", 1);
+        before
+    }
+
+    /// Prints the call, for a dynamically indexed sampler array once for each element. Also returns
+    /// the statement that evaluates the index.
+    fn select_sampler(
+        &mut self,
+        name: &str,
+        sampler: &Ex,
+        rest: &[Ex],
+        result: Ty,
+        place: Option<Span>,
+    ) -> Result<(Option<String>, Ex), Error> {
+        let call = |sampler: &str| {
+            let rest = rest.iter().map(|r| r.at(level::ASSIGNMENT));
+            let all: Vec<String> = iter::once(sampler.to_owned()).chain(rest).collect();
+            format!("{name}({})", all.join(", "))
+        };
+        let Some((index, pairs)) = &sampler.choice else {
+            return Ok((None, Ex::primary(call(&sampler.text), result)));
+        };
+        // GLSL requires a dynamically uniform index, so this control flow is uniform.
+        let (before, index) = self.once(index);
+        let bare = unmarked(&index.text);
+        if before.is_none() && (bare.contains(['(', '=']) || bare.contains("++")) {
+            return Err(unsupported(
+                "a call that selects a sampler must be in a function",
+                place,
+            ));
+        }
+        let calls = pairs.iter().map(|pair| {
+            call(&format!(
+                "{}({}, {})",
+                pair.combined, pair.texture, pair.sampler
+            ))
+        });
+        let mut calls: Vec<String> = calls.collect();
+        let Some(last) = calls.pop() else {
+            return Err(unsupported("this array of samplers is empty", place));
+        };
+        let index = &index.text;
+        let mut text = String::new();
+        for (i, call) in calls.iter().enumerate() {
+            text += &format!("({index}) == {i} ? {call} : ");
+        }
+        Ok((before, Ex::new(text + &last, result, level::TERNARY)))
     }
 
     /// `textureGather`, which naga's front end lacks: calls a placeholder function whose body is
     /// replaced later.
     fn gathered(
         &mut self,
-        combined: &str,
+        shape: &Shape<'_>,
         sampler: &Ex,
         rest: Vec<Ex>,
         component: Option<i64>,
-        result: Ty,
-        place: Option<naga::Span>,
+        place: Option<Span>,
     ) -> Result<Ex, Error> {
         let Some(pair) = &sampler.pair else {
             return Err(unsupported("`textureGather` needs a named sampler", place));
         };
-        let shadow = combined.ends_with("Shadow");
-        if rest.len() > 2 || combined.contains("Array") {
+        if rest.len() > 2 || shape.layered {
             return Err(unsupported(
                 "`textureGather` is only supported for textures without layers, without an offset",
                 place,
@@ -340,31 +313,18 @@ impl Lower<'_, '_> {
         let component = component
             .and_then(|n| u32::try_from(n).ok())
             .ok_or_else(|| unsupported("`textureGather`'s component must be a number", place))?;
+        let combined = shape.combined;
         let helper = self.helper_name(&format!("gather_{combined}_{component}"));
         self.gathers.insert(helper.clone(), component);
-        let texture = combined.replacen("sampler", "texture", 1);
-        let texture = texture.trim_end_matches("Shadow");
-        let n = coordinates(combined);
-        let (of, extra, body) = match shadow {
-            false => (
-                "sampler",
-                "",
-                format!("textureLod({combined}(t, s), p, 0.0)"),
-            ),
-            true => {
-                let p = if n == 3 {
-                    "vec4(p, depth)"
-                } else {
-                    "vec3(p, depth)"
-                };
-                let call = if n == 3 {
-                    format!("texture({combined}(t, s), {p})")
-                } else {
-                    format!("textureLod({combined}(t, s), {p}, 0.0)")
-                };
-                ("samplerShadow", ", float depth", format!("vec4({call})"))
-            }
+        let [texture, of] = split_type(combined);
+        let n = shape.coordinates;
+        let extra = if shape.shadow { ", float depth" } else { "" };
+        let body = match (shape.shadow, n) {
+            (false, _) => format!("textureLod({combined}(t, s), p, 0.0)"),
+            (true, 3) => format!("vec4(texture({combined}(t, s), vec4(p, depth)))"),
+            (true, _) => format!("vec4(textureLod({combined}(t, s), vec3(p, depth), 0.0))"),
         };
+        let result = Ty::Vector(shape.component, 4);
         let text = format!(
             "{} {helper}({texture} t, {of} s, {} p{extra}) {{\n    return {body};\n}}\n",
             result.name(),
@@ -372,8 +332,40 @@ impl Lower<'_, '_> {
         );
         self.helpers.insert(helper.clone(), text);
         let mut all = vec![pair.texture.clone(), pair.sampler.clone()];
-        let taken = if shadow { 2 } else { 1 };
+        let taken = if shape.shadow { 2 } else { 1 };
         all.extend(rest.iter().take(taken).map(|r| r.at(level::ASSIGNMENT)));
         Ok(Ex::primary(format!("{helper}({})", all.join(", ")), result))
     }
+}
+
+/// Adds the offset of a `texelFetchOffset` to its coordinates, because naga loses it.
+fn add_fetch_offset(rest: &mut Vec<Ex>) {
+    let [p, _, offset] = &rest[..] else {
+        return;
+    };
+    let offset = match (&p.ty, &offset.ty) {
+        (Ty::Vector(_, n), Ty::Vector(_, m)) if n > m => format!("ivec{n}({}, 0)", offset.text),
+        _ => offset.at(13),
+    };
+    rest[0] = Ex::new(format!("{} + {offset}", p.at(12)), p.ty.clone(), 12);
+    rest.truncate(2);
+}
+
+/// Without derivatives, GLSL samples the base level, and the bias becomes the level (4.60, 8.9).
+fn use_base_level(shape: &Shape<'_>, name: &mut String, rest: &mut Vec<Ex>) {
+    let explicit = ["Size", "Lod", "Grad", "Query", "Samples"];
+    let implicit = name.starts_with("texture") && !explicit.iter().any(|w| name.contains(w));
+    if !implicit || shape.combined.starts_with("samplerCube") && shape.shadow {
+        return;
+    }
+    let coordinates = usize::from(name.ends_with("Offset")) + 1;
+    if rest.len() == coordinates {
+        rest.insert(1, Ex::primary("0.0", Ty::FLOAT));
+    } else if coordinates == 2 {
+        rest.swap(1, 2);
+    }
+    *name = match name.strip_suffix("Offset") {
+        Some(start) => format!("{start}LodOffset"),
+        None => format!("{name}Lod"),
+    };
 }
