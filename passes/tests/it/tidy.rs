@@ -21,18 +21,20 @@ const PASSES: [&[&str]; 7] = [
 ];
 
 /// The rooms of `preshade`, lowest first. Rooms that are not listed are free.
-const PRESHADE: [&[&str]; 7] = [
+const PRESHADE: [&[&str]; 9] = [
+    &["wgsl"],
     &["front"],
     &["emit"],
+    &["pipeline"],
     &["scene"],
     &["render"],
     &["measure"],
-    &["decide", "frontier", "search"],
+    &["search"],
     &["report"],
 ];
 
 /// Imports against the order of rooms, as "file -> room".
-const UPWARD: &[&str] = &["front::naga_oil -> emit"];
+const UPWARD: &[&str] = &[];
 
 /// Transforms that import another, as "file -> transform".
 const TRANSFORMS: &[&str] = &[];
