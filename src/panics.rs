@@ -68,7 +68,7 @@ mod tests {
     fn a_panic_is_a_value_that_names_its_place() {
         let error = run(|| -> u32 { panic!("index {} of {}", 3, 2) }).unwrap_err();
         assert!(error.0.contains("index 3 of 2"), "{error}");
-        assert!(error.0.contains("guard.rs"), "{error}");
+        assert!(error.0.contains("panics.rs"), "{error}");
     }
 
     #[test]

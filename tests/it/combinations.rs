@@ -1,11 +1,13 @@
 //! Recipes of random passes in random order, on all fixture materials: all compose or refuse.
 #![cfg(all(feature = "glsl", feature = "spirv"))]
 
+use preshade::unstable::passes::examples;
+use preshade::unstable::passes::pass::Use;
 use preshade::unstable::passes::plan::Plan;
 use preshade::unstable::passes::validate::Effort;
 
 use crate::combinations_support::combinations;
-use crate::fixtures_support::{materials, original};
+use crate::fixtures_support::{materials, original, root};
 
 /// As many with `PRESHADE_COMBINATIONS=10000`, from the first seed on.
 #[test]
@@ -14,8 +16,16 @@ fn random_recipes_compose_or_refuse() {
         .ok()
         .and_then(|n| n.parse().ok())
         .unwrap_or(400);
+    // Each pass meets the material of its own page, because some fit few others.
+    let pages = examples().filter_map(|(_, used)| match used {
+        Use::Page(file) => Some(vec![
+            root().join("fixtures").join(file).with_extension("wgsl"),
+        ]),
+        _ => None,
+    });
     let originals: Vec<Plan> = materials()
-        .iter()
+        .into_iter()
+        .chain(pages)
         .map(|files| {
             let files: Vec<_> = files.iter().map(std::path::PathBuf::as_path).collect();
             original(&files)

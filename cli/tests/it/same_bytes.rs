@@ -24,7 +24,7 @@ const COMPOSED: [&str; 7] = [
     "depth-prepass:form=equal,early-discard",
     "tessellate,depth-prepass",
     "tessellate,visibility-buffer,hoist",
-    "specialize:set=material.flags=3,early-discard",
+    "specialize,early-discard",
     "trim-loop:budget=1,shadow",
 ];
 

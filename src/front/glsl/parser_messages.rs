@@ -116,11 +116,11 @@ mod tests {
         for (text, says) in [
             (
                 "Cannot apply operation to Pointer { base: [43], space: Function } and Scalar(Scalar { kind: Float, width: 4 })",
-                "does not go with",
+                "does not accept values",
             ),
             (
                 "Can't resolve type: InvalidAccess { expr: [7], indexed: true }",
-                "does not go here",
+                "this type is wrong here",
             ),
             ("Unknown function 'max'", "no `max` takes"),
             (
