@@ -180,7 +180,15 @@ pub fn emit(plan: &Plan, targets: &[Target]) -> (Vec<File>, Vec<emit::Error>) {
             Err(error) => errors.push(error),
         }
     }
-    // Each of `able` was emitted above. Without any, there is no plan.json either.
-    let files = emit(&able).ok().filter(|_| !able.is_empty());
-    (files.unwrap_or_default(), errors)
+    // Without any target there is no plan.json either.
+    if able.is_empty() {
+        return (Vec::new(), errors);
+    }
+    match emit(&able) {
+        Ok(files) => (files, errors),
+        Err(error) => {
+            errors.push(error);
+            (Vec::new(), errors)
+        }
+    }
 }

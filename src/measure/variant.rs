@@ -50,6 +50,12 @@ impl Variant {
         let mut plans = self.plans.iter();
         !self.plans.is_empty() && plans.all(|p| p.steps.is_empty() && is_kept(p))
     }
+
+    /// Whether every material refused a step, so that a shorter recipe gives the same plans.
+    pub fn is_incomplete(&self) -> bool {
+        let lacks = |p: &Plan| self.kept.iter().any(|k| k.material == p.material);
+        !self.plans.is_empty() && self.plans.iter().all(lacks)
+    }
 }
 
 /// A recipe that there was no time to apply: a name, and no plans.

@@ -128,10 +128,11 @@ impl SweepReport {
     fn not_drawn(&self, left: &[&SweepRow<'_>]) -> String {
         let mut reasons: Vec<(&str, Vec<&str>)> = Vec::new();
         for row in left {
-            let why = match (&row.variant.kept[..], &row.variant.verdict) {
-                ([kept, ..], _) => &kept.why,
-                ([], Verdict::NotMeasured { why }) => why,
-                ([], _) => continue,
+            let kept = row.variant.kept.iter().find(|k| k.without.is_none());
+            let why = match (kept, &row.variant.verdict) {
+                (Some(kept), _) => &kept.why,
+                (None, Verdict::NotMeasured { why }) => why,
+                (None, _) => continue,
             };
             match reasons.iter_mut().find(|(w, _)| w == why) {
                 Some((_, values)) => values.push(self.along(row)),

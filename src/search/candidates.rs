@@ -24,8 +24,11 @@ pub fn recipes(budget: Option<Budget>) -> Result<Vec<Recipe>, RecipeError> {
         let within = of(Use::PlanWithin).filter(is_counted);
         within.map(move |r| r.replace("BUDGET", &words).replace("MOST", &most))
     });
-    let plain = of(Use::Plan).map(str::to_owned);
+    // Among equally fast plans the first wins, so those that assume nothing about the scene lead.
+    let mut plain: Vec<String> = of(Use::Plan).map(str::to_owned).collect();
+    plain.sort_by_key(|recipe| recipe.starts_with("specialize"));
     plain
+        .into_iter()
         .chain(within.into_iter().flatten())
         .map(|text| Recipe::parse_list(&text))
         .collect()

@@ -153,6 +153,13 @@ fn tested_early(plan: &Plan, params: &Params) -> Result<Simplified, Box<Refusal>
             "leave the test where it is",
         ));
     }
+    if plan.steps.iter().any(|step| step.pass == name) {
+        return Err(refuse(
+            &DISCARD_FIRST,
+            "the test already runs first",
+            "apply early-alpha once",
+        ));
+    }
     let graph = Graph::build(program);
     let test = Test::of(&graph, fragment, params)?;
     let bug = |why: &dyn std::fmt::Display| Box::new(Refusal::bug(name, why));
@@ -367,7 +374,12 @@ fn replaced(block: Block, discard: &Statement) -> Block {
                     case.body = replaced(std::mem::take(&mut case.body), discard);
                 }
             }
-            Statement::Loop { body, .. } => *body = replaced(std::mem::take(body), discard),
+            Statement::Loop {
+                body, continuing, ..
+            } => {
+                *body = replaced(std::mem::take(body), discard);
+                *continuing = replaced(std::mem::take(continuing), discard);
+            }
             _ => {}
         }
         out.push(statement, span);

@@ -239,7 +239,8 @@ impl<'a> Measurement<'a> {
     fn note_unguarded(&mut self, view: &View) {
         for (index, assumed) in self.subject.unguarded.drain(..) {
             let material = &self.subject.plans[index].material;
-            if !self.report.kept.iter().any(|k| k.material == *material) {
+            let is_original = |k: &Kept| k.material == *material && k.without.is_none();
+            if !self.report.kept.iter().any(is_original) {
                 self.report.kept.push(Kept {
                     material: material.clone(),
                     without: None,

@@ -121,7 +121,7 @@ impl<'a> Search<'a> {
                 continue;
             }
             let variant = measure::variant(self.session.originals(), &candidate.recipe, self.facts);
-            if variant.is_refused() {
+            if variant.is_incomplete() {
                 refused.push(candidate.clone());
             }
             kept.push((candidate, prediction, variant));
@@ -129,10 +129,10 @@ impl<'a> Search<'a> {
         // A refused recipe beats nothing.
         let known: Vec<Prediction> = kept
             .iter()
-            .filter_map(|(_, p, v)| p.filter(|_| !v.is_refused()))
+            .filter_map(|(_, p, v)| p.filter(|_| !v.is_incomplete()))
             .collect();
         for (candidate, prediction, variant) in kept {
-            let is_refused = variant.is_refused();
+            let is_refused = variant.is_incomplete();
             let key = journal::content(&self.subject, &variant.plans);
             let same = key.as_ref().and_then(|k| keys.get(k));
             let hopeless = || hopeless(prediction?, &known, self.settings.budget);
