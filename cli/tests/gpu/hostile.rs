@@ -326,7 +326,7 @@ fn what_naga_would_panic_at_is_an_error_at_the_author_s_text() {
             told.contains("a.wgsl:9:") && told.contains("`a[1]`"),
             "{told}"
         );
-        assert!(told.contains("pass a variable of its own"), "{told}");
+        assert!(told.contains("pass a copy and store it back"), "{told}");
         assert!(!told.contains("panicked"), "{told}");
     }
     let wgsl = run(
