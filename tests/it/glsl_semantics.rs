@@ -94,7 +94,10 @@ void main() { c = vec4(f(1)); }
 ";
     let (_, told, line) = refused(es);
     assert!(told.contains("no `f` takes (int)") && line == 5, "{told}");
-    assert!(told.contains("GLSL ES has no implicit conversions"), "{told}");
+    assert!(
+        told.contains("GLSL ES has no implicit conversions"),
+        "{told}"
+    );
     // In GLSL ES 1.00 a function of the author's stands beside GLSL's own.
     let beside = "precision mediump float;
 float mix(float a) { return a; }

@@ -5,6 +5,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use preshade::unstable::emit::{self, Target};
 use preshade::unstable::front::{self, Source};
@@ -45,7 +46,10 @@ fn root() -> PathBuf {
 
 /// What `rewrite` writes of `inputs`, by the path below the folder.
 fn rewritten(recipe: &Recipe, inputs: &[&str], out: &[&str]) -> Files {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("same-bytes");
+    // The tests run side by side.
+    static RUNS: AtomicU32 = AtomicU32::new(0);
+    let run = RUNS.fetch_add(1, Ordering::Relaxed);
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("same-bytes-{run}"));
     let _ = std::fs::remove_dir_all(&folder);
     let steps = recipe.steps.iter();
     let passes = steps.flat_map(|s| ["--pass".to_owned(), s.to_string()]);
