@@ -250,28 +250,36 @@ fn self_tests(v: &VariantReport) -> String {
     out
 }
 
+/// Variants and materials that share a reason.
+struct Alone<'r> {
+    why: &'r str,
+    without: Option<&'r str>,
+    variants: Vec<&'r str>,
+    materials: Vec<&'r str>,
+}
+
 /// One line a reason: which variants leave which materials as written, or without which step.
 fn left_alone(report: &Report) -> String {
-    let mut reasons: Vec<(&str, Vec<&str>, Vec<&str>, Option<&str>)> = Vec::new();
-    for v in report
-        .variants
-        .iter()
-        .filter(|v| !is_swept(report, &v.name))
-    {
+    let mut reasons: Vec<Alone<'_>> = Vec::new();
+    let variants = report.variants.iter();
+    for v in variants.filter(|v| !is_swept(report, &v.name)) {
         for kept in &v.kept {
-            let at = reasons
-                .iter()
-                .position(|r| r.0 == kept.why && r.3 == kept.without.as_deref())
-                .unwrap_or_else(|| {
-                    let without = kept.without.as_deref();
-                    reasons.push((&kept.why, Vec::new(), Vec::new(), without));
-                    reasons.len() - 1
+            let (why, without) = (kept.why.as_str(), kept.without.as_deref());
+            let same = |r: &Alone<'_>| r.why == why && r.without == without;
+            let at = reasons.iter().position(same).unwrap_or_else(|| {
+                reasons.push(Alone {
+                    why,
+                    without,
+                    variants: Vec::new(),
+                    materials: Vec::new(),
                 });
-            if !reasons[at].1.contains(&v.name.as_str()) {
-                reasons[at].1.push(&v.name);
+                reasons.len() - 1
+            });
+            if !reasons[at].variants.contains(&v.name.as_str()) {
+                reasons[at].variants.push(&v.name);
             }
-            if !reasons[at].2.contains(&kept.material.as_str()) {
-                reasons[at].2.push(&kept.material);
+            if !reasons[at].materials.contains(&kept.material.as_str()) {
+                reasons[at].materials.push(&kept.material);
             }
         }
     }
@@ -284,16 +292,13 @@ fn left_alone(report: &Report) -> String {
     };
     reasons
         .iter()
-        .map(|(why, variants, materials, without)| {
-            let how = match without {
+        .map(|r| {
+            let how = match r.without {
                 Some(step) => format!("without `{step}`"),
                 None => "as written".to_owned(),
             };
-            format!(
-                "{} {how} in {}: {why}\n",
-                quoted(materials),
-                quoted(variants)
-            )
+            let (materials, variants) = (quoted(&r.materials), quoted(&r.variants));
+            format!("{materials} {how} in {variants}: {}\n", r.why)
         })
         .collect()
 }

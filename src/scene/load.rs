@@ -162,7 +162,11 @@ impl Loader<'_> {
     fn scene(&self, stem: String) -> Result<Scene, Error> {
         let f = &self.file;
         let at = |e: Error, range: Range<usize>| self.source.at(e, range);
-        let (size, viewport, samples) = self.target()?;
+        let Target {
+            size,
+            viewport,
+            samples,
+        } = self.target()?;
         let limits = &self.access.limits;
         let light = Light::read(&f.light, limits).map_err(|e| at(e.error, e.at))?;
         let materials = f
@@ -210,8 +214,7 @@ impl Loader<'_> {
         Ok(scene)
     }
 
-    /// Size, viewport and samples of the colour target.
-    fn target(&self) -> Result<([u32; 2], Option<[u32; 4]>, u32), Error> {
+    fn target(&self) -> Result<Target, Error> {
         let f = &self.file;
         let at = |e: Error, range: Range<usize>| self.source.at(e, range);
         let size = match &f.size {
@@ -259,7 +262,11 @@ impl Loader<'_> {
             Some(s) => at(e.into(), s.span()),
             None => e.into(),
         })?;
-        Ok((size, viewport, samples))
+        Ok(Target {
+            size,
+            viewport,
+            samples,
+        })
     }
 
     /// All draws, in the order of the file.
@@ -706,6 +713,13 @@ impl Loader<'_> {
 
 /// Floats per copy in the instance streams: transform, colour, place.
 const INSTANCE_NUMBERS: u64 = 16 + 4 + 4;
+
+/// The colour target: size, viewport, samples per pixel.
+struct Target {
+    size: [u32; 2],
+    viewport: Option<[u32; 4]>,
+    samples: u32,
+}
 
 /// The position and direction of a camera, or of a key of its path.
 #[derive(Clone, Copy, Default, PartialEq)]

@@ -182,7 +182,7 @@ fn a_counter_is_an_index() {
         assert!(error.to_string().contains(why), "{body}: {error}");
     };
     let index = "a non-constant index";
-    let endless = "a loop that is not seen to end";
+    let endless = "a loop without a constant bound on its iterations";
     // One that goes on where it was, that something else sets, or that is read behind its loop.
     for body in [
         "int j = 0; for (int i = 0; i < 2; i++) for (; j < 4; j++) { if (sum.x > float(i)) break; sum += table[j]; }",
@@ -243,7 +243,7 @@ fn a_counter_of_wgsl_is_an_index_where_it_is_one() {
         ),
     ] {
         let error = emitted(functions, body).unwrap_err();
-        let why = "a loop that is not seen to end";
+        let why = "a loop without a constant bound on its iterations";
         assert!(error.to_string().contains(why), "{body}: {error}");
     }
 }
@@ -276,7 +276,7 @@ fn what_the_language_lacks_is_named() {
         (
             "",
             "color = vec4(1.0); for (int i = 0; i < count; i++) color *= local.x;",
-            "a loop that is not seen to end",
+            "a loop without a constant bound on its iterations",
         ),
         (
             "",

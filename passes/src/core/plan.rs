@@ -554,12 +554,12 @@ impl std::fmt::Display for Step {
 /// frame: all of them from one camera, or one mesh.
 ///
 /// 1. For each run, clear every depth attachment that its draws name to its clear value (stencil to
-///   0). [`Self::attachment`] is made for the test.
+///    0). [`Self::attachment`] is made for the test.
 /// 2. Draw the run's draws in order, each in a render pass and an occlusion query of its own, as
-///   the pass of that role. Use the draw's attachment, comparison and depth write in place of the
-///   pass's, and no stencil test. All else is the pass's: program, primitive state, bias,
-///   multisampling, bindings and colour targets. The targets' contents have no meaning, but without
-///   them a driver may compile another vertex stage.
+///    the pass of that role. Use the draw's attachment, comparison and depth write in place of the
+///    pass's, and no stencil test. All else is the pass's: program, primitive state, bias,
+///    multisampling, bindings and colour targets. The targets' contents have no meaning, but without
+///    them a driver may compile another vertex stage.
 /// 3. Compare each query with [`SelfTestDraw::samples`].
 ///
 /// Queries need not count: WebGPU and WebGL promise only whether a sample passed, and we use
