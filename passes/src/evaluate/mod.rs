@@ -132,7 +132,7 @@ pub struct Outcome<F = f32> {
     /// Final contents of writable storage buffers, by group and binding.
     pub stored: BTreeMap<(u32, u32), Value<F>>,
     /// Comparisons and conversions that the unrounded references decide differently, by component
-    /// ([`Number::reference`]).
+    /// ([`Number::truth`]).
     pub flips: u64,
     /// Steps it took.
     pub steps: u64,

@@ -1,4 +1,4 @@
-//! The record of a measurement, as data: the JSON of `verify`. [`crate::report`] prints it.
+//! The record of a measurement, as data: the JSON of `verify`. The module `report` prints it.
 
 mod choice;
 mod path;

@@ -1,6 +1,6 @@
 //! Decides, for each material and view of a scene, which passes pay on this adapter.
 //!
-//! [`choices`] applies the [candidates](super::candidates). [`work`] computes the work of a frame
+//! [`mod@choices`] applies the [candidates](super::candidates). [`work`] computes the work of a frame
 //! from its plans and a few counts ([`count`]). [`model`] turns work into milliseconds and is
 //! fitted to the built-in frames of [`probes`]. [`assign`] ranks whole frames by prediction.
 //! [`stage`] draws and times the best beside the original. [`choose`] and [`mod@policy`] decide
