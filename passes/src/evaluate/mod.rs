@@ -132,7 +132,7 @@ pub struct Outcome<F = f32> {
     /// Final contents of writable storage buffers, by group and binding.
     pub stored: BTreeMap<(u32, u32), Value<F>>,
     /// Comparisons and conversions that the unrounded references decide differently, by component
-    /// ([`Number::reference`]).
+    /// ([`Number::truth`]).
     pub flips: u64,
     /// Steps it took.
     pub steps: u64,
@@ -154,7 +154,9 @@ pub fn entry_point<F: Number>(
 
 /// Runs a function of a module or an entry point, with initial globals.
 ///
-/// # Errors [`Stuck`].
+/// # Errors
+///
+/// [`Stuck`].
 pub fn run<F: Number>(
     module: &Module,
     function: &Function,
