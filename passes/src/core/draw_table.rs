@@ -80,7 +80,9 @@ impl Entry {
 
 /// The first id of each draw of a frame, from the instance counts.
 ///
-/// # Errors The number of instances, if it exceeds [`MOST_INSTANCES`].
+/// # Errors
+///
+/// The number of instances, if it exceeds [`MOST_INSTANCES`].
 pub fn first_ids(instances: impl IntoIterator<Item = u32>) -> Result<Vec<u32>, u64> {
     let mut next = 0_u64;
     let mut first = Vec::new();

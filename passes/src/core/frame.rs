@@ -173,7 +173,9 @@ impl FramePlan {
     /// Merges plans. Shadow passes are skipped: they run under the host's light view, outside the
     /// camera's frame.
     ///
-    /// # Errors If two plans disagree on an attachment's format, sample count or clear value, a
+    /// # Errors
+    ///
+    /// If two plans disagree on an attachment's format, sample count or clear value, a
     /// pass mixes the scene's colour with attachments, or load and store operations contradict each
     /// other.
     pub fn merge<'a>(

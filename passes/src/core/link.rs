@@ -67,7 +67,9 @@ pub struct Linked {
 /// Adds `second`, whose spans start at `base` in the source map, to `first`, whose spans start at
 /// 0. Clashing names of `second` get `suffix`.
 ///
-/// # Errors If both declare a binding, an override or an entry point differently.
+/// # Errors
+///
+/// If both declare a binding, an override or an entry point differently.
 pub fn link(first: Module, second: &Module, base: u32, suffix: &str) -> Result<Linked, Box<Error>> {
     let mut linker = Linker {
         names: names(&first),

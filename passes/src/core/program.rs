@@ -206,7 +206,9 @@ pub struct Program {
 impl Program {
     /// Validates `module`.
     ///
-    /// # Errors If the call depth exceeds [`calls::MOST`], or naga's validator fails with all of
+    /// # Errors
+    ///
+    /// If the call depth exceeds [`calls::MOST`], or naga's validator fails with all of
     /// WebGPU's optional capabilities allowed: the plan's `features` handle the adapter's
     /// capabilities.
     pub fn new(
@@ -242,7 +244,9 @@ impl Program {
 
     /// The program with a new validated module: the result of a transform.
     ///
-    /// # Errors As [`Program::new`]; the transform that built `module` has a bug.
+    /// # Errors
+    ///
+    /// As [`Program::new`]; the transform that built `module` has a bug.
     pub fn with_module(&self, module: naga::Module) -> Result<Self, Box<Invalid>> {
         let program = Self::new(module, Arc::clone(&self.sources), self.language)?;
         Ok(Self {

@@ -8,7 +8,9 @@ use super::value::{Scalar, Value};
 
 /// Functions that split, join or count words; `None` for other functions.
 ///
-/// # Errors On arguments of other types, and on numbers that stand for several values.
+/// # Errors
+///
+/// On arguments of other types, and on numbers that stand for several values.
 pub(super) fn call<F: Number>(
     fun: MathFunction,
     arguments: &[&Value<F>],

@@ -7,7 +7,7 @@ use super::number::Number;
 use super::value::{Scalar, Value};
 
 /// The number of components of `decided` that differ if `expression` is evaluated on its operands'
-/// references ([`Number::reference`]). 0 if it makes no decision or they have none.
+/// references ([`Number::truth`]). 0 if it makes no decision or they have none.
 pub fn of<F: Number>(expression: &Expression, operands: &[&Value<F>], decided: &Value<F>) -> u64 {
     use BinaryOperator as B;
     use MathFunction as M;

@@ -154,7 +154,9 @@ pub fn entry_point<F: Number>(
 
 /// Runs a function of a module or an entry point, with initial globals.
 ///
-/// # Errors [`Stuck`].
+/// # Errors
+///
+/// [`Stuck`].
 pub fn run<F: Number>(
     module: &Module,
     function: &Function,

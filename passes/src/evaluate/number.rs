@@ -69,7 +69,9 @@ pub trait Number: Copy + Debug {
 
 /// [`Number::single`], required.
 ///
-/// # Errors If it stands for several values.
+/// # Errors
+///
+/// If it stands for several values.
 pub fn single<F: Number>(number: F) -> Result<f32, Stuck> {
     number
         .single()
@@ -78,7 +80,9 @@ pub fn single<F: Number>(number: F) -> Result<f32, Stuck> {
 
 /// [`Number::truncated`], required.
 ///
-/// # Errors If it stands for several values.
+/// # Errors
+///
+/// If it stands for several values.
 pub fn truncated<F: Number>(number: F) -> Result<f64, Stuck> {
     number
         .truncated()

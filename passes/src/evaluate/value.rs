@@ -105,7 +105,9 @@ impl<F: Number> Value<F> {
 
     /// The zero value of a type.
     ///
-    /// # Errors If the interpreter has no values of the type.
+    /// # Errors
+    ///
+    /// If the interpreter has no values of the type.
     pub fn zero(module: &Module, ty: Handle<Type>) -> Result<Self, Stuck> {
         Ok(match &module.types[ty].inner {
             TypeInner::Scalar(s) => Self::Scalar(zero_scalar(s.kind, s.width)?),
@@ -164,7 +166,9 @@ impl<F: Number> Value<F> {
 
     /// The scalar.
     ///
-    /// # Errors If it is not a scalar.
+    /// # Errors
+    ///
+    /// If it is not a scalar.
     pub fn scalar(&self) -> Result<Scalar<F>, Stuck> {
         match self {
             Self::Scalar(s) => Ok(*s),
@@ -174,7 +178,9 @@ impl<F: Number> Value<F> {
 
     /// The parts of a composite.
     ///
-    /// # Errors If it is not a composite.
+    /// # Errors
+    ///
+    /// If it is not a composite.
     pub fn parts(&self) -> Result<&[Self], Stuck> {
         match self {
             Self::Composite(parts) => Ok(parts),
@@ -184,7 +190,9 @@ impl<F: Number> Value<F> {
 
     /// The boolean.
     ///
-    /// # Errors If it is not a boolean.
+    /// # Errors
+    ///
+    /// If it is not a boolean.
     pub fn truth(&self) -> Result<bool, Stuck> {
         match self.scalar()? {
             Scalar::Bool(b) => Ok(b),
@@ -194,7 +202,9 @@ impl<F: Number> Value<F> {
 
     /// The float.
     ///
-    /// # Errors If it is not a float.
+    /// # Errors
+    ///
+    /// If it is not a float.
     pub fn float(&self) -> Result<F, Stuck> {
         match self.scalar()? {
             Scalar::F32(v) => Ok(v),
@@ -204,7 +214,9 @@ impl<F: Number> Value<F> {
 
     /// An index from an integer; a negative one becomes the greatest.
     ///
-    /// # Errors If it is not an integer.
+    /// # Errors
+    ///
+    /// If it is not an integer.
     pub fn index(&self) -> Result<usize, Stuck> {
         match self.scalar()? {
             Scalar::U32(v) => Ok(v as usize),
@@ -215,7 +227,9 @@ impl<F: Number> Value<F> {
 
     /// The components of a float vector, or the single float.
     ///
-    /// # Errors If it contains anything else.
+    /// # Errors
+    ///
+    /// If it contains anything else.
     pub fn floats(&self) -> Result<Vec<F>, Stuck> {
         match self {
             Self::Composite(parts) => parts.iter().map(Self::float).collect(),
@@ -225,7 +239,9 @@ impl<F: Number> Value<F> {
 
     /// Applies `f` to each scalar, at any depth.
     ///
-    /// # Errors Those of `f`.
+    /// # Errors
+    ///
+    /// Those of `f`.
     pub fn map(
         &self,
         f: &mut dyn FnMut(Scalar<F>) -> Result<Scalar<F>, Stuck>,
@@ -244,7 +260,9 @@ impl<F: Number> Value<F> {
     /// Applies `f` to the scalars of several values of the same shape; a lone scalar applies to all
     /// components.
     ///
-    /// # Errors Those of `f`; different shapes.
+    /// # Errors
+    ///
+    /// Those of `f`; different shapes.
     pub fn zip(values: &[&Self], f: &mut ScalarFunction<'_, F>) -> Result<Self, Stuck> {
         let count = values.iter().find_map(|v| match v {
             Self::Composite(parts) => Some(parts.len()),
@@ -290,7 +308,9 @@ pub type OverrideValue<'a, F> = dyn Fn(Handle<naga::Override>) -> Option<Value<F
 
 /// Evaluates a constant expression of the module's own arena, with the values of `overrides`.
 ///
-/// # Errors On something unsupported, or an override without a value.
+/// # Errors
+///
+/// On something unsupported, or an override without a value.
 pub fn constant<F: Number>(
     module: &Module,
     e: Handle<Expression>,
@@ -332,7 +352,9 @@ pub fn constant<F: Number>(
 
 /// Evaluates a constant expression, with the overrides' defaults.
 ///
-/// # Errors Those of [`constant`].
+/// # Errors
+///
+/// Those of [`constant`].
 pub fn default_constant<F: Number>(
     module: &Module,
     e: Handle<Expression>,

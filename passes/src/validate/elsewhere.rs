@@ -32,7 +32,9 @@ pub struct Draw<'a> {
 pub trait Runner {
     /// Runs stages once for each draw.
     ///
-    /// # Errors A message with the reason.
+    /// # Errors
+    ///
+    /// A message with the reason.
     fn run(&self, stages: Stages<'_>, place: Place, draws: &[Draw<'_>])
     -> Result<Vec<Ran>, String>;
 }

@@ -100,7 +100,9 @@ impl<'p> Stage<'p> {
 
     /// Runs it.
     ///
-    /// # Errors [`Stuck`]; [`Stuck::Type`] if `input` lacks one of its inputs.
+    /// # Errors
+    ///
+    /// [`Stuck`]; [`Stuck::Type`] if `input` lacks one of its inputs.
     pub fn run<F: Number>(
         self,
         input: &dyn Fn(&Io) -> Option<Value<F>>,

@@ -59,7 +59,9 @@ pub struct World<'a, F: 'a> {
 impl<F: Number> World<'_, F> {
     /// Runs stages in it.
     ///
-    /// # Errors [`Stuck`].
+    /// # Errors
+    ///
+    /// [`Stuck`].
     pub fn run(
         &self,
         stages: Stages<'_>,
