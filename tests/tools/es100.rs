@@ -302,7 +302,7 @@ fn what_the_language_lacks_is_named() {
         (
             "uniform sampler2D map;",
             "color = texelFetch(map, ivec2(1), 0) + texture(map, local.xy);",
-            "texelFetch of `map` beside samples",
+            "texelFetch of `map`, which is also sampled",
         ),
     ] {
         let said = refused(declared, body);
