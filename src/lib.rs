@@ -117,7 +117,8 @@ pub mod unstable {
     internal! { measure render report scene search }
 }
 
-/// Includes the items of a material that the build script compiled: `mod lit { preshade::include_variant!("lit"); }`.
+/// Includes the items of a material that the build script compiled:
+/// `mod lit { preshade::include_variant!("lit"); }`.
 #[macro_export]
 macro_rules! include_variant {
     ($material:literal) => {

@@ -52,7 +52,8 @@ pub struct Args {
     /// Instances of grass: hand-written visibility buffers beside generated ones. Default: none.
     #[arg(long, value_delimiter = ',', value_name = "N,..", value_parser = clap::value_parser!(u32).range(1..=4_000_000))]
     grass: Vec<u32>,
-    /// Exhibits of this scene: hand-specialised materials, beside the reference, against generated ones. Default: none.
+    /// Exhibits of this scene: hand-specialised materials, beside the reference, against generated
+    /// ones. Default: none.
     #[arg(long, value_name = "SCENE")]
     museum: Option<PathBuf>,
     /// Seconds to spend on each pair.

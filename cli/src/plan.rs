@@ -53,7 +53,8 @@ measured is kept on the way, in plan.unfinished.json, until all of it is told.
 Of several scenes one that cannot be read or drawn is told, and the others are planned.
 Exit status 1: a plan broke its contract (it is not taken); 2: a scene came to no end.")]
 pub struct Args {
-    /// Scenes (.toml), folders of them, or bare WGSL shaders. Of several each has a folder of its own below --out.
+    /// Scenes (.toml), folders of them, or bare WGSL shaders. Of several each has a folder of its
+    /// own below --out.
     #[arg(required = true, value_name = "SCENE")]
     scenes: Vec<PathBuf>,
     /// Set a variable of the scene; may be given several times.
@@ -87,17 +88,19 @@ pub struct Args {
     /// Read the adapter's cost model from here; where there is no such file, fit one and write it.
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
-    /// Measure every candidate in every view of every scene, and tell what the choices regret. Every
-    /// other scene is held out of the fit.
+    /// Measure every candidate in every view of every scene, and tell what the choices regret.
+    /// Every other scene is held out of the fit.
     #[arg(long)]
     exhaustive: bool,
     /// Part of an adapter's name, driver or backend.
     #[arg(long, value_name = "TEXT")]
     adapter: Option<String>,
-    /// Folder for the chosen plans' shaders, a `plan.json` each, `decision.json`, `report.html` and `report.csv`; with --exhaustive for `regret.json` and `regret.csv`.
+    /// Folder for the chosen plans' shaders, a `plan.json` each, `decision.json`, `report.html` and
+    /// `report.csv`; with --exhaustive for `regret.json` and `regret.csv`.
     #[arg(short, long, alias = "output", value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Keep the choice in `preshade.lock` beside each material's shader: build scripts obey it. Of a policy with a switch, the plan below it.
+    /// Keep the choice in `preshade.lock` beside each material's shader: build scripts obey it. Of
+    /// a policy with a switch, the plan below it.
     #[arg(long)]
     lock: bool,
     /// Output form.

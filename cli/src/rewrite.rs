@@ -40,7 +40,8 @@ passes. A target that cannot express a material is reported too; the other targe
 the exit status is 2. The files of a material are written all or none. Files of an earlier run are
 not removed: plan.json lists the current ones.")]
 pub struct Args {
-    /// A pass of the recipe, in order: `depth-prepass`, `early-discard:quad=lane,budget=0.02` and so on.
+    /// A pass of the recipe, in order: `depth-prepass`, `early-discard:quad=lane,budget=0.02` and
+    /// so on.
     #[arg(long = "pass", value_name = "NAME[:k=v,..]")]
     passes: Vec<String>,
     /// Targets to write, separated by commas, beside `plan.json`.
@@ -49,7 +50,8 @@ pub struct Args {
     /// Folder to write to, created if necessary. Without it, shaders and plan go to stdout.
     #[arg(short, long, alias = "output", value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Rewrite each FILE as a material of its own, and every shader below a folder. Writes below this folder, in the same tree; several input folders get a folder each.
+    /// Rewrite each FILE as a material of its own, and every shader below a folder. Writes below
+    /// this folder, in the same tree; several input folders get a folder each.
     #[arg(long, value_name = "DIR", conflicts_with = "out")]
     out_dir: Option<PathBuf>,
     /// Write the dependencies of the written files, as a Makefile rule.
@@ -61,8 +63,9 @@ pub struct Args {
     /// Print the time of reading, of each pass and of writing to stderr.
     #[arg(long)]
     time_passes: bool,
-    /// Check each variant against the original before it is written: by proof, or on random and adversarial inputs, with an interpreter and on an adapter if there is one. A variant that breaks its
-    /// contract is not written, and the exit status is 1.
+    /// Check each variant against the original before it is written: by proof, or on random and
+    /// adversarial inputs, with an interpreter and on an adapter if there is one. A variant that
+    /// breaks its contract is not written, and the exit status is 1.
     #[arg(long)]
     validate: bool,
     /// Output form.
@@ -145,7 +148,8 @@ impl From<EmitTarget> for Target {
     }
 }
 
-/// Rewrites a material, every material of a scene, or many with `--out-dir`. `config` is the configuration file.
+/// Rewrites a material, every material of a scene, or many with `--out-dir`. `config` is the
+/// configuration file.
 pub fn run(args: &Args, config: Option<&Path>) -> Result<Outcome, Failure> {
     let recipe = Recipe::parse(&args.passes)?;
     let targets: Vec<Target> = args.emit.iter().map(|t| Target::from(*t)).collect();
@@ -507,7 +511,8 @@ fn nothing_asked_for(original: &Plan) -> String {
     format!("note: no --pass is given, so `{material}` is written as it is; {list}")
 }
 
-/// Applies the recipe to the materials of a job. Returns the plans, and each material's messages and refusals.
+/// Applies the recipe to the materials of a job. Returns the plans, and each material's messages
+/// and refusals.
 fn apply(
     materials: &Materials,
     recipe: &Recipe,

@@ -29,8 +29,9 @@
 //!
 //! For each material, the build chooses in this order:
 //!
-//! 1. If `preshade.lock` beside the shader has an entry, the build uses it ([`unstable::lock`](crate::unstable::lock)). If
-//!    the entry does not match the shader, the build warns and ships the original.
+//! 1. If `preshade.lock` beside the shader has an entry, the build uses it
+//!    ([`unstable::lock`](crate::unstable::lock)). If the entry does not match the shader, the
+//!    build warns and ships the original.
 //! 2. Otherwise it applies the passes that you request. A step that needs a scene is skipped with a
 //!    warning: its contract has an error budget, say, or assumes that no depths tie.
 //! 3. If you request nothing, it makes `depth_prepass`, `early_discard` and `shadow` in their forms

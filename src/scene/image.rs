@@ -257,8 +257,8 @@ fn finish(size: [u32; 2], texels: Vec<u8>, srgb: bool, mips: bool) -> Image {
     image
 }
 
-/// All mip levels of one layer, each the box-filtered half of the one before: in linear light when `srgb`, and the last row or column of an odd
-/// size counted into its neighbour.
+/// All mip levels of one layer, each the box-filtered half of the one before: in linear light when
+/// `srgb`, and the last row or column of an odd size counted into its neighbour.
 pub fn mip_chain(size: [u32; 2], level0: Vec<u8>, srgb: bool) -> Vec<Vec<u8>> {
     let decode = |b: u8, channel: usize| {
         let v = f32::from(b) / 255.0;

@@ -14,7 +14,8 @@ use crate::core::pass::Refusal;
 use crate::core::plan::{BindingSource, GpuPass, Phase, Plan, Role};
 use crate::graph::Graph;
 
-/// Why `plan` may not draw its depth ahead in a frame with `neighbours`; `None` where it may, or does not. The plan's own material may be among them.
+/// Why `plan` may not draw its depth ahead in a frame with `neighbours`; `None` where it may, or
+/// does not. The plan's own material may be among them.
 pub fn conflict<'a>(
     plan: &Plan,
     neighbours: impl IntoIterator<Item = &'a Plan>,
@@ -27,8 +28,9 @@ pub fn conflict<'a>(
         .into_iter()
         .filter(|n| n.material != plan.material)
         .collect();
-    // Who takes the pre-pass's depth for the last word: by EQUAL, read-only, or as a texture. Nobody may have moved depth meanwhile. Under a bias the author's own
-    // comparison goes on, and what a mover overdraws does not show: of its colour, `shows_through` makes sure.
+    // Who takes the pre-pass's depth for the last word: by EQUAL, read-only, or as a texture.
+    // Nobody may have moved depth meanwhile. Under a bias the author's own comparison goes on, and
+    // what a mover overdraws does not show: of its colour, `shows_through` makes sure.
     let samples =
         |b: &crate::core::plan::BindingUse| matches!(b.source, BindingSource::Attachment { .. });
     let main = plan.main().and_then(|p| Some((p, p.depth.as_ref()?)));
@@ -54,7 +56,8 @@ pub fn conflict<'a>(
                 "take depth-prepass:form=biased, which keeps the author's comparison, or draw that material in a phase of its own",
             ));
         }
-        // What is shaded from ids has its colour before any neighbour is drawn, wherever it stood among them.
+        // What is shaded from ids has its colour before any neighbour is drawn, wherever it stood
+        // among them.
         if main.is_none() && !pass.depth.as_ref().is_some_and(|d| d.write) {
             return Some(Refusal::new(
                 &step.pass,
@@ -84,8 +87,11 @@ pub fn conflict<'a>(
         .or_else(|| shows_through(plan, &neighbours, &step.pass))
 }
 
-/// Why `plan`, which is shaded from ids, may not stand beside `others` as they are drawn in one frame with `ties` pixels in which two surfaces share the winning depth: whatever is not shaded from ids is
-/// drawn after it, and the order of draws that decides a tie is another one. `None` where all opaque materials are shaded from ids, which keeps their order, where nothing ties, and for other plans.
+/// Why `plan`, which is shaded from ids, may not stand beside `others` as they are drawn in one
+/// frame with `ties` pixels in which two surfaces share the winning depth: whatever is not shaded
+/// from ids is drawn after it, and the order of draws that decides a tie is another one. `None`
+/// where all opaque materials are shaded from ids, which keeps their order, where nothing ties, and
+/// for other plans.
 pub fn tied<'a>(
     plan: &Plan,
     others: impl IntoIterator<Item = &'a Plan>,
@@ -109,12 +115,15 @@ pub fn tied<'a>(
 
 /// The refusal of a frame in which a fragment that some pre-pass drops may show in the end.
 ///
-/// What a pre-pass drops lies behind a fragment of its material. As written it was drawn, and then covered: by that fragment, or by one still nearer which made
-/// that fragment fail. Either must write every channel that the dropped one wrote. So every opaque material that writes depth, with a pre-pass or without, must
-/// write every channel that any other opaque material writes. Draws of one material leave the same channels.
+/// What a pre-pass drops lies behind a fragment of its material. As written it was drawn, and then
+/// covered: by that fragment, or by one still nearer which made that fragment fail. Either must
+/// write every channel that the dropped one wrote. So every opaque material that writes depth, with
+/// a pre-pass or without, must write every channel that any other opaque material writes. Draws of
+/// one material leave the same channels.
 fn shows_through(plan: &Plan, neighbours: &[&Plan], pass: &str) -> Option<Refusal> {
     let opaque = |plan: &Plan| -> Option<(String, Channels, bool)> {
-        // The original's: a transformed main pass may leave writing depth to its pre-pass, and what is shaded from ids has none.
+        // The original's: a transformed main pass may leave writing depth to its pre-pass, and what
+        // is shaded from ids has none.
         let original = plan.original.as_deref();
         let (whole, main) = match (plan.main(), original) {
             (Some(main), _) => (plan, main),

@@ -1,4 +1,5 @@
-//! What the passes share that leave out parts of the fragment stage: which plans they take, which functions are meant, and the plan with the stage replaced.
+//! What the passes share that leave out parts of the fragment stage: which plans they take, which
+//! functions are meant, and the plan with the stage replaced.
 
 use std::collections::BTreeSet;
 
@@ -51,8 +52,8 @@ impl Simplified {
     }
 }
 
-/// The main pass of a plan that has no other, its program and the fragment entry point in it. `first` says what to do of other passes, `nothing` of a material without
-/// a fragment stage.
+/// The main pass of a plan that has no other, its program and the fragment entry point in it.
+/// `first` says what to do of other passes, `nothing` of a material without a fragment stage.
 ///
 /// # Errors
 /// There is none such.
@@ -83,7 +84,8 @@ pub fn examine<'p>(
     }
 }
 
-/// The functions that `of` names, joined by `+`, of those that a fragment stage calls, and itself; all of them without it.
+/// The functions that `of` names, joined by `+`, of those that a fragment stage calls, and itself;
+/// all of them without it.
 ///
 /// # Errors
 /// A name is none of theirs.

@@ -1,4 +1,5 @@
-//! A transform is a pure function from a plan to a new plan, or to the reasons why it does not apply.
+//! A transform is a pure function from a plan to a new plan, or to the reasons why it does not
+//! apply.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
@@ -254,21 +255,26 @@ impl std::fmt::Display for Refusal {
 /// Measured evidence as plain data. A pass reads it, never gathers it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Facts {
-    /// Pixels (samples) at which two or more surviving fragments share the winning depth, over every camera measured; `None`: not measured.
+    /// Pixels (samples) at which two or more surviving fragments share the winning depth, over
+    /// every camera measured; `None`: not measured.
     pub depth_ties: Option<u64>,
-    /// The same with fragments counted that the material discards: those that would tie if the discard were gone.
+    /// The same with fragments counted that the material discards: those that would tie if the
+    /// discard were gone.
     #[serde(default)]
     pub undiscarded_depth_ties: Option<u64>,
-    /// Pixels (samples) whose final depth is exactly that of the near plane, in the first frame of every camera.
+    /// Pixels (samples) whose final depth is exactly that of the near plane, in the first frame of
+    /// every camera.
     #[serde(default)]
     pub near_plane_pixels: Option<u64>,
     /// Vertices shaded for each fragment shaded, over every camera measured.
     #[serde(default)]
     pub vertices_per_fragment: Option<f64>,
-    /// Uniforms that follow the camera or the time, or change between the scene's frames in another way; `None`: not looked at.
+    /// Uniforms that follow the camera or the time, or change between the scene's frames in another
+    /// way; `None`: not looked at.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub changing: Option<Vec<Changing>>,
-    /// Between which numbers the varyings and the constants of the draw lie; empty where that was not looked at.
+    /// Between which numbers the varyings and the constants of the draw lie; empty where that was
+    /// not looked at.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub ranges: Vec<SourceRange>,
     /// Numbers that no frame changes, by material; empty where that was not looked at.
@@ -280,7 +286,8 @@ pub struct Facts {
     /// What the adapter does that no language decides; `None`: not looked at.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rasterizer: Option<Rasterizer>,
-    /// How the samplers that compare nothing are set; empty where that was not looked at, and where there are none.
+    /// How the samplers that compare nothing are set; empty where that was not looked at, and where
+    /// there are none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub samplers: Vec<SamplerState>,
 }
@@ -294,7 +301,8 @@ pub struct SamplerState {
     pub group: u32,
     /// `@binding`.
     pub binding: u32,
-    /// Whether it filters between texels and between levels; else it takes the nearest of one of them.
+    /// Whether it filters between texels and between levels; else it takes the nearest of one of
+    /// them.
     pub filtered: bool,
     /// Largest anisotropy, 1 to 16.
     pub anisotropy: u16,
@@ -344,7 +352,8 @@ pub enum Source {
     },
 }
 
-/// The least and the largest float of a source, all components together, over the frames of a scene.
+/// The least and the largest float of a source, all components together, over the frames of a
+/// scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SourceRange {
     /// Name of the material.
@@ -357,7 +366,8 @@ pub struct SourceRange {
     pub high: f32,
 }
 
-/// How well one value of a fragment stage is interpolated: the worst of the pictures that were drawn with it, and it alone, carried from the vertices.
+/// How well one value of a fragment stage is interpolated: the worst of the pictures that were
+/// drawn with it, and it alone, carried from the vertices.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Frequency {
     /// Name of the material.
@@ -368,7 +378,8 @@ pub struct Frequency {
     pub name: String,
     /// Static cost that carrying it would save a fragment, transport apart.
     pub cost: f64,
-    /// How far it is from what is interpolated of it, itself, over the scene's triangles; `None` where that was not measured.
+    /// How far it is from what is interpolated of it, itself, over the scene's triangles; `None`
+    /// where that was not measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub interpolation: Option<Interpolation>,
     /// How far it can be, proved; `None` where that was not tried.
@@ -393,33 +404,38 @@ impl Difference for Frequency {
 }
 
 impl Frequency {
-    /// Whether nothing was seen that is NaN or infinite: not the value itself at a vertex or between them, and no pixel drawn with it. A target of fixed point shows no such pixel.
+    /// Whether nothing was seen that is NaN or infinite: not the value itself at a vertex or
+    /// between them, and no pixel drawn with it. A target of fixed point shows no such pixel.
     pub fn is_finite(&self) -> bool {
         self.nan_pixels == 0 && self.interpolation.is_none_or(|i| i.not_finite == 0)
     }
 }
 
-/// How far a value is from its interpolation over the triangles of a scene's meshes, wherever the camera stands: evaluated by the adapter at the corners and at
-/// points between them.
+/// How far a value is from its interpolation over the triangles of a scene's meshes, wherever the
+/// camera stands: evaluated by the adapter at the corners and at points between them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Interpolation {
     /// Largest difference of a component, in the value's own unit.
     pub max: f64,
     /// Mean difference of that component.
     pub mean: f64,
-    /// Largest less least of that component over all points: what the differences are to be held against.
+    /// Largest less least of that component over all points: what the differences are to be held
+    /// against.
     pub range: f64,
-    /// Points, corners among them, at which it or its interpolation is NaN or infinite: the differences are of the others.
+    /// Points, corners among them, at which it or its interpolation is NaN or infinite: the
+    /// differences are of the others.
     pub not_finite: u64,
     /// Points between corners that were evaluated, in all frames together.
     pub points: u64,
 }
 
-/// How far a value can be from its interpolation anywhere in a triangle: see [`mod@crate::evaluate::bound`].
+/// How far a value can be from its interpolation anywhere in a triangle: see
+/// [`mod@crate::evaluate::bound`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case", tag = "kind")]
 pub enum Bound {
-    /// By `max` and `roundings` together at most, in the value's own unit, in the frames that were looked at.
+    /// By `max` and `roundings` together at most, in the value's own unit, in the frames that were
+    /// looked at.
     Proved {
         /// The bound in real numbers.
         max: f64,
@@ -473,7 +489,8 @@ pub trait Pass {
     /// Recipes that show it.
     const EXAMPLES: &'static [Example];
 
-    /// What of its parameters names nothing in the material: a slip of whoever wrote them where none of the materials meant has it, and no refusal.
+    /// What of its parameters names nothing in the material: a slip of whoever wrote them where
+    /// none of the materials meant has it, and no refusal.
     fn misnamed(_plan: &Plan, _params: &Self::Params) -> Option<Misnamed> {
         None
     }
@@ -506,7 +523,8 @@ pub struct ParamError {
     pub message: String,
 }
 
-/// A [`Pass`] with its parameter type erased to JSON: what a recipe, a command line or a build script holds.
+/// A [`Pass`] with its parameter type erased to JSON: what a recipe, a command line or a build
+/// script holds.
 pub trait AnyPass: Sync {
     /// What it is.
     fn info(&self) -> &'static PassInfo;

@@ -215,7 +215,8 @@ pub enum GeometryPart {
     Indices,
     /// The vertex buffer that holds an attribute. It needs the usage `STORAGE` beside `VERTEX`.
     Attribute(AttributeUse),
-    /// A uniform buffer of the draw's entry in the frame's draw table ([`crate::core::draw_table::Entry`]).
+    /// A uniform buffer of the draw's entry in the frame's draw table
+    /// ([`crate::core::draw_table::Entry`]).
     Draw {
         /// Locations of its attributes, in order.
         streams: Vec<u32>,
@@ -396,7 +397,8 @@ pub struct GpuPass {
     /// The geometry it draws for them.
     #[serde(default, skip_serializing_if = "Geometry::is_as_given")]
     pub geometry: Geometry,
-    /// Uniforms this pass must read from another view than the camera's (the light's, for a shadow pass): variable or member names.
+    /// Uniforms this pass must read from another view than the camera's (the light's, for a shadow
+    /// pass): variable or member names.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub view_dependent: Vec<String>,
 }
@@ -558,8 +560,8 @@ impl std::fmt::Display for Step {
 /// 2. Draw the run's draws in order, each in a render pass and an occlusion query of its own, as
 ///    the pass of that role. Use the draw's attachment, comparison and depth write in place of the
 ///    pass's, and no stencil test. All else is the pass's: program, primitive state, bias,
-///    multisampling, bindings and colour targets. The targets' contents have no meaning, but without
-///    them a driver may compile another vertex stage.
+///    multisampling, bindings and colour targets. The targets' contents have no meaning, but
+///    without them a driver may compile another vertex stage.
 /// 3. Compare each query with [`SelfTestDraw::samples`].
 ///
 /// Queries need not count: WebGPU and WebGL promise only whether a sample passed, and we use

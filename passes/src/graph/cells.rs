@@ -22,7 +22,8 @@ pub enum Root {
     Global(Handle<GlobalVariable>),
 }
 
-/// A constant access path into a variable: struct member, array element, matrix column or vector component at each step.
+/// A constant access path into a variable: struct member, array element, matrix column or vector
+/// component at each step.
 pub type Path = Vec<u32>;
 
 /// A unit of memory.

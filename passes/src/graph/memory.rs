@@ -39,7 +39,8 @@ pub enum Origin {
         /// The previous version, if the statement may keep it in part or whole.
         over: Option<VersionId>,
     },
-    /// A merge of control: the end of an `If` or `Switch`, a loop's header, its `continuing`, its exit, or the function's exit.
+    /// A merge of control: the end of an `If` or `Switch`, a loop's header, its `continuing`, its
+    /// exit, or the function's exit.
     Phi {
         /// The statement whose control merges; `None` for the function's exit.
         at: Option<StmtId>,

@@ -4,8 +4,8 @@ use naga::{Block, Expression, Function, Handle, Span, Statement};
 
 use super::operands;
 
-/// A statement of one function, numbered in preorder from 0: a statement before the statements in its blocks, `accept` before `reject`,
-/// cases in order, `body` before `continuing`.
+/// A statement of one function, numbered in preorder from 0: a statement before the statements in
+/// its blocks, `accept` before `reject`, cases in order, `body` before `continuing`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct StmtId(pub(crate) u32);
 

@@ -1,7 +1,8 @@
 //! `early-discard`: compare with the nearest depth ahead of all work, and leave when behind it.
 //!
-//! Goal: what a hidden fragment would have cost, saved by hand where the hardware's own early test cannot run: in a material that writes depth, or on an
-//! API without a say in it (Primozic, "Speeding Up Three.JS with Depth-Based Fragment Culling", 2022).
+//! Goal: what a hidden fragment would have cost, saved by hand where the hardware's own early test
+//! cannot run: in a material that writes depth, or on an API without a say in it (Primozic,
+//! "Speeding Up Three.JS with Depth-Based Fragment Culling", 2022).
 //!
 //! ```text
 //! before:  main     fs(..) { work }                                        depth less, write
@@ -10,24 +11,34 @@
 //!          main     fs(..) { if hidden(position) { discard; } work }       depth less, write, and `prepass-depth` bound as a texture
 //! ```
 //!
-//! `quad=vote` (the default) leaves only when all four lanes of the 2x2 quad are behind, so that every derivative and every implicit level of detail of a
-//! surviving pixel is what it was. `quad=lane` leaves at once; where there are derivatives and implicit samples, gradients are taken first, which is not exact: the
-//! implicit level of detail and the one from gradients may round apart, most under anisotropic filtering. How far is the adapter's and the texture's affair, so the
-//! user says what is allowed (`budget=0.02`), and `verify` measures it; without a budget it is refused.
+//! `quad=vote` (the default) leaves only when all four lanes of the 2x2 quad are behind, so that
+//! every derivative and every implicit level of detail of a surviving pixel is what it was.
+//! `quad=lane` leaves at once; where there are derivatives and implicit samples, gradients are
+//! taken first, which is not exact: the implicit level of detail and the one from gradients may
+//! round apart, most under anisotropic filtering. How far is the adapter's and the texture's
+//! affair, so the user says what is allowed (`budget=0.02`), and `verify` measures it; without a
+//! budget it is refused.
 //!
-//! A fragment is dropped only when it is strictly behind by more than two pipelines may differ: the tolerance is derived from depth format, depth and slope
-//! ([`Params::tolerance`]). That article's fixed 0.0001 is wrong near the far plane and under reversed Z; it is an option.
+//! A fragment is dropped only when it is strictly behind by more than two pipelines may differ: the
+//! tolerance is derived from depth format, depth and slope ([`Params::tolerance`]). That article's
+//! fixed 0.0001 is wrong near the far plane and under reversed Z; it is an option.
 //!
-//! `texture=packed` adds a colour attachment, [`PREPASS_PACKED`], and binds that: the pre-pass then always has a fragment stage.
+//! `texture=packed` adds a colour attachment, [`PREPASS_PACKED`], and binds that: the pre-pass then
+//! always has a fragment stage.
 //!
-//! A depth that the shader writes is clamped to 0 to 1 before it is compared: the viewport's own depth range is taken to be that.
+//! A depth that the shader writes is clamped to 0 to 1 before it is compared: the viewport's own
+//! depth range is taken to be that.
 //!
-//! A vote takes fine derivatives. GLSL ES 3.00 has none: with coarse ones three lanes of a quad could leave over the head of the fourth, and spoil its derivatives.
-//! A lane that is not behind itself never leaves. So for that target `plan.json` says that the form promises nothing ([`crate::rebuild::quad::vote_shields_derivatives`]), unless the
-//! fragment stage takes no derivative and no implicit sample.
+//! A vote takes fine derivatives. GLSL ES 3.00 has none: with coarse ones three lanes of a quad
+//! could leave over the head of the fourth, and spoil its derivatives. A lane that is not behind
+//! itself never leaves. So for that target `plan.json` says that the form promises nothing
+//! ([`crate::rebuild::quad::vote_shields_derivatives`]), unless the fragment stage takes no
+//! derivative and no implicit sample.
 //!
-//! `attachment=readonly` carries a self-test ([`self_test::read_only`]). `attachment=own` has none: its prologue allows for positions that differ by the tolerance, so
-//! only the original's picture tells whether a fragment was wrongly dropped, and a plan has no original to draw. `verify` draws it.
+//! `attachment=readonly` carries a self-test ([`self_test::read_only`]). `attachment=own` has none:
+//! its prologue allows for positions that differ by the tolerance, so only the original's picture
+//! tells whether a fragment was wrongly dropped, and a plan has no original to draw. `verify` draws
+//! it.
 
 use naga::Module;
 use schemars::JsonSchema;
@@ -82,7 +93,8 @@ pub enum DepthTexture {
     Depth,
     /// `texture_2d<f32>` with an unfilterable sample type: what the GLSL writer can express.
     Float,
-    /// `texture_2d<f32>` over an `rgba8unorm` colour attachment that holds the depth as three.js of 2022 packs it: for a host that cannot bind a depth texture.
+    /// `texture_2d<f32>` over an `rgba8unorm` colour attachment that holds the depth as three.js of
+    /// 2022 packs it: for a host that cannot bind a depth texture.
     Packed,
 }
 
@@ -118,7 +130,8 @@ pub struct Params {
     pub texture: DepthTexture,
     /// Which lanes leave.
     pub quad: Quad,
-    /// `quad=lane` where gradients are taken first: the largest difference of a channel (`max_abs`) that is allowed, 0 to 1. Elsewhere it is not used: nothing differs.
+    /// `quad=lane` where gradients are taken first: the largest difference of a channel (`max_abs`)
+    /// that is allowed, 0 to 1. Elsewhere it is not used: nothing differs.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub budget: Option<f64>,
@@ -134,7 +147,8 @@ pub struct Params {
     /// `@binding` of the depth texture; default: the first free one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub binding: Option<u32>,
-    /// `attachment=readonly`: whether `@invariant` is added; default: `as-written` with `vertex=same`, `add` with `vertex=sliced`.
+    /// `attachment=readonly`: whether `@invariant` is added; default: `as-written` with
+    /// `vertex=same`, `add` with `vertex=sliced`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub invariant: Option<Invariance>,
     /// Vertex stage of the depth pass; default: `sliced`, or `same` with `attachment=readonly`.
@@ -390,7 +404,8 @@ fn transform(
     let slot = free_slot(opaque.program.module(), params, name)?;
     let mut next = plan.clone();
 
-    // The pass that produces the depth, and the main program, whose position is compared for equality only where the hardware tests as well.
+    // The pass that produces the depth, and the main program, whose position is compared for
+    // equality only where the hardware tests as well.
     let (produced, invariant) = match params.attachment {
         MainAttachment::Own => (PREPASS_DEPTH.to_owned(), Invariance::AsWritten),
         MainAttachment::Readonly => (opaque.depth.attachment.clone(), params.invariant()),

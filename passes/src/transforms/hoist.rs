@@ -1,7 +1,9 @@
-//! `hoist`: work of the fragment stage that changes slowly over the surface moves to the vertices, and comes back in varyings.
+//! `hoist`: work of the fragment stage that changes slowly over the surface moves to the vertices,
+//! and comes back in varyings.
 //!
-//! Goal: what is computed in every fragment, though an interpolated value would do, is computed once a vertex (Wang et al. 2014; He et al. 2015; Erkaman's
-//! "Making Faster Fragment Shaders by Using Tessellation Shaders" does it by hand).
+//! Goal: what is computed in every fragment, though an interpolated value would do, is computed
+//! once a vertex (Wang et al. 2014; He et al. 2015; Erkaman's "Making Faster Fragment Shaders by
+//! Using Tessellation Shaders" does it by hand).
 //!
 //! ```text
 //! before:  vs -> normal                     fs(normal): shade(noise(normal))
@@ -9,8 +11,9 @@
 //! after:   vs -> hoisted = noise(normal)    fs(hoisted): shade(hoisted)
 //! ```
 //!
-//! What moves is chosen by a minimum cut of the fragment stage's values ([`mod@cut`]) over prices of transport that are swept until the varyings fit and the
-//! whole is cheapest. How far a value may move is a matter of what interpolation makes of it:
+//! What moves is chosen by a minimum cut of the fragment stage's values ([`mod@cut`]) over prices
+//! of transport that are swept until the varyings fit and the whole is cheapest. How far a value
+//! may move is a matter of what interpolation makes of it:
 //!
 //! | value | carried | promise |
 //! |---|---|---|
@@ -19,9 +22,13 @@
 //! | affine in varyings of one interpolation class, with coefficients of the draw, reaching nothing that jumps and nothing without a bounded slope (`normalize`, a division) | as those | `Rounding` |
 //! | any other that a vertex stage can have | interpolated | `Approximate`, under the user's budget |
 //!
-//! Derivatives, samples at an implicit level of detail, fragment inputs, values that jump and values that may not be finite at a vertex stay, each with its reason. So does what rests on a jump (a depth
-//! packed into bytes, a branch, `2 * fract(x)`), and what a jump is made of that comes again and again (`fract`, `floor`, `%`, an integer). A jump is none where the range of its operand has none in it.
-//! Noise rests on `floor` and changes slowly all the same, for its cells meet, which no rule here sees: it travels where it was measured (`verify`), where `carry` names it, or by `jumps=carried`.
+//! Derivatives, samples at an implicit level of detail, fragment inputs, values that jump and
+//! values that may not be finite at a vertex stay, each with its reason. So does what rests on a
+//! jump (a depth packed into bytes, a branch, `2 * fract(x)`), and what a jump is made of that
+//! comes again and again (`fract`, `floor`, `%`, an integer). A jump is none where the range of its
+//! operand has none in it. Noise rests on `floor` and changes slowly all the same, for its cells
+//! meet, which no rule here sees: it travels where it was measured (`verify`), where `carry` names
+//! it, or by `jumps=carried`.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -240,7 +247,8 @@ impl<'a> Material<'a> {
         let is_srgb = |t: &ColorTarget| t.format.ends_with("-srgb");
         let targets = || self.pass.targets.iter().flatten();
         let multisample = &self.pass.multisample;
-        // Layers add up; what decides a coverage jumps; outside of a triangle, where a pixel's centre may lie of which samples are in it, a varying is not between its corners.
+        // Layers add up; what decides a coverage jumps; outside of a triangle, where a pixel's
+        // centre may lie of which samples are in it, a varying is not between its corners.
         let is_step = targets().all(|t| t.blend.is_none())
             && multisample.count == 1
             && !multisample.alpha_to_coverage;
@@ -632,7 +640,8 @@ fn hash(values: &Values<'_, '_>, choice: &Choice) -> String {
 /// Most values of which it is told why they stay.
 pub const MOST_LEFT: usize = 1_000;
 
-/// Named values and results of calls that stay, the [`MOST_LEFT`] dearest of them, the dearest first: those whose users could not take them along either.
+/// Named values and results of calls that stay, the [`MOST_LEFT`] dearest of them, the dearest
+/// first: those whose users could not take them along either.
 fn left(values: &Values<'_, '_>, judged: &Judged, weakest: Class) -> Vec<Left> {
     let sources = values.graph.program().sources();
     let staying = (0..values.values.len())

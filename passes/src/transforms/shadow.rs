@@ -1,7 +1,8 @@
 //! `shadow`: the depth-only version of a material, to be drawn under a light's view.
 //!
-//! Goal: a shadow pass that agrees with the picture, alpha test, displacement and all, because it is a slice of the same shader (engines that write it by hand
-//! forget one or the other; see Bevy 8464 and Godot 84211).
+//! Goal: a shadow pass that agrees with the picture, alpha test, displacement and all, because it
+//! is a slice of the same shader (engines that write it by hand forget one or the other; see Bevy
+//! 8464 and Godot 84211).
 //!
 //! ```text
 //! before:  main     vs + fs
@@ -10,8 +11,9 @@
 //!          main     vs + fs                        as it was
 //! ```
 //!
-//! What the slices read of the camera is listed in the plan (`view_dependent`): the vertex stage's projection must be replaced, and an alpha or a displacement
-//! that depends on the camera would follow the light.
+//! What the slices read of the camera is listed in the plan (`view_dependent`): the vertex stage's
+//! projection must be replaced, and an alpha or a displacement that depends on the camera would
+//! follow the light.
 
 use naga::{AddressSpace, TypeInner};
 use schemars::JsonSchema;
@@ -81,12 +83,14 @@ impl Pass for Shadow {
         let slice = depth_only::slice(&opaque, VertexStage::Sliced);
         let mut next = plan.clone();
         let placed = slice.place(&opaque, "shadow", PositionInvariance::AsWritten, None);
-        // A shadow map is its own frame: forward depth, one sample, whatever the camera's frame does.
+        // A shadow map is its own frame: forward depth, one sample, whatever the camera's frame
+        // does.
         let depth = DepthState {
             attachment: SHADOW_DEPTH.to_owned(),
             compare: CompareFunction::Less,
             write: true,
-            // The camera's bias points away from the camera's viewer, in units of the camera's format: a light needs its own, which the host knows.
+            // The camera's bias points away from the camera's viewer, in units of the camera's
+            // format: a light needs its own, which the host knows.
             bias: DepthBias::default(),
             read_only: false,
             ops: AttachmentOps::default(),
@@ -132,7 +136,8 @@ impl Pass for Shadow {
     }
 }
 
-/// A light's view has its own sample count and no colour, so that alpha to coverage has no place there.
+/// A light's view has its own sample count and no colour, so that alpha to coverage has no place
+/// there.
 fn check(plan: &Plan) -> Result<Opaque<'_>, Vec<Refusal>> {
     let opaque = Opaque::examine(plan, Shadow::INFO.name)?;
     if opaque.decides.alpha {
@@ -146,8 +151,10 @@ fn check(plan: &Plan) -> Result<Opaque<'_>, Vec<Refusal>> {
     Ok(opaque)
 }
 
-/// Uniforms of a program whose name, or a member's, says camera, view, eye or projection, and members of such a variable or struct that say where it
-/// is or how far it sees. A name is all a shader tells of what a matrix means; `verify` feeds these from the light and all others from the camera.
+/// Uniforms of a program whose name, or a member's, says camera, view, eye or projection, and
+/// members of such a variable or struct that say where it is or how far it sees. A name is all a
+/// shader tells of what a matrix means; `verify` feeds these from the light and all others from the
+/// camera.
 fn view_dependent(program: &Program) -> Vec<String> {
     let module = program.module();
     let says_view = |name: &str| {

@@ -1,6 +1,7 @@
 //! `skip-taps`: texture taps that next to nothing is made of are not taken.
 //!
-//! Goal: hex tiling blends three copies of a texture, triplanar mapping three sides, a terrain its layers. At most fragments one or two of the weights are next to 0, and what they weigh is
+//! Goal: hex tiling blends three copies of a texture, triplanar mapping three sides, a terrain its
+//! layers. At most fragments one or two of the weights are next to 0, and what they weigh is
 //! sampled all the same, with all that is made of it.
 //!
 //! ```text
@@ -12,15 +13,21 @@
 //!          let rough = w.x * tap + w.y * tap_1;
 //! ```
 //!
-//! A *term* is a product with a weight, in a sum: `w * x`, `mix(x, y, w)`, `fma(w, x, y)`, a component of `dot(vec3(x, y, z), w)`. It is skipped where `x` has a sample in it and nothing else reads
-//! it, so that all that is computed for it alone goes behind the branch, calls included ([`find`], [`branch`]). The weights are not made to add up to 1 again: what is left out is missing, by at most the
-//! threshold times its size for each term.
+//! A *term* is a product with a weight, in a sum: `w * x`, `mix(x, y, w)`, `fma(w, x, y)`, a
+//! component of `dot(vec3(x, y, z), w)`. It is skipped where `x` has a sample in it and nothing
+//! else reads it, so that all that is computed for it alone goes behind the branch, calls included
+//! ([`find`], [`branch`]). The weights are not made to add up to 1 again: what is left out is
+//! missing, by at most the threshold times its size for each term.
 //!
-//! A sample at an implicit level reads its neighbours in the quad, which may not take it. Its gradients are taken ahead, where the author sampled; what level a gradient means is rounded
-//! otherwise by some adapters, so that the promise is a budget even with `threshold=0`. Samples with a level or gradients of their own keep them. With `threshold=0` and no implicit level nothing is left
-//! out but products with 0: the same sum, where what they would have been is finite, but for what a compiler may round otherwise ([`contraction`]).
+//! A sample at an implicit level reads its neighbours in the quad, which may not take it. Its
+//! gradients are taken ahead, where the author sampled; what level a gradient means is rounded
+//! otherwise by some adapters, so that the promise is a budget even with `threshold=0`. Samples
+//! with a level or gradients of their own keep them. With `threshold=0` and no implicit level
+//! nothing is left out but products with 0: the same sum, where what they would have been is
+//! finite, but for what a compiler may round otherwise ([`contraction`]).
 //!
-//! A tap stays that decides a discard, a depth or a coverage, and one in a function that the vertex stage runs too.
+//! A tap stays that decides a discard, a depth or a coverage, and one in a function that the vertex
+//! stage runs too.
 
 use std::collections::BTreeSet;
 
@@ -57,10 +64,12 @@ pub struct Params {
     /// Largest weight of a term that is left out, by its magnitude.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub threshold: f64,
-    /// Functions whose terms are meant, joined by `+`; default: all that the fragment stage calls, and itself.
+    /// Functions whose terms are meant, joined by `+`; default: all that the fragment stage calls,
+    /// and itself.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub of: Option<String>,
-    /// How much the picture may differ, by `metric`, above 0 and at most 1. Not needed with `threshold=0` where no term samples at an implicit level.
+    /// How much the picture may differ, by `metric`, above 0 and at most 1. Not needed with
+    /// `threshold=0` where no term samples at an implicit level.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0.0))]
     pub budget: Option<f64>,
@@ -220,7 +229,8 @@ fn skipped(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
     })
 }
 
-/// What is promised: the user's budget, or where only products with 0 go what a compiler leaves of the rest.
+/// What is promised: the user's budget, or where only products with 0 go what a compiler leaves of
+/// the rest.
 fn promised(params: &Params, pass: &GpuPass, before: &Program, after: &Program) -> Contract {
     if let Some(budget) = params.budget {
         return Contract::Approximate {

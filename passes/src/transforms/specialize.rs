@@ -1,7 +1,9 @@
 //! `specialize`: only what a scene calls for is left of a material that can do everything.
 //!
-//! Goal: engines write one material with every effect, and uniforms say which of them a draw wants. Nobody changes most of these uniforms (Crawford and O'Boyle 2019 found 48 to 91% of them
-//! constant at run time), yet every fragment pays for what they switch off: registers, branches, varyings, bindings.
+//! Goal: engines write one material with every effect, and uniforms say which of them a draw wants.
+//! Nobody changes most of these uniforms (Crawford and O'Boyle 2019 found 48 to 91% of them
+//! constant at run time), yet every fragment pays for what they switch off: registers, branches,
+//! varyings, bindings.
 //!
 //! ```text
 //! before:  fs(normal, tangent, world): if material.fog_density > 0 { fog(..) }  if has(NORMAL_MAP) { .. }  ..
@@ -10,17 +12,23 @@
 //! after:   fs(normal): ..                          guard: material.fog_density = 0, material.flags = 0
 //! ```
 //!
-//! What is known (uniforms that no frame changes, attributes and textures of one value, values given by hand) goes through the stages by online partial evaluation ([`fold`]), as intervals that
-//! are rounded outwards ([`arithmetic`]): a branch is left out where it is proved to be never taken. Then both stages are sliced to what they still write, which takes dead work,
-//! varyings, attributes and bindings along.
+//! What is known (uniforms that no frame changes, attributes and textures of one value, values
+//! given by hand) goes through the stages by online partial evaluation ([`fold`]), as intervals
+//! that are rounded outwards ([`arithmetic`]): a branch is left out where it is proved to be never
+//! taken. Then both stages are sliced to what they still write, which takes dead work, varyings,
+//! attributes and bindings along.
 //!
-//! Only integers, truths, selections and branches are folded. A float stays behind what it is read from, since a front end folds calls of literals on the CPU. With
-//! `fold=rounding`, sums with 0 and products with 0 and 1 go too.
+//! Only integers, truths, selections and branches are folded. A float stays behind what it is read
+//! from, since a front end folds calls of literals on the CPU. With `fold=rounding`, sums with 0
+//! and products with 0 and 1 go too.
 //!
-//! The promise is `Exact` where nothing around a float operation changes that a compiler fuses and reorders by, else `Rounding`, with the share of pixels in which a decision may turn on one
-//! ([`contraction`]): where a branch goes, a product may be fused into a sum that was none before, and no text prevents it.
+//! The promise is `Exact` where nothing around a float operation changes that a compiler fuses and
+//! reorders by, else `Rounding`, with the share of pixels in which a decision may turn on one
+//! ([`contraction`]): where a branch goes, a product may be fused into a sum that was none before,
+//! and no text prevents it.
 //!
-//! What was assumed is the plan's [guard](crate::core::guard::Guard), which a host asks before it draws.
+//! What was assumed is the plan's [guard](crate::core::guard::Guard), which a host asks before it
+//! draws.
 
 use std::collections::BTreeSet;
 
@@ -527,7 +535,8 @@ fn arguments(
         .collect()
 }
 
-/// What is known between vertices of what is known at each: equal values do not interpolate to quite the same.
+/// What is known between vertices of what is known at each: equal values do not interpolate to
+/// quite the same.
 fn interpolated(known: &Known) -> Known {
     match known {
         Known::Parts(parts) => Known::Parts(parts.iter().map(interpolated).collect()),

@@ -1,7 +1,8 @@
 //! `tessellate`: what was hoisted is computed at more vertices than the author's.
 //!
-//! Goal: a hoisted value that bends within a triangle is followed more closely, for less than a fragment's work (Wang et al. 2014; Erkaman's article does it by hand
-//! with a tessellation stage, which WebGPU has not).
+//! Goal: a hoisted value that bends within a triangle is followed more closely, for less than a
+//! fragment's work (Wang et al. 2014; Erkaman's article does it by hand with a tessellation stage,
+//! which WebGPU has not).
 //!
 //! ```text
 //! before:  vs(attributes)        -> rest(author(attributes))
@@ -10,15 +11,19 @@
 //!                                   rest(between(author(corner 0), author(corner 1), author(corner 2), place))
 //! ```
 //!
-//! `author` is the author's vertex stage and `rest` what `hoist` put behind it. Clip position and varyings of a new vertex are the corners' interpolated, as the
-//! rasteriser would have interpolated them there, so that surface and varyings stay what they were. The rasteriser snaps new vertices to its subpixel grid all the same:
-//! coverage and depth may differ in last bits, which is measured and not promised.
+//! `author` is the author's vertex stage and `rest` what `hoist` put behind it. Clip position and
+//! varyings of a new vertex are the corners' interpolated, as the rasteriser would have
+//! interpolated them there, so that surface and varyings stay what they were. The rasteriser snaps
+//! new vertices to its subpixel grid all the same: coverage and depth may differ in last bits,
+//! which is measured and not promised.
 //!
-//! No cracks: a corner keeps its own bits; a point on an edge is computed from the edge's ends alone, in an order given by the bits of their positions, so that both
-//! triangles agree even across a seam of vertices; all edges have one level.
+//! No cracks: a corner keeps its own bits; a point on an edge is computed from the edge's ends
+//! alone, in an order given by the bits of their positions, so that both triangles agree even
+//! across a seam of vertices; all edges have one level.
 //!
-//! Strips are drawn as the lists of their triangles. Refused are varyings interpolated linearly on the screen, where a point behind the viewer has no place, and half-precision attributes
-//! and varyings, which would be decoded and blended at another precision than the rasteriser's.
+//! Strips are drawn as the lists of their triangles. Refused are varyings interpolated linearly on
+//! the screen, where a point behind the viewer has no place, and half-precision attributes and
+//! varyings, which would be decoded and blended at another precision than the rasteriser's.
 
 use std::collections::BTreeMap;
 
@@ -69,8 +74,9 @@ pub struct Params {
     /// Segments along each edge of a triangle, 1 to 64.
     #[schemars(range(min = 1, max = MAX_LEVEL))]
     pub level: u32,
-    /// Divides each edge into segments of at most so many pixels, 1 to 256, and into `level` of them at most; `form` is then `pulled`, and the pattern rows of similar
-    /// triangles. Default: every edge has `level` segments.
+    /// Divides each edge into segments of at most so many pixels, 1 to 256, and into `level` of
+    /// them at most; `form` is then `pulled`, and the pattern rows of similar triangles. Default:
+    /// every edge has `level` segments.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1, max = MOST_EDGE_PIXELS))]
     pub edge_pixels: Option<u32>,
@@ -78,8 +84,9 @@ pub struct Params {
     pub pattern: Pattern,
     /// Where the new vertices are computed.
     pub form: Form,
-    /// `form=static`: uniforms, or members of one (`camera.exposure`), that never change after load, joined by `+`; default: those that follow neither
-    /// the camera nor the time in the scene, where there is one.
+    /// `form=static`: uniforms, or members of one (`camera.exposure`), that never change after
+    /// load, joined by `+`; default: those that follow neither the camera nor the time in the
+    /// scene, where there is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fixed: Option<String>,
 }
@@ -96,10 +103,12 @@ impl Default for Params {
     }
 }
 
-/// The longest segment that may be asked for, in pixels: its square in half pixels, times that of the highest level, fits 32 bits.
+/// The longest segment that may be asked for, in pixels: its square in half pixels, times that of
+/// the highest level, fits 32 bits.
 pub const MOST_EDGE_PIXELS: u32 = 256;
 
-/// Bindings of our own: the constants, the pattern, the indices, and a stream for each attribute, in this order from `first` on.
+/// Bindings of our own: the constants, the pattern, the indices, and a stream for each attribute,
+/// in this order from `first` on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Slots {
     group: u32,
@@ -368,7 +377,8 @@ impl Material<'_> {
         self.program(&build::pulled(&functions, self.vertex), &self.entries())
     }
 
-    /// Adds the compute pass to `plan`; the program is the main pass's, which reads what that stored.
+    /// Adds the compute pass to `plan`; the program is the main pass's, which reads what that
+    /// stored.
     fn shared(
         &self,
         plan: &mut Plan,
@@ -386,7 +396,8 @@ impl Material<'_> {
         self.program(&main, &self.entries())
     }
 
-    /// Adds the compute pass at load to `plan`; the program is the main pass's, which reads what that stored.
+    /// Adds the compute pass at load to `plan`; the program is the main pass's, which reads what
+    /// that stored.
     fn fixed(
         &self,
         plan: &mut Plan,
@@ -419,7 +430,8 @@ impl Material<'_> {
         Ok((compute, entry, layout))
     }
 
-    /// The functions of a new vertex whose place and corners are recorded, and which is stored or loaded.
+    /// The functions of a new vertex whose place and corners are recorded, and which is stored or
+    /// loaded.
     fn recorded(
         &self,
         slots: Slots,

@@ -1,6 +1,7 @@
 //! `trim-loop`: the last turns of a loop are left out.
 //!
-//! Goal: octaves of noise, steps of a march, samples of a filter. Many loops add less with every turn, and their authors chose a number that is enough wherever the shader is ever seen. What the
+//! Goal: octaves of noise, steps of a march, samples of a filter. Many loops add less with every
+//! turn, and their authors chose a number that is enough wherever the shader is ever seen. What the
 //! last turns are worth on a scene is a thing to measure; what they cost is known.
 //!
 //! ```text
@@ -9,16 +10,22 @@
 //! after:   for (var i = 0; i < 3; i++) { .. }
 //! ```
 //!
-//! Of every counted loop of the fragment stage ([`Counted`]), those of its callees included, `turns` turns go, at least one stays; `of=fbm+ridges` names the functions whose loops are meant. What is added up is not made up for: a sum
-//! of four octaves that is divided by its amplitudes stays right, one that is not gets darker.
+//! Of every counted loop of the fragment stage ([`Counted`]), those of its callees included,
+//! `turns` turns go, at least one stays; `of=fbm+ridges` names the functions whose loops are meant.
+//! What is added up is not made up for: a sum of four octaves that is divided by its amplitudes
+//! stays right, one that is not gets darker.
 //!
-//! A turn of a series is worth less than the one before; a turn over the scene's own data is not. A loop that reads a buffer, a texel or a layer by its counter (`lights[i]`) stays, for its last turn is a light like the
-//! first, unless some weight of it is multiplied by less than 1 each turn. Of one that shows neither it is said in the plan's notes.
+//! A turn of a series is worth less than the one before; a turn over the scene's own data is not. A
+//! loop that reads a buffer, a texel or a layer by its counter (`lights[i]`) stays, for its last
+//! turn is a light like the first, unless some weight of it is multiplied by less than 1 each turn.
+//! Of one that shows neither it is said in the plan's notes.
 //!
-//! The promise is the user's budget, and nothing else: the picture says what a turn is worth. So loops stay that decide a discard, a depth or a coverage, that write memory, and that the vertex stage
-//! runs too: with them the surface would move.
+//! The promise is the user's budget, and nothing else: the picture says what a turn is worth. So
+//! loops stay that decide a discard, a depth or a coverage, that write memory, and that the vertex
+//! stage runs too: with them the surface would move.
 //!
-//! Sitthi-Amorn et al. (2011) and Pellacini (2005) search such simplifications over whole expressions; loops are where most of the time is.
+//! Sitthi-Amorn et al. (2011) and Pellacini (2005) search such simplifications over whole
+//! expressions; loops are where most of the time is.
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
@@ -57,7 +64,8 @@ pub struct Params {
     /// Turns that each loop loses; at least one stays.
     #[schemars(range(min = 1, max = 64))]
     pub turns: u32,
-    /// Functions whose loops are meant, joined by `+`; default: all that the fragment stage calls, and itself.
+    /// Functions whose loops are meant, joined by `+`; default: all that the fragment stage calls,
+    /// and itself.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub of: Option<String>,
     /// How much the picture may differ, by `metric`, above 0 and at most 1.

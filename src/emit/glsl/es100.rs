@@ -36,7 +36,8 @@ fn lacks<T>(what: impl Into<String>) -> Result<T> {
     Err(Lacks(what.into()))
 }
 
-/// Converts one stage, and adds new uniforms to `stage_file`. `es300` is text that this crate wrote.
+/// Converts one stage, and adds new uniforms to `stage_file`. `es300` is text that this crate
+/// wrote.
 pub(super) fn rewritten(
     es300: &str,
     stage: ShaderStage,

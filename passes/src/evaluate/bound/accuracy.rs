@@ -1,6 +1,8 @@
-//! How accurate an adapter's operations are: WGSL section 15.7.4, accuracy of concrete floating point expressions.
+//! How accurate an adapter's operations are: WGSL section 15.7.4, accuracy of concrete floating
+//! point expressions.
 //!
-//! An adapter may fuse and reassociate where that is at least as accurate (section 15.7.5), and may flush a subnormal number to zero (section 15.7.2).
+//! An adapter may fuse and reassociate where that is at least as accurate (section 15.7.5), and may
+//! flush a subnormal number to zero (section 15.7.2).
 
 /// How far the result of an operation may be from the exact one: a part of it, and a number beside.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -9,7 +11,8 @@ pub struct Accuracy {
     absolute: f64,
 }
 
-/// A unit in the last place of a number is at most this part of it. The excess is there for the roundings of `f64`, which the arithmetic itself makes.
+/// A unit in the last place of a number is at most this part of it. The excess is there for the
+/// roundings of `f64`, which the arithmetic itself makes.
 const ULP: f64 = 1.000_001 * f32::EPSILON as f64;
 /// Least normal `f32`: what is below it may be flushed.
 pub(super) const SMALLEST: f64 = f32::MIN_POSITIVE as f64;
@@ -42,8 +45,9 @@ impl Accuracy {
         }
     }
 
-    /// Of sine and cosine of up to this much. Beyond half a turn, where WGSL promises nothing, it is taken that the argument is reduced by a multiple of a period
-    /// that is good to 2^-22: within a hundred turns about what Direct3D asks for.
+    /// Of sine and cosine of up to this much. Beyond half a turn, where WGSL promises nothing, it
+    /// is taken that the argument is reduced by a multiple of a period that is good to 2^-22:
+    /// within a hundred turns about what Direct3D asks for.
     pub fn wave(argument: f64) -> Self {
         let beyond = (argument - std::f64::consts::PI).max(0.0);
         Self::absolute(2_f64.powi(-11) + beyond * 2_f64.powi(-22))
@@ -64,10 +68,12 @@ impl Accuracy {
 
     /// Of `exp2(y log2(x))`, with `y`, `y log2(x)` and the power itself of up to so much.
     pub fn power(y: f64, exponent: f64, largest: f64) -> Self {
-        // The logarithm is off by 2^-21 near 1, and with the product by 4 units of the exponent; the power of two by 3 units and 2 of the exponent for each of its own.
+        // The logarithm is off by 2^-21 near 1, and with the product by 4 units of the exponent;
+        // the power of two by 3 units and 2 of the exponent for each of its own.
         let off = std::f64::consts::LN_2 * (y * 2_f64.powi(-21) + 4.0 * ULP * exponent);
         let growth = off.exp();
-        // What counts by the exponent does so times the power: below 1 that is 1 / (e ln 2) at most.
+        // What counts by the exponent does so times the power: below 1 that is 1 / (e ln 2) at
+        // most.
         let weighed = (largest * largest.log2()).max(0.54);
         Self {
             relative: growth * (std::f64::consts::LN_2 * y * 2_f64.powi(-21)) + 4.0 * ULP,
@@ -85,7 +91,8 @@ impl Accuracy {
         Self::absolute(1e-5 + 2.0 * (8.0 + 2.0 * argument) * ULP)
     }
 
-    /// Of `asin` and `acos` of up to this much: the worse of 6.81e-5 and `atan2(sqrt(1 - x x), x)`, 4096 units of at most half a turn.
+    /// Of `asin` and `acos` of up to this much: the worse of 6.81e-5 and `atan2(sqrt(1 - x x), x)`,
+    /// 4096 units of at most half a turn.
     pub fn arc(argument: f64) -> Self {
         let rest = (1.0 - argument * argument).max(0.0);
         let off = 2.0 * ULP;
@@ -98,7 +105,8 @@ impl Accuracy {
         self.relative * magnitude + self.absolute
     }
 
-    /// The least that may become of the least number. A part of it and a flush do not change its sign.
+    /// The least that may become of the least number. A part of it and a flush do not change its
+    /// sign.
     pub(super) fn below(self, least: f64) -> f64 {
         self.beyond(least, -1.0)
     }

@@ -2,9 +2,11 @@
 
 use super::accuracy::{Accuracy, LARGEST, SMALLEST};
 
-/// The value at each corner, how far it is at most from what lies between them, how far from that an adapter's number is, and an interval that holds both all the same.
+/// The value at each corner, how far it is at most from what lies between them, how far from that
+/// an adapter's number is, and an interval that holds both all the same.
 ///
-/// The first two are of the exact function over real numbers. An adapter computes another number, and not the same one in every stage: it is `error` away at most.
+/// The first two are of the exact function over real numbers. An adapter computes another number,
+/// and not the same one in every stage: it is `error` away at most.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Affine {
     corners: [f64; 3],
@@ -45,7 +47,8 @@ impl Affine {
         }
     }
 
-    /// The number with these values at the corners, `remainder` at most from what lies between them; an adapter's is `error` at most from it, and both lie within `interval`. Nothing is
+    /// The number with these values at the corners, `remainder` at most from what lies between
+    /// them; an adapter's is `error` at most from it, and both lie within `interval`. Nothing is
     /// known of one that is NaN or infinite at a corner, or may be beyond the range of `f32`.
     pub fn new(corners: [f64; 3], remainder: f64, error: f64, interval: [f64; 2]) -> Self {
         let interval = match interval.iter().any(|end| end.is_nan()) {
@@ -55,7 +58,8 @@ impl Affine {
         if !corners.iter().all(|c| c.is_finite()) || remainder.is_nan() || error.is_nan() {
             return Self::ANYTHING;
         }
-        // Nothing is further from what lies between two points of an interval than these are from one another.
+        // Nothing is further from what lies between two points of an interval than these are from
+        // one another.
         let width = (interval[1] - interval[0]).max(0.0);
         let number = Self {
             corners,
@@ -115,7 +119,8 @@ impl Affine {
         self.corners
     }
 
-    /// How far it is at most from the interpolation of its corners; infinite where there is no bound.
+    /// How far it is at most from the interpolation of its corners; infinite where there is no
+    /// bound.
     pub fn remainder(self) -> f64 {
         self.remainder
     }
@@ -187,8 +192,9 @@ impl Affine {
 
     /// Its product with another, before it is rounded.
     ///
-    /// With `f` and `g` affine, `f g` is off the interpolation of its corners by the sum of `b_i b_j (f_i - f_j)(g_i - g_j)` over the three edges, `b` being the
-    /// barycentric coordinates: the products of two of them are at most a quarter, and a third together.
+    /// With `f` and `g` affine, `f g` is off the interpolation of its corners by the sum of
+    /// `b_i b_j (f_i - f_j)(g_i - g_j)` over the three edges, `b` being the barycentric
+    /// coordinates: the products of two of them are at most a quarter, and a third together.
     pub fn times(self, other: Self) -> Self {
         if !(self.is_known() && other.is_known()) {
             return Self::ANYTHING;
@@ -201,12 +207,14 @@ impl Affine {
         let largest = |x: Self| x.corners.into_iter().fold(0.0, |m: f64, c| m.max(c.abs()));
         let (r, s) = (self.remainder, other.remainder);
         let remainder = bend + largest(self) * s + largest(other) * r + r * s;
-        // One factor's error times what the other is on the adapter, and the reverse with what it is exactly.
+        // One factor's error times what the other is on the adapter, and the reverse with what it
+        // is exactly.
         let error = self.error * other.magnitude() + other.error * self.magnitude();
         let [low, high] = self.range();
         let ends = other.range().map(|end| [low * end, high * end]);
         let ends = ends.as_flattened();
-        // Two that are the same in all that is known are the same number, where nothing is left to differ but a rounding.
+        // Two that are the same in all that is known are the same number, where nothing is left to
+        // differ but a rounding.
         let is_square = self == other && r == 0.0;
         let least = ends.iter().copied().fold(f64::INFINITY, f64::min);
         let largest = ends.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -214,7 +222,8 @@ impl Affine {
         Self::new(corners, remainder, error, [least, largest])
     }
 
-    /// A function of it as accurate as this, of which `shape` tells over a range of arguments how it bends there; nothing is known where that is `None`.
+    /// A function of it as accurate as this, of which `shape` tells over a range of arguments how
+    /// it bends there; nothing is known where that is `None`.
     pub fn through(
         self,
         function: impl Fn(f64) -> f64,
@@ -229,7 +238,8 @@ impl Affine {
         };
         let times = |factor: f64, by: f64| if by == 0.0 { 0.0 } else { factor * by };
         let width = self.width();
-        // Half the width is the largest mean distance of two corners from a point between them, a quarter of its square their largest variance.
+        // Half the width is the largest mean distance of two corners from a point between them, a
+        // quarter of its square their largest variance.
         let bend = times(shape.curvature, width * width / 8.0).min(times(shape.slope, width / 2.0));
         Self::new(
             self.corners.map(function),
@@ -240,7 +250,8 @@ impl Affine {
         .rounded(accuracy)
     }
 
-    /// The sum of exact numbers that is an `f32`, where no adapter has anything to round: sums and products of such are the same however they are fused.
+    /// The sum of exact numbers that is an `f32`, where no adapter has anything to round: sums and
+    /// products of such are the same however they are fused.
     pub(super) fn exact_sum(self, other: Self) -> Option<f64> {
         let (a, b) = (self.exact()?, other.exact()?);
         let sum = a + b;

@@ -7,10 +7,12 @@ use naga::{BinaryOperator, MathFunction};
 use super::accuracy::{Accuracy, LARGEST, SMALLEST};
 use crate::evaluate::Number;
 
-/// All numbers from `low` to `high`: what the exact function of real numbers gives is among them, and what any adapter gives that is as accurate as WGSL asks. An interval without an end may
-/// hold what is no number, too.
+/// All numbers from `low` to `high`: what the exact function of real numbers gives is among them,
+/// and what any adapter gives that is as accurate as WGSL asks. An interval without an end may hold
+/// what is no number, too.
 ///
-/// It knows nothing of how two values hang together, so that `x - x` is as wide as twice `x`; [`super::Affine`] does, as far as that is a matter of a triangle's corners.
+/// It knows nothing of how two values hang together, so that `x - x` is as wide as twice `x`;
+/// [`super::Affine`] does, as far as that is a matter of a triangle's corners.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interval {
     low: f64,
@@ -24,7 +26,8 @@ impl Interval {
         high: f64::INFINITY,
     };
 
-    /// From one number to another; all there is where one of them is not finite, or beyond the range of `f32`.
+    /// From one number to another; all there is where one of them is not finite, or beyond the
+    /// range of `f32`.
     pub fn new(low: f64, high: f64) -> Self {
         let is_finite = low.abs() <= LARGEST && high.abs() <= LARGEST;
         match is_finite && low <= high {
@@ -131,7 +134,8 @@ fn quotient(a: Interval, b: Interval) -> Interval {
     Interval::hull(&ends).rounded(Accuracy::ulps(2.5))
 }
 
-/// Of the sign of the dividend and less than the divisor, but for the roundings of `a - b trunc(a / b)`.
+/// Of the sign of the dividend and less than the divisor, but for the roundings of
+/// `a - b trunc(a / b)`.
 fn modulo(a: Interval, b: Interval) -> Interval {
     let whole = quotient(a, b);
     if !whole.is_known() {
@@ -150,7 +154,8 @@ fn wave(x: Interval, function: fn(f64) -> f64, first_peak: f64) -> Interval {
         return Interval::ANYTHING;
     }
     let turn = std::f64::consts::TAU;
-    // Whether a point a whole number of turns from `at` lies in it; a little wider, for the roundings of the question.
+    // Whether a point a whole number of turns from `at` lies in it; a little wider, for the
+    // roundings of the question.
     let holds = |at: f64| {
         let first = ((x.low - at) / turn - 1e-9).ceil();
         at + first * turn <= x.high + 1e-6

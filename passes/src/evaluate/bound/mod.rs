@@ -1,15 +1,22 @@
 //! Proved bounds: how far a value can be from its interpolation anywhere in a triangle.
 //!
-//! The interpreter runs once for the whole triangle, on numbers that are affine in the barycentric coordinates up to a remainder: affine arithmetic (de Figueiredo and
-//! Stolfi 2004) with the two coordinates for noise symbols and what they do not explain in one more. The affine part is kept as its values at the corners, which are
-//! the value's own there, so that the remainder *is* the bound: interpolation gives the affine part.
+//! The interpreter runs once for the whole triangle, on numbers that are affine in the barycentric
+//! coordinates up to a remainder: affine arithmetic (de Figueiredo and Stolfi 2004) with the two
+//! coordinates for noise symbols and what they do not explain in one more. The affine part is kept
+//! as its values at the corners, which are the value's own there, so that the remainder *is* the
+//! bound: interpolation gives the affine part.
 //!
-//! Each operation says how far it bends. A smooth function of an affine one with a second derivative of at most `m` is within `m w^2 / 8` of the line between its
-//! ends, over a range of width `w`; a product is within a third of the largest product of differences. What jumps within the triangle is only known to lie between its
-//! least and its largest; what decides a branch differently within the triangle ends the evaluation.
+//! Each operation says how far it bends. A smooth function of an affine one with a second
+//! derivative of at most `m` is within `m w^2 / 8` of the line between its ends, over a range of
+//! width `w`; a product is within a third of the largest product of differences. What jumps within
+//! the triangle is only known to lie between its least and its largest; what decides a branch
+//! differently within the triangle ends the evaluation.
 //!
-//! Beside the remainder, which is of the exact function over real numbers (evaluated in `f64`), a number carries how far what an adapter computes may be from it: WGSL's own accuracies, from operation to
-//! operation. [`Interval`] is the plain one: only between which numbers a value lies. A comparison, a jump or a conversion to an integer is decided only where all that an adapter may compute lies on one side of it.
+//! Beside the remainder, which is of the exact function over real numbers (evaluated in `f64`), a
+//! number carries how far what an adapter computes may be from it: WGSL's own accuracies, from
+//! operation to operation. [`Interval`] is the plain one: only between which numbers a value lies.
+//! A comparison, a jump or a conversion to an integer is decided only where all that an adapter may
+//! compute lies on one side of it.
 
 use std::collections::BTreeMap;
 
@@ -29,7 +36,8 @@ pub use interval::Interval;
 /// Steps of the interpreter for one triangle.
 const STEPS: u64 = 200_000;
 
-/// What surrounds an evaluation over a triangle: uniforms and buffers, and textures of which nothing is known.
+/// What surrounds an evaluation over a triangle: uniforms and buffers, and textures of which
+/// nothing is known.
 pub fn environment(resources: BTreeMap<(u32, u32), Value<Affine>>) -> Environment<'static, Affine> {
     Environment {
         resources: resources.into(),
@@ -78,18 +86,23 @@ impl Distance {
     }
 }
 
-/// How far an interpolated number may be from the exact interpolation, as a part of its largest corner. No specification says; it stands for an interpolation with a few roundings in `f32`, and it is
-/// taken to lie between the corners: a centre beside the triangle, as multisampling shades them, is not looked at.
+/// How far an interpolated number may be from the exact interpolation, as a part of its largest
+/// corner. No specification says; it stands for an interpolation with a few roundings in `f32`, and
+/// it is taken to lie between the corners: a centre beside the triangle, as multisampling shades
+/// them, is not looked at.
 const INTERPOLATION: f64 = 1.0 / (1 << 21) as f64;
 
-/// How far each component of what `function` returns can be from its interpolation in a triangle, at whose corners its arguments are `corners`: shapes as its arguments', floats, integers or
+/// How far each component of what `function` returns can be from its interpolation in a triangle,
+/// at whose corners its arguments are `corners`: shapes as its arguments', floats, integers or
 /// booleans. A float has to be the same everywhere; how far it may be off is taken along.
 ///
-/// The triangle is looked at in `parts` squared smaller ones: in each a value is off the interpolation over the whole by what it is off at the corners of the part, and
-/// by the remainder there, which falls with the square of the size.
+/// The triangle is looked at in `parts` squared smaller ones: in each a value is off the
+/// interpolation over the whole by what it is off at the corners of the part, and by the remainder
+/// there, which falls with the square of the size.
 ///
 /// # Errors
-/// [`Stuck`]: an operation that is not known, or a branch that goes several ways within a part or for several roundings.
+/// [`Stuck`]: an operation that is not known, or a branch that goes several ways within a part or
+/// for several roundings.
 pub fn over_triangle(
     module: &Module,
     function: &Function,
@@ -202,7 +215,8 @@ pub fn exactly<F: Number>(value: &Value) -> Value<F> {
     }
 }
 
-/// What the rasteriser makes of a value at three corners, over a part of the triangle: floats between them; the rest has to be the same.
+/// What the rasteriser makes of a value at three corners, over a part of the triangle: floats
+/// between them; the rest has to be the same.
 fn between(corners: [&Value<Affine>; 3], part: &[[f64; 3]; 3]) -> Result<Value<Affine>, Stuck> {
     Ok(match corners {
         [

@@ -131,7 +131,8 @@ impl Number for Affine {
                 })
             }
             (M::Mix, [a, b, t]) => {
-                // Rounded as the sum that it is by definition, and bent as the one product that it can be written with.
+                // Rounded as the sum that it is by definition, and bent as the one product that it
+                // can be written with.
                 let rest = sum(Self::constant(1.0), t.negated());
                 let as_defined = sum(product(*a, rest), product(*b, *t));
                 let along = Self::combined(1.0, *b, -1.0, *a).times(*t);
@@ -147,7 +148,8 @@ impl Number for Affine {
             (M::SmoothStep, [low, high, x]) => {
                 let difference = |a: Self, b: Self| sum(a, b.negated());
                 let t = quotient(difference(*x, *low), difference(*high, *low));
-                // 3 t^2 - 2 t^3: a slope of 3/2 in the middle, a second derivative of 6 at the ends. Two products and a difference are rounded.
+                // 3 t^2 - 2 t^3: a slope of 3/2 in the middle, a second derivative of 6 at the
+                // ends. Two products and a difference are rounded.
                 saturate(t).through(
                     |t| t * t * (3.0 - 2.0 * t),
                     Accuracy::ulps(4.0),
@@ -256,7 +258,8 @@ fn abs(x: Affine) -> Affine {
     })
 }
 
-/// `max(a, b)` is `b` and as much as `a` is above it. It is one of the two, and as far off as one of them at most.
+/// `max(a, b)` is `b` and as much as `a` is above it. It is one of the two, and as far off as one
+/// of them at most.
 fn max(a: Affine, b: Affine) -> Affine {
     let above = Affine::combined(1.0, a, -1.0, b);
     let [low, high] = above.range();
@@ -362,7 +365,8 @@ fn logarithm(x: Affine, scale: f64) -> Affine {
     )
 }
 
-/// By definition `1 / inverseSqrt(x)`. Two roots are no further apart than the root of what their squares are.
+/// By definition `1 / inverseSqrt(x)`. Two roots are no further apart than the root of what their
+/// squares are.
 fn square_root(x: Affine) -> Affine {
     let accuracy = Accuracy::ulps(5.0);
     let root = x.through(f64::sqrt, accuracy, |[low, high]| match low == 0.0 {

@@ -430,7 +430,8 @@ mod tests {
         }
     }
 
-    /// A stage of `count` statements `x = x * a + sin(x + b)` one after another, of which every `stays`-th value may not travel.
+    /// A stage of `count` statements `x = x * a + sin(x + b)` one after another, of which every
+    /// `stays`-th value may not travel.
     fn straight_line(count: usize, stays: usize) -> Vec<Item<'static>> {
         let mut items = vec![Item {
             price: Some(4.0),

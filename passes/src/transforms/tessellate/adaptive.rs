@@ -172,7 +172,8 @@ fn corners(
 pub fn text(edge_pixels: u32, most: u32) -> String {
     format!(
         "{POINT}
-/// Segments of an edge: the fewest that are no longer than asked for, in whole numbers, so that both of its triangles find the same. What reaches behind the viewer has the most.
+/// Segments of an edge: the fewest that are no longer than asked for, in whole numbers, so that
+/// both of its triangles find the same. What reaches behind the viewer has the most.
 fn tessellated_segments(p: vec4<f32>, q: vec4<f32>, at_p: vec2<i32>, at_q: vec2<i32>) -> u32 {{
     if (p.w <= 0.0 || q.w <= 0.0) {{
         return {most}u;

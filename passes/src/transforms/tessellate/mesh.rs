@@ -86,7 +86,8 @@ mod tests {
         assert_eq!(mesh.triangles.iter().map(named).collect::<Vec<_>>(), PAIR);
     }
 
-    /// A torus of quads: a closed mesh of `T` triangles has `T / 2` vertices and `3 T / 2` edges, so `T n^2 / 2` vertices at level `n` of the uniform pattern.
+    /// A torus of quads: a closed mesh of `T` triangles has `T / 2` vertices and `3 T / 2` edges,
+    /// so `T n^2 / 2` vertices at level `n` of the uniform pattern.
     #[test]
     fn a_closed_mesh_has_half_as_many_vertices_as_triangles() {
         let (across, along) = (7, 5);

@@ -208,8 +208,8 @@ pub fn add(
     ))
 }
 
-/// The position and the id of a vertex that is drawn without indices: vertex `3 n + k` is corner `k`
-/// of triangle `n`.
+/// The position and the id of a vertex that is drawn without indices: vertex `3 n + k` is corner
+/// `k` of triangle `n`.
 fn unindexed(
     build: &mut Builder<'_>,
     [word, id_type]: [Handle<Type>; 2],
