@@ -1,5 +1,5 @@
-//! What the passes share that leave out parts of the fragment stage: which plans they take, which
-//! functions are meant, and the plan with the stage replaced.
+//! Shared by the passes that remove parts of the fragment stage: the plans they accept, the
+//! selected functions, and the plan with the new stage.
 
 use std::collections::BTreeSet;
 
@@ -14,17 +14,17 @@ use crate::core::program::Program;
 use crate::core::reflect;
 use crate::graph::{FunctionId, Graph};
 
-/// A material's main pass with less to do.
+/// A material's main pass with less work.
 pub struct Simplified {
-    /// The program without what is left out.
+    /// The simplified program.
     pub program: Program,
-    /// Key of the program it takes the place of.
+    /// Key of the replaced program.
     pub of: String,
-    /// Which code changed, and how much that saves.
+    /// The changed code and the savings.
     pub change: Change,
-    /// What stays, and why.
+    /// Missed candidates, and why.
     pub left: Vec<Left>,
-    /// What is promised of the picture.
+    /// The contract of the picture.
     pub contract: Contract,
 }
 
@@ -52,11 +52,11 @@ impl Simplified {
     }
 }
 
-/// The main pass of a plan that has no other, its program and the fragment entry point in it.
-/// `first` says what to do of other passes, `nothing` of a material without a fragment stage.
+/// The main pass of a single-pass plan, its program and fragment entry point. `first` is the remedy
+/// if there are other passes, `nothing` the message if there is no fragment stage.
 ///
 /// # Errors
-/// There is none such.
+/// There is no such pass.
 pub fn examine<'p>(
     plan: &'p Plan,
     name: &str,
@@ -84,11 +84,11 @@ pub fn examine<'p>(
     }
 }
 
-/// The functions that `of` names, joined by `+`, of those that a fragment stage calls, and itself;
-/// all of them without it.
+/// The functions in `of`, joined by `+`, among the fragment stage and its callees; all of them if
+/// it is absent.
 ///
 /// # Errors
-/// A name is none of theirs.
+/// A name is unknown.
 pub fn meant(
     graph: &Graph<'_>,
     fragment: usize,

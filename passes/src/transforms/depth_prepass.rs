@@ -1,8 +1,9 @@
-//! `depth-prepass`: draw the depth of every opaque surface first, shade only what is nearest.
+//! `depth-prepass`: draws the depth of every opaque surface first, then shades only the nearest
+//! one.
 //!
-//! Goal: each covered pixel runs the material's fragment stage once, however much lies behind it
-//! (Primozic, "Implementing Depth Pre-Pass Optimization for Three.JS", 2022; engines call it Z
-//! pre-pass or early-Z pass).
+//! Goal: run the fragment stage once for each covered pixel, however much lies behind it (Primozic,
+//! "Implementing Depth Pre-Pass Optimization for Three.JS", 2022; engines call it Z pre-pass or
+//! early-Z pass).
 //!
 //! ```text
 //! before:  main     vs + fs          depth less, write
@@ -14,24 +15,24 @@
 //!          main     vs + fs          depth equal, no write
 //! ```
 //!
-//! `form=biased` (the default) leaves the author's main pass alone, to the byte: hidden fragments
-//! fail against a depth a little behind the nearest surface, so it needs neither invariance nor the
-//! absence of ties. `form=equal` shades exactly once, and promises the same picture only while both
-//! passes compute the same position bits and no two surfaces tie.
+//! `form=biased` (the default) leaves the author's main pass unchanged, to the byte. Hidden
+//! fragments fail against a depth slightly behind the nearest surface, so this form needs neither
+//! invariance nor the absence of ties. `form=equal` shades exactly once. Its contract holds only
+//! while both passes compute the same position bits and no two surfaces tie.
 //!
-//! Under alpha to coverage the pre-pass is a slice to the alpha of location 0 too, drawn with the
-//! main pass's colour targets bound, alpha to coverage on and a write mask of 0: the same alpha
-//! covers the same samples in both passes, sample by sample. That EQUAL then meets the depth that
-//! the pre-pass wrote is the assumption `same-alpha-coverage`, which the self-test tries.
+//! Under alpha to coverage the pre-pass also keeps the alpha of location 0. It binds the main
+//! pass's colour targets with a write mask of 0, so the same alpha covers the same samples in both
+//! passes. `same-alpha-coverage` is the assumption that EQUAL then meets the depth of the pre-pass;
+//! the self-test checks it.
 //!
-//! Both forms carry a self-test ([`self_test::biased`], [`self_test::equal`]). Where `form=equal`
-//! leaves discarding to EQUAL, one half of it is left: it finds samples that the main pass has
+//! Both forms have a self-test ([`self_test::biased`], [`self_test::equal`]). If `form=equal`
+//! leaves discarding to EQUAL, only half of the test remains: it finds samples of the main pass
 //! behind the pre-pass, not those in front.
 //!
-//! A depth bias is part of the `position.z` that a fragment stage sees (Vulkan 1.3, 28.9 "Depth
-//! Bias"; Direct3D leaves it out). `form=biased` refuses a material that discards by it; the
-//! pre-pass of one that writes depth adds the bias in the shader and leaves the rasteriser as the
-//! author set it.
+//! On Vulkan, a depth bias is part of the `position.z` that a fragment stage reads (Vulkan 1.3,
+//! 28.9 "Depth Bias"; Direct3D leaves it out). So `form=biased` refuses a material that discards by
+//! it. If the material writes depth, the pre-pass adds the bias in the shader and leaves the
+//! rasteriser's bias as the author set it.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -54,7 +55,7 @@ pub mod refusals;
 /// The pass.
 pub struct DepthPrepass;
 
-/// How the main pass knows the nearest fragment.
+/// How the main pass finds the nearest fragment.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Form {
@@ -69,16 +70,17 @@ pub enum Form {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Params {
-    /// How the main pass knows the nearest fragment.
+    /// How the main pass finds the nearest fragment.
     pub form: Form,
-    /// Vertex stage of the pre-pass; default: `sliced` for `biased`, `same` for `equal`.
+    /// Vertex stage of the pre-pass. Default: `sliced` for `biased`, `same` for `equal`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub vertex: Option<VertexStage>,
-    /// `form=equal`: whether `@invariant` is added; default: `as-written` with `vertex=same`, `add`
+    /// `form=equal`: whether to add `@invariant`. Default: `as-written` with `vertex=same`, `add`
     /// with `vertex=sliced`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub invariant: Option<Invariance>,
-    /// `form=biased`: constant bias in steps of the depth format, at least 1; default by format.
+    /// `form=biased`: constant bias in steps of the depth format, at least 1. The default depends
+    /// on the format.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1, max = MOST_BIAS))]
     pub bias_constant: Option<u32>,
@@ -88,9 +90,9 @@ pub struct Params {
     pub bias_slope: Option<f32>,
 }
 
-/// Constant bias that covers what two pipelines may make of one position expression. 64 steps of a
-/// 24-bit mantissa are the measured default of the hand-written reference; one step of 16 bits is
-/// already 256 of those.
+/// Constant bias that covers the difference between two pipelines' positions. 64 steps of a 24-bit
+/// mantissa are the measured default of the hand-written reference; one 16-bit step is already 256
+/// of those.
 fn default_bias(format: DepthFormat) -> u32 {
     match format {
         DepthFormat::Depth16unorm => 2,
@@ -98,11 +100,11 @@ fn default_bias(format: DepthFormat) -> u32 {
     }
 }
 
-/// Slope-scaled bias: two subpixel steps of 1/256 would do; 2 is a whole two pixels of slope, so
-/// that MSAA and coarse snapping are covered.
+/// Slope-scaled bias. Two subpixel steps of 1/256 would suffice; 2 covers two pixels of slope, for
+/// MSAA and coarse snapping.
 const DEFAULT_SLOPE: f32 = 2.0;
 
-/// Most constant bias there is any use for: the whole range of a 24-bit depth.
+/// Largest useful constant bias: the whole range of a 24-bit depth.
 const MOST_BIAS: u32 = 1 << 24;
 
 impl Params {
@@ -118,8 +120,7 @@ impl Params {
             .unwrap_or_else(|| Invariance::default_for(self.vertex()))
     }
 
-    /// The bias as the pipeline takes it, pointing away from the viewer, on top of the author's
-    /// own.
+    /// The pipeline's bias: the author's plus ours, pointing away from the viewer.
     fn bias(&self, author: DepthBias, format: DepthFormat, direction: DepthDirection) -> DepthBias {
         let away = direction.away();
         let constant = self
@@ -129,8 +130,7 @@ impl Params {
         DepthBias {
             constant: author.constant.saturating_add(constant * away as i32),
             slope_scale: author.slope_scale + self.bias_slope.unwrap_or(DEFAULT_SLOPE) * away,
-            // `check` refuses an author's clamp: the sum would be clamped to what the main pass is,
-            // with no margin left.
+            // `check` refuses an author's clamp: it would also clamp the sum and leave no margin.
             clamp: 0.0,
         }
     }
@@ -264,8 +264,8 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
         }
         Form::Equal => {
             if opaque.decides.depth {
-                // Measured on an NVIDIA H200: 5 of 2,073,600 pixels lost, with 0 depths different,
-                // in a material whose depth both passes compute.
+                // Measured on an NVIDIA H200: 5 of 2,073,600 pixels lost, with equal depths, in a
+                // material whose depth both passes compute.
                 refusals.push(Refusal::new(
                     name,
                     &refusals::DEPTH_NOT_INVARIANT,
@@ -273,7 +273,7 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
                     "take form=biased",
                 ));
             }
-            // Under LessEqual the last of several tied fragments wins, and so it does under EQUAL.
+            // Under LessEqual the last of several tied fragments wins, as under EQUAL.
             if opaque.depth.compare == opaque.strict() {
                 refusals.extend(opaque::refuse_ties(
                     name,
@@ -290,9 +290,9 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
     }
 }
 
-/// A depth bias is part of `position.z` on Vulkan: what the pre-pass decides by it, it would decide
-/// by another depth than the main pass. Where the stage writes depth the rasteriser is left
-/// unbiased, and this does not come up.
+/// On Vulkan a depth bias is part of `position.z`, so the pre-pass would decide by another depth
+/// than the main pass. If the stage writes depth, the rasteriser has no bias and there is no
+/// conflict.
 fn reads_biased_depth(opaque: &Opaque) -> Option<Refusal> {
     let fragment = opaque
         .fragment
@@ -308,18 +308,17 @@ fn reads_biased_depth(opaque: &Opaque) -> Option<Refusal> {
     })
 }
 
-/// Whether a surface on the near plane cannot be pushed away: the bias of a float format is
-/// relative to the depth, and at 0 it is nothing; and what is not clipped is clamped after it was
-/// biased (Vulkan 1.3, 28.10 and 29.5), in every format and direction. Under reversed Z it may be
-/// pushed away, unless it is of a triangle of no area: its plane and its slope divide by that area,
-/// and llvmpipe clamps what comes of it to 1, with or without a bias.
+/// Whether a surface on the near plane cannot be pushed away. The bias of a float format is
+/// relative to the depth and vanishes at 0; unclipped depths are clamped after biasing (Vulkan 1.3,
+/// 28.10 and 29.5). Under reversed Z a bias works, except for triangles without area: their slope
+/// divides by the area, and llvmpipe clamps the result to 1 with or without a bias.
 fn rests_on_near_plane(opaque: &Opaque, format: DepthFormat) -> bool {
     opaque.direction == DepthDirection::Reversed
         || format.may_be_float()
         || opaque.pass.primitive.unclipped_depth
 }
 
-/// A surface that was seen on the near plane, or lies there by construction.
+/// A surface on the near plane, measured or by construction.
 fn on_near_plane(opaque: &Opaque, facts: &Facts) -> Option<Refusal> {
     let refuse = |reason: String| {
         Refusal::new(
@@ -389,8 +388,8 @@ fn biased(
         .depth_format(&opaque.depth.attachment)
         .unwrap_or_default();
     let bias = params.bias(opaque.depth.bias, format, opaque.direction);
-    // The rasteriser's bias does not reach a depth that the shader writes, but does reach the depth
-    // it may make it of.
+    // The rasteriser's bias does not affect a depth that the shader writes, but affects a depth
+    // that it reads.
     let bias = match opaque.decides.depth {
         true => opaque.depth.bias,
         false => bias,
@@ -404,8 +403,8 @@ fn biased(
         Some(shader_bias),
     );
     let mut next = plan.clone();
-    // The author's program stays as it is, to the byte: the pre-pass has one of its own, even with
-    // the same vertex stage.
+    // The author's program stays unchanged, so the pre-pass has its own, even with the same vertex
+    // stage.
     depth_only::insert_own(
         &mut next,
         opaque,

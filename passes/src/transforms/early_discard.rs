@@ -1,8 +1,9 @@
-//! `early-discard`: compare with the nearest depth ahead of all work, and leave when behind it.
+//! `early-discard`: compares with the nearest depth before any other work, and discards fragments
+//! behind it.
 //!
-//! Goal: what a hidden fragment would have cost, saved by hand where the hardware's own early test
-//! cannot run: in a material that writes depth, or on an API without a say in it (Primozic,
-//! "Speeding Up Three.JS with Depth-Based Fragment Culling", 2022).
+//! Goal: an early depth test in the shader where the hardware's cannot run: in a material that
+//! writes depth, or on an API without control over it (Primozic, "Speeding Up Three.JS with
+//! Depth-Based Fragment Culling", 2022).
 //!
 //! ```text
 //! before:  main     fs(..) { work }                                        depth less, write
@@ -11,34 +12,32 @@
 //!          main     fs(..) { if hidden(position) { discard; } work }       depth less, write, and `prepass-depth` bound as a texture
 //! ```
 //!
-//! `quad=vote` (the default) leaves only when all four lanes of the 2x2 quad are behind, so that
-//! every derivative and every implicit level of detail of a surviving pixel is what it was.
-//! `quad=lane` leaves at once; where there are derivatives and implicit samples, gradients are
-//! taken first, which is not exact: the implicit level of detail and the one from gradients may
-//! round apart, most under anisotropic filtering. How far is the adapter's and the texture's
-//! affair, so the user says what is allowed (`budget=0.02`), and `verify` measures it; without a
-//! budget it is refused.
+//! `quad=vote` (the default) discards only if all four lanes of the 2x2 quad are behind. Every
+//! derivative and implicit level of detail of a surviving pixel stays the same. `quad=lane`
+//! discards each lane by itself and evaluates gradients first. That is not exact: a level of detail
+//! from gradients may round differently from the implicit one, mostly under anisotropic filtering.
+//! The difference depends on adapter and texture, so you must give a budget (`budget=0.02`), and
+//! `verify` measures it.
 //!
-//! A fragment is dropped only when it is strictly behind by more than two pipelines may differ: the
-//! tolerance is derived from depth format, depth and slope ([`Params::tolerance`]). That article's
-//! fixed 0.0001 is wrong near the far plane and under reversed Z; it is an option.
+//! A fragment is dropped only if it is behind by more than two pipelines may differ. The tolerance
+//! follows from depth format, depth and slope ([`Params::tolerance`]). The article's fixed 0.0001
+//! is wrong near the far plane and under reversed Z, but it is an option.
 //!
-//! `texture=packed` adds a colour attachment, [`PREPASS_PACKED`], and binds that: the pre-pass then
+//! `texture=packed` adds a colour attachment, [`PREPASS_PACKED`], and binds it; the pre-pass then
 //! always has a fragment stage.
 //!
-//! A depth that the shader writes is clamped to 0 to 1 before it is compared: the viewport's own
-//! depth range is taken to be that.
+//! A depth that the shader writes is clamped to 0..1 before the comparison: the viewport's depth
+//! range is assumed to be that.
 //!
-//! A vote takes fine derivatives. GLSL ES 3.00 has none: with coarse ones three lanes of a quad
-//! could leave over the head of the fourth, and spoil its derivatives. A lane that is not behind
-//! itself never leaves. So for that target `plan.json` says that the form promises nothing
+//! A vote needs fine derivatives, which GLSL ES 3.00 lacks. With coarse ones three lanes could
+//! discard although the fourth continues, and spoil its derivatives. A visible lane itself is never
+//! discarded. For that target `plan.json` therefore has no contract
 //! ([`crate::rebuild::quad::vote_shields_derivatives`]), unless the fragment stage takes no
 //! derivative and no implicit sample.
 //!
-//! `attachment=readonly` carries a self-test ([`self_test::read_only`]). `attachment=own` has none:
-//! its prologue allows for positions that differ by the tolerance, so only the original's picture
-//! tells whether a fragment was wrongly dropped, and a plan has no original to draw. `verify` draws
-//! it.
+//! `attachment=readonly` has a self-test ([`self_test::read_only`]). `attachment=own` has none: its
+//! prologue tolerates different positions, so only the original's picture shows whether a fragment
+//! was dropped wrongly. `verify` draws it.
 
 use naga::Module;
 use schemars::JsonSchema;
@@ -67,7 +66,7 @@ pub use packed::PREPASS_PACKED;
 pub(crate) use packed::stored as packed_depth;
 use prologue::{DepthRange, Prologue};
 
-/// Name of the depth attachment the prologue reads when the main pass has one of its own.
+/// Name of the depth attachment that the prologue reads if the main pass has its own.
 pub const PREPASS_DEPTH: &str = "prepass-depth";
 
 /// The pass.
@@ -77,46 +76,46 @@ pub struct EarlyDiscard;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum MainAttachment {
-    /// Its own, with the author's state: the article's form.
+    /// Its own, with the author's state, as in the article.
     #[default]
     Own,
-    /// The very depth that is compared with, bound read-only: the hardware test rejects too.
+    /// The compared depth itself, bound read-only; the hardware test rejects fragments too.
     Readonly,
 }
 
-/// How the depth texture is declared.
+/// Declaration of the depth texture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum DepthTexture {
     /// `texture_depth_2d`.
     #[default]
     Depth,
-    /// `texture_2d<f32>` with an unfilterable sample type: what the GLSL writer can express.
+    /// `texture_2d<f32>` with an unfilterable sample type, which the GLSL writer supports.
     Float,
-    /// `texture_2d<f32>` over an `rgba8unorm` colour attachment that holds the depth as three.js of
-    /// 2022 packs it: for a host that cannot bind a depth texture.
+    /// `texture_2d<f32>` over an `rgba8unorm` colour attachment with the depth packed as in
+    /// three.js of 2022, for hosts that cannot bind a depth texture.
     Packed,
 }
 
-/// Which lanes leave.
+/// Which lanes discard early.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Quad {
-    /// All four of a quad, when all four are behind.
+    /// All four of a quad, if all four are behind.
     #[default]
     Vote,
-    /// Each by itself.
+    /// Each lane by itself.
     Lane,
 }
 
-/// What the comparison does.
+/// Which fragments to drop.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Mode {
     /// Drops hidden fragments.
     #[default]
     Cull,
-    /// Drops the visible ones: a picture of what would be saved, as the article drew it.
+    /// Drops visible fragments: a diagnostic picture of the saved work, as in the article.
     Invert,
 }
 
@@ -128,30 +127,30 @@ pub struct Params {
     pub attachment: MainAttachment,
     /// Type of the depth texture.
     pub texture: DepthTexture,
-    /// Which lanes leave.
+    /// Which lanes discard early.
     pub quad: Quad,
-    /// `quad=lane` where gradients are taken first: the largest difference of a channel (`max_abs`)
-    /// that is allowed, 0 to 1. Elsewhere it is not used: nothing differs.
+    /// `quad=lane` with gradients evaluated first: largest allowed difference of a channel
+    /// (`max_abs`), 0 to 1. Otherwise unused, because nothing differs.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub budget: Option<f64>,
-    /// Drop hidden fragments, or show them.
+    /// Whether to drop hidden fragments or visible ones.
     pub mode: Mode,
-    /// A fixed tolerance in units of depth, at least 0, in place of the derived one.
+    /// A fixed tolerance in units of depth, at least 0, instead of the derived one.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0))]
     pub tolerance: Option<f32>,
-    /// `@group` of the depth texture; default: the highest group that the shader already uses.
+    /// `@group` of the depth texture. Default: the highest group that the shader uses.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub group: Option<u32>,
-    /// `@binding` of the depth texture; default: the first free one.
+    /// `@binding` of the depth texture. Default: the first free one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub binding: Option<u32>,
-    /// `attachment=readonly`: whether `@invariant` is added; default: `as-written` with
+    /// `attachment=readonly`: whether to add `@invariant`. Default: `as-written` with
     /// `vertex=same`, `add` with `vertex=sliced`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub invariant: Option<Invariance>,
-    /// Vertex stage of the depth pass; default: `sliced`, or `same` with `attachment=readonly`.
+    /// Vertex stage of the depth pass. Default: `sliced`, or `same` with `attachment=readonly`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub vertex: Option<VertexStage>,
 }
@@ -169,7 +168,7 @@ impl Params {
             .unwrap_or_else(|| Invariance::default_for(self.vertex()))
     }
 
-    /// Both passes draw with one module: the hardware compares what they rasterise.
+    /// Whether both passes use one module, because the hardware compares their depths.
     fn shares_program(&self) -> bool {
         self.attachment == MainAttachment::Readonly && self.vertex() == VertexStage::Same
     }
@@ -316,7 +315,8 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
         let decided = [Criterion::Output(OutputFilter::FragDepth)];
         let slice = slice::backward(&opaque.graph, fragment, &decided);
         if let Some(span) = slice.endless_loop(&opaque.graph) {
-            // Run twice, and ahead of discards that may be all that ends it.
+            // The prologue would run it a second time, without the discards that may be what ends
+            // it.
             let refusal = Refusal::new(
                 name,
                 &refusals::DEPTH_LOOP,
@@ -404,8 +404,8 @@ fn transform(
     let slot = free_slot(opaque.program.module(), params, name)?;
     let mut next = plan.clone();
 
-    // The pass that produces the depth, and the main program, whose position is compared for
-    // equality only where the hardware tests as well.
+    // The pass that produces the depth, and the main program. Their positions must be equal only if
+    // the hardware tests too.
     let (produced, invariant) = match params.attachment {
         MainAttachment::Own => (PREPASS_DEPTH.to_owned(), Invariance::AsWritten),
         MainAttachment::Readonly => (opaque.depth.attachment.clone(), params.invariant()),
@@ -475,7 +475,7 @@ fn transform(
             },
         });
         if let (MainAttachment::Readonly, Some(depth)) = (params.attachment, &mut pass.depth) {
-            // The nearest fragment ties with what it finds: the strict comparison would drop it.
+            // The nearest fragment ties with the stored depth; the strict comparison would drop it.
             depth.compare = match opaque.direction {
                 DepthDirection::Forward => CompareFunction::LessEqual,
                 DepthDirection::Reversed => CompareFunction::GreaterEqual,
@@ -543,7 +543,7 @@ fn transform(
     let contract = match params.mode {
         // A diagnostic picture: every pixel may differ.
         Mode::Invert => max_abs(1.0, Vec::new()),
-        // `check` saw to it that there is one.
+        // `check` made sure that there is one.
         Mode::Cull if !taken.is_empty() => max_abs(params.budget.unwrap_or(0.0), given),
         Mode::Cull => Contract::Exact { given },
     };
@@ -573,7 +573,7 @@ pub struct Slot {
 /// The last `@group` of WebGPU's default limits.
 const LAST_GROUP: u32 = 3;
 
-/// The slot asked for, if it is free, or the first free one after the author's own.
+/// The requested slot if it is free, or else the first free one after the author's.
 fn free_slot(module: &Module, params: &Params, name: &str) -> Result<Slot, Box<Refusal>> {
     let taken = |group: u32, binding: u32| {
         module.global_variables.iter().find(|(_, g)| {

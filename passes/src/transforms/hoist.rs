@@ -1,9 +1,9 @@
-//! `hoist`: work of the fragment stage that changes slowly over the surface moves to the vertices,
-//! and comes back in varyings.
+//! `hoist`: moves slowly changing work of the fragment stage to the vertices and interpolates the
+//! result.
 //!
-//! Goal: what is computed in every fragment, though an interpolated value would do, is computed
-//! once a vertex (Wang et al. 2014; He et al. 2015; Erkaman's "Making Faster Fragment Shaders by
-//! Using Tessellation Shaders" does it by hand).
+//! Goal: compute a value once per vertex instead of in every fragment, if an interpolated value
+//! suffices (Wang et al. 2014; He et al. 2015; Erkaman's "Making Faster Fragment Shaders by Using
+//! Tessellation Shaders" does it by hand).
 //!
 //! ```text
 //! before:  vs -> normal                     fs(normal): shade(noise(normal))
@@ -11,24 +11,25 @@
 //! after:   vs -> hoisted = noise(normal)    fs(hoisted): shade(hoisted)
 //! ```
 //!
-//! What moves is chosen by a minimum cut of the fragment stage's values ([`mod@cut`]) over prices
-//! of transport that are swept until the varyings fit and the whole is cheapest. How far a value
-//! may move is a matter of what interpolation makes of it:
+//! A minimum cut of the fragment stage's values ([`mod@cut`]) decides what moves. We sweep the
+//! price of transport until the varyings fit and the total is cheapest. The contract depends on the
+//! effect of interpolation:
 //!
-//! | value | carried | promise |
+//! | value | interpolated | contract |
 //! |---|---|---|
-//! | constant over the draw, or over the primitive | flat | `Exact` |
+//! | constant over the draw or the primitive | flat | `Exact` |
 //! | components of a varying | as that varying | `Exact` |
-//! | affine in varyings of one interpolation class, with coefficients of the draw, reaching nothing that jumps and nothing without a bounded slope (`normalize`, a division) | as those | `Rounding` |
-//! | any other that a vertex stage can have | interpolated | `Approximate`, under the user's budget |
+//! | affine in varyings of one interpolation class, with draw-uniform coefficients, reaching no discontinuity and no unbounded slope (`normalize`, a division) | as those | `Rounding` |
+//! | any other value that a vertex stage can compute | smooth | `Approximate`, within your budget |
 //!
-//! Derivatives, samples at an implicit level of detail, fragment inputs, values that jump and
-//! values that may not be finite at a vertex stay, each with its reason. So does what rests on a
-//! jump (a depth packed into bytes, a branch, `2 * fract(x)`), and what a jump is made of that
-//! comes again and again (`fract`, `floor`, `%`, an integer). A jump is none where the range of its
-//! operand has none in it. Noise rests on `floor` and changes slowly all the same, for its cells
-//! meet, which no rule here sees: it travels where it was measured (`verify`), where `carry` names
-//! it, or by `jumps=carried`.
+//! Derivatives, implicit-LOD samples, fragment inputs, discontinuous values, and values that may
+//! not be finite at a vertex are not hoisted, and the report gives the reason for each. The same
+//! holds for values that depend on a discontinuity (a depth packed into bytes, a branch,
+//! `2 * fract(x)`) and for operands of a periodic one (`fract`, `floor`, `%`, an integer). If range
+//! analysis shows that the operand never crosses the discontinuity, we ignore it.
+//!
+//! Noise uses `floor` but is continuous across cells. We can't prove that, so we hoist noise only
+//! if `verify` measured it, if you list it in `carry`, or if you pass `jumps=carried`.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -185,14 +186,14 @@ impl Pass for Hoist {
     }
 }
 
-/// The stages of a material that something may be moved between.
+/// The stages of a material.
 struct Material<'a> {
     name: &'a str,
     pass: &'a GpuPass,
     program: &'a Program,
     vertex: usize,
     fragment: usize,
-    /// Whether a pass of the plan's has changed its interface.
+    /// Whether an earlier step changed the interface between them.
     is_rebuilt: bool,
 }
 
@@ -241,21 +242,21 @@ impl<'a> Material<'a> {
         })
     }
 
-    /// How exact its targets are, and what is known of its numbers.
+    /// The required precision of the targets, and the known ranges.
     fn precision(&self, facts: &Facts) -> Precision {
         let ranges = facts.ranges.iter();
         let is_srgb = |t: &ColorTarget| t.format.ends_with("-srgb");
         let targets = || self.pass.targets.iter().flatten();
         let multisample = &self.pass.multisample;
-        // Layers add up; what decides a coverage jumps; outside of a triangle, where a pixel's
-        // centre may lie of which samples are in it, a varying is not between its corners.
+        // Layers add up, and coverage decisions are discontinuous. With multisampling a pixel's
+        // centre may be outside of the triangle, where a varying exceeds the corners' range.
         let is_step = targets().all(|t| t.blend.is_none())
             && multisample.count == 1
             && !multisample.alpha_to_coverage;
         Precision {
             ranges: ranges
                 .filter(|r| r.material == self.name)
-                // Locations are the author's: behind another hoist they are others'.
+                // Locations are the author's; an earlier hoist may have reassigned them.
                 .filter(|r| !self.is_rebuilt || !matches!(r.source, Source::Varying { .. }))
                 .cloned()
                 .collect(),
@@ -310,7 +311,7 @@ fn refuse(why: Failed) -> Refusal {
     }
 }
 
-/// What of a choice made before is not to be found.
+/// A message about ids of an earlier choice that no value has.
 fn not_here(unknown: &[String]) -> String {
     format!(
         "of the values that `carry` names {} are not in this fragment stage: {}",
@@ -334,9 +335,9 @@ struct Found<'v, 'g, 'p> {
     choice: Choice,
     wanted: Vec<Wanted>,
     left: Vec<Left>,
-    /// What it rests on that roundings stay small.
+    /// Assumptions by which rounding errors stay small.
     given: Vec<Assumption>,
-    /// Ids of a choice made before that none of the values has.
+    /// Ids of an earlier choice that no value has.
     unknown: Vec<String>,
     key: Site,
 }
@@ -427,7 +428,7 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         }
     }
 
-    /// In words: what is carried, as what, and what that does to the static cost.
+    /// A message: the hoisted values, their interpolation, and the change in static cost.
     fn describe(&self) -> String {
         let carried: Vec<String> = self
             .choice
@@ -536,7 +537,7 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         next
     }
 
-    /// Operations that the carried values are made of: each may round another way than it did.
+    /// Number of operations in the hoisted values, each of which may round differently.
     fn roundings(&self) -> u32 {
         let of = self.choice.carried.iter().map(|(id, _)| *id);
         below::below(self.values, of).0.ceil() as u32
@@ -548,7 +549,7 @@ fn span(values: &Values<'_, '_>, id: ValueId) -> Option<naga::Span> {
     Some(values.function(context).function.expressions.get_span(e))
 }
 
-/// The author's name for a value, or what it is the result of.
+/// The author's name for a value, or for the call that returns it.
 fn name(values: &Values<'_, '_>, id: ValueId) -> Option<String> {
     let (context, e, _) = values.expression(id)?;
     let f = values.function(context).function;
@@ -592,7 +593,7 @@ fn own_name(values: &Values<'_, '_>, id: ValueId) -> Option<String> {
     }
 }
 
-/// The carried values, named apart.
+/// The hoisted values with distinct names.
 fn name_all(values: &Values<'_, '_>, choice: &Choice) -> Vec<Wanted> {
     let mut taken: BTreeSet<String> = BTreeSet::new();
     choice
@@ -602,7 +603,7 @@ fn name_all(values: &Values<'_, '_>, choice: &Choice) -> Vec<Wanted> {
             let (context, expression, _) = values.expression(*id)?;
             let base = name(values, *id).unwrap_or_else(|| "carried".to_owned());
             let mut name = base.clone();
-            // The first of a name has it as it is.
+            // The first value with a name keeps it.
             for i in 1.. {
                 if taken.insert(name.clone()) {
                     break;
@@ -621,7 +622,7 @@ fn name_all(values: &Values<'_, '_>, choice: &Choice) -> Vec<Wanted> {
         .collect()
 }
 
-/// Hash of what is carried: the slice that computes it.
+/// Hash of the slice that computes the hoisted values.
 fn hash(values: &Values<'_, '_>, choice: &Choice) -> String {
     let criteria: Vec<Criterion> = choice
         .carried
@@ -637,11 +638,11 @@ fn hash(values: &Values<'_, '_>, choice: &Choice) -> String {
     slice::backward(values.graph, values.entry, &criteria).hash(values.graph)
 }
 
-/// Most values of which it is told why they stay.
+/// Most missed values to report.
 pub const MOST_LEFT: usize = 1_000;
 
-/// Named values and results of calls that stay, the [`MOST_LEFT`] dearest of them, the dearest
-/// first: those whose users could not take them along either.
+/// Named values and results of calls that are not hoisted, at most [`MOST_LEFT`], most expensive
+/// first. Values whose users could not have taken them along are included.
 fn left(values: &Values<'_, '_>, judged: &Judged, weakest: Class) -> Vec<Left> {
     let sources = values.graph.program().sources();
     let staying = (0..values.values.len())

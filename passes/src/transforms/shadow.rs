@@ -1,8 +1,8 @@
-//! `shadow`: the depth-only version of a material, to be drawn under a light's view.
+//! `shadow`: the depth-only version of a material, for drawing from a light's view.
 //!
-//! Goal: a shadow pass that agrees with the picture, alpha test, displacement and all, because it
-//! is a slice of the same shader (engines that write it by hand forget one or the other; see Bevy
-//! 8464 and Godot 84211).
+//! Goal: a shadow pass that agrees with the picture in alpha test and displacement, because it is a
+//! slice of the same shader. Hand-written shadow passes in engines forget one or the other (Bevy
+//! 8464, Godot 84211).
 //!
 //! ```text
 //! before:  main     vs + fs
@@ -11,9 +11,9 @@
 //!          main     vs + fs                        as it was
 //! ```
 //!
-//! What the slices read of the camera is listed in the plan (`view_dependent`): the vertex stage's
-//! projection must be replaced, and an alpha or a displacement that depends on the camera would
-//! follow the light.
+//! The plan lists the camera uniforms that the slices read (`view_dependent`). The host must
+//! replace the projection of the vertex stage. An alpha or a displacement that depends on the
+//! camera would follow the light.
 
 use naga::{AddressSpace, TypeInner};
 use schemars::JsonSchema;
@@ -83,14 +83,13 @@ impl Pass for Shadow {
         let slice = depth_only::slice(&opaque, VertexStage::Sliced);
         let mut next = plan.clone();
         let placed = slice.place(&opaque, "shadow", PositionInvariance::AsWritten, None);
-        // A shadow map is its own frame: forward depth, one sample, whatever the camera's frame
-        // does.
+        // A shadow map is a frame of its own, with forward depth and one sample.
         let depth = DepthState {
             attachment: SHADOW_DEPTH.to_owned(),
             compare: CompareFunction::Less,
             write: true,
-            // The camera's bias points away from the camera's viewer, in units of the camera's
-            // format: a light needs its own, which the host knows.
+            // The camera's bias is in units of the camera's format and direction. A light needs its
+            // own, which the host knows.
             bias: DepthBias::default(),
             read_only: false,
             ops: AttachmentOps::default(),
@@ -136,8 +135,7 @@ impl Pass for Shadow {
     }
 }
 
-/// A light's view has its own sample count and no colour, so that alpha to coverage has no place
-/// there.
+/// A light's view has one sample and no colour, so alpha to coverage does not apply.
 fn check(plan: &Plan) -> Result<Opaque<'_>, Vec<Refusal>> {
     let opaque = Opaque::examine(plan, Shadow::INFO.name)?;
     if opaque.decides.alpha {
@@ -151,10 +149,9 @@ fn check(plan: &Plan) -> Result<Opaque<'_>, Vec<Refusal>> {
     Ok(opaque)
 }
 
-/// Uniforms of a program whose name, or a member's, says camera, view, eye or projection, and
-/// members of such a variable or struct that say where it is or how far it sees. A name is all a
-/// shader tells of what a matrix means; `verify` feeds these from the light and all others from the
-/// camera.
+/// Uniforms with camera, view, eye or projection in their name or a member's, and members of such
+/// structs that give its place or range. The name is all that a shader reveals about a matrix.
+/// `verify` takes these from the light and all others from the camera.
 fn view_dependent(program: &Program) -> Vec<String> {
     let module = program.module();
     let says_view = |name: &str| {

@@ -1,8 +1,8 @@
-//! `skip-taps`: texture taps that next to nothing is made of are not taken.
+//! `skip-taps`: skips texture samples whose weight is close to 0.
 //!
-//! Goal: hex tiling blends three copies of a texture, triplanar mapping three sides, a terrain its
-//! layers. At most fragments one or two of the weights are next to 0, and what they weigh is
-//! sampled all the same, with all that is made of it.
+//! Goal: hex tiling blends three copies of a texture, triplanar mapping three sides, terrain its
+//! layers. At most fragments one or two weights are close to 0, and the shader samples the texture
+//! all the same.
 //!
 //! ```text
 //! before:  let rough = w.x * textureSample(map, s, a).g + w.y * textureSample(map, s, b).g;
@@ -13,21 +13,20 @@
 //!          let rough = w.x * tap + w.y * tap_1;
 //! ```
 //!
-//! A *term* is a product with a weight, in a sum: `w * x`, `mix(x, y, w)`, `fma(w, x, y)`, a
-//! component of `dot(vec3(x, y, z), w)`. It is skipped where `x` has a sample in it and nothing
-//! else reads it, so that all that is computed for it alone goes behind the branch, calls included
-//! ([`find`], [`branch`]). The weights are not made to add up to 1 again: what is left out is
-//! missing, by at most the threshold times its size for each term.
+//! A *term* is a product with a weight in a sum: `w * x`, `mix(x, y, w)`, `fma(w, x, y)`, a
+//! component of `dot(vec3(x, y, z), w)`. It can be skipped if `x` contains a sample and has no
+//! other reader. Then everything that only `x` needs moves behind the branch, including calls
+//! ([`find`], [`branch`]). The weights are not normalised again: a skipped term is missing, by at
+//! most the threshold times its size.
 //!
-//! A sample at an implicit level reads its neighbours in the quad, which may not take it. Its
-//! gradients are taken ahead, where the author sampled; what level a gradient means is rounded
-//! otherwise by some adapters, so that the promise is a budget even with `threshold=0`. Samples
-//! with a level or gradients of their own keep them. With `threshold=0` and no implicit level
-//! nothing is left out but products with 0: the same sum, where what they would have been is
-//! finite, but for what a compiler may round otherwise ([`contraction`]).
+//! An implicit-LOD sample reads its neighbours in the quad, which may skip it. So we evaluate its
+//! gradients first, at the author's place. Some adapters round the level of detail from gradients
+//! differently, so the contract is a budget even with `threshold=0`. Samples with an explicit level
+//! or gradients keep them. With `threshold=0` and no implicit sample, only products with 0 are
+//! skipped: the same sum for finite samples, up to a compiler's rounding ([`contraction`]).
 //!
-//! A tap stays that decides a discard, a depth or a coverage, and one in a function that the vertex
-//! stage runs too.
+//! Samples that decide a discard, depth or coverage are not skipped, nor samples in a function that
+//! the vertex stage also runs.
 
 use std::collections::BTreeSet;
 
@@ -61,19 +60,19 @@ pub struct SkipTaps;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Params {
-    /// Largest weight of a term that is left out, by its magnitude.
+    /// Largest magnitude of a weight whose term is skipped.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub threshold: f64,
-    /// Functions whose terms are meant, joined by `+`; default: all that the fragment stage calls,
-    /// and itself.
+    /// Functions whose terms to skip, joined by `+`. Default: the fragment stage and all its
+    /// callees.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub of: Option<String>,
-    /// How much the picture may differ, by `metric`, above 0 and at most 1. Not needed with
-    /// `threshold=0` where no term samples at an implicit level.
+    /// Largest allowed picture error by `metric`, above 0 and at most 1. Not needed with
+    /// `threshold=0` if no term has an implicit-LOD sample.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0.0))]
     pub budget: Option<f64>,
-    /// What the budget counts.
+    /// The metric of the budget.
     pub metric: Metric,
 }
 
@@ -169,7 +168,7 @@ fn refuse(
     Box::new(Refusal::new(SkipTaps::INFO.name, code, reason, remedy))
 }
 
-/// A material's main pass with its taps behind branches.
+/// A material's main pass with its samples behind branches.
 fn skipped(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
     let (pass, program, fragment) = simplify::examine(
         plan,
@@ -229,8 +228,8 @@ fn skipped(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
     })
 }
 
-/// What is promised: the user's budget, or where only products with 0 go what a compiler leaves of
-/// the rest.
+/// The contract: the budget, or if only products with 0 are skipped, the rounding that a compiler
+/// may change.
 fn promised(params: &Params, pass: &GpuPass, before: &Program, after: &Program) -> Contract {
     if let Some(budget) = params.budget {
         return Contract::Approximate {

@@ -1,9 +1,10 @@
-//! `specialize`: only what a scene calls for is left of a material that can do everything.
+//! `specialize`: removes the effects that a scene does not use from a material that can do
+//! everything.
 //!
-//! Goal: engines write one material with every effect, and uniforms say which of them a draw wants.
-//! Nobody changes most of these uniforms (Crawford and O'Boyle 2019 found 48 to 91% of them
-//! constant at run time), yet every fragment pays for what they switch off: registers, branches,
-//! varyings, bindings.
+//! Goal: engines write one material with every effect, and uniforms select the effects of a draw.
+//! Most of these uniforms never change (Crawford and O'Boyle 2019 found 48 to 91% of them constant
+//! at run time), yet every fragment pays for the disabled code in registers, branches, varyings and
+//! bindings.
 //!
 //! ```text
 //! before:  fs(normal, tangent, world): if material.fog_density > 0 { fog(..) }  if has(NORMAL_MAP) { .. }  ..
@@ -12,22 +13,22 @@
 //! after:   fs(normal): ..                          guard: material.fog_density = 0, material.flags = 0
 //! ```
 //!
-//! What is known (uniforms that no frame changes, attributes and textures of one value, values
-//! given by hand) goes through the stages by online partial evaluation ([`fold`]), as intervals
-//! that are rounded outwards ([`arithmetic`]): a branch is left out where it is proved to be never
-//! taken. Then both stages are sliced to what they still write, which takes dead work, varyings,
-//! attributes and bindings along.
+//! Known values are uniforms that no frame changes, attributes and textures of one value, and
+//! values that you set. Online partial evaluation ([`fold`]) propagates them through the stages as
+//! intervals rounded outwards ([`arithmetic`]), and removes branches that are proved never to be
+//! taken. Then both stages are sliced to their remaining outputs, which removes dead code,
+//! varyings, attributes and bindings.
 //!
-//! Only integers, truths, selections and branches are folded. A float stays behind what it is read
-//! from, since a front end folds calls of literals on the CPU. With `fold=rounding`, sums with 0
-//! and products with 0 and 1 go too.
+//! We fold only integers, bools, selections and branches. A float stays behind the variable it is
+//! read from, because front ends fold calls of literals on the CPU. With `fold=rounding`, sums with
+//! 0 and products with 0 and 1 are folded too.
 //!
-//! The promise is `Exact` where nothing around a float operation changes that a compiler fuses and
-//! reorders by, else `Rounding`, with the share of pixels in which a decision may turn on one
-//! ([`contraction`]): where a branch goes, a product may be fused into a sum that was none before,
-//! and no text prevents it.
+//! The contract is `Exact` if the surroundings of every float operation, by which compilers fuse
+//! and reorder, stay the same. Otherwise it is `Rounding`, with the share of pixels in which a
+//! decision may change ([`contraction`]): after a branch is removed, a compiler may fuse a product
+//! into a sum, and no text prevents it.
 //!
-//! What was assumed is the plan's [guard](crate::core::guard::Guard), which a host asks before it
+//! The assumptions are the plan's [guard](crate::core::guard::Guard), which a host checks before it
 //! draws.
 
 use std::collections::BTreeSet;
@@ -200,23 +201,23 @@ fn refusal(code: &RefusalInfo, reason: impl Into<String>, remedy: impl Into<Stri
 
 /// A material's main pass, specialised.
 pub struct Specialized {
-    /// What was assumed.
+    /// The assumptions.
     pub guard: Guard,
-    /// Static cost of the vertex and of the fragment stage, before and after.
+    /// Static cost of vertex and fragment stage, before and after.
     pub cost: [[f64; 2]; 2],
     program: Program,
     key: Site,
-    /// Key of the program it takes the place of.
+    /// Key of the replaced program.
     of: String,
-    /// Float operations of the original that were left out.
+    /// Float operations of the original that were removed.
     roundings: BTreeSet<(FunctionId, Handle<Expression>)>,
 }
 
 impl Specialized {
-    /// Specialises a plan's main pass to what `facts` and `params` say of its values.
+    /// Specialises a plan's main pass to the known values in `facts` and `params`.
     ///
     /// # Errors
-    /// A refusal: nothing of the stages rests on what is known.
+    /// A refusal: nothing in the stages depends on a known value.
     pub fn new(plan: &Plan, facts: &Facts, params: &Params) -> Result<Self, Box<Refusal>> {
         let (pass, program) = examine(plan)?;
         let assumptions = assumptions(plan, program, facts, params)?;
@@ -238,7 +239,7 @@ impl Specialized {
         let module =
             overrides::resolved(folded.module, set.map(|(handle, value, _)| (handle, value)));
         let program_folded = program.with_module(module).map_err(bug)?;
-        // Whatever the text has another value of is assumed.
+        // A value that is replaced in the text is an assumption.
         let mut used = folded.used;
         used.extend(assumptions.set_overrides().map(|(_, _, at)| at));
         let guard = assumptions.guard(&used);
@@ -281,12 +282,12 @@ impl Specialized {
         })
     }
 
-    /// What is left of the material.
+    /// The specialised program.
     pub fn program(&self) -> &Program {
         &self.program
     }
 
-    /// A hash of what is left: the same for two draws whose values lead to the same stages.
+    /// A hash of the result. Draws whose values lead to the same stages share it.
     pub fn hash(&self) -> &str {
         &self.key.slice
     }
@@ -399,18 +400,18 @@ fn assumptions(
 /// Both stages folded.
 struct Folded {
     module: naga::Module,
-    /// Assumptions that something left in them rests on.
+    /// Assumptions that the result depends on.
     used: BTreeSet<usize>,
-    /// Float operations that were left out.
+    /// Float operations that were removed.
     roundings: BTreeSet<(FunctionId, Handle<Expression>)>,
-    /// Where decisions were left or taken, by stage.
+    /// Decisions of each stage.
     stages: Vec<(&'static str, decision::Record)>,
-    /// What folding each function came to.
+    /// The record of each function.
     records: Vec<decision::Record>,
 }
 
 impl Folded {
-    /// What the draw decides in both stages.
+    /// The draw-uniform decisions of both stages.
     fn decisions(&self, graph: &Graph<'_>) -> Vec<Placed> {
         let mut all = Vec::new();
         for (name, record) in &self.stages {
@@ -495,7 +496,7 @@ fn folded(graph: &Graph<'_>, pass: &GpuPass, assumptions: &Assumptions, params: 
         module.entry_points[entry].function = stage.function;
         notes.push((name, stage.record));
     }
-    // Other entry points call functions that are not there any more.
+    // Other entry points call functions that no longer exist.
     let mut index = 0;
     module.entry_points.retain(|_| {
         index += 1;
@@ -510,7 +511,7 @@ fn folded(graph: &Graph<'_>, pass: &GpuPass, assumptions: &Assumptions, params: 
     }
 }
 
-/// What is known of each argument of an entry point, struct arguments by member.
+/// The abstract values of an entry point's arguments, struct arguments by member.
 fn arguments(
     module: &naga::Module,
     function: &naga::Function,
@@ -535,8 +536,7 @@ fn arguments(
         .collect()
 }
 
-/// What is known between vertices of what is known at each: equal values do not interpolate to
-/// quite the same.
+/// The abstract value between vertices: interpolating equal values does not return them exactly.
 fn interpolated(known: &Known) -> Known {
     match known {
         Known::Parts(parts) => Known::Parts(parts.iter().map(interpolated).collect()),

@@ -1,8 +1,8 @@
-//! `tessellate`: what was hoisted is computed at more vertices than the author's.
+//! `tessellate`: computes hoisted values at more vertices than the author's.
 //!
-//! Goal: a hoisted value that bends within a triangle is followed more closely, for less than a
-//! fragment's work (Wang et al. 2014; Erkaman's article does it by hand with a tessellation stage,
-//! which WebGPU has not).
+//! Goal: follow a hoisted value that bends within a triangle more closely, for less than
+//! per-fragment work (Wang et al. 2014; Erkaman's article does it by hand with a tessellation
+//! stage, which WebGPU lacks).
 //!
 //! ```text
 //! before:  vs(attributes)        -> rest(author(attributes))
@@ -11,19 +11,19 @@
 //!                                   rest(between(author(corner 0), author(corner 1), author(corner 2), place))
 //! ```
 //!
-//! `author` is the author's vertex stage and `rest` what `hoist` put behind it. Clip position and
-//! varyings of a new vertex are the corners' interpolated, as the rasteriser would have
-//! interpolated them there, so that surface and varyings stay what they were. The rasteriser snaps
-//! new vertices to its subpixel grid all the same: coverage and depth may differ in last bits,
-//! which is measured and not promised.
+//! `author` is the author's vertex stage and `rest` is the code that `hoist` put behind it. The
+//! clip position and varyings of a new vertex are interpolated between the corners as the
+//! rasteriser would do it, so the surface stays the same. The rasteriser still snaps new vertices
+//! to its subpixel grid: coverage and depth may differ in the last bits. `verify` measures this;
+//! the contract does not cover it.
 //!
-//! No cracks: a corner keeps its own bits; a point on an edge is computed from the edge's ends
-//! alone, in an order given by the bits of their positions, so that both triangles agree even
-//! across a seam of vertices; all edges have one level.
+//! There are no cracks. A corner keeps its bits. A point on an edge is computed only from the
+//! edge's ends, in an order given by the bits of their positions, so both triangles agree even
+//! across a seam of vertices. All edges have one level.
 //!
-//! Strips are drawn as the lists of their triangles. Refused are varyings interpolated linearly on
-//! the screen, where a point behind the viewer has no place, and half-precision attributes and
-//! varyings, which would be decoded and blended at another precision than the rasteriser's.
+//! Strips are drawn as lists of their triangles. The pass refuses varyings with linear
+//! interpolation, where a point behind the viewer has no place, and half-precision attributes and
+//! varyings, because it would decode and blend them at another precision than the rasteriser.
 
 use std::collections::BTreeMap;
 
@@ -74,9 +74,9 @@ pub struct Params {
     /// Segments along each edge of a triangle, 1 to 64.
     #[schemars(range(min = 1, max = MAX_LEVEL))]
     pub level: u32,
-    /// Divides each edge into segments of at most so many pixels, 1 to 256, and into `level` of
-    /// them at most; `form` is then `pulled`, and the pattern rows of similar triangles. Default:
-    /// every edge has `level` segments.
+    /// Divides each edge into segments of at most this many pixels, 1 to 256, and at most `level`
+    /// segments. `form` is then `pulled`, and the pattern is `rows`. Default: every edge has
+    /// `level` segments.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1, max = MOST_EDGE_PIXELS))]
     pub edge_pixels: Option<u32>,
@@ -84,9 +84,9 @@ pub struct Params {
     pub pattern: Pattern,
     /// Where the new vertices are computed.
     pub form: Form,
-    /// `form=static`: uniforms, or members of one (`camera.exposure`), that never change after
-    /// load, joined by `+`; default: those that follow neither the camera nor the time in the
-    /// scene, where there is one.
+    /// `form=static`: uniforms or members (`camera.exposure`) that never change after load, joined
+    /// by `+`. Default: those that follow neither the camera nor the time in the scene, if there is
+    /// one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fixed: Option<String>,
 }
@@ -103,12 +103,12 @@ impl Default for Params {
     }
 }
 
-/// The longest segment that may be asked for, in pixels: its square in half pixels, times that of
-/// the highest level, fits 32 bits.
+/// Longest segment in pixels: its square in half pixels times that of the highest level fits 32
+/// bits.
 pub const MOST_EDGE_PIXELS: u32 = 256;
 
-/// Bindings of our own: the constants, the pattern, the indices, and a stream for each attribute,
-/// in this order from `first` on.
+/// Generated bindings from `first` on, in this order: the constants, the pattern, the indices, a
+/// stream per attribute.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Slots {
     group: u32,
@@ -116,7 +116,7 @@ struct Slots {
 }
 
 impl Slots {
-    /// Behind all bindings of the last group that has any.
+    /// Slots after all bindings of the last used group.
     fn free(module: &Module) -> Self {
         let bindings = || {
             let globals = module.global_variables.iter();
@@ -229,7 +229,7 @@ struct Material<'a> {
     outputs: Outputs,
     contract: Contract,
     key: Site,
-    /// `static`: what it reads that may not change after load.
+    /// `static`: variables that it reads and that must not change after load.
     fixed: Vec<String>,
 }
 
@@ -243,7 +243,7 @@ impl Material<'_> {
         }
     }
 
-    /// What was hoisted, which each new vertex computes, of the whole vertex stage.
+    /// Cost of the hoisted work at each new vertex, and of the whole vertex stage.
     fn cost(&self) -> SiteCost {
         let graph = Graph::build(self.program);
         let whole = graph.entry_cost(self.vertex);
@@ -377,8 +377,7 @@ impl Material<'_> {
         self.program(&build::pulled(&functions, self.vertex), &self.entries())
     }
 
-    /// Adds the compute pass to `plan`; the program is the main pass's, which reads what that
-    /// stored.
+    /// Adds the compute pass to `plan`. The main program reads its result.
     fn shared(
         &self,
         plan: &mut Plan,
@@ -396,8 +395,7 @@ impl Material<'_> {
         self.program(&main, &self.entries())
     }
 
-    /// Adds the compute pass at load to `plan`; the program is the main pass's, which reads what
-    /// that stored.
+    /// Adds the compute pass at load to `plan`. The main program reads its result.
     fn fixed(
         &self,
         plan: &mut Plan,
@@ -413,7 +411,7 @@ impl Material<'_> {
         self.program(&main, &self.entries())
     }
 
-    /// The program that computes what was hoisted alone, its entry point, and how that is stored.
+    /// The program that computes only the hoisted values, its entry point, and the storage layout.
     fn at_load(
         &self,
         slots: Slots,
@@ -430,8 +428,7 @@ impl Material<'_> {
         Ok((compute, entry, layout))
     }
 
-    /// The functions of a new vertex whose place and corners are recorded, and which is stored or
-    /// loaded.
+    /// The functions of a new vertex with recorded place and corners, for storing or loading.
     fn recorded(
         &self,
         slots: Slots,
@@ -500,7 +497,7 @@ impl Material<'_> {
         });
     }
 
-    /// Our own bindings, for [`reflect::fill`] to know where they come from.
+    /// The generated bindings with their sources, for [`reflect::fill`].
     fn parts(&self, slots: Slots, form: Form) -> Vec<BindingUse> {
         let attributes = &self.pass.attributes;
         let constants = GeometryPart::Constants {

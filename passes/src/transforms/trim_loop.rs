@@ -1,8 +1,8 @@
-//! `trim-loop`: the last turns of a loop are left out.
+//! `trim-loop`: drops the last iterations of a loop.
 //!
 //! Goal: octaves of noise, steps of a march, samples of a filter. Many loops add less with every
-//! turn, and their authors chose a number that is enough wherever the shader is ever seen. What the
-//! last turns are worth on a scene is a thing to measure; what they cost is known.
+//! iteration, and their authors chose a count that is enough wherever the shader may be seen.
+//! `verify` measures what the last iterations contribute in a scene.
 //!
 //! ```text
 //! before:  for (var i = 0; i < 4; i++) { sum += amplitude * noise(p); amplitude *= 0.5; p *= 2.0; }
@@ -10,22 +10,19 @@
 //! after:   for (var i = 0; i < 3; i++) { .. }
 //! ```
 //!
-//! Of every counted loop of the fragment stage ([`Counted`]), those of its callees included,
-//! `turns` turns go, at least one stays; `of=fbm+ridges` names the functions whose loops are meant.
-//! What is added up is not made up for: a sum of four octaves that is divided by its amplitudes
-//! stays right, one that is not gets darker.
+//! Every counted loop of the fragment stage and its callees ([`Counted`]) loses `turns` iterations,
+//! but keeps at least one; `of=fbm+ridges` selects the functions. The sum is not corrected: a sum
+//! of four octaves that is divided by its amplitudes stays right, another one gets darker.
 //!
-//! A turn of a series is worth less than the one before; a turn over the scene's own data is not. A
-//! loop that reads a buffer, a texel or a layer by its counter (`lights[i]`) stays, for its last
-//! turn is a light like the first, unless some weight of it is multiplied by less than 1 each turn.
-//! Of one that shows neither it is said in the plan's notes.
+//! Later terms of a series contribute less; later items of the scene's data do not. So a loop that
+//! reads a buffer, a texel or a layer by its counter (`lights[i]`) keeps all iterations, unless one
+//! of its weights shrinks with each iteration. If a loop shows neither, the plan's notes say so.
 //!
-//! The promise is the user's budget, and nothing else: the picture says what a turn is worth. So
-//! loops stay that decide a discard, a depth or a coverage, that write memory, and that the vertex
-//! stage runs too: with them the surface would move.
+//! The contract is your budget. Loops that decide a discard, depth or coverage, that write memory,
+//! or that the vertex stage also runs are not trimmed, because the surface would move.
 //!
 //! Sitthi-Amorn et al. (2011) and Pellacini (2005) search such simplifications over whole
-//! expressions; loops are where most of the time is.
+//! expressions; loops are where most of the time is spent.
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
@@ -61,18 +58,18 @@ mod series;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Params {
-    /// Turns that each loop loses; at least one stays.
+    /// Number of iterations that each loop loses; at least one remains.
     #[schemars(range(min = 1, max = 64))]
     pub turns: u32,
-    /// Functions whose loops are meant, joined by `+`; default: all that the fragment stage calls,
-    /// and itself.
+    /// Functions whose loops to trim, joined by `+`. Default: the fragment stage and all its
+    /// callees.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub of: Option<String>,
-    /// How much the picture may differ, by `metric`, above 0 and at most 1.
+    /// Largest allowed picture error by `metric`, above 0 and at most 1.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0.0))]
     pub budget: Option<f64>,
-    /// What the budget counts.
+    /// The metric of the budget.
     pub metric: Metric,
 }
 
@@ -158,20 +155,20 @@ fn refuse(
     Box::new(Refusal::new(TrimLoop::INFO.name, code, reason, remedy))
 }
 
-/// A loop, and why it stays as it is where it does.
+/// A loop, and why it is not trimmed if so.
 struct Found {
     function: FunctionId,
     at: StmtId,
     span: Span,
-    /// Whether a weight of it is seen to shrink.
+    /// Whether one of its weights is seen to shrink.
     ebbs: bool,
     counted: Result<Counted, Missed>,
 }
 
-/// Why a loop keeps its turns.
+/// Why a loop is not trimmed.
 type Missed = Cow<'static, str>;
 
-/// A material's main pass with less turns.
+/// A material's main pass with fewer iterations.
 fn less_turns(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
     let (pass, program, fragment) = simplify::examine(
         plan,
@@ -237,7 +234,7 @@ fn less_turns(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
     })
 }
 
-/// The loops of functions, and which of them can lose `turns` turns.
+/// The loops of functions, and which of them can lose `turns` iterations.
 fn found(
     graph: &Graph<'_>,
     pass: &GpuPass,
@@ -309,7 +306,7 @@ fn found(
     all
 }
 
-/// How often each expression of a function is read.
+/// Number of readers of each expression of a function.
 fn uses(function: &naga::Function) -> BTreeMap<naga::Handle<naga::Expression>, usize> {
     let mut uses = BTreeMap::new();
     let mut add = |of: Vec<naga::Handle<naga::Expression>>| {
@@ -330,7 +327,7 @@ fn uses(function: &naga::Function) -> BTreeMap<naga::Handle<naga::Expression>, u
     uses
 }
 
-/// The module with less turns: what each counter is compared with is another number.
+/// The module with fewer iterations: each counter is compared with another number.
 fn trimmed(graph: &Graph<'_>, chosen: &[(&Found, &Counted)], turns: u32) -> naga::Module {
     let mut module = graph.module().clone();
     let functions: BTreeSet<FunctionId> = chosen.iter().map(|(f, _)| f.function).collect();
@@ -357,7 +354,7 @@ fn trimmed(graph: &Graph<'_>, chosen: &[(&Found, &Counted)], turns: u32) -> naga
     module
 }
 
-/// Turns that stay.
+/// Remaining iterations.
 fn less(counted: &Counted, turns: u32) -> u32 {
     counted.turns.saturating_sub(turns).max(1)
 }
@@ -394,7 +391,7 @@ fn described(
     )
 }
 
-/// The loops that stay as they are, and why.
+/// The loops that are not trimmed, and why.
 fn left(graph: &Graph<'_>, found: &[Found]) -> Vec<Left> {
     let sources = graph.program().sources();
     let mut left: Vec<Left> = found
@@ -413,7 +410,7 @@ fn left(graph: &Graph<'_>, found: &[Found]) -> Vec<Left> {
     left
 }
 
-/// Static cost of all turns of a loop, for one run of its function.
+/// Static cost of all iterations of a loop in one run of its function.
 fn cost(graph: &Graph<'_>, found: &Found) -> f64 {
     let f = graph.function(found.function);
     let end = f.statements.get(found.at).end;

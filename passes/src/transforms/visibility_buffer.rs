@@ -1,9 +1,9 @@
-//! `visibility-buffer`: draw which triangle each pixel shows, then shade each pixel once.
+//! `visibility-buffer`: draws which triangle each pixel shows, then shades each pixel once.
 //!
-//! Goal: the material's fragment stage runs once for each covered pixel, and only for what is seen,
-//! whatever the depth complexity and the order of draws (Burns and Hunt, "The Visibility Buffer: A
-//! Cache-Friendly Approach to Deferred Shading", JCGT 2013; Sidorkin, "A faster renderer that
-//! wasn't faster", builds one by hand for grass).
+//! Goal: run the fragment stage once for each covered pixel, independent of depth complexity and
+//! draw order (Burns and Hunt, "The Visibility Buffer: A Cache-Friendly Approach to Deferred
+//! Shading", JCGT 2013; Sidorkin, "A faster renderer that wasn't faster", builds one by hand for
+//! grass).
 //!
 //! ```text
 //! before:  main      vs + fs                 every fragment that is nearest so far is shaded
@@ -14,10 +14,10 @@
 //!                                            author's fragment stage run on them
 //! ```
 //!
-//! What a fragment took from the rasteriser is made again: barycentrics from homogeneous edge
-//! functions, right for triangles that reach behind the viewer; each varying by its own
-//! interpolation; gradients as differences between pixels of the quad on the same triangle; facing
-//! from a bit of the id.
+//! The resolve reconstructs everything that the rasteriser provided: barycentrics from homogeneous
+//! edge functions, which also work for triangles that reach behind the viewer; each varying by its
+//! own interpolation; gradients as differences between pixels of the quad on the same triangle;
+//! facing from a bit of the id.
 
 use naga::ShaderStage;
 
@@ -158,8 +158,8 @@ impl Pass for VisibilityBuffer {
     }
 }
 
-/// What a plan's resolves take the adapter's rasteriser to do that it was seen not to do, in words;
-/// `None` where they agree, and of plans that have no resolve.
+/// A message if a plan's resolves assume another rasteriser than the measured one; `None` if they
+/// agree or the plan has no resolve.
 pub fn contradicted(plan: &Plan, seen: &Rasterizer) -> Option<String> {
     let steps = plan.steps.iter();
     let mut said = steps.filter(|s| s.pass == VisibilityBuffer::INFO.name);
@@ -172,8 +172,8 @@ pub fn contradicted(plan: &Plan, seen: &Rasterizer) -> Option<String> {
     (!told.is_empty()).then(|| told.join("; "))
 }
 
-/// The plan with nothing but the main pass's entry points in its program, under names that are none
-/// of ours: what else the author's file has may be called as ours are.
+/// The plan with only the main pass's entry points in its program, renamed so that generated names
+/// are free.
 fn alone(plan: &Plan) -> Plan {
     let mut plan = plan.clone();
     let Some((pass, program)) = plan
@@ -192,7 +192,7 @@ fn alone(plan: &Plan) -> Plan {
         .collect();
     let mut module = place::retain(program.module(), &kept);
     names::without_ours(&mut module);
-    // A program that was valid is so with less in it.
+    // Removing items keeps a program valid.
     if let Ok(program) = program.with_module(module) {
         plan.programs.insert(pass.program, program);
         for pass in plan.passes.iter_mut().filter(|p| p.role == Role::Main) {
@@ -368,8 +368,8 @@ impl<'a> Material<'a> {
         Ok(next)
     }
 
-    /// The author's varyings and the id beside them may be one more than the author asks a device
-    /// for. Who says `vertex=same` has it so.
+    /// The author's varyings plus the id may exceed the author's limits by one. `vertex=same` asks
+    /// for that.
     fn check_varyings(&self, plan: &Plan, params: &Params) -> Result<(), Box<Refusal>> {
         const LIMIT: &str = "maxInterStageShaderVariables";
         let asked = |pass: &GpuPass| pass.limits.get(LIMIT).copied().unwrap_or(0);
@@ -389,8 +389,8 @@ impl<'a> Material<'a> {
         )))
     }
 
-    /// What the roundings of interpolated values reach; refused where it is a jump, or what has no
-    /// bound, and no budget allows for it.
+    /// The discontinuities and unbounded slopes that rounding differences reach; refused without a
+    /// budget.
     fn reached(
         &self,
         shaded: &Shaded<'_, '_>,
@@ -408,9 +408,8 @@ impl<'a> Material<'a> {
         refusal.map_or(Ok(reached), |refusal| Err(Box::new(refusal)))
     }
 
-    /// What the promise rests on: that the id pass's depths and positions are those that the
-    /// author's own pass would have, which the original's picture has and which materials that are
-    /// not split are tested against.
+    /// The assumptions: the id pass's depths and positions equal those of the author's pass, which
+    /// the original's picture has and against which unsplit materials are tested.
     fn assumptions(&self, params: &Params, reached: &Reached) -> Vec<Assumption> {
         let mut given = params.invariant(&self.opaque).assumptions(&self.opaque);
         let samples = !reached.samples.is_empty();
@@ -422,7 +421,7 @@ impl<'a> Material<'a> {
                 Assumption::InterpolatedCorners,
                 Assumption::TrianglesWithArea,
             ]);
-            // Planes through corners as given are the same however the triangle is cut.
+            // Planes through the given corners do not depend on how a triangle is clipped.
             let snaps = params.rasterizer().corners != Corners::AsGiven;
             given.extend(snaps.then_some(Assumption::UnclippedTriangles));
             // A budget is measured, whatever the slopes.
