@@ -80,8 +80,8 @@ refusals! {
     NOT_FIRST = "not-first":
         "Another pass of the plan draws the same surface, with stages made of those that would \
          change.",
-        "Put `specialize` first in the recipe, and divide a surface once: `tessellate` after \
-         `tessellate` has no vertex stage of the author's left.";
+        "Put `specialize` and `early-alpha` first in the recipe, and divide a surface once: \
+         `tessellate` after `tessellate` has no vertex stage of the author's left.";
     SAMPLE_MASK = "sample-mask":
         "The fragment stage writes the sample mask, so coverage is decided there, sample by \
          sample.",
