@@ -616,7 +616,7 @@ impl FrameBuilder<'_, '_> {
                 if found.pass.draws == Draws::Opaque && material.state.is_blended() {
                     continue;
                 }
-                let (of, index) = ((draw.material, *member), index);
+                let of = (draw.material, *member);
                 let Some(item) = self.item(&mut pass, &mut built, &found, of, index)? else {
                     continue;
                 };

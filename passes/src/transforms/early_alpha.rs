@@ -38,6 +38,7 @@ use serde::{Deserialize, Serialize};
 use crate::analysis::refusals as shared;
 use crate::analysis::simplify::{self, Simplified};
 use crate::core::contract::{Assumption, Contract};
+use crate::core::operands;
 use crate::core::pass::{
     Change, Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Site, SiteCost, Use,
 };
@@ -347,8 +348,7 @@ fn tells(function: &mut Function, bool: Handle<Type>) {
         pointer,
         value: yes,
     };
-    let body = std::mem::take(&mut function.body);
-    function.body = replaced(body, &discard);
+    replace_discards(&mut function.body, &discard);
     function.result = Some(FunctionResult {
         ty: bool,
         binding: None,
@@ -358,33 +358,16 @@ fn tells(function: &mut Function, bool: Handle<Type>) {
     });
 }
 
-/// A block with another statement in place of each discard.
-fn replaced(block: Block, discard: &Statement) -> Block {
-    let mut out = Block::new();
-    for (mut statement, span) in block.span_into_iter() {
-        match &mut statement {
-            Statement::Kill => statement = discard.clone(),
-            Statement::Block(b) => *b = replaced(std::mem::take(b), discard),
-            Statement::If { accept, reject, .. } => {
-                *accept = replaced(std::mem::take(accept), discard);
-                *reject = replaced(std::mem::take(reject), discard);
-            }
-            Statement::Switch { cases, .. } => {
-                for case in cases {
-                    case.body = replaced(std::mem::take(&mut case.body), discard);
-                }
-            }
-            Statement::Loop {
-                body, continuing, ..
-            } => {
-                *body = replaced(std::mem::take(body), discard);
-                *continuing = replaced(std::mem::take(continuing), discard);
-            }
-            _ => {}
+/// Puts another statement in place of each discard.
+fn replace_discards(block: &mut Block, replacement: &Statement) {
+    for statement in block.iter_mut() {
+        if matches!(statement, Statement::Kill) {
+            *statement = replacement.clone();
         }
-        out.push(statement, span);
+        for inner in operands::blocks_mut(statement) {
+            replace_discards(inner, replacement);
+        }
     }
-    out
 }
 
 #[cfg(test)]
