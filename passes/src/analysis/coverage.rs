@@ -2,7 +2,7 @@
 //! `frag_depth`, and under alpha to coverage the alpha of location 0. A pre-pass draws it, an early
 //! discard must not change it, and a shading count keeps it.
 
-use naga::{Binding, BuiltIn, Sampling, ShaderStage, TypeInner};
+use naga::{Binding, BuiltIn, ShaderStage, TypeInner};
 
 use crate::core::plan::GpuPass;
 use crate::core::program::Program;
@@ -156,30 +156,11 @@ pub fn refuse_alpha(
                 TypeInner::Vector { size: naga::VectorSize::Quad, scalar } if scalar.kind == naga::ScalarKind::Float
             )
     });
-    if !is_vec4 {
-        return Some((
+    (!is_vec4).then(|| {
+        (
             "the fragment stage writes no vec4<f32> to location 0, whose alpha coverage comes from"
                 .to_owned(),
             "return a vec4<f32> at location 0",
-        ));
-    }
-    let by_sample = reflect::inputs(module, function).iter().any(|i| {
-        matches!(
-            i.binding,
-            Some(
-                Binding::BuiltIn(BuiltIn::SampleIndex)
-                    | Binding::Location {
-                        sampling: Some(Sampling::Sample),
-                        ..
-                    }
-            )
-        )
-    });
-    by_sample.then(|| {
-        (
-            "the fragment stage runs once for each sample, and makes a coverage mask each time: a slice that reads nothing by sample would make one for all of them"
-                .to_owned(),
-            "interpolate at the centre, or test alpha by discard",
         )
     })
 }

@@ -4,9 +4,10 @@
 //! Primozic's article on fragment culling), an alpha test in one pass only, stores that run twice,
 //! a forced early test on an alpha-tested draw.
 
-use naga::{Binding, BuiltIn, EarlyDepthTest, ShaderStage, Span, Statement};
+use naga::{Binding, BuiltIn, EarlyDepthTest, EntryPoint, ShaderStage, Span, Statement};
 
 use crate::analysis::coverage::{self, Decides};
+use crate::analysis::implicit_inputs::{self, Change, Stages};
 use crate::analysis::refusals;
 use crate::core::channels;
 use crate::core::contract::Assumption;
@@ -18,6 +19,7 @@ use crate::core::refusals::RefusalInfo;
 use crate::core::state::{CompareFunction, DepthDirection, DepthState};
 use crate::graph::effect::{self, Effect};
 use crate::graph::{FunctionId, Graph};
+use crate::slice::Slice;
 
 /// The main pass of a material whose depth may be drawn first, with the properties that the
 /// transforms need.
@@ -42,28 +44,30 @@ pub struct Opaque<'a> {
 }
 
 impl<'a> Opaque<'a> {
-    /// Assumptions of a contract beyond depth: coverage must agree in two passes, and channels
-    /// without writes must not show.
-    pub fn assumptions(&self) -> Vec<Assumption> {
-        let mut given = Vec::new();
+    /// The assumptions under which `changes` leave the picture as it was. `slice` decides coverage
+    /// and depth in another pass.
+    ///
+    /// # Errors
+    /// An implicit input that the pass changes and no assumption covers: see
+    /// [`crate::analysis::implicit_inputs`].
+    pub fn assumptions(
+        &self,
+        plan: &Plan,
+        name: &'static str,
+        slice: Option<&Slice>,
+        changes: &[Change],
+    ) -> Result<Vec<Assumption>, Vec<Refusal>> {
+        let stages = Stages::new(plan, self.pass, &self.graph).sliced(slice);
+        let mut given = stages.examine(name, changes)?;
         if !channels::writes_all(self.program, self.pass) {
             given.push(Assumption::LeftChannelsUnwritten);
         }
-        if self.decides.anything() {
-            given.push(Assumption::InvariantDiscard);
-        }
-        if self.decides.alpha {
-            given.push(Assumption::SameAlphaCoverage);
-        }
-        given
+        Ok(given)
     }
 
     /// Whether the author marked the position `@invariant`.
     pub fn has_invariant_position(&self) -> bool {
-        let entry = &self.program.module().entry_points[self.vertex];
-        reflect::outputs(self.program.module(), &entry.function)
-            .iter()
-            .any(|o| o.binding == Some(Binding::BuiltIn(BuiltIn::Position { invariant: true })))
+        implicit_inputs::has_invariant_position(self.program, self.vertex)
     }
 
     /// The strict comparison for the depth direction.
@@ -79,161 +83,212 @@ impl<'a> Opaque<'a> {
     /// # Errors
     /// Every reason not to, not just the first.
     pub fn examine(plan: &'a Plan, name: &'static str) -> Result<Self, Vec<Refusal>> {
-        let refuse = |code: &RefusalInfo, reason: &str, remedy: &str| {
-            Refusal::new(name, code, reason, remedy)
+        let mut found = Found {
+            name,
+            refusals: Vec::new(),
         };
         let Some((pass, program)) = plan.main().and_then(|p| Some((p, plan.program(p)?))) else {
-            return Err(vec![refuse(
+            found.refuse(
                 &refusals::NO_MAIN_PASS,
                 "the plan has no main pass",
                 "start from the original plan",
-            )]);
+            );
+            return Err(found.refusals);
         };
-        let mut refusals = Vec::new();
-        if plan.passes.iter().any(|p| p.role == Role::Prepass) {
-            refusals.push(refuse(
-                &refusals::HAS_PREPASS,
-                "the plan already draws this material's depth ahead of it",
-                "take one of the two recipes",
-            ));
-        }
-        if pass.phase == Phase::Blended || pass.targets.iter().flatten().any(|t| t.is_blended()) {
-            refusals.push(refuse(
-                &refusals::BLENDED,
-                "the material is blended: what lies behind it shows through, so its depth must not hide anything",
-                "keep blended materials out of the pre-pass (they are drawn last, as they are), or draw it opaque",
-            ));
-        }
-        let depth_and_direction = match &pass.depth {
-            None => {
-                refusals.push(refuse(
-                    &refusals::NO_DEPTH,
-                    "the material binds no depth attachment",
-                    "give it a depth state",
-                ));
-                None
-            }
-            Some(depth) => {
-                if !depth.write {
-                    refusals.push(refuse(
-                        &refusals::DEPTH_WRITE_OFF,
-                        "the material does not write depth, so nothing of it hides anything",
-                        "turn depth writes on if it is opaque",
-                    ));
-                }
-                let direction = depth.compare.direction();
-                if direction.is_none() {
-                    refusals.push(refuse(
-                        &refusals::COMPARE,
-                        &format!(
-                            "depth compare is {:?}, which does not let the nearest fragment win",
-                            depth.compare
-                        ),
-                        "use less, less-equal, greater or greater-equal",
-                    ));
-                }
-                // The attachment is cleared to the far plane.
-                let cleared = plan.attachment(&depth.attachment).map(|a| a.clear);
-                if let (Some(d), Some(ClearValue::Depth(clear))) = (direction, cleared)
-                    && clear != d.clear_depth()
-                {
-                    refusals.push(refuse(
-                        &refusals::COMPARE_DIRECTION,
-                        &format!("depth is cleared to {clear}, against which {:?} lets nothing pass", depth.compare),
-                        "say which way depth grows (--reversed-z, depth_direction), or compare the other way",
-                    ));
-                }
-                direction.map(|d| (depth, d))
-            }
-        };
-        if let Some(stencil) = &pass.stencil {
-            refusals.push(if stencil.writes() {
-                refuse(&refusals::STENCIL_WRITE, "the material writes stencil, which drawing it twice would do twice", "move the stencil write to a pass of its own")
-            } else {
-                refuse(
-                    &refusals::STENCIL_TEST,
-                    "the material is masked by stencil, whose contents at the time of a pre-pass are not known",
-                    "mask by discard, or draw it in the main phase only",
-                )
-            });
-        }
+        let depth_and_direction = found.state(plan, pass);
         let vertex = program.entry_point(ShaderStage::Vertex, &pass.vertex);
-        let fragment = pass
-            .fragment
-            .as_deref()
-            .and_then(|f| program.entry_point(ShaderStage::Fragment, f));
+        let vertex = vertex.map(|(index, _)| index);
+        let fragment = pass.fragment.as_deref();
+        let fragment = fragment.and_then(|f| program.entry_point(ShaderStage::Fragment, f));
         let graph = Graph::build(program);
-        if let Some((index, _)) = vertex
-            && let Some(span) = find(&graph, FunctionId::EntryPoint(index), &STORES)
-        {
-            refusals.push(
-                refuse(
-                    &refusals::VERTEX_STORE,
-                    "the vertex stage stores to memory, which drawing it twice would do twice",
-                    "move the store to a compute pass",
-                )
-                .at(program.sources(), span),
+        found.stores(&graph, vertex, fragment.map(|(index, _)| index));
+        let decides = fragment.map_or_else(Decides::default, |(index, entry)| {
+            found.coverage(Decides::of(&graph, program, index, pass), program, entry)
+        });
+        let fragment = fragment.map(|(index, _)| index);
+        if let Some((reason, remedy)) = coverage::refuse_alpha(program, fragment, pass) {
+            found.refuse(&refusals::ALPHA_TO_COVERAGE, &reason, remedy);
+        }
+        if vertex.is_none() {
+            found.refuse(
+                &refusals::NO_VERTEX_STAGE,
+                "the main pass names no vertex entry point of its program",
+                "name one",
             );
         }
-        let mut decides = Decides::default();
-        if let Some((index, entry)) = fragment {
-            if let Some(span) = find(&graph, FunctionId::EntryPoint(index), &STORES) {
-                refusals.push(
-                    refuse(
-                        &refusals::FRAGMENT_STORE,
-                        "the fragment stage stores to memory: fragments that are hidden in the end are part of what it does",
-                        "move the store to a pass of its own",
-                    )
-                    .at(program.sources(), span),
-                );
-            }
-            decides = Decides::of(&graph, program, index, pass);
-            if reflect::outputs(program.module(), &entry.function)
-                .iter()
-                .any(|o| o.binding == Some(Binding::BuiltIn(BuiltIn::SampleMask)))
-            {
-                refusals.push(refuse(
-                    &refusals::SAMPLE_MASK,
-                    "the fragment stage writes the sample mask, so coverage is decided there sample by sample",
-                    "decide coverage by discard",
-                ));
-            }
-            if entry.early_depth_test == Some(EarlyDepthTest::Force)
-                && (decides.discards || decides.depth)
-            {
-                refusals.push(refuse(
-                    &refusals::FORCED_EARLY_TEST,
-                    "the fragment stage forces the early depth test and discards: a discarded fragment still writes depth, which no slice reproduces",
-                    "remove @early_depth_test(force)",
-                ));
-            }
-        }
-        if let Some((reason, remedy)) =
-            coverage::refuse_alpha(program, fragment.map(|(i, _)| i), pass)
-        {
-            refusals.push(refuse(&refusals::ALPHA_TO_COVERAGE, &reason, remedy));
-        }
         match (depth_and_direction, vertex) {
-            (Some((depth, direction)), Some((vertex, _))) if refusals.is_empty() => Ok(Self {
+            (Some((depth, direction)), Some(vertex)) if found.refusals.is_empty() => Ok(Self {
                 pass,
                 program,
                 graph,
                 depth,
                 direction,
                 vertex,
-                fragment: fragment.map(|(i, _)| i),
+                fragment,
                 decides,
             }),
-            (_, None) => {
-                refusals.push(refuse(
-                    &refusals::NO_VERTEX_STAGE,
-                    "the main pass names no vertex entry point of its program",
-                    "name one",
-                ));
-                Err(refusals)
-            }
-            _ => Err(refusals),
+            _ => Err(found.refusals),
         }
+    }
+}
+
+/// The refusals found so far.
+struct Found {
+    name: &'static str,
+    refusals: Vec<Refusal>,
+}
+
+impl Found {
+    fn refuse(&mut self, code: &RefusalInfo, reason: &str, remedy: &str) {
+        let refusal = Refusal::new(self.name, code, reason, remedy);
+        self.refusals.push(refusal);
+    }
+
+    fn refuse_at(
+        &mut self,
+        program: &Program,
+        span: Span,
+        (code, reason, remedy): (&RefusalInfo, &str, &str),
+    ) {
+        let refusal = Refusal::new(self.name, code, reason, remedy);
+        self.refusals.push(refusal.at(program.sources(), span));
+    }
+
+    /// Checks the pipeline state.
+    fn state<'p>(
+        &mut self,
+        plan: &'p Plan,
+        pass: &'p GpuPass,
+    ) -> Option<(&'p DepthState, DepthDirection)> {
+        if plan.passes.iter().any(|p| p.role == Role::Prepass) {
+            self.refuse(
+                &refusals::HAS_PREPASS,
+                "the plan already draws this material's depth ahead of it",
+                "take one of the two recipes",
+            );
+        }
+        if pass.phase == Phase::Blended || pass.targets.iter().flatten().any(|t| t.is_blended()) {
+            self.refuse(
+                &refusals::BLENDED,
+                "the material is blended: what lies behind it shows through, so its depth must not \
+                 hide anything",
+                "keep blended materials out of the pre-pass (they are drawn last, as they are), or \
+                 draw it opaque",
+            );
+        }
+        let depth = self.depth(plan, pass);
+        if let Some(stencil) = &pass.stencil {
+            match stencil.writes() {
+                true => self.refuse(
+                    &refusals::STENCIL_WRITE,
+                    "the material writes stencil, which drawing it twice would do twice",
+                    "move the stencil write to a pass of its own",
+                ),
+                false => self.refuse(
+                    &refusals::STENCIL_TEST,
+                    "the material is masked by stencil, whose contents at the time of a pre-pass \
+                     are not known",
+                    "mask by discard, or draw it in the main phase only",
+                ),
+            }
+        }
+        depth
+    }
+
+    fn depth<'p>(
+        &mut self,
+        plan: &'p Plan,
+        pass: &'p GpuPass,
+    ) -> Option<(&'p DepthState, DepthDirection)> {
+        let Some(depth) = &pass.depth else {
+            self.refuse(
+                &refusals::NO_DEPTH,
+                "the material binds no depth attachment",
+                "give it a depth state",
+            );
+            return None;
+        };
+        if !depth.write {
+            self.refuse(
+                &refusals::DEPTH_WRITE_OFF,
+                "the material does not write depth, so nothing of it hides anything",
+                "turn depth writes on if it is opaque",
+            );
+        }
+        let Some(direction) = depth.compare.direction() else {
+            let reason = format!(
+                "depth compare is {:?}, which does not let the nearest fragment win",
+                depth.compare
+            );
+            self.refuse(
+                &refusals::COMPARE,
+                &reason,
+                "use less, less-equal, greater or greater-equal",
+            );
+            return None;
+        };
+        // The attachment is cleared to the far plane.
+        if let Some(ClearValue::Depth(clear)) = plan.attachment(&depth.attachment).map(|a| a.clear)
+            && clear != direction.clear_depth()
+        {
+            let reason = format!(
+                "depth is cleared to {clear}, against which {:?} lets nothing pass",
+                depth.compare
+            );
+            self.refuse(
+                &refusals::COMPARE_DIRECTION,
+                &reason,
+                "say which way depth grows (--reversed-z, depth_direction), or compare the other way",
+            );
+        }
+        Some((depth, direction))
+    }
+
+    fn stores(&mut self, graph: &Graph, vertex: Option<usize>, fragment: Option<usize>) {
+        let program = graph.program();
+        let store = |entry: Option<usize>| find(graph, FunctionId::EntryPoint(entry?), &STORES);
+        if let Some(span) = store(vertex) {
+            let refusal = (
+                &refusals::VERTEX_STORE,
+                "the vertex stage stores to memory, which drawing it twice would do twice",
+                "move the store to a compute pass",
+            );
+            self.refuse_at(program, span, refusal);
+        }
+        if let Some(span) = store(fragment) {
+            let refusal = (
+                &refusals::FRAGMENT_STORE,
+                "the fragment stage stores to memory: fragments that are hidden in the end are \
+                 part of what it does",
+                "move the store to a pass of its own",
+            );
+            self.refuse_at(program, span, refusal);
+        }
+    }
+
+    /// Checks how the fragment entry point decides coverage.
+    fn coverage(&mut self, decides: Decides, program: &Program, entry: &EntryPoint) -> Decides {
+        let mask = Some(Binding::BuiltIn(BuiltIn::SampleMask));
+        let outputs = reflect::outputs(program.module(), &entry.function);
+        if outputs.iter().any(|o| o.binding == mask) {
+            self.refuse(
+                &refusals::SAMPLE_MASK,
+                "the fragment stage writes the sample mask, so coverage is decided there sample by \
+                 sample",
+                "decide coverage by discard",
+            );
+        }
+        if entry.early_depth_test == Some(EarlyDepthTest::Force)
+            && (decides.discards || decides.depth)
+        {
+            self.refuse(
+                &refusals::FORCED_EARLY_TEST,
+                "the fragment stage forces the early depth test and discards: a discarded fragment \
+                 still writes depth, which no slice reproduces",
+                "remove @early_depth_test(force)",
+            );
+        }
+        decides
     }
 }
 

@@ -86,6 +86,11 @@ refusals! {
         "The fragment stage writes the sample mask, so coverage is decided there, sample by \
          sample.",
         "Decide coverage by `discard`.";
+    SAMPLE_RATE = "sample-rate":
+        "With several samples a stage that reads an input by sample (`sample_index`, or a varying \
+         interpolated by sample) runs once for each sample. The slice that decides coverage does \
+         not read that input. It would run once for each pixel and decide for all samples.",
+        "Interpolate at the centre, or draw with one sample.";
     STENCIL_TEST = "stencil-test":
         "The material is masked by stencil, whose contents at the time of a pre-pass are not \
          known.",
@@ -93,6 +98,15 @@ refusals! {
     STENCIL_WRITE = "stencil-write":
         "The material writes stencil, which drawing it twice would do twice.",
         "Move the write to a pass of its own.";
+    SUBGROUP = "subgroup":
+        "The shader has subgroup operations. Their results depend on which other fragments run, \
+         and the pass changes that.",
+        "Compute the value without them, or leave the material as it is.";
+    SURVIVING_SAMPLES = "surviving-samples":
+        "With several samples the fragment stage reads the sample mask, or a varying at the \
+         centroid of the covered samples. A driver may leave out samples that fail the early depth \
+         test, and depth drawn ahead changes which do.",
+        "Interpolate at the centre, or take `early-discard`, whose main pass keeps its own depth.";
     TOO_LARGE = "too-large":
         "The shader has more values than the pass examines in reasonable time.",
         "Split the shader, or leave it as it is.";

@@ -84,6 +84,16 @@ pub enum Assumption {
     FiniteTaps,
     /// The draw's values lie in the ranges of the plan's guard ([`crate::core::guard`]).
     ValuesOfTheGuard,
+    /// The viewport's depth range is 0 to 1. Depths that a shader writes are clamped to it.
+    WholeDepthRange,
+    /// The position's text is the author's, and other code joined or left its vertex stage: the
+    /// driver computes the same bits as in the original. The self-test checks this.
+    UnchangedPosition,
+    /// The budget was measured with the views, values and textures of a scene. Others may differ by
+    /// more.
+    MeasuredScene,
+    /// Nothing was measured: the budget is the user's wish.
+    NotMeasured,
 }
 
 impl Assumption {

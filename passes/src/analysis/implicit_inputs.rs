@@ -1,0 +1,343 @@
+//! What the result of a stage depends on besides its declared inputs, and what a pass must do about
+//! it.
+//!
+//! A slice of a stage computes the same values as the stage if both get the same inputs. Some
+//! inputs are declared nowhere: who runs beside an invocation, how often a pixel is shaded, how a
+//! compiler rounds. A pass that changes one of them changes the picture, although every statement
+//! is the author's.
+//!
+//! | a stage depends on | if it | a pass changes it by | so the pass |
+//! |---|---|---|---|
+//! | the subgroup | has a subgroup operation | rejecting fragments, slicing | refuses |
+//! | the sample rate | reads an input by sample, multisampled | slicing that input away | refuses |
+//! | surviving samples | reads a centroid or the sample mask, multisampled | rejecting samples | refuses |
+//! | contraction | decides coverage or depth | slicing | assumes `invariant-discard` |
+//! | the alpha mask | has alpha to coverage | slicing | assumes `same-alpha-coverage` |
+//! | the near plane's clamp | has depths that are clamped, or a float format | biasing depth | assumes `beyond-near-plane` |
+//! | the viewport's depth range | has depths that are clamped to it | comparing its own depth | assumes `whole-depth-range` |
+//! | the vertex stage's text | has no `@invariant` position | adding to that stage | assumes `unchanged-position` |
+//!
+//! The quad is missing: passes that let single lanes leave shield derivatives themselves
+//! (`rebuild::quad`, `rebuild::gradients`).
+
+use naga::{Binding, BuiltIn, Interpolation, Sampling, ShaderStage};
+
+use crate::analysis::coverage::Decides;
+use crate::analysis::refusals;
+use crate::core::contract::Assumption;
+use crate::core::pass::Refusal;
+use crate::core::plan::{GpuPass, Plan};
+use crate::core::program::Program;
+use crate::core::reflect::{self, Io};
+use crate::core::refusals::RefusalInfo;
+use crate::core::state::DepthDirection;
+use crate::graph::effect::Effect;
+use crate::graph::{FunctionId, Graph};
+use crate::slice::Slice;
+
+/// How a pass changes the conditions under which the author's stages run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Change {
+    /// Depth that was drawn ahead rejects fragments, or samples of them, before the author's stage
+    /// runs.
+    RejectsEarly,
+    /// Some lanes leave the author's stage before the others.
+    LeavesEarly,
+    /// Another pass decides coverage and depth, by a slice of the fragment stage.
+    Slices,
+    /// Another pass draws the same depth with a bias.
+    Biases,
+    /// The fragment stage compares its own depth with a stored one.
+    ComparesDepth,
+    /// Code joins or leaves the vertex stage; the text that computes the position stays.
+    EditsVertexStage,
+}
+
+/// The stages of a main pass, as a pass finds them.
+#[derive(Clone, Copy, Debug)]
+pub struct Stages<'a> {
+    plan: &'a Plan,
+    pass: &'a GpuPass,
+    program: &'a Program,
+    graph: &'a Graph<'a>,
+    vertex: Option<usize>,
+    fragment: Option<usize>,
+    decides: Decides,
+    slice: Option<&'a Slice>,
+}
+
+impl<'a> Stages<'a> {
+    /// The stages that `pass` of `plan` draws with. `graph` is its program's.
+    pub fn new(plan: &'a Plan, pass: &'a GpuPass, graph: &'a Graph<'a>) -> Self {
+        let program = graph.program();
+        let index = |stage, name| program.entry_point(stage, name).map(|(index, _)| index);
+        let fragment = pass.fragment.as_deref();
+        let fragment = fragment.and_then(|name| index(ShaderStage::Fragment, name));
+        Self {
+            plan,
+            pass,
+            program,
+            graph,
+            vertex: index(ShaderStage::Vertex, &pass.vertex),
+            fragment,
+            decides: fragment.map_or_else(Decides::default, |entry| {
+                Decides::of(graph, program, entry, pass)
+            }),
+            slice: None,
+        }
+    }
+
+    /// With the slice of the fragment stage that decides coverage and depth in another pass.
+    #[must_use]
+    pub fn sliced(self, slice: Option<&'a Slice>) -> Self {
+        Self { slice, ..self }
+    }
+
+    /// The assumptions under which `changes` leave every result as it was.
+    ///
+    /// # Errors
+    /// A refusal for each implicit input that no assumption covers.
+    pub fn examine(
+        &self,
+        pass: &'static str,
+        changes: &[Change],
+    ) -> Result<Vec<Assumption>, Vec<Refusal>> {
+        let (mut given, mut refusals) = (Vec::new(), Vec::new());
+        for row in TABLE {
+            if !row.changed_by.iter().any(|change| changes.contains(change)) {
+                continue;
+            }
+            let Some(dependence) = (row.dependence)(self) else {
+                continue;
+            };
+            match row.then {
+                Then::Assume(assumption) => given.push(assumption),
+                Then::Refuse(code, consequence, remedy) => {
+                    let reason = format!("{dependence}: {consequence}");
+                    refusals.push(Refusal::new(pass, code, reason, remedy));
+                }
+            }
+        }
+        match refusals.is_empty() {
+            true => Ok(given),
+            false => Err(refusals),
+        }
+    }
+
+    fn is_multisampled(&self) -> bool {
+        self.pass.multisample.count > 1
+    }
+
+    fn entry_points(&self) -> impl Iterator<Item = usize> {
+        self.vertex.into_iter().chain(self.fragment)
+    }
+
+    fn fragment_inputs(&self) -> Vec<Io> {
+        let module = self.program.module();
+        let entry = self.fragment.map(|entry| &module.entry_points[entry]);
+        entry.map_or_else(Vec::new, |e| reflect::inputs(module, &e.function))
+    }
+}
+
+/// One implicit input.
+struct Row {
+    changed_by: &'static [Change],
+    /// Whether and by what the stages depend on it.
+    dependence: fn(&Stages<'_>) -> Option<String>,
+    then: Then,
+}
+
+/// What a pass does that changes an implicit input.
+enum Then {
+    /// It promises the same only under this assumption.
+    Assume(Assumption),
+    /// It refuses: the code, the consequence, the remedy.
+    Refuse(&'static RefusalInfo, &'static str, &'static str),
+}
+
+const TABLE: &[Row] = &[
+    Row {
+        changed_by: &[Change::RejectsEarly, Change::LeavesEarly, Change::Slices],
+        dependence: subgroup,
+        then: Then::Refuse(
+            &refusals::SUBGROUP,
+            "its result depends on which other fragments run, and the pass changes that",
+            "compute it without subgroup operations, or leave the material as it is",
+        ),
+    },
+    Row {
+        changed_by: &[Change::Slices],
+        dependence: sample_rate,
+        then: Then::Refuse(
+            &refusals::SAMPLE_RATE,
+            "so it runs once for each sample, and the slice that decides coverage would run once for each pixel",
+            "interpolate at the centre, or draw with one sample",
+        ),
+    },
+    Row {
+        changed_by: &[Change::RejectsEarly],
+        dependence: surviving_samples,
+        then: Then::Refuse(
+            &refusals::SURVIVING_SAMPLES,
+            "with several samples a driver may take it from the samples that pass the early depth test, which depth drawn ahead changes",
+            "interpolate at the centre, or take `early-discard`, whose main pass keeps its own depth",
+        ),
+    },
+    Row {
+        changed_by: &[Change::Slices],
+        dependence: contraction,
+        then: Then::Assume(Assumption::InvariantDiscard),
+    },
+    Row {
+        changed_by: &[Change::Slices],
+        dependence: alpha_mask,
+        then: Then::Assume(Assumption::SameAlphaCoverage),
+    },
+    Row {
+        changed_by: &[Change::Biases],
+        dependence: near_plane,
+        then: Then::Assume(Assumption::BeyondNearPlane),
+    },
+    Row {
+        changed_by: &[Change::ComparesDepth],
+        dependence: depth_range,
+        then: Then::Assume(Assumption::WholeDepthRange),
+    },
+    Row {
+        changed_by: &[Change::EditsVertexStage],
+        dependence: vertex_text,
+        then: Then::Assume(Assumption::UnchangedPosition),
+    },
+];
+
+fn subgroup(stages: &Stages<'_>) -> Option<String> {
+    let has_operation = |entry: &usize| {
+        let effects = stages.graph.effects(FunctionId::EntryPoint(*entry));
+        effects.contains(&Effect::Subgroup)
+    };
+    let module = stages.program.module();
+    let reads_index = |entry: &usize| {
+        let inputs = reflect::inputs(module, &module.entry_points[*entry].function);
+        inputs.iter().any(|input| {
+            matches!(
+                input.binding,
+                Some(Binding::BuiltIn(
+                    BuiltIn::SubgroupInvocationId | BuiltIn::SubgroupSize
+                ))
+            )
+        })
+    };
+    let entry = stages
+        .entry_points()
+        .find(|entry| has_operation(entry) || reads_index(entry))?;
+    let entry = &module.entry_points[entry];
+    Some(format!(
+        "`{}` exchanges values with its subgroup",
+        entry.name
+    ))
+}
+
+/// What changes when a stage runs once for each sample: positions, varyings that name no sampling,
+/// and derivatives. A slice that reads flat values alone has the same result at either rate.
+fn sample_rate(stages: &Stages<'_>) -> Option<String> {
+    let slice = stages.slice.filter(|_| stages.is_multisampled())?;
+    let inputs = stages.fragment_inputs();
+    let is_by_sample = |input: &Io| {
+        matches!(
+            input.binding,
+            Some(
+                Binding::BuiltIn(BuiltIn::SampleIndex)
+                    | Binding::Location {
+                        sampling: Some(Sampling::Sample),
+                        ..
+                    }
+            )
+        )
+    };
+    let is_flat = |input: &Io| {
+        matches!(
+            input.binding,
+            Some(
+                Binding::Location {
+                    interpolation: Some(Interpolation::Flat | Interpolation::PerVertex),
+                    ..
+                } | Binding::BuiltIn(
+                    BuiltIn::FrontFacing | BuiltIn::PrimitiveIndex | BuiltIn::ViewIndex
+                )
+            )
+        )
+    };
+    let by_sample = inputs.iter().find(|input| is_by_sample(input))?;
+    let mut kept = slice.inputs.iter().filter_map(|i| inputs.get(*i));
+    if kept.clone().any(is_by_sample) || kept.all(is_flat) {
+        return None;
+    }
+    let name = by_sample.name.as_deref().unwrap_or_default();
+    Some(format!("the fragment stage reads `{name}` by sample"))
+}
+
+fn surviving_samples(stages: &Stages<'_>) -> Option<String> {
+    let inputs = stages.fragment_inputs();
+    let input = inputs.iter().filter(|_| stages.is_multisampled()).find(|input| {
+        matches!(
+            input.binding,
+            Some(
+                Binding::BuiltIn(BuiltIn::SampleMask)
+                    | Binding::Location {
+                        sampling: Some(Sampling::Centroid),
+                        ..
+                    }
+            )
+        )
+    })?;
+    let name = input.name.as_deref().unwrap_or_default();
+    Some(match input.binding {
+        Some(Binding::BuiltIn(_)) => format!("the fragment stage reads the sample mask `{name}`"),
+        _ => format!("the fragment stage reads `{name}` at the centroid of the covered samples"),
+    })
+}
+
+fn contraction(stages: &Stages<'_>) -> Option<String> {
+    let decides = stages.decides.anything();
+    decides.then(|| "the fragment stage decides coverage or depth".to_owned())
+}
+
+fn alpha_mask(stages: &Stages<'_>) -> Option<String> {
+    let alpha = stages.decides.alpha;
+    alpha.then(|| "the alpha of location 0 becomes a coverage mask".to_owned())
+}
+
+/// The bias of a float format is relative to the depth and vanishes at 0. Unclipped depths, and
+/// depths that the shader writes, are clamped after biasing (Vulkan 1.3, 28.10 and 29.5). Under
+/// reversed Z a bias works, except for triangles without area: their slope divides by the area, and
+/// llvmpipe clamps the result to 1 with or without a bias.
+fn near_plane(stages: &Stages<'_>) -> Option<String> {
+    let depth = stages.pass.depth.as_ref()?;
+    let format = stages.plan.depth_format(&depth.attachment);
+    let is_reversed = depth.compare.direction() == Some(DepthDirection::Reversed);
+    let clamps = is_clamped(stages) || is_reversed || format.unwrap_or_default().may_be_float();
+    clamps.then(|| "a bias may push nothing away on the near plane".to_owned())
+}
+
+fn depth_range(stages: &Stages<'_>) -> Option<String> {
+    is_clamped(stages).then(|| "its depth is clamped to the viewport's depth range".to_owned())
+}
+
+fn is_clamped(stages: &Stages<'_>) -> bool {
+    stages.decides.depth || stages.pass.primitive.unclipped_depth
+}
+
+fn vertex_text(stages: &Stages<'_>) -> Option<String> {
+    let module = stages.program.module();
+    let entry = &module.entry_points[stages.vertex?];
+    let is_invariant = has_invariant_position(stages.program, stages.vertex?);
+    (!is_invariant).then(|| format!("`{}` has no @invariant position", entry.name))
+}
+
+/// Whether the author marked the position of a vertex entry point `@invariant`.
+pub fn has_invariant_position(program: &Program, vertex: usize) -> bool {
+    let module = program.module();
+    let outputs = reflect::outputs(module, &module.entry_points[vertex].function);
+    let invariant = Some(Binding::BuiltIn(BuiltIn::Position { invariant: true }));
+    outputs.iter().any(|output| output.binding == invariant)
+}
