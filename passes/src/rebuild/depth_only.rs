@@ -12,7 +12,7 @@ use crate::analysis::coverage;
 use crate::analysis::opaque::Opaque;
 use crate::core::contract::{Assumption, Contract};
 use crate::core::pass::{Change, Outcome, Refusal, Site, SiteCost};
-use crate::core::plan::{Draws, GpuPass, Phase, Plan, Role};
+use crate::core::plan::{Draws, GpuPass, Phase, Plan, Role, Step};
 use crate::core::reflect;
 use crate::core::state::DepthState;
 use crate::rebuild::ahead::Ahead;
@@ -174,6 +174,22 @@ impl DepthOnly {
         }
     }
 
+    /// The step of the pass `name` with these slices.
+    pub fn step(
+        &self,
+        opaque: &Opaque,
+        name: &str,
+        params: &impl Serialize,
+        contract: Contract,
+    ) -> Step {
+        Step {
+            pass: name.to_owned(),
+            site: self.key(opaque),
+            params: serde_json::to_value(params).unwrap_or_default(),
+            contract,
+        }
+    }
+
     /// Places the slices beside the author's entry points. `suffix` ends the names of new items.
     /// `shader_bias` is added to a depth that the fragment stage writes.
     pub fn place(
@@ -219,11 +235,6 @@ impl DepthOnly {
             vertex,
             fragment,
         }
-    }
-
-    /// Whether the vertex stage is the main pass's.
-    pub fn shares_vertex(&self) -> bool {
-        self.vertex.is_none()
     }
 
     /// Adds to `module` a function that computes the material's depth from the fragment stage's
@@ -293,9 +304,82 @@ fn bias_depth(module: &mut Module, bias: f32) {
     });
 }
 
+/// The program of a pre-pass.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PrepassProgram {
+    /// The main pass's, because the hardware compares depths of both passes for equality.
+    Main,
+    /// One that contains only the pre-pass's entry points.
+    Own,
+}
+
+impl PrepassProgram {
+    /// The module of the main pass beside the pre-pass `placed`: the shared one, or the author's
+    /// with the position marked if needed.
+    pub fn main_module(self, opaque: &Opaque, placed: &Placed, invariance: Invariance) -> Module {
+        match self {
+            Self::Main => placed.module.clone(),
+            Self::Own => invariance.apply(opaque.program.module().clone(), opaque.vertex),
+        }
+    }
+
+    /// Inserts the pre-pass before the main pass. `name` is the pass that asks.
+    ///
+    /// # Errors
+    /// Our program does not validate: a bug.
+    pub fn insert(
+        self,
+        plan: &mut Plan,
+        opaque: &Opaque,
+        placed: Placed,
+        depth: DepthState,
+        name: &str,
+    ) -> Result<(), Box<Refusal>> {
+        let (role, phase) = (Role::Prepass, Phase::Depth);
+        match self {
+            Self::Own => insert_own(plan, opaque, placed, role, phase, depth, name),
+            Self::Main => {
+                let main = &opaque.pass.program;
+                insert(plan, opaque.pass, &placed, main, role, phase, depth);
+                Ok(())
+            }
+        }
+    }
+}
+
+/// Puts `main` in place of the module of the main pass's program.
+///
+/// # Errors
+/// It does not validate: a bug.
+pub fn replace_main(
+    plan: &mut Plan,
+    opaque: &Opaque,
+    main: Module,
+    name: &str,
+) -> Result<(), Box<Refusal>> {
+    let main = opaque
+        .program
+        .with_module(main)
+        .map_err(|e| Refusal::bug(name, e))?;
+    plan.programs.insert(opaque.pass.program.clone(), main);
+    Ok(())
+}
+
+/// The assumptions under which a pre-pass of other positions hides no fragment that the main pass
+/// shows, if it leaves a margin.
+pub fn assumptions_with_margin(opaque: &Opaque) -> Vec<Assumption> {
+    let mut given = vec![
+        Assumption::PositionWithinBias,
+        Assumption::SameViewport,
+        Assumption::OrdinaryNeighbours,
+    ];
+    given.extend(opaque.assumptions());
+    given
+}
+
 /// Inserts a depth-only GPU pass before the main pass. Under alpha to coverage it has the main
 /// pass's colour targets with an empty write mask. `program` is the key of a program in the plan.
-pub fn insert(
+fn insert(
     plan: &mut Plan,
     main: &GpuPass,
     placed: &Placed,

@@ -43,11 +43,11 @@ use crate::analysis::opaque::{self, Opaque};
 use crate::analysis::refusals as shared;
 use crate::core::contract::{Assumption, Contract};
 use crate::core::pass::{Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Use};
-use crate::core::plan::{Phase, Plan, Role, Step};
+use crate::core::plan::{Plan, Role, Step};
 use crate::core::refusals::RefusalInfo;
 use crate::core::self_test::{self, MainDiscards};
 use crate::core::state::{CompareFunction, DepthBias, DepthDirection, DepthFormat, DepthState};
-use crate::rebuild::depth_only::{self, DepthOnly, Invariance, VertexStage};
+use crate::rebuild::depth_only::{self, DepthOnly, Invariance, PrepassProgram, VertexStage};
 use crate::rebuild::place::{self, PositionInvariance};
 
 pub mod refusals;
@@ -403,27 +403,15 @@ fn biased(
         Some(shader_bias),
     );
     let mut next = plan.clone();
+    let depth = DepthState {
+        bias,
+        ..opaque.depth.clone()
+    };
     // The author's program stays unchanged, so the pre-pass has its own, even with the same vertex
     // stage.
-    depth_only::insert_own(
-        &mut next,
-        opaque,
-        placed,
-        Role::Prepass,
-        Phase::Depth,
-        DepthState {
-            bias,
-            ..opaque.depth.clone()
-        },
-        DepthPrepass::INFO.name,
-    )?;
-    let mut given = vec![
-        Assumption::PositionWithinBias,
-        Assumption::SameViewport,
-        Assumption::OrdinaryNeighbours,
-    ];
+    PrepassProgram::Own.insert(&mut next, opaque, placed, depth, DepthPrepass::INFO.name)?;
+    let mut given = depth_only::assumptions_with_margin(opaque);
     given.extend(rests_on_near_plane(opaque, format).then_some(Assumption::BeyondNearPlane));
-    given.extend(opaque.assumptions());
     next.steps.push(step(slice, opaque, params, given));
     next.self_test = self_test::biased(&next);
     depth_only::finish(&mut next, "original");
@@ -441,48 +429,24 @@ fn equal(
     let mut next = plan.clone();
     let invariant = params.invariant();
     let placed = slice.place(opaque, "depth", invariant.position(), None);
-    let mut main = if slice.shares_vertex() {
-        placed.module.clone()
-    } else {
-        invariant.apply(opaque.program.module().clone(), opaque.vertex)
+    let program = match params.vertex() {
+        VertexStage::Same => PrepassProgram::Main,
+        VertexStage::Sliced => PrepassProgram::Own,
     };
+    let mut main = program.main_module(opaque, &placed, invariant);
     let drop_discard = opaque.decides.discards && facts.undiscarded_depth_ties == Some(0);
     if let (true, Some(fragment)) = (drop_discard, opaque.fragment) {
         main = place::without_discard(&main, fragment);
         next.notes.push("no depth ties were measured, discarded fragments counted in: the main pass no longer discards, EQUAL already drops what the pre-pass discarded".to_owned());
     }
-    let main = opaque
-        .program
-        .with_module(main)
-        .map_err(|e| Refusal::bug(name, e))?;
-    next.programs.insert(opaque.pass.program.clone(), main);
+    depth_only::replace_main(&mut next, opaque, main, name)?;
     for pass in next.passes.iter_mut().filter(|p| p.role == Role::Main) {
         if let Some(depth) = &mut pass.depth {
             depth.compare = CompareFunction::Equal;
             depth.write = false;
         }
     }
-    if slice.shares_vertex() {
-        depth_only::insert(
-            &mut next,
-            opaque.pass,
-            &placed,
-            &opaque.pass.program,
-            Role::Prepass,
-            Phase::Depth,
-            opaque.depth.clone(),
-        );
-    } else {
-        depth_only::insert_own(
-            &mut next,
-            opaque,
-            placed,
-            Role::Prepass,
-            Phase::Depth,
-            opaque.depth.clone(),
-            name,
-        )?;
-    }
+    program.insert(&mut next, opaque, placed, opaque.depth.clone(), name)?;
     let mut given = invariant.assumptions(opaque);
     given.extend([
         Assumption::SameDrawOrder,
@@ -506,10 +470,6 @@ fn equal(
 
 fn step(slice: &DepthOnly, opaque: &Opaque, params: &Params, mut given: Vec<Assumption>) -> Step {
     given.sort();
-    Step {
-        pass: DepthPrepass::INFO.name.to_owned(),
-        site: slice.key(opaque),
-        params: serde_json::to_value(params).unwrap_or_default(),
-        contract: Contract::Exact { given },
-    }
+    let contract = Contract::Exact { given };
+    slice.step(opaque, DepthPrepass::INFO.name, params, contract)
 }

@@ -39,7 +39,7 @@
 //! prologue tolerates different positions, so only the original's picture shows whether a fragment
 //! was dropped wrongly. `verify` draws it.
 
-use naga::Module;
+use naga::{Module, ResourceBinding};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -49,12 +49,12 @@ use crate::core::budget::Budget;
 use crate::core::contract::{Assumption, Contract};
 use crate::core::pass::{Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Use};
 use crate::core::plan::{
-    Attachment, BindingKind, BindingSource, BindingUse, Phase, Plan, Role, Step, Visibility,
+    Attachment, BindingKind, BindingSource, BindingUse, Plan, Role, Visibility,
 };
 use crate::core::refusals::RefusalInfo;
 use crate::core::self_test;
-use crate::core::state::{CompareFunction, DepthDirection, DepthState};
-use crate::rebuild::depth_only::{self, DepthOnly, Invariance, VertexStage};
+use crate::core::state::{CompareFunction, DepthDirection, DepthFormat, DepthState};
+use crate::rebuild::depth_only::{self, DepthOnly, Invariance, PrepassProgram, VertexStage};
 use crate::rebuild::gradients;
 use crate::slice::{self, Criterion, OutputFilter};
 
@@ -168,9 +168,11 @@ impl Params {
             .unwrap_or_else(|| Invariance::default_for(self.vertex()))
     }
 
-    /// Whether both passes use one module, because the hardware compares their depths.
-    fn shares_program(&self) -> bool {
-        self.attachment == MainAttachment::Readonly && self.vertex() == VertexStage::Same
+    fn program(&self) -> PrepassProgram {
+        match (self.attachment, self.vertex()) {
+            (MainAttachment::Readonly, VertexStage::Same) => PrepassProgram::Main,
+            _ => PrepassProgram::Own,
+        }
     }
 }
 
@@ -398,13 +400,8 @@ fn transform(
             "nothing to do",
         )));
     };
-    let scene = plan.attachment(&opaque.depth.attachment);
-    let format = scene.and_then(|a| a.format.depth()).unwrap_or_default();
-    let samples = scene.map_or(1, |a| a.samples);
-    let slot = free_slot(opaque.program.module(), params, name)?;
-    let mut next = plan.clone();
-
-    // The pass that produces the depth, and the main program. Their positions must be equal only if
+    let binding = free_binding(opaque.program.module(), params, name)?;
+    // The attachment that the pre-pass writes. The positions of both passes must be equal only if
     // the hardware tests too.
     let (produced, invariant) = match params.attachment {
         MainAttachment::Own => (PREPASS_DEPTH.to_owned(), Invariance::AsWritten),
@@ -416,11 +413,11 @@ fn transform(
         placed = packed::write(placed, &format!("{}_depth", entry.name))
             .map_err(|e| Refusal::bug(name, e))?;
     }
-    let mut main = if params.shares_program() {
-        placed.module.clone()
-    } else {
-        invariant.apply(opaque.program.module().clone(), opaque.vertex)
+    let taken = match params.quad {
+        Quad::Vote => Vec::new(),
+        Quad::Lane => gradients::find(&opaque.graph, fragment).unwrap_or_default(),
     };
+    let mut main = params.program().main_module(opaque, &placed, invariant);
     let mut own_depth = None;
     if opaque.decides.depth
         && let Some((module, function)) = slice.depth_function(opaque, &main)
@@ -428,38 +425,78 @@ fn transform(
         main = module;
         own_depth = Some(function);
     }
-    let prologue = Prologue {
+    let main = prologue(plan, opaque, params, binding)
+        .inject(main, fragment, own_depth.as_ref(), &taken)
+        .map_err(|e| Refusal::bug(name, e))?;
+
+    let mut next = plan.clone();
+    depth_only::replace_main(&mut next, opaque, main, name)?;
+    bind_depth(&mut next, opaque, params, binding, &produced);
+    let depth = DepthState {
+        attachment: produced.clone(),
+        read_only: false,
+        ..opaque.depth.clone()
+    };
+    let program = params.program();
+    program.insert(&mut next, opaque, placed, depth, name)?;
+    add_attachments(&mut next, plan, opaque, params, &produced);
+    let mut given = depth_only::assumptions_with_margin(opaque);
+    if params.attachment == MainAttachment::Readonly {
+        given.extend(invariant.assumptions(opaque));
+        given.extend([Assumption::NoDepthTies, Assumption::SameDrawOrder]);
+        next.self_test = self_test::read_only(&next, opaque.depth.compare, &produced);
+        next.notes.push("the hardware depth test already rejects what the prologue would: it only adds its cost".to_owned());
+    }
+    if params.mode == Mode::Invert {
+        next.notes
+            .push("diagnostic: shows only the fragments that would be saved".to_owned());
+    }
+    let contract = contract(params, !taken.is_empty(), given);
+    next.steps.push(slice.step(opaque, name, params, contract));
+    depth_only::finish(&mut next, "original");
+    Ok(next)
+}
+
+/// Format and samples of the author's depth attachment.
+fn depth_target(plan: &Plan, opaque: &Opaque) -> (DepthFormat, u32) {
+    let scene = plan.attachment(&opaque.depth.attachment);
+    let format = scene.and_then(|a| a.format.depth()).unwrap_or_default();
+    (format, scene.map_or(1, |a| a.samples))
+}
+
+/// The prologue for a plan and its parameters.
+fn prologue(plan: &Plan, opaque: &Opaque, params: &Params, binding: ResourceBinding) -> Prologue {
+    let (format, samples) = depth_target(plan, opaque);
+    let is_clamped = opaque.decides.depth || opaque.pass.primitive.unclipped_depth;
+    Prologue {
         texture: params.texture,
         samples,
         format,
         direction: opaque.direction,
         quad: params.quad,
         mode: params.mode,
-        range: if opaque.decides.depth || opaque.pass.primitive.unclipped_depth {
-            DepthRange::Clamped
-        } else {
-            DepthRange::Clipped
+        range: match is_clamped {
+            true => DepthRange::Clamped,
+            false => DepthRange::Clipped,
         },
         tolerance: params.tolerance,
-        slot,
-    };
-    let taken = match params.quad {
-        Quad::Vote => Vec::new(),
-        Quad::Lane => gradients::find(&opaque.graph, fragment).unwrap_or_default(),
-    };
-    let main = prologue
-        .inject(main, fragment, own_depth.as_ref(), &taken)
-        .map_err(|e| Refusal::bug(name, e))?;
-    let main = opaque
-        .program
-        .with_module(main)
-        .map_err(|e| Refusal::bug(name, e))?;
-    next.programs.insert(opaque.pass.program.clone(), main);
+        binding,
+    }
+}
+
+/// Binds the attachment `produced` in the main pass, as a texture and if asked also read-only.
+fn bind_depth(
+    next: &mut Plan,
+    opaque: &Opaque,
+    params: &Params,
+    ResourceBinding { group, binding }: ResourceBinding,
+    produced: &str,
+) {
     for pass in next.passes.iter_mut().filter(|p| p.role == Role::Main) {
         pass.bindings.push(BindingUse {
             layout: None,
-            group: slot.group,
-            binding: slot.binding,
+            group,
+            binding,
             name: prologue::TEXTURE.to_owned(),
             kind: BindingKind::DepthTexture,
             visibility: Visibility {
@@ -469,7 +506,7 @@ fn transform(
             },
             source: BindingSource::Attachment {
                 name: match params.texture {
-                    DepthTexture::Depth | DepthTexture::Float => produced.clone(),
+                    DepthTexture::Depth | DepthTexture::Float => produced.to_owned(),
                     DepthTexture::Packed => PREPASS_PACKED.to_owned(),
                 },
             },
@@ -484,34 +521,13 @@ fn transform(
             depth.read_only = true;
         }
     }
-    let depth_state = DepthState {
-        attachment: produced.clone(),
-        read_only: false,
-        ..opaque.depth.clone()
-    };
-    if params.shares_program() {
-        depth_only::insert(
-            &mut next,
-            opaque.pass,
-            &placed,
-            &opaque.pass.program,
-            Role::Prepass,
-            Phase::Depth,
-            depth_state,
-        );
-    } else {
-        depth_only::insert_own(
-            &mut next,
-            opaque,
-            placed,
-            Role::Prepass,
-            Phase::Depth,
-            depth_state,
-            name,
-        )?;
-    }
-    if next.attachment(&produced).is_none() {
-        let depth = Attachment::depth(&produced, format, opaque.direction, samples);
+}
+
+/// Adds the attachments of the pre-pass that the plan lacks, and makes the bound one readable.
+fn add_attachments(next: &mut Plan, plan: &Plan, opaque: &Opaque, params: &Params, produced: &str) {
+    if next.attachment(produced).is_none() {
+        let (format, samples) = depth_target(plan, opaque);
+        let depth = Attachment::depth(produced, format, opaque.direction, samples);
         next.attachments.push(depth);
     }
     if params.texture == DepthTexture::Packed {
@@ -522,59 +538,33 @@ fn transform(
     } else if let Some(depth) = next.attachments.iter_mut().find(|a| a.name == produced) {
         depth.sampled = true;
     }
+}
 
-    let mut given = vec![
-        Assumption::PositionWithinBias,
-        Assumption::SameViewport,
-        Assumption::OrdinaryNeighbours,
-    ];
-    given.extend(opaque.assumptions());
-    if params.attachment == MainAttachment::Readonly {
-        given.extend(invariant.assumptions(opaque));
-        given.extend([Assumption::NoDepthTies, Assumption::SameDrawOrder]);
-        next.self_test = self_test::read_only(&next, opaque.depth.compare, &produced);
-        next.notes.push("the hardware depth test already rejects what the prologue would: it only adds its cost".to_owned());
-    }
+/// The contract of the main pass under the assumptions `given`.
+fn contract(params: &Params, has_gradients: bool, mut given: Vec<Assumption>) -> Contract {
     given.sort();
     let max_abs = |budget, given| Contract::Approximate {
         budget: Budget::max_abs(budget),
         given,
     };
-    let contract = match params.mode {
+    match params.mode {
         // A diagnostic picture: every pixel may differ.
         Mode::Invert => max_abs(1.0, Vec::new()),
         // `check` made sure that there is one.
-        Mode::Cull if !taken.is_empty() => max_abs(params.budget.unwrap_or(0.0), given),
+        Mode::Cull if has_gradients => max_abs(params.budget.unwrap_or(0.0), given),
         Mode::Cull => Contract::Exact { given },
-    };
-    if params.mode == Mode::Invert {
-        next.notes
-            .push("diagnostic: shows only the fragments that would be saved".to_owned());
     }
-    next.steps.push(Step {
-        pass: name.to_owned(),
-        site: slice.key(opaque),
-        params: serde_json::to_value(params).unwrap_or_default(),
-        contract,
-    });
-    depth_only::finish(&mut next, "original");
-    Ok(next)
-}
-
-/// A `@group` and `@binding`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Slot {
-    /// `@group`.
-    pub group: u32,
-    /// `@binding`.
-    pub binding: u32,
 }
 
 /// The last `@group` of WebGPU's default limits.
 const LAST_GROUP: u32 = 3;
 
-/// The requested slot if it is free, or else the first free one after the author's.
-fn free_slot(module: &Module, params: &Params, name: &str) -> Result<Slot, Box<Refusal>> {
+/// The requested binding if it is free, or else the first free one after the author's.
+fn free_binding(
+    module: &Module,
+    params: &Params,
+    name: &str,
+) -> Result<ResourceBinding, Box<Refusal>> {
     let taken = |group: u32, binding: u32| {
         module.global_variables.iter().find(|(_, g)| {
             g.binding
@@ -604,7 +594,7 @@ fn free_slot(module: &Module, params: &Params, name: &str) -> Result<Slot, Box<R
         .binding
         .unwrap_or_else(|| (0..).find(|b| taken(group, *b).is_none()).unwrap_or(0));
     match taken(group, binding) {
-        None => Ok(Slot { group, binding }),
+        None => Ok(ResourceBinding { group, binding }),
         Some((_, g)) => Err(Box::new(Refusal::new(
             name,
             &refusals::BINDING_TAKEN,

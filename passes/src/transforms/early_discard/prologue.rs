@@ -1,11 +1,11 @@
 //! The prologue's text, and its insertion at the start of a fragment entry point.
 
 use naga::{
-    Binding, BuiltIn, Expression, Handle, MathFunction, Module, Scalar, Statement, TypeInner,
-    VectorSize,
+    Binding, BuiltIn, Expression, Handle, MathFunction, Module, ResourceBinding, Scalar, Statement,
+    TypeInner, VectorSize,
 };
 
-use super::{DepthTexture, Mode, Quad, Slot, packed};
+use super::{DepthTexture, Mode, Quad, packed};
 use crate::core::state::{DepthDirection, DepthFormat};
 use crate::rebuild::ahead::{Ahead, InjectError, link_snippet};
 use crate::rebuild::gradients;
@@ -44,13 +44,13 @@ pub struct Prologue {
     /// A fixed tolerance.
     pub tolerance: Option<f32>,
     /// Binding of the texture.
-    pub slot: Slot,
+    pub binding: ResourceBinding,
 }
 
 impl Prologue {
     /// The prologue as WGSL: a texture and a function `hidden_by_prepass(position, depth) -> bool`.
     pub fn wgsl(&self) -> String {
-        let Slot { group, binding } = self.slot;
+        let ResourceBinding { group, binding } = self.binding;
         let multisampled = self.samples > 1;
         let ty = match (self.texture, multisampled) {
             (DepthTexture::Depth, false) => "texture_depth_2d",
@@ -204,7 +204,7 @@ mod tests {
         mode: Mode::Cull,
         range: DepthRange::Clipped,
         tolerance: None,
-        slot: Slot {
+        binding: ResourceBinding {
             group: 2,
             binding: 1,
         },
