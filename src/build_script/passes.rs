@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use preshade_passes::plan::{
     Attachment, BindingUse, ClearValue, ComputePass, Draws, GpuPass, Phase, Plan, SamplesPassed,
-    SelfTest,
+    SelfTest, SelfTestDraw,
 };
 use preshade_passes::program::Program;
 use preshade_passes::reflect;
@@ -299,24 +299,31 @@ fn attachment(attachment: &Attachment) -> String {
 /// `None` if it names a pass that does not exist.
 fn self_test(plan: &Plan, test: &SelfTest) -> Option<String> {
     let names = pass_names(plan);
-    let path = |role| {
-        let own = plan.passes.iter().position(|p| p.role == role);
+    let path = |draw: &SelfTestDraw| {
+        let place = |plan: &Plan| plan.passes.iter().position(|p| p.role == draw.role);
+        let own = place(plan).filter(|_| !draw.original);
         own.map(|i| names[i].clone()).or_else(|| {
             let original = plan.original.as_ref()?;
-            let at = original.passes.iter().position(|p| p.role == role)?;
+            let at = place(original)?;
             Some(format!("super::original::{}", pass_names(original)[at]))
         })
+    };
+    let attachments = || std::iter::once(&test.attachment).chain(&plan.attachments);
+    let clear = |name: &str| match attachments().find(|a| a.name == name)?.clear {
+        ClearValue::Depth(clear) => Some(clear),
+        _ => None,
     };
     let mut runs = Vec::new();
     for run in &test.runs {
         let mut draws = Vec::new();
         for draw in &run.draws {
             draws.push(format!(
-                "TestDraw {{ pass: &{}, attachment: {:?}, compare: wgpu::CompareFunction::{:?}, write: {}, must_pass: {} }}",
-                path(draw.role)?,
+                "TestDraw {{ pass: &{}, attachment: {:?}, compare: wgpu::CompareFunction::{:?}, write: {}, clear: {:?}, must_pass: {} }}",
+                path(draw)?,
                 draw.attachment,
                 draw.compare,
                 draw.write,
+                clear(&draw.attachment)?,
                 draw.samples == SamplesPassed::Some
             ));
         }
@@ -326,8 +333,7 @@ fn self_test(plan: &Plan, test: &SelfTest) -> Option<String> {
             draws.join(", ")
         ));
     }
-    let attachments = std::iter::once(&test.attachment).chain(&plan.attachments);
-    let attachments: Vec<String> = attachments.map(attachment).collect();
+    let attachments: Vec<String> = attachments().map(attachment).collect();
     Some(format!(
         "SelfTest {{ attachments: &[{}], runs: &[{}] }}",
         attachments.join(", "),

@@ -96,8 +96,7 @@ fn variant(plan: &Plan, test: &SelfTest, form: ShaderForm) -> Result<Variant, Er
     let mut drawn = plan.clone();
     drawn.self_test = None;
     for (key, program) in plan.original.iter().flat_map(|o| &o.programs) {
-        let own = drawn.programs.entry(key.clone());
-        own.or_insert_with(|| program.clone());
+        drawn.programs.insert(of_original(key), program.clone());
     }
     drawn.attachments.push(test.attachment.clone());
     drawn.passes.clear();
@@ -140,20 +139,26 @@ fn variant(plan: &Plan, test: &SelfTest, form: ShaderForm) -> Result<Variant, Er
     Ok(Variant::new(&[drawn], form)?.in_passes(passes))
 }
 
+/// The key of a program of the original, beside those of the plan.
+fn of_original(key: &str) -> String {
+    format!("original-{key}")
+}
+
 /// The pass as the test draws it.
 fn pass(plan: &Plan, draw: &SelfTestDraw) -> Result<GpuPass, Error> {
     let failed = |message: &str| Error::Plan {
         material: plan.material.clone(),
         message: format!("its self-test draws a {} pass {message}", draw.role.name()),
     };
-    let original = plan.original.iter().flat_map(|o| &o.passes);
-    let mut pass = plan
-        .passes
-        .iter()
-        .chain(original)
-        .find(|p| p.role == draw.role)
-        .cloned()
-        .ok_or_else(|| failed("that it does not have"))?;
+    let is_drawn = |p: &&GpuPass| p.role == draw.role;
+    let own = plan.passes.iter().filter(|_| !draw.original).find(is_drawn);
+    let original = || {
+        let pass = plan.original.as_ref()?.passes.iter().find(is_drawn)?;
+        let program = of_original(&pass.program);
+        Some(GpuPass { program, ..pass.clone() })
+    };
+    let pass = own.cloned().or_else(original);
+    let mut pass = pass.ok_or_else(|| failed("that it does not have"))?;
     let depth = pass
         .depth
         .as_mut()

@@ -473,7 +473,8 @@ export class PlannedFrame {
         const host = renderer.getRenderTarget();
         const cleared = new Set();
         const draws = run.draws.map((draw) => {
-            const of = drawn.find((d) => d.pass.role === draw.role);
+            const own = drawn.find((d) => d.pass.role === draw.role);
+            const of = draw.original || !own ? { material: author } : own;
             const attachment = draw.attachment === test.attachment.name ? test.attachment : of.attachment;
             const color = { type: host?.texture.type ?? UnsignedByteType };
             const target = this.#attachments.target(attachment, color, ...this.#extent());
@@ -481,6 +482,7 @@ export class PlannedFrame {
             cleared.add(attachment.name);
             const query = gl.createQuery();
             const state = { depthFunc: COMPARE[draw.compare], depthWrite: draw.write };
+            renderer.state.buffers.depth.setClear(attachment.clear.depth);
             withValues(renderer, { autoClear, autoClearDepth: true }, () =>
                 withValues(of.material, state, () => {
                     gl.beginQuery(gl.ANY_SAMPLES_PASSED, query);
@@ -488,6 +490,7 @@ export class PlannedFrame {
                     gl.endQuery(gl.ANY_SAMPLES_PASSED);
                 }),
             );
+            renderer.state.buffers.depth.setClear(1);
             return { query, samples: draw.samples };
         });
         return { failure: run.failure, draws };

@@ -110,11 +110,11 @@ impl<'a> Stages<'a> {
             let Some(dependence) = (row.dependence)(self) else {
                 continue;
             };
-            match row.then {
-                Then::Assume(assumption) => given.push(assumption),
+            match &row.then {
+                Then::Assume(assumption) => given.push(assumption.clone()),
                 Then::Refuse(code, consequence, remedy) => {
                     let reason = format!("{dependence}: {consequence}");
-                    refusals.push(Refusal::new(pass, code, reason, remedy));
+                    refusals.push(Refusal::new(pass, code, reason, *remedy));
                 }
             }
         }

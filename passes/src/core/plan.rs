@@ -588,6 +588,9 @@ pub struct SelfTestRun {
 pub struct SelfTestDraw {
     /// The pass to draw as: the plan's, or the original's if the plan has no pass of that role.
     pub role: Role,
+    /// Draw as the original's pass, even if the plan has one of that role.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub original: bool,
     /// Name of the depth attachment: [`SELF_TEST_DEPTH`], or one of the plan's.
     pub attachment: String,
     /// Depth comparison.

@@ -6,13 +6,16 @@
 //! sample in a depth attachment, so "no fragment of the other pass is nearer" is one query.
 
 use crate::core::plan::{
-    Plan, Role, SELF_TEST_DEPTH, SamplesPassed, SelfTest, SelfTestDraw, SelfTestRun,
+    ClearValue, Plan, Role, SELF_TEST_DEPTH, SamplesPassed, SelfTest, SelfTestDraw, SelfTestRun,
 };
 use crate::core::state::{CompareFunction, DepthDirection};
 
 /// For an unchanged main pass over a pre-pass that is biased away from the viewer: over the main
 /// pass's own depths, no sample of the pre-pass may hide one of the main pass's. `None` for a plan
 /// without a main pass.
+///
+/// At the far plane both are clamped to the clear depth, where neither passes in the frame. So the
+/// test clears one step nearer.
 pub fn biased(plan: &Plan) -> Option<SelfTest> {
     let main = plan.main()?.depth.as_ref()?;
     let hides = match main.compare {
@@ -23,6 +26,13 @@ pub fn biased(plan: &Plan) -> Option<SelfTest> {
         CompareFunction::GreaterEqual => CompareFunction::Greater,
         _ => return None,
     };
+    let step = match main.compare.direction()? {
+        DepthDirection::Forward => -plan.depth_format(&main.attachment)?.step(),
+        DepthDirection::Reversed if plan.depth_format(&main.attachment)?.may_be_float() => {
+            f32::MIN_POSITIVE
+        }
+        DepthDirection::Reversed => plan.depth_format(&main.attachment)?.step(),
+    };
     let run = SelfTestRun {
         failure:
             "the pre-pass hides samples of the main pass, or covers what the main pass does not"
@@ -32,7 +42,11 @@ pub fn biased(plan: &Plan) -> Option<SelfTest> {
             none_passes(Role::Prepass, hides),
         ],
     };
-    of(plan, plan, vec![run])
+    let mut test = of(plan, plan, vec![run])?;
+    if let ClearValue::Depth(clear) = &mut test.attachment.clear {
+        *clear += step;
+    }
+    Some(test)
 }
 
 /// Whether the main pass still discards like its pre-pass.
@@ -45,28 +59,39 @@ pub enum MainDiscards {
 }
 
 /// For a main pass that compares with EQUAL: neither pass may have a fragment nearer than the
-/// other's nearest, so the nearest are equal. `compare` is the pre-pass's comparison. If the main
-/// pass no longer discards, its fragments may be nearer, and only one of the two runs remains.
+/// other's nearest, so the nearest are equal. `compare` is the pre-pass's comparison.
+///
+/// If the main pass no longer discards, its fragments may be nearer, and only one of the two runs
+/// remains. Then the pre-pass alone decides coverage, so it is also compared with the original's
+/// main pass.
 pub fn equal(plan: &Plan, compare: CompareFunction, discards: MainDiscards) -> Option<SelfTest> {
     let nearer = nearer(compare)?;
-    let mut runs = vec![SelfTestRun {
+    let lies_behind = SelfTestRun {
         failure: "the main pass lies behind what the pre-pass leaves, or does not cover it"
             .to_owned(),
         draws: vec![
             lays(Role::Main, SELF_TEST_DEPTH, compare),
             none_passes(Role::Prepass, nearer),
         ],
-    }];
-    if discards == MainDiscards::AsPrepass {
-        runs.push(SelfTestRun {
-            failure: "the main pass lies in front of what the pre-pass leaves, or covers more"
-                .to_owned(),
-            draws: vec![
-                lays(Role::Prepass, SELF_TEST_DEPTH, compare),
-                none_passes(Role::Main, nearer),
-            ],
-        });
-    }
+    };
+    let runs = match discards {
+        MainDiscards::AsPrepass => vec![
+            lies_behind,
+            SelfTestRun {
+                failure: "the main pass lies in front of what the pre-pass leaves, or covers more"
+                    .to_owned(),
+                draws: vec![
+                    lays(Role::Prepass, SELF_TEST_DEPTH, compare),
+                    none_passes(Role::Main, nearer),
+                ],
+            },
+        ],
+        MainDiscards::NoMore => {
+            let mut runs = vec![lies_behind];
+            runs.extend(as_original(Role::Prepass, compare)?);
+            runs
+        }
+    };
     of(plan, plan, runs)
 }
 
@@ -74,26 +99,45 @@ pub fn equal(plan: &Plan, compare: CompareFunction, discards: MainDiscards) -> O
 /// the original's main pass.
 pub fn identified(plan: &Plan, original: &Plan) -> Option<SelfTest> {
     let compare = original.main()?.depth.as_ref()?.compare;
+    of(plan, original, as_original(Role::Ids, compare)?.into())
+}
+
+/// For a main pass with the author's position in a vertex stage that other code joined or left:
+/// as [`equal`], against the original's main pass. `None` if the main pass has no depth.
+pub fn same_position(plan: &Plan) -> Option<SelfTest> {
+    let compare = plan.main()?.depth.as_ref()?.compare;
+    of(plan, plan, as_original(Role::Main, compare)?.into())
+}
+
+/// Neither the plan's pass of this role nor the original's main pass may have a fragment nearer than
+/// the other's nearest.
+fn as_original(role: Role, compare: CompareFunction) -> Option<[SelfTestRun; 2]> {
     let nearer = nearer(compare)?;
-    let runs = vec![
+    let name = match role {
+        Role::Prepass => "the pre-pass",
+        Role::Ids => "the id pass",
+        _ => "the main pass",
+    };
+    let original = |draw| SelfTestDraw {
+        original: true,
+        ..draw
+    };
+    Some([
         SelfTestRun {
-            failure: "the original lies behind what the id pass leaves, or does not cover it"
-                .to_owned(),
+            failure: format!("the original lies behind what {name} leaves, or does not cover it"),
             draws: vec![
-                lays(Role::Main, SELF_TEST_DEPTH, compare),
-                none_passes(Role::Ids, nearer),
+                original(lays(Role::Main, SELF_TEST_DEPTH, compare)),
+                none_passes(role, nearer),
             ],
         },
         SelfTestRun {
-            failure: "the original lies in front of what the id pass leaves, or covers more"
-                .to_owned(),
+            failure: format!("the original lies in front of what {name} leaves, or covers more"),
             draws: vec![
-                lays(Role::Ids, SELF_TEST_DEPTH, compare),
-                none_passes(Role::Main, nearer),
+                lays(role, SELF_TEST_DEPTH, compare),
+                original(none_passes(Role::Main, nearer)),
             ],
         },
-    ];
-    of(plan, original, runs)
+    ])
 }
 
 /// For a main pass that both reads the depth of its pre-pass, `produced`, and is tested against it.
@@ -123,6 +167,7 @@ fn nearer(compare: CompareFunction) -> Option<CompareFunction> {
 fn lays(role: Role, attachment: &str, compare: CompareFunction) -> SelfTestDraw {
     SelfTestDraw {
         role,
+        original: false,
         attachment: attachment.to_owned(),
         compare,
         write: true,
@@ -133,6 +178,7 @@ fn lays(role: Role, attachment: &str, compare: CompareFunction) -> SelfTestDraw 
 fn none_passes(role: Role, compare: CompareFunction) -> SelfTestDraw {
     SelfTestDraw {
         role,
+        original: false,
         attachment: SELF_TEST_DEPTH.to_owned(),
         compare,
         write: false,

@@ -9,6 +9,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::analysis::coverage;
+use crate::analysis::implicit_inputs::Change as Changes;
 use crate::analysis::opaque::Opaque;
 use crate::core::contract::{Assumption, Contract};
 use crate::core::pass::{Change, Outcome, Refusal, Site, SiteCost};
@@ -172,6 +173,20 @@ impl DepthOnly {
             change: self.change(opaque, what),
             left: Vec::new(),
         }
+    }
+
+    /// The assumptions of the pass `name`, which changes what the author's stages depend on.
+    ///
+    /// # Errors
+    /// See [`Opaque::assumptions`].
+    pub(crate) fn assumptions(
+        &self,
+        opaque: &Opaque,
+        plan: &Plan,
+        name: &'static str,
+        changes: &[Changes],
+    ) -> Result<Vec<Assumption>, Vec<Refusal>> {
+        opaque.assumptions(plan, name, self.fragment.as_ref(), changes)
     }
 
     /// The step of the pass `name` with these slices.
@@ -367,15 +382,11 @@ pub fn replace_main(
 
 /// The assumptions under which a pre-pass of other positions hides no fragment that the main pass
 /// shows, if it leaves a margin.
-pub fn assumptions_with_margin(opaque: &Opaque) -> Vec<Assumption> {
-    let mut given = vec![
-        Assumption::PositionWithinBias,
-        Assumption::SameViewport,
-        Assumption::OrdinaryNeighbours,
-    ];
-    given.extend(opaque.assumptions());
-    given
-}
+pub const WITH_MARGIN: [Assumption; 3] = [
+    Assumption::PositionWithinBias,
+    Assumption::SameViewport,
+    Assumption::OrdinaryNeighbours,
+];
 
 /// Inserts a depth-only GPU pass before the main pass. Under alpha to coverage it has the main
 /// pass's colour targets with an empty write mask. `program` is the key of a program in the plan.

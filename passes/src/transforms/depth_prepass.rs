@@ -38,6 +38,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::analysis::coverage;
+use crate::analysis::implicit_inputs::Change;
 use crate::analysis::near_plane;
 use crate::analysis::opaque::{self, Opaque};
 use crate::analysis::refusals as shared;
@@ -195,9 +196,17 @@ impl Pass for DepthPrepass {
     fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
         let opaque = check(plan, facts, params)?;
         let slice = depth_only::slice(&opaque, params.vertex());
+        let mut changes = vec![Change::RejectsEarly, Change::Slices];
+        changes.extend((params.form == Form::Biased).then_some(Change::Biases));
+        let given = slice.assumptions(&opaque, plan, Self::INFO.name, &changes)?;
+        if given.contains(&Assumption::BeyondNearPlane)
+            && let Some(refusal) = on_near_plane(&opaque, facts)
+        {
+            return Err(vec![refusal].into());
+        }
         let next = match params.form {
-            Form::Biased => biased(plan, &opaque, &slice, params),
-            Form::Equal => equal(plan, &opaque, &slice, params, facts),
+            Form::Biased => biased(plan, &opaque, &slice, params, given),
+            Form::Equal => equal(plan, &opaque, &slice, (params, facts), given),
         }?;
         Ok(slice.outcome(&opaque, what(params, &opaque), next))
     }
@@ -216,12 +225,6 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
                     "depth bias applies to triangles only; these are lines or points",
                     "take form=equal",
                 ));
-            }
-            let format = plan
-                .depth_format(&opaque.depth.attachment)
-                .unwrap_or_default();
-            if rests_on_near_plane(&opaque, format) {
-                refusals.extend(on_near_plane(&opaque, facts));
             }
             refusals.extend(reads_biased_depth(&opaque));
             if opaque.depth.bias.clamp != 0.0 {
@@ -308,16 +311,6 @@ fn reads_biased_depth(opaque: &Opaque) -> Option<Refusal> {
     })
 }
 
-/// Whether a surface on the near plane cannot be pushed away. The bias of a float format is
-/// relative to the depth and vanishes at 0; unclipped depths are clamped after biasing (Vulkan 1.3,
-/// 28.10 and 29.5). Under reversed Z a bias works, except for triangles without area: their slope
-/// divides by the area, and llvmpipe clamps the result to 1 with or without a bias.
-fn rests_on_near_plane(opaque: &Opaque, format: DepthFormat) -> bool {
-    opaque.direction == DepthDirection::Reversed
-        || format.may_be_float()
-        || opaque.pass.primitive.unclipped_depth
-}
-
 /// A surface on the near plane, measured or by construction.
 fn on_near_plane(opaque: &Opaque, facts: &Facts) -> Option<Refusal> {
     let refuse = |reason: String| {
@@ -383,6 +376,7 @@ fn biased(
     opaque: &Opaque,
     slice: &DepthOnly,
     params: &Params,
+    mut given: Vec<Assumption>,
 ) -> Result<Plan, Box<Refusal>> {
     let format = plan
         .depth_format(&opaque.depth.attachment)
@@ -410,8 +404,7 @@ fn biased(
     // The author's program stays unchanged, so the pre-pass has its own, even with the same vertex
     // stage.
     PrepassProgram::Own.insert(&mut next, opaque, placed, depth, DepthPrepass::INFO.name)?;
-    let mut given = depth_only::assumptions_with_margin(opaque);
-    given.extend(rests_on_near_plane(opaque, format).then_some(Assumption::BeyondNearPlane));
+    given.extend(depth_only::WITH_MARGIN);
     next.steps.push(step(slice, opaque, params, given));
     next.self_test = self_test::biased(&next);
     depth_only::finish(&mut next, "original");
@@ -422,8 +415,8 @@ fn equal(
     plan: &Plan,
     opaque: &Opaque,
     slice: &DepthOnly,
-    params: &Params,
-    facts: &Facts,
+    (params, facts): (&Params, &Facts),
+    mut given: Vec<Assumption>,
 ) -> Result<Plan, Box<Refusal>> {
     let name = DepthPrepass::INFO.name;
     let mut next = plan.clone();
@@ -447,13 +440,12 @@ fn equal(
         }
     }
     program.insert(&mut next, opaque, placed, opaque.depth.clone(), name)?;
-    let mut given = invariant.assumptions(opaque);
+    given.extend(invariant.assumptions(opaque));
     given.extend([
         Assumption::SameDrawOrder,
         Assumption::SameViewport,
         Assumption::OrdinaryNeighbours,
     ]);
-    given.extend(opaque.assumptions());
     given.extend(
         (opaque.depth.compare == opaque.strict() || drop_discard)
             .then_some(Assumption::NoDepthTies),

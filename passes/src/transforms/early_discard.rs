@@ -26,8 +26,8 @@
 //! `texture=packed` adds a colour attachment, [`PREPASS_PACKED`], and binds it; the pre-pass then
 //! always has a fragment stage.
 //!
-//! A depth that the shader writes is clamped to 0..1 before the comparison: the viewport's depth
-//! range is assumed to be that.
+//! A depth that the shader writes is clamped to 0..1 before the comparison, under the assumption
+//! `whole-depth-range`.
 //!
 //! A vote needs fine derivatives, which GLSL ES 3.00 lacks. With coarse ones three lanes could
 //! discard although the fourth continues, and spoil its derivatives. A visible lane itself is never
@@ -43,6 +43,7 @@ use naga::{Module, ResourceBinding};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::analysis::implicit_inputs::Change;
 use crate::analysis::opaque::{self, Opaque};
 use crate::analysis::refusals as shared;
 use crate::core::budget::Budget;
@@ -243,7 +244,12 @@ impl Pass for EarlyDiscard {
     fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
         let opaque = check(plan, facts, params)?;
         let slice = depth_only::slice(&opaque, params.vertex());
-        let next = transform(plan, &opaque, &slice, params)?;
+        let mut changes = vec![Change::LeavesEarly, Change::Slices, Change::ComparesDepth];
+        if params.attachment == MainAttachment::Readonly {
+            changes.push(Change::RejectsEarly);
+        }
+        let given = slice.assumptions(&opaque, plan, Self::INFO.name, &changes)?;
+        let next = transform(plan, &opaque, &slice, params, given)?;
         Ok(slice.outcome(&opaque, what(params, &opaque), next))
     }
 }
@@ -390,6 +396,7 @@ fn transform(
     opaque: &Opaque,
     slice: &DepthOnly,
     params: &Params,
+    mut given: Vec<Assumption>,
 ) -> Result<Plan, Box<Refusal>> {
     let name = EarlyDiscard::INFO.name;
     let Some(fragment) = opaque.fragment else {
@@ -440,7 +447,7 @@ fn transform(
     let program = params.program();
     program.insert(&mut next, opaque, placed, depth, name)?;
     add_attachments(&mut next, plan, opaque, params, &produced);
-    let mut given = depth_only::assumptions_with_margin(opaque);
+    given.extend(depth_only::WITH_MARGIN);
     if params.attachment == MainAttachment::Readonly {
         given.extend(invariant.assumptions(opaque));
         given.extend([Assumption::NoDepthTies, Assumption::SameDrawOrder]);

@@ -21,6 +21,7 @@
 
 use naga::ShaderStage;
 
+use crate::analysis::implicit_inputs::Change as Changes;
 use crate::analysis::opaque::Opaque;
 use crate::analysis::refusals as shared;
 use crate::core::budget::Budget;
@@ -213,6 +214,8 @@ struct Material<'a> {
     depth: DepthOnly,
     /// The slice of the fragment stage's colours.
     colors: Slice,
+    /// The assumptions under which the id pass decides as the author's stages do.
+    given: Vec<Assumption>,
 }
 
 impl<'a> Material<'a> {
@@ -244,8 +247,12 @@ impl<'a> Material<'a> {
         if !refusals.is_empty() {
             return Err(refusals);
         }
+        let depth = depth_only::slice(&opaque, params.vertex(&opaque));
+        let changes = [Changes::RejectsEarly, Changes::Slices];
+        let given = depth.assumptions(&opaque, plan, VisibilityBuffer::INFO.name, &changes)?;
         Ok(Self {
-            depth: depth_only::slice(&opaque, params.vertex(&opaque)),
+            depth,
+            given,
             opaque,
             colors,
         })
@@ -435,7 +442,7 @@ impl<'a> Material<'a> {
             Assumption::SameDrawOrder,
             Assumption::OrdinaryNeighbours,
         ]);
-        given.extend(self.opaque.assumptions());
+        given.extend(self.given.iter().cloned());
         given.sort();
         given
     }

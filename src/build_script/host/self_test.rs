@@ -32,6 +32,8 @@ pub struct TestDraw {
     pub compare: wgpu::CompareFunction,
     /// Depth is written.
     pub write: bool,
+    /// Value that the attachment is cleared to by the first draw of the run that has it.
+    pub clear: f32,
     /// Whether samples must pass.
     pub must_pass: bool,
 }
@@ -297,6 +299,7 @@ impl Recorded {
         let has_stencil = own.stencil_ops.map(|_| ops);
         let depth = Depth {
             read_only: false,
+            clear: test.clear,
             ops,
             stencil_ops: has_stencil,
             ..own.clone()

@@ -15,7 +15,6 @@ use crate::core::program::SourceMap;
 use crate::core::reflect;
 use crate::core::refusals::RefusalInfo;
 use crate::core::state::{CullMode, DepthBias, Topology};
-use crate::graph::{Effect, FunctionId};
 use crate::slice::Slice;
 
 /// Checks the state of a pass.
@@ -198,14 +197,6 @@ pub fn fragment(opaque: &Opaque<'_>, colors: &Slice) -> Vec<Refusal> {
         "the fragment stage",
         "parts of it run for several pixels in one invocation",
     ));
-    let effects = opaque.graph.effects(FunctionId::EntryPoint(fragment));
-    if effects.contains(&Effect::Subgroup) {
-        refusals.push(refuse(
-            &refusals::SUBGROUP,
-            "the fragment stage talks to its neighbours, which in a resolve pass are others",
-            "leave it out",
-        ));
-    }
     refusals
 }
 
