@@ -482,7 +482,7 @@ export class PlannedFrame {
             cleared.add(attachment.name);
             const query = gl.createQuery();
             const state = { depthFunc: COMPARE[draw.compare], depthWrite: draw.write };
-            renderer.state.buffers.depth.setClear(attachment.clear.depth);
+            renderer.state.buffers.depth.setClear(attachment.clear);
             withValues(renderer, { autoClear, autoClearDepth: true }, () =>
                 withValues(of.material, state, () => {
                     gl.beginQuery(gl.ANY_SAMPLES_PASSED, query);

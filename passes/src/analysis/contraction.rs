@@ -139,34 +139,16 @@ fn looked<'g, 'p>([a, b]: [(&'g Graph<'p>, usize); 2]) -> Result<[Looked<'g, 'p>
     Ok([Looked::new(a.0, a.1)?, Looked::new(b.0, b.1)?])
 }
 
-/// An operation and the provider of its operand, as a compiler sees them.
-type Pair = (u64, u64, bool, usize);
+/// The reader that stands for the stage's outputs.
+const OUTPUT: ValueId = usize::MAX;
 
-/// The values of a stage.
-struct Looked<'g, 'p> {
-    values: Values<'g, 'p>,
-    /// A structural hash of each value.
-    hashes: Vec<u64>,
-    /// Functions with more than one basic block, calls included.
-    branches: BTreeSet<FunctionId>,
-    /// The number of each statement's basic block, by function.
-    blocks: BTreeMap<FunctionId, Vec<usize>>,
+/// The values of a stage as operations, seen through copies.
+#[derive(Clone, Copy)]
+struct Operations<'v, 'g, 'p> {
+    values: &'v Values<'g, 'p>,
 }
 
-impl<'g, 'p> Looked<'g, 'p> {
-    fn new(graph: &'g Graph<'p>, entry: usize) -> Result<Self, TooLarge> {
-        let values = Values::new(graph, entry)?;
-        let (branches, blocks) = blocks(graph, FunctionId::EntryPoint(entry));
-        let mut this = Self {
-            values,
-            hashes: Vec::new(),
-            branches,
-            blocks,
-        };
-        this.hashes = this.hashed();
-        Ok(this)
-    }
-
+impl<'g, 'p> Operations<'_, 'g, 'p> {
     fn function(&self, context: ContextId) -> &'g FunctionGraph<'p> {
         self.values.function(context)
     }
@@ -251,13 +233,13 @@ impl<'g, 'p> Looked<'g, 'p> {
         found
     }
 
-    /// Number of readers behind all copies: operations, merges, decisions, outputs.
-    fn readers(&self, id: ValueId) -> usize {
+    /// Readers behind all copies: operations, merges, decisions, and [`OUTPUT`].
+    fn readers(&self, id: ValueId) -> BTreeSet<ValueId> {
         let (mut found, mut seen) = (BTreeSet::new(), BTreeSet::new());
         let mut work = vec![id];
         while let Some(at) = work.pop() {
             if self.values.roots.binary_search(&at).is_ok() {
-                found.insert(usize::MAX);
+                found.insert(OUTPUT);
             }
             for user in &self.values.users()[at] {
                 match self.copied(*user).contains(&at) {
@@ -269,20 +251,99 @@ impl<'g, 'p> Looked<'g, 'p> {
                 }
             }
         }
-        found.len()
+        found
+    }
+
+    /// Whether the last step of an operation may be a product or a sum, which a compiler can fuse
+    /// into a reader. The other functions end in an instruction of their own.
+    fn may_fuse(&self, id: ValueId) -> bool {
+        use naga::MathFunction as F;
+        let ends_in_its_own = |fun| {
+            matches!(
+                fun,
+                F::Abs
+                    | F::Min
+                    | F::Max
+                    | F::Clamp
+                    | F::Saturate
+                    | F::Floor
+                    | F::Ceil
+                    | F::Round
+                    | F::Trunc
+                    | F::Sign
+                    | F::Step
+                    | F::Sin
+                    | F::Cos
+                    | F::Exp2
+                    | F::InverseSqrt
+                    | F::Ldexp
+            )
+        };
+        let is_own = matches!(self.whole(id), Some((_, Expression::Math { fun, .. })) if ends_in_its_own(*fun));
+        self.is_arithmetic(id) && !is_own
+    }
+}
+
+/// Which values of a stage are computed by an operation that a compiler may fuse into a reader, as
+/// it fuses a product into a sum. If another stage computes such a value, the reader may round
+/// differently.
+pub(crate) fn fusible(values: &Values<'_, '_>) -> Vec<bool> {
+    let operations = Operations { values };
+    let is_fusible = |id: ValueId| {
+        let mut sources = operations.sources(id).into_iter();
+        let mut readers = operations.readers(id).into_iter();
+        sources.any(|source| operations.may_fuse(source))
+            && readers.any(|reader| reader != OUTPUT && operations.is_arithmetic(reader))
+    };
+    (0..values.values.len()).map(is_fusible).collect()
+}
+
+/// An operation and the provider of its operand, as a compiler sees them.
+type Pair = (u64, u64, bool, usize);
+
+/// The values of a stage.
+struct Looked<'g, 'p> {
+    values: Values<'g, 'p>,
+    /// A structural hash of each value.
+    hashes: Vec<u64>,
+    /// Functions with more than one basic block, calls included.
+    branches: BTreeSet<FunctionId>,
+    /// The number of each statement's basic block, by function.
+    blocks: BTreeMap<FunctionId, Vec<usize>>,
+}
+
+impl<'g, 'p> Looked<'g, 'p> {
+    fn new(graph: &'g Graph<'p>, entry: usize) -> Result<Self, TooLarge> {
+        let values = Values::new(graph, entry)?;
+        let (branches, blocks) = blocks(graph, FunctionId::EntryPoint(entry));
+        let mut this = Self {
+            values,
+            hashes: Vec::new(),
+            branches,
+            blocks,
+        };
+        this.hashes = this.hashed();
+        Ok(this)
+    }
+
+    fn operations(&self) -> Operations<'_, 'g, 'p> {
+        Operations {
+            values: &self.values,
+        }
     }
 
     fn pairs(&self) -> Vec<(ValueId, Pair)> {
         let mut all = Vec::new();
-        for id in (0..self.values.values.len()).filter(|id| self.is_arithmetic(*id)) {
+        let operations = self.operations();
+        for id in (0..self.values.values.len()).filter(|id| operations.is_arithmetic(*id)) {
             for operand in &self.values.values[id].operands {
-                for source in self.sources(*operand) {
-                    let pair = match self.is_arithmetic(source) {
+                for source in operations.sources(*operand) {
+                    let pair = match operations.is_arithmetic(source) {
                         true => (
                             self.hashes[source],
                             self.hashes[id],
                             self.block(source) == self.block(id),
-                            self.readers(source),
+                            operations.readers(source).len(),
                         ),
                         // A constant may be multiplied out by itself.
                         false if self.is_constant(source) => {
@@ -316,7 +377,10 @@ impl<'g, 'p> Looked<'g, 'p> {
         match self.values.values[id].node {
             // A variable without stores so far.
             Node::Version(..) => self.values.values[id].operands.is_empty(),
-            _ => self.whole(id).is_some_and(|(_, e)| constant(e)),
+            _ => self
+                .operations()
+                .whole(id)
+                .is_some_and(|(_, e)| constant(e)),
         }
     }
 
@@ -325,7 +389,7 @@ impl<'g, 'p> Looked<'g, 'p> {
         let Node::Expression(mut context, e, _) = self.values.values[id].node else {
             return None;
         };
-        let mut at = self.function(context).statements.evaluated_at(e)?;
+        let mut at = self.values.function(context).statements.evaluated_at(e)?;
         loop {
             let function = self.values.contexts[context].function;
             match self.values.contexts[context].call {
@@ -392,7 +456,7 @@ impl<'g, 'p> Looked<'g, 'p> {
             || (0..reached.len()).any(|id| {
                 let rests = self.values.values[id].operands.iter().any(|o| reached[*o]);
                 rests
-                    && self.whole(id).is_some_and(|(_, e)| {
+                    && self.operations().whole(id).is_some_and(|(_, e)| {
                         matches!(e, Expression::ImageSample { .. }) || operation(e).is_some()
                     })
             })
@@ -424,11 +488,11 @@ impl<'g, 'p> Looked<'g, 'p> {
             let is_copy = match &self.values.values[at].node {
                 Node::Version(..) => true,
                 _ => matches!(
-                    self.whole(at),
+                    self.operations().whole(at),
                     Some((_, Expression::CallResult(_) | Expression::Load { .. }))
                 ),
             };
-            match self.copied(at).as_slice() {
+            match self.operations().copied(at).as_slice() {
                 [one] if is_copy => at = *one,
                 _ => break,
             }
@@ -446,7 +510,7 @@ impl<'g, 'p> Looked<'g, 'p> {
             Node::Version(..) => hash("merge"),
             Node::Control(..) => hash("control"),
             Node::Expression(context, e, path) => {
-                let f = self.function(*context);
+                let f = self.values.function(*context);
                 let ty = match f.ty(module, *e) {
                     naga::TypeInner::Struct { .. } | naga::TypeInner::Array { .. } => String::new(),
                     inner => format!("{inner:?}"),

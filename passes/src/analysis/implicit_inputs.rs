@@ -37,7 +37,7 @@ use crate::slice::Slice;
 
 /// How a pass changes the conditions under which the author's stages run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Change {
+pub enum PassEffect {
     /// Depth that was drawn ahead rejects fragments, or samples of them, before the author's stage
     /// runs.
     RejectsEarly,
@@ -55,7 +55,7 @@ pub enum Change {
 
 /// The stages of a main pass, as a pass finds them.
 #[derive(Clone, Copy, Debug)]
-pub struct Stages<'a> {
+pub struct ImplicitInputs<'a> {
     plan: &'a Plan,
     pass: &'a GpuPass,
     program: &'a Program,
@@ -66,7 +66,7 @@ pub struct Stages<'a> {
     slice: Option<&'a Slice>,
 }
 
-impl<'a> Stages<'a> {
+impl<'a> ImplicitInputs<'a> {
     /// The stages that `pass` of `plan` draws with. `graph` is its program's.
     pub fn new(plan: &'a Plan, pass: &'a GpuPass, graph: &'a Graph<'a>) -> Self {
         let program = graph.program();
@@ -93,18 +93,18 @@ impl<'a> Stages<'a> {
         Self { slice, ..self }
     }
 
-    /// The assumptions under which `changes` leave every result as it was.
+    /// The assumptions under which `effects` leave every result as it was.
     ///
     /// # Errors
     /// A refusal for each implicit input that no assumption covers.
     pub fn examine(
         &self,
         pass: &'static str,
-        changes: &[Change],
+        effects: &[PassEffect],
     ) -> Result<Vec<Assumption>, Vec<Refusal>> {
         let (mut given, mut refusals) = (Vec::new(), Vec::new());
         for row in TABLE {
-            if !row.changed_by.iter().any(|change| changes.contains(change)) {
+            if !row.moved_by.iter().any(|effect| effects.contains(effect)) {
                 continue;
             }
             let Some(dependence) = (row.dependence)(self) else {
@@ -141,9 +141,9 @@ impl<'a> Stages<'a> {
 
 /// One implicit input.
 struct Row {
-    changed_by: &'static [Change],
+    moved_by: &'static [PassEffect],
     /// Whether and by what the stages depend on it.
-    dependence: fn(&Stages<'_>) -> Option<String>,
+    dependence: fn(&ImplicitInputs<'_>) -> Option<String>,
     then: Then,
 }
 
@@ -157,7 +157,11 @@ enum Then {
 
 const TABLE: &[Row] = &[
     Row {
-        changed_by: &[Change::RejectsEarly, Change::LeavesEarly, Change::Slices],
+        moved_by: &[
+            PassEffect::RejectsEarly,
+            PassEffect::LeavesEarly,
+            PassEffect::Slices,
+        ],
         dependence: subgroup,
         then: Then::Refuse(
             &refusals::SUBGROUP,
@@ -166,7 +170,7 @@ const TABLE: &[Row] = &[
         ),
     },
     Row {
-        changed_by: &[Change::Slices],
+        moved_by: &[PassEffect::Slices],
         dependence: sample_rate,
         then: Then::Refuse(
             &refusals::SAMPLE_RATE,
@@ -175,7 +179,7 @@ const TABLE: &[Row] = &[
         ),
     },
     Row {
-        changed_by: &[Change::RejectsEarly],
+        moved_by: &[PassEffect::RejectsEarly],
         dependence: surviving_samples,
         then: Then::Refuse(
             &refusals::SURVIVING_SAMPLES,
@@ -184,33 +188,33 @@ const TABLE: &[Row] = &[
         ),
     },
     Row {
-        changed_by: &[Change::Slices],
+        moved_by: &[PassEffect::Slices],
         dependence: contraction,
         then: Then::Assume(Assumption::InvariantDiscard),
     },
     Row {
-        changed_by: &[Change::Slices],
+        moved_by: &[PassEffect::Slices],
         dependence: alpha_mask,
         then: Then::Assume(Assumption::SameAlphaCoverage),
     },
     Row {
-        changed_by: &[Change::Biases],
+        moved_by: &[PassEffect::Biases],
         dependence: near_plane,
         then: Then::Assume(Assumption::BeyondNearPlane),
     },
     Row {
-        changed_by: &[Change::ComparesDepth],
+        moved_by: &[PassEffect::ComparesDepth],
         dependence: depth_range,
         then: Then::Assume(Assumption::WholeDepthRange),
     },
     Row {
-        changed_by: &[Change::EditsVertexStage],
+        moved_by: &[PassEffect::EditsVertexStage],
         dependence: vertex_text,
         then: Then::Assume(Assumption::UnchangedPosition),
     },
 ];
 
-fn subgroup(stages: &Stages<'_>) -> Option<String> {
+fn subgroup(stages: &ImplicitInputs<'_>) -> Option<String> {
     let has_operation = |entry: &usize| {
         let effects = stages.graph.effects(FunctionId::EntryPoint(*entry));
         effects.contains(&Effect::Subgroup)
@@ -239,7 +243,7 @@ fn subgroup(stages: &Stages<'_>) -> Option<String> {
 
 /// What changes when a stage runs once for each sample: positions, varyings that name no sampling,
 /// and derivatives. A slice that reads flat values alone has the same result at either rate.
-fn sample_rate(stages: &Stages<'_>) -> Option<String> {
+fn sample_rate(stages: &ImplicitInputs<'_>) -> Option<String> {
     let slice = stages.slice.filter(|_| stages.is_multisampled())?;
     let inputs = stages.fragment_inputs();
     let is_by_sample = |input: &Io| {
@@ -276,20 +280,23 @@ fn sample_rate(stages: &Stages<'_>) -> Option<String> {
     Some(format!("the fragment stage reads `{name}` by sample"))
 }
 
-fn surviving_samples(stages: &Stages<'_>) -> Option<String> {
+fn surviving_samples(stages: &ImplicitInputs<'_>) -> Option<String> {
     let inputs = stages.fragment_inputs();
-    let input = inputs.iter().filter(|_| stages.is_multisampled()).find(|input| {
-        matches!(
-            input.binding,
-            Some(
-                Binding::BuiltIn(BuiltIn::SampleMask)
-                    | Binding::Location {
-                        sampling: Some(Sampling::Centroid),
-                        ..
-                    }
+    let input = inputs
+        .iter()
+        .filter(|_| stages.is_multisampled())
+        .find(|input| {
+            matches!(
+                input.binding,
+                Some(
+                    Binding::BuiltIn(BuiltIn::SampleMask)
+                        | Binding::Location {
+                            sampling: Some(Sampling::Centroid),
+                            ..
+                        }
+                )
             )
-        )
-    })?;
+        })?;
     let name = input.name.as_deref().unwrap_or_default();
     Some(match input.binding {
         Some(Binding::BuiltIn(_)) => format!("the fragment stage reads the sample mask `{name}`"),
@@ -297,12 +304,12 @@ fn surviving_samples(stages: &Stages<'_>) -> Option<String> {
     })
 }
 
-fn contraction(stages: &Stages<'_>) -> Option<String> {
+fn contraction(stages: &ImplicitInputs<'_>) -> Option<String> {
     let decides = stages.decides.anything();
     decides.then(|| "the fragment stage decides coverage or depth".to_owned())
 }
 
-fn alpha_mask(stages: &Stages<'_>) -> Option<String> {
+fn alpha_mask(stages: &ImplicitInputs<'_>) -> Option<String> {
     let alpha = stages.decides.alpha;
     alpha.then(|| "the alpha of location 0 becomes a coverage mask".to_owned())
 }
@@ -311,7 +318,7 @@ fn alpha_mask(stages: &Stages<'_>) -> Option<String> {
 /// depths that the shader writes, are clamped after biasing (Vulkan 1.3, 28.10 and 29.5). Under
 /// reversed Z a bias works, except for triangles without area: their slope divides by the area, and
 /// llvmpipe clamps the result to 1 with or without a bias.
-fn near_plane(stages: &Stages<'_>) -> Option<String> {
+fn near_plane(stages: &ImplicitInputs<'_>) -> Option<String> {
     let depth = stages.pass.depth.as_ref()?;
     let format = stages.plan.depth_format(&depth.attachment);
     let is_reversed = depth.compare.direction() == Some(DepthDirection::Reversed);
@@ -319,15 +326,15 @@ fn near_plane(stages: &Stages<'_>) -> Option<String> {
     clamps.then(|| "a bias may push nothing away on the near plane".to_owned())
 }
 
-fn depth_range(stages: &Stages<'_>) -> Option<String> {
+fn depth_range(stages: &ImplicitInputs<'_>) -> Option<String> {
     is_clamped(stages).then(|| "its depth is clamped to the viewport's depth range".to_owned())
 }
 
-fn is_clamped(stages: &Stages<'_>) -> bool {
+fn is_clamped(stages: &ImplicitInputs<'_>) -> bool {
     stages.decides.depth || stages.pass.primitive.unclipped_depth
 }
 
-fn vertex_text(stages: &Stages<'_>) -> Option<String> {
+fn vertex_text(stages: &ImplicitInputs<'_>) -> Option<String> {
     let module = stages.program.module();
     let entry = &module.entry_points[stages.vertex?];
     let is_invariant = has_invariant_position(stages.program, stages.vertex?);

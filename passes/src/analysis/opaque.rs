@@ -7,7 +7,7 @@
 use naga::{Binding, BuiltIn, EarlyDepthTest, EntryPoint, ShaderStage, Span, Statement};
 
 use crate::analysis::coverage::{self, Decides};
-use crate::analysis::implicit_inputs::{self, Change, Stages};
+use crate::analysis::implicit_inputs::{self, ImplicitInputs, PassEffect};
 use crate::analysis::refusals;
 use crate::core::channels;
 use crate::core::contract::Assumption;
@@ -44,7 +44,7 @@ pub struct Opaque<'a> {
 }
 
 impl<'a> Opaque<'a> {
-    /// The assumptions under which `changes` leave the picture as it was. `slice` decides coverage
+    /// The assumptions under which `effects` leave the picture as it was. `slice` decides coverage
     /// and depth in another pass.
     ///
     /// # Errors
@@ -55,10 +55,10 @@ impl<'a> Opaque<'a> {
         plan: &Plan,
         name: &'static str,
         slice: Option<&Slice>,
-        changes: &[Change],
+        effects: &[PassEffect],
     ) -> Result<Vec<Assumption>, Vec<Refusal>> {
-        let stages = Stages::new(plan, self.pass, &self.graph).sliced(slice);
-        let mut given = stages.examine(name, changes)?;
+        let stages = ImplicitInputs::new(plan, self.pass, &self.graph).sliced(slice);
+        let mut given = stages.examine(name, effects)?;
         if !channels::writes_all(self.program, self.pass) {
             given.push(Assumption::LeftChannelsUnwritten);
         }

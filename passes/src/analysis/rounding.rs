@@ -59,15 +59,18 @@ pub struct Roundings {
 }
 
 impl Roundings {
-    /// The bounds for each value that `may` move as an affine one.
+    /// The bounds for each value that `may` move as an affine one. `fusible` are the values that a
+    /// compiler may fuse into a reader ([`crate::analysis::contraction`]): those of the draw are
+    /// rounded before their reader if they move.
     pub fn new(
         values: &Values<'_, '_>,
         known: &[SourceRange],
+        fusible: &[bool],
         may: impl Fn(ValueId) -> bool,
     ) -> Self {
         let cycles = values.cycles();
         let ranges = AllRanges::new(values, cycles, known, f64::from(ORDINARY));
-        let slopes = Slopes::new(values, &ranges);
+        let slopes = Slopes::new(values, &ranges, fusible);
         let errors = slopes.errors(cycles);
         let gains = slopes.gains(cycles);
         // A value without gain has no dependents.
@@ -76,7 +79,10 @@ impl Roundings {
             gain => gain * error,
         };
         let all = || 0..values.values.len();
-        let interpolated = |id| INTERPOLATION * UNIT_ROUNDOFF * ranges.of(id).magnitude();
+        let interpolated = |id| match is_of_draw(values, id) {
+            true => 0.0,
+            false => INTERPOLATION * UNIT_ROUNDOFF * ranges.of(id).magnitude(),
+        };
         let mut this = Self {
             each: vec![f64::INFINITY; values.values.len()],
             carried: all()
@@ -162,6 +168,7 @@ impl Above {
 struct Slopes<'v, 'g, 'p> {
     values: &'v Values<'g, 'p>,
     ranges: &'v AllRanges,
+    fusible: &'v [bool],
     /// Slopes of each value in its operands, value by value.
     steep: Vec<f64>,
     /// Start of each value's slopes in `steep`.
@@ -169,10 +176,11 @@ struct Slopes<'v, 'g, 'p> {
 }
 
 impl<'v, 'g, 'p> Slopes<'v, 'g, 'p> {
-    fn new(values: &'v Values<'g, 'p>, ranges: &'v AllRanges) -> Self {
+    fn new(values: &'v Values<'g, 'p>, ranges: &'v AllRanges, fusible: &'v [bool]) -> Self {
         let mut this = Self {
             values,
             ranges,
+            fusible,
             steep: Vec::new(),
             start: Vec::with_capacity(values.values.len()),
         };
@@ -196,8 +204,12 @@ impl<'v, 'g, 'p> Slopes<'v, 'g, 'p> {
         let mut errors = vec![f64::INFINITY; values.len()];
         for cycle in cycles.iter().rev() {
             let id = cycle[0];
-            if is_of_draw(self.values, id) {
+            if self.is_same(id) {
                 errors[id] = 0.0;
+                continue;
+            }
+            if is_of_draw(self.values, id) {
+                errors[id] = self.own(id);
                 continue;
             }
             if cycle.len() > 1 || values[id].operands.contains(&id) {
@@ -256,12 +268,17 @@ impl<'v, 'g, 'p> Slopes<'v, 'g, 'p> {
             }
             for (operand, slope) in self.operands(id) {
                 // A value that is equal in both stages passes nothing on.
-                if !is_of_draw(self.values, operand) {
+                if !self.is_same(operand) {
                     gains[operand] += gains[id] * slope;
                 }
             }
         }
         gains
+    }
+
+    /// Whether a value has the same bits in both stages, and in its readers.
+    fn is_same(&self, id: ValueId) -> bool {
+        is_of_draw(self.values, id) && !self.fusible[id]
     }
 
     /// The effect of an operation's own rounding.

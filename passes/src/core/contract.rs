@@ -286,6 +286,18 @@ impl Contract {
         }
     }
 
+    /// Adds the assumption that a budget is based on, unless it has one. Only measuring shows that a
+    /// budget holds.
+    pub(crate) fn base_budgets_on(&mut self, evidence: Assumption) {
+        if let Self::Approximate { given, .. } | Self::Budgets { given, .. } = self
+            && !given.contains(&Assumption::MeasuredScene)
+            && !given.contains(&Assumption::NotMeasured)
+        {
+            given.push(evidence);
+            given.sort();
+        }
+    }
+
     /// The budgets, all of which bind. Empty for the stronger kinds.
     pub fn budgets(&self) -> Vec<Budget> {
         match self {

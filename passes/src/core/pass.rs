@@ -5,6 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use crate::core::budget::Difference;
+use crate::core::contract::Assumption;
 use crate::core::plan::{Plan, Role};
 use crate::core::program::{Location, SourceMap};
 use crate::core::rasterizer::Rasterizer;
@@ -290,6 +291,20 @@ pub struct Facts {
     /// there are none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub samplers: Vec<SamplerState>,
+}
+
+impl Facts {
+    /// What a budget is based on: measurements of a scene, or nothing.
+    pub fn evidence(&self) -> Assumption {
+        let is_measured = self.depth_ties.is_some()
+            || self.vertices_per_fragment.is_some()
+            || !self.ranges.is_empty()
+            || !self.frequencies.is_empty();
+        match is_measured {
+            true => Assumption::MeasuredScene,
+            false => Assumption::NotMeasured,
+        }
+    }
 }
 
 /// How a sampler that compares nothing is set.
@@ -614,6 +629,12 @@ impl<P: Pass + 'static> AnyPass for Erased<P> {
                 format!("see `preshade passes {}`", P::INFO.name),
             )]
         })?;
-        P::run(plan, facts, &params)
+        let mut outcome = P::run(plan, facts, &params)?;
+        let plan = &mut outcome.plan;
+        plan.contract.base_budgets_on(facts.evidence());
+        for step in &mut plan.steps {
+            step.contract.base_budgets_on(facts.evidence());
+        }
+        Ok(outcome)
     }
 }

@@ -102,6 +102,27 @@ pub fn identified(plan: &Plan, original: &Plan) -> Option<SelfTest> {
     of(plan, original, as_original(Role::Ids, compare)?.into())
 }
 
+/// The runs of an earlier step's test, after those of `test`: both must pass.
+pub fn with_earlier(test: Option<SelfTest>, earlier: Option<SelfTest>) -> Option<SelfTest> {
+    let mut test = test?;
+    test.runs.extend(earlier.into_iter().flat_map(|t| t.runs));
+    Some(test)
+}
+
+/// An earlier step's test of a main pass that now reads the depth of its pre-pass, `produced`: the
+/// pre-pass is drawn first.
+pub fn after_prepass(
+    earlier: Option<SelfTest>,
+    compare: CompareFunction,
+    produced: &str,
+) -> Option<SelfTest> {
+    let mut test = earlier?;
+    for run in &mut test.runs {
+        run.draws.insert(0, lays(Role::Prepass, produced, compare));
+    }
+    Some(test)
+}
+
 /// For a main pass with the author's position in a vertex stage that other code joined or left:
 /// as [`equal`], against the original's main pass. `None` if the main pass has no depth.
 pub fn same_position(plan: &Plan) -> Option<SelfTest> {

@@ -9,7 +9,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::analysis::coverage;
-use crate::analysis::implicit_inputs::Change as Changes;
+use crate::analysis::implicit_inputs::PassEffect;
 use crate::analysis::opaque::Opaque;
 use crate::core::contract::{Assumption, Contract};
 use crate::core::pass::{Change, Outcome, Refusal, Site, SiteCost};
@@ -184,9 +184,9 @@ impl DepthOnly {
         opaque: &Opaque,
         plan: &Plan,
         name: &'static str,
-        changes: &[Changes],
+        effects: &[PassEffect],
     ) -> Result<Vec<Assumption>, Vec<Refusal>> {
-        opaque.assumptions(plan, name, self.fragment.as_ref(), changes)
+        opaque.assumptions(plan, name, self.fragment.as_ref(), effects)
     }
 
     /// The step of the pass `name` with these slices.

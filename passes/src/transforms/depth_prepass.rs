@@ -38,7 +38,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::analysis::coverage;
-use crate::analysis::implicit_inputs::Change;
+use crate::analysis::implicit_inputs::PassEffect;
 use crate::analysis::near_plane;
 use crate::analysis::opaque::{self, Opaque};
 use crate::analysis::refusals as shared;
@@ -196,9 +196,9 @@ impl Pass for DepthPrepass {
     fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
         let opaque = check(plan, facts, params)?;
         let slice = depth_only::slice(&opaque, params.vertex());
-        let mut changes = vec![Change::RejectsEarly, Change::Slices];
-        changes.extend((params.form == Form::Biased).then_some(Change::Biases));
-        let given = slice.assumptions(&opaque, plan, Self::INFO.name, &changes)?;
+        let mut effects = vec![PassEffect::RejectsEarly, PassEffect::Slices];
+        effects.extend((params.form == Form::Biased).then_some(PassEffect::Biases));
+        let given = slice.assumptions(&opaque, plan, Self::INFO.name, &effects)?;
         if given.contains(&Assumption::BeyondNearPlane)
             && let Some(refusal) = on_near_plane(&opaque, facts)
         {
@@ -406,7 +406,7 @@ fn biased(
     PrepassProgram::Own.insert(&mut next, opaque, placed, depth, DepthPrepass::INFO.name)?;
     given.extend(depth_only::WITH_MARGIN);
     next.steps.push(step(slice, opaque, params, given));
-    next.self_test = self_test::biased(&next);
+    next.self_test = self_test::with_earlier(self_test::biased(&next), next.self_test.take());
     depth_only::finish(&mut next, "original");
     Ok(next)
 }
@@ -455,7 +455,13 @@ fn equal(
         true => MainDiscards::NoMore,
         false => MainDiscards::AsPrepass,
     };
-    next.self_test = self_test::equal(&next, opaque.depth.compare, discards);
+    // Without its discard the main pass has fragments that the original lacks.
+    let earlier = match discards {
+        MainDiscards::AsPrepass => next.self_test.take(),
+        MainDiscards::NoMore => None,
+    };
+    let test = self_test::equal(&next, opaque.depth.compare, discards);
+    next.self_test = self_test::with_earlier(test, earlier);
     depth_only::finish(&mut next, "depth-prepass:form=biased");
     Ok(next)
 }

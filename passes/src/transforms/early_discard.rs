@@ -43,7 +43,7 @@ use naga::{Module, ResourceBinding};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::analysis::implicit_inputs::Change;
+use crate::analysis::implicit_inputs::PassEffect;
 use crate::analysis::opaque::{self, Opaque};
 use crate::analysis::refusals as shared;
 use crate::core::budget::Budget;
@@ -244,11 +244,15 @@ impl Pass for EarlyDiscard {
     fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
         let opaque = check(plan, facts, params)?;
         let slice = depth_only::slice(&opaque, params.vertex());
-        let mut changes = vec![Change::LeavesEarly, Change::Slices, Change::ComparesDepth];
+        let mut effects = vec![
+            PassEffect::LeavesEarly,
+            PassEffect::Slices,
+            PassEffect::ComparesDepth,
+        ];
         if params.attachment == MainAttachment::Readonly {
-            changes.push(Change::RejectsEarly);
+            effects.push(PassEffect::RejectsEarly);
         }
-        let given = slice.assumptions(&opaque, plan, Self::INFO.name, &changes)?;
+        let given = slice.assumptions(&opaque, plan, Self::INFO.name, &effects)?;
         let next = transform(plan, &opaque, &slice, params, given)?;
         Ok(slice.outcome(&opaque, what(params, &opaque), next))
     }
@@ -448,10 +452,13 @@ fn transform(
     program.insert(&mut next, opaque, placed, depth, name)?;
     add_attachments(&mut next, plan, opaque, params, &produced);
     given.extend(depth_only::WITH_MARGIN);
+    let compare = opaque.depth.compare;
+    next.self_test = self_test::after_prepass(next.self_test.take(), compare, &produced);
     if params.attachment == MainAttachment::Readonly {
         given.extend(invariant.assumptions(opaque));
         given.extend([Assumption::NoDepthTies, Assumption::SameDrawOrder]);
-        next.self_test = self_test::read_only(&next, opaque.depth.compare, &produced);
+        let test = self_test::read_only(&next, compare, &produced);
+        next.self_test = self_test::with_earlier(test, next.self_test.take());
         next.notes.push("the hardware depth test already rejects what the prologue would: it only adds its cost".to_owned());
     }
     if params.mode == Mode::Invert {

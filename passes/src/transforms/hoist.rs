@@ -17,7 +17,8 @@
 //!
 //! | value | interpolated | contract |
 //! |---|---|---|
-//! | constant over the draw or the primitive | flat | `Exact` |
+//! | constant over the draw or the primitive, and no compiler can fuse it into its reader | flat | `Exact` |
+//! | the same, but a compiler can (a product that is read by a sum) | flat | `Rounding` |
 //! | components of a varying | as that varying | `Exact` |
 //! | affine in varyings of one interpolation class, with draw-uniform coefficients, reaching no discontinuity and no unbounded slope (`normalize`, a division) | as those | `Rounding` |
 //! | any other value that a vertex stage can compute | smooth | `Approximate`, within your budget |
@@ -35,6 +36,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use naga::ShaderStage;
 
+use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
 use crate::analysis::refusals as shared;
 use crate::analysis::{rounding, values};
 use crate::core::budget::Budget;
@@ -47,6 +49,7 @@ use crate::core::plan::{GpuPass, HOIST, Plan, Role, Step};
 use crate::core::program::Program;
 use crate::core::reflect;
 use crate::core::refusals::RefusalInfo;
+use crate::core::self_test;
 use crate::core::state::ColorTarget;
 use crate::graph::effect::Effect;
 use crate::graph::{FunctionId, Graph};
@@ -505,22 +508,32 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
             }
         }
         next.programs.insert(material.pass.program.clone(), program);
+        let budget = Budget {
+            metric: params.metric,
+            limit: params.budget.unwrap_or_default(),
+        };
+        let inputs = ImplicitInputs::new(plan, material.pass, self.values.graph);
+        let edits = inputs.examine(Hoist::INFO.name, &[PassEffect::EditsVertexStage]);
+        let mut given = edits.unwrap_or_default();
+        if given.contains(&Assumption::UnchangedPosition) {
+            next.self_test = self_test::same_position(&next);
+        }
         let contract = match self.choice.class() {
-            None | Some(Class::Exact) => Contract::Exact {
-                given: vec![Assumption::StagesAgree],
-            },
-            Some(Class::Affine) => Contract::Rounding {
-                k: self.roundings(),
-                turned: None,
-                given: self.given.clone(),
-            },
-            Some(Class::Smooth) => Contract::Approximate {
-                budget: Budget {
-                    metric: params.metric,
-                    limit: params.budget.unwrap_or_default(),
-                },
-                given: Vec::new(),
-            },
+            None | Some(Class::Exact) => {
+                given.push(Assumption::StagesAgree);
+                given.sort();
+                Contract::Exact { given }
+            }
+            Some(Class::Affine) => {
+                given.extend(self.given.iter().cloned());
+                given.sort();
+                Contract::Rounding {
+                    k: self.roundings(),
+                    turned: None,
+                    given,
+                }
+            }
+            Some(Class::Smooth) => Contract::Approximate { budget, given },
         };
         next.steps.push(Step {
             pass: Hoist::INFO.name.to_owned(),

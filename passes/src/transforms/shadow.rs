@@ -20,7 +20,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::analysis::coverage;
-use crate::analysis::implicit_inputs::Change;
+use crate::analysis::implicit_inputs::PassEffect;
 use crate::analysis::opaque::Opaque;
 use crate::analysis::refusals as shared;
 use crate::core::contract::Contract;
@@ -83,7 +83,7 @@ impl Pass for Shadow {
         let opaque = check(plan)?;
         let slice = depth_only::slice(&opaque, VertexStage::Sliced);
         // A light's view promises no picture of the author's: only what it cannot draw counts.
-        slice.assumptions(&opaque, plan, Self::INFO.name, &[Change::Slices])?;
+        slice.assumptions(&opaque, plan, Self::INFO.name, &[PassEffect::Slices])?;
         let mut next = plan.clone();
         let placed = slice.place(&opaque, "shadow", PositionInvariance::AsWritten, None);
         // A shadow map is a frame of its own, with forward depth and one sample.

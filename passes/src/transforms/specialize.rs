@@ -36,6 +36,7 @@ use std::collections::BTreeSet;
 use naga::{Binding, Expression, Handle, Interpolation, ShaderStage};
 
 use crate::analysis::contraction;
+use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
 use crate::analysis::refusals as shared;
 use crate::core::contract::{Assumption, Contract, Turned};
 use crate::core::guard::Guard;
@@ -47,6 +48,7 @@ use crate::core::plan::{GpuPass, ORIGINAL, Plan, Role, Step};
 use crate::core::program::Program;
 use crate::core::reflect;
 use crate::core::refusals::RefusalInfo;
+use crate::core::self_test;
 use crate::evaluate::overrides;
 use crate::graph::{FunctionId, Graph};
 
@@ -331,6 +333,17 @@ impl Specialized {
         let exposed = before.map_or_else(Exposed::default, |(pass, program)| {
             contraction::exposed(program, &self.program, pass, &self.roundings)
         });
+        let [[vertex, less], _] = self.cost;
+        if let (0, Some((pass, program))) = (exposed.roundings, before)
+            && vertex != less
+        {
+            let graph = Graph::build(program);
+            let edits = ImplicitInputs::new(plan, pass, &graph)
+                .examine(Specialize::INFO.name, &[PassEffect::EditsVertexStage]);
+            given.extend(edits.unwrap_or_default());
+            next.self_test = self_test::same_position(&next);
+        }
+        given.sort();
         let contract = match exposed.roundings {
             0 => Contract::Exact { given },
             k => Contract::Rounding {

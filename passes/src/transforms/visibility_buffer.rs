@@ -21,7 +21,7 @@
 
 use naga::ShaderStage;
 
-use crate::analysis::implicit_inputs::Change as Changes;
+use crate::analysis::implicit_inputs::PassEffect;
 use crate::analysis::opaque::Opaque;
 use crate::analysis::refusals as shared;
 use crate::core::budget::Budget;
@@ -248,8 +248,8 @@ impl<'a> Material<'a> {
             return Err(refusals);
         }
         let depth = depth_only::slice(&opaque, params.vertex(&opaque));
-        let changes = [Changes::RejectsEarly, Changes::Slices];
-        let given = depth.assumptions(&opaque, plan, VisibilityBuffer::INFO.name, &changes)?;
+        let effects = [PassEffect::RejectsEarly, PassEffect::Slices];
+        let given = depth.assumptions(&opaque, plan, VisibilityBuffer::INFO.name, &effects)?;
         Ok(Self {
             depth,
             given,

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::form::{Form, forms};
 use super::iteration::iterated;
+use crate::analysis::contraction;
 use crate::analysis::discontinuity;
 use crate::analysis::range::AllRanges;
 use crate::analysis::reach::{with_operands, with_users};
@@ -26,10 +27,11 @@ use crate::graph::{FunctionId, StmtId, counted, effect};
 )]
 #[serde(rename_all = "kebab-case")]
 pub enum Class {
-    /// Flat constants of the draw or primitive, or components of a varying: the same bits.
+    /// Flat constants of the draw or primitive that no compiler fuses into their reader, or
+    /// components of a varying: the same bits.
     Exact,
-    /// Affine in varyings of one interpolation class with draw-uniform coefficients: the same real
-    /// number with other rounding.
+    /// Affine in varyings of one interpolation class with draw-uniform coefficients, or a flat
+    /// constant that a compiler may fuse: the same real number with other rounding.
     Affine,
     /// Anything else: interpolation changes the value.
     Smooth,
@@ -206,7 +208,7 @@ pub struct Judged {
     pub verdicts: Vec<Verdict>,
     /// Rounding error of the outputs if values move.
     pub roundings: Arc<Roundings>,
-    /// Whether each value is affine in the varyings.
+    /// Whether moving each value only rounds it otherwise: it is affine in the varyings, or fused.
     pub affine: Arc<[bool]>,
     /// Ids of an earlier choice that no value has.
     pub unknown: Vec<String>,
@@ -267,8 +269,14 @@ pub(super) fn judge(values: &Values<'_, '_>, precision: &Precision) -> Judged {
     let endless = endless(values);
     let iterated = iterated(values);
     let pins = pins(values);
-    let may = |id: ValueId| forms[id] == Form::Affine && values.values[id].fact.stages.vertex;
-    let roundings = Roundings::new(values, &precision.ranges, may);
+    let fusible = contraction::fusible(values);
+    let is_rounded = |id: ValueId| match forms[id] {
+        Form::Affine => true,
+        Form::Uniform => fusible[id],
+        Form::Part | Form::Other => false,
+    };
+    let may = |id: ValueId| is_rounded(id) && values.values[id].fact.stages.vertex;
+    let roundings = Roundings::new(values, &precision.ranges, &fusible, may);
     let coverage = with_operands(values, values.coverage.clone());
     let verdicts = (0..values.values.len())
         .map(|id| {
@@ -293,11 +301,18 @@ pub(super) fn judge(values: &Values<'_, '_>, precision: &Precision) -> Judged {
                 interpolated,
                 at,
             };
-            let flat = carriage(Class::Exact, Interpolated::Flat, At::Center);
             let (interpolated, at) = match fact.rate {
                 Rate::Const => return Err(Missed::NotCarried),
                 Rate::Draw | Rate::Instance | Rate::Varying(Interpolated::Flat, _) => {
-                    return Ok(flat);
+                    // A compiler that fuses it into its reader rounds otherwise than one that does
+                    // not see both.
+                    let class = match fusible[id] {
+                        false => Class::Exact,
+                        true if coverage[id] => return Err(Missed::Coverage),
+                        true if roundings.of(id) <= precision.most => Class::Affine,
+                        true => Class::Smooth,
+                    };
+                    return Ok(carriage(class, Interpolated::Flat, At::Center));
                 }
                 Rate::Varying(interpolated, at) => (interpolated, at),
                 Rate::Mixed => (Interpolated::Perspective, At::Center),
@@ -328,7 +343,7 @@ pub(super) fn judge(values: &Values<'_, '_>, precision: &Precision) -> Judged {
     Judged {
         verdicts,
         roundings: Arc::new(roundings),
-        affine: forms.iter().map(|f| *f == Form::Affine).collect(),
+        affine: (0..values.values.len()).map(is_rounded).collect(),
         unknown: Vec::new(),
     }
 }
