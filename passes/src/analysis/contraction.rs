@@ -274,7 +274,9 @@ impl<'g, 'p> Operations<'_, 'g, 'p> {
                     | F::Step
                     | F::Sin
                     | F::Cos
+                    | F::Exp
                     | F::Exp2
+                    | F::Pow
                     | F::InverseSqrt
                     | F::Ldexp
             )

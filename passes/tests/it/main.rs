@@ -15,6 +15,7 @@ mod fixtures;
 mod graph;
 mod hoist;
 mod hoist_interpolated;
+mod implicit_inputs;
 mod metamorphic;
 mod skip_taps;
 mod slices;
