@@ -77,9 +77,6 @@ refusals! {
     SUBDIVIDED = "subdivided":
         "The triangles are divided ones, whose corners are not the author's vertices.",
         "Leave `tessellate` out of the recipe.";
-    SUBGROUP = "subgroup":
-        "The fragment stage talks to its neighbours, which in a resolve pass are others.",
-        "Leave it out.";
     TARGET_FORMAT = "target-format":
         "WebGPU does not promise this colour format as a storage texture.",
         "Take `form=fragment`.";
