@@ -160,7 +160,7 @@ macro_rules! float {
                         Self::from(u8::from(v >= edge || v.is_nan() || edge.is_nan()))
                     }
                     (M::Mix, [a, b, t]) => a * (1.0 - t) + b * t,
-                    (M::Fma, [a, b, c]) => a * b + c,
+                    (M::Fma, [a, b, c]) => a.mul_add(*b, *c),
                     (M::QuantizeToF16, [v]) => Self::from(bits::half(bits::half_bits(*v as f32))),
                     (M::SmoothStep, [low, high, v]) => {
                         let t = ((v - low) / (high - low)).clamp(0.0, 1.0);

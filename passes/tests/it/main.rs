@@ -7,6 +7,7 @@ mod metamorphic_support;
 mod uniformity_cases;
 
 mod bound;
+mod contraction;
 mod effects;
 mod evaluation;
 mod evaluation_bounds;
