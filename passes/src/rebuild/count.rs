@@ -15,7 +15,8 @@ use crate::core::program::{Invalid, Program};
 use crate::core::reflect;
 use crate::graph::Graph;
 use crate::rebuild::place::{self, PositionInvariance};
-use crate::rebuild::returns::{self, Emitter};
+use crate::rebuild::returns;
+use crate::rebuild::writer::FunctionWriter;
 
 /// Name of the counting entry point.
 pub const ENTRY: &str = "preshade_count";
@@ -85,10 +86,12 @@ enum Part {
 }
 
 impl Part {
-    fn of(self, emitter: &mut Emitter<'_>, value: Handle<Expression>) -> Handle<Expression> {
+    fn of(self, writer: &mut FunctionWriter, value: Handle<Expression>) -> Handle<Expression> {
         match self {
             Self::Whole => value,
-            Self::Member(index) => emitter.emit(Expression::AccessIndex { base: value, index }),
+            Self::Member(index) => {
+                writer.expression(Expression::AccessIndex { base: value, index })
+            }
         }
     }
 }
@@ -158,29 +161,29 @@ fn add_color(module: &mut Module) {
             binding: Some(color),
         },
     });
-    returns::rewrite(&mut entry.function, &mut |emitter, returned| {
-        let one = emitter.constant(Expression::Literal(Literal::F32(1.0)));
+    returns::rewrite(&mut entry.function, &mut |writer, returned| {
+        let one = writer.expression(Expression::Literal(Literal::F32(1.0)));
         let color = match (alpha, returned) {
             (Some((part, _)), Some(returned)) => {
-                let base = part.of(emitter, returned);
-                let alpha = emitter.emit(Expression::AccessIndex {
+                let base = part.of(writer, returned);
+                let alpha = writer.expression(Expression::AccessIndex {
                     base,
                     index: coverage::ALPHA,
                 });
-                emitter.emit(Expression::Compose {
+                writer.expression(Expression::Compose {
                     ty: vec4,
                     components: vec![one, one, one, alpha],
                 })
             }
-            _ => emitter.emit(Expression::Splat {
+            _ => writer.expression(Expression::Splat {
                 size: VectorSize::Quad,
                 value: one,
             }),
         };
         Some(match (with_depth, returned) {
             (Some((part, ty)), Some(returned)) => {
-                let depth = part.of(emitter, returned);
-                emitter.emit(Expression::Compose {
+                let depth = part.of(writer, returned);
+                writer.expression(Expression::Compose {
                     ty,
                     components: vec![color, depth],
                 })

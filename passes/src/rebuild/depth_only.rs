@@ -17,7 +17,8 @@ use crate::core::reflect;
 use crate::core::state::DepthState;
 use crate::rebuild::ahead::Ahead;
 use crate::rebuild::place::{self, PositionInvariance};
-use crate::rebuild::returns::{self, Emitter};
+use crate::rebuild::returns;
+use crate::rebuild::writer::FunctionWriter;
 use crate::slice::{self, Criterion, OutputFilter, Slice};
 
 /// The vertex stage of a depth-only pass.
@@ -274,30 +275,30 @@ fn bias_depth(module: &mut Module, bias: f32) {
         TypeInner::Struct { members, .. } => Some(members),
         _ => None,
     };
-    returns::rewrite(&mut entry.function, &mut |emitter, value| {
+    returns::rewrite(&mut entry.function, &mut |writer, value| {
         let value = value?;
-        let bias = emitter.constant(Expression::Literal(Literal::F32(bias)));
-        let pushed = |emitter: &mut Emitter<'_>, depth| {
-            emitter.emit(Expression::Binary {
+        let bias = writer.expression(Expression::Literal(Literal::F32(bias)));
+        let pushed = |writer: &mut FunctionWriter, depth| {
+            writer.expression(Expression::Binary {
                 op: BinaryOperator::Add,
                 left: depth,
                 right: bias,
             })
         };
         let Some(members) = members else {
-            return Some(pushed(emitter, value));
+            return Some(pushed(writer, value));
         };
         let components = (0..)
             .zip(members)
             .map(|(index, member)| {
-                let part = emitter.emit(Expression::AccessIndex { base: value, index });
+                let part = writer.expression(Expression::AccessIndex { base: value, index });
                 match member.binding {
-                    Some(Binding::BuiltIn(BuiltIn::FragDepth)) => pushed(emitter, part),
+                    Some(Binding::BuiltIn(BuiltIn::FragDepth)) => pushed(writer, part),
                     _ => part,
                 }
             })
             .collect();
-        Some(emitter.emit(Expression::Compose {
+        Some(writer.expression(Expression::Compose {
             ty: result.ty,
             components,
         }))

@@ -1,6 +1,7 @@
 //! New programs out of slices and cuts of old ones: everything that writes naga IR.
 
 pub(crate) mod ahead;
+pub mod copy;
 pub mod count;
 pub mod depth_only;
 pub(crate) mod fetch;
@@ -10,3 +11,4 @@ pub(crate) mod outline;
 pub mod place;
 pub mod quad;
 pub mod returns;
+pub mod writer;

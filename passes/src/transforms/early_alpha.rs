@@ -29,8 +29,8 @@
 //! fragment may have stored before its test. It refuses tests that cost more than they save.
 
 use naga::{
-    Block, Expression, Function, FunctionResult, Handle, Literal, LocalVariable, Module, Scalar,
-    Span, Statement, Type, TypeInner,
+    Expression, Function, FunctionResult, Handle, Literal, LocalVariable, Module, Scalar, Span,
+    Statement, Type, TypeInner,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -348,26 +348,18 @@ fn tells(function: &mut Function, bool: Handle<Type>) {
         pointer,
         value: yes,
     };
-    replace_discards(&mut function.body, &discard);
+    operands::visit_mut(&mut function.body, &mut |statement| {
+        if matches!(statement, Statement::Kill) {
+            *statement = discard.clone();
+        }
+    });
     function.result = Some(FunctionResult {
         ty: bool,
         binding: None,
     });
-    returns::rewrite(function, &mut |emitter, _| {
-        Some(emitter.emit(Expression::Load { pointer }))
+    returns::rewrite(function, &mut |writer, _| {
+        Some(writer.expression(Expression::Load { pointer }))
     });
-}
-
-/// Puts another statement in place of each discard.
-fn replace_discards(block: &mut Block, replacement: &Statement) {
-    for statement in block.iter_mut() {
-        if matches!(statement, Statement::Kill) {
-            *statement = replacement.clone();
-        }
-        for inner in operands::blocks_mut(statement) {
-            replace_discards(inner, replacement);
-        }
-    }
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use naga::{Block, Expression, Function, Handle, Module, Statement};
 
-use super::is_idle;
+use crate::core::operands;
 
 /// Suffix of functions copied without discards.
 const SUFFIX: &str = "undiscarded";
@@ -33,21 +33,18 @@ pub fn without_discard(module: &Module, entry: usize) -> Module {
 }
 
 fn reached(module: &Module, entry: &Function) -> Vec<bool> {
-    fn calls(block: &Block, reached: &mut [bool]) {
-        for statement in block {
+    let mut reached = vec![false; module.functions.len()];
+    let calls = |function: &Function, reached: &mut [bool]| {
+        operands::visit(&function.body, &mut |statement| {
             if let Statement::Call { function, .. } = statement {
                 reached[function.index()] = true;
             }
-            for inner in crate::graph::operands::blocks(statement) {
-                calls(inner, reached);
-            }
-        }
-    }
-    let mut reached = vec![false; module.functions.len()];
-    calls(&entry.body, &mut reached);
+        });
+    };
+    calls(entry, &mut reached);
     for (handle, function) in module.functions.iter().rev() {
         if reached[handle.index()] {
-            calls(&function.body, &mut reached);
+            calls(function, &mut reached);
         }
     }
     reached
@@ -55,13 +52,15 @@ fn reached(module: &Module, entry: &Function) -> Vec<bool> {
 
 /// Whether a block discards, or calls a function that does.
 fn touched(block: &Block, copies: &BTreeMap<Handle<Function>, Handle<Function>>) -> bool {
-    block.iter().any(|statement| match statement {
-        Statement::Kill => true,
-        Statement::Call { function, .. } => copies.contains_key(function),
-        other => crate::graph::operands::blocks(other)
-            .iter()
-            .any(|b| touched(b, copies)),
-    })
+    let mut found = false;
+    operands::visit(block, &mut |statement| {
+        found |= match statement {
+            Statement::Kill => true,
+            Statement::Call { function, .. } => copies.contains_key(function),
+            _ => false,
+        }
+    });
+    found
 }
 
 fn rewrite(function: &mut Function, copies: &BTreeMap<Handle<Function>, Handle<Function>>) {
@@ -72,63 +71,27 @@ fn rewrite(function: &mut Function, copies: &BTreeMap<Handle<Function>, Handle<F
             *callee = *new;
         }
     }
-    let body = std::mem::take(&mut function.body);
-    function.body = strip(body, copies);
+    strip(&mut function.body, copies);
 }
 
-fn strip(block: Block, copies: &BTreeMap<Handle<Function>, Handle<Function>>) -> Block {
-    let mut out = Block::new();
-    for (statement, span) in block.span_into_iter() {
-        let statement = match statement {
-            Statement::Kill => continue,
-            Statement::If {
-                condition,
-                accept,
-                reject,
-            } => {
-                let empty_before = is_idle(&accept) && is_idle(&reject);
-                let (accept, reject) = (strip(accept, copies), strip(reject, copies));
-                if !empty_before && is_idle(&accept) && is_idle(&reject) {
-                    continue;
-                }
-                Statement::If {
-                    condition,
-                    accept,
-                    reject,
-                }
-            }
-            Statement::Block(b) => Statement::Block(strip(b, copies)),
-            Statement::Switch { selector, cases } => Statement::Switch {
-                selector,
-                cases: cases
-                    .into_iter()
-                    .map(|case| naga::SwitchCase {
-                        body: strip(case.body, copies),
-                        ..case
-                    })
-                    .collect(),
-            },
-            Statement::Loop {
-                body,
-                continuing,
-                break_if,
-            } => Statement::Loop {
-                body: strip(body, copies),
-                continuing: strip(continuing, copies),
-                break_if,
-            },
-            Statement::Call {
-                function,
-                arguments,
-                result,
-            } => Statement::Call {
-                function: copies.get(&function).copied().unwrap_or(function),
-                arguments,
-                result,
-            },
-            other => other,
-        };
-        out.push(statement, span);
+fn strip(block: &mut Block, copies: &BTreeMap<Handle<Function>, Handle<Function>>) {
+    let is_idle = |statement: &Statement| {
+        let blocks = operands::blocks(statement);
+        matches!(statement, Statement::If { .. }) && blocks.into_iter().all(super::is_idle)
+    };
+    for (mut statement, span) in std::mem::take(block).span_into_iter() {
+        let was_idle = is_idle(&statement);
+        for inner in operands::blocks_mut(&mut statement) {
+            strip(inner, copies);
+        }
+        if matches!(statement, Statement::Kill) || (!was_idle && is_idle(&statement)) {
+            continue;
+        }
+        if let Statement::Call { function, .. } = &mut statement
+            && let Some(copy) = copies.get(function)
+        {
+            *function = *copy;
+        }
+        block.push(statement, span);
     }
-    out
 }

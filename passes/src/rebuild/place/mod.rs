@@ -12,17 +12,16 @@ mod discard;
 mod function;
 mod interface;
 mod members;
+mod rewrite;
 
-pub(crate) use builder::initialise;
-pub use builder::{
-    Builder, Replacement, Replacements, Rewrite, prologue, prologue_replacing, rewritten,
-};
+pub use builder::Builder;
 pub use discard::without_discard;
 pub(crate) use function::free_name;
 use interface::Placement;
 pub use interface::{PositionInvariance, io_struct};
+pub use rewrite::{Replacement, Replacements, Rewrite, prologue, prologue_replacing, rewritten};
 
-use crate::graph::Graph;
+use crate::graph::{Graph, operands};
 use crate::slice::Slice;
 
 /// The module `onto` with a slice of one of its entry points as a new entry point `name` of the
@@ -106,22 +105,13 @@ fn drop_unused_constant_names(module: &mut Module) -> bool {
 /// Removes the names of expressions without dependent statements: compaction keeps named
 /// expressions.
 fn drop_dead_names(function: &mut naga::Function) {
-    use crate::graph::operands;
-    fn mark(block: &naga::Block, used: &mut [bool]) {
-        for statement in block {
-            for e in operands::of_statement(statement)
-                .into_iter()
-                .chain(operands::result(statement))
-            {
-                used[e.index()] = true;
-            }
-            for inner in operands::blocks(statement) {
-                mark(inner, used);
-            }
-        }
-    }
     let mut used = vec![false; function.expressions.len()];
-    mark(&function.body, &mut used);
+    operands::visit(&function.body, &mut |statement| {
+        let read = operands::of_statement(statement);
+        for e in read.into_iter().chain(operands::result(statement)) {
+            used[e.index()] = true;
+        }
+    });
     for (e, expression) in function.expressions.iter().rev() {
         if used[e.index()] {
             for operand in operands::of_expression(expression) {

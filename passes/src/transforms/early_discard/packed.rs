@@ -179,15 +179,15 @@ fn add_target(
             binding: Some(color),
         },
     });
-    returns::rewrite(function, &mut |emitter, written| {
+    returns::rewrite(function, &mut |writer, written| {
         let depth = match (written, position) {
             (Some(depth), _) => depth,
-            (None, Some(base)) => emitter.emit(Expression::AccessIndex { base, index: 2 }),
+            (None, Some(base)) => writer.expression(Expression::AccessIndex { base, index: 2 }),
             (None, None) => return None,
         };
-        let packed = emitter.call(pack, vec![depth]);
+        let packed = writer.call(pack, vec![depth]);
         Some(match with_depth {
-            Some(ty) => emitter.emit(Expression::Compose {
+            Some(ty) => writer.expression(Expression::Compose {
                 ty,
                 components: vec![packed, depth],
             }),

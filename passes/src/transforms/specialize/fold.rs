@@ -20,6 +20,7 @@ use super::known::{Known, Sources};
 use super::params::Fold;
 use super::versions::Version;
 use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId, operands};
+use crate::rebuild::writer::{FunctionWriter, OpenEmit};
 
 /// Folds the stages of a program.
 pub struct Folder<'p> {
@@ -64,8 +65,8 @@ pub(super) struct Frame<'p> {
     /// The join of the values returned so far; `None` if there is none yet.
     pub returned: Option<Known>,
     pub breaks: Vec<Breaks>,
-    /// Length of the expression arena at the start of the current `Emit`.
-    pub emitting: Option<usize>,
+    /// The current `Emit`.
+    pub emit: OpenEmit,
     pub span: Span,
     /// Assumptions under which the current statement runs. Values behind it depend on them too.
     pub running: Sources,
@@ -126,14 +127,7 @@ impl<'p> Folder<'p> {
             id,
             original,
             f,
-            function: Function {
-                name: original.name.clone(),
-                arguments: original.arguments.clone(),
-                result: original.result.clone(),
-                local_variables: original.local_variables.clone(),
-                diagnostic_filter_leaf: original.diagnostic_filter_leaf,
-                ..Function::default()
-            },
+            function: FunctionWriter::like(original).function,
             map: vec![None; original.expressions.len()],
             known: vec![Known::Unknown; original.expressions.len()],
             is_operand: are_operands(original),
@@ -141,7 +135,7 @@ impl<'p> Folder<'p> {
             locals: Vec::new(),
             returned: None,
             breaks: Vec::new(),
-            emitting: None,
+            emit: OpenEmit::default(),
             span: Span::UNDEFINED,
             running: Sources::default(),
             changed: false,
@@ -387,19 +381,13 @@ impl Frame<'_> {
 
     /// Ends the current `Emit`.
     pub fn flush(&mut self, out: &mut Block) {
-        if let Some(start) = self.emitting.take()
-            && self.function.expressions.len() > start
-        {
-            let range = self.function.expressions.range_from(start);
-            out.push(Statement::Emit(range), self.span);
-        }
+        self.emit.end(&self.function.expressions, out, self.span);
     }
 
     /// Appends an expression that needs an `Emit`.
     pub fn emit(&mut self, expression: Expression, of: Handle<Expression>) -> Handle<Expression> {
-        self.emitting.get_or_insert(self.function.expressions.len());
-        let span = self.original.expressions.get_span(of);
-        self.function.expressions.append(expression, span)
+        self.emit.begin(&self.function.expressions);
+        self.append(expression, of)
     }
 
     /// Appends an expression that needs no `Emit`.
@@ -447,20 +435,14 @@ impl Frame<'_> {
 
     /// Forgets the locals that these statements may write.
     pub fn forget_stored<'b>(&mut self, blocks: impl Iterator<Item = &'b Block>) {
-        fn walk(block: &Block, found: &mut Vec<Handle<Expression>>) {
-            for statement in block {
-                match statement {
-                    Statement::Store { pointer, .. } => found.push(*pointer),
-                    Statement::Call { arguments, .. } => found.extend(arguments),
-                    other => found.extend(operands::of_statement(other)),
-                }
-                for inner in operands::blocks(statement) {
-                    walk(inner, found);
-                }
-            }
-        }
         let mut pointers = Vec::new();
-        blocks.for_each(|b| walk(b, &mut pointers));
+        for block in blocks {
+            operands::visit(block, &mut |statement| match statement {
+                Statement::Store { pointer, .. } => pointers.push(*pointer),
+                Statement::Call { arguments, .. } => pointers.extend(arguments),
+                other => pointers.extend(operands::of_statement(other)),
+            });
+        }
         for pointer in pointers {
             self.forget_all(pointer);
         }

@@ -236,7 +236,7 @@ impl Snapshot {
             following: _,
             turning: _,
             // No `Emit` is open between statements.
-            emitting: _,
+            emit: _,
             span: _,
             running,
             changed,
@@ -248,7 +248,7 @@ impl Snapshot {
         } = frame;
         let mut values = Vec::new();
         for block in [this.body.0, this.continuing.0] {
-            evaluated(block, &mut |e| {
+            operands::evaluated(block, &mut |e| {
                 values.push((e, map[e.index()], known[e.index()].clone()));
             });
         }
@@ -288,19 +288,6 @@ impl Snapshot {
                 let more = frame.function.expressions.len() - self.length;
                 frame.wasted = self.wasted + more;
             }
-        }
-    }
-}
-
-/// Calls `f` on each expression that a block's statements evaluate.
-fn evaluated(block: &Block, f: &mut dyn FnMut(Handle<Expression>)) {
-    for statement in block {
-        if let Statement::Emit(range) = statement {
-            range.clone().for_each(&mut *f);
-        }
-        operands::result(statement).into_iter().for_each(&mut *f);
-        for inner in operands::blocks(statement) {
-            evaluated(inner, f);
         }
     }
 }
