@@ -314,7 +314,11 @@ fn binary(
 }
 
 /// A float as far from 0 as so many neighbours on.
-fn stepped(writer: &mut FunctionWriter, expr: Handle<Expression>, steps: i32) -> Handle<Expression> {
+fn stepped(
+    writer: &mut FunctionWriter,
+    expr: Handle<Expression>,
+    steps: i32,
+) -> Handle<Expression> {
     let as_kind = |writer: &mut FunctionWriter, expr, kind| {
         writer.expression(Expression::As {
             expr,

@@ -150,13 +150,18 @@ pub trait CopyFunction<'a> {
         self.copying().writer.statement(copy, span);
     }
 
+    /// Copies a statement.
+    fn copy(&mut self, statement: &'a Statement, span: Span) {
+        match statement {
+            Statement::Emit(range) => self.emit(range.clone(), span),
+            _ => self.statement(statement, span),
+        }
+    }
+
     /// Copies a block into the one that is being written.
     fn block(&mut self, block: &'a Block) {
         for (statement, span) in block.span_iter() {
-            match statement {
-                Statement::Emit(range) => self.emit(range.clone(), *span),
-                _ => self.statement(statement, *span),
-            }
+            self.copy(statement, *span);
         }
     }
 

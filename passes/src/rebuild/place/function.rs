@@ -306,7 +306,7 @@ impl<'a, 'p> SliceCopier<'a, 'p> {
     }
 
     /// The copy of an expression. The copy of a dropped operand must already exist.
-    pub(super) fn copied_as(&self, e: Handle<Expression>) -> Option<Handle<Expression>> {
+    pub(super) fn copy_of(&self, e: Handle<Expression>) -> Option<Handle<Expression>> {
         self.copying.copies.get(e)
     }
 
@@ -317,7 +317,7 @@ impl<'a, 'p> SliceCopier<'a, 'p> {
         let original = &self.f.function.local_variables[v];
         let init = original.init.and_then(|i| {
             self.copy_constant(i);
-            self.copied_as(i)
+            self.copy_of(i)
         });
         let new = self.copying.writer.function.local_variables.append(
             LocalVariable {
@@ -424,7 +424,7 @@ impl<'p> CopyFunction<'p> for SliceCopier<'_, 'p> {
     }
 
     fn expression(&mut self, e: Handle<Expression>) {
-        if self.copied_as(e).is_some() {
+        if self.copy_of(e).is_some() {
             return;
         }
         let mut copy = self.f.function.expressions[e].clone();

@@ -59,7 +59,7 @@ impl SliceCopier<'_, '_> {
 
     /// The copy of an operand, for a user of the whole value.
     pub(super) fn whole_copy(&self, e: Handle<Expression>) -> Option<Handle<Expression>> {
-        self.whole.get(&e).copied().or_else(|| self.copied_as(e))
+        self.whole.get(&e).copied().or_else(|| self.copy_of(e))
     }
 
     fn narrowed_argument(&self, e: Handle<Expression>) -> Option<&Narrowed> {
@@ -71,7 +71,7 @@ impl SliceCopier<'_, '_> {
 
     /// The copy of member `index` of the struct value or pointer `base`.
     pub(super) fn member_copy(&self, base: Handle<Expression>, index: u32) -> Option<MemberCopy> {
-        let new = self.copied_as(base)?;
+        let new = self.copy_of(base)?;
         let members = match (self.narrowed_argument(base), self.results.get(&base)) {
             (Some(narrowed), _) => &narrowed.members,
             (None, Some(Returned::Member(m))) if *m == index => {
@@ -147,7 +147,7 @@ impl SliceCopier<'_, '_> {
         for (e, expression) in self.f.function.expressions.iter() {
             if let Expression::FunctionArgument(i) = expression
                 && let Some(narrowed) = self.narrowed.get(i).cloned()
-                && self.copied_as(e).is_some()
+                && self.copy_of(e).is_some()
                 && self.is_used_whole(e)
             {
                 self.reassemble(e, &narrowed, Span::UNDEFINED);
@@ -215,7 +215,7 @@ impl SliceCopier<'_, '_> {
     ) -> Handle<Expression> {
         if let Some(own) = self.narrowed_argument(e)
             && own.ty == narrowed.ty
-            && let Some(new) = self.copied_as(e)
+            && let Some(new) = self.copy_of(e)
         {
             return new;
         }
