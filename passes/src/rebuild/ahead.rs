@@ -10,9 +10,6 @@ use crate::graph::Graph;
 use crate::rebuild::place::{self, Builder, PositionInvariance};
 use crate::slice::Slice;
 
-/// An offset past every file of a source map: our own text has no place in the author's.
-const NOWHERE: u32 = u32::MAX / 2;
-
 /// A function made of a slice of a fragment stage.
 #[derive(Clone, Debug)]
 pub struct Ahead {
@@ -105,23 +102,3 @@ fn argument(build: &mut Builder<'_>, argument: &Argument) -> Handle<Expression> 
         }
     }
 }
-
-/// `module` with a snippet of our own, and the snippet's one function.
-///
-/// # Errors
-/// When it does not parse or link.
-pub fn link_snippet(module: Module, wgsl: &str) -> Result<(Module, Handle<Function>), InjectError> {
-    let snippet =
-        naga::front::wgsl::parse_str(wgsl).map_err(|e| InjectError(e.message().to_owned()))?;
-    let linked = crate::core::link::link(module, &snippet, NOWHERE, "preshade")
-        .map_err(|e| InjectError(e.to_string()))?;
-    match linked.functions[..] {
-        [function] => Ok((linked.module, function)),
-        _ => Err(InjectError("the snippet is not one function".to_owned())),
-    }
-}
-
-/// A snippet of our own that does not parse: a bug.
-#[derive(Debug, thiserror::Error)]
-#[error("{0}")]
-pub struct InjectError(pub(crate) String);

@@ -2,6 +2,7 @@
 
 pub(crate) mod ahead;
 pub mod copy;
+pub(crate) mod corner;
 pub mod count;
 pub mod depth_only;
 pub(crate) mod fetch;
@@ -11,4 +12,5 @@ pub(crate) mod outline;
 pub mod place;
 pub mod quad;
 pub mod returns;
+pub(crate) mod snippet;
 pub mod writer;

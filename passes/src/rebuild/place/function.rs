@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use naga::{
-    Arena, Block, Expression, Function, Handle, Literal, LocalVariable, Module, Scalar, Span,
-    Statement, Type, TypeInner,
+    Arena, Block, Expression, Function, Handle, Literal, LocalVariable, Module, Range, Scalar,
+    Span, Statement, Type, TypeInner,
 };
 
 use super::interface::{self, Narrowed, Placement, Returned};
@@ -107,7 +107,8 @@ pub(super) struct SliceCopier<'a, 'p> {
     pub(super) returned: Returned,
     /// Expressions that only a narrowed `return` reads; it reads their parts instead.
     pub(super) dissolved: Vec<bool>,
-    pub(super) next: usize,
+    /// Number of the next original statement.
+    next: usize,
 }
 
 impl<'a, 'p> SliceCopier<'a, 'p> {
@@ -339,33 +340,6 @@ impl<'a, 'p> SliceCopier<'a, 'p> {
         self.expression(e);
     }
 
-    fn kept_statement(&mut self, id: StmtId, statement: &'p Statement, span: Span) {
-        match statement {
-            Statement::Emit(range) => {
-                let (kept, dissolved) = (&self.part.kept.expressions, &self.dissolved);
-                let kept: Vec<_> = range
-                    .clone()
-                    .filter(|e| kept[e.index()].is_some() && !dissolved[e.index()])
-                    .collect();
-                self.copying.writer.begin();
-                kept.into_iter().for_each(|e| self.expression(e));
-                self.copying.writer.flush(span);
-            }
-            Statement::Return { value } => {
-                let value = value.and_then(|value| self.returned(value));
-                let copy = Statement::Return { value };
-                self.copying.writer.statement(copy, span);
-            }
-            Statement::Call {
-                arguments, result, ..
-            } => self.call(id, arguments, *result, span),
-            other => {
-                let copy = self.copied(other, span);
-                self.copying.writer.statement(copy, span);
-            }
-        }
-    }
-
     fn call(
         &mut self,
         id: StmtId,
@@ -459,13 +433,36 @@ impl<'p> CopyFunction<'p> for SliceCopier<'_, 'p> {
         self.whole_copy(e).unwrap_or(e)
     }
 
+    fn emit(&mut self, range: Range<Expression>, span: Span) {
+        self.copying.writer.begin();
+        for e in range {
+            if self.part.kept.expressions[e.index()].is_some() && !self.dissolved[e.index()] {
+                self.expression(e);
+            }
+        }
+        self.copying.writer.flush(span);
+    }
+
+    fn statement(&mut self, statement: &'p Statement, span: Span) {
+        let copy = match statement {
+            Statement::Return { value } => Statement::Return {
+                value: value.and_then(|value| self.returned(value)),
+            },
+            Statement::Call {
+                arguments, result, ..
+            } => return self.call(StmtId::from(self.next - 1), arguments, *result, span),
+            other => self.copied(other, span),
+        };
+        self.copying.writer.statement(copy, span);
+    }
+
     fn block(&mut self, block: &'p Block) {
         for (statement, span) in block.span_iter() {
             let id = StmtId::from(self.next);
             let end = self.f.statements.get(id).end.index();
             if self.part.kept.statements[id.index()] {
                 self.next += 1;
-                self.kept_statement(id, statement, *span);
+                self.copy(statement, *span);
             }
             self.next = end;
         }

@@ -14,10 +14,10 @@ use naga::{
 
 use crate::core::plan::{Attachment, AttachmentFormat, ClearValue};
 use crate::core::state::{ColorTarget, DepthDirection};
-use crate::rebuild::ahead::{InjectError, link_snippet};
 use crate::rebuild::depth_only::Placed;
 use crate::rebuild::place;
 use crate::rebuild::returns;
+use crate::rebuild::snippet::{InjectError, link_snippet};
 
 /// Name of the attachment with the packed depth.
 pub const PREPASS_PACKED: &str = "prepass-depth-packed";

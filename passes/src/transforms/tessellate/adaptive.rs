@@ -21,8 +21,8 @@ use super::build::{self, access, vertex_inputs};
 use super::split::{Carried, Origin, Outputs, Split};
 use super::text::Text;
 use crate::graph::FunctionId;
-use crate::rebuild::fetch::{Linked, ours, word};
 use crate::rebuild::place::{self, Builder, Rewrite};
+use crate::rebuild::snippet::{Linked, ours, word};
 
 /// `module` with its vertex entry point drawing the pattern.
 ///

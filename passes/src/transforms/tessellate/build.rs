@@ -16,8 +16,9 @@ use naga::{
 use super::split::{Carried, Outputs, Split};
 use super::text::{Order, Text};
 use crate::graph::FunctionId;
-use crate::rebuild::fetch::{Author, Linked, define, ours, word};
+use crate::rebuild::corner::Author;
 use crate::rebuild::place::{self, Builder, Rewrite};
+use crate::rebuild::snippet::{Linked, define, ours, word};
 
 /// The functions, in their module.
 #[derive(Clone, Debug)]
@@ -122,7 +123,7 @@ pub(super) fn corner(
         given: split.given,
         inputs: &split.inputs,
     };
-    crate::rebuild::fetch::corner(module, name, &author, fetch)
+    crate::rebuild::corner::corner(module, name, &author, fetch)
 }
 
 /// The inputs of the interpolation.

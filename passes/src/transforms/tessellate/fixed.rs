@@ -22,8 +22,8 @@ use super::stored::{self, Evaluation, Stored};
 use crate::core::plan::{BindingSource, BindingUse};
 use crate::core::program::Program;
 use crate::graph::{FunctionId, Graph, operands};
-use crate::rebuild::fetch::{ours, word};
 use crate::rebuild::place::{self, PositionInvariance, Rewrite};
+use crate::rebuild::snippet::{ours, word};
 use crate::slice::{self, Criterion, OutputFilter};
 
 /// Reason if the slice reads neither the corners nor the place between them.

@@ -12,8 +12,8 @@ use super::Slots;
 use super::build::{Functions, access, vertex_inputs};
 use super::text::{self, Points, WORKGROUP};
 use crate::graph::FunctionId;
-use crate::rebuild::fetch::{Linked, ours, word};
 use crate::rebuild::place::{self, Builder, Rewrite};
+use crate::rebuild::snippet::{Linked, ours, word};
 
 /// A member of a vertex stage's result in the buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

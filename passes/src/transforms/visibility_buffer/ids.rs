@@ -17,9 +17,10 @@ use crate::core::geometry::Formats;
 use crate::core::plan::AttributeUse;
 use crate::core::reflect::{self, Io};
 use crate::graph::FunctionId;
-use crate::rebuild::fetch::{Author, Linked, corner, ours, word};
+use crate::rebuild::corner::{Author, corner};
 use crate::rebuild::outline::as_function;
 use crate::rebuild::place::{self, Builder, Rewrite};
+use crate::rebuild::snippet::{Linked, ours, word};
 
 /// Entry point name.
 pub const VERTEX: &str = "vs_visible_ids";

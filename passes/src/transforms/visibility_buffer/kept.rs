@@ -18,8 +18,8 @@ use super::ids::new_entry;
 use super::resolve::width;
 use crate::core::reflect::Io;
 use crate::graph::FunctionId;
-use crate::rebuild::fetch::{define, ours, word};
 use crate::rebuild::place::{self, Builder, Rewrite};
+use crate::rebuild::snippet::{define, ours, word};
 
 /// Name of the compute entry point.
 pub const ENTRY: &str = "cs_vertices";
