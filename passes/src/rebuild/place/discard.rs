@@ -75,9 +75,10 @@ fn rewrite(function: &mut Function, copies: &BTreeMap<Handle<Function>, Handle<F
 }
 
 fn strip(block: &mut Block, copies: &BTreeMap<Handle<Function>, Handle<Function>>) {
-    let is_idle = |statement: &Statement| {
-        let blocks = operands::blocks(statement);
-        matches!(statement, Statement::If { .. }) && blocks.into_iter().all(super::is_idle)
+    let does_nothing = |block: &Block| block.iter().all(|s| matches!(s, Statement::Emit(_)));
+    let is_idle = |statement: &Statement| match statement {
+        Statement::If { accept, reject, .. } => does_nothing(accept) && does_nothing(reject),
+        _ => false,
     };
     for (mut statement, span) in std::mem::take(block).span_into_iter() {
         let was_idle = is_idle(&statement);
