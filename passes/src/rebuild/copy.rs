@@ -196,3 +196,86 @@ pub trait CopyFunction<'a> {
         }
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    struct PlainCopy<'a>(Copying<'a>);
+
+    impl<'a> CopyFunction<'a> for PlainCopy<'a> {
+        fn copying(&mut self) -> &mut Copying<'a> {
+            &mut self.0
+        }
+    }
+
+    fn copy(original: &Function) -> Function {
+        let mut copy = PlainCopy(Copying::new(original, FunctionWriter::like(original)));
+        copy.unevaluated();
+        copy.0.initialisers();
+        copy.block(&original.body);
+        copy.0.finish()
+    }
+
+    fn is_valid(module: &naga::Module) -> bool {
+        let flags = naga::valid::ValidationFlags::all();
+        let capabilities = naga::valid::Capabilities::all();
+        let mut validator = naga::valid::Validator::new(flags, capabilities);
+        validator.validate(module).is_ok()
+    }
+
+    #[test]
+    fn a_copy_is_valid_and_its_copy_is_the_same() {
+        let mut module = naga::front::wgsl::parse_str(
+            "var<workgroup> count: atomic<u32>;
+             fn half(x: f32) -> f32 { if x > 9.0 { return x; } return x * 0.5; }
+             fn every(n: i32) -> f32 {
+                 var sum: f32;
+                 var i: i32;
+                 loop {
+                     let old = atomicAdd(&count, 1u);
+                     sum += half(f32(i)) + f32(old);
+                     switch i { case 1, 2: { sum += 1.0; } default: { sum -= 1.0; } }
+                     continuing { i += 1; let last = i - n; break if last > 0; }
+                 }
+                 return sum;
+             }",
+        )
+        .unwrap();
+        for (_, function) in module.functions.iter_mut() {
+            let first = copy(function);
+            assert_eq!(format!("{first:?}"), format!("{:?}", copy(&first)));
+            assert_eq!(
+                first.named_expressions.values().collect::<Vec<_>>(),
+                function.named_expressions.values().collect::<Vec<_>>()
+            );
+            *function = first;
+        }
+        assert!(is_valid(&module));
+    }
+
+    #[test]
+    fn an_initialiser_that_a_statement_evaluates_gets_its_own_copy() {
+        let mut module =
+            naga::front::wgsl::parse_str("fn f() -> vec2<f32> { var v = vec2(1.0); return v; }")
+                .unwrap();
+        let (handle, function) = module.functions.iter_mut().next().unwrap();
+        // As in naga's GLSL front end, which emits the initialiser too.
+        let init = function.local_variables.iter().next().unwrap().1.init;
+        let init = init.unwrap();
+        let emit = Statement::Emit(naga::Range::new_from_bounds(init, init));
+        let body = std::mem::take(&mut function.body);
+        function.body.push(emit, Span::UNDEFINED);
+        function.body.extend_block(body);
+        let copied = copy(function);
+        let (_, variable) = copied.local_variables.iter().next().unwrap();
+        let mut is_evaluated = false;
+        operands::evaluated(&copied.body, &mut |e| {
+            is_evaluated |= Some(e) == variable.init
+        });
+        assert!(variable.init.is_some() && !is_evaluated);
+        module.functions[handle] = copied;
+        assert!(is_valid(&module));
+    }
+}
