@@ -261,18 +261,13 @@ impl<'a> CopyFunction<'a> for StatementCopy<'a> {
             copies,
             writer,
         } = &mut self.copying;
-        // A value replaced some loads. Order is unchanged, so the others form one range.
+        // A value replaced some loads.
         let is_value = |e: &Handle<Expression>| match original.expressions[*e] {
             Expression::Load { pointer } => copies.get(pointer) == copies.get(*e),
             _ => false,
         };
-        let mut left = range.filter(|e| !is_value(e)).filter_map(|e| copies.get(e));
-        let first = left.next();
-        let last = left.last().or(first);
-        if let (Some(first), Some(last)) = (first, last) {
-            let emit = Statement::Emit(Range::new_from_bounds(first, last));
-            writer.statement(emit, span);
-        }
+        let left = range.filter(|e| !is_value(e));
+        writer.emit_existing(left.filter_map(|e| copies.get(e)), span);
     }
 
     fn statement(&mut self, statement: &'a Statement, span: Span) {

@@ -1,6 +1,7 @@
 //! New programs out of slices and cuts of old ones: everything that writes naga IR.
 
 pub(crate) mod ahead;
+pub mod color;
 pub mod copy;
 pub(crate) mod corner;
 pub mod count;

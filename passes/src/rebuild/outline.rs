@@ -16,6 +16,7 @@ use naga::{
 use crate::analysis::values::{ContextId, Values};
 use crate::core::program::Program;
 use crate::graph::{FunctionId, Graph, operands};
+use crate::rebuild::color::location;
 use crate::rebuild::isolate::isolate;
 use crate::rebuild::place::{self, PositionInvariance};
 use crate::rebuild::returns;
@@ -195,16 +196,6 @@ pub fn extract(
         function,
         arguments,
     })
-}
-
-fn location(location: u32) -> Binding {
-    Binding::Location {
-        location,
-        interpolation: None,
-        sampling: None,
-        blend_src: None,
-        per_primitive: false,
-    }
 }
 
 /// The bindings of an argument, or of the members of a struct argument.

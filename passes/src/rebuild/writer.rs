@@ -1,10 +1,27 @@
-//! Writes a function: expressions and statements in order, with the `Emit`s between them. This is
-//! the only place that starts and ends an `Emit`, with `naga::proc::Emitter`.
+//! Writes a function: expressions and statements in order, with the `Emit`s between them. No other
+//! place makes an `Emit`.
 
 use naga::proc::Emitter;
-use naga::{Arena, Block, Expression, Function, Handle, Span, Statement};
+use naga::{Arena, Block, Expression, Function, Handle, Range, Span, Statement};
 
 use crate::core::operands;
+
+/// Appends `Emit`s of expressions that exist already: one for each run of consecutive handles.
+pub fn emit_existing(
+    evaluated: impl IntoIterator<Item = Handle<Expression>>,
+    out: &mut Block,
+    span: Span,
+) {
+    let mut evaluated = evaluated.into_iter().peekable();
+    while let Some(first) = evaluated.next() {
+        let mut last = first;
+        while let Some(next) = evaluated.next_if(|next| next.index() == last.index() + 1) {
+            last = next;
+        }
+        let run = Range::new_from_bounds(first, last);
+        out.push(Statement::Emit(run), span);
+    }
+}
 
 /// The `Emit` that is open, if one is.
 #[derive(Debug, Default)]
@@ -103,6 +120,16 @@ impl FunctionWriter {
     pub fn flush(&mut self, span: Span) {
         self.emit
             .end(&self.function.expressions, &mut self.block, span);
+    }
+
+    /// Ends the open `Emit`, and appends `Emit`s of expressions that exist already.
+    pub fn emit_existing(
+        &mut self,
+        evaluated: impl IntoIterator<Item = Handle<Expression>>,
+        span: Span,
+    ) {
+        self.flush(span);
+        emit_existing(evaluated, &mut self.block, span);
     }
 
     /// Ends the open `Emit` and appends a statement.

@@ -9,10 +9,11 @@ use std::collections::{HashMap, HashSet};
 
 use naga::proc::Layouter;
 use naga::{
-    AddressSpace, Arena, Block, Expression, Function, GlobalVariable, Handle, Module, Range,
-    Scalar, ScalarKind, Span, Statement, StructMember, Type, TypeInner, UniqueArena, VectorSize,
+    AddressSpace, Arena, Block, Expression, Function, GlobalVariable, Handle, Module, Scalar,
+    ScalarKind, Span, Statement, StructMember, Type, TypeInner, UniqueArena, VectorSize,
 };
 use preshade_passes::declared::{self, Declaration, Declared};
+use preshade_passes::rebuild::writer::emit_existing;
 
 use crate::wgsl::operands;
 
@@ -611,18 +612,12 @@ impl<'a> Rebuild<'a> {
         let mut out = Block::new();
         for (statement, span) in block.span_iter() {
             if let Statement::Emit(range) = statement {
-                let made: Vec<Handle<Expression>> = range
+                let made = range
                     .clone()
-                    .flat_map(|old| self.made.get(&old).cloned().unwrap_or_default())
-                    .collect();
+                    .flat_map(|old| self.made.get(&old).cloned().unwrap_or_default());
                 let expressions = &self.expressions;
-                let evaluated = made.split(|new| expressions[*new].needs_pre_emit());
-                for run in evaluated {
-                    if let (Some(first), Some(last)) = (run.first(), run.last()) {
-                        let range = Range::new_from_bounds(*first, *last);
-                        out.push(Statement::Emit(range), *span);
-                    }
-                }
+                let evaluated = made.filter(|new| !expressions[*new].needs_pre_emit());
+                emit_existing(evaluated, &mut out, *span);
                 continue;
             }
             let mut statement = statement.clone();
