@@ -18,6 +18,7 @@ use naga::{
     AddressSpace, Expression, Function, FunctionArgument, GlobalVariable, Handle, LocalVariable,
     Module, Range, Span, Statement,
 };
+use preshade_passes::calls;
 use preshade_passes::graph::operands;
 use preshade_passes::rebuild::copy::{CopyFunction, Copying};
 use preshade_passes::rebuild::writer::FunctionWriter;
@@ -141,11 +142,8 @@ fn parameters(
                 needed.extend(variables.get(global));
             }
         }
-        operands::visit(&function.body, &mut |statement| {
-            if let Statement::Call { function, .. } = statement {
-                needed.extend(parameters.get(function).into_iter().flatten());
-            }
-        });
+        let callees = calls::callees(&function.body);
+        needed.extend(callees.iter().filter_map(|f| parameters.get(f)).flatten());
         needed.sort();
         needed.dedup();
         if !needed.is_empty() {

@@ -16,6 +16,7 @@ use naga::{
     AddressSpace, Arena, Block, Expression, Function, GlobalVariable, Handle, LocalVariable,
     Module, Span, Statement,
 };
+use preshade_passes::calls;
 use preshade_passes::graph::operands;
 use preshade_passes::rebuild::copy::{Copies, CopyFunction, Copying};
 use preshade_passes::rebuild::writer::FunctionWriter;
@@ -57,19 +58,10 @@ pub(super) fn wrapped(module: &Module, index: usize) -> Option<(usize, Handle<Fu
         .iter()
         .map(|(_, f)| f)
         .chain(module.entry_points.iter().map(|e| &e.function))
-        .map(|f| count_calls(&f.body, main))
-        .sum::<usize>();
+        .flat_map(|f| calls::callees(&f.body))
+        .filter(|callee| *callee == main)
+        .count();
     (calls.next().is_none() && others == 1).then_some((at, main))
-}
-
-fn count_calls(block: &Block, callee: Handle<Function>) -> usize {
-    let mut count = 0;
-    operands::visit(block, &mut |statement| {
-        if matches!(statement, Statement::Call { function, .. } if *function == callee) {
-            count += 1;
-        }
-    });
-    count
 }
 
 fn inline(module: &Module, wrapper: &Function, at: usize, main: &Function) -> Function {

@@ -325,11 +325,15 @@ pub fn blocks_mut(statement: &mut Statement) -> Vec<&mut naga::Block> {
 /// Calls `f` on the statements of a block and of the blocks inside, in the order in which they are
 /// numbered.
 pub fn visit<'b>(block: &'b naga::Block, f: &mut dyn FnMut(&'b Statement)) {
-    for statement in block {
+    // Not recursive: modules that are nested too deeply are refused after some of these visits.
+    let mut open = vec![block.iter()];
+    while let Some(innermost) = open.last_mut() {
+        let Some(statement) = innermost.next() else {
+            open.pop();
+            continue;
+        };
         f(statement);
-        for inner in blocks(statement) {
-            visit(inner, f);
-        }
+        open.extend(blocks(statement).into_iter().rev().map(|b| b.iter()));
     }
 }
 

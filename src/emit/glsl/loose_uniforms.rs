@@ -651,17 +651,7 @@ fn is_value(function: &Function, expression: &Expression) -> bool {
 
 /// Expressions used in any way except as the base of an access.
 fn wanted(function: &Function) -> HashSet<Handle<Expression>> {
-    fn of_block(block: &Block, out: &mut HashSet<Handle<Expression>>) {
-        for statement in block.iter() {
-            let mut statement = statement.clone();
-            operands::of_statement(&mut statement, |e| {
-                out.insert(*e);
-            });
-            for inner in operands::blocks(&mut statement) {
-                of_block(inner, out);
-            }
-        }
-    }
+    use preshade_passes::graph::operands;
     let mut out = HashSet::new();
     for (_, expression) in function.expressions.iter() {
         match expression {
@@ -669,12 +659,13 @@ fn wanted(function: &Function) -> HashSet<Handle<Expression>> {
             Expression::Access { index, .. } => {
                 out.insert(*index);
             }
-            other => operands::of_expression(&mut other.clone(), |e| {
-                out.insert(*e);
-            }),
+            other => out.extend(operands::of_expression(other)),
         }
     }
-    of_block(&function.body, &mut out);
+    operands::visit(&function.body, &mut |s| {
+        out.extend(operands::of_statement(s));
+        out.extend(operands::result(s));
+    });
     out
 }
 

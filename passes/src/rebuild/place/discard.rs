@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use naga::{Block, Expression, Function, Handle, Module, Statement};
 
-use crate::core::operands;
+use crate::core::{calls, operands};
 
 /// Suffix of functions copied without discards.
 const SUFFIX: &str = "undiscarded";
@@ -14,10 +14,10 @@ const SUFFIX: &str = "undiscarded";
 pub fn without_discard(module: &Module, entry: usize) -> Module {
     let mut out = module.clone();
     let mut copies: BTreeMap<Handle<Function>, Handle<Function>> = BTreeMap::new();
-    let reached = reached(module, &module.entry_points[entry].function);
+    let called = calls::called(module, &module.entry_points[entry].function.body);
     // Callees come first in the arena, so their copies exist when a caller is rewritten.
     for (handle, original) in module.functions.iter() {
-        if !reached[handle.index()] || !touched(&original.body, &copies) {
+        if !called.contains(&handle) || !touched(&original.body, &copies) {
             continue;
         }
         let mut copy = original.clone();
@@ -30,24 +30,6 @@ pub fn without_discard(module: &Module, entry: usize) -> Module {
     }
     rewrite(&mut out.entry_points[entry].function, &copies);
     out
-}
-
-fn reached(module: &Module, entry: &Function) -> Vec<bool> {
-    let mut reached = vec![false; module.functions.len()];
-    let calls = |function: &Function, reached: &mut [bool]| {
-        operands::visit(&function.body, &mut |statement| {
-            if let Statement::Call { function, .. } = statement {
-                reached[function.index()] = true;
-            }
-        });
-    };
-    calls(entry, &mut reached);
-    for (handle, function) in module.functions.iter().rev() {
-        if reached[handle.index()] {
-            calls(function, &mut reached);
-        }
-    }
-    reached
 }
 
 /// Whether a block discards, or calls a function that does.
