@@ -7,7 +7,7 @@ use naga::{
 
 use crate::core::reflect;
 use crate::graph::Graph;
-use crate::rebuild::place::{self, Builder, PositionInvariance};
+use crate::rebuild::place::{self, CodeBuilder, PositionInvariance};
 use crate::slice::Slice;
 
 /// A function made of a slice of a fragment stage.
@@ -66,7 +66,7 @@ impl Ahead {
     }
 
     /// Calls the function in a prologue, and puts private variables back after it.
-    pub fn call(&self, build: &mut Builder<'_>, name: &str) -> Option<Handle<Expression>> {
+    pub fn call(&self, build: &mut CodeBuilder<'_>, name: &str) -> Option<Handle<Expression>> {
         let arguments = self.arguments.iter().map(|a| argument(build, a)).collect();
         let saved: Vec<_> = self.private.iter().map(|g| save(build, *g)).collect();
         let result = build.call(self.function, arguments)?;
@@ -80,14 +80,14 @@ impl Ahead {
 
 /// A private variable and its value here.
 fn save(
-    build: &mut Builder<'_>,
+    build: &mut CodeBuilder<'_>,
     variable: Handle<GlobalVariable>,
 ) -> (Handle<Expression>, Handle<Expression>) {
     let pointer = build.expression(Expression::GlobalVariable(variable));
     (pointer, build.expression(Expression::Load { pointer }))
 }
 
-fn argument(build: &mut Builder<'_>, argument: &Argument) -> Handle<Expression> {
+fn argument(build: &mut CodeBuilder<'_>, argument: &Argument) -> Handle<Expression> {
     match argument {
         Argument::Input(ty, binding) => build.input("input", *ty, binding),
         Argument::Struct(ty, members) => {

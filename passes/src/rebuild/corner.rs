@@ -9,7 +9,7 @@ use naga::{
     TypeInner,
 };
 
-use crate::rebuild::place::Builder;
+use crate::rebuild::place::CodeBuilder;
 use crate::rebuild::snippet::{define, word};
 
 /// The author's vertex stage, as a function.
@@ -40,7 +40,7 @@ pub(crate) fn corner(
         &[("vertex", word), ("instance", word)],
         author.given,
         |build, passed| {
-            let one = |build: &mut Builder<'_>, binding: Option<&Binding>| match binding {
+            let one = |build: &mut CodeBuilder<'_>, binding: Option<&Binding>| match binding {
                 Some(Binding::BuiltIn(BuiltIn::VertexIndex)) => Some(passed[0]),
                 Some(Binding::BuiltIn(BuiltIn::InstanceIndex)) => Some(passed[1]),
                 Some(Binding::Location { location, .. }) => {

@@ -1,4 +1,5 @@
-//! Functions of our own beside the author's: linked from WGSL text, or written with a [`Builder`].
+//! Functions of our own beside the author's: linked from WGSL text, or written with a
+//! [`CodeBuilder`].
 
 use std::collections::BTreeMap;
 
@@ -9,7 +10,7 @@ use naga::{
 
 use crate::core::link;
 use crate::graph::FunctionId;
-use crate::rebuild::place::{self, Builder, Rewrite};
+use crate::rebuild::place::{self, CodeBuilder, Rewrite};
 
 /// A source offset beyond every file: our own text has no place in the author's.
 const NOWHERE: u32 = u32::MAX / 2;
@@ -69,7 +70,7 @@ pub(crate) fn define(
     (name, suffix): (&str, &str),
     arguments: &[(&str, Handle<Type>)],
     result: Handle<Type>,
-    build: impl FnOnce(&mut Builder<'_>, &[Handle<Expression>]),
+    build: impl FnOnce(&mut CodeBuilder<'_>, &[Handle<Expression>]),
 ) -> (Module, Handle<Function>) {
     let function = Function {
         name: Some(place::free_name(&module, name, suffix)),

@@ -9,12 +9,12 @@ use crate::rebuild::writer::FunctionWriter;
 
 /// Appends expressions and statements to a function of a module.
 #[derive(Debug)]
-pub struct Builder<'m> {
+pub struct CodeBuilder<'m> {
     module: &'m mut Module,
     writer: FunctionWriter,
 }
 
-impl<'m> Builder<'m> {
+impl<'m> CodeBuilder<'m> {
     pub(super) fn new(module: &'m mut Module, writer: FunctionWriter) -> Self {
         Self { module, writer }
     }
@@ -131,7 +131,7 @@ impl<'m> Builder<'m> {
     }
 
     /// Appends a statement. Not for `Emit`, which this type maintains, nor for calls: see
-    /// [`Builder::call`].
+    /// [`CodeBuilder::call`].
     pub fn statement(&mut self, statement: Statement) {
         self.writer.statement(statement, Span::UNDEFINED);
     }

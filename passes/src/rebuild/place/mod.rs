@@ -15,7 +15,7 @@ mod members;
 mod retain;
 mod rewrite;
 
-pub use builder::Builder;
+pub use builder::CodeBuilder;
 pub use discard::without_discard;
 pub(crate) use function::free_name;
 use interface::Placement;

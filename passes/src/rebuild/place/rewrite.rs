@@ -8,7 +8,7 @@ use naga::{
     Statement,
 };
 
-use super::Builder;
+use super::CodeBuilder;
 use crate::graph::FunctionId;
 use crate::rebuild::copy::{CopyFunction, Copying};
 use crate::rebuild::writer::FunctionWriter;
@@ -40,7 +40,7 @@ pub type Replacements = BTreeMap<Handle<Expression>, Replacement>;
 /// The module with the statements of `build` at the start of an entry point. The author's
 /// expressions are copied into a fresh arena behind them; `build` may add arguments, types and
 /// globals.
-pub fn prologue(module: &Module, entry: usize, build: impl FnOnce(&mut Builder<'_>)) -> Module {
+pub fn prologue(module: &Module, entry: usize, build: impl FnOnce(&mut CodeBuilder<'_>)) -> Module {
     prologue_replacing(module, entry, |builder| {
         build(builder);
         Replacements::new()
@@ -51,7 +51,7 @@ pub fn prologue(module: &Module, entry: usize, build: impl FnOnce(&mut Builder<'
 pub fn prologue_replacing(
     module: &Module,
     entry: usize,
-    build: impl FnOnce(&mut Builder<'_>) -> Replacements,
+    build: impl FnOnce(&mut CodeBuilder<'_>) -> Replacements,
 ) -> Module {
     rewritten(module, FunctionId::EntryPoint(entry), |builder| Rewrite {
         replacements: build(builder),
@@ -73,11 +73,11 @@ pub struct Rewrite {
 pub fn rewritten(
     module: &Module,
     id: FunctionId,
-    build: impl FnOnce(&mut Builder<'_>) -> Rewrite,
+    build: impl FnOnce(&mut CodeBuilder<'_>) -> Rewrite,
 ) -> Module {
     let mut module = module.clone();
     let original = std::mem::take(function_mut(&mut module, id));
-    let mut builder = Builder::new(&mut module, FunctionWriter::like(&original));
+    let mut builder = CodeBuilder::new(&mut module, FunctionWriter::like(&original));
     let rewrite = build(&mut builder);
     let mut author = AuthorCopy {
         copying: Copying::new(&original, builder.finish()),

@@ -39,7 +39,7 @@ pub struct Folder<'p> {
 }
 
 /// A folded stage.
-pub struct Stage {
+pub struct FoldedStage {
     /// The entry point's function.
     pub function: Function,
     /// The abstract value of its result.
@@ -49,7 +49,7 @@ pub struct Stage {
 }
 
 /// A function under construction.
-pub(super) struct Frame<'p> {
+pub(super) struct FoldFrame<'p> {
     pub id: FunctionId,
     pub original: &'p Function,
     pub f: &'p FunctionGraph<'p>,
@@ -106,9 +106,9 @@ impl<'p> Folder<'p> {
     }
 
     /// Folds a stage under the abstract values of its arguments.
-    pub fn stage(&mut self, entry: usize, arguments: Vec<Known>) -> Stage {
+    pub fn stage(&mut self, entry: usize, arguments: Vec<Known>) -> FoldedStage {
         let frame = self.run(FunctionId::EntryPoint(entry), arguments);
-        Stage {
+        FoldedStage {
             function: frame.function,
             result: frame.returned.unwrap_or_default(),
             record: frame.record,
@@ -120,10 +120,10 @@ impl<'p> Folder<'p> {
         (self.types, self.functions, self.records)
     }
 
-    pub(super) fn run(&mut self, id: FunctionId, arguments: Vec<Known>) -> Frame<'p> {
+    pub(super) fn run(&mut self, id: FunctionId, arguments: Vec<Known>) -> FoldFrame<'p> {
         let f = self.graph.function(id);
         let original = f.function;
-        let mut frame = Frame {
+        let mut frame = FoldFrame {
             id,
             original,
             f,
@@ -167,7 +167,7 @@ impl<'p> Folder<'p> {
     /// Initialises a variable and returns its abstract value.
     fn begins_with(
         &mut self,
-        frame: &mut Frame<'p>,
+        frame: &mut FoldFrame<'p>,
         v: Handle<LocalVariable>,
         variable: &LocalVariable,
     ) -> Known {
@@ -181,7 +181,7 @@ impl<'p> Folder<'p> {
 
     /// Copies an initialiser and its operands. Front ends put them into an `Emit`, which would come
     /// after the variables.
-    fn copy_ahead(&mut self, frame: &mut Frame<'p>, e: Handle<Expression>) {
+    fn copy_ahead(&mut self, frame: &mut FoldFrame<'p>, e: Handle<Expression>) {
         if frame.map[e.index()].is_some() {
             return;
         }
@@ -194,7 +194,7 @@ impl<'p> Folder<'p> {
     /// Copies a block whose first statement has the number `first`.
     pub(super) fn block(
         &mut self,
-        frame: &mut Frame<'p>,
+        frame: &mut FoldFrame<'p>,
         block: &'p Block,
         first: StmtId,
         out: &mut Block,
@@ -220,7 +220,7 @@ impl<'p> Folder<'p> {
 
     fn statement(
         &mut self,
-        frame: &mut Frame<'p>,
+        frame: &mut FoldFrame<'p>,
         statement: &'p Statement,
         id: StmtId,
         out: &mut Block,
@@ -316,7 +316,7 @@ impl<'p> Folder<'p> {
     /// Copies a call of the version of a function for known arguments.
     fn call(
         &mut self,
-        frame: &mut Frame<'p>,
+        frame: &mut FoldFrame<'p>,
         id: StmtId,
         (function, arguments, result): (
             Handle<Function>,
@@ -372,7 +372,7 @@ fn are_operands(function: &Function) -> Vec<bool> {
     are
 }
 
-impl Frame<'_> {
+impl FoldFrame<'_> {
     /// Records a fold that depends on `sources`.
     pub fn folds(&mut self, sources: &Sources) {
         self.record.used.extend(sources.iter().copied());
