@@ -6,6 +6,7 @@ pub mod copy;
 pub(crate) mod corner;
 pub mod count;
 pub mod depth_only;
+pub(crate) mod depth_pass;
 pub(crate) mod fetch;
 pub(crate) mod gradients;
 pub(crate) mod isolate;

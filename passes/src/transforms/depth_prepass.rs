@@ -47,7 +47,8 @@ use crate::core::plan::{Plan, Role, Step};
 use crate::core::refusals::RefusalInfo;
 use crate::core::self_test::{self, MainDiscards};
 use crate::core::state::{CompareFunction, DepthBias, DepthDirection, DepthFormat, DepthState};
-use crate::rebuild::depth_only::{self, DepthOnly, Invariance, PrepassProgram, VertexStage};
+use crate::rebuild::depth_only::{self, DepthOnly, Invariance, VertexStage};
+use crate::rebuild::depth_pass::{self, PrepassProgram};
 use crate::rebuild::place::{self, PositionInvariance};
 
 pub mod refusals;
@@ -410,11 +411,11 @@ fn biased(
     // The author's program stays unchanged, so the pre-pass has its own, even with the same vertex
     // stage.
     PrepassProgram::Own.insert(&mut next, opaque, placed, depth, DepthPrepass::INFO.name)?;
-    let mut given = depth_only::assumptions_with_margin(opaque);
+    let mut given = depth_pass::assumptions_with_margin(opaque);
     given.extend(rests_on_near_plane(opaque, format).then_some(Assumption::BeyondNearPlane));
     next.steps.push(step(slice, opaque, params, given));
     next.self_test = self_test::biased(&next);
-    depth_only::finish(&mut next, "original");
+    depth_pass::finish(&mut next, "original");
     Ok(next)
 }
 
@@ -439,7 +440,7 @@ fn equal(
         main = place::without_discard(&main, fragment);
         next.notes.push("no depth ties were measured, discarded fragments counted in: the main pass no longer discards, EQUAL already drops what the pre-pass discarded".to_owned());
     }
-    depth_only::replace_main(&mut next, opaque, main, name)?;
+    depth_pass::replace_main(&mut next, opaque, main, name)?;
     for pass in next.passes.iter_mut().filter(|p| p.role == Role::Main) {
         if let Some(depth) = &mut pass.depth {
             depth.compare = CompareFunction::Equal;
@@ -464,7 +465,7 @@ fn equal(
         false => MainDiscards::AsPrepass,
     };
     next.self_test = self_test::equal(&next, opaque.depth.compare, discards);
-    depth_only::finish(&mut next, "depth-prepass:form=biased");
+    depth_pass::finish(&mut next, "depth-prepass:form=biased");
     Ok(next)
 }
 
