@@ -15,12 +15,15 @@
 use std::collections::{HashMap, HashSet};
 
 use naga::{
-    AddressSpace, Block, Expression, Function, FunctionArgument, GlobalVariable, Handle,
-    LocalVariable, Module, Range, Span, Statement,
+    AddressSpace, Expression, Function, FunctionArgument, GlobalVariable, Handle, LocalVariable,
+    Module, Range, Span, Statement,
 };
+use preshade_passes::calls;
+use preshade_passes::graph::operands;
+use preshade_passes::rebuild::copy::{CopyFunction, Copying};
+use preshade_passes::rebuild::writer::FunctionWriter;
 
-use super::inline_main::{for_each_statement, global_of, wrapped};
-use crate::wgsl::operands;
+use super::inline_main::{global_of, wrapped};
 
 /// Larger variables, in bytes, are not passed: copying a table at each call costs too much.
 const MOST_BYTES: u32 = 256;
@@ -108,18 +111,18 @@ fn uses(function: &Function) -> Vec<(Handle<GlobalVariable>, Use)> {
         {
             continue;
         }
-        operands::of_expression(&mut expression.clone(), |e| {
-            found.extend(global_of(expressions, *e).map(|g| (g, Use::Escapes)));
-        });
+        let escape = operands::of_expression(expression).into_iter();
+        let globals = escape.filter_map(|e| global_of(expressions, e));
+        found.extend(globals.map(|g| (g, Use::Escapes)));
     }
-    for_each_statement(&mut function.body.clone(), &mut |statement| {
+    operands::visit(&function.body, &mut |statement| {
         if let Statement::Store { pointer, .. } = statement {
             found.extend(global_of(expressions, *pointer).map(|g| (g, Use::Written)));
             return;
         }
-        operands::of_statement(statement, |e| {
-            found.extend(global_of(expressions, *e).map(|g| (g, Use::Escapes)));
-        });
+        let escape = operands::of_statement(statement).into_iter();
+        let globals = escape.filter_map(|e| global_of(expressions, e));
+        found.extend(globals.map(|g| (g, Use::Escapes)));
     });
     found
 }
@@ -139,11 +142,8 @@ fn parameters(
                 needed.extend(variables.get(global));
             }
         }
-        for_each_statement(&mut function.body.clone(), &mut |statement| {
-            if let Statement::Call { function, .. } = statement {
-                needed.extend(parameters.get(function).into_iter().flatten());
-            }
-        });
+        let callees = calls::callees(&function.body);
+        needed.extend(callees.iter().filter_map(|f| parameters.get(f)).flatten());
         needed.sort();
         needed.dedup();
         if !needed.is_empty() {
@@ -160,14 +160,7 @@ fn with_parameters(
     variables: &[Handle<GlobalVariable>],
     parameters: &Parameters,
 ) -> Function {
-    let mut to = Function {
-        name: from.name.clone(),
-        arguments: from.arguments.clone(),
-        result: from.result.clone(),
-        local_variables: from.local_variables.clone(),
-        diagnostic_filter_leaf: from.diagnostic_filter_leaf,
-        ..Function::default()
-    };
+    let mut to = FunctionWriter::like(from).function;
     // A dynamic index needs a local to point into.
     let indexed: HashSet<Handle<GlobalVariable>> = from
         .expressions
@@ -177,7 +170,7 @@ fn with_parameters(
             _ => None,
         })
         .collect();
-    let mut stores = Block::new();
+    let mut stores = Vec::new();
     let mut arguments = HashMap::new();
     let mut places = HashMap::new();
     for handle in variables {
@@ -206,119 +199,93 @@ fn with_parameters(
                     .expressions
                     .append(Expression::LocalVariable(local), span);
                 let value = argument;
-                stores.push(Statement::Store { pointer, value }, span);
+                stores.push((Statement::Store { pointer, value }, span));
                 pointer
             }
         };
         places.insert(*handle, place);
     }
 
-    let mut copies: HashMap<Handle<Expression>, Handle<Expression>> = HashMap::new();
+    let mut copying = Copying::new(from, FunctionWriter::of(to));
     for (handle, expression) in from.expressions.iter() {
-        let new = match expression {
-            Expression::GlobalVariable(global) if places.contains_key(global) => places[global],
-            Expression::Load { pointer }
-                if global_of(&from.expressions, *pointer)
-                    .is_some_and(|g| places.contains_key(&g) && !indexed.contains(&g)) =>
-            {
-                copies[pointer]
-            }
-            other => {
-                let mut expression = other.clone();
-                operands::of_expression(&mut expression, |e| *e = copies[e]);
-                let span = from.expressions.get_span(handle);
-                to.expressions.append(expression, span)
-            }
+        let same = match expression {
+            Expression::GlobalVariable(global) => places.get(global).copied(),
+            Expression::Load { pointer } => global_of(&from.expressions, *pointer)
+                .filter(|g| places.contains_key(g) && !indexed.contains(g))
+                .and_then(|_| copying.copies.get(*pointer)),
+            _ => None,
         };
-        copies.insert(handle, new);
-    }
-    for (_, local) in to.local_variables.iter_mut() {
-        local.init = local.init.map(|e| copies[&e]);
-    }
-    for (handle, name) in &from.named_expressions {
-        let new = copies[handle];
-        if !matches!(to.expressions[new], Expression::FunctionArgument(_)) {
-            to.named_expressions.insert(new, name.clone());
+        match same {
+            Some(same) => copying.copies.insert(handle, same),
+            None => copying.append(handle, copying.copies.with_operands(expression)),
         }
     }
-    to.body = stores;
-    let made = RebuiltStatements {
-        from,
-        copies: &copies,
+    for (_, local) in copying.writer.function.local_variables.iter_mut() {
+        local.init = local.init.map(|e| copying.copies.mapped(e));
+    }
+    for (statement, span) in stores {
+        copying.writer.statement(statement, span);
+    }
+    let mut statements = StatementCopy {
+        copying,
         arguments: &arguments,
         parameters,
     };
-    to.body.extend_block(made.block(&from.body));
+    statements.block(&from.body);
+    let mut to = statements.copying.finish();
+    let expressions = &to.expressions;
+    to.named_expressions
+        .retain(|e, _| !matches!(expressions[*e], Expression::FunctionArgument(_)));
     to
 }
 
-/// Maps statements of the old function to the new one.
-struct RebuiltStatements<'a> {
-    from: &'a Function,
-    copies: &'a HashMap<Handle<Expression>, Handle<Expression>>,
+/// Copies the statements of a function whose expressions are copied already.
+struct StatementCopy<'a> {
+    copying: Copying<'a>,
     arguments: &'a HashMap<Handle<GlobalVariable>, Handle<Expression>>,
     parameters: &'a Parameters,
 }
 
-impl RebuiltStatements<'_> {
-    fn block(&self, block: &Block) -> Block {
-        let mut out = Block::with_capacity(block.len());
-        for (statement, span) in block.span_iter() {
-            match statement {
-                Statement::Emit(range) => {
-                    // Order is unchanged, so the remaining expressions form one range.
-                    let mut left = range.clone().filter(|e| !self.is_value(*e));
-                    let first = left.next();
-                    let last = left.last().or(first);
-                    if let (Some(first), Some(last)) = (first, last) {
-                        let range = Range::new_from_bounds(self.copies[&first], self.copies[&last]);
-                        out.push(Statement::Emit(range), *span);
-                    }
-                }
-                other => {
-                    let mut statement = other.clone();
-                    operands::of_statement(&mut statement, |e| *e = self.copies[e]);
-                    for inner in operands::blocks(&mut statement) {
-                        *inner = self.block(inner);
-                    }
-                    if let Statement::Call {
-                        function,
-                        arguments,
-                        ..
-                    } = &mut statement
-                    {
-                        let more = self.parameters.get(function).into_iter().flatten();
-                        arguments.extend(more.map(|g| self.arguments[g]));
-                    }
-                    out.push(statement, *span);
-                }
-            }
-        }
-        out
+impl<'a> CopyFunction<'a> for StatementCopy<'a> {
+    fn copying(&mut self) -> &mut Copying<'a> {
+        &mut self.copying
     }
 
-    /// Whether the expression is a load that a value replaced.
-    fn is_value(&self, handle: Handle<Expression>) -> bool {
-        match self.from.expressions[handle] {
-            Expression::Load { pointer } => self.copies[&pointer] == self.copies[&handle],
+    fn expression(&mut self, _: Handle<Expression>) {}
+
+    fn emit(&mut self, range: Range<Expression>, span: Span) {
+        let Copying {
+            original,
+            copies,
+            writer,
+        } = &mut self.copying;
+        // A value replaced some loads.
+        let is_value = |e: &Handle<Expression>| match original.expressions[*e] {
+            Expression::Load { pointer } => copies.get(pointer) == copies.get(*e),
             _ => false,
+        };
+        let left = range.filter(|e| !is_value(e));
+        writer.emit_existing(left.filter_map(|e| copies.get(e)), span);
+    }
+
+    fn statement(&mut self, statement: &'a Statement, span: Span) {
+        let mut copy = self.copied(statement, span);
+        if let Statement::Call {
+            function,
+            arguments,
+            ..
+        } = &mut copy
+        {
+            let more = self.parameters.get(function).into_iter().flatten();
+            arguments.extend(more.map(|g| self.arguments[g]));
         }
+        self.copying.writer.statement(copy, span);
     }
 }
 
 /// In `main`, loads the variables before each call that takes them as arguments.
 fn pass_arguments(main: &mut Function, parameters: &Parameters) {
-    let mut body = std::mem::take(&mut main.body);
-    lender_block(main, &mut body, parameters);
-    main.body = body;
-}
-
-fn lender_block(main: &mut Function, block: &mut Block, parameters: &Parameters) {
-    let mut out = Block::with_capacity(block.len());
-    for (mut statement, span) in std::mem::take(block).span_into_iter() {
-        for inner in operands::blocks(&mut statement) {
-            lender_block(main, inner, parameters);
-        }
+    FunctionWriter::rewrite(main, &mut |writer, mut statement, span| {
         if let Statement::Call {
             function,
             arguments,
@@ -326,18 +293,16 @@ fn lender_block(main: &mut Function, block: &mut Block, parameters: &Parameters)
         } = &mut statement
             && let Some(variables) = parameters.get(function)
         {
-            let pointers: Vec<Handle<Expression>> =
-                variables.iter().map(|g| pointer(main, *g, span)).collect();
-            let start = main.expressions.len();
-            let loads = pointers
-                .into_iter()
-                .map(|pointer| main.expressions.append(Expression::Load { pointer }, span));
-            arguments.extend(loads);
-            out.push(Statement::Emit(main.expressions.range_from(start)), span);
+            let pointers: Vec<Handle<Expression>> = variables
+                .iter()
+                .map(|g| pointer(&mut writer.function, *g, span))
+                .collect();
+            writer.begin();
+            let loads = pointers.into_iter();
+            arguments.extend(loads.map(|p| writer.append(Expression::Load { pointer: p }, span)));
         }
-        out.push(statement, span);
-    }
-    *block = out;
+        writer.statement(statement, span);
+    });
 }
 
 fn pointer(main: &mut Function, global: Handle<GlobalVariable>, span: Span) -> Handle<Expression> {

@@ -14,12 +14,12 @@ use std::collections::{HashMap, HashSet};
 
 use naga::{
     AddressSpace, Arena, Block, Expression, Function, GlobalVariable, Handle, LocalVariable,
-    Module, Statement,
+    Module, Span, Statement,
 };
-
-use crate::wgsl::operands;
-
-type Copies = HashMap<Handle<Expression>, Handle<Expression>>;
+use preshade_passes::calls;
+use preshade_passes::graph::operands;
+use preshade_passes::rebuild::copy::{Copies, CopyFunction, Copying};
+use preshade_passes::rebuild::writer::FunctionWriter;
 
 /// Inlines `main` into each wrapper entry point. `module` must be valid and stays valid.
 pub(super) fn inline_main(module: &mut Module) {
@@ -58,22 +58,10 @@ pub(super) fn wrapped(module: &Module, index: usize) -> Option<(usize, Handle<Fu
         .iter()
         .map(|(_, f)| f)
         .chain(module.entry_points.iter().map(|e| &e.function))
-        .map(|f| count_calls(&mut f.body.clone(), main))
-        .sum::<usize>();
+        .flat_map(|f| calls::callees(&f.body))
+        .filter(|callee| *callee == main)
+        .count();
     (calls.next().is_none() && others == 1).then_some((at, main))
-}
-
-fn count_calls(block: &mut Block, callee: Handle<Function>) -> usize {
-    let mut count = 0;
-    for statement in block.iter_mut() {
-        if matches!(statement, Statement::Call { function, .. } if *function == callee) {
-            count += 1;
-        }
-        for inner in operands::blocks(statement) {
-            count += count_calls(inner, callee);
-        }
-    }
-    count
 }
 
 fn inline(module: &Module, wrapper: &Function, at: usize, main: &Function) -> Function {
@@ -100,43 +88,35 @@ fn inline(module: &Module, wrapper: &Function, at: usize, main: &Function) -> Fu
         let span = module.global_variables.get_span(*handle);
         locals.insert(*handle, function.local_variables.append(local, span));
     }
-    let mut body = Inliner {
-        function: &mut function,
+    let mut outer = Inliner {
+        copying: Copying::new(wrapper, FunctionWriter::of(function)),
         inputs: &inputs,
         locals: &locals,
         main_locals: HashMap::new(),
+        epilogue: None,
     };
-    let mut from_wrapper = body.unevaluated(wrapper);
-    let mut from_main = body.locals_of(main);
-    let (prologue, epilogue) = (&wrapper.body[..at], &wrapper.body[at + 1..]);
-    let mut out = Block::new();
-    for statement in prologue {
+    outer.unevaluated();
+    let writer = std::mem::take(&mut outer.copying.writer);
+    let mut inner = outer.beside(Copying::new(main, writer));
+    inner.add_locals();
+    outer.copying.writer = std::mem::take(&mut inner.copying.writer);
+    for statement in &wrapper.body[..at] {
         let stored = match statement {
             Statement::Store { pointer, .. } => global_of(&wrapper.expressions, *pointer),
             _ => None,
         };
         // The argument replaces the variable, so skip the copy.
         if stored.is_none_or(|g| !inputs.contains_key(&g)) {
-            let one = Block::from_vec(vec![statement.clone()]);
-            out.extend_block(body.copy(wrapper, &one, &mut from_wrapper, None));
+            outer.copy(statement, Span::UNDEFINED);
         }
     }
-    let returns = Returns {
-        wrapper,
-        epilogue,
-        copies: &from_wrapper,
-    };
-    out.extend_block(body.copy(main, &main.body, &mut from_main, Some(&returns)));
+    inner.copying.writer = outer.copying.writer;
+    inner.epilogue = Some((wrapper, at + 1, outer.copying.copies));
+    inner.block(&main.body);
     if !ends(&main.body) {
-        out.extend_block(body.epilogue(&returns));
+        inner.write_epilogue();
     }
-    for (handle, name) in &main.named_expressions {
-        if let Some(new) = from_main.get(handle) {
-            function.named_expressions.insert(*new, name.clone());
-        }
-    }
-    function.body = out;
-    function
+    inner.copying.finish()
 }
 
 /// Whether the block ends in a `return` or `discard`, possibly nested in braces.
@@ -204,41 +184,33 @@ fn read_only_inputs(
             expression,
             Expression::Load { .. } | Expression::AccessIndex { .. } | Expression::Access { .. }
         );
-        operands::of_expression(&mut expression.clone(), |e| {
-            if !reads {
-                written.extend(global_of(&main.expressions, *e));
-            }
-        });
+        if !reads {
+            let operands = operands::of_expression(expression);
+            written.extend(
+                operands
+                    .iter()
+                    .filter_map(|e| global_of(&main.expressions, *e)),
+            );
+        }
         // A dynamic index needs a local to point into.
         if let Expression::Access { base, .. } = expression {
             written.extend(global_of(&main.expressions, *base));
         }
     }
-    for_each_statement(&mut main.body.clone(), &mut |statement| {
-        operands::of_statement(statement, |e| {
-            written.extend(global_of(&main.expressions, *e));
-        });
+    operands::visit(&main.body, &mut |statement| {
+        let read = operands::of_statement(statement);
+        written.extend(read.iter().filter_map(|e| global_of(&main.expressions, *e)));
     });
     for statement in &wrapper.body[at + 1..] {
-        let mut statement = statement.clone();
-        operands::of_statement(&mut statement, |e| {
-            written.extend(global_of(&wrapper.expressions, *e));
-        });
+        let mut read = operands::of_statement(statement);
         if let Statement::Emit(range) = statement {
-            written.extend(range.filter_map(|e| global_of(&wrapper.expressions, e)));
+            read.extend(range.clone());
         }
+        let globals = read.iter().map(|e| global_of(&wrapper.expressions, *e));
+        written.extend(globals.flatten());
     }
     inputs.retain(|global, _| !written.contains(global));
     inputs
-}
-
-pub(super) fn for_each_statement(block: &mut Block, f: &mut impl FnMut(&mut Statement)) {
-    for statement in block.iter_mut() {
-        f(statement);
-        for inner in operands::blocks(statement) {
-            for_each_statement(inner, f);
-        }
-    }
 }
 
 /// The global variable that a pointer is based on.
@@ -262,100 +234,101 @@ fn constant(
     handle: Handle<Expression>,
 ) -> Handle<Expression> {
     let mut expression = module.global_expressions[handle].clone();
-    operands::of_expression(&mut expression, |e| *e = constant(module, expressions, *e));
+    operands::map_expression(&mut expression, &mut |e| {
+        *e = constant(module, expressions, *e)
+    });
     expressions.append(expression, module.global_expressions.get_span(handle))
 }
 
-/// What each `return` of `main` becomes.
-struct Returns<'a> {
-    wrapper: &'a Function,
-    epilogue: &'a [Statement],
-    copies: &'a Copies,
-}
-
+/// Copies the wrapper or `main` into the new entry point.
 struct Inliner<'a> {
-    function: &'a mut Function,
+    copying: Copying<'a>,
     inputs: &'a HashMap<Handle<GlobalVariable>, u32>,
     locals: &'a HashMap<Handle<GlobalVariable>, Handle<LocalVariable>>,
     main_locals: HashMap<Handle<LocalVariable>, Handle<LocalVariable>>,
+    /// In `main`, the code that replaces each `return`: the wrapper's statements from this one on,
+    /// and the copies of the wrapper's expressions.
+    epilogue: Option<(&'a Function, usize, Copies)>,
 }
 
-impl Inliner<'_> {
-    /// Copies the local variables of `main` and the expressions that need no `Emit`.
-    fn locals_of(&mut self, main: &Function) -> Copies {
-        for (handle, local) in main.local_variables.iter() {
+impl<'a> Inliner<'a> {
+    /// Copies another function into the same entry point.
+    fn beside(&self, copying: Copying<'a>) -> Self {
+        Self {
+            copying,
+            inputs: self.inputs,
+            locals: self.locals,
+            main_locals: HashMap::new(),
+            epilogue: None,
+        }
+    }
+
+    /// Copies the local variables, and the expressions that need no `Emit`.
+    fn add_locals(&mut self) {
+        let original = self.copying.original;
+        for (handle, local) in original.local_variables.iter() {
             let local = LocalVariable {
                 init: None,
                 ..local.clone()
             };
-            let span = main.local_variables.get_span(handle);
-            let new = self.function.local_variables.append(local, span);
-            self.main_locals.insert(handle, new);
+            let span = original.local_variables.get_span(handle);
+            let locals = &mut self.copying.writer.function.local_variables;
+            self.main_locals.insert(handle, locals.append(local, span));
         }
-        let copies = self.unevaluated(main);
-        // A constant initialiser may also be in an `Emit`, so it gets a copy before everything
+        self.unevaluated();
+        // An `Emit` may also evaluate a constant initialiser, so it gets a copy before everything
         // else.
-        let mut initial = copies.clone();
-        for (handle, local) in main.local_variables.iter() {
-            let init = local.init.and_then(|e| {
-                self.initialiser(main, e, &mut initial);
-                initial.get(&e).copied()
-            });
-            if let Some(new) = self.main_locals.get(&handle) {
-                self.function.local_variables[*new].init = init;
-            }
+        let mut copies = self.copying.copies.clone();
+        let function = &mut self.copying.writer.function;
+        for (handle, local) in original.local_variables.iter() {
+            let init = local.init;
+            let init = init.map(|e| copies.constant(original, e, function));
+            function.local_variables[self.main_locals[&handle]].init = init;
         }
-        copies
     }
 
-    /// Copies expressions that need no `Emit`: literals, variables, arguments, constants.
-    fn unevaluated(&mut self, from: &Function) -> Copies {
-        let mut evaluated = HashSet::new();
-        for_each_statement(&mut from.body.clone(), &mut |statement| {
-            if let Statement::Emit(range) = statement {
-                evaluated.extend(range.clone());
-            }
-            evaluated.extend(super::fall_through::result(statement));
+    fn write_epilogue(&mut self) {
+        let Some((wrapper, from, copies)) = &self.epilogue else {
+            return;
+        };
+        let writer = std::mem::take(&mut self.copying.writer);
+        let mut epilogue = self.beside(Copying {
+            original: wrapper,
+            copies: copies.clone(),
+            writer,
         });
-        let mut copies = Copies::new();
-        for (handle, _) in from.expressions.iter() {
-            if !evaluated.contains(&handle) {
-                self.expression(from, handle, &mut copies);
-            }
+        for statement in &wrapper.body[*from..] {
+            epilogue.copy(statement, Span::UNDEFINED);
         }
-        copies
+        self.copying.writer = epilogue.copying.writer;
+    }
+}
+
+impl<'a> CopyFunction<'a> for Inliner<'a> {
+    fn copying(&mut self) -> &mut Copying<'a> {
+        &mut self.copying
     }
 
-    /// Copies an expression with its operands.
-    fn initialiser(&mut self, from: &Function, handle: Handle<Expression>, copies: &mut Copies) {
-        if copies.contains_key(&handle) {
-            return;
-        }
-        let mut made_of = Vec::new();
-        operands::of_expression(&mut from.expressions[handle].clone(), |e| made_of.push(*e));
-        for each in made_of {
-            self.initialiser(from, each, copies);
-        }
-        self.expression(from, handle, copies);
-    }
-
-    fn expression(&mut self, from: &Function, handle: Handle<Expression>, copies: &mut Copies) {
-        let mut expression = from.expressions[handle].clone();
+    fn expression(&mut self, e: Handle<Expression>) {
+        let Copying {
+            original, copies, ..
+        } = &mut self.copying;
         // The argument's value replaces the pointer.
-        if let Expression::Load { pointer } = expression
-            && let Some(global) = global_of(&from.expressions, pointer)
+        if let Expression::Load { pointer } = original.expressions[e]
+            && let Some(global) = global_of(&original.expressions, pointer)
             && self.inputs.contains_key(&global)
-            && let Some(value) = copies.get(&pointer).copied()
+            && let Some(value) = copies.get(pointer)
         {
-            copies.insert(handle, value);
+            copies.insert(e, value);
             return;
         }
-        match &mut expression {
+        let mut copy = copies.with_operands(&original.expressions[e]);
+        match &mut copy {
             Expression::GlobalVariable(global) => {
                 if let Some(argument) = self.inputs.get(global) {
-                    expression = Expression::FunctionArgument(*argument);
+                    copy = Expression::FunctionArgument(*argument);
                 } else if let Some(local) = self.locals.get(global) {
-                    expression = Expression::LocalVariable(*local);
+                    copy = Expression::LocalVariable(*local);
                 }
             }
             Expression::LocalVariable(local) => {
@@ -363,71 +336,20 @@ impl Inliner<'_> {
                     *local = *new;
                 }
             }
-            other => operands::of_expression(other, |e| *e = copies.get(e).copied().unwrap_or(*e)),
+            _ => {}
         }
-        let span = from.expressions.get_span(handle);
-        let new = self.function.expressions.append(expression, span);
-        copies.insert(handle, new);
+        self.copying.append(e, copy);
     }
 
-    fn copy(
-        &mut self,
-        from: &Function,
-        block: &Block,
-        copies: &mut Copies,
-        returns: Option<&Returns<'_>>,
-    ) -> Block {
-        let mut out = Block::with_capacity(block.len());
-        for (statement, span) in block.span_iter() {
-            match statement {
-                Statement::Emit(range) => {
-                    let start = self.function.expressions.len();
-                    for handle in range.clone() {
-                        self.expression(from, handle, copies);
-                    }
-                    let range = self.function.expressions.range_from(start);
-                    if !range.index_range().is_empty() {
-                        out.push(Statement::Emit(range), *span);
-                    }
-                }
-                // A block does not scope variables in the IR.
-                Statement::Block(inner) => {
-                    out.extend_block(self.copy(from, inner, copies, returns));
-                }
-                Statement::Return { .. } if returns.is_some() => {
-                    if let Some(returns) = returns {
-                        out.extend_block(self.epilogue(returns));
-                    }
-                }
-                other => {
-                    let mut statement = other.clone();
-                    if let Some(result) = super::fall_through::result(other) {
-                        self.expression(from, result, copies);
-                    }
-                    let mut blocks: Vec<Block> = operands::blocks(&mut statement)
-                        .into_iter()
-                        .map(std::mem::take)
-                        .collect();
-                    for inner in &mut blocks {
-                        *inner = self.copy(from, inner, copies, returns);
-                    }
-                    for (slot, inner) in operands::blocks(&mut statement).into_iter().zip(blocks) {
-                        *slot = inner;
-                    }
-                    // Remap after the blocks: `break_if` may name a value of the continuing block.
-                    operands::of_statement(&mut statement, |e| {
-                        *e = copies.get(e).copied().unwrap_or(*e);
-                    });
-                    out.push(statement, *span);
-                }
+    fn statement(&mut self, statement: &'a Statement, span: Span) {
+        match statement {
+            // A block does not scope variables in the IR.
+            Statement::Block(inner) => self.block(inner),
+            Statement::Return { .. } if self.epilogue.is_some() => self.write_epilogue(),
+            _ => {
+                let copy = self.copied(statement, span);
+                self.copying.writer.statement(copy, span);
             }
         }
-        out
-    }
-
-    fn epilogue(&mut self, returns: &Returns<'_>) -> Block {
-        let block = Block::from_vec(returns.epilogue.to_vec());
-        let mut copies = returns.copies.clone();
-        self.copy(returns.wrapper, &block, &mut copies, None)
     }
 }

@@ -5,11 +5,12 @@
 //! The adapter's pipeline statistics would not do: software adapters count fragments before the
 //! early depth test.
 
-use naga::{Literal, ShaderStage};
+use naga::{Expression, Literal, ShaderStage};
 use preshade_passes::graph::{FunctionId, Graph};
 use preshade_passes::pass::Facts;
 use preshade_passes::plan::{BindingSource, BindingUse, GpuPass, Phase, Plan, Role};
 use preshade_passes::program::Program;
+use preshade_passes::rebuild::color;
 use preshade_passes::reflect;
 use preshade_passes::state::{Blend, ColorTarget, CompareFunction, DepthDirection};
 use preshade_passes::visibility_buffer;
@@ -463,61 +464,16 @@ fn counting_plan(
 /// `program` with one more fragment stage, which returns 1.
 fn constant(plan: &Plan, program: &Program) -> Result<(Program, String), Error> {
     let mut module = program.module().clone();
-    let scalar = naga::Scalar::F32;
-    let ty = module.types.insert(
-        naga::Type {
-            name: None,
-            inner: naga::TypeInner::Vector {
-                size: naga::VectorSize::Quad,
-                scalar,
-            },
-        },
-        naga::Span::UNDEFINED,
-    );
     let mut name = "preshade_count".to_owned();
     while module.entry_points.iter().any(|e| e.name == name) {
         name.push('_');
     }
-    let mut function = naga::Function {
-        name: Some(name.clone()),
-        result: Some(naga::FunctionResult {
-            ty,
-            binding: Some(naga::Binding::Location {
-                location: 0,
-                interpolation: None,
-                sampling: None,
-                blend_src: None,
-                per_primitive: false,
-            }),
-        }),
-        ..Default::default()
-    };
-    let span = naga::Span::UNDEFINED;
-    let one = function
-        .expressions
-        .append(naga::Expression::Literal(Literal::F32(1.0)), span);
-    let value = function.expressions.append(
-        naga::Expression::Splat {
-            size: naga::VectorSize::Quad,
-            value: one,
-        },
-        span,
-    );
-    let range = naga::Range::new_from_bounds(value, value);
-    function.body.push(naga::Statement::Emit(range), span);
-    function
-        .body
-        .push(naga::Statement::Return { value: Some(value) }, span);
-    module.entry_points.push(naga::EntryPoint {
-        name: name.clone(),
-        stage: ShaderStage::Fragment,
-        early_depth_test: None,
-        workgroup_size: [0; 3],
-        workgroup_size_overrides: None,
-        function,
-        mesh_info: None,
-        task_payload: None,
-        incoming_ray_payload: None,
+    let entry = module.entry_points.len();
+    module.entry_points.push(color::empty_fragment(&name));
+    color::return_color(&mut module, entry, ["", ""], None, &mut |writer, _, _| {
+        let value = writer.expression(Expression::Literal(Literal::F32(1.0)));
+        let size = naga::VectorSize::Quad;
+        Some((writer.expression(Expression::Splat { size, value }), None))
     });
     let program = program
         .with_module(module)

@@ -5,10 +5,10 @@
 //! function, and is moved from there into the declaration.
 
 use naga::{
-    AddressSpace, Arena, Block, Expression, Function, FunctionResult, Handle, Module, Range, Span,
-    Statement, Type,
+    AddressSpace, Expression, Function, FunctionResult, Handle, Module, Span, Statement, Type,
 };
 use preshade_passes::graph::operands;
+use preshade_passes::rebuild::writer::FunctionWriter;
 
 /// A module without such initialisers, and their targets.
 pub(crate) struct Apart {
@@ -85,17 +85,14 @@ fn is_writable(module: &Module, e: Handle<Expression>) -> bool {
 
 /// A function that returns a constant expression of the module.
 fn returning(module: &Module, init: Handle<Expression>, ty: Handle<Type>) -> Function {
-    let mut expressions = Arena::new();
-    let mut body = Block::new();
-    let value = copied(module, init, &mut expressions, &mut body);
-    body.push(Statement::Return { value: Some(value) }, Span::UNDEFINED);
-    Function {
+    let mut writer = FunctionWriter::of(Function {
         name: Some("preshade_initialiser".to_owned()),
         result: Some(FunctionResult { ty, binding: None }),
-        expressions,
-        body,
         ..Function::default()
-    }
+    });
+    let value = Some(copied(module, init, &mut writer));
+    writer.statement(Statement::Return { value }, Span::UNDEFINED);
+    writer.finish()
 }
 
 /// Copies the expression with its operands, once per use: the writer does not name values that are
@@ -103,18 +100,11 @@ fn returning(module: &Module, init: Handle<Expression>, ty: Handle<Type>) -> Fun
 fn copied(
     module: &Module,
     e: Handle<Expression>,
-    to: &mut Arena<Expression>,
-    body: &mut Block,
+    writer: &mut FunctionWriter,
 ) -> Handle<Expression> {
     let mut expression = module.global_expressions[e].clone();
-    operands::map_expression(&mut expression, &mut |o| *o = copied(module, *o, to, body));
-    let is_there_at_once = expression.needs_pre_emit();
-    let copy = to.append(expression, Span::UNDEFINED);
-    if !is_there_at_once {
-        let range = Range::new_from_bounds(copy, copy);
-        body.push(Statement::Emit(range), Span::UNDEFINED);
-    }
-    copy
+    operands::map_expression(&mut expression, &mut |o| *o = copied(module, *o, writer));
+    writer.expression(expression)
 }
 
 impl Apart {

@@ -13,7 +13,8 @@ use preshade::unstable::measure::{
 use preshade::unstable::passes::contract::Verdict;
 use preshade::unstable::passes::pass::Facts;
 use preshade::unstable::passes::plan::{Plan, Role, SamplesPassed};
-use preshade::unstable::passes::returns::{self, Emitter};
+use preshade::unstable::passes::rebuild::writer::FunctionWriter;
+use preshade::unstable::passes::returns;
 use preshade::unstable::passes::state::{CompareFunction, DepthBias};
 use preshade::unstable::recipe::Recipe;
 use preshade::unstable::render::{SceneInputs, SelfTestResult, ShaderForm, self_test};
@@ -99,37 +100,37 @@ fn scale(module: &mut Module, entry: usize, factor: [f32; 4]) {
         _ => None,
     };
     let mut scaled = 0;
-    returns::rewrite(function, &mut |emitter, value| {
+    returns::rewrite(function, &mut |writer, value| {
         let value = value?;
         let components = factor
-            .map(|f| emitter.constant(Expression::Literal(Literal::F32(f))))
+            .map(|f| writer.expression(Expression::Literal(Literal::F32(f))))
             .to_vec();
-        let by = emitter.emit(Expression::Compose {
+        let by = writer.expression(Expression::Compose {
             ty: vector,
             components,
         });
-        let mut times = |emitter: &mut Emitter<'_>, left| {
+        let mut times = |writer: &mut FunctionWriter, left| {
             scaled += 1;
-            emitter.emit(Expression::Binary {
+            writer.expression(Expression::Binary {
                 op: BinaryOperator::Multiply,
                 left,
                 right: by,
             })
         };
         let Some(members) = members else {
-            return Some(times(emitter, value));
+            return Some(times(writer, value));
         };
         let components = (0..)
             .zip(members)
             .map(|(index, member)| {
-                let part = emitter.emit(Expression::AccessIndex { base: value, index });
+                let part = writer.expression(Expression::AccessIndex { base: value, index });
                 match is_position(&member.binding) {
-                    true => times(emitter, part),
+                    true => times(writer, part),
                     false => part,
                 }
             })
             .collect();
-        Some(emitter.emit(Expression::Compose {
+        Some(writer.expression(Expression::Compose {
             ty: result.ty,
             components,
         }))

@@ -11,7 +11,8 @@ use preshade::unstable::measure::{self, verdict::breaks};
 use preshade::unstable::passes::contract::Contract;
 use preshade::unstable::passes::pass::Facts;
 use preshade::unstable::passes::plan::{Plan, Role};
-use preshade::unstable::passes::returns::{self, Emitter};
+use preshade::unstable::passes::rebuild::writer::FunctionWriter;
+use preshade::unstable::passes::returns;
 use preshade::unstable::recipe::Recipe;
 use preshade::unstable::render::{ShaderForm, Variant as Host};
 
@@ -258,44 +259,44 @@ fn move_entry(module: &mut Module, entry: usize, by: Moved) {
         _ => None,
     };
     let mut moved = 0;
-    returns::rewrite(function, &mut |emitter, value| {
+    returns::rewrite(function, &mut |writer, value| {
         let value = value?;
-        let mut of_position = |emitter: &mut Emitter<'_>, base| {
+        let mut of_position = |writer: &mut FunctionWriter, base| {
             moved += 1;
             let mut components: Vec<_> = (0..4)
-                .map(|index| emitter.emit(Expression::AccessIndex { base, index }))
+                .map(|index| writer.expression(Expression::AccessIndex { base, index }))
                 .collect();
             match by {
-                Moved::Depth(steps) => components[2] = stepped(emitter, components[2], steps),
+                Moved::Depth(steps) => components[2] = stepped(writer, components[2], steps),
                 Moved::Up(pixels) => {
                     let by = Literal::F32(2.0 * pixels / 96.0);
-                    let by = emitter.constant(Expression::Literal(by));
+                    let by = writer.expression(Expression::Literal(by));
                     let w = components[3];
-                    let shift = binary(emitter, BinaryOperator::Multiply, w, by);
-                    components[1] = binary(emitter, BinaryOperator::Add, components[1], shift);
+                    let shift = binary(writer, BinaryOperator::Multiply, w, by);
+                    components[1] = binary(writer, BinaryOperator::Add, components[1], shift);
                 }
             }
-            emitter.emit(Expression::Compose {
+            writer.expression(Expression::Compose {
                 ty: vector,
                 components,
             })
         };
         let Some(members) = &members else {
-            return Some(of_position(emitter, value));
+            return Some(of_position(writer, value));
         };
         let mut components = Vec::new();
         for (index, member) in (0..).zip(members) {
-            let part = emitter.emit(Expression::AccessIndex { base: value, index });
+            let part = writer.expression(Expression::AccessIndex { base: value, index });
             let is_position = matches!(
                 member.binding,
                 Some(Binding::BuiltIn(BuiltIn::Position { .. }))
             );
             components.push(match is_position {
-                true => of_position(emitter, part),
+                true => of_position(writer, part),
                 false => part,
             });
         }
-        Some(emitter.emit(Expression::Compose {
+        Some(writer.expression(Expression::Compose {
             ty: result.ty,
             components,
         }))
@@ -304,25 +305,29 @@ fn move_entry(module: &mut Module, entry: usize, by: Moved) {
 }
 
 fn binary(
-    emitter: &mut Emitter<'_>,
+    writer: &mut FunctionWriter,
     op: BinaryOperator,
     left: Handle<Expression>,
     right: Handle<Expression>,
 ) -> Handle<Expression> {
-    emitter.emit(Expression::Binary { op, left, right })
+    writer.expression(Expression::Binary { op, left, right })
 }
 
 /// A float as far from 0 as so many neighbours on.
-fn stepped(emitter: &mut Emitter<'_>, expr: Handle<Expression>, steps: i32) -> Handle<Expression> {
-    let as_kind = |emitter: &mut Emitter<'_>, expr, kind| {
-        emitter.emit(Expression::As {
+fn stepped(
+    writer: &mut FunctionWriter,
+    expr: Handle<Expression>,
+    steps: i32,
+) -> Handle<Expression> {
+    let as_kind = |writer: &mut FunctionWriter, expr, kind| {
+        writer.expression(Expression::As {
             expr,
             kind,
             convert: None,
         })
     };
-    let bits = as_kind(emitter, expr, ScalarKind::Sint);
-    let by = emitter.constant(Expression::Literal(Literal::I32(steps)));
-    let sum = binary(emitter, BinaryOperator::Add, bits, by);
-    as_kind(emitter, sum, ScalarKind::Float)
+    let bits = as_kind(writer, expr, ScalarKind::Sint);
+    let by = writer.expression(Expression::Literal(Literal::I32(steps)));
+    let sum = binary(writer, BinaryOperator::Add, bits, by);
+    as_kind(writer, sum, ScalarKind::Float)
 }

@@ -38,7 +38,7 @@ fn positions(
     member: Option<u32>,
     out: &mut Vec<Handle<Expression>>,
 ) {
-    for statement in block {
+    operands::visit(block, &mut |statement| {
         match statement {
             Statement::Return { value: Some(value) } => {
                 match (&function.expressions[*value], member) {
@@ -61,10 +61,7 @@ fn positions(
             }
             _ => {}
         }
-        for inner in operands::blocks(statement) {
-            positions(function, inner, member, out);
-        }
-    }
+    });
 }
 
 /// The third scalar of a composed vector, if it is a literal.

@@ -3,16 +3,17 @@
 
 use std::collections::BTreeSet;
 
-use naga::ShaderStage;
+use naga::{ShaderStage, Span};
 use serde::Serialize;
 
 use crate::analysis::refusals;
 use crate::core::contract::Contract;
-use crate::core::pass::{Change, Left, Outcome, Refusal};
-use crate::core::plan::{GpuPass, Plan, Step};
+use crate::core::pass::{Change, Left, Outcome, Refusal, Site, SiteCost};
+use crate::core::plan::{GpuPass, Plan, Role, Step};
 use crate::core::program::Program;
 use crate::core::reflect;
 use crate::graph::{FunctionId, Graph};
+use crate::slice::{self, Criterion, OutputFilter, Slice};
 
 /// A material's main pass with less work.
 pub struct Simplified {
@@ -50,6 +51,31 @@ impl Simplified {
             left: self.left,
         }
     }
+}
+
+/// The change of code that `slice` decides, in the fragment stage of `pass`.
+pub fn change(
+    graph: &Graph<'_>,
+    pass: &GpuPass,
+    slice: &Slice,
+    what: String,
+    (span, cost): (Span, SiteCost),
+) -> Change {
+    Change {
+        key: Site {
+            role: Role::Main,
+            entry_point: pass.fragment.clone().unwrap_or_default(),
+            slice: slice.hash(graph),
+        },
+        what,
+        location: graph.program().sources().locate(span),
+        cost,
+    }
+}
+
+/// All that decides an output of an entry point.
+pub fn whole(graph: &Graph<'_>, entry: usize) -> Slice {
+    slice::backward(graph, entry, &[Criterion::Output(OutputFilter::All)])
 }
 
 /// The main pass of a single-pass plan, its program and fragment entry point. `first` is the remedy

@@ -1,9 +1,13 @@
-//! Call depth of a module.
+//! The calls of a module, and their depth.
 //!
 //! Analyses recurse once per call, and so do naga's writers and driver compilers. A chain of
 //! thousands of calls would exhaust the stack.
 
+use std::collections::BTreeSet;
+
 use naga::{Block, Function, Handle, Module, Statement};
+
+use super::operands;
 
 /// Largest accepted call depth, the entry point included. The deepest public material we know has
 /// 14.
@@ -26,21 +30,24 @@ pub fn too_deep(module: &Module) -> Option<Handle<Function>> {
     None
 }
 
-fn callees(body: &Block) -> Vec<Handle<Function>> {
+/// The functions that a body calls itself, once for each call.
+pub fn callees(body: &Block) -> Vec<Handle<Function>> {
     let mut found = Vec::new();
-    let mut work = vec![body];
-    while let Some(block) = work.pop() {
-        for statement in block.iter() {
-            match statement {
-                Statement::Call { function, .. } => found.push(*function),
-                Statement::Block(inner) => work.push(inner),
-                Statement::If { accept, reject, .. } => work.extend([accept, reject]),
-                Statement::Switch { cases, .. } => work.extend(cases.iter().map(|c| &c.body)),
-                Statement::Loop {
-                    body, continuing, ..
-                } => work.extend([body, continuing]),
-                _ => {}
-            }
+    operands::visit(body, &mut |statement| {
+        if let Statement::Call { function, .. } = statement {
+            found.push(*function);
+        }
+    });
+    found
+}
+
+/// The functions that a body calls, directly or not.
+pub fn called(module: &Module, body: &Block) -> BTreeSet<Handle<Function>> {
+    let mut found = BTreeSet::new();
+    let mut left = callees(body);
+    while let Some(function) = left.pop() {
+        if found.insert(function) {
+            left.extend(callees(&module.functions[function].body));
         }
     }
     found

@@ -322,6 +322,41 @@ pub fn blocks_mut(statement: &mut Statement) -> Vec<&mut naga::Block> {
     }
 }
 
+/// Calls `f` on the statements of a block and of the blocks inside, in the order in which they are
+/// numbered.
+pub fn visit<'b>(block: &'b naga::Block, f: &mut dyn FnMut(&'b Statement)) {
+    // Not recursive: modules that are nested too deeply are refused after some of these visits.
+    let mut open = vec![block.iter()];
+    while let Some(innermost) = open.last_mut() {
+        let Some(statement) = innermost.next() else {
+            open.pop();
+            continue;
+        };
+        f(statement);
+        open.extend(blocks(statement).into_iter().rev().map(|b| b.iter()));
+    }
+}
+
+/// As [`visit`], but mutable.
+pub fn visit_mut(block: &mut naga::Block, f: &mut dyn FnMut(&mut Statement)) {
+    for statement in block.iter_mut() {
+        f(statement);
+        for inner in blocks_mut(statement) {
+            visit_mut(inner, f);
+        }
+    }
+}
+
+/// Calls `f` on each expression that the statements of a block evaluate or provide.
+pub fn evaluated(block: &naga::Block, f: &mut dyn FnMut(Operand)) {
+    visit(block, &mut |statement| {
+        if let Statement::Emit(range) = statement {
+            range.clone().for_each(&mut *f);
+        }
+        result(statement).into_iter().for_each(&mut *f);
+    });
+}
+
 /// Puts blocks into the [`shell`] of a statement, in the order of [`blocks`].
 pub fn fill(shell: &mut Statement, of: &Statement, inner: impl IntoIterator<Item = naga::Block>) {
     if let (Statement::Switch { cases, .. }, Statement::Switch { cases: old, .. }) =

@@ -7,11 +7,8 @@ use naga::{
 
 use crate::core::reflect;
 use crate::graph::Graph;
-use crate::rebuild::place::{self, Builder, PositionInvariance};
+use crate::rebuild::place::{self, CodeBuilder, PositionInvariance};
 use crate::slice::Slice;
-
-/// An offset past every file of a source map: our own text has no place in the author's.
-const NOWHERE: u32 = u32::MAX / 2;
 
 /// A function made of a slice of a fragment stage.
 #[derive(Clone, Debug)]
@@ -69,7 +66,7 @@ impl Ahead {
     }
 
     /// Calls the function in a prologue, and puts private variables back after it.
-    pub fn call(&self, build: &mut Builder<'_>, name: &str) -> Option<Handle<Expression>> {
+    pub fn call(&self, build: &mut CodeBuilder<'_>, name: &str) -> Option<Handle<Expression>> {
         let arguments = self.arguments.iter().map(|a| argument(build, a)).collect();
         let saved: Vec<_> = self.private.iter().map(|g| save(build, *g)).collect();
         let result = build.call(self.function, arguments)?;
@@ -83,14 +80,14 @@ impl Ahead {
 
 /// A private variable and its value here.
 fn save(
-    build: &mut Builder<'_>,
+    build: &mut CodeBuilder<'_>,
     variable: Handle<GlobalVariable>,
 ) -> (Handle<Expression>, Handle<Expression>) {
     let pointer = build.expression(Expression::GlobalVariable(variable));
     (pointer, build.expression(Expression::Load { pointer }))
 }
 
-fn argument(build: &mut Builder<'_>, argument: &Argument) -> Handle<Expression> {
+fn argument(build: &mut CodeBuilder<'_>, argument: &Argument) -> Handle<Expression> {
     match argument {
         Argument::Input(ty, binding) => build.input("input", *ty, binding),
         Argument::Struct(ty, members) => {
@@ -105,23 +102,3 @@ fn argument(build: &mut Builder<'_>, argument: &Argument) -> Handle<Expression> 
         }
     }
 }
-
-/// `module` with a snippet of our own, and the snippet's one function.
-///
-/// # Errors
-/// When it does not parse or link.
-pub fn link_snippet(module: Module, wgsl: &str) -> Result<(Module, Handle<Function>), InjectError> {
-    let snippet =
-        naga::front::wgsl::parse_str(wgsl).map_err(|e| InjectError(e.message().to_owned()))?;
-    let linked = crate::core::link::link(module, &snippet, NOWHERE, "preshade")
-        .map_err(|e| InjectError(e.to_string()))?;
-    match linked.functions[..] {
-        [function] => Ok((linked.module, function)),
-        _ => Err(InjectError("the snippet is not one function".to_owned())),
-    }
-}
-
-/// A snippet of our own that does not parse: a bug.
-#[derive(Debug, thiserror::Error)]
-#[error("{0}")]
-pub struct InjectError(pub(crate) String);

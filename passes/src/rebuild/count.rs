@@ -4,18 +4,16 @@
 //! the number of shaded fragments per covered pixel on any adapter. Discarded fragments are not
 //! counted; the rest hid each other.
 
-use naga::{
-    Binding, BuiltIn, EntryPoint, Expression, Function, FunctionResult, Handle, Literal, Module,
-    Scalar, ShaderStage, Span, StructMember, Type, TypeInner, VectorSize,
-};
+use naga::{Binding, BuiltIn, Expression, Handle, Literal, Module, ShaderStage, VectorSize};
 
 use crate::analysis::coverage;
 use crate::core::plan::{GpuPass, Plan};
 use crate::core::program::{Invalid, Program};
 use crate::core::reflect;
 use crate::graph::Graph;
+use crate::rebuild::color;
 use crate::rebuild::place::{self, PositionInvariance};
-use crate::rebuild::returns::{self, Emitter};
+use crate::rebuild::writer::FunctionWriter;
 
 /// Name of the counting entry point.
 pub const ENTRY: &str = "preshade_count";
@@ -55,17 +53,7 @@ pub fn program(plan: &Plan, pass: &GpuPass) -> Result<Program, Box<Invalid>> {
                 PositionInvariance::AsWritten,
             );
         }
-        None => module.entry_points.push(EntryPoint {
-            name: ENTRY.to_owned(),
-            stage: ShaderStage::Fragment,
-            early_depth_test: None,
-            workgroup_size: [0; 3],
-            workgroup_size_overrides: None,
-            function: Function::default(),
-            mesh_info: None,
-            task_payload: None,
-            incoming_ray_payload: None,
-        }),
+        None => module.entry_points.push(color::empty_fragment(ENTRY)),
     }
     add_color(&mut module);
     let kept = [
@@ -85,10 +73,12 @@ enum Part {
 }
 
 impl Part {
-    fn of(self, emitter: &mut Emitter<'_>, value: Handle<Expression>) -> Handle<Expression> {
+    fn of(self, writer: &mut FunctionWriter, value: Handle<Expression>) -> Handle<Expression> {
         match self {
             Self::Whole => value,
-            Self::Member(index) => emitter.emit(Expression::AccessIndex { base: value, index }),
+            Self::Member(index) => {
+                writer.expression(Expression::AccessIndex { base: value, index })
+            }
         }
     }
 }
@@ -96,9 +86,10 @@ impl Part {
 /// Makes the last entry point of `module` return the colour (1, 1, 1, 1), or (1, 1, 1, alpha) with
 /// its returned alpha, beside its depth.
 fn add_color(module: &mut Module) {
-    let Some(entry) = module.entry_points.last() else {
+    let Some(index) = module.entry_points.len().checked_sub(1) else {
         return;
     };
+    let entry = &module.entry_points[index];
     let outputs = reflect::outputs(module, &entry.function);
     let bare = entry
         .function
@@ -114,78 +105,34 @@ fn add_color(module: &mut Module) {
     };
     let alpha = part(&|b| matches!(b, Binding::Location { location: 0, .. }));
     let depth = part(&|b| *b == Binding::BuiltIn(BuiltIn::FragDepth));
-    let vec4 = module.types.insert(
-        Type {
-            name: None,
-            inner: TypeInner::Vector {
-                size: VectorSize::Quad,
-                scalar: Scalar::F32,
-            },
+    let names = ["Counted", "color"];
+    let depth_type = depth.map(|(_, ty)| ty);
+    color::return_color(
+        module,
+        index,
+        names,
+        depth_type,
+        &mut |writer, vec4, returned| {
+            let one = writer.expression(Expression::Literal(Literal::F32(1.0)));
+            let color = match (alpha, returned) {
+                (Some((part, _)), Some(returned)) => {
+                    let base = part.of(writer, returned);
+                    let index = coverage::ALPHA;
+                    let alpha = writer.expression(Expression::AccessIndex { base, index });
+                    writer.expression(Expression::Compose {
+                        ty: vec4,
+                        components: vec![one, one, one, alpha],
+                    })
+                }
+                _ => writer.expression(Expression::Splat {
+                    size: VectorSize::Quad,
+                    value: one,
+                }),
+            };
+            let depth = depth
+                .zip(returned)
+                .map(|((part, _), value)| part.of(writer, value));
+            Some((color, depth))
         },
-        Span::UNDEFINED,
     );
-    let color = Binding::Location {
-        location: 0,
-        interpolation: None,
-        sampling: None,
-        blend_src: None,
-        per_primitive: false,
-    };
-    let with_depth = depth.map(|(part, ty)| {
-        let member = |name: &str, ty, binding, offset| StructMember {
-            name: Some(name.to_owned()),
-            ty,
-            binding: Some(binding),
-            offset,
-        };
-        let members = vec![
-            member("color", vec4, color.clone(), 0),
-            member("depth", ty, Binding::BuiltIn(BuiltIn::FragDepth), 16),
-        ];
-        let counted = Type {
-            name: Some("Counted".to_owned()),
-            inner: TypeInner::Struct { members, span: 32 },
-        };
-        (part, module.types.insert(counted, Span::UNDEFINED))
-    });
-    let Some(entry) = module.entry_points.last_mut() else {
-        return;
-    };
-    entry.function.result = Some(match with_depth {
-        Some((_, ty)) => FunctionResult { ty, binding: None },
-        None => FunctionResult {
-            ty: vec4,
-            binding: Some(color),
-        },
-    });
-    returns::rewrite(&mut entry.function, &mut |emitter, returned| {
-        let one = emitter.constant(Expression::Literal(Literal::F32(1.0)));
-        let color = match (alpha, returned) {
-            (Some((part, _)), Some(returned)) => {
-                let base = part.of(emitter, returned);
-                let alpha = emitter.emit(Expression::AccessIndex {
-                    base,
-                    index: coverage::ALPHA,
-                });
-                emitter.emit(Expression::Compose {
-                    ty: vec4,
-                    components: vec![one, one, one, alpha],
-                })
-            }
-            _ => emitter.emit(Expression::Splat {
-                size: VectorSize::Quad,
-                value: one,
-            }),
-        };
-        Some(match (with_depth, returned) {
-            (Some((part, ty)), Some(returned)) => {
-                let depth = part.of(emitter, returned);
-                emitter.emit(Expression::Compose {
-                    ty,
-                    components: vec![color, depth],
-                })
-            }
-            _ => color,
-        })
-    });
 }

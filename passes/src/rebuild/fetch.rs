@@ -1,31 +1,17 @@
-//! Fetches vertices from storage buffers as vertex input does, to call the author's vertex stage on
-//! any vertex of a draw, from any stage.
+//! Our own WGSL that fetches vertices from storage buffers as vertex input does, from any stage.
 //!
 //! ```text
 //! fn NAME_corner(triangle: u32, corner: u32) -> u32                the vertex that a corner of a triangle is, by the draw's indices
 //! fn NAME_L(vertex: u32, instance: u32) -> vec3<f32>               the attribute at location L, out of the host's own vertex buffer
-//! fn vs_corner(vertex: u32, instance: u32) -> VertexOutput         the author's stage on those attributes
 //! ```
 //!
 //! Attributes are fetched and converted as WebGPU's vertex input does it (WebGPU, section
 //! 10.3.8.1): missing components are 0, and 1 for the fourth.
 
-use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use naga::{
-    Binding, BuiltIn, Expression, Function, FunctionArgument, FunctionResult, Handle, Module,
-    Scalar, Span, Statement, Type, TypeInner,
-};
-
 use crate::core::geometry::{FORMATS, Formats};
-use crate::core::link;
 use crate::core::plan::AttributeUse;
-use crate::graph::FunctionId;
-use crate::rebuild::place::{self, Builder, Rewrite};
-
-/// A source offset beyond every file: our own text has no place in the author's.
-const NOWHERE: u32 = u32::MAX / 2;
 
 /// Prefixes of generated functions and variables.
 #[derive(Clone, Copy, Debug)]
@@ -85,8 +71,8 @@ fn as_declared(names: Names, attributes: &[AttributeUse], group: u32, first: u32
             1 => words.join(""),
             n => format!("vec{n}<u32>({})", words.join(", ")),
         };
-        let value = match Kind::of(attribute) {
-            Kind::Uint => words,
+        let value = match AttributeKind::of(attribute) {
+            AttributeKind::Uint => words,
             _ => format!("bitcast<{ty}>({words})"),
         };
         let _ = write!(
@@ -109,17 +95,17 @@ fn of_any_format(names: Names, attributes: &[AttributeUse], group: u32, first: u
     let mut out = String::new();
     let Names { function, variable } = names;
     for (kind, text) in [
-        (Kind::Float, decode_float(names)),
-        (Kind::Uint, decode_uint(names)),
-        (Kind::Sint, decode_sint(names)),
+        (AttributeKind::Float, decode_float(names)),
+        (AttributeKind::Uint, decode_uint(names)),
+        (AttributeKind::Sint, decode_sint(names)),
     ] {
-        if attributes.iter().any(|a| Kind::of(a) == kind) {
+        if attributes.iter().any(|a| AttributeKind::of(a) == kind) {
             out.push_str(&text);
         }
     }
     for (index, attribute) in attributes.iter().enumerate() {
         let AttributeUse { location, ty, .. } = attribute;
-        let kind = Kind::of(attribute);
+        let kind = AttributeKind::of(attribute);
         let _ = write!(
                 &mut out,
                 "@group({group}) @binding({binding}) var<storage, read> {variable}_stream_{location}_: array<u32>;
@@ -156,13 +142,13 @@ fn {function}_{location}_(vertex: u32, instance: u32) -> {ty} {{
 
 /// Scalar kind of a decoded attribute.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Kind {
+enum AttributeKind {
     Float,
     Uint,
     Sint,
 }
 
-impl Kind {
+impl AttributeKind {
     fn of(attribute: &AttributeUse) -> Self {
         match attribute.ty.trim_end_matches('>').rsplit('<').next() {
             Some("u32") => Self::Uint,
@@ -212,7 +198,7 @@ fn code(name: &str) -> usize {
 
 /// A decoder to one scalar kind, with a case for each format that WebGPU lets a shader read as that
 /// kind.
-fn decoder(names: Names, kind: Kind, prelude: &str, cases: &[(&str, String)]) -> String {
+fn decoder(names: Names, kind: AttributeKind, prelude: &str, cases: &[(&str, String)]) -> String {
     let (name, scalar) = (kind.decoder(names), kind.scalar());
     let mut out =
         format!("fn {name}(words: vec4<u32>, shift: u32, format: u32) -> vec4<{scalar}> {{\n");
@@ -281,7 +267,7 @@ fn decode_float(names: Names) -> String {
     cases.push(("unorm8x4-bgra", "unpack4x8unorm(words.x).zyxw".to_owned()));
     decoder(
         names,
-        Kind::Float,
+        AttributeKind::Float,
         "    let word = words.x >> shift;\n",
         &cases,
     )
@@ -311,7 +297,7 @@ fn decode_uint(names: Names) -> String {
     }
     decoder(
         names,
-        Kind::Uint,
+        AttributeKind::Uint,
         "    let word = words.x >> shift;\n",
         &cases,
     )
@@ -343,7 +329,7 @@ fn decode_sint(names: Names) -> String {
     }
     decoder(
         names,
-        Kind::Sint,
+        AttributeKind::Sint,
         "    let word = bitcast<i32>(words.x >> shift);\n",
         &cases,
     )
@@ -356,151 +342,4 @@ fn format_name(base: &str, count: usize) -> &'static str {
         n => format!("{base}x{n}"),
     };
     FORMATS.iter().find(|f| **f == name).copied().unwrap_or("")
-}
-
-/// A module with our own functions.
-pub(crate) struct Linked {
-    pub(crate) module: Module,
-    pub(crate) ours: BTreeMap<String, Handle<Function>>,
-}
-
-impl Linked {
-    /// Adds `wgsl` to `module`.
-    pub(crate) fn new(module: Module, wgsl: &str) -> Result<Self, String> {
-        let snippet = naga::front::wgsl::parse_str(wgsl)
-            .map_err(|e| format!("our own text does not parse: {}", e.message()))?;
-        let linked =
-            link::link(module, &snippet, NOWHERE, "preshade").map_err(|e| e.message.clone())?;
-        let names = snippet.functions.iter().map(|(_, f)| f.name.clone());
-        let named = names.zip(&linked.functions);
-        Ok(Self {
-            ours: named.filter_map(|(n, h)| Some((n?, *h))).collect(),
-            module: linked.module,
-        })
-    }
-}
-
-/// One of our own functions.
-pub(crate) fn ours(
-    functions: &BTreeMap<String, Handle<Function>>,
-    name: &str,
-) -> Result<Handle<Function>, String> {
-    let found = functions.get(name).copied();
-    found.ok_or_else(|| format!("our own text has no `{name}`"))
-}
-
-/// Defines a function `NAME_SUFFIX` whose body `build` writes.
-pub(crate) fn define(
-    mut module: Module,
-    (name, suffix): (&str, &str),
-    arguments: &[(&str, Handle<Type>)],
-    result: Handle<Type>,
-    build: impl FnOnce(&mut Builder<'_>, &[Handle<Expression>]),
-) -> (Module, Handle<Function>) {
-    let function = Function {
-        name: Some(place::free_name(&module, name, suffix)),
-        arguments: arguments
-            .iter()
-            .map(|(name, ty)| FunctionArgument {
-                name: Some((*name).to_owned()),
-                ty: *ty,
-                binding: None,
-            })
-            .collect(),
-        result: Some(FunctionResult {
-            ty: result,
-            binding: None,
-        }),
-        ..Function::default()
-    };
-    let handle = module.functions.append(function, Span::UNDEFINED);
-    let module = place::rewritten(&module, FunctionId::Function(handle), |builder| {
-        let passed: Vec<_> = (0..arguments.len() as u32)
-            .map(|i| builder.expression(Expression::FunctionArgument(i)))
-            .collect();
-        build(builder, &passed);
-        Rewrite::default()
-    });
-    (module, handle)
-}
-
-/// A `u32` type.
-pub(crate) fn word(module: &mut Module) -> Handle<Type> {
-    let inner = TypeInner::Scalar(Scalar::U32);
-    module
-        .types
-        .insert(Type { name: None, inner }, Span::UNDEFINED)
-}
-
-/// The author's vertex stage, as a function.
-pub(crate) struct Author<'a> {
-    pub function: Handle<Function>,
-    /// Its result type.
-    pub given: Handle<Type>,
-    /// The entry point's arguments.
-    pub inputs: &'a [FunctionArgument],
-}
-
-/// The author's stage for one vertex, as `NAME_corner`. `fetch` has the function of each attribute,
-/// by location.
-///
-/// # Errors
-/// A message: an input that no vertex has.
-pub(crate) fn corner(
-    mut module: Module,
-    name: &str,
-    author: &Author<'_>,
-    fetch: &[(u32, Handle<Function>)],
-) -> Result<(Module, Handle<Function>), String> {
-    let word = word(&mut module);
-    let mut failed = None;
-    let (module, handle) = define(
-        module,
-        (name, "corner"),
-        &[("vertex", word), ("instance", word)],
-        author.given,
-        |build, passed| {
-            let one = |build: &mut Builder<'_>, binding: Option<&Binding>| match binding {
-                Some(Binding::BuiltIn(BuiltIn::VertexIndex)) => Some(passed[0]),
-                Some(Binding::BuiltIn(BuiltIn::InstanceIndex)) => Some(passed[1]),
-                Some(Binding::Location { location, .. }) => {
-                    let of = fetch.iter().find(|(l, _)| l == location);
-                    of.and_then(|(_, f)| build.call(*f, passed.to_vec()))
-                }
-                _ => None,
-            };
-            let mut arguments = Vec::new();
-            for input in author.inputs {
-                let members = match (&input.binding, &build.module().types[input.ty].inner) {
-                    (None, TypeInner::Struct { members, .. }) => Some(members.clone()),
-                    _ => None,
-                };
-                let value = match members {
-                    None => one(build, input.binding.as_ref()),
-                    Some(members) => members
-                        .iter()
-                        .map(|m| one(build, m.binding.as_ref()))
-                        .collect::<Option<Vec<_>>>()
-                        .map(|components| {
-                            build.expression(Expression::Compose {
-                                ty: input.ty,
-                                components,
-                            })
-                        }),
-                };
-                match value {
-                    Some(value) => arguments.push(value),
-                    None => failed = Some(input.name.clone().unwrap_or_default()),
-                }
-            }
-            if failed.is_none() {
-                let value = build.call(author.function, arguments);
-                build.statement(Statement::Return { value });
-            }
-        },
-    );
-    match failed {
-        None => Ok((module, handle)),
-        Some(input) => Err(format!("the input `{input}` has no source")),
-    }
 }

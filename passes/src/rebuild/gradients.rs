@@ -34,7 +34,7 @@ use naga::{
 use crate::analysis::opaque;
 use crate::graph::effect::{self, Effect};
 use crate::graph::{FunctionId, Graph, operands};
-use crate::rebuild::place::{Builder, Replacement, Replacements};
+use crate::rebuild::place::{CodeBuilder, Replacement, Replacements};
 
 /// The expressions of an entry point that take derivatives, in arena order, if all of them can be
 /// evaluated first.
@@ -173,7 +173,7 @@ fn image_variable(
 /// Evaluates the derivatives in `taken` (from [`find`]) in the prologue of `function`, with their
 /// operands, and returns the replacements in the author's code.
 pub fn take(
-    build: &mut Builder<'_>,
+    build: &mut CodeBuilder<'_>,
     function: &Function,
     taken: &[Handle<Expression>],
 ) -> Replacements {
@@ -270,7 +270,11 @@ pub fn take(
 struct Moved(HashMap<String, Handle<Expression>>);
 
 impl Moved {
-    fn append(&mut self, build: &mut Builder<'_>, expression: Expression) -> Handle<Expression> {
+    fn append(
+        &mut self,
+        build: &mut CodeBuilder<'_>,
+        expression: Expression,
+    ) -> Handle<Expression> {
         self.append_once(build, expression).0
     }
 
@@ -278,7 +282,7 @@ impl Moved {
     /// their debug output.
     fn append_once(
         &mut self,
-        build: &mut Builder<'_>,
+        build: &mut CodeBuilder<'_>,
         expression: Expression,
     ) -> (Handle<Expression>, bool) {
         let key = format!("{expression:?}");

@@ -3,7 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use naga::{Block, Expression, Function, Handle, Module, Statement};
+use naga::{Expression, Function, Handle, Module, Statement};
 
 use crate::analysis::values::{ContextId, Values};
 use crate::graph::{FunctionId, StmtId, operands};
@@ -103,32 +103,22 @@ fn leads_to(values: &Values<'_, '_>, context: ContextId, mut to: ContextId) -> b
 }
 
 fn redirect(function: &mut Function, calls: &BTreeMap<StmtId, Handle<Function>>) {
-    fn walk(
-        block: &mut Block,
-        next: &mut usize,
-        calls: &BTreeMap<StmtId, Handle<Function>>,
-        results: &mut Vec<(Handle<Expression>, Handle<Function>)>,
-    ) {
-        for statement in block.iter_mut() {
-            let id = StmtId::from(*next);
-            *next += 1;
-            if let (
-                Some(copy),
-                Statement::Call {
-                    function, result, ..
-                },
-            ) = (calls.get(&id), &mut *statement)
-            {
-                *function = *copy;
-                results.extend(result.map(|r| (r, *copy)));
-            }
-            for inner in operands::blocks_mut(statement) {
-                walk(inner, next, calls, results);
-            }
-        }
-    }
+    let mut next = 0;
     let mut results = Vec::new();
-    walk(&mut function.body, &mut 0, calls, &mut results);
+    operands::visit_mut(&mut function.body, &mut |statement| {
+        let id = StmtId::from(next);
+        next += 1;
+        if let (
+            Some(copy),
+            Statement::Call {
+                function, result, ..
+            },
+        ) = (calls.get(&id), statement)
+        {
+            *function = *copy;
+            results.extend(result.map(|r| (r, *copy)));
+        }
+    });
     for (result, copy) in results {
         function.expressions[result] = Expression::CallResult(copy);
     }

@@ -1,8 +1,12 @@
 //! New programs out of slices and cuts of old ones: everything that writes naga IR.
 
 pub(crate) mod ahead;
+pub mod color;
+pub mod copy;
+pub(crate) mod corner;
 pub mod count;
 pub mod depth_only;
+pub(crate) mod depth_pass;
 pub(crate) mod fetch;
 pub(crate) mod gradients;
 pub(crate) mod isolate;
@@ -10,3 +14,5 @@ pub(crate) mod outline;
 pub mod place;
 pub mod quad;
 pub mod returns;
+pub(crate) mod snippet;
+pub mod writer;

@@ -10,15 +10,17 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use naga::{
     AddressSpace, Binding, Block, Expression, Function, FunctionArgument, FunctionResult, Handle,
-    LocalVariable, Module, Range, Span, Statement, StructMember, Type, TypeInner,
+    LocalVariable, Module, Span, Statement, StructMember, Type, TypeInner,
 };
 
 use crate::analysis::values::{ContextId, Values};
 use crate::core::program::Program;
 use crate::graph::{FunctionId, Graph, operands};
+use crate::rebuild::color::location;
 use crate::rebuild::isolate::isolate;
 use crate::rebuild::place::{self, PositionInvariance};
 use crate::rebuild::returns;
+use crate::rebuild::writer::FunctionWriter;
 use crate::slice::{self, Criterion, OutputFilter};
 
 /// A value to return.
@@ -145,9 +147,9 @@ pub fn extract(
     body.splice(end..end, leave);
     if is_direct(values, wanted) {
         let function = &mut module.entry_points[entry].function;
-        returns::rewrite(function, &mut |emitter, _| match wanted {
+        returns::rewrite(function, &mut |writer, _| match wanted {
             [one] => Some(one.expression),
-            several => Some(emitter.emit(Expression::Compose {
+            several => Some(writer.expression(Expression::Compose {
                 ty: result,
                 components: several.iter().map(|w| w.expression).collect(),
             })),
@@ -194,16 +196,6 @@ pub fn extract(
         function,
         arguments,
     })
-}
-
-fn location(location: u32) -> Binding {
-    Binding::Location {
-        location,
-        interpolation: None,
-        sampling: None,
-        blend_src: None,
-        per_primitive: false,
-    }
 }
 
 /// The bindings of an argument, or of the members of a struct argument.
@@ -306,8 +298,7 @@ fn unbind(module: &mut Module, result: Handle<Type>, wanted: &[Wanted]) {
 /// the value is unused and may be anything. If the value was computed before, later code does not
 /// compute it again.
 fn without_returns(block: &mut Block) {
-    let old = std::mem::take(block);
-    for (mut statement, span) in old.span_into_iter() {
+    for (mut statement, span) in std::mem::take(block).span_into_iter() {
         match &mut statement {
             Statement::Return { .. } => continue,
             Statement::Loop { .. } => {}
@@ -421,35 +412,8 @@ fn capture(
             .filter(|(_, w)| w.context == *context)
             .map(|(i, w)| (w.expression, i as u32))
             .collect();
-        let mut capture = Capture {
-            pointer,
-            captures,
-            is_struct: wanted.len() > 1,
-            passed_on: &passed_on,
-        };
-        let body = std::mem::take(&mut function.body);
-        function.body = capture.block(&mut function.expressions, body);
-        if matches!(id, FunctionId::EntryPoint(_)) {
-            returns::rewrite(function, &mut |emitter, _| {
-                Some(emitter.emit(Expression::Load { pointer }))
-            });
-        }
-    }
-}
-
-struct Capture<'a> {
-    pointer: Handle<Expression>,
-    /// Index of each captured expression.
-    captures: BTreeMap<Handle<Expression>, u32>,
-    is_struct: bool,
-    /// Functions that receive the pointer.
-    passed_on: &'a BTreeSet<Handle<Function>>,
-}
-
-impl Capture<'_> {
-    fn block(&mut self, expressions: &mut naga::Arena<Expression>, block: Block) -> Block {
-        let mut out = Block::with_capacity(block.len());
-        for (mut statement, span) in block.span_into_iter() {
+        let is_struct = wanted.len() > 1;
+        FunctionWriter::rewrite(function, &mut |writer, mut statement, span| {
             let mut evaluated = Vec::new();
             match &mut statement {
                 Statement::Emit(range) => evaluated.extend(range.clone()),
@@ -458,38 +422,30 @@ impl Capture<'_> {
                     arguments,
                     result,
                 } => {
-                    if self.passed_on.contains(function) {
-                        arguments.push(self.pointer);
+                    if passed_on.contains(function) {
+                        arguments.push(pointer);
                     }
                     evaluated.extend(*result);
                 }
                 _ => {}
             }
-            for inner in operands::blocks_mut(&mut statement) {
-                *inner = self.block(expressions, std::mem::take(inner));
-            }
-            out.push(statement, span);
+            writer.statement(statement, span);
             for value in evaluated {
-                let Some(index) = self.captures.get(&value) else {
+                let Some(index) = captures.get(&value).copied() else {
                     continue;
                 };
-                let pointer = if self.is_struct {
-                    let member = expressions.append(
-                        Expression::AccessIndex {
-                            base: self.pointer,
-                            index: *index,
-                        },
-                        Span::UNDEFINED,
-                    );
-                    let range = Range::new_from_bounds(member, member);
-                    out.push(Statement::Emit(range), Span::UNDEFINED);
-                    member
-                } else {
-                    self.pointer
+                let base = pointer;
+                let pointer = match is_struct {
+                    true => writer.expression(Expression::AccessIndex { base, index }),
+                    false => base,
                 };
-                out.push(Statement::Store { pointer, value }, Span::UNDEFINED);
+                writer.statement(Statement::Store { pointer, value }, Span::UNDEFINED);
             }
+        });
+        if matches!(id, FunctionId::EntryPoint(_)) {
+            returns::rewrite(function, &mut |writer, _| {
+                Some(writer.expression(Expression::Load { pointer }))
+            });
         }
-        out
     }
 }

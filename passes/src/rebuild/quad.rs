@@ -8,7 +8,7 @@ use crate::analysis::opaque;
 use crate::core::plan::Plan;
 use crate::graph::effect::{self, Effect};
 use crate::graph::{FunctionId, Graph};
-use crate::rebuild::ahead::{self, InjectError};
+use crate::rebuild::snippet::{InjectError, link_snippet};
 
 /// Name of the function that compares with a pre-pass's depth; with a vote if its quad votes.
 pub const HIDDEN: &str = "hidden_by_prepass";
@@ -36,7 +36,7 @@ pub fn vote_wgsl(lane: &str) -> String {
 pub fn vote(module: Module) -> Result<(Module, Handle<Function>), InjectError> {
     let vote = vote_wgsl("fails");
     let text = format!("fn {LEAVES}(fails: bool) -> bool {{\n    {vote}return quad > 0.5;\n}}\n");
-    ahead::link_snippet(module, &text)
+    link_snippet(module, &text)
 }
 
 /// Whether a function is one of ours that votes.

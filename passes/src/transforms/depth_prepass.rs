@@ -48,7 +48,8 @@ use crate::core::plan::{Plan, Role, Step};
 use crate::core::refusals::RefusalInfo;
 use crate::core::self_test::{self, MainDiscards};
 use crate::core::state::{CompareFunction, DepthBias, DepthDirection, DepthFormat, DepthState};
-use crate::rebuild::depth_only::{self, DepthOnly, Invariance, PrepassProgram, VertexStage};
+use crate::rebuild::depth_only::{self, DepthOnly, Invariance, VertexStage};
+use crate::rebuild::depth_pass::{self, PrepassProgram};
 use crate::rebuild::place::{self, PositionInvariance};
 
 pub mod refusals;
@@ -404,10 +405,10 @@ fn biased(
     // The author's program stays unchanged, so the pre-pass has its own, even with the same vertex
     // stage.
     PrepassProgram::Own.insert(&mut next, opaque, placed, depth, DepthPrepass::INFO.name)?;
-    given.extend(depth_only::WITH_MARGIN);
+    given.extend(depth_pass::WITH_MARGIN);
     next.steps.push(step(slice, opaque, params, given));
     next.self_test = self_test::with_earlier(self_test::biased(&next), next.self_test.take());
-    depth_only::finish(&mut next, "original");
+    depth_pass::finish(&mut next, "original");
     Ok(next)
 }
 
@@ -432,7 +433,7 @@ fn equal(
         main = place::without_discard(&main, fragment);
         next.notes.push("no depth ties were measured, discarded fragments counted in: the main pass no longer discards, EQUAL already drops what the pre-pass discarded".to_owned());
     }
-    depth_only::replace_main(&mut next, opaque, main, name)?;
+    depth_pass::replace_main(&mut next, opaque, main, name)?;
     for pass in next.passes.iter_mut().filter(|p| p.role == Role::Main) {
         if let Some(depth) = &mut pass.depth {
             depth.compare = CompareFunction::Equal;
@@ -462,7 +463,7 @@ fn equal(
     };
     let test = self_test::equal(&next, opaque.depth.compare, discards);
     next.self_test = self_test::with_earlier(test, earlier);
-    depth_only::finish(&mut next, "depth-prepass:form=biased");
+    depth_pass::finish(&mut next, "depth-prepass:form=biased");
     Ok(next)
 }
 

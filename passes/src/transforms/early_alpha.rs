@@ -29,8 +29,8 @@
 //! fragment may have stored before its test. It refuses tests that cost more than they save.
 
 use naga::{
-    Block, Expression, Function, FunctionResult, Handle, Literal, LocalVariable, Module, Scalar,
-    Span, Statement, Type, TypeInner,
+    Expression, Function, FunctionResult, Handle, Literal, LocalVariable, Module, Scalar, Span,
+    Statement, Type, TypeInner,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -39,10 +39,8 @@ use crate::analysis::refusals as shared;
 use crate::analysis::simplify::{self, Simplified};
 use crate::core::contract::{Assumption, Contract};
 use crate::core::operands;
-use crate::core::pass::{
-    Change, Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Site, SiteCost, Use,
-};
-use crate::core::plan::{Plan, Role};
+use crate::core::pass::{Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, SiteCost, Use};
+use crate::core::plan::Plan;
 use crate::core::refusals::{RefusalInfo, refusals};
 use crate::graph::effect::Effect;
 use crate::graph::{FunctionId, Graph, StmtId};
@@ -166,23 +164,16 @@ fn tested_early(plan: &Plan, params: &Params) -> Result<Simplified, Box<Refusal>
     let bug = |why: &dyn std::fmt::Display| Box::new(Refusal::bug(name, why));
     let module = test.moved(&graph).map_err(|why| bug(&why))?;
     let after = program.with_module(module).map_err(|why| bug(&why))?;
+    let what = format!(
+        "the test ({:.0} ops) runs first; a quad that fails it saves {:.0} ops",
+        test.slice.cost, test.saved
+    );
+    let cost = SiteCost {
+        slice: test.slice.cost,
+        whole: graph.entry_cost(fragment),
+    };
     Ok(Simplified {
-        change: Change {
-            key: Site {
-                role: Role::Main,
-                entry_point: pass.fragment.clone().unwrap_or_default(),
-                slice: test.slice.hash(&graph),
-            },
-            what: format!(
-                "the test ({:.0} ops) runs first; a quad that fails it saves {:.0} ops",
-                test.slice.cost, test.saved
-            ),
-            location: program.sources().locate(test.span),
-            cost: SiteCost {
-                slice: test.slice.cost,
-                whole: graph.entry_cost(fragment),
-            },
-        },
+        change: simplify::change(&graph, pass, &test.slice, what, (test.span, cost)),
         program: after,
         of: pass.program.clone(),
         left: Vec::new(),
@@ -348,26 +339,18 @@ fn tells(function: &mut Function, bool: Handle<Type>) {
         pointer,
         value: yes,
     };
-    replace_discards(&mut function.body, &discard);
+    operands::visit_mut(&mut function.body, &mut |statement| {
+        if matches!(statement, Statement::Kill) {
+            *statement = discard.clone();
+        }
+    });
     function.result = Some(FunctionResult {
         ty: bool,
         binding: None,
     });
-    returns::rewrite(function, &mut |emitter, _| {
-        Some(emitter.emit(Expression::Load { pointer }))
+    returns::rewrite(function, &mut |writer, _| {
+        Some(writer.expression(Expression::Load { pointer }))
     });
-}
-
-/// Puts another statement in place of each discard.
-fn replace_discards(block: &mut Block, replacement: &Statement) {
-    for statement in block.iter_mut() {
-        if matches!(statement, Statement::Kill) {
-            *statement = replacement.clone();
-        }
-        for inner in operands::blocks_mut(statement) {
-            replace_discards(inner, replacement);
-        }
-    }
 }
 
 #[cfg(test)]

@@ -55,7 +55,8 @@ use crate::core::plan::{
 use crate::core::refusals::RefusalInfo;
 use crate::core::self_test;
 use crate::core::state::{CompareFunction, DepthDirection, DepthFormat, DepthState};
-use crate::rebuild::depth_only::{self, DepthOnly, Invariance, PrepassProgram, VertexStage};
+use crate::rebuild::depth_only::{self, DepthOnly, Invariance, VertexStage};
+use crate::rebuild::depth_pass::{self, PrepassProgram};
 use crate::rebuild::gradients;
 use crate::slice::{self, Criterion, OutputFilter};
 
@@ -441,7 +442,7 @@ fn transform(
         .map_err(|e| Refusal::bug(name, e))?;
 
     let mut next = plan.clone();
-    depth_only::replace_main(&mut next, opaque, main, name)?;
+    depth_pass::replace_main(&mut next, opaque, main, name)?;
     bind_depth(&mut next, opaque, params, binding, &produced);
     let depth = DepthState {
         attachment: produced.clone(),
@@ -451,7 +452,7 @@ fn transform(
     let program = params.program();
     program.insert(&mut next, opaque, placed, depth, name)?;
     add_attachments(&mut next, plan, opaque, params, &produced);
-    given.extend(depth_only::WITH_MARGIN);
+    given.extend(depth_pass::WITH_MARGIN);
     let compare = opaque.depth.compare;
     next.self_test = self_test::after_prepass(next.self_test.take(), compare, &produced);
     if params.attachment == MainAttachment::Readonly {
@@ -467,7 +468,7 @@ fn transform(
     }
     let contract = contract(params, !taken.is_empty(), given);
     next.steps.push(slice.step(opaque, name, params, contract));
-    depth_only::finish(&mut next, "original");
+    depth_pass::finish(&mut next, "original");
     Ok(next)
 }
 

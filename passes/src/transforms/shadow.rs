@@ -32,6 +32,7 @@ use crate::core::state::{
     AttachmentOps, CompareFunction, DepthBias, DepthDirection, DepthFormat, DepthState, Multisample,
 };
 use crate::rebuild::depth_only::{self, VertexStage};
+use crate::rebuild::depth_pass;
 use crate::rebuild::place::PositionInvariance;
 
 /// Name of the depth attachment that the shadow pass writes.
@@ -98,7 +99,7 @@ impl Pass for Shadow {
             ops: AttachmentOps::default(),
             stencil_ops: params.format.has_stencil().then(AttachmentOps::default),
         };
-        depth_only::insert_own(
+        depth_pass::insert_own(
             &mut next,
             &opaque,
             placed,
@@ -124,7 +125,7 @@ impl Pass for Shadow {
         }) {
             next.notes.push("what the shadow pass discards, or writes as depth, depends on the z of @builtin(position): there that is the light's depth, on some APIs with the bias in it that the host sets".to_owned());
         }
-        depth_only::finish(&mut next, "original");
+        depth_pass::finish(&mut next, "original");
         if let Some(pass) = next.passes.iter_mut().find(|p| p.role == Role::Shadow) {
             pass.multisample = Multisample::default();
             pass.view_dependent = next

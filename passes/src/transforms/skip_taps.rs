@@ -38,14 +38,11 @@ use crate::analysis::refusals as shared;
 use crate::analysis::simplify::{self, Simplified};
 use crate::core::budget::{Budget, Metric};
 use crate::core::contract::{Assumption, Contract, Turned};
-use crate::core::pass::{
-    Change, Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Site, SiteCost, Use,
-};
-use crate::core::plan::{GpuPass, Plan, Role};
+use crate::core::pass::{Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, SiteCost, Use};
+use crate::core::plan::{GpuPass, Plan};
 use crate::core::program::Program;
 use crate::core::refusals::RefusalInfo;
 use crate::graph::Graph;
-use crate::slice::{self, Criterion, OutputFilter};
 
 pub mod branch;
 pub mod find;
@@ -206,21 +203,14 @@ fn skipped(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
     let after = program.with_module(module).map_err(bug)?;
     let whole = graph.entry_cost(fragment);
     let skipped: f64 = terms.iter().map(|t| t.cost).sum();
-    let all = [Criterion::Output(OutputFilter::All)];
+    let cost = SiteCost {
+        slice: skipped,
+        whole,
+    };
+    let what = described(&graph, &terms, params.threshold);
+    let all = simplify::whole(&graph, fragment);
     Ok(Simplified {
-        change: Change {
-            key: Site {
-                role: Role::Main,
-                entry_point: pass.fragment.clone().unwrap_or_default(),
-                slice: slice::backward(&graph, fragment, &all).hash(&graph),
-            },
-            what: described(&graph, &terms, params.threshold),
-            location: program.sources().locate(terms[0].span),
-            cost: SiteCost {
-                slice: skipped,
-                whole,
-            },
-        },
+        change: simplify::change(&graph, pass, &all, what, (terms[0].span, cost)),
         contract: promised(params, pass, program, &after),
         program: after,
         of: pass.program.clone(),

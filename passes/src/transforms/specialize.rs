@@ -71,7 +71,7 @@ pub use params::{Fold, Params};
 use assume::Assumptions;
 use contraction::Exposed;
 use decision::Placed;
-use fold::{Folder, Stage};
+use fold::{FoldedStage, Folder};
 use known::{Known, Scalar};
 
 /// The pass.
@@ -437,7 +437,7 @@ impl Folded {
 fn folded(graph: &Graph<'_>, pass: &GpuPass, assumptions: &Assumptions, params: &Params) -> Folded {
     let (program, module) = (graph.program(), graph.module());
     let mut folder = Folder::new(graph, assumptions, params.fold, params.unroll);
-    let mut stages: Vec<(usize, &'static str, Stage)> = Vec::new();
+    let mut stages: Vec<(usize, &'static str, FoldedStage)> = Vec::new();
     let mut varyings = Vec::new();
     if let Some((vertex, point)) = program.entry_point(ShaderStage::Vertex, &pass.vertex) {
         let known = |io: &reflect::Io| match io.binding {

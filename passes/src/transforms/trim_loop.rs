@@ -37,16 +37,15 @@ use crate::analysis::simplify::{self, Simplified};
 use crate::core::budget::{Budget, Metric};
 use crate::core::contract::Contract;
 use crate::core::pass::{
-    Change, Example, Facts, Left, Outcome, Pass, PassInfo, Refusal, Refused, Site, SiteCost, Use,
+    Example, Facts, Left, Outcome, Pass, PassInfo, Refusal, Refused, SiteCost, Use,
 };
-use crate::core::plan::{GpuPass, Plan, Role};
+use crate::core::plan::{GpuPass, Plan};
 use crate::core::refusals::RefusalInfo;
 use crate::graph::counted::Counted;
 use crate::graph::effect::Effect;
 use crate::graph::operands;
 use crate::graph::{FunctionId, Graph, StmtId};
 use crate::rebuild::place::{Replacement, Rewrite, rewritten};
-use crate::slice::{self, Criterion, OutputFilter};
 
 /// The pass.
 pub struct TrimLoop;
@@ -206,21 +205,14 @@ fn less_turns(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
     let whole = graph.entry_cost(fragment);
     let rest = Graph::build(&after).entry_cost(fragment);
     let (first, _) = chosen[0];
-    let all = [Criterion::Output(OutputFilter::All)];
+    let cost = SiteCost {
+        slice: whole - rest,
+        whole,
+    };
+    let what = described(&graph, &chosen, params.turns, [whole, rest]);
+    let all = simplify::whole(&graph, fragment);
     Ok(Simplified {
-        change: Change {
-            key: Site {
-                role: Role::Main,
-                entry_point: pass.fragment.clone().unwrap_or_default(),
-                slice: slice::backward(&graph, fragment, &all).hash(&graph),
-            },
-            what: described(&graph, &chosen, params.turns, [whole, rest]),
-            location: program.sources().locate(first.span),
-            cost: SiteCost {
-                slice: whole - rest,
-                whole,
-            },
-        },
+        change: simplify::change(&graph, pass, &all, what, (first.span, cost)),
         program: after,
         of: pass.program.clone(),
         left,
@@ -317,13 +309,7 @@ fn uses(function: &naga::Function) -> BTreeMap<naga::Handle<naga::Expression>, u
     for (_, expression) in function.expressions.iter() {
         add(operands::of_expression(expression));
     }
-    let mut blocks = vec![&function.body];
-    while let Some(block) = blocks.pop() {
-        for statement in block {
-            add(operands::of_statement(statement));
-            blocks.extend(operands::blocks(statement));
-        }
-    }
+    operands::visit(&function.body, &mut |s| add(operands::of_statement(s)));
     uses
 }
 

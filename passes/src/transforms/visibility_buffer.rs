@@ -35,6 +35,7 @@ use crate::core::refusals::RefusalInfo;
 use crate::core::self_test;
 use crate::graph::Graph;
 use crate::rebuild::depth_only::{self, DepthOnly, VertexStage};
+use crate::rebuild::depth_pass;
 use crate::rebuild::place;
 use crate::slice::{self, Slice};
 
@@ -371,7 +372,7 @@ impl<'a> Material<'a> {
         });
         next.notes.push(self.describe(params));
         next.self_test = self_test::identified(&next, plan);
-        depth_only::finish(&mut next, "original");
+        depth_pass::finish(&mut next, "original");
         Ok(next)
     }
 

@@ -7,12 +7,11 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use naga::{Expression, Function, Handle, Module, SampleLevel, Statement};
+use naga::{Expression, Function, Module, SampleLevel};
 
-use super::stage::Stage;
 use super::world::Stages;
+use crate::core::calls;
 use crate::evaluate::Lookup;
-use crate::graph::operands;
 
 /// The number of samples of a texture in a text, by kind of level.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -92,26 +91,8 @@ fn sampled(stages: Stages<'_>) -> BTreeMap<Texture, Kinds> {
     for stage in [Some(stages.vertex), stages.fragment].into_iter().flatten() {
         let module = stage.module();
         count(module, stage.function(), &mut found);
-        for function in called(stage) {
+        for function in calls::called(module, &stage.function().body) {
             count(module, &module.functions[function], &mut found);
-        }
-    }
-    found
-}
-
-/// The functions that a stage calls, directly or not.
-fn called(stage: Stage<'_>) -> BTreeSet<Handle<Function>> {
-    let module = stage.module();
-    let mut found = BTreeSet::new();
-    let mut left = vec![&stage.function().body];
-    while let Some(block) = left.pop() {
-        for statement in block {
-            left.extend(operands::blocks(statement));
-            if let Statement::Call { function, .. } = statement
-                && found.insert(*function)
-            {
-                left.push(&module.functions[*function].body);
-            }
         }
     }
     found

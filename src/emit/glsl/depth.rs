@@ -2,9 +2,10 @@
 //! conversion.
 
 use naga::{
-    Arena, BinaryOperator, Block, Expression, Function, Handle, Literal, LocalVariable, Module,
-    ShaderStage, Statement,
+    Arena, BinaryOperator, Expression, Function, Handle, Literal, LocalVariable, ShaderStage,
+    Statement,
 };
+use preshade_passes::calls;
 use preshade_passes::program::Program;
 
 /// Removes the statement `p.z = (p.z + p.w) * 0.5` that the front end appends to a vertex entry
@@ -14,45 +15,11 @@ pub(super) fn as_authored(program: &Program, stage: ShaderStage, entry: &str) ->
     let at = |e: &naga::EntryPoint| e.stage == stage && e.name == entry;
     let index = module.entry_points.iter().position(at)?;
     let mut found = 0;
-    for handle in called(&module, &module.entry_points[index].function) {
+    for handle in calls::called(&module, &module.entry_points[index].function.body) {
         found += leave_out(&mut module.functions[handle]);
     }
     found += leave_out(&mut module.entry_points[index].function);
     (found == 1).then(|| program.with_module(module).ok())?
-}
-
-/// All functions that `function` calls, directly or not.
-fn called(module: &Module, function: &Function) -> Vec<Handle<Function>> {
-    fn calls(block: &Block, out: &mut Vec<Handle<Function>>) {
-        for statement in block {
-            if let Statement::Call { function, .. } = statement {
-                out.push(*function);
-            }
-            inner(statement).into_iter().for_each(|b| calls(b, out));
-        }
-    }
-    let mut waiting = Vec::new();
-    calls(&function.body, &mut waiting);
-    let mut found = Vec::new();
-    while let Some(next) = waiting.pop() {
-        if !found.contains(&next) {
-            found.push(next);
-            calls(&module.functions[next].body, &mut waiting);
-        }
-    }
-    found
-}
-
-fn inner(statement: &Statement) -> Vec<&Block> {
-    match statement {
-        Statement::Block(block) => vec![block],
-        Statement::If { accept, reject, .. } => vec![accept, reject],
-        Statement::Switch { cases, .. } => cases.iter().map(|c| &c.body).collect(),
-        Statement::Loop {
-            body, continuing, ..
-        } => vec![body, continuing],
-        _ => Vec::new(),
-    }
 }
 
 /// Removes the statement at the body's top level, and counts removals.

@@ -9,10 +9,11 @@ use std::collections::{HashMap, HashSet};
 
 use naga::proc::Layouter;
 use naga::{
-    AddressSpace, Arena, Block, Expression, Function, GlobalVariable, Handle, Module, Range,
-    Scalar, ScalarKind, Span, Statement, StructMember, Type, TypeInner, UniqueArena, VectorSize,
+    AddressSpace, Arena, Block, Expression, Function, GlobalVariable, Handle, Module, Scalar,
+    ScalarKind, Span, Statement, StructMember, Type, TypeInner, UniqueArena, VectorSize,
 };
 use preshade_passes::declared::{self, Declaration, Declared};
+use preshade_passes::rebuild::writer::emit_existing;
 
 use crate::wgsl::operands;
 
@@ -611,18 +612,12 @@ impl<'a> Rebuild<'a> {
         let mut out = Block::new();
         for (statement, span) in block.span_iter() {
             if let Statement::Emit(range) = statement {
-                let made: Vec<Handle<Expression>> = range
+                let made = range
                     .clone()
-                    .flat_map(|old| self.made.get(&old).cloned().unwrap_or_default())
-                    .collect();
+                    .flat_map(|old| self.made.get(&old).cloned().unwrap_or_default());
                 let expressions = &self.expressions;
-                let evaluated = made.split(|new| expressions[*new].needs_pre_emit());
-                for run in evaluated {
-                    if let (Some(first), Some(last)) = (run.first(), run.last()) {
-                        let range = Range::new_from_bounds(*first, *last);
-                        out.push(Statement::Emit(range), *span);
-                    }
-                }
+                let evaluated = made.filter(|new| !expressions[*new].needs_pre_emit());
+                emit_existing(evaluated, &mut out, *span);
                 continue;
             }
             let mut statement = statement.clone();
@@ -656,17 +651,7 @@ fn is_value(function: &Function, expression: &Expression) -> bool {
 
 /// Expressions used in any way except as the base of an access.
 fn wanted(function: &Function) -> HashSet<Handle<Expression>> {
-    fn of_block(block: &Block, out: &mut HashSet<Handle<Expression>>) {
-        for statement in block.iter() {
-            let mut statement = statement.clone();
-            operands::of_statement(&mut statement, |e| {
-                out.insert(*e);
-            });
-            for inner in operands::blocks(&mut statement) {
-                of_block(inner, out);
-            }
-        }
-    }
+    use preshade_passes::graph::operands;
     let mut out = HashSet::new();
     for (_, expression) in function.expressions.iter() {
         match expression {
@@ -674,12 +659,13 @@ fn wanted(function: &Function) -> HashSet<Handle<Expression>> {
             Expression::Access { index, .. } => {
                 out.insert(*index);
             }
-            other => operands::of_expression(&mut other.clone(), |e| {
-                out.insert(*e);
-            }),
+            other => out.extend(operands::of_expression(other)),
         }
     }
-    of_block(&function.body, &mut out);
+    operands::visit(&function.body, &mut |s| {
+        out.extend(operands::of_statement(s));
+        out.extend(operands::result(s));
+    });
     out
 }
 

@@ -3,9 +3,8 @@
 
 use std::collections::HashMap;
 
-use naga::{
-    Block, Expression, Function, Module, Range, SampleLevel, Span, Statement, SwizzleComponent,
-};
+use naga::{Expression, Function, Module, SampleLevel, Span, Statement, SwizzleComponent};
+use preshade_passes::rebuild::writer::FunctionWriter;
 
 /// Replaces the bodies of the placeholder functions. `gathers` maps their names to components.
 pub(super) fn replace(module: &mut Module, gathers: &HashMap<String, u32>) {
@@ -21,11 +20,13 @@ pub(super) fn replace(module: &mut Module, gathers: &HashMap<String, u32>) {
 }
 
 fn gather(function: &mut Function, component: u32, span: Span) {
-    let mut expressions = naga::Arena::new();
-    let mut argument = |i: u32| expressions.append(Expression::FunctionArgument(i), span);
+    let mut writer = FunctionWriter::like(function);
+    writer.function.local_variables = naga::Arena::new();
+    let mut argument = |i: u32| writer.append(Expression::FunctionArgument(i), span);
     let (image, sampler, coordinate) = (argument(0), argument(1), argument(2));
     let depth_ref = (function.arguments.len() > 3).then(|| argument(3));
     let component = SwizzleComponent::XYZW[component.min(3) as usize];
+    writer.begin();
     let sample = Expression::ImageSample {
         image,
         sampler,
@@ -37,20 +38,7 @@ fn gather(function: &mut Function, component: u32, span: Span) {
         depth_ref,
         clamp_to_edge: false,
     };
-    let sample = expressions.append(sample, span);
-    let mut body = Block::new();
-    body.push(
-        Statement::Emit(Range::new_from_bounds(sample, sample)),
-        span,
-    );
-    body.push(
-        Statement::Return {
-            value: Some(sample),
-        },
-        span,
-    );
-    function.expressions = expressions;
-    function.local_variables = naga::Arena::new();
-    function.named_expressions.clear();
-    function.body = body;
+    let value = Some(writer.append(sample, span));
+    writer.statement(Statement::Return { value }, span);
+    *function = writer.finish();
 }

@@ -2,8 +2,9 @@
 
 use naga::{
     AddressSpace, ArraySize, BinaryOperator, Expression, Function, GlobalVariable, Handle, Literal,
-    Module, Range, Scalar, ScalarKind, Span, Statement, Type, TypeInner, VectorSize,
+    Module, Scalar, ScalarKind, Span, Statement, Type, TypeInner, VectorSize,
 };
+use preshade_passes::rebuild::writer::emit_existing;
 
 /// A 32-bit word of a buffer.
 pub const WORD: TypeInner = TypeInner::Scalar(Scalar::U32);
@@ -38,7 +39,7 @@ impl<'m> Body<'m> {
             .expressions
             .append(expression, Span::UNDEFINED);
         if is_emitted {
-            self.push(Statement::Emit(Range::new_from_bounds(handle, handle)));
+            emit_existing([handle], &mut self.function.body, Span::UNDEFINED);
         }
         handle
     }

@@ -7,11 +7,12 @@ use std::sync::Arc;
 use naga::valid::FunctionInfo;
 use naga::{
     AddressSpace, BinaryOperator, Block, DerivativeAxis, Expression, Function, GlobalVariable,
-    Handle, ImageClass, Literal, MathFunction, Module, Range, SampleLevel, ScalarKind, Span,
-    Statement, TypeInner, VectorSize,
+    Handle, ImageClass, Literal, MathFunction, Module, SampleLevel, ScalarKind, Span, Statement,
+    TypeInner, VectorSize,
 };
 use preshade_passes::evaluate::Sampling;
 use preshade_passes::graph::operands;
+use preshade_passes::rebuild::writer::emit_existing;
 use preshade_passes::validate::inputs::{
     PLAIN_MOST, plain_level_weight, plain_start, plain_weight,
 };
@@ -384,7 +385,10 @@ impl Rewriter<'_> {
         let mut new = Block::new();
         for statement in old {
             match statement {
-                Statement::Emit(range) => self.emit(range.clone(), &mut new),
+                Statement::Emit(range) => {
+                    let evaluated = range.clone().flat_map(|old| &self.evaluated[old.index()]);
+                    emit_existing(evaluated.copied(), &mut new, Span::UNDEFINED);
+                }
                 Statement::Kill => new.push(
                     Statement::Store {
                         pointer: self.killed,
@@ -418,25 +422,5 @@ impl Rewriter<'_> {
             }
         }
         Ok(new)
-    }
-
-    /// Runs of consecutive expressions.
-    fn emit(&self, range: Range<Expression>, to: &mut Block) {
-        let new = range.flat_map(|old| self.evaluated[old.index()].iter().copied());
-        let mut run: Option<(Handle<Expression>, Handle<Expression>)> = None;
-        let push = |(first, last): (Handle<Expression>, Handle<Expression>), to: &mut Block| {
-            let range = Range::new_from_bounds(first, last);
-            to.push(Statement::Emit(range), Span::UNDEFINED);
-        };
-        for handle in new {
-            run = match run {
-                Some((first, last)) if last.index() + 1 == handle.index() => Some((first, handle)),
-                before => {
-                    before.into_iter().for_each(|run| push(run, to));
-                    Some((handle, handle))
-                }
-            };
-        }
-        run.into_iter().for_each(|run| push(run, to));
     }
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use naga::{Block, Expression, Function, Handle, Module, Statement};
 
-use super::is_idle;
+use crate::core::{calls, operands};
 
 /// Suffix of functions copied without discards.
 const SUFFIX: &str = "undiscarded";
@@ -14,10 +14,10 @@ const SUFFIX: &str = "undiscarded";
 pub fn without_discard(module: &Module, entry: usize) -> Module {
     let mut out = module.clone();
     let mut copies: BTreeMap<Handle<Function>, Handle<Function>> = BTreeMap::new();
-    let reached = reached(module, &module.entry_points[entry].function);
+    let called = calls::called(module, &module.entry_points[entry].function.body);
     // Callees come first in the arena, so their copies exist when a caller is rewritten.
     for (handle, original) in module.functions.iter() {
-        if !reached[handle.index()] || !touched(&original.body, &copies) {
+        if !called.contains(&handle) || !touched(&original.body, &copies) {
             continue;
         }
         let mut copy = original.clone();
@@ -32,36 +32,17 @@ pub fn without_discard(module: &Module, entry: usize) -> Module {
     out
 }
 
-fn reached(module: &Module, entry: &Function) -> Vec<bool> {
-    fn calls(block: &Block, reached: &mut [bool]) {
-        for statement in block {
-            if let Statement::Call { function, .. } = statement {
-                reached[function.index()] = true;
-            }
-            for inner in crate::graph::operands::blocks(statement) {
-                calls(inner, reached);
-            }
-        }
-    }
-    let mut reached = vec![false; module.functions.len()];
-    calls(&entry.body, &mut reached);
-    for (handle, function) in module.functions.iter().rev() {
-        if reached[handle.index()] {
-            calls(&function.body, &mut reached);
-        }
-    }
-    reached
-}
-
 /// Whether a block discards, or calls a function that does.
 fn touched(block: &Block, copies: &BTreeMap<Handle<Function>, Handle<Function>>) -> bool {
-    block.iter().any(|statement| match statement {
-        Statement::Kill => true,
-        Statement::Call { function, .. } => copies.contains_key(function),
-        other => crate::graph::operands::blocks(other)
-            .iter()
-            .any(|b| touched(b, copies)),
-    })
+    let mut found = false;
+    operands::visit(block, &mut |statement| {
+        found |= match statement {
+            Statement::Kill => true,
+            Statement::Call { function, .. } => copies.contains_key(function),
+            _ => false,
+        }
+    });
+    found
 }
 
 fn rewrite(function: &mut Function, copies: &BTreeMap<Handle<Function>, Handle<Function>>) {
@@ -72,63 +53,28 @@ fn rewrite(function: &mut Function, copies: &BTreeMap<Handle<Function>, Handle<F
             *callee = *new;
         }
     }
-    let body = std::mem::take(&mut function.body);
-    function.body = strip(body, copies);
+    strip(&mut function.body, copies);
 }
 
-fn strip(block: Block, copies: &BTreeMap<Handle<Function>, Handle<Function>>) -> Block {
-    let mut out = Block::new();
-    for (statement, span) in block.span_into_iter() {
-        let statement = match statement {
-            Statement::Kill => continue,
-            Statement::If {
-                condition,
-                accept,
-                reject,
-            } => {
-                let empty_before = is_idle(&accept) && is_idle(&reject);
-                let (accept, reject) = (strip(accept, copies), strip(reject, copies));
-                if !empty_before && is_idle(&accept) && is_idle(&reject) {
-                    continue;
-                }
-                Statement::If {
-                    condition,
-                    accept,
-                    reject,
-                }
-            }
-            Statement::Block(b) => Statement::Block(strip(b, copies)),
-            Statement::Switch { selector, cases } => Statement::Switch {
-                selector,
-                cases: cases
-                    .into_iter()
-                    .map(|case| naga::SwitchCase {
-                        body: strip(case.body, copies),
-                        ..case
-                    })
-                    .collect(),
-            },
-            Statement::Loop {
-                body,
-                continuing,
-                break_if,
-            } => Statement::Loop {
-                body: strip(body, copies),
-                continuing: strip(continuing, copies),
-                break_if,
-            },
-            Statement::Call {
-                function,
-                arguments,
-                result,
-            } => Statement::Call {
-                function: copies.get(&function).copied().unwrap_or(function),
-                arguments,
-                result,
-            },
-            other => other,
-        };
-        out.push(statement, span);
+fn strip(block: &mut Block, copies: &BTreeMap<Handle<Function>, Handle<Function>>) {
+    let does_nothing = |block: &Block| block.iter().all(|s| matches!(s, Statement::Emit(_)));
+    let is_idle = |statement: &Statement| match statement {
+        Statement::If { accept, reject, .. } => does_nothing(accept) && does_nothing(reject),
+        _ => false,
+    };
+    for (mut statement, span) in std::mem::take(block).span_into_iter() {
+        let was_idle = is_idle(&statement);
+        for inner in operands::blocks_mut(&mut statement) {
+            strip(inner, copies);
+        }
+        if matches!(statement, Statement::Kill) || (!was_idle && is_idle(&statement)) {
+            continue;
+        }
+        if let Statement::Call { function, .. } = &mut statement
+            && let Some(copy) = copies.get(function)
+        {
+            *function = *copy;
+        }
+        block.push(statement, span);
     }
-    out
 }

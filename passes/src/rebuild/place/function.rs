@@ -3,13 +3,15 @@
 use std::collections::BTreeMap;
 
 use naga::{
-    Block, Expression, Function, Handle, Literal, LocalVariable, Module, Range, Scalar, Span,
-    Statement, SwitchCase, Type, TypeInner,
+    Arena, Block, Expression, Function, Handle, Literal, LocalVariable, Module, Range, Scalar,
+    Span, Statement, Type, TypeInner,
 };
 
 use super::interface::{self, Narrowed, Placement, Returned};
-use super::members::Slot;
+use super::members::MemberCopy;
 use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId, operands};
+use crate::rebuild::copy::{CopyFunction, Copying};
+use crate::rebuild::writer::FunctionWriter;
 use crate::slice::{Coverage, Part, Slice, components};
 
 pub fn place(graph: &Graph<'_>, slice: &Slice, onto: &Module, placement: &Placement<'_>) -> Module {
@@ -23,7 +25,7 @@ pub fn place(graph: &Graph<'_>, slice: &Slice, onto: &Module, placement: &Placem
                 returned: Returned::Whole,
             }),
             FunctionId::Function(h) => {
-                let copier = Copier::new(graph, part, &slice.parts, &placed);
+                let copier = SliceCopier::new(graph, part, &slice.parts, &placed);
                 let (mut function, arguments, returned) =
                     copier.callee(&mut module, placement.suffix);
                 let name = graph.module().functions[h].name.as_deref();
@@ -37,7 +39,7 @@ pub fn place(graph: &Graph<'_>, slice: &Slice, onto: &Module, placement: &Placem
             }
             FunctionId::EntryPoint(index) => {
                 let original = &graph.module().entry_points[index];
-                let copier = Copier::new(graph, part, &slice.parts, &placed);
+                let copier = SliceCopier::new(graph, part, &slice.parts, &placed);
                 let mut function = copier.entry(&mut module, slice, placement);
                 function.name = Some(placement.name.to_owned());
                 let entry = naga::EntryPoint {
@@ -84,15 +86,14 @@ pub(crate) fn free_name(module: &Module, name: &str, suffix: &str) -> String {
         .unwrap_or(first)
 }
 
-pub(super) struct Copier<'a, 'p> {
+pub(super) struct SliceCopier<'a, 'p> {
     pub(super) module: &'p Module,
     pub(super) f: &'a FunctionGraph<'p>,
     pub(super) part: &'a Part,
     pub(super) parts: &'a [Part],
     /// The rebuilt function of each part of the slice.
     pub(super) placed: &'a [Option<Placed>],
-    pub(super) out: Function,
-    pub(super) map: Vec<Option<Handle<Expression>>>,
+    pub(super) copying: Copying<'p>,
     pub(super) locals: BTreeMap<Handle<LocalVariable>, Handle<LocalVariable>>,
     /// New index of each kept argument.
     pub(super) arguments: Vec<Option<u32>>,
@@ -106,10 +107,11 @@ pub(super) struct Copier<'a, 'p> {
     pub(super) returned: Returned,
     /// Expressions that only a narrowed `return` reads; it reads their parts instead.
     pub(super) dissolved: Vec<bool>,
-    pub(super) next: usize,
+    /// Number of the next original statement.
+    next: usize,
 }
 
-impl<'a, 'p> Copier<'a, 'p> {
+impl<'a, 'p> SliceCopier<'a, 'p> {
     fn new(
         graph: &'a Graph<'p>,
         part: &'a Part,
@@ -125,17 +127,17 @@ impl<'a, 'p> Copier<'a, 'p> {
                 count - 1
             }));
         }
+        let out = Function {
+            diagnostic_filter_leaf: f.function.diagnostic_filter_leaf,
+            ..Function::default()
+        };
         Self {
             module: graph.module(),
             f,
             part,
             parts,
             placed,
-            out: Function {
-                diagnostic_filter_leaf: f.function.diagnostic_filter_leaf,
-                ..Function::default()
-            },
-            map: vec![None; f.function.expressions.len()],
+            copying: Copying::new(f.function, FunctionWriter::of(out)),
             locals: BTreeMap::new(),
             arguments,
             narrowed: BTreeMap::new(),
@@ -158,7 +160,7 @@ impl<'a, 'p> Copier<'a, 'p> {
         self.returned = match (&self.part.demand.result, &self.f.function.result) {
             (Some(need), Some(result)) => {
                 let (result, returned) = interface::callee_result(module, result, need, suffix);
-                self.out.result = Some(result);
+                self.copying.writer.function.result = Some(result);
                 returned
             }
             _ => Returned::Nothing,
@@ -171,7 +173,7 @@ impl<'a, 'p> Copier<'a, 'p> {
     fn entry(mut self, module: &mut Module, slice: &Slice, placement: &Placement<'_>) -> Function {
         self.narrow_arguments(module, placement.suffix);
         let result = self.f.function.result.as_ref();
-        (self.out.result, self.returned) =
+        (self.copying.writer.function.result, self.returned) =
             interface::result(module, result, &slice.outputs, placement);
         self.dissolve();
         self.finish()
@@ -182,7 +184,7 @@ impl<'a, 'p> Copier<'a, 'p> {
         for (i, (argument, need)) in arguments.zip(&self.part.kept.arguments).enumerate() {
             if let Some(need) = need {
                 let (argument, narrowed) = interface::argument(module, argument, need, suffix);
-                self.out.arguments.push(argument);
+                self.copying.writer.function.arguments.push(argument);
                 if let Some(narrowed) = narrowed {
                     self.narrowed.insert(i as u32, narrowed);
                 }
@@ -193,7 +195,7 @@ impl<'a, 'p> Copier<'a, 'p> {
     fn finish(mut self) -> Function {
         let f = self.f.function;
         // Initialisers are constant expressions outside of any `Emit`.
-        let mut constant = vec![false; self.map.len()];
+        let mut constant = vec![false; f.expressions.len()];
         for (e, expression) in f.expressions.iter() {
             if let Expression::LocalVariable(v) = expression
                 && self.part.kept.expressions[e.index()].is_some()
@@ -213,7 +215,7 @@ impl<'a, 'p> Copier<'a, 'p> {
             let kept = self.part.kept.expressions[e.index()].is_some();
             let unevaluated = self.f.statements.evaluated_at(e).is_none();
             if constant[e.index()] || (kept && unevaluated) {
-                self.copy_expression(e);
+                self.expression(e);
             }
             // Zeros for unused parts must be outside of any `Emit`.
             if let (true, Expression::Compose { ty, components }) =
@@ -222,50 +224,25 @@ impl<'a, 'p> Copier<'a, 'p> {
                 self.zeros_of(*ty, components);
             }
         }
-        let mut body = Block::new();
-        self.reassemble_arguments(&mut body);
-        self.block(&f.body, &mut body);
-        if self.out.result.is_none() {
+        self.reassemble_arguments();
+        self.block(&f.body);
+        let mut function = self.copying.finish();
+        let Some(result) = &function.result else {
+            let body = &mut function.body;
             while matches!(body.last(), Some(Statement::Return { value: None })) {
                 body.cull(body.len() - 1..);
             }
-        }
-        if let Some(ty) = self.out.result.as_ref().map(|r| r.ty) {
-            // Code behind a loop that only returns never runs, so the slice drops it. But the text
-            // does not parse without a return.
-            naga::proc::ensure_block_returns(&mut body);
-            self.return_something(&mut body, ty);
-        }
-        self.out.body = body;
-        for (e, name) in &f.named_expressions {
-            if let Some(new) = self.map[e.index()] {
-                self.out.named_expressions.insert(new, name.clone());
-            }
-        }
-        self.out
-    }
-
-    /// Gives bare returns at unreachable block ends a value.
-    fn return_something(&mut self, block: &mut Block, ty: Handle<Type>) {
-        match block.last_mut() {
-            Some(Statement::Return {
-                value: value @ None,
-            }) => {
-                *value = Some(self.append(Expression::ZeroValue(ty), Span::UNDEFINED));
-            }
-            Some(
-                last @ (Statement::Block(_) | Statement::If { .. } | Statement::Switch { .. }),
-            ) => {
-                for inner in operands::blocks_mut(last) {
-                    self.return_something(inner, ty);
-                }
-            }
-            _ => {}
-        }
+            return function;
+        };
+        // Code behind a loop that only returns never runs, so the slice drops it. But the text does
+        // not parse without a return.
+        naga::proc::ensure_block_returns(&mut function.body);
+        return_something(&mut function.expressions, &mut function.body, result.ty);
+        function
     }
 
     pub(super) fn append(&mut self, expression: Expression, span: Span) -> Handle<Expression> {
-        self.out.expressions.append(expression, span)
+        self.copying.writer.append(expression, span)
     }
 
     pub(super) fn zero(&mut self, ty: Handle<Type>) -> Handle<Expression> {
@@ -303,7 +280,7 @@ impl<'a, 'p> Copier<'a, 'p> {
     ) -> Vec<Handle<Expression>> {
         let mut copied = Vec::new();
         for (i, component) in components.iter().enumerate() {
-            match (self.operand(*component), &self.module.types[ty].inner) {
+            match (self.whole_copy(*component), &self.module.types[ty].inner) {
                 (Some(new), _) => copied.push(new),
                 (None, TypeInner::Struct { members, .. }) => {
                     copied.push(self.zero(members[i].ty));
@@ -330,49 +307,8 @@ impl<'a, 'p> Copier<'a, 'p> {
     }
 
     /// The copy of an expression. The copy of a dropped operand must already exist.
-    pub(super) fn copied(&self, e: Handle<Expression>) -> Option<Handle<Expression>> {
-        self.map[e.index()]
-    }
-
-    pub(super) fn emit(&mut self, start: usize, span: Span, body: &mut Block) {
-        if self.out.expressions.len() > start {
-            let range: Range<Expression> = self.out.expressions.range_from(start);
-            body.push(Statement::Emit(range), span);
-        }
-    }
-
-    fn copy_expression(&mut self, e: Handle<Expression>) {
-        if self.map[e.index()].is_some() {
-            return;
-        }
-        let span = self.f.function.expressions.get_span(e);
-        let mut copy = self.f.function.expressions[e].clone();
-        match &mut copy {
-            Expression::LocalVariable(v) => *v = self.local(*v),
-            Expression::FunctionArgument(i) => {
-                if let Some(new) = self.arguments[*i as usize] {
-                    *i = new;
-                }
-            }
-            Expression::AccessIndex { base, index } => match self.slot(*base, *index) {
-                Some(Slot::Whole(value)) => {
-                    self.map[e.index()] = Some(value);
-                    return;
-                }
-                Some(Slot::Member(new, at)) => (*base, *index) = (new, at),
-                None => {}
-            },
-            Expression::Compose { ty, components } => {
-                *components = self.composed(*ty, components);
-            }
-            other => operands::map_expression(other, &mut |o| {
-                if let Some(new) = self.operand(*o) {
-                    *o = new;
-                }
-            }),
-        }
-        let new = self.append(copy, span);
-        self.map[e.index()] = Some(new);
+    pub(super) fn copy_of(&self, e: Handle<Expression>) -> Option<Handle<Expression>> {
+        self.copying.copies.get(e)
     }
 
     fn local(&mut self, v: Handle<LocalVariable>) -> Handle<LocalVariable> {
@@ -382,9 +318,9 @@ impl<'a, 'p> Copier<'a, 'p> {
         let original = &self.f.function.local_variables[v];
         let init = original.init.and_then(|i| {
             self.copy_constant(i);
-            self.copied(i)
+            self.copy_of(i)
         });
-        let new = self.out.local_variables.append(
+        let new = self.copying.writer.function.local_variables.append(
             LocalVariable {
                 init,
                 ..original.clone()
@@ -401,92 +337,7 @@ impl<'a, 'p> Copier<'a, 'p> {
         for operand in operands::of_expression(&self.f.function.expressions[e]) {
             self.copy_constant(operand);
         }
-        self.copy_expression(e);
-    }
-
-    fn block(&mut self, block: &Block, out: &mut Block) {
-        for (statement, span) in block.span_iter() {
-            let id = StmtId::from(self.next);
-            let end = self.f.statements.get(id).end.index();
-            if self.part.kept.statements[id.index()] {
-                self.next += 1;
-                self.statement(id, statement, *span, out);
-            }
-            self.next = end;
-        }
-    }
-
-    fn inner(&mut self, block: &Block) -> Block {
-        let mut out = Block::new();
-        self.block(block, &mut out);
-        out
-    }
-
-    pub(super) fn value(&self, e: Handle<Expression>) -> Handle<Expression> {
-        self.operand(e).unwrap_or(e)
-    }
-
-    fn statement(&mut self, id: StmtId, statement: &Statement, span: Span, out: &mut Block) {
-        let copy = match statement {
-            Statement::Emit(range) => {
-                let start = self.out.expressions.len();
-                for e in range.clone() {
-                    if self.part.kept.expressions[e.index()].is_some() && !self.dissolved[e.index()]
-                    {
-                        self.copy_expression(e);
-                    }
-                }
-                return self.emit(start, span, out);
-            }
-            Statement::Block(block) => Statement::Block(self.inner(block)),
-            Statement::If {
-                condition,
-                accept,
-                reject,
-            } => Statement::If {
-                condition: self.value(*condition),
-                accept: self.inner(accept),
-                reject: self.inner(reject),
-            },
-            Statement::Switch { selector, cases } => Statement::Switch {
-                selector: self.value(*selector),
-                cases: cases
-                    .iter()
-                    .map(|case| SwitchCase {
-                        value: case.value,
-                        body: self.inner(&case.body),
-                        fall_through: case.fall_through,
-                    })
-                    .collect(),
-            },
-            Statement::Loop {
-                body,
-                continuing,
-                break_if,
-            } => Statement::Loop {
-                body: self.inner(body),
-                continuing: self.inner(continuing),
-                break_if: break_if.map(|e| self.value(e)),
-            },
-            Statement::Return { value } => Statement::Return {
-                value: value.and_then(|value| self.returned(value, out)),
-            },
-            Statement::Call {
-                function: _,
-                arguments,
-                result,
-            } => return self.call(id, arguments, *result, span, out),
-            other => {
-                let mut copy = operands::shell(other);
-                operands::map_statement(&mut copy, &mut |e| *e = self.value(*e));
-                if let Some(result) = operands::result_mut(&mut copy) {
-                    self.copy_expression(*result);
-                    *result = self.value(*result);
-                }
-                copy
-            }
-        };
-        out.push(copy, span);
+        self.expression(e);
     }
 
     fn call(
@@ -495,7 +346,6 @@ impl<'a, 'p> Copier<'a, 'p> {
         arguments: &[Handle<Expression>],
         result: Option<Handle<Expression>>,
         span: Span,
-        out: &mut Block,
     ) {
         let (Some(&part), Some(asked)) = (self.part.calls.get(&id), self.part.kept.calls.get(&id))
         else {
@@ -514,8 +364,8 @@ impl<'a, 'p> Copier<'a, 'p> {
         {
             if need.is_some() {
                 passed.push(match placed.arguments.get(&(i as u32)) {
-                    Some(narrowed) => self.pass_members(*argument, narrowed, span, out),
-                    None => self.value(*argument),
+                    Some(narrowed) => self.pass_members(*argument, narrowed, span),
+                    None => self.operand(*argument),
                 });
             }
         }
@@ -527,19 +377,111 @@ impl<'a, 'p> Copier<'a, 'p> {
                 Expression::CallResult(function),
                 self.f.function.expressions.get_span(r),
             );
-            self.map[r.index()] = Some(new);
+            self.copying.copies.insert(r, new);
             new
         });
-        out.push(
-            Statement::Call {
-                function,
-                arguments,
-                result,
-            },
-            span,
-        );
+        let call = Statement::Call {
+            function,
+            arguments,
+            result,
+        };
+        self.copying.writer.statement(call, span);
         if let (Some(original), Some(new)) = (provides, result) {
-            self.narrow_result(original, new, &placed.returned, span, out);
+            self.narrow_result(original, new, &placed.returned, span);
         }
+    }
+}
+
+impl<'p> CopyFunction<'p> for SliceCopier<'_, 'p> {
+    fn copying(&mut self) -> &mut Copying<'p> {
+        &mut self.copying
+    }
+
+    fn expression(&mut self, e: Handle<Expression>) {
+        if self.copy_of(e).is_some() {
+            return;
+        }
+        let mut copy = self.f.function.expressions[e].clone();
+        match &mut copy {
+            Expression::LocalVariable(v) => *v = self.local(*v),
+            Expression::FunctionArgument(i) => {
+                if let Some(new) = self.arguments[*i as usize] {
+                    *i = new;
+                }
+            }
+            Expression::AccessIndex { base, index } => match self.member_copy(*base, *index) {
+                Some(MemberCopy::Whole(value)) => {
+                    self.copying.copies.insert(e, value);
+                    return;
+                }
+                Some(MemberCopy::Member(new, at)) => (*base, *index) = (new, at),
+                None => {}
+            },
+            Expression::Compose { ty, components } => {
+                *components = self.composed(*ty, components);
+            }
+            other => operands::map_expression(other, &mut |o| {
+                if let Some(new) = self.whole_copy(*o) {
+                    *o = new;
+                }
+            }),
+        }
+        self.copying.append(e, copy);
+    }
+
+    fn operand(&mut self, e: Handle<Expression>) -> Handle<Expression> {
+        self.whole_copy(e).unwrap_or(e)
+    }
+
+    fn emit(&mut self, range: Range<Expression>, span: Span) {
+        self.copying.writer.begin();
+        for e in range {
+            if self.part.kept.expressions[e.index()].is_some() && !self.dissolved[e.index()] {
+                self.expression(e);
+            }
+        }
+        self.copying.writer.flush(span);
+    }
+
+    fn statement(&mut self, statement: &'p Statement, span: Span) {
+        let copy = match statement {
+            Statement::Return { value } => Statement::Return {
+                value: value.and_then(|value| self.returned(value)),
+            },
+            Statement::Call {
+                arguments, result, ..
+            } => return self.call(StmtId::from(self.next - 1), arguments, *result, span),
+            other => self.copied(other, span),
+        };
+        self.copying.writer.statement(copy, span);
+    }
+
+    fn block(&mut self, block: &'p Block) {
+        for (statement, span) in block.span_iter() {
+            let id = StmtId::from(self.next);
+            let end = self.f.statements.get(id).end.index();
+            if self.part.kept.statements[id.index()] {
+                self.next += 1;
+                self.copy(statement, *span);
+            }
+            self.next = end;
+        }
+    }
+}
+
+/// Gives bare returns at unreachable block ends a value.
+fn return_something(expressions: &mut Arena<Expression>, block: &mut Block, ty: Handle<Type>) {
+    match block.last_mut() {
+        Some(Statement::Return {
+            value: value @ None,
+        }) => {
+            *value = Some(expressions.append(Expression::ZeroValue(ty), Span::UNDEFINED));
+        }
+        Some(last @ (Statement::Block(_) | Statement::If { .. } | Statement::Switch { .. })) => {
+            for inner in operands::blocks_mut(last) {
+                return_something(expressions, inner, ty);
+            }
+        }
+        _ => {}
     }
 }

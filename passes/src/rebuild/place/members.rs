@@ -1,27 +1,28 @@
 //! Structs with some members removed: passing, returning and decomposing them.
 
-use naga::{Block, Expression, Handle, Span, Statement, TypeInner};
+use naga::{Expression, Handle, Span, Statement, TypeInner};
 
-use super::function::Copier;
+use super::function::SliceCopier;
 use super::interface::{Narrowed, Returned};
 use crate::graph::operands;
+use crate::rebuild::copy::CopyFunction;
 
 /// The copy of a struct member.
-pub(super) enum Slot {
+pub(super) enum MemberCopy {
     /// A value.
     Whole(Handle<Expression>),
     /// A member of a value.
     Member(Handle<Expression>, u32),
 }
 
-impl Copier<'_, '_> {
+impl SliceCopier<'_, '_> {
     /// Removes expressions that only a narrowed `return` reads: a `Compose` becomes its components,
     /// and a load becomes loads of its members if nothing happens between the two.
     pub(super) fn dissolve(&mut self) {
         if !matches!(self.returned, Returned::Member(_) | Returned::Members(..)) {
             return;
         }
-        let mut uses = vec![0_usize; self.map.len()];
+        let mut uses = vec![0_usize; self.f.function.expressions.len()];
         let mut returned = Vec::new();
         let mut last_emit = None;
         for (id, node) in self.f.statements.iter() {
@@ -57,8 +58,8 @@ impl Copier<'_, '_> {
     }
 
     /// The copy of an operand, for a user of the whole value.
-    pub(super) fn operand(&self, e: Handle<Expression>) -> Option<Handle<Expression>> {
-        self.whole.get(&e).copied().or_else(|| self.copied(e))
+    pub(super) fn whole_copy(&self, e: Handle<Expression>) -> Option<Handle<Expression>> {
+        self.whole.get(&e).copied().or_else(|| self.copy_of(e))
     }
 
     fn narrowed_argument(&self, e: Handle<Expression>) -> Option<&Narrowed> {
@@ -69,30 +70,32 @@ impl Copier<'_, '_> {
     }
 
     /// The copy of member `index` of the struct value or pointer `base`.
-    pub(super) fn slot(&self, base: Handle<Expression>, index: u32) -> Option<Slot> {
-        let new = self.copied(base)?;
+    pub(super) fn member_copy(&self, base: Handle<Expression>, index: u32) -> Option<MemberCopy> {
+        let new = self.copy_of(base)?;
         let members = match (self.narrowed_argument(base), self.results.get(&base)) {
             (Some(narrowed), _) => &narrowed.members,
-            (None, Some(Returned::Member(m))) if *m == index => return Some(Slot::Whole(new)),
+            (None, Some(Returned::Member(m))) if *m == index => {
+                return Some(MemberCopy::Whole(new));
+            }
             (None, Some(Returned::Members(members, _))) => members,
-            _ => return Some(Slot::Member(self.operand(base)?, index)),
+            _ => return Some(MemberCopy::Member(self.whole_copy(base)?, index)),
         };
         match members.iter().position(|m| *m == index) {
-            Some(at) => Some(Slot::Member(new, at as u32)),
-            None => Some(Slot::Member(self.operand(base)?, index)),
+            Some(at) => Some(MemberCopy::Member(new, at as u32)),
+            None => Some(MemberCopy::Member(self.whole_copy(base)?, index)),
         }
     }
 
     /// A member of a struct value. Appends to the arena; the caller emits it.
     fn member(&mut self, e: Handle<Expression>, index: u32, span: Span) -> Handle<Expression> {
         if let Expression::Compose { components, .. } = &self.f.function.expressions[e]
-            && let Some(component) = self.operand(components[index as usize])
+            && let Some(component) = self.whole_copy(components[index as usize])
         {
             return component;
         }
-        match self.slot(e, index) {
-            Some(Slot::Whole(value)) => value,
-            Some(Slot::Member(base, index)) => {
+        match self.member_copy(e, index) {
+            Some(MemberCopy::Whole(value)) => value,
+            Some(MemberCopy::Member(base, index)) => {
                 self.append(Expression::AccessIndex { base, index }, span)
             }
             None => e,
@@ -140,14 +143,14 @@ impl Copier<'_, '_> {
     }
 
     /// Reassembles narrowed struct arguments for users of the whole value.
-    pub(super) fn reassemble_arguments(&mut self, body: &mut Block) {
+    pub(super) fn reassemble_arguments(&mut self) {
         for (e, expression) in self.f.function.expressions.iter() {
             if let Expression::FunctionArgument(i) = expression
                 && let Some(narrowed) = self.narrowed.get(i).cloned()
-                && self.copied(e).is_some()
+                && self.copy_of(e).is_some()
                 && self.is_used_whole(e)
             {
-                self.reassemble(e, &narrowed, Span::UNDEFINED, body);
+                self.reassemble(e, &narrowed, Span::UNDEFINED);
             }
         }
     }
@@ -159,7 +162,6 @@ impl Copier<'_, '_> {
         new: Handle<Expression>,
         returned: &Returned,
         span: Span,
-        body: &mut Block,
     ) {
         let Some(ty) = self.f.info[original].ty.handle() else {
             return;
@@ -169,7 +171,7 @@ impl Copier<'_, '_> {
             Returned::Member(m) => vec![*m],
             Returned::Members(members, _) => members.clone(),
         };
-        self.map[original.index()] = Some(new);
+        self.copying.copies.insert(original, new);
         self.results.insert(original, returned.clone());
         if self.is_used_whole(original) {
             let narrowed = Narrowed {
@@ -177,17 +179,11 @@ impl Copier<'_, '_> {
                 ty,
                 members,
             };
-            self.reassemble(original, &narrowed, span, body);
+            self.reassemble(original, &narrowed, span);
         }
     }
 
-    fn reassemble(
-        &mut self,
-        e: Handle<Expression>,
-        narrowed: &Narrowed,
-        span: Span,
-        body: &mut Block,
-    ) {
+    fn reassemble(&mut self, e: Handle<Expression>, narrowed: &Narrowed, span: Span) {
         let TypeInner::Struct { members, .. } = &self.module.types[narrowed.whole].inner else {
             return;
         };
@@ -196,7 +192,7 @@ impl Copier<'_, '_> {
             .enumerate()
             .map(|(i, m)| (!narrowed.members.contains(&(i as u32))).then(|| self.zero(m.ty)))
             .collect();
-        let start = self.out.expressions.len();
+        self.copying.writer.begin();
         let mut components = Vec::new();
         for (i, zero) in zeros.into_iter().enumerate() {
             components.push(match zero {
@@ -206,7 +202,7 @@ impl Copier<'_, '_> {
         }
         let ty = narrowed.whole;
         let built = self.append(Expression::Compose { ty, components }, span);
-        self.emit(start, span, body);
+        self.copying.writer.flush(span);
         self.whole.insert(e, built);
     }
 
@@ -216,15 +212,14 @@ impl Copier<'_, '_> {
         e: Handle<Expression>,
         narrowed: &Narrowed,
         span: Span,
-        body: &mut Block,
     ) -> Handle<Expression> {
         if let Some(own) = self.narrowed_argument(e)
             && own.ty == narrowed.ty
-            && let Some(new) = self.copied(e)
+            && let Some(new) = self.copy_of(e)
         {
             return new;
         }
-        let start = self.out.expressions.len();
+        self.copying.writer.begin();
         let components = narrowed
             .members
             .iter()
@@ -232,27 +227,23 @@ impl Copier<'_, '_> {
             .collect();
         let ty = narrowed.ty;
         let built = self.append(Expression::Compose { ty, components }, span);
-        self.emit(start, span, body);
+        self.copying.writer.flush(span);
         built
     }
 
     /// The value of a `return`.
-    pub(super) fn returned(
-        &mut self,
-        value: Handle<Expression>,
-        out: &mut Block,
-    ) -> Option<Handle<Expression>> {
+    pub(super) fn returned(&mut self, value: Handle<Expression>) -> Option<Handle<Expression>> {
         let members = match &self.returned {
             Returned::Nothing => return None,
-            Returned::Whole => return Some(self.value(value)),
+            Returned::Whole => return Some(self.operand(value)),
             Returned::Member(m) => vec![*m],
             Returned::Members(members, _) => members.clone(),
         };
         let span = self.f.function.expressions.get_span(value);
-        let start = self.out.expressions.len();
+        self.copying.writer.begin();
         let parts: Vec<Handle<Expression>> = match &self.f.function.expressions[value] {
             Expression::Load { pointer } if self.dissolved[value.index()] => {
-                let base = self.value(*pointer);
+                let base = self.operand(*pointer);
                 members
                     .iter()
                     .map(|m| {
@@ -280,7 +271,7 @@ impl Copier<'_, '_> {
             }
             _ => *parts.first()?,
         };
-        self.emit(start, span, out);
+        self.copying.writer.flush(span);
         Some(result)
     }
 }

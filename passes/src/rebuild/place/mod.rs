@@ -5,22 +5,23 @@
 //! refers only to earlier ones, every expression that needs evaluation is in exactly one `Emit` at
 //! the point where the original evaluated it, and a call's result appears with its call.
 
-use naga::{Module, ShaderStage, Statement};
+use naga::Module;
 
 mod builder;
 mod discard;
 mod function;
 mod interface;
 mod members;
+mod retain;
+mod rewrite;
 
-pub(crate) use builder::initialise;
-pub use builder::{
-    Builder, Replacement, Replacements, Rewrite, prologue, prologue_replacing, rewritten,
-};
+pub use builder::CodeBuilder;
 pub use discard::without_discard;
 pub(crate) use function::free_name;
 use interface::Placement;
-pub use interface::{PositionInvariance, io_struct};
+pub use interface::{PositionInvariance, io_struct, with_invariant_position};
+pub use retain::retain;
+pub use rewrite::{Replacement, Replacements, Rewrite, prologue, prologue_replacing, rewritten};
 
 use crate::graph::Graph;
 use crate::slice::Slice;
@@ -47,92 +48,4 @@ pub fn entry_point(
         position,
     };
     function::place(graph, slice, onto, &placement)
-}
-
-/// The module with an entry point's position marked `@invariant`.
-pub fn with_invariant_position(module: &Module, entry: usize) -> Module {
-    interface::with_invariant_position(module, entry)
-}
-
-/// The module with only these entry points and their dependences, without unused functions,
-/// globals, types, constants and dead `let`s.
-pub fn retain(module: &Module, entries: &[(ShaderStage, &str)]) -> Module {
-    let mut module = module.clone();
-    module
-        .entry_points
-        .retain(|e| entries.contains(&(e.stage, e.name.as_str())));
-    module.doc_comments = None;
-    let functions = module
-        .functions
-        .iter_mut()
-        .map(|(_, f)| f)
-        .chain(module.entry_points.iter_mut().map(|e| &mut e.function));
-    for function in functions {
-        drop_dead_names(function);
-    }
-    naga::compact::compact(&mut module, naga::compact::KeepUnused::No);
-    // Compaction keeps named constants, so remove unused names first.
-    while drop_unused_constant_names(&mut module) {
-        naga::compact::compact(&mut module, naga::compact::KeepUnused::No);
-    }
-    module
-}
-
-/// Removes the names of unused constants; returns whether there were any.
-fn drop_unused_constant_names(module: &mut Module) -> bool {
-    let mut used = vec![false; module.constants.len()];
-    let functions = module
-        .functions
-        .iter()
-        .map(|(_, f)| f)
-        .chain(module.entry_points.iter().map(|e| &e.function));
-    let arenas = functions
-        .map(|f| &f.expressions)
-        .chain(std::iter::once(&module.global_expressions));
-    for (_, expression) in arenas.flat_map(|a| a.iter()) {
-        if let naga::Expression::Constant(c) = expression {
-            used[c.index()] = true;
-        }
-    }
-    let mut dropped = false;
-    for (handle, constant) in module.constants.iter_mut() {
-        if !used[handle.index()] {
-            dropped |= constant.name.take().is_some();
-        }
-    }
-    dropped
-}
-
-/// Removes the names of expressions without dependent statements: compaction keeps named
-/// expressions.
-fn drop_dead_names(function: &mut naga::Function) {
-    use crate::graph::operands;
-    fn mark(block: &naga::Block, used: &mut [bool]) {
-        for statement in block {
-            for e in operands::of_statement(statement)
-                .into_iter()
-                .chain(operands::result(statement))
-            {
-                used[e.index()] = true;
-            }
-            for inner in operands::blocks(statement) {
-                mark(inner, used);
-            }
-        }
-    }
-    let mut used = vec![false; function.expressions.len()];
-    mark(&function.body, &mut used);
-    for (e, expression) in function.expressions.iter().rev() {
-        if used[e.index()] {
-            for operand in operands::of_expression(expression) {
-                used[operand.index()] = true;
-            }
-        }
-    }
-    function.named_expressions.retain(|e, _| used[e.index()]);
-}
-
-/// Whether a block does nothing.
-fn is_idle(block: &naga::Block) -> bool {
-    block.iter().all(|s| matches!(s, Statement::Emit(_)))
 }

@@ -7,17 +7,14 @@
 //! digit, in red, is rounded. three.js maps a depth of exactly 1 to 255/256; we use the largest
 //! number below 1.
 
-use naga::{
-    Binding, BuiltIn, EntryPoint, Expression, Function, FunctionResult, Handle, Module, Scalar,
-    ShaderStage, Span, StructMember, Type, TypeInner, VectorSize,
-};
+use naga::{Binding, BuiltIn, Expression, Scalar, ShaderStage, TypeInner, VectorSize};
 
 use crate::core::plan::{Attachment, AttachmentFormat, ClearValue};
 use crate::core::state::{ColorTarget, DepthDirection};
-use crate::rebuild::ahead::{InjectError, link_snippet};
+use crate::rebuild::color;
 use crate::rebuild::depth_only::Placed;
 use crate::rebuild::place;
-use crate::rebuild::returns;
+use crate::rebuild::snippet::{InjectError, link_snippet};
 
 /// Name of the attachment with the packed depth.
 pub const PREPASS_PACKED: &str = "prepass-depth-packed";
@@ -86,7 +83,7 @@ pub fn write(placed: Placed, name: &str) -> Result<Placed, InjectError> {
         fragment,
     } = placed;
     let name = fragment.unwrap_or_else(|| {
-        module.entry_points.push(empty_fragment(name));
+        module.entry_points.push(color::empty_fragment(name));
         name.to_owned()
     });
     let (module, pack) = link_snippet(module, PACK)?;
@@ -95,11 +92,15 @@ pub fn write(placed: Placed, name: &str) -> Result<Placed, InjectError> {
         .iter()
         .position(|e| e.stage == ShaderStage::Fragment && e.name == name)
         .ok_or_else(|| InjectError(format!("there is no fragment stage `{name}`")))?;
-    let writes_depth = module.entry_points[entry].function.result.is_some();
+    let result = module.entry_points[entry].function.result.as_ref();
+    let depth_type = result.map(|r| r.ty);
     let mut position = None;
     let mut module = place::prologue(&module, entry, |build| {
-        if !writes_depth {
-            let vec4 = build.ty(VEC4);
+        if depth_type.is_none() {
+            let vec4 = build.ty(TypeInner::Vector {
+                size: VectorSize::Quad,
+                scalar: Scalar::F32,
+            });
             position = Some(build.input(
                 "position",
                 vec4,
@@ -107,93 +108,29 @@ pub fn write(placed: Placed, name: &str) -> Result<Placed, InjectError> {
             ));
         }
     });
-    add_target(&mut module, entry, pack, position);
+    // Packs the `frag_depth`, or else the position's depth.
+    let names = ["PackedDepth", "packed_depth"];
+    color::return_color(
+        &mut module,
+        entry,
+        names,
+        depth_type,
+        &mut |writer, _, written| {
+            let depth = match (written, position) {
+                (Some(depth), _) => depth,
+                (None, base) => writer.expression(Expression::AccessIndex {
+                    base: base?,
+                    index: 2,
+                }),
+            };
+            Some((writer.call(pack, vec![depth]), Some(depth)))
+        },
+    );
     Ok(Placed {
         module,
         vertex,
         fragment: Some(name),
     })
-}
-
-const VEC4: TypeInner = TypeInner::Vector {
-    size: VectorSize::Quad,
-    scalar: Scalar::F32,
-};
-
-fn empty_fragment(name: &str) -> EntryPoint {
-    EntryPoint {
-        name: name.to_owned(),
-        stage: ShaderStage::Fragment,
-        early_depth_test: None,
-        workgroup_size: [0; 3],
-        workgroup_size_overrides: None,
-        function: Function::default(),
-        mesh_info: None,
-        task_payload: None,
-        incoming_ray_payload: None,
-    }
-}
-
-/// Makes an entry point return `pack` of its depth at location 0: of its `frag_depth`, or of the
-/// position's depth.
-fn add_target(
-    module: &mut Module,
-    entry: usize,
-    pack: Handle<Function>,
-    position: Option<Handle<Expression>>,
-) {
-    let unnamed = |inner| Type { name: None, inner };
-    let vec4 = module.types.insert(unnamed(VEC4), Span::UNDEFINED);
-    let color = Binding::Location {
-        location: 0,
-        interpolation: None,
-        sampling: None,
-        blend_src: None,
-        per_primitive: false,
-    };
-    let depth = module.entry_points[entry].function.result.as_ref();
-    let with_depth = depth.map(|depth| depth.ty).map(|depth| {
-        let member = |name: &str, ty, binding, offset| StructMember {
-            name: Some(name.to_owned()),
-            ty,
-            binding: Some(binding),
-            offset,
-        };
-        let members = vec![
-            member("packed_depth", vec4, color.clone(), 0),
-            member("depth", depth, Binding::BuiltIn(BuiltIn::FragDepth), 16),
-        ];
-        module.types.insert(
-            Type {
-                name: Some("PackedDepth".to_owned()),
-                inner: TypeInner::Struct { members, span: 32 },
-            },
-            Span::UNDEFINED,
-        )
-    });
-    let function = &mut module.entry_points[entry].function;
-    function.result = Some(match with_depth {
-        Some(ty) => FunctionResult { ty, binding: None },
-        None => FunctionResult {
-            ty: vec4,
-            binding: Some(color),
-        },
-    });
-    returns::rewrite(function, &mut |emitter, written| {
-        let depth = match (written, position) {
-            (Some(depth), _) => depth,
-            (None, Some(base)) => emitter.emit(Expression::AccessIndex { base, index: 2 }),
-            (None, None) => return None,
-        };
-        let packed = emitter.call(pack, vec![depth]);
-        Some(match with_depth {
-            Some(ty) => emitter.emit(Expression::Compose {
-                ty,
-                components: vec![packed, depth],
-            }),
-            None => packed,
-        })
-    });
 }
 
 #[cfg(test)]

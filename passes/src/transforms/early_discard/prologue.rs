@@ -7,10 +7,11 @@ use naga::{
 
 use super::{DepthTexture, Mode, Quad, packed};
 use crate::core::state::{DepthDirection, DepthFormat};
-use crate::rebuild::ahead::{Ahead, InjectError, link_snippet};
+use crate::rebuild::ahead::Ahead;
 use crate::rebuild::gradients;
 use crate::rebuild::place;
 use crate::rebuild::quad::{self, HIDDEN};
+use crate::rebuild::snippet::{InjectError, link_snippet};
 
 /// Name of the depth texture in the emitted module.
 pub const TEXTURE: &str = "prepass_depth";

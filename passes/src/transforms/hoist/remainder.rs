@@ -16,7 +16,7 @@ use crate::graph::rate::{At, Interpolated};
 use crate::graph::{FunctionId, Graph};
 use crate::rebuild::isolate::{self, isolate};
 use crate::rebuild::outline::{Failed, Wanted};
-use crate::rebuild::place::{self, Builder, PositionInvariance, Replacement, Rewrite};
+use crate::rebuild::place::{self, CodeBuilder, PositionInvariance, Replacement, Rewrite};
 use crate::slice::{self, Criterion, OutputFilter, Termination};
 
 /// The remaining fragment stage in its module.
@@ -123,7 +123,7 @@ const ASIDE: u32 = 1 << 16;
 
 /// Adds the varyings as arguments and returns the values in them.
 fn from_varyings(
-    build: &mut Builder<'_>,
+    build: &mut CodeBuilder<'_>,
     wanted: &[Wanted],
     slots: &[Slot],
 ) -> BTreeMap<usize, Handle<Expression>> {

@@ -107,7 +107,7 @@ pub fn rebuild(
                 return Rewrite::default();
             };
             build.name(from_author, "author");
-            let output = |build: &mut place::Builder<'_>, index: usize| match is_struct {
+            let output = |build: &mut place::CodeBuilder<'_>, index: usize| match is_struct {
                 true => build.expression(Expression::AccessIndex {
                     base: from_author,
                     index: index as u32,
@@ -182,7 +182,7 @@ fn sliced(program: &Program, vertex: usize, locations: &BTreeSet<u32>) -> Module
 
 /// The interpolated values, each by itself.
 fn each(
-    build: &mut place::Builder<'_>,
+    build: &mut place::CodeBuilder<'_>,
     outputs: &Outputs<'_>,
     all: Handle<Expression>,
 ) -> Vec<Handle<Expression>> {
@@ -195,7 +195,7 @@ fn each(
 
 /// The varying of a slot, composed of its values.
 fn pack(
-    build: &mut place::Builder<'_>,
+    build: &mut place::CodeBuilder<'_>,
     outputs: &Outputs<'_>,
     values: &[Handle<Expression>],
     slot: usize,

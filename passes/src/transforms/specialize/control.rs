@@ -3,7 +3,7 @@
 use naga::{Block, Expression, Handle, Literal, Statement, SwitchCase, SwitchValue};
 
 use super::decision::Kind;
-use super::fold::{Folder, Frame};
+use super::fold::{FoldFrame, Folder};
 use super::known::{Known, Sources};
 use crate::graph::{StmtId, operands};
 
@@ -45,7 +45,7 @@ pub(super) enum Flow {
 impl<'p> Folder<'p> {
     pub(super) fn branch(
         &mut self,
-        frame: &mut Frame<'p>,
+        frame: &mut FoldFrame<'p>,
         id: StmtId,
         condition: Handle<Expression>,
         [accept, reject]: [&'p Block; 2],
@@ -64,7 +64,7 @@ impl<'p> Folder<'p> {
     /// Both arms of a branch, or the one that is taken.
     fn arms(
         &mut self,
-        frame: &mut Frame<'p>,
+        frame: &mut FoldFrame<'p>,
         condition: Handle<Expression>,
         [accept, reject]: [&'p Block; 2],
         [first, second]: [StmtId; 2],
@@ -134,7 +134,7 @@ impl<'p> Folder<'p> {
 
     pub(super) fn switch(
         &mut self,
-        frame: &mut Frame<'p>,
+        frame: &mut FoldFrame<'p>,
         id: StmtId,
         selector: Handle<Expression>,
         cases: &'p [SwitchCase],
@@ -304,7 +304,7 @@ fn leaves(statement: &Statement) -> bool {
     }
 }
 
-impl Frame<'_> {
+impl FoldFrame<'_> {
     /// Adds `sources` to the dependences of the following statements. Returns the dependences
     /// behind the statement with these `arms`; if an arm may leave it, they stay in force there.
     fn run_on<'b>(&mut self, sources: &Sources, arms: impl Iterator<Item = &'b Block>) -> Sources {

@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use naga::{Block, Expression, Function, Handle, Statement};
 
 use super::control::{Breaks, taken};
-use super::fold::{Folder, Frame};
+use super::fold::{FoldFrame, Folder};
 use super::known::{Known, Sources};
 use crate::graph::{FunctionId, Graph, Rate, StmtId};
 
@@ -207,7 +207,7 @@ impl<'p> Folder<'p> {
     /// Records a draw-uniform condition and returns its index.
     pub(super) fn decide(
         &mut self,
-        frame: &mut Frame<'p>,
+        frame: &mut FoldFrame<'p>,
         id: StmtId,
         condition: Handle<Expression>,
         kind: Kind,
@@ -275,7 +275,7 @@ impl<'p> Folder<'p> {
     /// iterations.
     pub(super) fn decide_loop(
         &mut self,
-        frame: &mut Frame<'p>,
+        frame: &mut FoldFrame<'p>,
         id: StmtId,
         condition: Handle<Expression>,
         sources: Sources,
@@ -302,7 +302,7 @@ impl<'p> Folder<'p> {
     }
 }
 
-impl Frame<'_> {
+impl FoldFrame<'_> {
     /// For a block that ends in a jump: how many of the enclosing blocks continue.
     fn left_by(&self, block: &Block) -> Option<usize> {
         let depth = |breaks: &Breaks| match breaks {

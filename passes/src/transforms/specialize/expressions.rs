@@ -6,7 +6,7 @@ use naga::{
 };
 
 use super::arithmetic;
-use super::fold::{Folder, Frame};
+use super::fold::{FoldFrame, Folder};
 use super::known::{FINITE, Known, Scalar, Sources};
 use super::params::Fold;
 use crate::graph::operands;
@@ -130,7 +130,7 @@ impl<'p> Folder<'p> {
     /// outside any `Emit`.
     pub(super) fn copy(
         &mut self,
-        frame: &mut Frame<'p>,
+        frame: &mut FoldFrame<'p>,
         e: Handle<Expression>,
         out: &mut Block,
         ahead: bool,
@@ -184,7 +184,7 @@ impl<'p> Folder<'p> {
     /// The operand of a statement: the copy, or a known integer or bool.
     pub(super) fn read(
         &self,
-        frame: &mut Frame<'p>,
+        frame: &mut FoldFrame<'p>,
         e: Handle<Expression>,
         out: &mut Block,
     ) -> Handle<Expression> {
@@ -199,7 +199,7 @@ impl<'p> Folder<'p> {
     /// The index of an access, if assumptions decide it and it is within bounds.
     fn static_index(
         &self,
-        frame: &mut Frame<'p>,
+        frame: &mut FoldFrame<'p>,
         base: Handle<Expression>,
         index: Handle<Expression>,
     ) -> Option<u32> {
@@ -216,7 +216,7 @@ impl<'p> Folder<'p> {
     /// The operand that an expression is known to equal.
     fn stands_for(
         &self,
-        frame: &mut Frame<'p>,
+        frame: &mut FoldFrame<'p>,
         e: Handle<Expression>,
     ) -> Option<Handle<Expression>> {
         let (same, sources, rounds) = match frame.original.expressions[e] {
@@ -246,7 +246,7 @@ impl<'p> Folder<'p> {
     /// `0 / 0`.
     fn held_as(
         &mut self,
-        frame: &Frame<'p>,
+        frame: &FoldFrame<'p>,
         e: Handle<Expression>,
         same: Handle<Expression>,
     ) -> Option<Handle<Type>> {
@@ -267,7 +267,7 @@ impl<'p> Folder<'p> {
     /// numbers.
     fn neutral(
         &self,
-        frame: &Frame<'p>,
+        frame: &FoldFrame<'p>,
         e: Handle<Expression>,
     ) -> Option<(Handle<Expression>, Sources)> {
         let is = |operand: Handle<Expression>, value: f64| {
@@ -306,7 +306,7 @@ impl<'p> Folder<'p> {
         found.filter(|(same, sources)| !sources.is_empty() && same_type(*same))
     }
 
-    fn evaluate(&self, frame: &Frame<'p>, e: Handle<Expression>) -> Known {
+    fn evaluate(&self, frame: &FoldFrame<'p>, e: Handle<Expression>) -> Known {
         let of = |e: Handle<Expression>| &frame.known[e.index()];
         match &frame.original.expressions[e] {
             Expression::Literal(l) => literal(l),
@@ -412,7 +412,12 @@ impl<'p> Folder<'p> {
     }
 
     /// The abstract value of a texture read.
-    fn texel(&self, frame: &Frame<'p>, e: Handle<Expression>, image: Handle<Expression>) -> Known {
+    fn texel(
+        &self,
+        frame: &FoldFrame<'p>,
+        e: Handle<Expression>,
+        image: Handle<Expression>,
+    ) -> Known {
         let is_floats = matches!(
             frame.f.ty(self.module, e),
             TypeInner::Vector {
@@ -430,7 +435,7 @@ impl<'p> Folder<'p> {
     /// be finite.
     fn product(
         &self,
-        frame: &Frame<'p>,
+        frame: &FoldFrame<'p>,
         op: BinaryOperator,
         left: Handle<Expression>,
         right: Handle<Expression>,
@@ -463,7 +468,7 @@ impl<'p> Folder<'p> {
         arithmetic::binary(op, of(left), of(right))
     }
 
-    fn load(&self, frame: &Frame<'p>, pointer: Handle<Expression>) -> Known {
+    fn load(&self, frame: &FoldFrame<'p>, pointer: Handle<Expression>) -> Known {
         let place = frame.place(self.module, pointer);
         if place.dynamic {
             return Known::Unknown;
@@ -477,7 +482,7 @@ impl<'p> Folder<'p> {
     }
 }
 
-impl Frame<'_> {
+impl FoldFrame<'_> {
     fn place(&self, module: &Module, pointer: Handle<Expression>) -> Place {
         match self.original.expressions[pointer] {
             Expression::LocalVariable(v) => Place::at(Root::Local(v)),
@@ -569,12 +574,12 @@ fn is_constant(function: &Function, e: Handle<Expression>) -> bool {
 
 /// Reads a constant from a variable in place of `e`.
 fn held(
-    frame: &mut Frame<'_>,
+    frame: &mut FoldFrame<'_>,
     e: Handle<Expression>,
     constant: Handle<Expression>,
     ty: Handle<Type>,
 ) -> Handle<Expression> {
-    fn copy(frame: &mut Frame<'_>, e: Handle<Expression>) -> Handle<Expression> {
+    fn copy(frame: &mut FoldFrame<'_>, e: Handle<Expression>) -> Handle<Expression> {
         let mut expression = frame.original.expressions[e].clone();
         operands::map_expression(&mut expression, &mut |o| *o = copy(frame, *o));
         frame.append(expression, e)

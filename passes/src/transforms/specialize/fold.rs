@@ -20,6 +20,7 @@ use super::known::{Known, Sources};
 use super::params::Fold;
 use super::versions::Version;
 use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId, operands};
+use crate::rebuild::writer::{FunctionWriter, OpenEmit};
 
 /// Folds the stages of a program.
 pub struct Folder<'p> {
@@ -38,7 +39,7 @@ pub struct Folder<'p> {
 }
 
 /// A folded stage.
-pub struct Stage {
+pub struct FoldedStage {
     /// The entry point's function.
     pub function: Function,
     /// The abstract value of its result.
@@ -48,7 +49,7 @@ pub struct Stage {
 }
 
 /// A function under construction.
-pub(super) struct Frame<'p> {
+pub(super) struct FoldFrame<'p> {
     pub id: FunctionId,
     pub original: &'p Function,
     pub f: &'p FunctionGraph<'p>,
@@ -64,8 +65,8 @@ pub(super) struct Frame<'p> {
     /// The join of the values returned so far; `None` if there is none yet.
     pub returned: Option<Known>,
     pub breaks: Vec<Breaks>,
-    /// Length of the expression arena at the start of the current `Emit`.
-    pub emitting: Option<usize>,
+    /// The current `Emit`.
+    pub emit: OpenEmit,
     pub span: Span,
     /// Assumptions under which the current statement runs. Values behind it depend on them too.
     pub running: Sources,
@@ -105,9 +106,9 @@ impl<'p> Folder<'p> {
     }
 
     /// Folds a stage under the abstract values of its arguments.
-    pub fn stage(&mut self, entry: usize, arguments: Vec<Known>) -> Stage {
+    pub fn stage(&mut self, entry: usize, arguments: Vec<Known>) -> FoldedStage {
         let frame = self.run(FunctionId::EntryPoint(entry), arguments);
-        Stage {
+        FoldedStage {
             function: frame.function,
             result: frame.returned.unwrap_or_default(),
             record: frame.record,
@@ -119,21 +120,14 @@ impl<'p> Folder<'p> {
         (self.types, self.functions, self.records)
     }
 
-    pub(super) fn run(&mut self, id: FunctionId, arguments: Vec<Known>) -> Frame<'p> {
+    pub(super) fn run(&mut self, id: FunctionId, arguments: Vec<Known>) -> FoldFrame<'p> {
         let f = self.graph.function(id);
         let original = f.function;
-        let mut frame = Frame {
+        let mut frame = FoldFrame {
             id,
             original,
             f,
-            function: Function {
-                name: original.name.clone(),
-                arguments: original.arguments.clone(),
-                result: original.result.clone(),
-                local_variables: original.local_variables.clone(),
-                diagnostic_filter_leaf: original.diagnostic_filter_leaf,
-                ..Function::default()
-            },
+            function: FunctionWriter::like(original).function,
             map: vec![None; original.expressions.len()],
             known: vec![Known::Unknown; original.expressions.len()],
             is_operand: are_operands(original),
@@ -141,7 +135,7 @@ impl<'p> Folder<'p> {
             locals: Vec::new(),
             returned: None,
             breaks: Vec::new(),
-            emitting: None,
+            emit: OpenEmit::default(),
             span: Span::UNDEFINED,
             running: Sources::default(),
             changed: false,
@@ -173,7 +167,7 @@ impl<'p> Folder<'p> {
     /// Initialises a variable and returns its abstract value.
     fn begins_with(
         &mut self,
-        frame: &mut Frame<'p>,
+        frame: &mut FoldFrame<'p>,
         v: Handle<LocalVariable>,
         variable: &LocalVariable,
     ) -> Known {
@@ -187,7 +181,7 @@ impl<'p> Folder<'p> {
 
     /// Copies an initialiser and its operands. Front ends put them into an `Emit`, which would come
     /// after the variables.
-    fn copy_ahead(&mut self, frame: &mut Frame<'p>, e: Handle<Expression>) {
+    fn copy_ahead(&mut self, frame: &mut FoldFrame<'p>, e: Handle<Expression>) {
         if frame.map[e.index()].is_some() {
             return;
         }
@@ -200,7 +194,7 @@ impl<'p> Folder<'p> {
     /// Copies a block whose first statement has the number `first`.
     pub(super) fn block(
         &mut self,
-        frame: &mut Frame<'p>,
+        frame: &mut FoldFrame<'p>,
         block: &'p Block,
         first: StmtId,
         out: &mut Block,
@@ -226,7 +220,7 @@ impl<'p> Folder<'p> {
 
     fn statement(
         &mut self,
-        frame: &mut Frame<'p>,
+        frame: &mut FoldFrame<'p>,
         statement: &'p Statement,
         id: StmtId,
         out: &mut Block,
@@ -322,7 +316,7 @@ impl<'p> Folder<'p> {
     /// Copies a call of the version of a function for known arguments.
     fn call(
         &mut self,
-        frame: &mut Frame<'p>,
+        frame: &mut FoldFrame<'p>,
         id: StmtId,
         (function, arguments, result): (
             Handle<Function>,
@@ -378,7 +372,7 @@ fn are_operands(function: &Function) -> Vec<bool> {
     are
 }
 
-impl Frame<'_> {
+impl FoldFrame<'_> {
     /// Records a fold that depends on `sources`.
     pub fn folds(&mut self, sources: &Sources) {
         self.record.used.extend(sources.iter().copied());
@@ -387,19 +381,13 @@ impl Frame<'_> {
 
     /// Ends the current `Emit`.
     pub fn flush(&mut self, out: &mut Block) {
-        if let Some(start) = self.emitting.take()
-            && self.function.expressions.len() > start
-        {
-            let range = self.function.expressions.range_from(start);
-            out.push(Statement::Emit(range), self.span);
-        }
+        self.emit.end(&self.function.expressions, out, self.span);
     }
 
     /// Appends an expression that needs an `Emit`.
     pub fn emit(&mut self, expression: Expression, of: Handle<Expression>) -> Handle<Expression> {
-        self.emitting.get_or_insert(self.function.expressions.len());
-        let span = self.original.expressions.get_span(of);
-        self.function.expressions.append(expression, span)
+        self.emit.begin(&self.function.expressions);
+        self.append(expression, of)
     }
 
     /// Appends an expression that needs no `Emit`.
@@ -447,20 +435,14 @@ impl Frame<'_> {
 
     /// Forgets the locals that these statements may write.
     pub fn forget_stored<'b>(&mut self, blocks: impl Iterator<Item = &'b Block>) {
-        fn walk(block: &Block, found: &mut Vec<Handle<Expression>>) {
-            for statement in block {
-                match statement {
-                    Statement::Store { pointer, .. } => found.push(*pointer),
-                    Statement::Call { arguments, .. } => found.extend(arguments),
-                    other => found.extend(operands::of_statement(other)),
-                }
-                for inner in operands::blocks(statement) {
-                    walk(inner, found);
-                }
-            }
-        }
         let mut pointers = Vec::new();
-        blocks.for_each(|b| walk(b, &mut pointers));
+        for block in blocks {
+            operands::visit(block, &mut |statement| match statement {
+                Statement::Store { pointer, .. } => pointers.push(*pointer),
+                Statement::Call { arguments, .. } => pointers.extend(arguments),
+                other => pointers.extend(operands::of_statement(other)),
+            });
+        }
         for pointer in pointers {
             self.forget_all(pointer);
         }

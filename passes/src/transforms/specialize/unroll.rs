@@ -4,7 +4,7 @@ use naga::{Block, Expression, Function, Handle, Statement};
 
 use super::control::{Breaks, Flow, jumps};
 use super::decision::Record;
-use super::fold::{Folder, Frame};
+use super::fold::{FoldFrame, Folder};
 use super::known::{Known, Sources};
 use crate::graph::{StmtId, operands};
 
@@ -30,7 +30,7 @@ struct Turns {
 impl<'p> Folder<'p> {
     pub(super) fn looped(
         &mut self,
-        frame: &mut Frame<'p>,
+        frame: &mut FoldFrame<'p>,
         id: StmtId,
         body: &'p Block,
         continuing: &'p Block,
@@ -77,7 +77,7 @@ impl<'p> Folder<'p> {
 
     /// Unrolls a loop. A speculative run comes first, so that a failure leaves no trace. A failed
     /// loop is not tried again; otherwise nested loops would take exponential time.
-    fn written_out(&mut self, frame: &mut Frame<'p>, this: Loop<'p>) -> Option<Turns> {
+    fn written_out(&mut self, frame: &mut FoldFrame<'p>, this: Loop<'p>) -> Option<Turns> {
         if frame.hopeless.contains(&this.id) {
             return None;
         }
@@ -105,8 +105,8 @@ impl<'p> Folder<'p> {
         turns
     }
 
-    fn turns(&mut self, frame: &mut Frame<'p>, this: Loop<'p>) -> Option<Turns> {
-        let made = |frame: &Frame<'_>| frame.function.expressions.len() - frame.wasted;
+    fn turns(&mut self, frame: &mut FoldFrame<'p>, this: Loop<'p>) -> Option<Turns> {
+        let made = |frame: &FoldFrame<'_>| frame.function.expressions.len() - frame.wasted;
         let most = made(frame) + MOST_ADDED;
         let mut all = Block::new();
         frame.enter_loop(this.body.0, this.break_if, true);
@@ -154,7 +154,7 @@ impl<'p> Folder<'p> {
     }
 
     /// Leaves a loop and records the assumptions that decide its count.
-    fn leave_loop(&mut self, frame: &mut Frame<'p>, this: Loop<'p>, turns: Option<u32>) {
+    fn leave_loop(&mut self, frame: &mut FoldFrame<'p>, this: Loop<'p>, turns: Option<u32>) {
         if let Some(Breaks::Loop {
             head: Some(condition),
             sources,
@@ -166,7 +166,7 @@ impl<'p> Folder<'p> {
     }
 }
 
-impl Frame<'_> {
+impl FoldFrame<'_> {
     fn enter_loop(&mut self, body: &Block, break_if: Option<Handle<Expression>>, written: bool) {
         self.breaks.push(Breaks::Loop {
             tried: written,
@@ -216,10 +216,10 @@ struct Snapshot {
 }
 
 impl Snapshot {
-    fn take(frame: &mut Frame<'_>, this: Loop<'_>, made: Made) -> Self {
+    fn take(frame: &mut FoldFrame<'_>, this: Loop<'_>, made: Made) -> Self {
         // Every field of a frame is saved here, restored by leaving the loop, or listed with a
         // reason.
-        let Frame {
+        let FoldFrame {
             id: _,
             original: _,
             f: _,
@@ -236,7 +236,7 @@ impl Snapshot {
             following: _,
             turning: _,
             // No `Emit` is open between statements.
-            emitting: _,
+            emit: _,
             span: _,
             running,
             changed,
@@ -248,7 +248,7 @@ impl Snapshot {
         } = frame;
         let mut values = Vec::new();
         for block in [this.body.0, this.continuing.0] {
-            evaluated(block, &mut |e| {
+            operands::evaluated(block, &mut |e| {
                 values.push((e, map[e.index()], known[e.index()].clone()));
             });
         }
@@ -269,7 +269,7 @@ impl Snapshot {
         }
     }
 
-    fn restore(self, frame: &mut Frame<'_>) {
+    fn restore(self, frame: &mut FoldFrame<'_>) {
         for (e, copy, known) in self.values {
             frame.map[e.index()] = copy;
             frame.known[e.index()] = known;
@@ -288,19 +288,6 @@ impl Snapshot {
                 let more = frame.function.expressions.len() - self.length;
                 frame.wasted = self.wasted + more;
             }
-        }
-    }
-}
-
-/// Calls `f` on each expression that a block's statements evaluate.
-fn evaluated(block: &Block, f: &mut dyn FnMut(Handle<Expression>)) {
-    for statement in block {
-        if let Statement::Emit(range) = statement {
-            range.clone().for_each(&mut *f);
-        }
-        operands::result(statement).into_iter().for_each(&mut *f);
-        for inner in operands::blocks(statement) {
-            evaluated(inner, f);
         }
     }
 }

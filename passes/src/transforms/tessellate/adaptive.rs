@@ -21,8 +21,8 @@ use super::build::{self, access, vertex_inputs};
 use super::split::{Carried, Origin, Outputs, Split};
 use super::text::Text;
 use crate::graph::FunctionId;
-use crate::rebuild::fetch::{Linked, ours, word};
-use crate::rebuild::place::{self, Builder, Rewrite};
+use crate::rebuild::place::{self, CodeBuilder, Rewrite};
+use crate::rebuild::snippet::{Linked, ours, word};
 
 /// `module` with its vertex entry point drawing the pattern.
 ///
@@ -81,12 +81,13 @@ pub fn adaptive(
             failed = Some("the author's vertex stage gives nothing");
             return Rewrite::default();
         };
-        let output = |build: &mut Builder<'_>, base: Handle<Expression>, index: usize| match outputs
-            .is_struct
-        {
-            true => access(build, base, index as u32),
-            false => base,
-        };
+        let output =
+            |build: &mut CodeBuilder<'_>, base: Handle<Expression>, index: usize| match outputs
+                .is_struct
+            {
+                true => access(build, base, index as u32),
+                false => base,
+            };
         let mut passed = vec![access(build, place, 1)];
         for given in &corners {
             passed.push(output(build, *given, outputs.position));
@@ -153,7 +154,7 @@ pub fn adaptive(
 
 /// The results of the author's stage at the three vertices `all`.
 fn corners(
-    build: &mut Builder<'_>,
+    build: &mut CodeBuilder<'_>,
     corner: Handle<Function>,
     all: Handle<Expression>,
     instance: Handle<Expression>,

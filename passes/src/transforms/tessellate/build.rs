@@ -16,8 +16,9 @@ use naga::{
 use super::split::{Carried, Outputs, Split};
 use super::text::{Order, Text};
 use crate::graph::FunctionId;
-use crate::rebuild::fetch::{Author, Linked, define, ours, word};
-use crate::rebuild::place::{self, Builder, Rewrite};
+use crate::rebuild::corner::Author;
+use crate::rebuild::place::{self, CodeBuilder, Rewrite};
+use crate::rebuild::snippet::{Linked, define, ours, word};
 
 /// The functions, in their module.
 #[derive(Clone, Debug)]
@@ -122,7 +123,7 @@ pub(super) fn corner(
         given: split.given,
         inputs: &split.inputs,
     };
-    crate::rebuild::fetch::corner(module, name, &author, fetch)
+    crate::rebuild::corner::corner(module, name, &author, fetch)
 }
 
 /// The inputs of the interpolation.
@@ -139,7 +140,7 @@ struct Between<'a> {
 impl Between<'_> {
     fn output(
         &self,
-        build: &mut Builder<'_>,
+        build: &mut CodeBuilder<'_>,
         base: Handle<Expression>,
         index: usize,
     ) -> Handle<Expression> {
@@ -152,7 +153,7 @@ impl Between<'_> {
     /// Composes the outputs into the author's result type.
     fn compose(
         &self,
-        build: &mut Builder<'_>,
+        build: &mut CodeBuilder<'_>,
         components: Vec<Handle<Expression>>,
     ) -> Handle<Expression> {
         match components[..] {
@@ -167,7 +168,7 @@ impl Between<'_> {
     /// Returns `value`, with flat members from the first vertex.
     fn leave(
         &self,
-        build: &mut Builder<'_>,
+        build: &mut CodeBuilder<'_>,
         value: Handle<Expression>,
         provoking: Option<Handle<Expression>>,
     ) {
@@ -189,7 +190,7 @@ impl Between<'_> {
 }
 
 pub(super) fn access(
-    build: &mut Builder<'_>,
+    build: &mut CodeBuilder<'_>,
     base: Handle<Expression>,
     index: u32,
 ) -> Handle<Expression> {
@@ -198,7 +199,7 @@ pub(super) fn access(
 
 /// `a == 0.0` or `a != 0.0`.
 fn compare_zero(
-    build: &mut Builder<'_>,
+    build: &mut CodeBuilder<'_>,
     op: BinaryOperator,
     left: Handle<Expression>,
 ) -> Handle<Expression> {
@@ -229,7 +230,7 @@ fn between(
                 build.call(with.corner, vec![vertex, instance])
             });
             let provoking = provoking.flatten();
-            let at = |build: &mut Builder<'_>, corner: u32| {
+            let at = |build: &mut CodeBuilder<'_>, corner: u32| {
                 let vertex = access(build, corners, corner);
                 build.call(with.corner, vec![vertex, instance])
             };
@@ -337,7 +338,7 @@ pub fn pulled(functions: &Functions, entry: usize) -> Module {
 
 /// The inputs of every generated vertex stage.
 pub(super) fn vertex_inputs(
-    build: &mut Builder<'_>,
+    build: &mut CodeBuilder<'_>,
     word: Handle<Type>,
 ) -> Vec<Handle<Expression>> {
     let inputs = [

@@ -22,8 +22,8 @@ use super::stored::{self, Evaluation, Stored};
 use crate::core::plan::{BindingSource, BindingUse};
 use crate::core::program::Program;
 use crate::graph::{FunctionId, Graph, operands};
-use crate::rebuild::fetch::{ours, word};
 use crate::rebuild::place::{self, PositionInvariance, Rewrite};
+use crate::rebuild::snippet::{ours, word};
 use crate::slice::{self, Criterion, OutputFilter};
 
 /// Reason if the slice reads neither the corners nor the place between them.
@@ -217,21 +217,14 @@ fn members(module: &Module, global: Handle<GlobalVariable>) -> Option<BTreeSet<S
                 }
             }
         }
-        if is_passed(&function.body, &pointers) {
+        let mut is_passed = false;
+        operands::visit(&function.body, &mut |statement| {
+            let used = operands::of_statement(statement);
+            is_passed |= used.iter().any(|e| pointers.contains(e));
+        });
+        if is_passed {
             return None;
         }
     }
     Some(names)
-}
-
-/// Whether a statement uses one of these expressions.
-fn is_passed(block: &naga::Block, pointers: &BTreeSet<Handle<Expression>>) -> bool {
-    block.iter().any(|statement| {
-        let mut used = operands::of_statement(statement).into_iter();
-        let emits = matches!(statement, Statement::Emit(_));
-        (!emits && used.any(|e| pointers.contains(&e)))
-            || operands::blocks(statement)
-                .into_iter()
-                .any(|b| is_passed(b, pointers))
-    })
 }

@@ -2,11 +2,12 @@
 //! it.
 
 use naga::{
-    Binding, Block, Expression, Function, FunctionArgument, Handle, Interpolation, Module, Range,
+    Binding, Block, Expression, Function, FunctionArgument, Handle, Interpolation, Module,
     ScalarKind, Statement, Type, TypeInner,
 };
 
 use crate::graph::operands;
+use crate::rebuild::writer::emit_existing;
 
 /// A vertex stage of the form `rest(author(inputs))`.
 #[derive(Clone, Debug)]
@@ -132,12 +133,9 @@ fn body(
                 result: Some(r), ..
             } if *r == given => continue,
             Statement::Emit(range) => {
-                let mut emitted = range.clone().filter_map(|e| copies[e.index()]);
-                let Some(first) = emitted.next() else {
-                    continue;
-                };
-                let last = emitted.last().unwrap_or(first);
-                Statement::Emit(Range::new_from_bounds(first, last))
+                let evaluated = range.clone().filter_map(|e| copies[e.index()]);
+                emit_existing(evaluated, &mut body, *span);
+                continue;
             }
             Statement::Call { .. } | Statement::Return { .. } => {
                 let mut copy = statement.clone();

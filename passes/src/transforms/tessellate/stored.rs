@@ -12,8 +12,8 @@ use super::Slots;
 use super::build::{Functions, access, vertex_inputs};
 use super::text::{self, Points, WORKGROUP};
 use crate::graph::FunctionId;
-use crate::rebuild::fetch::{Linked, ours, word};
-use crate::rebuild::place::{self, Builder, Rewrite};
+use crate::rebuild::place::{self, CodeBuilder, Rewrite};
+use crate::rebuild::snippet::{Linked, ours, word};
 
 /// A member of a vertex stage's result in the buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -90,7 +90,7 @@ impl Stored {
     /// incomplete.
     pub(super) fn load(
         &self,
-        build: &mut Builder<'_>,
+        build: &mut CodeBuilder<'_>,
         loads: &BTreeMap<u8, Handle<Function>>,
         index: u32,
         vertex: Handle<Expression>,
@@ -120,7 +120,7 @@ impl Stored {
     /// The word offset of a member of a vertex.
     fn at(
         &self,
-        build: &mut Builder<'_>,
+        build: &mut CodeBuilder<'_>,
         index: Handle<Expression>,
         word: u32,
     ) -> Handle<Expression> {
@@ -143,7 +143,11 @@ impl Stored {
 }
 
 /// Bitcasts a 32-bit number or vector.
-fn bits(build: &mut Builder<'_>, expr: Handle<Expression>, kind: ScalarKind) -> Handle<Expression> {
+fn bits(
+    build: &mut CodeBuilder<'_>,
+    expr: Handle<Expression>,
+    kind: ScalarKind,
+) -> Handle<Expression> {
     build.expression(Expression::As {
         expr,
         kind,

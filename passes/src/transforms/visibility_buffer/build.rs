@@ -23,8 +23,8 @@ use crate::core::state::{
     AttachmentOps, ColorTarget, CompareFunction, CullMode, DepthBias, DepthFormat, DepthState,
     PrimitiveState, Topology,
 };
-use crate::rebuild::fetch::Linked;
 use crate::rebuild::place;
+use crate::rebuild::snippet::Linked;
 
 impl Material<'_> {
     /// Adds the id pass.

@@ -9,8 +9,8 @@ use crate::core::geometry::Formats;
 use crate::core::plan::{ComputePass, Draws, GpuPass, Phase, Plan, Role};
 use crate::core::program::Program;
 use crate::core::reflect;
-use crate::rebuild::fetch::Linked;
 use crate::rebuild::place;
+use crate::rebuild::snippet::Linked;
 
 /// The full-screen pass and program that replace a resolving compute pass to count its pixels.
 ///

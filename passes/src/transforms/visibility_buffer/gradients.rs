@@ -29,7 +29,7 @@ use crate::graph::effect::{self, Effect};
 use crate::graph::{FunctionId, Graph};
 use crate::rebuild::isolate::{self, isolate};
 use crate::rebuild::outline::{self, Wanted};
-use crate::rebuild::place::{self, Builder, Replacement, Rewrite};
+use crate::rebuild::place::{self, CodeBuilder, Replacement, Rewrite};
 
 /// First location of gradient inputs, beyond all of the author's.
 pub const GRADIENTS: u32 = 1 << 16;
@@ -272,7 +272,7 @@ fn evaluated(module: &Module, entry: usize) -> Option<Module> {
 
 /// The same value as an evaluated expression.
 fn same(
-    build: &mut Builder<'_>,
+    build: &mut CodeBuilder<'_>,
     value: Handle<Expression>,
     inner: &TypeInner,
 ) -> Handle<Expression> {
@@ -607,7 +607,7 @@ impl Round {
 
     fn replacement(
         &self,
-        build: &mut Builder<'_>,
+        build: &mut CodeBuilder<'_>,
         own: &naga::Function,
         expression: &Expression,
         [x, y]: [Handle<Expression>; 2],
@@ -649,7 +649,11 @@ impl Round {
     }
 }
 
-fn math(build: &mut Builder<'_>, fun: MathFunction, arg: Handle<Expression>) -> Handle<Expression> {
+fn math(
+    build: &mut CodeBuilder<'_>,
+    fun: MathFunction,
+    arg: Handle<Expression>,
+) -> Handle<Expression> {
     build.expression(Expression::Math {
         fun,
         arg,

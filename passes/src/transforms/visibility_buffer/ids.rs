@@ -17,9 +17,10 @@ use crate::core::geometry::Formats;
 use crate::core::plan::AttributeUse;
 use crate::core::reflect::{self, Io};
 use crate::graph::FunctionId;
-use crate::rebuild::fetch::{Author, Linked, corner, ours, word};
+use crate::rebuild::corner::{Author, corner};
 use crate::rebuild::outline::as_function;
-use crate::rebuild::place::{self, Builder, Rewrite};
+use crate::rebuild::place::{self, CodeBuilder, Rewrite};
+use crate::rebuild::snippet::{Linked, ours, word};
 
 /// Entry point name.
 pub const VERTEX: &str = "vs_visible_ids";
@@ -77,7 +78,11 @@ impl Stage {
     }
 
     /// The outputs in a call's result.
-    fn parts(&self, build: &mut Builder<'_>, value: Handle<Expression>) -> Vec<Handle<Expression>> {
+    fn parts(
+        &self,
+        build: &mut CodeBuilder<'_>,
+        value: Handle<Expression>,
+    ) -> Vec<Handle<Expression>> {
         let is_bare = self.result.as_ref().is_some_and(|r| r.binding.is_some());
         (0..self.outputs.len() as u32)
             .map(|index| match is_bare {
@@ -87,7 +92,7 @@ impl Stage {
             .collect()
     }
 
-    fn call(&self, build: &mut Builder<'_>) -> Option<Handle<Expression>> {
+    fn call(&self, build: &mut CodeBuilder<'_>) -> Option<Handle<Expression>> {
         let passed = self
             .arguments
             .iter()
@@ -211,7 +216,7 @@ pub fn add(
 /// The position and the id of a vertex that is drawn without indices: vertex `3 n + k` is corner
 /// `k` of triangle `n`.
 fn unindexed(
-    build: &mut Builder<'_>,
+    build: &mut CodeBuilder<'_>,
     [word, id_type]: [Handle<Type>; 2],
     [pulled, corner_of, id_of]: [Handle<Function>; 3],
 ) -> (Option<Handle<Expression>>, Option<Handle<Expression>>) {

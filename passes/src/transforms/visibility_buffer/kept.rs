@@ -18,8 +18,8 @@ use super::ids::new_entry;
 use super::resolve::width;
 use crate::core::reflect::Io;
 use crate::graph::FunctionId;
-use crate::rebuild::fetch::{define, ours, word};
-use crate::rebuild::place::{self, Builder, Rewrite};
+use crate::rebuild::place::{self, CodeBuilder, Rewrite};
+use crate::rebuild::snippet::{define, ours, word};
 
 /// Name of the compute entry point.
 pub const ENTRY: &str = "cs_vertices";
@@ -211,7 +211,7 @@ impl Kept {
 
     fn write(
         &self,
-        build: &mut Builder<'_>,
+        build: &mut CodeBuilder<'_>,
         corner: Handle<Function>,
         found: &[Handle<Function>],
         keeps: &BTreeMap<u8, Handle<Function>>,
@@ -255,7 +255,7 @@ impl Kept {
     /// The word of an output of a vertex.
     fn at(
         &self,
-        build: &mut Builder<'_>,
+        build: &mut CodeBuilder<'_>,
         index: Handle<Expression>,
         word: u32,
     ) -> Handle<Expression> {
@@ -276,7 +276,7 @@ impl Kept {
 
 /// Bitcasts to another scalar kind.
 fn bits(
-    build: &mut Builder<'_>,
+    build: &mut CodeBuilder<'_>,
     value: Handle<Expression>,
     kind: ScalarKind,
 ) -> Handle<Expression> {

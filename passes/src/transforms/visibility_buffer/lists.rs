@@ -23,8 +23,8 @@ use crate::core::plan::{
 };
 use crate::core::program::Program;
 use crate::core::reflect;
-use crate::rebuild::fetch::Linked;
 use crate::rebuild::place;
+use crate::rebuild::snippet::Linked;
 
 /// The lists of a resolve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

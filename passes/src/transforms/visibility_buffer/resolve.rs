@@ -28,9 +28,10 @@ use crate::core::program::Program;
 use crate::core::rasterizer::Corners;
 use crate::core::reflect::{self, Io};
 use crate::graph::{FunctionId, Graph};
-use crate::rebuild::fetch::{Author, Linked, corner, ours};
+use crate::rebuild::corner::{Author, corner};
 use crate::rebuild::outline::as_function;
 use crate::rebuild::place::{self, PositionInvariance, Rewrite};
+use crate::rebuild::snippet::{Linked, ours};
 use crate::slice::{self, Criterion, OutputFilter, Slice};
 
 /// Entry point name.

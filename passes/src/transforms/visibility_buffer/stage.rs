@@ -14,7 +14,7 @@ use super::legal::Stored;
 use super::resolve::{Runs, VertexStage, width};
 use crate::core::rasterizer::Neighbours;
 use crate::core::reflect::Io;
-use crate::rebuild::place::Builder;
+use crate::rebuild::place::CodeBuilder;
 
 /// An input of the fragment stage.
 type Input = (Handle<Type>, Binding);
@@ -49,8 +49,8 @@ impl Shader {
 
     fn call(
         &self,
-        build: &mut Builder<'_>,
-        mut value: impl FnMut(&mut Builder<'_>, Handle<Type>, &Binding) -> Handle<Expression>,
+        build: &mut CodeBuilder<'_>,
+        mut value: impl FnMut(&mut CodeBuilder<'_>, Handle<Type>, &Binding) -> Handle<Expression>,
     ) -> Option<Handle<Expression>> {
         let mut passed = Vec::new();
         for (ty, members) in &self.arguments {
@@ -148,7 +148,7 @@ struct Lane {
 impl Stage<'_> {
     fn our(
         &self,
-        build: &mut Builder<'_>,
+        build: &mut CodeBuilder<'_>,
         name: &str,
         arguments: Vec<Handle<Expression>>,
     ) -> Option<Handle<Expression>> {
@@ -156,7 +156,7 @@ impl Stage<'_> {
     }
 
     /// Writes the stage, or returns a message.
-    pub fn write(&self, build: &mut Builder<'_>, runs: &Runs) -> Option<String> {
+    pub fn write(&self, build: &mut CodeBuilder<'_>, runs: &Runs) -> Option<String> {
         let written = match runs {
             Runs::Fragment => self.fragment(build),
             Runs::Compute(targets) => self.compute(build, targets),
@@ -166,7 +166,7 @@ impl Stage<'_> {
             .then(|| "a function of ours, or an input of the fragment stage, is missing".to_owned())
     }
 
-    fn fragment(&self, build: &mut Builder<'_>) -> Option<()> {
+    fn fragment(&self, build: &mut CodeBuilder<'_>) -> Option<()> {
         let vec4 = build.ty(TypeInner::Vector {
             size: VectorSize::Quad,
             scalar: Scalar::F32,
@@ -178,7 +178,7 @@ impl Stage<'_> {
         Some(())
     }
 
-    fn compute(&self, build: &mut Builder<'_>, targets: &[Stored]) -> Option<()> {
+    fn compute(&self, build: &mut CodeBuilder<'_>, targets: &[Stored]) -> Option<()> {
         let vec3 = build.ty(TypeInner::Vector {
             size: VectorSize::Tri,
             scalar: Scalar::U32,
@@ -229,7 +229,7 @@ impl Stage<'_> {
     /// The fragment stage's result at a pixel, or `leave` if the pixel belongs to another draw.
     fn color(
         &self,
-        build: &mut Builder<'_>,
+        build: &mut CodeBuilder<'_>,
         at: Handle<Expression>,
         leave: Statement,
     ) -> Option<Handle<Expression>> {
@@ -250,7 +250,7 @@ impl Stage<'_> {
 
     fn triangle(
         &self,
-        build: &mut Builder<'_>,
+        build: &mut CodeBuilder<'_>,
         at: Handle<Expression>,
         leave: Statement,
     ) -> Option<Triangle> {
@@ -289,7 +289,7 @@ impl Stage<'_> {
     /// One of the author's outputs.
     fn part(
         &self,
-        build: &mut Builder<'_>,
+        build: &mut CodeBuilder<'_>,
         base: Handle<Expression>,
         index: u32,
     ) -> Handle<Expression> {
@@ -302,7 +302,7 @@ impl Stage<'_> {
     /// The weights at a pixel.
     fn lane(
         &self,
-        build: &mut Builder<'_>,
+        build: &mut CodeBuilder<'_>,
         triangle: &Triangle,
         at: Handle<Expression>,
         place: Place,
@@ -328,7 +328,7 @@ impl Stage<'_> {
     /// Calls a function of the fragment stage's inputs for a pixel.
     fn call(
         &self,
-        build: &mut Builder<'_>,
+        build: &mut CodeBuilder<'_>,
         shader: &Shader,
         triangle: &Triangle,
         lane: &Lane,
@@ -348,7 +348,7 @@ impl Stage<'_> {
     /// An input of the fragment stage at a pixel.
     fn input(
         &self,
-        build: &mut Builder<'_>,
+        build: &mut CodeBuilder<'_>,
         triangle: &Triangle,
         lane: &Lane,
         gradients: &BTreeMap<u32, Handle<Expression>>,
@@ -391,7 +391,7 @@ impl Stage<'_> {
     /// The gradients of a level: differences of its values between pixels of the quad.
     fn differences(
         &self,
-        build: &mut Builder<'_>,
+        build: &mut CodeBuilder<'_>,
         triangle: &Triangle,
         here: &Lane,
         (level, shader): (&Level, &Shader),
@@ -424,7 +424,7 @@ impl Stage<'_> {
         };
         let several = level.values.len() > 1;
         for index in 0..level.values.len() as u32 {
-            let part = |build: &mut Builder<'_>, base| match several {
+            let part = |build: &mut CodeBuilder<'_>, base| match several {
                 true => build.expression(Expression::AccessIndex { base, index }),
                 false => base,
             };
