@@ -7,6 +7,7 @@ use codespan_reporting::diagnostic::{Diagnostic, Label};
 use codespan_reporting::files::SimpleFile;
 use codespan_reporting::term;
 
+use super::codes;
 use crate::regular;
 
 /// The scene cannot be loaded, or a draw cannot be bound. [`Display`](std::fmt::Display) is one
@@ -29,7 +30,7 @@ struct Place {
 
 impl Error {
     /// The stable code. All scene errors share it.
-    pub const CODE: &str = "scene";
+    pub const CODE: &str = codes::SCENE.code;
 
     /// An error without a place.
     pub(crate) fn new(message: impl Into<String>) -> Self {
