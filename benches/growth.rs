@@ -12,8 +12,9 @@ use std::time::Instant;
 
 use preshade::unstable::emit::{self, Options, Target};
 use preshade::unstable::front::{self, Color, Source};
+use preshade::unstable::passes::examples;
 use preshade::unstable::passes::graph::Graph;
-use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::pass::{Facts, Use};
 use preshade::unstable::passes::plan::Plan;
 use preshade::unstable::passes::program::Program;
 use preshade::unstable::passes::state::MaterialState;
@@ -21,14 +22,11 @@ use preshade::unstable::recipe::Recipe;
 
 type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
 
-/// Recipes that are timed, by the word for them.
-const PASSES: [&str; 5] = [
-    "depth-prepass",
-    "early-discard",
-    "shadow",
-    "hoist",
-    "visibility-buffer",
-];
+/// The recipes that are timed.
+fn recipes() -> impl Iterator<Item = &'static str> {
+    let timed = examples().filter(|(_, used)| **used == Use::Growth);
+    timed.map(|(recipe, _)| recipe)
+}
 
 /// How the expressions of a made shader are spread.
 #[derive(Clone, Copy)]
@@ -70,7 +68,7 @@ fn main() -> Result<()> {
     let most: usize = after("--most").first().map_or(Ok(100_000), |n| n.parse())?;
     let steps: Vec<&str> = ["naga", "read", "graph"]
         .into_iter()
-        .chain(PASSES)
+        .chain(recipes())
         .chain(["wgsl"])
         .collect();
     print!("{:<6} {:>7}", "shape", "exprs");

@@ -10,7 +10,8 @@ use preshade::unstable::measure::{
     self, Detail, Session, Settings, Timed, TimingSettings, Variant,
 };
 use preshade::unstable::passes::budget::Budget;
-use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::examples;
+use preshade::unstable::passes::pass::{Facts, Use};
 use preshade::unstable::recipe::Recipe;
 use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
 use preshade::unstable::report;
@@ -152,9 +153,6 @@ pub fn parse_seconds(text: &str) -> Result<f64, String> {
     }
 }
 
-/// The default variants.
-const DEFAULT: [&str; 3] = ["depth-prepass", "depth-prepass:form=equal", "early-discard"];
-
 /// Verifies a scene or a shader.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
     if worker::mine().is_some() {
@@ -162,9 +160,10 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     }
     let mut sweeps = args.variants.sweeps()?;
     if sweeps.is_empty() {
-        for variant in DEFAULT {
-            sweeps.push(Sweep::parse_list(variant)?);
-        }
+        let named = examples().filter(|(_, used)| **used == Use::Verify);
+        sweeps = named
+            .map(|(recipe, _)| Sweep::parse_list(recipe))
+            .collect::<Result<_, _>>()?;
     }
     let first = match &args.sweep {
         None => Variables::new(),

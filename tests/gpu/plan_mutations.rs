@@ -6,13 +6,14 @@
 use std::collections::BTreeSet;
 
 use preshade::unstable::emit::{self, File, PlanFile, Target};
-use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::pass::{Facts, Use};
 use preshade::unstable::recipe::Recipe;
 use preshade::unstable::render::{self, FrameSettings, Prepared, Rendered, SceneInputs, Variant};
 use preshade::unstable::scene::DrawOrder;
 use rayon::prelude::*;
 use serde_json::{Value as Json, json};
 
+use crate::fixtures_support::recipes;
 use crate::render_support::*;
 
 /// Parts of the file that say nothing of a frame.
@@ -89,17 +90,6 @@ const HARMFUL: &[(&str, f64)] = &[
     ("/attachments/2/clear", 1.25 / 65535.0),
     // An id of one word.
     ("/attachments/1/clear/0", 1000.0),
-];
-
-/// What is split, each in a way of its own.
-const RECIPES: [&str; 7] = [
-    "visibility-buffer",
-    "visibility-buffer:ids=unindexed,words=one,select=id",
-    "visibility-buffer:form=compute",
-    "visibility-buffer:select=tiles",
-    "visibility-buffer:select=tiles,form=compute",
-    "visibility-buffer:form=binned",
-    "visibility-buffer:vertices=kept,select=id,formats=any",
 ];
 
 /// A JSON value changed: a pointer to it, and what is there instead; `None`: it is removed.
@@ -305,7 +295,7 @@ fn unseen(recipe: &str, done: &mut BTreeSet<(String, String)>) -> Vec<String> {
 #[test]
 fn every_value_is_needed() {
     let mut done = BTreeSet::new();
-    for recipe in RECIPES {
+    for recipe in recipes(&[Use::Mutate]) {
         let unseen = unseen(recipe, &mut done);
         assert!(
             unseen.is_empty(),

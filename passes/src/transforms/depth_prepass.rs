@@ -161,6 +161,8 @@ impl Pass for DepthPrepass {
                 Use::Fuzz,
                 Use::Plan,
                 Use::Cover,
+                Use::Verify,
+                Use::Growth,
                 Use::Exact,
                 Use::Page("pages/leaf"),
                 Use::Picture {
@@ -178,6 +180,7 @@ impl Pass for DepthPrepass {
                 Use::Pictures(4),
                 Use::Plan,
                 Use::Cover,
+                Use::Verify,
             ],
         },
         Example {

@@ -17,9 +17,11 @@ use super::{Check, Effort, Proof, Verdict};
 use crate::analysis::rounding;
 use crate::core::contract::Contract;
 use crate::core::guard::{Guard, Place as Assumed};
-use crate::core::plan::{BindingSource, ClearValue, GpuPass, HOIST, Plan, Role};
+use crate::core::pass::Expected;
+use crate::core::plan::{BindingSource, ClearValue, GpuPass, Plan, Role, Step};
 use crate::core::program::Program;
 use crate::core::state::{CompareFunction, DepthDirection};
+use crate::pass_named;
 use crate::transforms::early_discard;
 
 /// One in this many inputs is also run if a proof depends on the slicer.
@@ -137,7 +139,7 @@ impl<'a> Pair<'a> {
             ));
             return checks;
         }
-        if self.inverts() {
+        if self.steps().any(|(_, of)| of.is_diagnostic) {
             let why = "`mode=invert` draws what would be dropped, on purpose";
             checks.push(check("colours", not_evaluated(why)));
             return checks;
@@ -180,18 +182,21 @@ impl<'a> Pair<'a> {
         checks
     }
 
-    fn steps(&self, pass: &str) -> impl Iterator<Item = &'a crate::core::plan::Step> {
-        self.variant.steps.iter().filter({
-            let pass = pass.to_owned();
-            move |step| step.pass == pass
+    /// The steps, each with what to expect of it.
+    fn steps(&self) -> impl Iterator<Item = (&'a Step, Expected)> {
+        self.variant.steps.iter().map(|step| {
+            let pass = pass_named(&step.pass);
+            let expected = pass.map(|pass| pass.expected(&step.params));
+            (step, expected.unwrap_or_default())
         })
     }
 
     /// Whether float sums with 0 and products with 0 and 1 were folded. Ordinary numbers keep their
     /// values; there is no promise about others.
     pub(super) fn folds_floats(&self) -> bool {
-        self.steps("specialize")
-            .any(|s| matches!(s.contract, Contract::Rounding { .. }))
+        let is_rounding = |s: &Step| matches!(s.contract, Contract::Rounding { .. });
+        self.steps()
+            .any(|(s, of)| of.folds_floats && is_rounding(s))
     }
 
     pub(super) fn stores(&self) -> Stores {
@@ -201,17 +206,11 @@ impl<'a> Pair<'a> {
         }
     }
 
-    fn inverts(&self) -> bool {
-        self.steps("early-discard")
-            .any(|s| s.params.get("mode").and_then(|m| m.as_str()) == Some("invert"))
-    }
-
     /// Whether varyings are unchanged, so any number may stand for them.
     fn has_the_authors_varyings(&self) -> bool {
         let mut assumed = self.variant.guard.iter().flat_map(|g| &g.values);
-        let rebuilt = ["hoist", "tessellate", "visibility-buffer"];
         !assumed.any(|a| self.may_reach_varyings(&a.place))
-            && rebuilt.iter().all(|pass| self.steps(pass).next().is_none())
+            && !self.steps().any(|(_, of)| of.replaces_varyings)
     }
 
     /// Whether an assumed number may affect varyings, so the fragment stage may be specialised for
@@ -242,8 +241,8 @@ impl<'a> Pair<'a> {
                 "they may be off by {limit} ({metric}) in the picture, and nobody draws it here: `verify` does"
             ))
         };
-        for step in &self.variant.steps {
-            let is_moved = step.pass == HOIST;
+        for (step, of) in self.steps() {
+            let is_moved = of.interpolates;
             match &step.contract {
                 Contract::Exact { .. } => {}
                 Contract::Rounding { .. } if is_moved => {
@@ -273,11 +272,11 @@ impl<'a> Pair<'a> {
                     }
                 }
                 // Our texels don't depend on an implicit level.
-                Contract::Approximate { .. } if step.pass == "early-discard" => {}
-                Contract::Approximate { budget: of, .. } => {
-                    promised[1] = budget(of.metric.name(), of.limit);
+                Contract::Approximate { .. } if of.approximates_levels => {}
+                Contract::Approximate { budget: most, .. } => {
+                    promised[1] = budget(most.metric.name(), most.limit);
                     if !is_moved {
-                        promised[0] = budget(of.metric.name(), of.limit);
+                        promised[0] = budget(most.metric.name(), most.limit);
                     }
                 }
                 Contract::Budgets { .. } => {
@@ -347,15 +346,10 @@ impl<'a> Pair<'a> {
                 attached.insert(*at, texel);
             }
         }
-        let biased = self.pass.role == Role::Prepass
-            && self
-                .steps("depth-prepass")
-                .chain(self.steps("early-discard"))
-                .next()
-                .is_some();
-        let depths = match biased {
-            true => Depths::NotNearer(self.direction),
-            false => Depths::Same,
+        // A pre-pass may be biased.
+        let depths = match self.pass.role {
+            Role::Prepass => Depths::NotNearer(self.direction),
+            _ => Depths::Same,
         };
         let rule = Rule::Fragments {
             colors,
