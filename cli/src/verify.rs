@@ -320,7 +320,7 @@ fn swept(
 /// Prints and writes the report of one scene. `variants` is empty if other processes drew them.
 fn told(
     args: &Args,
-    outcome: &measure::Outcome,
+    outcome: &measure::Verified,
     variants: &[Variant],
     scene: &Scene,
 ) -> Result<Outcome, Failure> {
@@ -403,7 +403,7 @@ fn measured(
     sweeps: &[Sweep],
     bar: &Progress,
     keeper: &mut Keeper,
-) -> Result<(measure::Outcome, Vec<Variant>), Failure> {
+) -> Result<(measure::Verified, Vec<Variant>), Failure> {
     let all = recipes(sweeps);
     let mine: Vec<Recipe> = match worker::mine() {
         None => all,

@@ -49,9 +49,9 @@ impl Error {
     }
 
     /// A file is missing, too large or unreadable.
-    pub(crate) fn unread(path: &Path, error: regular::Error) -> Self {
+    pub(crate) fn unread(path: &Path, error: regular::ReadError) -> Self {
         match error {
-            regular::Error::TooLarge(exceeded) => exceeded.into(),
+            regular::ReadError::TooLarge(exceeded) => exceeded.into(),
             other => Self::new(format!("cannot read `{}`: {other}", path.display())),
         }
     }

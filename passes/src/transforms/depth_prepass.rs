@@ -58,7 +58,7 @@ pub struct DepthPrepass;
 /// How the main pass finds the nearest fragment.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
-pub enum Form {
+pub enum PrepassForm {
     /// The pre-pass is pushed away from the viewer; the main pass keeps the author's state.
     #[default]
     Biased,
@@ -71,7 +71,7 @@ pub enum Form {
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Params {
     /// How the main pass finds the nearest fragment.
-    pub form: Form,
+    pub form: PrepassForm,
     /// Vertex stage of the pre-pass. Default: `sliced` for `biased`, `same` for `equal`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub vertex: Option<VertexStage>,
@@ -110,8 +110,8 @@ const MOST_BIAS: u32 = 1 << 24;
 impl Params {
     fn vertex(&self) -> VertexStage {
         self.vertex.unwrap_or(match self.form {
-            Form::Biased => VertexStage::Sliced,
-            Form::Equal => VertexStage::Same,
+            PrepassForm::Biased => VertexStage::Sliced,
+            PrepassForm::Equal => VertexStage::Same,
         })
     }
 
@@ -199,8 +199,8 @@ impl Pass for DepthPrepass {
         let opaque = check(plan, facts, params)?;
         let slice = depth_only::slice(&opaque, params.vertex());
         let next = match params.form {
-            Form::Biased => biased(plan, &opaque, &slice, params),
-            Form::Equal => equal(plan, &opaque, &slice, params, facts),
+            PrepassForm::Biased => biased(plan, &opaque, &slice, params),
+            PrepassForm::Equal => equal(plan, &opaque, &slice, params, facts),
         }?;
         Ok(slice.outcome(&opaque, what(params, &opaque), next))
     }
@@ -211,7 +211,7 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
     let opaque = Opaque::examine(plan, name)?;
     let mut refusals = Vec::new();
     match params.form {
-        Form::Biased => {
+        PrepassForm::Biased => {
             if !opaque.pass.primitive.topology.is_triangles() {
                 refusals.push(Refusal::new(
                     name,
@@ -265,7 +265,7 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
                 ));
             }
         }
-        Form::Equal => {
+        PrepassForm::Equal => {
             if opaque.decides.depth {
                 // Measured on an NVIDIA H200: 5 of 2,073,600 pixels lost, with equal depths, in a
                 // material whose depth both passes compute.
@@ -369,8 +369,8 @@ fn what(params: &Params, opaque: &Opaque) -> String {
         _ => format!("the slice that decides {}", decided.join(" and ")),
     };
     let main = match params.form {
-        Form::Biased => "main pass as written",
-        Form::Equal => "main pass EQUAL without depth write",
+        PrepassForm::Biased => "main pass as written",
+        PrepassForm::Equal => "main pass EQUAL without depth write",
     };
     let late = match opaque.decides.depth {
         true => {

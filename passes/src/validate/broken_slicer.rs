@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use super::compare::Colors;
 use super::promise::Pair;
-use super::world::Place;
+use super::world::TestPoint;
 use super::{Effort, Proof, Verdict, validate};
 use crate::core::pass::Facts;
 use crate::core::plan::{Plan, Role};
@@ -64,7 +64,7 @@ fn is_one_slice(original: &Plan, variant: &Plan) -> bool {
     let own = original.program(main).unwrap();
     let other = variant.program(pass).unwrap();
     let pair = Pair::new(variant, (main, own), (pass, other), (&EFFORT, None)).unwrap();
-    pair.slices_are_same(Place::Inside, Colors::Ignored)
+    pair.slices_are_same(TestPoint::Inside, Colors::Ignored)
 }
 
 #[test]

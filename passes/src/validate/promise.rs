@@ -12,7 +12,7 @@ use super::inputs::Inputs;
 use super::levels::Levels;
 use super::stage::{POSITION, Slot, Stage};
 use super::verdict::not_evaluated;
-use super::world::{self, Place, Stages};
+use super::world::{self, PassStages, TestPoint};
 use super::{Check, Effort, Proof, Verdict};
 use crate::analysis::rounding;
 use crate::core::contract::Contract;
@@ -31,8 +31,8 @@ const BESIDE: u64 = 8;
 pub(super) struct Pair<'a> {
     pub(super) variant: &'a Plan,
     pub(super) pass: &'a GpuPass,
-    pub(super) original: Stages<'a>,
-    pub(super) other: Stages<'a>,
+    pub(super) original: PassStages<'a>,
+    pub(super) other: PassStages<'a>,
     pub(super) effort: &'a Effort,
     /// The lookups that receive gradients and biases.
     pub(super) levels: Arc<Levels>,
@@ -64,7 +64,7 @@ impl Held {
     }
 }
 
-fn stages<'a>(pass: &GpuPass, program: &'a Program) -> Result<Stages<'a>, String> {
+fn stages<'a>(pass: &GpuPass, program: &'a Program) -> Result<PassStages<'a>, String> {
     let vertex =
         Stage::new(program, ShaderStage::Vertex, &pass.vertex).ok_or("it has no vertex stage")?;
     let fragment = match &pass.fragment {
@@ -73,7 +73,7 @@ fn stages<'a>(pass: &GpuPass, program: &'a Program) -> Result<Stages<'a>, String
             Stage::new(program, ShaderStage::Fragment, name).ok_or("it has no fragment stage")?,
         ),
     };
-    Ok(Stages { vertex, fragment })
+    Ok(PassStages { vertex, fragment })
 }
 
 impl<'a> Pair<'a> {
@@ -124,15 +124,19 @@ impl<'a> Pair<'a> {
         };
         let mut checks = vec![check(
             "positions",
-            self.verdict(&[Place::Vertex], Colors::Ignored),
+            self.verdict(&[TestPoint::Vertex], Colors::Ignored),
         )];
-        let corners = [Place::Corner(0), Place::Corner(1), Place::Corner(2)];
+        let corners = [
+            TestPoint::Corner(0),
+            TestPoint::Corner(1),
+            TestPoint::Corner(2),
+        ];
         if self.pass.role != Role::Main {
             let colors = match self.pass.multisample.alpha_to_coverage {
                 true => Colors::Alpha,
                 false => Colors::Ignored,
             };
-            let places = [&corners[..1], &[Place::Inside]].concat();
+            let places = [&corners[..1], &[TestPoint::Inside]].concat();
             checks.push(check(
                 "what it discards, and depths",
                 self.verdict(&places, colors),
@@ -159,7 +163,7 @@ impl<'a> Pair<'a> {
             (
                 "colours, depths and discards inside triangles",
                 "depths and discards inside triangles",
-                &[Place::Inside][..],
+                &[TestPoint::Inside][..],
                 &inside,
             ),
         ] {
@@ -176,7 +180,7 @@ impl<'a> Pair<'a> {
         if self.has_the_authors_varyings() {
             checks.push(check(
                 "the fragment stage, of any varyings",
-                self.verdict(&[Place::Anywhere], told(&at_vertices)),
+                self.verdict(&[TestPoint::Anywhere], told(&at_vertices)),
             ));
         }
         checks
@@ -289,11 +293,11 @@ impl<'a> Pair<'a> {
 
     pub(super) fn rule(
         &self,
-        place: Place,
+        place: TestPoint,
         colors: Colors,
         inputs: Option<&Inputs>,
     ) -> (Rule, Attached) {
-        if place == Place::Vertex {
+        if place == TestPoint::Vertex {
             let positions = match self.folds_floats() {
                 true => Positions::Numbers,
                 false => Positions::Bits,
@@ -360,7 +364,7 @@ impl<'a> Pair<'a> {
         (rule, attached)
     }
 
-    fn verdict(&self, places: &[Place], colors: Colors) -> Verdict {
+    fn verdict(&self, places: &[TestPoint], colors: Colors) -> Verdict {
         if let Some(runner) = self.runner {
             return self.tried_on(runner, places, colors);
         }
@@ -373,7 +377,7 @@ impl<'a> Pair<'a> {
 
     /// For slices that are equal according to the slicer. A faulty slicer may have cut the variant
     /// too, so we run both in full.
-    fn confirmed(&self, places: &[Place], colors: Colors) -> Verdict {
+    fn confirmed(&self, places: &[TestPoint], colors: Colors) -> Verdict {
         match self.tried(places, colors, self.effort.inputs.div_ceil(BESIDE)) {
             found @ Verdict::Counterexample(_) => found,
             Verdict::Agreed { compared, .. } => Verdict::Proved {
@@ -386,7 +390,7 @@ impl<'a> Pair<'a> {
         }
     }
 
-    fn by_terms(&self, places: &[Place], colors: Colors) -> Option<Verdict> {
+    fn by_terms(&self, places: &[TestPoint], colors: Colors) -> Option<Verdict> {
         // Numbers that a guard leaves open would be fixed.
         let guard = self.variant.guard.as_ref();
         let is_fixed = |g: &Guard| g.values.iter().all(|a| a.bounds.low == a.bounds.high);

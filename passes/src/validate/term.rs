@@ -23,7 +23,7 @@ use crate::evaluate::{Number, Stuck};
 pub struct Term(u32);
 
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
-enum Node {
+enum TermNode {
     /// Bits of an `f32`.
     Constant(u32),
     /// An input, by name.
@@ -46,8 +46,8 @@ enum Question {
 
 #[derive(Default)]
 struct Arena {
-    nodes: Vec<Node>,
-    terms: HashMap<Node, Term>,
+    nodes: Vec<TermNode>,
+    terms: HashMap<TermNode, Term>,
     answers: HashMap<Question, bool>,
     /// The outcomes of this run in order: prescribed ones, then `false`.
     path: Vec<bool>,
@@ -62,7 +62,7 @@ thread_local! {
 }
 
 impl Arena {
-    fn term(&mut self, node: Node) -> Term {
+    fn term(&mut self, node: TermNode) -> Term {
         if let Some(known) = self.terms.get(&node) {
             return *known;
         }
@@ -74,7 +74,7 @@ impl Arena {
 
     fn constant(&self, term: Term) -> Option<f32> {
         match self.nodes.get(term.0 as usize)? {
-            Node::Constant(bits) => Some(f32::from_bits(*bits)),
+            TermNode::Constant(bits) => Some(f32::from_bits(*bits)),
             _ => None,
         }
     }
@@ -127,19 +127,19 @@ pub fn proved(most: u64, mut same: impl FnMut() -> Result<bool, Stuck>) -> Optio
 impl Term {
     /// The input of that name.
     pub fn input(name: &str) -> Self {
-        ARENA.with_borrow_mut(|arena| arena.term(Node::Input(name.to_owned())))
+        ARENA.with_borrow_mut(|arena| arena.term(TermNode::Input(name.to_owned())))
     }
 
     /// A function of terms that the environment provides, by name.
     pub fn given(name: &str, of: &[Self]) -> Self {
-        ARENA.with_borrow_mut(|arena| arena.term(Node::Given(name.to_owned(), of.to_vec())))
+        ARENA.with_borrow_mut(|arena| arena.term(TermNode::Given(name.to_owned(), of.to_vec())))
     }
 
     /// A node; folded to a number if all `operands` are numbers and every adapter has the same
     /// result, so that float counters count.
     fn folded(
         operands: &[Self],
-        node: impl FnOnce() -> Node,
+        node: impl FnOnce() -> TermNode,
         fold: impl FnOnce(&[f32]) -> Option<f32>,
     ) -> Option<Self> {
         ARENA.with_borrow_mut(|arena| {
@@ -150,7 +150,7 @@ impl Term {
             let node = match constants.filter(|c| !c.is_empty()) {
                 Some(constants) => match fold(&constants) {
                     Some(number) if is_settled(&constants, number) => {
-                        Node::Constant(number.to_bits())
+                        TermNode::Constant(number.to_bits())
                     }
                     _ => node(),
                 },
@@ -170,7 +170,7 @@ fn is_settled(operands: &[f32], result: f32) -> bool {
 
 impl Number for Term {
     fn of(number: f32) -> Self {
-        ARENA.with_borrow_mut(|arena| arena.term(Node::Constant(number.to_bits())))
+        ARENA.with_borrow_mut(|arena| arena.term(TermNode::Constant(number.to_bits())))
     }
 
     fn is_same(self, other: Self) -> bool {
@@ -180,8 +180,8 @@ impl Number for Term {
     fn negated(self) -> Self {
         ARENA.with_borrow_mut(|arena| {
             let node = match arena.constant(self) {
-                Some(number) => Node::Constant((-number).to_bits()),
-                None => Node::Negated(self),
+                Some(number) => TermNode::Constant((-number).to_bits()),
+                None => TermNode::Negated(self),
             };
             arena.term(node)
         })
@@ -189,7 +189,7 @@ impl Number for Term {
 
     fn binary(op: BinaryOperator, a: Self, b: Self) -> Option<Self> {
         use BinaryOperator as B;
-        let node = || Node::Binary(op, a, b);
+        let node = || TermNode::Binary(op, a, b);
         match op {
             B::Add | B::Subtract => Self::folded(&[a, b], node, |n| f32::binary(op, n[0], n[1])),
             B::Multiply => Self::folded(&[a, b], node, |n| {
@@ -232,7 +232,7 @@ impl Number for Term {
 
     fn call(function: MathFunction, arguments: &[Self]) -> Option<Self> {
         use MathFunction as M;
-        let node = || Node::Call(function, arguments.to_vec());
+        let node = || TermNode::Call(function, arguments.to_vec());
         match function {
             // Each adapter has the same result for these.
             M::Abs

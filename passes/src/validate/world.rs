@@ -7,7 +7,7 @@ use std::sync::Arc;
 use naga::{BuiltIn, Handle, Module, ScalarKind, Type, TypeInner};
 
 use super::inputs::{Inputs, Random};
-use super::stage::{At, Kind, POSITION, Ran, Slot, Stage, interpolated};
+use super::stage::{At, POSITION, Ran, Slot, Stage, VaryingKind, interpolated};
 use super::term::Term;
 use crate::core::reflect::Io;
 use crate::evaluate::bound::{Interval, exactly};
@@ -17,7 +17,7 @@ use crate::evaluate::{
 
 /// Both stages of a pass.
 #[derive(Clone, Copy, Debug)]
-pub struct Stages<'p> {
+pub struct PassStages<'p> {
     /// The vertex stage.
     pub vertex: Stage<'p>,
     /// The fragment stage, if there is one.
@@ -26,7 +26,7 @@ pub struct Stages<'p> {
 
 /// The stage and position to compare.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum TestPoint {
     /// The vertex stage, at a corner that depends on the input ([`Inputs::corner`]).
     Vertex,
     /// The fragment stage at a corner of a triangle, with that vertex's outputs as inputs.
@@ -38,7 +38,7 @@ pub enum Place {
 }
 
 /// Returns an input of a stage.
-type Input<'a, F> = Box<dyn Fn(&Module, &Io, usize) -> Option<Value<F>> + 'a>;
+type StageInput<'a, F> = Box<dyn Fn(&Module, &Io, usize) -> Option<Value<F>> + 'a>;
 
 /// Returns the texel of a lookup.
 type Texel<'a, F> = Box<dyn Fn(&Lookup<'_, F>) -> [F; 4] + 'a>;
@@ -47,13 +47,13 @@ type Texel<'a, F> = Box<dyn Fn(&Lookup<'_, F>) -> [F; 4] + 'a>;
 pub struct World<'a, F: 'a> {
     /// Uniforms and buffers.
     pub resources: Arc<BTreeMap<(u32, u32), Value<F>>>,
-    /// The corner of [`Place::Vertex`].
+    /// The corner of [`TestPoint::Vertex`].
     corner: usize,
-    attribute: Input<'a, F>,
-    fragment: Input<'a, F>,
+    attribute: StageInput<'a, F>,
+    fragment: StageInput<'a, F>,
     texel: Texel<'a, F>,
     derivative: Box<dyn Fn(Derivative<F>) -> F + 'a>,
-    inside: Box<dyn Fn(Kind, [F; 3]) -> F + 'a>,
+    inside: Box<dyn Fn(VaryingKind, [F; 3]) -> F + 'a>,
 }
 
 impl<F: Number> World<'_, F> {
@@ -64,8 +64,8 @@ impl<F: Number> World<'_, F> {
     /// [`Stuck`].
     pub fn run(
         &self,
-        stages: Stages<'_>,
-        place: Place,
+        stages: PassStages<'_>,
+        place: TestPoint,
         steps: u64,
         trace: Option<&RefCell<Vec<Traced<F>>>>,
     ) -> Result<Ran<F>, Stuck> {
@@ -81,7 +81,7 @@ impl<F: Number> World<'_, F> {
             let input = |io: &Io| (self.attribute)(module, io, corner);
             stages.vertex.run(&input, &environment(trace))
         };
-        if place == Place::Vertex {
+        if place == TestPoint::Vertex {
             return vertex(self.corner, trace);
         }
         let Some(fragment) = stages.fragment else {
@@ -95,18 +95,18 @@ impl<F: Number> World<'_, F> {
         };
         let module = fragment.module();
         let own = |io: &Io| (self.fragment)(module, io, 0);
-        if place == Place::Anywhere {
+        if place == TestPoint::Anywhere {
             return fragment.run(&own, &environment(trace));
         }
         // Traces only the vertex whose numbers are not interpolated.
-        let traced = |corner| trace.filter(|_| place == Place::Corner(corner));
+        let traced = |corner| trace.filter(|_| place == TestPoint::Corner(corner));
         let corners = [
             vertex(0, traced(0))?,
             vertex(1, traced(1))?,
             vertex(2, traced(2))?,
         ];
         let at = match place {
-            Place::Corner(corner) => At::Corner(corner),
+            TestPoint::Corner(corner) => At::Corner(corner),
             _ => At::Inside(&*self.inside),
         };
         let input = |io: &Io| match io.binding {
