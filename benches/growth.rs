@@ -144,7 +144,8 @@ fn whole() -> Result<()> {
     if let (Some((most, path)), Some((median, _))) = (ratios.last(), ratios.get(ratios.len() / 2)) {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         println!(
-            "a whole compile takes {median:.2} times what naga does by itself to its texts, median of {} fixtures; {most:.2} of {name}",
+            "a whole compile takes {median:.2} times what naga does by itself to its texts, median \
+             of {} fixtures; {most:.2} of {name}",
             ratios.len()
         );
     }
@@ -276,7 +277,8 @@ fn made(shape: Shape, expressions: usize) -> Source {
     let steps = (expressions / 16).max(1);
     let step = |i: usize| {
         format!(
-            "    sum += sin(q.x * {}.5 + u.time) * cos(q.y - 0.25);\n    q = q.yx * 1.5 + vec2<f32>(sum, {}.0);\n",
+            "    sum += sin(q.x * {}.5 + u.time) * cos(q.y - 0.25);\n    q = q.yx * 1.5 + \
+             vec2<f32>(sum, {}.0);\n",
             i % 97,
             i % 31
         )
@@ -294,7 +296,8 @@ fn made(shape: Shape, expressions: usize) -> Source {
             let layers = steps.div_ceil(6);
             let function = |f: usize| {
                 format!(
-                    "fn layer_{f}(p: vec2<f32>) -> f32 {{\n    var sum = 0.0;\n    var q = p;\n{}    return sum;\n}}\n",
+                    "fn layer_{f}(p: vec2<f32>) -> f32 {{\n    var sum = 0.0;\n    var q = p;\n\
+                     {}    return sum;\n}}\n",
                     body(f * 6..(f * 6 + 6).min(steps))
                 )
             };

@@ -45,17 +45,20 @@ const SURVIVORS: &[(&str, &str)] = &[
     ("/passes/*/bindings/*/name", "a name for readers"),
     ("/passes/*/bindings/*/visibility/vertex", "one stage more than is needed"),
     ("/passes/*/bindings/*/visibility/fragment", "one stage more than is needed"),
-    ("/passes/*/bindings/*/source/part/draw/formats", "the scene stores all attributes as they are declared"),
+    ("/passes/*/bindings/*/source/part/draw/formats", "the scene stores all attributes as they are \
+        declared"),
     ("/passes/*/bindings/*/source/part/attribute/name", "a name for readers"),
     ("/passes/*/bindings/*/source/part/attribute/type", "with `formats=any` for readers"),
-    ("/passes/ids/features/0 removed", "what a device has that is asked for no more: `plan_needs.rs`"),
+    ("/passes/ids/features/0 removed", "what a device has that is asked for no more: \
+                                        `plan_needs.rs`"),
     ("/passes/*/depth/bias/clamp", "the largest of a bias that is none"),
     ("/passes/*/multisample/alpha_to_coverage", "there is one sample: `plan_is_enough` has more"),
     ("/passes/classify/draws", "drawn again, the numbers of draws are what they were"),
     ("/passes/classify/depth/bias/constant", "the pass writes the depth itself"),
     ("/passes/classify/depth/bias/slope_scale", "the pass writes the depth itself"),
     ("/passes/classify/primitive/front_face", "nothing is culled"),
-    ("/passes/classify/primitive/cull removed", "by default the back is culled, and it shows its front"),
+    ("/passes/classify/primitive/cull removed", "by default the back is culled, and it shows its \
+                                                 front"),
     ("/passes/classify/primitive/unclipped_depth", "what covers the screen is not clipped"),
     ("/passes/resolve/depth/bias/slope_scale", "over the screen depth has no slope"),
     ("/passes/resolve/depth/ops/load", "the classify pass has cleared it"),
@@ -63,7 +66,8 @@ const SURVIVORS: &[(&str, &str)] = &[
     ("/passes/resolve/depth/read_only", "an EQUAL test writes what is there"),
     ("/passes/resolve/depth/write", "an EQUAL test writes what is there"),
     ("/passes/resolve/primitive/front_face", "nothing is culled"),
-    ("/passes/resolve/primitive/cull removed", "by default the back is culled, and it shows its front"),
+    ("/passes/resolve/primitive/cull removed", "by default the back is culled, and it shows its \
+                                                front"),
     ("/passes/resolve/primitive/unclipped_depth", "what covers the screen is not clipped"),
     ("/passes/clear/draws", "it draws nothing"),
     ("/passes/clear/geometry removed", "it draws nothing"),
@@ -76,7 +80,8 @@ const SURVIVORS: &[(&str, &str)] = &[
     ("/compute/*/bindings/*/name", "a name for readers"),
     ("/compute/*/bindings/*/visibility/vertex", "a compute pass has one stage"),
     ("/compute/*/bindings/*/visibility/fragment", "a compute pass has one stage"),
-    ("/compute/*/bindings/*/source/part/draw/formats", "the scene stores all attributes as they are declared"),
+    ("/compute/*/bindings/*/source/part/draw/formats", "the scene stores all attributes as they \
+        are declared"),
     ("/compute/*/bindings/*/source/part/attribute/name", "a name for readers"),
     ("/compute/*/bindings/*/source/part/attribute/type", "with `formats=any` for readers"),
     ("/compute/*/draws removed", "no draw of the material is blended"),

@@ -161,7 +161,8 @@ fn without_a_pass_those_that_apply_are_named() {
     assert_eq!(output.status.code(), Some(0));
     assert_eq!(
         stderr(&output),
-        "note: no --pass is given, so `toon` is written as it is; these apply to it: depth-prepass, early-discard, shadow\n"
+        "note: no --pass is given, so `toon` is written as it is; \
+         these apply to it: depth-prepass, early-discard, shadow\n"
     );
 }
 
@@ -408,15 +409,18 @@ fn what_a_language_lacks_is_told_in_words() {
     let external = write(
         "external.wgsl",
         &format!(
-            "@group(0) @binding(0) var video: texture_external;\n@group(0) @binding(1) var s: sampler;\n{vertex}\
-             @fragment fn fs(@builtin(position) p: vec4<f32>) -> @location(0) vec4<f32> {{ return textureSampleBaseClampToEdge(video, s, p.xy); }}\n"
+            "@group(0) @binding(0) var video: texture_external;\n\
+             @group(0) @binding(1) var s: sampler;\n{vertex}\
+             @fragment fn fs(@builtin(position) p: vec4<f32>) -> @location(0) vec4<f32> {{ \
+             return textureSampleBaseClampToEdge(video, s, p.xy); }}\n"
         ),
     );
     let storage = write(
         "storage.wgsl",
         &format!(
             "@group(0) @binding(0) var<storage, read> t: array<vec4<f32>>;\n{vertex}\
-             @fragment fn fs(@builtin(position) p: vec4<f32>) -> @location(0) vec4<f32> {{ return t[u32(p.x)]; }}\n"
+             @fragment fn fs(@builtin(position) p: vec4<f32>) -> @location(0) vec4<f32> {{ \
+             return t[u32(p.x)]; }}\n"
         ),
     );
     for (file, target, told) in [
@@ -456,7 +460,8 @@ fn a_slip_in_a_variable_of_the_environment_is_seen() {
     };
     assert_eq!(
         with("PRESHADE_EMMIT"),
-        "warning: the environment has `PRESHADE_EMMIT`, which is no flag's (did you mean `PRESHADE_EMIT`?): nothing reads it\n"
+        "warning: the environment has `PRESHADE_EMMIT`, which is no flag's (did you mean \
+         `PRESHADE_EMIT`?): nothing reads it\n"
     );
     assert_eq!(with("PRESHADE_EMIT"), "");
     assert_eq!(with("MY_PRESHADE_EMMIT"), "");

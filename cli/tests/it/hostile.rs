@@ -167,9 +167,11 @@ fn with_glsl(name: &str, first: &str) -> PathBuf {
         "vertex = \"a.vert\"\nfragment = \"a.frag\"",
     );
     let here = folder(name, &scene, "");
-    let vertex = "#version 450\nlayout(location = 0) in vec3 position;\nvoid main() { gl_Position = vec4(position, 1.0); }\n";
+    let vertex = "#version 450\nlayout(location = 0) in vec3 position;\n\
+                  void main() { gl_Position = vec4(position, 1.0); }\n";
     let fragment = format!(
-        "#version 450\n#extension GL_GOOGLE_include_directive : enable\n{first}\nlayout(location = 0) out vec4 color;\nvoid main() {{ color = vec4(0.5); }}\n"
+        "#version 450\n#extension GL_GOOGLE_include_directive : enable\n{first}\n\
+         layout(location = 0) out vec4 color;\nvoid main() {{ color = vec4(0.5); }}\n"
     );
     fs::write(here.join("a.vert"), vertex).unwrap();
     fs::write(here.join("a.frag"), fragment).unwrap();

@@ -52,7 +52,8 @@ fn the_tree_is_kept_and_what_was_read_is_told() {
     let rules: Vec<&str> = rules.lines().collect();
     assert_eq!(
         rules[2],
-        "out/sub/phong.main.wgsl out/sub/phong.prepass.wgsl out/sub/phong.plan.json: shaders/sub/phong.vert shaders/sub/phong.frag"
+        "out/sub/phong.main.wgsl out/sub/phong.prepass.wgsl out/sub/phong.plan.json: \
+         shaders/sub/phong.vert shaders/sub/phong.frag"
     );
     // And an empty one for each file read, so that make goes on without it.
     assert_eq!(rules.len(), 7);
@@ -81,7 +82,8 @@ fn the_tree_is_kept_and_what_was_read_is_told() {
     let rule = fs::read_to_string(tree.join("one/lit.d")).unwrap();
     assert_eq!(
         rule,
-        "one/lit.main.wgsl one/lit.prepass.wgsl one/lit.plan.json: shaders/lit.wgsl preshade.toml\npreshade.toml:\nshaders/lit.wgsl:\n"
+        "one/lit.main.wgsl one/lit.prepass.wgsl one/lit.plan.json: shaders/lit.wgsl preshade.toml\n\
+         preshade.toml:\nshaders/lit.wgsl:\n"
     );
 }
 
@@ -132,7 +134,8 @@ fn what_is_said_of_one_of_many_names_its_files() {
     ] {
         assert!(said.contains(files), "{files}: {said}");
     }
-    let sum = "materials: 0 rewritten, 3 written as they are, 1 failed; files: 6 written, 0 up to date; refused: depth-prepass/blended 3\n";
+    let sum = "materials: 0 rewritten, 3 written as they are, 1 failed; \
+               files: 6 written, 0 up to date; refused: depth-prepass/blended 3\n";
     assert!(said.contains(sum), "{said}");
 }
 
