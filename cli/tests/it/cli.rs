@@ -6,6 +6,8 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
+use crate::hostile_support::{self, stderr};
+
 /// Every transcript in `tests/cmd`. `TRYCMD=overwrite` updates them. `tests/gpu` runs those that
 /// draw.
 #[test]
@@ -18,17 +20,11 @@ fn transcripts() {
 
 /// The binary, run in the folder of this crate.
 fn preshade() -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_preshade"));
-    command.current_dir(env!("CARGO_MANIFEST_DIR"));
-    command
+    hostile_support::preshade(Path::new(env!("CARGO_MANIFEST_DIR")))
 }
 
 fn run(args: &[&str]) -> Output {
-    preshade().args(args).stdin(Stdio::null()).output().unwrap()
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8(output.stderr.clone()).unwrap()
+    preshade().args(args).output().unwrap()
 }
 
 /// A path below which nothing is yet.
