@@ -572,7 +572,7 @@ fn names_and_halves_are_told() {
         use std::os::unix::ffi::OsStrExt;
         let name = std::ffi::OsStr::from_bytes(b"n\xff.wgsl");
         fs::copy(tree.join("shaders/lit.wgsl"), tree.join(name)).unwrap();
-        let output = preshade(&tree).args(["rewrite", name]).output().unwrap();
+        let output = preshade(&tree).arg("rewrite").arg(name).output().unwrap();
         assert_eq!(output.status.code(), Some(2));
         assert!(stderr(&output).contains("the name is not UTF-8"));
     }
