@@ -21,7 +21,8 @@ const MATERIAL: &str = "
 @group(0) @binding(0) var<uniform> turn: mat4x4<f32>;
 struct Varyings { @builtin(position) position: vec4<f32>, @location(0) at: vec4<f32> }
 fn lower(by: ptr<function, f32>, at: f32) { *by = *by - at; }
-@vertex fn vs(@location(0) position: vec3<f32>) -> Varyings { return Varyings(turn * vec4(position, 1.0), turn * vec4(position, 2.0)); }
+@vertex fn vs(@location(0) position: vec3<f32>) -> Varyings { \
+    return Varyings(turn * vec4(position, 1.0), turn * vec4(position, 2.0)); }
 @fragment fn fs(in: Varyings) -> @location(0) vec4<f32> {
     if in.at.w > 3.0 { return vec4(0.5); }
     var cut = array(in.at.x, 0.25);

@@ -99,7 +99,8 @@ impl Pair<'_> {
             (0, _) => not_evaluated("no input could be judged there"),
             (few, many) if few < many => Verdict::NotEvaluable {
                 why: format!(
-                    "on {many} inputs the adapter rounds the two apart, and on {few} alone it does not"
+                    "on {many} inputs the adapter rounds the two apart, and on {few} alone it does \
+                     not"
                 ),
             },
             (inputs, unsure) => of_compared(inputs, each(compared).min(inputs), unsure),
@@ -153,7 +154,8 @@ impl Pair<'_> {
         // An adapter that violates WGSL's accuracies proves nothing.
         if let Some(strange) = allowed.as_ref().and_then(|a| outside(a, original)) {
             return Judged::Strange(format!(
-                "what the adapter gives of the original is not what WGSL allows: {strange} (inputs of seed {})",
+                "what the adapter gives of the original is not what WGSL allows: {strange} (inputs \
+                 of seed {})",
                 inputs.seed
             ));
         }

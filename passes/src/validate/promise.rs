@@ -84,7 +84,11 @@ impl<'a> Pair<'a> {
         (effort, runner): (&'a Effort, Option<&'a dyn Runner>),
     ) -> Result<Self, String> {
         if !pass.geometry.is_as_given() {
-            return Err("its vertices are new ones, which the interpreter does not make; `verify` draws them".to_owned());
+            return Err(
+                "its vertices are new ones, which the interpreter does not make; \
+                 `verify` draws them"
+                    .to_owned(),
+            );
         }
         let mut attachments = BTreeMap::new();
         for binding in &pass.bindings {
@@ -96,7 +100,13 @@ impl<'a> Pair<'a> {
                     let held = (clear, Held::of(name, clear));
                     attachments.insert((binding.group, binding.binding), held);
                 }
-                _ => return Err("it reads buffers of the draw's geometry, which the interpreter does not fill; `verify` draws it".to_owned()),
+                _ => {
+                    return Err(
+                        "it reads buffers of the draw's geometry, which the interpreter does not \
+                         fill; `verify` draws it"
+                            .to_owned(),
+                    );
+                }
             }
         }
         let compare = main.depth.as_ref().map(|d| d.compare);
@@ -242,7 +252,8 @@ impl<'a> Pair<'a> {
         let mut promised: [Result<Colors, String>; 2] = [Ok(Colors::Bits), Ok(Colors::Bits)];
         let budget = |metric: &str, limit: f64| {
             Err(format!(
-                "they may be off by {limit} ({metric}) in the picture, and nobody draws it here: `verify` does"
+                "they may be off by {limit} ({metric}) in the picture, and nobody draws it here: \
+                 `verify` does"
             ))
         };
         for (step, of) in self.steps() {

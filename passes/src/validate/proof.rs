@@ -80,7 +80,7 @@ impl Pair<'_> {
 /// Writes a number that a guard fixes into a buffer of terms.
 fn fix(
     module: &naga::Module,
-    world: &mut World<'_, term::Term>,
+    world: &mut World<'_, term::Symbolic>,
     assumed: &crate::core::guard::Assumed,
 ) {
     use crate::core::guard::ScalarType;
@@ -95,7 +95,7 @@ fn fix(
     };
     let at = (group, binding);
     let number = match assumed.ty {
-        ScalarType::F32 => Scalar::F32(term::Term::of(assumed.bounds.low as f32)),
+        ScalarType::F32 => Scalar::F32(term::Symbolic::of(assumed.bounds.low as f32)),
         ScalarType::I32 => Scalar::I32(assumed.bounds.low as i32),
         ScalarType::U32 => Scalar::U32(assumed.bounds.low as u32),
     };

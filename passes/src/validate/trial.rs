@@ -246,7 +246,8 @@ pub(super) fn of_compared(inputs: u64, compared: u64, unsure: u64) -> Verdict {
     match compared {
         0 => Verdict::NotEvaluable {
             why: format!(
-                "on {inputs} inputs no colour was compared: fragments were discarded, or numbers not ordinary"
+                "on {inputs} inputs no colour was compared: fragments were discarded, or numbers \
+                 not ordinary"
             ),
         },
         _ => Verdict::Agreed {

@@ -8,7 +8,7 @@ use naga::{BuiltIn, Handle, Module, ScalarKind, Type, TypeInner};
 
 use super::inputs::{Inputs, Random};
 use super::stage::{At, POSITION, Ran, Slot, Stage, VaryingKind, interpolated};
-use super::term::Term;
+use super::term::Symbolic;
 use crate::core::reflect::Io;
 use crate::evaluate::bound::{Interval, exactly};
 use crate::evaluate::{
@@ -229,7 +229,7 @@ pub fn depths(inputs: &Inputs, module: &Module, io: Option<&Io>, clear: f32) -> 
 }
 
 /// A world of terms, except for numbers that a guard fixes, which `inputs` contains.
-pub fn symbolic<'a>(module: &'a Module, inputs: &'a Inputs) -> World<'a, Term> {
+pub fn symbolic<'a>(module: &'a Module, inputs: &'a Inputs) -> World<'a, Symbolic> {
     let mut resources = BTreeMap::new();
     for (_, global) in module.global_variables.iter() {
         let Some(at) = &global.binding else { continue };
@@ -257,13 +257,13 @@ pub fn symbolic<'a>(module: &'a Module, inputs: &'a Inputs) -> World<'a, Term> {
                     Value::Composite(parts) => {
                         for (component, part) in (0..).zip(parts) {
                             if let Some(number) = fixed(component) {
-                                *part = Value::number(Term::of(number));
+                                *part = Value::number(Symbolic::of(number));
                             }
                         }
                     }
                     one => {
                         if let Some(number) = fixed(0) {
-                            *one = Value::number(Term::of(number));
+                            *one = Value::number(Symbolic::of(number));
                         }
                     }
                 }
@@ -275,10 +275,10 @@ pub fn symbolic<'a>(module: &'a Module, inputs: &'a Inputs) -> World<'a, Term> {
             Some(match slot {
                 // Both cases are tried.
                 Slot::BuiltIn(BuiltIn::FrontFacing) => {
-                    let front = Term::holds(
+                    let front = Symbolic::holds(
                         naga::BinaryOperator::Less,
-                        Term::input("front"),
-                        Term::of(0.0),
+                        Symbolic::input("front"),
+                        Symbolic::of(0.0),
                     );
                     Value::Scalar(Scalar::Bool(front?))
                 }
@@ -296,15 +296,17 @@ pub fn symbolic<'a>(module: &'a Module, inputs: &'a Inputs) -> World<'a, Term> {
             );
             [0, 1, 2, 3].map(
                 |channel| match inputs.fixed_texel(lookup.binding, channel) {
-                    Some(number) => Term::of(number),
-                    None => Term::given(&format!("{name} {channel}"), &of),
+                    Some(number) => Symbolic::of(number),
+                    None => Symbolic::given(&format!("{name} {channel}"), &of),
                 },
             )
         }),
         derivative: Box::new(|d| {
-            Term::given(&format!("derivative {:?} {:?}", d.axis, d.control), &[d.of])
+            Symbolic::given(&format!("derivative {:?} {:?}", d.axis, d.control), &[d.of])
         }),
-        inside: Box::new(|kind, corners| Term::given(&format!("interpolated {kind:?}"), &corners)),
+        inside: Box::new(|kind, corners| {
+            Symbolic::given(&format!("interpolated {kind:?}"), &corners)
+        }),
     }
 }
 
@@ -312,12 +314,12 @@ pub fn symbolic<'a>(module: &'a Module, inputs: &'a Inputs) -> World<'a, Term> {
 const MOST_SCALARS: u32 = 4096;
 
 /// A term for each float of a type. Its other scalars may be copied but not used.
-fn terms(module: &Module, ty: Handle<Type>, name: &str) -> Value<Term> {
-    let times = |count: usize, part: &dyn Fn(usize) -> Value<Term>| {
+fn terms(module: &Module, ty: Handle<Type>, name: &str) -> Value<Symbolic> {
+    let times = |count: usize, part: &dyn Fn(usize) -> Value<Symbolic>| {
         Value::Composite((0..count).map(part).collect())
     };
     let scalar = |s: naga::Scalar, name: &str| match (s.kind, s.width) {
-        (ScalarKind::Float, 4) => Value::number(Term::input(name)),
+        (ScalarKind::Float, 4) => Value::number(Symbolic::input(name)),
         _ => opaque(name),
     };
     match &module.types[ty].inner {
@@ -352,7 +354,7 @@ fn terms(module: &Module, ty: Handle<Type>, name: &str) -> Value<Term> {
 }
 
 /// An unknown value, equal only to itself: an invalid pointer, which stops every use of it.
-fn opaque(name: &str) -> Value<Term> {
+fn opaque(name: &str) -> Value<Symbolic> {
     Value::Pointer {
         address: usize::MAX,
         path: name.bytes().map(usize::from).collect(),
