@@ -112,7 +112,8 @@ mod tests {
         ];
         assert_eq!(
             text(&rules),
-            "out/a\\ b\\%.wgsl: in/$$a%\\#b\\:c.wgsl\nC:/out/d: in/$$a%\\#b\\:c.wgsl\nout\\e: in\\\\\\ f\\g.wgsl\nin/$$a\\%\\#b\\:c.wgsl:\nin\\\\\\ f\\g.wgsl:\n"
+            "out/a\\ b\\%.wgsl: in/$$a%\\#b\\:c.wgsl\nC:/out/d: in/$$a%\\#b\\:c.wgsl\n\
+             out\\e: in\\\\\\ f\\g.wgsl\nin/$$a\\%\\#b\\:c.wgsl:\nin\\\\\\ f\\g.wgsl:\n"
         );
     }
 }

@@ -165,7 +165,8 @@ fn load(@builtin(global_invocation_id) at: vec3<u32>) {{
     let size = textureDimensions(source);
     if (at.x >= size.x || at.y >= size.y) {{ return; }}
     for (var sample = 0u; sample < {samples}u; sample++) {{
-        values[(at.y * size.x + at.x) * {samples}u + sample] = textureLoad(source, vec2<i32>(at.xy), {level}){channel};
+        values[(at.y * size.x + at.x) * {samples}u + sample] = textureLoad(source, \
+            vec2<i32>(at.xy), {level}){channel};
     }}
 }}"
     );
