@@ -12,8 +12,9 @@ use std::time::Instant;
 
 use preshade::unstable::emit::{self, Options, Target};
 use preshade::unstable::front::{self, Color, Source};
+use preshade::unstable::passes::examples;
 use preshade::unstable::passes::graph::Graph;
-use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::pass::{Facts, Use};
 use preshade::unstable::passes::plan::Plan;
 use preshade::unstable::passes::program::Program;
 use preshade::unstable::passes::state::MaterialState;
@@ -21,14 +22,11 @@ use preshade::unstable::recipe::Recipe;
 
 type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
 
-/// Recipes that are timed, by the word for them.
-const PASSES: [&str; 5] = [
-    "depth-prepass",
-    "early-discard",
-    "shadow",
-    "hoist",
-    "visibility-buffer",
-];
+/// The recipes that are timed.
+fn recipes() -> impl Iterator<Item = &'static str> {
+    let timed = examples().filter(|(_, used)| **used == Use::Growth);
+    timed.map(|(recipe, _)| recipe)
+}
 
 /// How the expressions of a made shader are spread.
 #[derive(Clone, Copy)]
@@ -70,7 +68,7 @@ fn main() -> Result<()> {
     let most: usize = after("--most").first().map_or(Ok(100_000), |n| n.parse())?;
     let steps: Vec<&str> = ["naga", "read", "graph"]
         .into_iter()
-        .chain(PASSES)
+        .chain(recipes())
         .chain(["wgsl"])
         .collect();
     print!("{:<6} {:>7}", "shape", "exprs");
@@ -146,7 +144,8 @@ fn whole() -> Result<()> {
     if let (Some((most, path)), Some((median, _))) = (ratios.last(), ratios.get(ratios.len() / 2)) {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         println!(
-            "a whole compile takes {median:.2} times what naga does by itself to its texts, median of {} fixtures; {most:.2} of {name}",
+            "a whole compile takes {median:.2} times what naga does by itself to its texts, median \
+             of {} fixtures; {most:.2} of {name}",
             ratios.len()
         );
     }
@@ -278,7 +277,8 @@ fn made(shape: Shape, expressions: usize) -> Source {
     let steps = (expressions / 16).max(1);
     let step = |i: usize| {
         format!(
-            "    sum += sin(q.x * {}.5 + u.time) * cos(q.y - 0.25);\n    q = q.yx * 1.5 + vec2<f32>(sum, {}.0);\n",
+            "    sum += sin(q.x * {}.5 + u.time) * cos(q.y - 0.25);\n    q = q.yx * 1.5 + \
+             vec2<f32>(sum, {}.0);\n",
             i % 97,
             i % 31
         )
@@ -296,7 +296,8 @@ fn made(shape: Shape, expressions: usize) -> Source {
             let layers = steps.div_ceil(6);
             let function = |f: usize| {
                 format!(
-                    "fn layer_{f}(p: vec2<f32>) -> f32 {{\n    var sum = 0.0;\n    var q = p;\n{}    return sum;\n}}\n",
+                    "fn layer_{f}(p: vec2<f32>) -> f32 {{\n    var sum = 0.0;\n    var q = p;\n\
+                     {}    return sum;\n}}\n",
                     body(f * 6..(f * 6 + 6).min(steps))
                 )
             };

@@ -293,6 +293,7 @@ fn vertex_for(fragment: &str) -> String {
         .unwrap_or(100);
     let word = if number >= 130 { "in" } else { "attribute" };
     format!(
-        "{version}\n{word} vec3 position;\nvoid main() {{ gl_Position = vec4(position.xy * 1.5, 0.1 * position.z, 1.0); }}\n"
+        "{version}\n{word} vec3 position;\nvoid main() {{ \
+         gl_Position = vec4(position.xy * 1.5, 0.1 * position.z, 1.0); }}\n"
     )
 }

@@ -59,7 +59,8 @@ fn main() {
     let mut counts = vec![[0; 4]; recipes.len()];
     let _ = writeln!(
         rows,
-        "| scene | material | recipe | points | flips | original, ULP | variant, ULP | original, steps | variant, steps | the variant is |"
+        "| scene | material | recipe | points | flips | original, ULP | variant, ULP | original, \
+         steps | variant, steps | the variant is |"
     );
     let _ = writeln!(rows, "|---|---|---|--:|--:|--:|--:|--:|--:|---|");
     let mut not = Vec::new();
@@ -91,7 +92,8 @@ fn main() {
                             counted[place] += 1;
                             let _ = writeln!(
                                 rows,
-                                "| {name} | {} | `{recipe}` | {} | {} + {} | {} | {} | {} | {} | {} |",
+                                "| {name} | {} | `{recipe}` | {} | {} + {} | {} | {} | {} | {} | \
+                                 {} |",
                                 row.material,
                                 row.points,
                                 row.flips,

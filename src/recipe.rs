@@ -344,16 +344,20 @@ impl Recipe {
         Ok(())
     }
 
-    /// Applies every step to a material on its own, for callers that need all of them.
+    /// Applies every step to a material on its own, for callers that need all of them. It ends at
+    /// the first refusal.
     ///
     /// # Errors
     /// The first refusal. A step that would change other code than was recorded is refused as `stale`.
     pub fn apply(&self, plan: &Plan, facts: &Facts) -> Applied {
-        let (plan, skipped) = pipeline::apply(plan, self, facts);
-        match skipped.into_iter().next() {
-            None => Ok(plan),
-            Some(first) => Err(first.refusal),
-        }
+        self.steps.iter().try_fold(plan.clone(), |plan, step| {
+            let steps = vec![step.clone()];
+            let (plan, skipped) = pipeline::apply(&plan, &Self { steps }, facts);
+            match skipped.into_iter().next() {
+                None => Ok(plan),
+                Some(first) => Err(first.refusal),
+            }
+        })
     }
 }
 

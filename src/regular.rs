@@ -10,7 +10,7 @@ use crate::limits::{Exceeded, Limits};
 /// A file that was not read.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum Error {
+pub enum ReadError {
     /// The system's own error.
     #[error(transparent)]
     Io(#[from] io::Error),
@@ -28,10 +28,10 @@ pub enum Error {
     NoText(usize),
 }
 
-impl From<Error> for io::Error {
-    fn from(error: Error) -> Self {
+impl From<ReadError> for io::Error {
+    fn from(error: ReadError) -> Self {
         match error {
-            Error::Io(error) => error,
+            ReadError::Io(error) => error,
             other => Self::new(io::ErrorKind::InvalidInput, other.to_string()),
         }
     }
@@ -40,15 +40,15 @@ impl From<Error> for io::Error {
 /// Reads a file, up to the number of bytes that the named limit allows.
 ///
 /// # Errors
-/// [`Error`].
-pub fn bytes(path: &Path, limits: &Limits, limit: &'static str) -> Result<Vec<u8>, Error> {
+/// [`ReadError`].
+pub fn bytes(path: &Path, limits: &Limits, limit: &'static str) -> Result<Vec<u8>, ReadError> {
     // By name: opening a pipe would wait for its writer.
     let about = std::fs::metadata(path)?;
     if about.is_dir() {
-        return Err(Error::Folder);
+        return Err(ReadError::Folder);
     }
     if !about.is_file() {
-        return Err(Error::Endless);
+        return Err(ReadError::Endless);
     }
     let check = |n: u64| limits.check(limit, n, format_args!("the bytes of {}", path.display()));
     check(about.len())?;
@@ -65,10 +65,10 @@ pub fn bytes(path: &Path, limits: &Limits, limit: &'static str) -> Result<Vec<u8
 /// [`bytes`], as text.
 ///
 /// # Errors
-/// [`Error`].
-pub fn text(path: &Path, limits: &Limits, limit: &'static str) -> Result<String, Error> {
+/// [`ReadError`].
+pub fn text(path: &Path, limits: &Limits, limit: &'static str) -> Result<String, ReadError> {
     String::from_utf8(bytes(path, limits, limit)?)
-        .map_err(|e| Error::NoText(e.utf8_error().valid_up_to()))
+        .map_err(|e| ReadError::NoText(e.utf8_error().valid_up_to()))
 }
 
 #[cfg(test)]
@@ -90,16 +90,19 @@ mod tests {
         std::fs::write(&path, "abcd").unwrap();
         assert_eq!(read(&path).unwrap(), "abcd");
         std::fs::write(&path, "abcde").unwrap();
-        assert!(matches!(read(&path), Err(Error::TooLarge(_))));
+        assert!(matches!(read(&path), Err(ReadError::TooLarge(_))));
         std::fs::write(&path, b"ab\xff").unwrap();
-        assert!(matches!(read(&path), Err(Error::NoText(2))));
+        assert!(matches!(read(&path), Err(ReadError::NoText(2))));
         // A sparse file of one terabyte.
         File::create(&path).unwrap().set_len(1 << 40).unwrap();
-        assert!(matches!(read(&path), Err(Error::TooLarge(_))));
-        assert!(matches!(read(&folder), Err(Error::Folder)));
-        assert!(matches!(read(&folder.join("none")), Err(Error::Io(_))));
+        assert!(matches!(read(&path), Err(ReadError::TooLarge(_))));
+        assert!(matches!(read(&folder), Err(ReadError::Folder)));
+        assert!(matches!(read(&folder.join("none")), Err(ReadError::Io(_))));
         if cfg!(unix) {
-            assert!(matches!(read(Path::new("/dev/zero")), Err(Error::Endless)));
+            assert!(matches!(
+                read(Path::new("/dev/zero")),
+                Err(ReadError::Endless)
+            ));
         }
         std::fs::remove_dir_all(&folder).unwrap();
     }

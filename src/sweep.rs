@@ -76,7 +76,8 @@ pub enum SweepError {
     },
     /// Too many combinations.
     #[error(
-        "`{text}` stands for {count} recipes; the most is {MOST}: shorten a range, or name one word of a choice (form=shared)"
+        "`{text}` stands for {count} recipes; the most is {MOST}: shorten a range, or name one \
+         word of a choice (form=shared)"
     )]
     TooMany {
         /// As given.
@@ -330,7 +331,8 @@ mod tests {
         };
         assert_eq!(
             completed(&["shadow", "hoist", "tessellate:level=1..8"]).unwrap(),
-            "shadow hoist:budget=1,finite=assumed,jumps=carried,threshold=1 tessellate:level=1..8,form=all"
+            "shadow hoist:budget=1,finite=assumed,jumps=carried,threshold=1 \
+             tessellate:level=1..8,form=all"
         );
         assert_eq!(
             completed(&["hoist:budget=0.1", "tessellate:level=1..8"]).unwrap(),

@@ -88,7 +88,8 @@ impl Config {
                     said.find_map(|((_, key), said)| Some((key, lifts(key, said)?)))
             {
                 return Err(failed(format!(
-                    "`{key}`{why} is not taken from a file that only lies here: give the flag, or name the file with --config"
+                    "`{key}`{why} is not taken from a file that only lies here: give the flag, or \
+                     name the file with --config"
                 )));
             }
         }
@@ -442,7 +443,8 @@ fn environment(command: &Command) -> Result<Values, Failure> {
                     Some(truth) => vec![truth.to_string().into()],
                     None => {
                         return Err(Failure(format!(
-                            "error: {variable} of the environment is `{}`, and --{long} is true or false",
+                            "error: {variable} of the environment is `{}`, and --{long} is true or \
+                             false",
                             word.display()
                         )));
                     }

@@ -48,7 +48,7 @@ pub fn write(path: &Path, rules: &[Rule]) -> Result<(), Failure> {
 /// deleted, as with `gcc -MP`.
 fn text(rules: &[Rule]) -> String {
     let mut text = String::new();
-    let list = |paths: &[PathBuf], place: Place| {
+    let list = |paths: &[PathBuf], place: RulePart| {
         let words: Vec<String> = paths.iter().map(|p| escaped(p, place)).collect();
         words.join(" ")
     };
@@ -57,26 +57,26 @@ fn text(rules: &[Rule]) -> String {
         let _ = writeln!(
             text,
             "{}: {}",
-            list(written, Place::Target),
-            list(read, Place::Prerequisite)
+            list(written, RulePart::Target),
+            list(read, RulePart::Prerequisite)
         );
     }
     let read: BTreeSet<&PathBuf> = rules.iter().flat_map(|(_, read)| read).collect();
     for file in read {
-        let _ = writeln!(text, "{}:", escaped(file, Place::Target));
+        let _ = writeln!(text, "{}:", escaped(file, RulePart::Target));
     }
     text
 }
 
 /// Position of a path in a rule.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Place {
+enum RulePart {
     Target,
     Prerequisite,
 }
 
 /// A path as make reads it (GNU make, 4.2 "Rule Syntax" and 4.12.1 on `%` in targets).
-fn escaped(path: &Path, place: Place) -> String {
+fn escaped(path: &Path, place: RulePart) -> String {
     let text = path.display().to_string();
     let mut escaped = String::with_capacity(text.len());
     for (at, c) in text.char_indices() {
@@ -90,7 +90,7 @@ fn escaped(path: &Path, place: Place) -> String {
                 escaped.extend(std::iter::repeat_n('\\', before + 1));
             }
             ':' if !is_drive => escaped.push('\\'),
-            '%' if place == Place::Target => escaped.push('\\'),
+            '%' if place == RulePart::Target => escaped.push('\\'),
             _ => {}
         }
         escaped.push(c);
@@ -112,7 +112,8 @@ mod tests {
         ];
         assert_eq!(
             text(&rules),
-            "out/a\\ b\\%.wgsl: in/$$a%\\#b\\:c.wgsl\nC:/out/d: in/$$a%\\#b\\:c.wgsl\nout\\e: in\\\\\\ f\\g.wgsl\nin/$$a\\%\\#b\\:c.wgsl:\nin\\\\\\ f\\g.wgsl:\n"
+            "out/a\\ b\\%.wgsl: in/$$a%\\#b\\:c.wgsl\nC:/out/d: in/$$a%\\#b\\:c.wgsl\n\
+             out\\e: in\\\\\\ f\\g.wgsl\nin/$$a\\%\\#b\\:c.wgsl:\nin\\\\\\ f\\g.wgsl:\n"
         );
     }
 }

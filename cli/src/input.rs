@@ -470,9 +470,9 @@ pub fn is_stdin(path: &Path) -> bool {
 }
 
 /// The error of a file that cannot be read.
-pub fn unread(path: &Path, error: &regular::Error) -> Failure {
+pub fn unread(path: &Path, error: &regular::ReadError) -> Failure {
     let remedy = match error {
-        regular::Error::TooLarge(exceeded) => format!("\n = {}", exceeded.remedy()),
+        regular::ReadError::TooLarge(exceeded) => format!("\n = {}", exceeded.remedy()),
         _ => String::new(),
     };
     Failure(format!("error: {}: {error}{remedy}", path.display()))

@@ -97,7 +97,8 @@ pub fn keep(
         }
         if is_new {
             output::message(
-                "note: cargo does not look for files that were not there: touch the build script once",
+                "note: cargo does not look for files that were not there: touch the build script \
+                 once",
             );
         }
     }

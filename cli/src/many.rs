@@ -262,7 +262,8 @@ pub fn told_apart(scenes: &[PathBuf]) -> Result<(), Failure> {
         let stem = scene.file_stem().unwrap_or_default();
         if let Some(other) = seen.insert(stem, scene) {
             return Err(Failure(format!(
-                "error: {} and {} would both be written to the folder `{}` of --out; run them one after the other, each with its own --out",
+                "error: {} and {} would both be written to the folder `{}` of --out; \
+                 run them one after the other, each with its own --out",
                 other.display(),
                 scene.display(),
                 stem.display()

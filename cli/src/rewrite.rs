@@ -526,8 +526,14 @@ fn apply(
     let mut messages: BTreeMap<String, Vec<String>> = BTreeMap::new();
     let mut began = Instant::now();
     let mut inspect = |step: &Step, plan: &Plan, result: &Applied| {
-        let order = recipe.steps.iter().position(|s| s == step).unwrap_or(0);
-        times.add(1 + order as u8, &step.pass, began.elapsed());
+        let is_it = |s: &Step| std::ptr::eq(s, step);
+        let order = recipe.steps.iter().position(is_it).unwrap_or(0);
+        let is_other = |(i, s): (usize, &Step)| i != order && s.pass == step.pass;
+        let name = match recipe.steps.iter().enumerate().any(is_other) {
+            true => format!("{} (step {})", step.pass, order + 1),
+            false => step.pass.clone(),
+        };
+        times.add(1 + order as u8, &name, began.elapsed());
         let messages = messages.entry(plan.material.clone()).or_default();
         if let Err(refusal) = result {
             messages.push(crate::explain::refusal(refusal, plan));

@@ -10,7 +10,8 @@ pub struct VariantArgs {
     /// A pass of one variant; several are applied in order, as `rewrite` does. Ranges are allowed.
     #[arg(long = "pass", value_name = "NAME[:k=v,..]")]
     passes: Vec<String>,
-    /// A variant: its passes, separated by commas. Repeat the flag for several variants. Ranges are allowed.
+    /// A variant: its passes, separated by commas. Repeat the flag for several variants. Ranges are
+    /// allowed.
     #[arg(long = "variant", value_name = "NAME[:k=v,..],NAME..")]
     variants: Vec<String>,
     /// The old name of --variant.
@@ -19,13 +20,15 @@ pub struct VariantArgs {
 }
 
 impl VariantArgs {
-    /// The variants, those with ranges as sweeps. Notes on stderr say how to write older spellings now.
+    /// The variants, those with ranges as sweeps. Notes on stderr say how to write older spellings
+    /// now.
     pub fn sweeps(&self) -> Result<Vec<Sweep>, Failure> {
         let mut sweeps = Vec::new();
         if let Some(steps) = sweep::completed(&self.passes) {
             let variant = steps.join(",");
             output::message(&format!(
-                "note: these --pass are drawn as --variant {variant}; please write it so: a --pass without \
+                "note: these --pass are drawn as --variant {variant}; \
+                 please write it so: a --pass without \
                  the parameters that a sweep needs is deprecated"
             ));
             sweeps.push(Sweep::parse_steps(&steps)?);
@@ -38,7 +41,8 @@ impl VariantArgs {
                     .map(|p| format!("--variant {p}"))
                     .collect();
                 output::message(&format!(
-                    "note: several --pass are one variant, applied in order; for a variant each, write {}",
+                    "note: several --pass are one variant, applied in order; \
+                     for a variant each, write {}",
                     apart.join(" ")
                 ));
             }

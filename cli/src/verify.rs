@@ -10,7 +10,8 @@ use preshade::unstable::measure::{
     self, Detail, Session, Settings, Timed, TimingSettings, Variant,
 };
 use preshade::unstable::passes::budget::Budget;
-use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::examples;
+use preshade::unstable::passes::pass::{Facts, Use};
 use preshade::unstable::recipe::Recipe;
 use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
 use preshade::unstable::report;
@@ -152,9 +153,6 @@ pub fn parse_seconds(text: &str) -> Result<f64, String> {
     }
 }
 
-/// The default variants.
-const DEFAULT: [&str; 3] = ["depth-prepass", "depth-prepass:form=equal", "early-discard"];
-
 /// Verifies a scene or a shader.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
     if worker::mine().is_some() {
@@ -162,9 +160,10 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     }
     let mut sweeps = args.variants.sweeps()?;
     if sweeps.is_empty() {
-        for variant in DEFAULT {
-            sweeps.push(Sweep::parse_list(variant)?);
-        }
+        let named = examples().filter(|(_, used)| **used == Use::Verify);
+        sweeps = named
+            .map(|(recipe, _)| Sweep::parse_list(recipe))
+            .collect::<Result<_, _>>()?;
     }
     let first = match &args.sweep {
         None => Variables::new(),
@@ -321,7 +320,7 @@ fn swept(
 /// Prints and writes the report of one scene. `variants` is empty if other processes drew them.
 fn told(
     args: &Args,
-    outcome: &measure::Outcome,
+    outcome: &measure::Verified,
     variants: &[Variant],
     scene: &Scene,
 ) -> Result<Outcome, Failure> {
@@ -404,7 +403,7 @@ fn measured(
     sweeps: &[Sweep],
     bar: &Progress,
     keeper: &mut Keeper,
-) -> Result<(measure::Outcome, Vec<Variant>), Failure> {
+) -> Result<(measure::Verified, Vec<Variant>), Failure> {
     let all = recipes(sweeps);
     let mine: Vec<Recipe> = match worker::mine() {
         None => all,

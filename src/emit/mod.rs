@@ -21,6 +21,7 @@
 //! empty fragment file in GLSL ES and none elsewhere. A plan with the original as its fallback also
 //! has `MATERIAL.original` files, unless its main program is the original.
 
+pub mod codes;
 mod empty_fragment;
 #[cfg(test)]
 mod equivalence;
@@ -215,11 +216,11 @@ impl Error {
     /// The stable error code.
     pub fn code(&self) -> &'static str {
         match self {
-            Self::Inexpressible { .. } => "inexpressible",
-            Self::Writer { .. } => "writer",
-            Self::Differs { .. } => "differs",
-            Self::BrokenPlan { .. } => "broken-plan",
-            Self::NotBuilt { .. } => "not-built",
+            Self::Inexpressible { .. } => codes::INEXPRESSIBLE.code,
+            Self::Writer { .. } => codes::WRITER.code,
+            Self::Differs { .. } => codes::DIFFERS.code,
+            Self::BrokenPlan { .. } => codes::BROKEN_PLAN.code,
+            Self::NotBuilt { .. } => codes::NOT_BUILT.code,
         }
     }
 }

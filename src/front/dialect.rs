@@ -198,7 +198,10 @@ pub(super) fn definitions(options: &Options) -> Result<Vec<(String, Defined)>, E
         let value = value(text).ok_or_else(|| {
             Error::new(
                 Code::Unsupported,
-                format!("`{name}` is defined as `{text}`, but this dialect only allows true, false and integers"),
+                format!(
+                    "`{name}` is defined as `{text}`, but this dialect only allows true, false and \
+                     integers"
+                ),
             )
         });
         Ok((name.clone(), value?))

@@ -5,7 +5,10 @@ use std::sync::Arc;
 use codespan_reporting::diagnostic::{Diagnostic, Label as Frame};
 use codespan_reporting::files::SimpleFiles;
 use codespan_reporting::term::{self, Config, Styles, StylesWriter, termcolor::Ansi};
+use preshade_passes::core::refusals::RefusalInfo;
 use preshade_passes::program::{Invalid, Location, SourceMap};
+
+use super::codes;
 
 /// The kind of an error. Scripts may match on [`Code::name`]: it is stable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -41,24 +44,29 @@ pub enum Code {
 }
 
 impl Code {
+    /// The code's name and explanation.
+    pub fn info(self) -> &'static RefusalInfo {
+        match self {
+            Self::Empty => &codes::EMPTY,
+            Self::UnknownLanguage => &codes::UNKNOWN_LANGUAGE,
+            Self::UnknownStage => &codes::UNKNOWN_STAGE,
+            Self::Sources => &codes::SOURCES,
+            Self::Unsupported => &codes::UNSUPPORTED,
+            Self::Parse => &codes::PARSE,
+            Self::Invalid => &codes::INVALID,
+            Self::Panic => &codes::PANIC,
+            Self::TooDeep => &codes::TOO_DEEP,
+            Self::NoEntryPoint => &codes::NO_ENTRY_POINT,
+            Self::UnknownEntryPoint => &codes::UNKNOWN_ENTRY_POINT,
+            Self::AmbiguousEntryPoint => &codes::AMBIGUOUS_ENTRY_POINT,
+            Self::Interface => &codes::INTERFACE,
+            Self::Link => &codes::LINK,
+        }
+    }
+
     /// The code in messages: `error[parse]`.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Empty => "empty",
-            Self::UnknownLanguage => "unknown-language",
-            Self::UnknownStage => "unknown-stage",
-            Self::Sources => "sources",
-            Self::Unsupported => "unsupported",
-            Self::Parse => "parse",
-            Self::Invalid => "invalid",
-            Self::Panic => "panic",
-            Self::TooDeep => "too-deep",
-            Self::NoEntryPoint => "no-entry-point",
-            Self::UnknownEntryPoint => "unknown-entry-point",
-            Self::AmbiguousEntryPoint => "ambiguous-entry-point",
-            Self::Interface => "interface",
-            Self::Link => "link",
-        }
+        self.info().code
     }
 }
 

@@ -8,6 +8,7 @@
 //! checks that the stages fit. Every [`Error`] points at the author's text.
 
 mod beyond_wgsl;
+pub mod codes;
 mod declaration;
 mod dialect;
 mod entry;

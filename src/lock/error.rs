@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use preshade_passes::pass::Refusal;
 
-use super::TOOL;
+use super::{TOOL, codes};
 use crate::emit;
 
 /// A lock file that cannot be read.
@@ -45,9 +45,9 @@ impl LockError {
     /// The kind of error, as messages print it in brackets. Stable.
     pub fn code(&self) -> &'static str {
         match self {
-            Self::Io { .. } => "lock-file",
-            Self::Syntax { .. } => "lock-syntax",
-            Self::Foreign { .. } => "lock-foreign",
+            Self::Io { .. } => codes::FILE.code,
+            Self::Syntax { .. } => codes::SYNTAX.code,
+            Self::Foreign { .. } => codes::FOREIGN.code,
         }
     }
 }
@@ -112,15 +112,15 @@ impl Mismatch {
     /// The kind of mismatch, as messages print it in brackets. Stable.
     pub fn code(&self) -> &'static str {
         match self {
-            Self::NoMaterial { .. } => "lock-material",
-            Self::Tool { .. } => "lock-tool",
-            Self::Files { .. } => "lock-files",
-            Self::Source { .. } => "lock-source",
-            Self::Defines { .. } => "lock-defines",
-            Self::EntryPoints => "lock-entry-points",
-            Self::State { .. } => "lock-state",
-            Self::Refused(_) => "lock-step",
-            Self::Shaders => "lock-shaders",
+            Self::NoMaterial { .. } => codes::MATERIAL.code,
+            Self::Tool { .. } => codes::TOOL.code,
+            Self::Files { .. } => codes::FILES.code,
+            Self::Source { .. } => codes::SOURCE.code,
+            Self::Defines { .. } => codes::DEFINES.code,
+            Self::EntryPoints => codes::ENTRY_POINTS.code,
+            Self::State { .. } => codes::STATE.code,
+            Self::Refused(_) => codes::STEP.code,
+            Self::Shaders => codes::SHADERS.code,
             Self::Emit(error) => error.code(),
         }
     }

@@ -31,6 +31,7 @@
 //! ```
 
 mod choice;
+pub mod codes;
 mod error;
 mod inputs;
 #[cfg(test)]

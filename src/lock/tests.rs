@@ -10,8 +10,9 @@ use super::*;
 use crate::front;
 use crate::recipe::Recipe;
 
-const TEXT: &str = "@vertex fn vs(@location(0) p: vec4<f32>) -> @builtin(position) vec4<f32> { return p; }\n\
-    @fragment fn fs() -> @location(0) vec4<f32> { return vec4<f32>(1.0); }\n";
+const TEXT: &str = "@vertex fn vs(@location(0) p: vec4<f32>) -> @builtin(position) vec4<f32> { \
+                    return p; }\n\
+                    @fragment fn fs() -> @location(0) vec4<f32> { return vec4<f32>(1.0); }\n";
 
 fn sources(text: &str) -> [front::Source; 1] {
     [front::Source::new("shaders/lit.wgsl", text)]
@@ -109,7 +110,8 @@ fn each_difference_is_told_by_name() {
     });
     assert_eq!(
         state.to_string(),
-        "preshade.lock was written for another pipeline state: depth_write is false, and was true; multisample.count is 4, and was 1"
+        "preshade.lock was written for another pipeline state: depth_write is false, and was true; \
+         multisample.count is 4, and was 1"
     );
     assert_eq!(
         with(&|now| now.vertex = "vs_main".to_owned()),

@@ -1,4 +1,5 @@
-//! A scene measured at several values of one of its variables, and where one variant overtakes another.
+//! A scene measured at several values of one of its variables, and where one variant overtakes
+//! another.
 
 use serde::Serialize;
 
@@ -50,7 +51,8 @@ pub struct Crossover {
 pub struct Crossing {
     /// Of the medians.
     pub value: f64,
-    /// Of the ends of the ratios' intervals; `None`: they do not pass 1 on that side within the series.
+    /// Of the ends of the ratios' intervals; `None`: they do not pass 1 on that side within the
+    /// series.
     pub low: Option<f64>,
     /// As `low`.
     pub high: Option<f64>,

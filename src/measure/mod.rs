@@ -61,7 +61,7 @@ pub use timing::{
 };
 pub(crate) use variant::unwritten;
 pub use variant::{counting, variant};
-pub use verify::{Outcome, Progress, Settings, Timed, Variant, verify};
+pub use verify::{Settings, Timed, Variant, Verified, VerifyProgress, verify};
 pub use view::View;
 
 use crate::scene::{Filter, bind};

@@ -34,7 +34,8 @@ pub struct ShadowReport {
     pub depth_max_ulp: u64,
     /// Camera, column and row of the first pixel that differs.
     pub first_difference: Option<(String, [u32; 2])>,
-    /// Milliseconds a map with the materials' whole programs (colours masked out); `None`: not timed.
+    /// Milliseconds a map with the materials' whole programs (colours masked out); `None`: not
+    /// timed.
     pub whole_ms: Option<FrameTime>,
     /// Milliseconds a map with the shadow passes.
     pub time_ms: Option<FrameTime>,

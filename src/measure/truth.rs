@@ -22,7 +22,7 @@ use preshade_passes::plan::Plan;
 use preshade_passes::reflect::Io;
 use preshade_passes::state::Topology;
 use preshade_passes::validate::inputs::Random;
-use preshade_passes::validate::stage::{At, Kind, POSITION, Ran, Slot, Stage, interpolated};
+use preshade_passes::validate::stage::{At, POSITION, Ran, Slot, Stage, VaryingKind, interpolated};
 use serde::Serialize;
 
 use super::vertices::{self, STEPS, Vertices};
@@ -388,7 +388,7 @@ impl RoundedPoint<'_> {
         let [a, b, c] = self.corners;
         let corners = [at(a)?, at(b)?, at(c)?];
         // One point for all: the rasteriser's choice of a point is no error of the material.
-        let between = |_: Kind, corners: [Shadowed; 3]| self.between(corners);
+        let between = |_: VaryingKind, corners: [Shadowed; 3]| self.between(corners);
         let input = |io: &Io| match &io.binding {
             Some(Binding::Location { .. }) => {
                 interpolated(io, corners.each_ref(), &At::Inside(&between))

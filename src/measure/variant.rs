@@ -5,7 +5,7 @@ use preshade_passes::pass::Facts;
 use preshade_passes::plan::{GpuPass, Plan};
 
 use super::{CountProgram, Variant};
-use crate::measure::record::Kept;
+use crate::measure::record::KeptMaterial;
 use crate::pipeline::{self, Frame, Skipped};
 use crate::recipe::Recipe;
 
@@ -17,7 +17,7 @@ pub fn variant(originals: &[Plan], recipe: &Recipe, facts: &Facts) -> Variant {
         neighbours: originals,
     };
     let (plans, skipped) = pipeline::apply_in(frame, recipe, facts, &mut |_, _, _| true);
-    let kept: Vec<Kept> = skipped.iter().map(|s| kept(s, &plans)).collect();
+    let kept: Vec<KeptMaterial> = skipped.iter().map(|s| kept(s, &plans)).collect();
     // A choice made by measurement is kept as the values it selected.
     let written = super::written_out(recipe, facts);
     Variant {
@@ -29,14 +29,14 @@ pub fn variant(originals: &[Plan], recipe: &Recipe, facts: &Facts) -> Variant {
 }
 
 /// A skipped step, for the report.
-fn kept(skipped: &Skipped, plans: &[Plan]) -> Kept {
+fn kept(skipped: &Skipped, plans: &[Plan]) -> KeptMaterial {
     let Skipped {
         material,
         step,
         refusal,
     } = skipped;
     let is_changed = |p: &Plan| p.material == *material && !p.steps.is_empty();
-    Kept {
+    KeptMaterial {
         material: material.clone(),
         without: plans.iter().any(is_changed).then(|| step.to_string()),
         why: format!("{refusal}; to make it legal: {}", refusal.remedy),
@@ -46,9 +46,7 @@ fn kept(skipped: &Skipped, plans: &[Plan]) -> Kept {
 impl Variant {
     /// Whether every material refused every step, so that the picture is the original's.
     pub fn is_refused(&self) -> bool {
-        let is_kept = |p: &Plan| self.kept.iter().any(|k| k.material == p.material);
-        let mut plans = self.plans.iter();
-        !self.plans.is_empty() && plans.all(|p| p.steps.is_empty() && is_kept(p))
+        self.is_incomplete() && self.plans.iter().all(|p| p.steps.is_empty())
     }
 
     /// Whether every material refused a step, so that a shorter recipe gives the same plans.

@@ -70,7 +70,8 @@ fn rounded_too_far(k: u32, turned: Option<Turned>, error: &ErrorLadder) -> Optio
             let most = share * error.pixels as f64;
             (error.beyond_step as f64 > most).then(|| {
                 format!(
-                    "{} off by more than a step, where {} of {} may, for decisions that turn on a rounding",
+                    "{} off by more than a step, where {} of {} may, for decisions that turn on a \
+                     rounding",
                     counted(error.beyond_step, "pixel"),
                     most.floor(),
                     error.pixels
@@ -130,7 +131,8 @@ pub(super) fn nothing_drawn(plans: &[Plan]) -> Option<String> {
     };
     let read: Vec<String> = main().map(reads).collect();
     Some(format!(
-        "nothing is drawn in any view, so no picture tells anything: every triangle lies outside of the view, faces away or is discarded. Look whether the vertex \
+        "nothing is drawn in any view, so no picture tells anything: every triangle lies outside \
+         of the view, faces away or is discarded. Look whether the vertex \
          stage gets a mesh's positions ({})",
         read.join("; ")
     ))

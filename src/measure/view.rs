@@ -42,7 +42,8 @@ impl View {
     }
 
     /// The views of a scene with their frames: of each camera's path at most `frames_per_camera`
-    /// frames, evenly spaced from its first, in every order of the scene. The first is the headline.
+    /// frames, evenly spaced from its first, in every order of the scene. The first is the
+    /// headline.
     pub fn all(scene: &Scene, frames_per_camera: usize) -> Vec<(Self, &Frame)> {
         let orders = match scene.orders.as_slice() {
             [] => &[DrawOrder::AsGiven],

@@ -119,7 +119,8 @@ impl DrawTable {
             (true, None) => {
                 let (instances, triangles) = self.counts;
                 Err(format!(
-                    "{instances} instances, and {triangles} triangles with their sides, do not fit into ids of one word: take words=two"
+                    "{instances} instances, and {triangles} triangles with their sides, do not fit \
+                     into ids of one word: take words=two"
                 ))
             }
             _ => Ok(()),
@@ -257,7 +258,8 @@ fn computed(
             let bytes = (vertices * u64::from(planned.stride)).max(16);
             if bytes > most {
                 return Err(format!(
-                    "the vertices of `{}` would take {bytes} bytes, and the adapter binds {most} at most (maxStorageBufferBindingSize): take vertices=refetched",
+                    "the vertices of `{}` would take {bytes} bytes, and the adapter binds {most} \
+                     at most (maxStorageBufferBindingSize): take vertices=refetched",
                     draw.name
                 ));
             }
@@ -283,7 +285,8 @@ fn frame_buffer(
     let most = gpu.device.limits().max_storage_buffer_binding_size;
     if bytes > most {
         return Err(format!(
-            "the buffer `{}` would have {bytes} bytes, and the adapter binds {most} at most (maxStorageBufferBindingSize)",
+            "the buffer `{}` would have {bytes} bytes, and the adapter binds {most} at most \
+             (maxStorageBufferBindingSize)",
             planned.name
         ));
     }
@@ -324,7 +327,8 @@ fn check_formats(
             && stream.format != asked
         {
             return Err(format!(
-                "the attribute at location {location} is stored as {}, and the plan asks for {asked}",
+                "the attribute at location {location} is stored as {}, and the plan asks for \
+                 {asked}",
                 stream.format
             ));
         }

@@ -13,6 +13,7 @@
 //!
 //! [`mod@self_test`] runs a plan's self-test as a host does at load, with modules 2 to 5.
 
+pub mod codes;
 mod compute;
 mod drawn;
 pub mod frame;
@@ -121,17 +122,17 @@ impl Error {
     /// The stable error code.
     pub fn code(&self) -> &'static str {
         match self {
-            Self::NoAdapter { .. } => "no-adapter",
-            Self::Lost(_) => "device-lost",
-            Self::Unsupported { .. } => "no-feature",
-            Self::Refused { .. } => "driver-refused",
-            Self::OutOfMemory(_) => "out-of-memory",
-            Self::Plan { .. } => "broken-plan",
-            Self::Frame(_) => "frame",
-            Self::Scene { .. } => "draw",
-            Self::Draws { .. } => "draws",
-            Self::Attachment { .. } => "attachment",
-            Self::Size(..) => "frame-size",
+            Self::NoAdapter { .. } => codes::NO_ADAPTER.code,
+            Self::Lost(_) => codes::DEVICE_LOST.code,
+            Self::Unsupported { .. } => codes::NO_FEATURE.code,
+            Self::Refused { .. } => codes::DRIVER_REFUSED.code,
+            Self::OutOfMemory(_) => codes::OUT_OF_MEMORY.code,
+            Self::Plan { .. } => crate::emit::codes::BROKEN_PLAN.code,
+            Self::Frame(_) => codes::FRAME.code,
+            Self::Scene { .. } => codes::DRAW.code,
+            Self::Draws { .. } => codes::DRAWS.code,
+            Self::Attachment { .. } => codes::ATTACHMENT.code,
+            Self::Size(..) => codes::FRAME_SIZE.code,
         }
     }
 }

@@ -40,7 +40,7 @@ pub(super) fn depth(
 ) -> Result<DepthImage, Error> {
     let samples = texture.sample_count();
     let values = if !is_copyable(format, samples) {
-        load(gpu, texture, Source::Depth)?
+        load(gpu, texture, TexelSource::Depth)?
     } else if format == DepthFormat::Depth16unorm {
         copy(
             gpu,
@@ -74,7 +74,7 @@ pub(super) fn red(gpu: &Gpu, texture: &wgpu::Texture) -> Result<DepthImage, Erro
     Ok(DepthImage {
         size: [texture.width(), texture.height()],
         samples: texture.sample_count(),
-        values: load(gpu, texture, Source::Float)?,
+        values: load(gpu, texture, TexelSource::Float)?,
     })
 }
 
@@ -136,25 +136,25 @@ fn copy(
 }
 
 #[derive(Clone, Copy)]
-enum Source {
+enum TexelSource {
     Depth,
     Float,
 }
 
 /// Loads each sample in a compute shader.
-fn load(gpu: &Gpu, texture: &wgpu::Texture, source: Source) -> Result<Vec<f32>, Error> {
+fn load(gpu: &Gpu, texture: &wgpu::Texture, source: TexelSource) -> Result<Vec<f32>, Error> {
     let (width, height, samples) = (texture.width(), texture.height(), texture.sample_count());
     let multisampled = samples > 1;
     let what = "reading samples back";
     let ty = match (source, multisampled) {
-        (Source::Depth, false) => "texture_depth_2d",
-        (Source::Depth, true) => "texture_depth_multisampled_2d",
-        (Source::Float, false) => "texture_2d<f32>",
-        (Source::Float, true) => "texture_multisampled_2d<f32>",
+        (TexelSource::Depth, false) => "texture_depth_2d",
+        (TexelSource::Depth, true) => "texture_depth_multisampled_2d",
+        (TexelSource::Float, false) => "texture_2d<f32>",
+        (TexelSource::Float, true) => "texture_multisampled_2d<f32>",
     };
     let channel = match source {
-        Source::Depth => "",
-        Source::Float => ".x",
+        TexelSource::Depth => "",
+        TexelSource::Float => ".x",
     };
     let level = if multisampled { "i32(sample)" } else { "0" };
     let code = format!(
@@ -165,7 +165,8 @@ fn load(@builtin(global_invocation_id) at: vec3<u32>) {{
     let size = textureDimensions(source);
     if (at.x >= size.x || at.y >= size.y) {{ return; }}
     for (var sample = 0u; sample < {samples}u; sample++) {{
-        values[(at.y * size.x + at.x) * {samples}u + sample] = textureLoad(source, vec2<i32>(at.xy), {level}){channel};
+        values[(at.y * size.x + at.x) * {samples}u + sample] = textureLoad(source, \
+            vec2<i32>(at.xy), {level}){channel};
     }}
 }}"
     );
@@ -196,8 +197,8 @@ fn load(@builtin(global_invocation_id) at: vec3<u32>) {{
         let out = buffer(wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ);
         let view = texture.create_view(&wgpu::TextureViewDescriptor {
             aspect: match source {
-                Source::Depth => wgpu::TextureAspect::DepthOnly,
-                Source::Float => wgpu::TextureAspect::All,
+                TexelSource::Depth => wgpu::TextureAspect::DepthOnly,
+                TexelSource::Float => wgpu::TextureAspect::All,
             },
             ..Default::default()
         });

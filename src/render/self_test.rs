@@ -155,7 +155,10 @@ fn pass(plan: &Plan, draw: &SelfTestDraw) -> Result<GpuPass, Error> {
     let original = || {
         let pass = plan.original.as_ref()?.passes.iter().find(is_drawn)?;
         let program = of_original(&pass.program);
-        Some(GpuPass { program, ..pass.clone() })
+        Some(GpuPass {
+            program,
+            ..pass.clone()
+        })
     };
     let pass = own.cloned().or_else(original);
     let mut pass = pass.ok_or_else(|| failed("that it does not have"))?;

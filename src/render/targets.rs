@@ -312,7 +312,8 @@ fn colors(gpu: &Gpu, variant: &Variant, size: [u32; 2]) -> Result<Vec<Option<Col
                     return Err(Error::Plan {
                         material: material.to_owned(),
                         message: format!(
-                            "its colour target {location} is {}, that of material `{first}` is {format}",
+                            "its colour target {location} is {}, that of material `{first}` is \
+                             {format}",
                             target.format
                         ),
                     });

@@ -48,7 +48,8 @@ impl Chosen {
                 error: Some(error),
                 speedup,
             } => format!(
-                "No variant is within {name}={most}: the best error is {error:.5}, of {variant}, {}.",
+                "No variant is within {name}={most}: the best error is {error:.5}, of {variant}, \
+                 {}.",
                 times(*speedup)
             ),
             Choice::None { .. } => format!(

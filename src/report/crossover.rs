@@ -171,7 +171,8 @@ pub fn svg(series: &Series) -> Option<String> {
         y: [(y[0] * 0.8).ln(), (y[1] * 1.25).ln()],
     };
     let mut out = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {HEIGHT}\" font-family=\"sans-serif\" font-size=\"12\">\n\
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {HEIGHT}\" \
+         font-family=\"sans-serif\" font-size=\"12\">\n\
          <rect width=\"{WIDTH}\" height=\"{HEIGHT}\" fill=\"#ffffff\"/>\n\
          <text x=\"{LEFT}\" y=\"22\" font-size=\"14\">{}</text>\n",
         escaped(&format!(
@@ -182,6 +183,31 @@ pub fn svg(series: &Series) -> Option<String> {
             report.adapter.title()
         ))
     );
+    grid(&mut out, series, &axes);
+    for (i, (name, points)) in lines.iter().enumerate() {
+        curve(&mut out, &axes, i, name, points);
+    }
+    for crossover in &series.crossovers {
+        let line = lines.iter().find(|(name, _)| *name == crossover.first);
+        for crossing in &crossover.at {
+            let Some(ms) = line.and_then(|(_, points)| interpolated(points, crossing.value)) else {
+                continue;
+            };
+            let (x, y) = axes.at(crossing.value, ms);
+            let _ = writeln!(
+                out,
+                "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"5\" fill=\"none\" \
+                 stroke=\"#000000\"><title>{}</title></circle>",
+                escaped(&sentence(&series.variable, crossover))
+            );
+        }
+    }
+    out.push_str("</svg>\n");
+    Some(out)
+}
+
+/// The lines of the axes and their words.
+fn grid(out: &mut String, series: &Series, axes: &Axes) {
     for point in &series.points {
         let (x, bottom) = axes.at(f64::from(point.value), axes.y[0].exp());
         let _ = writeln!(
@@ -214,57 +240,48 @@ pub fn svg(series: &Series) -> Option<String> {
         HEIGHT / 2.0,
         HEIGHT / 2.0
     );
-    for (i, (name, points)) in lines.iter().enumerate() {
-        let color = COLORS[i % COLORS.len()];
-        let path: Vec<String> = points
-            .iter()
-            .map(|(x, e)| {
-                let (x, y) = axes.at(*x, e.median);
-                format!("{x:.1},{y:.1}")
-            })
-            .collect();
+}
+
+/// The times of the variant `i`: a line with its intervals, and its line of the legend.
+fn curve(
+    out: &mut String,
+    axes: &Axes,
+    i: usize,
+    name: &str,
+    points: &[(f64, crate::measure::Estimate)],
+) {
+    let color = COLORS[i % COLORS.len()];
+    let path: Vec<String> = points
+        .iter()
+        .map(|(x, e)| {
+            let (x, y) = axes.at(*x, e.median);
+            format!("{x:.1},{y:.1}")
+        })
+        .collect();
+    let _ = writeln!(
+        out,
+        "<polyline points=\"{}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"2\"/>",
+        path.join(" ")
+    );
+    for (x, e) in points {
+        let ((x, low), (_, high)) = (axes.at(*x, e.low), axes.at(*x, e.high));
         let _ = writeln!(
             out,
-            "<polyline points=\"{}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"2\"/>",
-            path.join(" ")
-        );
-        for (x, e) in points {
-            let ((x, low), (_, high)) = (axes.at(*x, e.low), axes.at(*x, e.high));
-            let _ = writeln!(
-                out,
-                "<line x1=\"{x:.1}\" y1=\"{low:.1}\" x2=\"{x:.1}\" y2=\"{high:.1}\" \
-                 stroke=\"{color}\" stroke-width=\"4\"/>"
-            );
-        }
-        let y = TOP + 14.0 + 16.0 * i as f64;
-        let _ = writeln!(
-            out,
-            "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"12\" height=\"4\" fill=\"{color}\"/><text \
-             x=\"{:.1}\" y=\"{:.1}\">{}</text>",
-            LEFT + 12.0,
-            y - 6.0,
-            LEFT + 30.0,
-            y,
-            escaped(name)
+            "<line x1=\"{x:.1}\" y1=\"{low:.1}\" x2=\"{x:.1}\" y2=\"{high:.1}\" \
+             stroke=\"{color}\" stroke-width=\"4\"/>"
         );
     }
-    for crossover in &series.crossovers {
-        let line = lines.iter().find(|(name, _)| *name == crossover.first);
-        for crossing in &crossover.at {
-            let Some(ms) = line.and_then(|(_, points)| interpolated(points, crossing.value)) else {
-                continue;
-            };
-            let (x, y) = axes.at(crossing.value, ms);
-            let _ = writeln!(
-                out,
-                "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"5\" fill=\"none\" \
-                 stroke=\"#000000\"><title>{}</title></circle>",
-                escaped(&sentence(&series.variable, crossover))
-            );
-        }
-    }
-    out.push_str("</svg>\n");
-    Some(out)
+    let y = TOP + 14.0 + 16.0 * i as f64;
+    let _ = writeln!(
+        out,
+        "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"12\" height=\"4\" fill=\"{color}\"/><text \
+         x=\"{:.1}\" y=\"{:.1}\">{}</text>",
+        LEFT + 12.0,
+        y - 6.0,
+        LEFT + 30.0,
+        y,
+        escaped(name)
+    );
 }
 
 /// The median at a value between two measured ones, in logarithms.

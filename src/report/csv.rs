@@ -80,7 +80,11 @@ fn rows(report: &Report, first: &str) -> String {
 
 /// Each plan of a decision in each view.
 pub fn decision(decision: &Decision) -> String {
-    let mut out = "plan,verdict,camera,frame,order,shaded_per_pixel,overdraw,drawn_with,predicted_ms,time_ms,time_low,time_high,speedup,speedup_low,speedup_high,worst_changed_pixels,worst_changed_depth,worst_nan_pixels,worst_max_abs,worst_flip_mean,worst_flip_p99,pipelines,creation_ms\n".to_owned();
+    let mut out = "plan,verdict,camera,frame,order,shaded_per_pixel,overdraw,drawn_with,\
+                   predicted_ms,time_ms,time_low,time_high,speedup,speedup_low,speedup_high,\
+                   worst_changed_pixels,worst_changed_depth,worst_nan_pixels,worst_max_abs,\
+                   worst_flip_mean,worst_flip_p99,pipelines,creation_ms\n"
+        .to_owned();
     for (number_of, plan) in decision.plans.iter().enumerate() {
         for (view, at) in decision.views.iter().zip(&plan.by_view) {
             let mut cells = vec![

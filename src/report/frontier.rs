@@ -213,7 +213,10 @@ pub fn fate(point: &Point) -> String {
 
 /// Every point, one a line.
 pub fn csv(found: &Exploration) -> String {
-    let mut out = "name,recipe,fate,flip_mean,flip_p99,max_abs,changed_pixels,time_ms,speedup,speedup_low,speedup_high,path_median_ms,path_p95_ms,predicted_error,predicted_work\n".to_owned();
+    let mut out = "name,recipe,fate,flip_mean,flip_p99,max_abs,changed_pixels,time_ms,speedup,\
+                   speedup_low,speedup_high,path_median_ms,path_p95_ms,predicted_error,\
+                   predicted_work\n"
+        .to_owned();
     for p in &found.points {
         let error = p.error.as_ref();
         let of = written;

@@ -23,7 +23,7 @@ use crate::measure::record::Picture;
 /// Why a page could not be made.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum Error {
+pub enum PageError {
     /// The template.
     #[error("the report could not be written: {0}")]
     Template(#[from] askama::Error),
@@ -68,7 +68,7 @@ struct Shared {
 
 impl Gallery {
     /// Number of a picture, which is added where it is not there yet.
-    fn number(&mut self, picture: &Picture) -> Result<usize, Error> {
+    fn number(&mut self, picture: &Picture) -> Result<usize, PageError> {
         let hash = blake3::hash(&picture.rgba);
         if let Some(at) = self.hashes.iter().position(|h| *h == hash) {
             return Ok(at);
@@ -87,7 +87,7 @@ impl Gallery {
 const WIDEST: u32 = 1280;
 
 /// A picture as the text of a URL.
-fn data_uri(picture: &Picture) -> Result<String, Error> {
+fn data_uri(picture: &Picture) -> Result<String, PageError> {
     let opaque = sheet::opaque(picture.clone());
     let shown = match picture.size[0].div_ceil(WIDEST) {
         0 | 1 => opaque,
@@ -99,6 +99,6 @@ fn data_uri(picture: &Picture) -> Result<String, Error> {
 }
 
 /// The data of a page.
-fn data(figures: &impl serde::Serialize) -> Result<String, Error> {
+fn data(figures: &impl serde::Serialize) -> Result<String, PageError> {
     Ok(serde_json::to_string(figures)?.replace('<', "\\u003c"))
 }

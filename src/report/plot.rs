@@ -63,7 +63,8 @@ pub fn svg(title: &str, x_label: &str, panels: &[Panel]) -> String {
         HEADER + HEIGHT * rows as f64 + legend + 10.0,
     );
     let mut out = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {width} {height}\" font-family=\"sans-serif\" font-size=\"12\">\n\
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
+         viewBox=\"0 0 {width} {height}\" font-family=\"sans-serif\" font-size=\"12\">\n\
          <rect width=\"{width}\" height=\"{height}\" fill=\"#ffffff\"/>\n"
     );
     text(&mut out, (LEFT, 24.0), "start", title);
@@ -80,7 +81,8 @@ pub fn svg(title: &str, x_label: &str, panels: &[Panel]) -> String {
         let color = color(&names, name);
         let _ = writeln!(
             out,
-            "<line x1=\"{LEFT}\" y1=\"{y}\" x2=\"{}\" y2=\"{y}\" stroke=\"{color}\" stroke-width=\"2\"/>",
+            "<line x1=\"{LEFT}\" y1=\"{y}\" x2=\"{}\" y2=\"{y}\" stroke=\"{color}\" \
+             stroke-width=\"2\"/>",
             LEFT + 24.0
         );
         text(&mut out, (LEFT + 32.0, y + 4.0), "start", name);
@@ -122,7 +124,8 @@ fn draw(out: &mut String, panel: &Panel, x_label: &str, names: &[&str]) {
     text(out, (LEFT + w / 2.0, TOP + h + 31.0), "middle", x_label);
     let _ = writeln!(
         out,
-        "<rect x=\"{LEFT}\" y=\"{TOP}\" width=\"{w}\" height=\"{h}\" fill=\"none\" stroke=\"#888888\"/>"
+        "<rect x=\"{LEFT}\" y=\"{TOP}\" width=\"{w}\" height=\"{h}\" fill=\"none\" \
+         stroke=\"#888888\"/>"
     );
     if let Some(mark) = panel.mark {
         let at = y(mark.height);

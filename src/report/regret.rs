@@ -7,7 +7,9 @@ use crate::search::plan::regret::{Judged, RegretReport};
 impl RegretReport {
     /// Each view as a line for a spreadsheet.
     pub fn csv(&self) -> String {
-        let mut out = "scene,held_out,view,shaded_per_pixel,best,alone,alone_regret,alone_speedup,policy,policy_regret,policy_speedup\n".to_owned();
+        let mut out = "scene,held_out,view,shaded_per_pixel,best,alone,alone_regret,alone_speedup,\
+                       policy,policy_regret,policy_speedup\n"
+            .to_owned();
         for scene in &self.scenes {
             for view in &scene.views {
                 let judged = |j: &Judged| {
@@ -71,7 +73,8 @@ impl RegretReport {
         lines.extend(self.prediction.iter().map(|p| {
             format!(
                 "predicted against measured, {}: {} frames, time off by {} at the median, ratio to \
-                 the original by {}; predicted first is within 1 % of the fastest in {} of {} views",
+                 the original by {}; predicted first is within 1 % of the fastest in {} of {} \
+                 views",
                 p.scenes,
                 p.frames,
                 percent(p.time),

@@ -7,6 +7,7 @@ use codespan_reporting::diagnostic::{Diagnostic, Label};
 use codespan_reporting::files::SimpleFile;
 use codespan_reporting::term;
 
+use super::codes;
 use crate::regular;
 
 /// The scene cannot be loaded, or a draw cannot be bound. [`Display`](std::fmt::Display) is one
@@ -29,7 +30,7 @@ struct Place {
 
 impl Error {
     /// The stable code. All scene errors share it.
-    pub const CODE: &str = "scene";
+    pub const CODE: &str = codes::SCENE.code;
 
     /// An error without a place.
     pub(crate) fn new(message: impl Into<String>) -> Self {
@@ -48,9 +49,9 @@ impl Error {
     }
 
     /// A file is missing, too large or unreadable.
-    pub(crate) fn unread(path: &Path, error: regular::Error) -> Self {
+    pub(crate) fn unread(path: &Path, error: regular::ReadError) -> Self {
         match error {
-            regular::Error::TooLarge(exceeded) => exceeded.into(),
+            regular::ReadError::TooLarge(exceeded) => exceeded.into(),
             other => Self::new(format!("cannot read `{}`: {other}", path.display())),
         }
     }

@@ -24,6 +24,7 @@ mod variables;
 
 pub mod bind;
 pub mod camera;
+pub mod codes;
 pub mod image;
 pub mod mesh;
 

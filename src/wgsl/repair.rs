@@ -148,7 +148,8 @@ fn member_sizes(module: &Module) -> Result<Vec<Vec<Option<u32>>>, String> {
                 Some(needed) if needed >= end => Some(needed - member.offset),
                 Some(needed) => {
                     return Err(format!(
-                        "in struct `{}`, the member after `{}` is at byte {needed}, but WGSL places it at byte {end} or later",
+                        "in struct `{}`, the member after `{}` is at byte {needed}, but WGSL \
+                         places it at byte {end} or later",
                         ty.name.as_deref().unwrap_or("(unnamed)"),
                         member.name.as_deref().unwrap_or("(unnamed)"),
                     ));

@@ -277,7 +277,8 @@ fn lanes_with_gradients_taken_first_need_a_budget() {
 
 #[test]
 fn lanes_leave_one_by_one_with_gradients_taken_first() {
-    let biased = "textureSampleBias(albedo, albedo_sampler, in.uv * 3.0, 1.5) * (1.0 - min(length(fwidth(in.uv)), 0.5))";
+    let biased = "textureSampleBias(albedo, albedo_sampler, in.uv * 3.0, 1.5) * (1.0 - \
+                  min(length(fwidth(in.uv)), 0.5))";
     for (name, sample) in [("lane-auto", SAMPLE), ("lane-bias", biased)] {
         let scene = layers(name, |text| text.replace(SAMPLE, sample));
         let plans = transformed(&scene, "early-discard:quad=lane,budget=0.02");
@@ -328,7 +329,8 @@ fn lanes_stay_where_a_derivative_cannot_come_first() {
     );
     assert_eq!(
         refused("lane-callee", &|t| format!(
-            "{}\nfn look(uv: vec2<f32>) -> vec4<f32> {{ return textureSample(albedo, albedo_sampler, uv); }}\n",
+            "{}\nfn look(uv: vec2<f32>) -> vec4<f32> {{ \
+             return textureSample(albedo, albedo_sampler, uv); }}\n",
             t.replace(SAMPLE, "look(in.uv)")
         ))
         .0,

@@ -56,7 +56,8 @@ const EXACT: &[&str] = &[
     "bitcast<u32>(i32(a * 1e9))",
     "u32(a * 1e9)",
     // By zero nothing is divided: the renderer leaves the language's checks out.
-    "bitcast<u32>((bitcast<i32>(w) / bitcast<i32>(v | 1u)) + (bitcast<i32>(w) % bitcast<i32>(v | 1u)))",
+    "bitcast<u32>((bitcast<i32>(w) / bitcast<i32>(v | 1u)) + (bitcast<i32>(w) % bitcast<i32>(v | \
+     1u)))",
     "(w / (v | 1u)) + (w % (v | 1u))",
     "bitcast<u32>(bitcast<i32>(w) >> (v & 31u))",
     "bitcast<u32>(abs(bitcast<i32>(w)) + sign(bitcast<i32>(v)))",
@@ -70,7 +71,8 @@ const NEAR: &[&str] = &[
     "dot(reflect(unit(a), unit(b)), vec3<f32>(1.0, 2.0, 3.0))",
     "faceForward(unit(a), unit(b), unit(a + b)).x",
     "determinant(mat3x3<f32>(unit(a), unit(b), unit(a * b)))",
-    "determinant(mat4x4<f32>(vec4(unit(a), a), vec4(unit(b), 1.0), vec4(b, a, 2.0, 1.0), vec4(unit(a * b), b)))",
+    "determinant(mat4x4<f32>(vec4(unit(a), a), vec4(unit(b), 1.0), vec4(b, a, 2.0, 1.0), \
+     vec4(unit(a * b), b)))",
     "asinh(a)",
     "acosh(abs(a) + 1.0)",
     "atanh(a / 9.0)",
@@ -109,7 +111,8 @@ fn extremes(w: u32) -> vec4<i32> {{
 fn unit(x: f32) -> vec3<f32> {{
     return normalize(vec3<f32>(x, x * x - 1.0, 2.0 - x));
 }}
-@vertex fn vs(@location(0) position: vec3<f32>) -> @builtin(position) vec4<f32> {{ return vec4(position, 1.0); }}
+@vertex fn vs(@location(0) position: vec3<f32>) -> @builtin(position) vec4<f32> {{ \
+    return vec4(position, 1.0); }}
 @fragment fn fs(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {{
     let pixel = vec2<u32>(at.xy);
     let n = (pixel.y % {ROWS}u) * {COLUMNS}u + pixel.x;

@@ -92,7 +92,8 @@ fn plane(name: &str, fragment: &str) -> Scene {
     let shader = format!(
         "@group(0) @binding(0) var<uniform> camera: mat4x4<f32>;
 @group(1) @binding(0) var<uniform> u: vec4<f32>;
-struct Vertex {{ @builtin(position) clip: vec4<f32>, @location(0) uv: vec2<f32>, @location(1) odd: f32 }}
+struct Vertex {{ @builtin(position) clip: vec4<f32>, @location(0) uv: vec2<f32>, \
+    @location(1) odd: f32 }}
 @vertex fn vs_main(@location(0) p: vec3<f32>, @location(2) uv: vec2<f32>) -> Vertex {{
     return Vertex(camera * vec4(p, 1.0), uv, 1.0 / uv.y);
 }}
@@ -162,7 +163,8 @@ fn a_value_that_is_not_finite_is_left_whatever_the_target_holds() {
 fn what_a_rounding_decides_is_not_proved_to_be_near() {
     let scene = plane(
         "rounding",
-        "let steps = floor(u.x * 10.0) - 5.5; let wave = steps * sin(v.uv.x * v.uv.y * 0.9 + v.uv.x * v.uv.x);
+        "let steps = floor(u.x * 10.0) - 5.5; let wave = steps * sin(v.uv.x * v.uv.y * 0.9 + \
+         v.uv.x * v.uv.x);
     var high = 1.0; if u.x * 10.0 >= 7.0 { high = 40.0; }
     let branch = high * sin(v.uv.x * v.uv.y * 0.9);
     return vec4(wave, branch, saturate(v.odd), 1.0);",

@@ -181,7 +181,8 @@ struct Out {{ @builtin(position) at: vec4<f32>, @location(0) place: vec2<f32> }}
     return Out(camera.view_proj * object.model * vec4(position, 1.0), position.xy);
 }}
 @fragment fn fs(in: Out) -> @location(0) vec4<f32> {{
-    return vec4(0.5 + 0.4 * sin({waves:?} * (in.place.x + in.place.y)), 0.5, 0.5, 1.0) * object.tint;
+    return vec4(0.5 + 0.4 * sin({waves:?} * (in.place.x + in.place.y)), 0.5, 0.5, 1.0) * \
+        object.tint;
 }}"
     );
     let leaning = Mat4::from_translation(Vec3::new(0.0, 0.0, 0.5))

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use preshade::unstable::measure::{
-    self, Outcome, Session, Settings, Timed, TimingSettings, Variant, record, verify,
+    self, Session, Settings, Timed, TimingSettings, Variant, Verified, record, verify,
 };
 use preshade::unstable::passes::budget::{Budget, Metric};
 use preshade::unstable::passes::contract::{Assumption, Contract, Surface, Turned, Verdict};
@@ -61,7 +61,7 @@ fn three(scene: &Scene) -> Vec<Variant> {
     ]
 }
 
-fn run(scene: &Scene, variants: &[Variant], settings: &Settings) -> Outcome {
+fn run(scene: &Scene, variants: &[Variant], settings: &Settings) -> Verified {
     let gpu = gpu();
     let mut done = 0.0;
     let outcome = verify(
@@ -172,7 +172,7 @@ fn the_table_is_aligned_and_names_what_broke() {
     let mut settings = settings();
     settings.timed = Timed::No;
     let mut variants = three(&scene);
-    variants[0].kept.push(record::Kept {
+    variants[0].kept.push(record::KeptMaterial {
         material: "glass".to_owned(),
         without: None,
         why: "blended draws never enter the pre-pass".to_owned(),

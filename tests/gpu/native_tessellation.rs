@@ -165,7 +165,8 @@ fn same_picture(what: &str, expected: &Rendered, native: &Rendered) {
     let coverage = covered_otherwise(expected, native);
     let [any, more] = [0, 1].map(|steps| apart(expected, native, steps));
     println!(
-        "  {what}: {coverage} pixels covered otherwise, {any} of another colour, {more} by more than 1/255"
+        "  {what}: {coverage} pixels covered otherwise, {any} of another colour, {more} by more \
+         than 1/255"
     );
     let [width, height] = native.colors[0].as_ref().unwrap().size;
     let pixels = (width * height) as usize;

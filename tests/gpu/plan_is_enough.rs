@@ -83,7 +83,8 @@ const INFORMATIVE: &[(&str, &str)] = &[
     ),
     (
         "passes[].view_dependent",
-        "uniforms of a light's view: `measure_shadow.rs` shows that a list that forgets one is broken",
+        "uniforms of a light's view: `measure_shadow.rs` shows that a list that forgets one is \
+         broken",
     ),
     (
         "passes[].bindings[].layout.storage-texture",
@@ -240,9 +241,11 @@ fn mutations() -> Vec<(Case, &'static str, Json, Then)> {
     vec![
         (Lit, "/schema", json!("preshade.plan.v0"), Refused("its schema is `preshade.plan.v0`")),
         (Lit, "/material", json!("someone else's"), Redrawn),
-        (Lit, "/attachments/0/name", json!("elsewhere"), Refused("it has no attachment `scene-depth`")),
+        (Lit, "/attachments/0/name", json!("elsewhere"), Refused("it has no attachment \
+            `scene-depth`")),
         (Lit, "/attachments/0/format", json!("depth16unorm"), Redrawn),
-        (Lit, "/attachments/0/samples", json!(4), Refused("draws 1 samples a pixel, and `scene-depth` has 4")),
+        (Lit, "/attachments/0/samples", json!(4), Refused("draws 1 samples a pixel, and \
+            `scene-depth` has 4")),
         (Read, "/attachments/1/sampled", json!(false), Refused("does not mark as sampled")),
         (Lit, "/attachments/0/clear", json!(0.9), Redrawn),
         (Packed, "/attachments/2/clear", json!(0.5), Refused("cannot be cleared to")),
@@ -254,17 +257,21 @@ fn mutations() -> Vec<(Case, &'static str, Json, Then)> {
         (Lit, "/passes/0/primitive/cull", json!("front"), Redrawn),
         (Lit, "/passes/0/primitive/front_face", json!("cw"), Redrawn),
         (Lit, "/passes/0/primitive/unclipped_depth", json!(true), Redrawn),
-        (Lit, "/passes/0/depth/attachment", json!("elsewhere"), Refused("it has no attachment `elsewhere`")),
+        (Lit, "/passes/0/depth/attachment", json!("elsewhere"), Refused("it has no attachment \
+            `elsewhere`")),
         (Lit, "/passes/0/depth/compare", json!("greater"), Redrawn),
         (Lit, "/passes/0/depth/write", json!(false), Redrawn),
         (Lit, "/passes/0/depth/bias/constant", json!(0), Redrawn),
         (Lit, "/passes/0/depth/bias/slope_scale", json!(2.0), Redrawn),
         (Lit, "/passes/0/depth/bias/clamp", json!(0.001), Redrawn),
-        (Lit, "/passes/0/depth/read_only", json!(true), Refused("writes `scene-depth`, which it binds read-only")),
+        (Lit, "/passes/0/depth/read_only", json!(true), Refused("writes `scene-depth`, which it \
+            binds read-only")),
         (Lit, "/passes/0/depth/ops/load", json!("load"), Refused("nothing is in it yet")),
         (Lit, "/passes/0/depth/ops/store", json!("discard"), Redrawn),
-        (Mask, "/passes/0/depth/stencil_ops/load", json!("load"), Refused("loads the stencil of `scene-depth`")),
-        (Alone, "/passes/0/depth/stencil_ops/store", json!("discard"), Refused("discards the stencil of `scene-depth`")),
+        (Mask, "/passes/0/depth/stencil_ops/load", json!("load"), Refused("loads the stencil of \
+            `scene-depth`")),
+        (Alone, "/passes/0/depth/stencil_ops/store", json!("discard"), Refused("discards the \
+            stencil of `scene-depth`")),
         (Mask, "/passes/0/stencil/front/compare", json!("never"), Redrawn),
         (Mask, "/passes/0/stencil/front/fail", json!("keep"), Redrawn),
         (Mask, "/passes/0/stencil/front/depth_fail", json!("keep"), Redrawn),
@@ -276,11 +283,13 @@ fn mutations() -> Vec<(Case, &'static str, Json, Then)> {
         (Mask, "/passes/0/stencil/read_mask", json!(0), Redrawn),
         (Mask, "/passes/0/stencil/write_mask", json!(0), Redrawn),
         (Mask, "/passes/0/stencil/reference", json!(3), Redrawn),
-        (Lit, "/passes/0/multisample/count", json!(4), Refused("draws 4 samples a pixel, and `scene-depth` has 1")),
+        (Lit, "/passes/0/multisample/count", json!(4), Refused("draws 4 samples a pixel, and \
+            `scene-depth` has 1")),
         (Lit, "/passes/0/multisample/mask", json!(0), Redrawn),
         (Sampled, "/passes/0/multisample/alpha_to_coverage", json!(true), Redrawn),
         (Lit, "/passes/0/targets/0/format", json!("rgba16float"), Redrawn),
-        (Packed, "/passes/0/targets/0/attachment", json!("elsewhere"), Refused("it has no attachment `elsewhere`")),
+        (Packed, "/passes/0/targets/0/attachment", json!("elsewhere"), Refused("it has no \
+            attachment `elsewhere`")),
         (Glass, "/passes/0/targets/0/blend/color/src", json!("one"), Redrawn),
         (Glass, "/passes/0/targets/0/blend/color/dst", json!("one"), Redrawn),
         (Glass, "/passes/0/targets/0/blend/color/operation", json!("subtract"), Redrawn),
@@ -289,15 +298,20 @@ fn mutations() -> Vec<(Case, &'static str, Json, Then)> {
         (Glass, "/passes/0/targets/0/blend/alpha/operation", json!("subtract"), Redrawn),
         (Lit, "/passes/0/targets/0/write_mask", json!(14), Redrawn),
         (Packed, "/passes/0/targets/0/ops/load", json!("load"), Refused("nothing is in it yet")),
-        (Packed, "/passes/0/targets/0/ops/store", json!("discard"), Refused("discards `prepass-depth-packed`")),
+        (Packed, "/passes/0/targets/0/ops/store", json!("discard"), Refused("discards \
+            `prepass-depth-packed`")),
         (Lit, "/passes/0/targets/0/ops/store", json!("discard"), Redrawn),
-        (Lit, "/passes/0/bindings/0/group", json!(3), Refused("is not a binding the author's program uses")),
-        (Lit, "/passes/0/bindings/0/binding", json!(3), Refused("is not a binding the author's program uses")),
+        (Lit, "/passes/0/bindings/0/group", json!(3), Refused("is not a binding the author's \
+            program uses")),
+        (Lit, "/passes/0/bindings/0/binding", json!(3), Refused("is not a binding the author's \
+            program uses")),
         (Lit, "/passes/0/bindings/0/kind", json!("storage-read"), Refused("is a StorageRead in the plan")),
         (Lit, "/passes/0/bindings/0/visibility/vertex", json!(false), Refused("the pipeline of pass `main`")),
         (Lit, "/passes/0/bindings/2/visibility/fragment", json!(false), Refused("the pipeline of pass `main`")),
-        (Read, "/passes/1/bindings/2/source/from", json!("author"), Refused("is not a binding the author's program uses")),
-        (Read, "/passes/1/bindings/2/source/name", json!("elsewhere"), Refused("reads `elsewhere`, which is no attachment")),
+        (Read, "/passes/1/bindings/2/source/from", json!("author"), Refused("is not a binding the \
+            author's program uses")),
+        (Read, "/passes/1/bindings/2/source/name", json!("elsewhere"), Refused("reads `elsewhere`, \
+            which is no attachment")),
         (Lit, "/passes/0/bindings/0/layout", json!(null), Refused("has no layout")),
         (Lit, "/passes/0/bindings/0/layout/buffer/type", json!("storage"), Refused("laid out as a storage buffer")),
         (Lit, "/passes/0/bindings/0/layout/buffer/min_binding_size", json!(4096), Refused("of 4096 bytes in the plan")),
@@ -308,9 +322,11 @@ fn mutations() -> Vec<(Case, &'static str, Json, Then)> {
         (Lit, "/passes/0/attributes/0/location", json!(9), Refused("location 9")),
         (Lit, "/passes/0/attributes/0/type", json!("vec3<u32>"), Refused("does not feed")),
         (Lit, "/passes/0/features", json!(["time-travel"]), Refused("needs time-travel")),
-        (Lit, "/passes/0/limits", json!({"maxBindGroups": 1_000_000}), Refused("needs maxBindGroups of 1000000")),
+        (Lit, "/passes/0/limits", json!({"maxBindGroups": 1_000_000}), Refused("needs \
+            maxBindGroups of 1000000")),
         (Glass, "/passes/0/draws", json!("opaque"), Redrawn),
-        (Pulled, "/passes/0/geometry/kind", json!("as-given"), Refused("does not say how its geometry is subdivided")),
+        (Pulled, "/passes/0/geometry/kind", json!("as-given"), Refused("does not say how its \
+            geometry is subdivided")),
         (Shared, "/passes/0/geometry/pattern", json!("uniform"), Redrawn),
         (Shared, "/passes/0/geometry/level", json!(3), Redrawn),
         (Pulled, "/passes/0/geometry/form", json!("shared"), Redrawn),
@@ -330,20 +346,25 @@ fn mutations() -> Vec<(Case, &'static str, Json, Then)> {
         (Shared, "/compute/0/geometry/pattern", json!("uniform"), Redrawn),
         (Shared, "/compute/0/geometry/level", json!(3), Redrawn),
         (Shared, "/compute/0/features", json!(["time-travel"]), Refused("needs time-travel")),
-        (Shared, "/compute/0/limits", json!({"maxComputeWorkgroupSizeX": 1_000_000}), Refused("needs maxComputeWorkgroupSizeX of 1000000")),
-        (Shared, "/compute_files/0/wgsl/file", json!("elsewhere.wgsl"), Refused("there is no file `elsewhere.wgsl`")),
+        (Shared, "/compute/0/limits", json!({"maxComputeWorkgroupSizeX": 1_000_000}), Refused("needs \
+            maxComputeWorkgroupSizeX of 1000000")),
+        (Shared, "/compute_files/0/wgsl/file", json!("elsewhere.wgsl"), Refused("there is no file \
+            `elsewhere.wgsl`")),
         (Shared, "/compute_files/0/wgsl/entry_point", json!("elsewhere"), Refused("other entry points")),
         (Ids, "/passes/0/phase", json!("opaque"), Redrawn),
         (Ids, "/passes/1/bindings/1/source/part", json!("indices"), Redrawn),
         (Ids, "/passes/2/depth/compare", json!("always"), Redrawn),
         (Ids, "/passes/2/bindings/4/source/part/draw/streams/0", json!(9), Refused("at location 9")),
-        (Ids, "/passes/2/bindings/5/source/name", json!("elsewhere"), Refused("reads `elsewhere`, which is no attachment")),
+        (Ids, "/passes/2/bindings/5/source/name", json!("elsewhere"), Refused("reads `elsewhere`, \
+            which is no attachment")),
         (Computed, "/passes/1/phase", json!("opaque"), Redrawn),
         (Computed, "/compute/0/when/phase", json!("depth"), Redrawn),
         (Computed, "/compute/0/workgroup", json!(16), Redrawn),
-        (Computed, "/compute/0/bindings/0/visibility/compute", json!(false), Refused("the compute pass of material `lit` was refused")),
+        (Computed, "/compute/0/bindings/0/visibility/compute", json!(false), Refused("the compute \
+            pass of material `lit` was refused")),
         (Computed, "/compute/0/bindings/9/source/location", json!(1), Refused("which no pass draws to")),
-        (Tiled, "/frame_buffers/0/name", json!("elsewhere"), Refused("has no buffer `visibility-quads`")),
+        (Tiled, "/frame_buffers/0/name", json!("elsewhere"), Refused("has no buffer \
+            `visibility-quads`")),
         (Tiled, "/frame_buffers/0/holds", json!("pixels"), Refused("and no arguments")),
         (Tiled, "/passes/1/geometry/buffer", json!("visibility-quad-tiles"), Refused("and no arguments")),
         (Tiled, "/passes/1/geometry/kind", json!("full-screen"), Redrawn),
@@ -352,9 +373,11 @@ fn mutations() -> Vec<(Case, &'static str, Json, Then)> {
         (Binned, "/compute/3/geometry/buffer", json!("elsewhere"), Refused("has no buffer `elsewhere`")),
         (Unindexed, "/passes/0/geometry/kind", json!("as-given"), Redrawn),
         (Lit, "/files/0/role", json!("prepass"), Refused("not those of its passes")),
-        (Lit, "/files/0/vertex/wgsl/file", json!("elsewhere.wgsl"), Refused("there is no file `elsewhere.wgsl`")),
+        (Lit, "/files/0/vertex/wgsl/file", json!("elsewhere.wgsl"), Refused("there is no file \
+            `elsewhere.wgsl`")),
         (Lit, "/files/0/vertex/wgsl/entry_point", json!("elsewhere"), Refused("other entry points")),
-        (Lit, "/files/0/fragment/wgsl/file", json!("elsewhere.wgsl"), Refused("there is no file `elsewhere.wgsl`")),
+        (Lit, "/files/0/fragment/wgsl/file", json!("elsewhere.wgsl"), Refused("there is no file \
+            `elsewhere.wgsl`")),
         (Lit, "/files/0/fragment/wgsl/entry_point", json!("elsewhere"), Refused("other entry points")),
     ]
 }
@@ -388,7 +411,8 @@ struct Out { @builtin(position) at: vec4<f32>, @location(0) world: vec3<f32> }
     return Out(camera.view_proj * world, world.xyz);
 }
 @fragment fn fs(in: Out) -> @location(0) vec4<f32> {
-    let waves = sin(in.world.x * 5.0) * cos(in.world.y * 4.0) * sin(exp(in.world.z)) * exp(sin(in.world.x));
+    let waves = sin(in.world.x * 5.0) * cos(in.world.y * 4.0) * sin(exp(in.world.z)) * \
+        exp(sin(in.world.x));
     return vec4(object.tint.rgb * (0.5 + 0.4 * waves), 1.0);
 }
 ";
@@ -823,7 +847,8 @@ fn a_storage_texture_that_the_scene_does_not_have_is_told() {
     let error = draw_files(&scene, &files).unwrap_err().to_string();
     assert_eq!(
         error,
-        "the plan of material `lit` cannot be drawn: `albedo` (group 1, binding 1) is a storage texture of Rgba8Unorm in the plan; \
+        "the plan of material `lit` cannot be drawn: `albedo` (group 1, binding 1) is a storage \
+         texture of Rgba8Unorm in the plan; \
          what there is to bind is a D2 texture of floats"
     );
 }

@@ -6,13 +6,14 @@
 use std::collections::BTreeSet;
 
 use preshade::unstable::emit::{self, File, PlanFile, Target};
-use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::pass::{Facts, Use};
 use preshade::unstable::recipe::Recipe;
 use preshade::unstable::render::{self, FrameSettings, Prepared, Rendered, SceneInputs, Variant};
 use preshade::unstable::scene::DrawOrder;
 use rayon::prelude::*;
 use serde_json::{Value as Json, json};
 
+use crate::fixtures_support::recipes;
 use crate::render_support::*;
 
 /// Parts of the file that say nothing of a frame.
@@ -44,17 +45,20 @@ const SURVIVORS: &[(&str, &str)] = &[
     ("/passes/*/bindings/*/name", "a name for readers"),
     ("/passes/*/bindings/*/visibility/vertex", "one stage more than is needed"),
     ("/passes/*/bindings/*/visibility/fragment", "one stage more than is needed"),
-    ("/passes/*/bindings/*/source/part/draw/formats", "the scene stores all attributes as they are declared"),
+    ("/passes/*/bindings/*/source/part/draw/formats", "the scene stores all attributes as they are \
+        declared"),
     ("/passes/*/bindings/*/source/part/attribute/name", "a name for readers"),
     ("/passes/*/bindings/*/source/part/attribute/type", "with `formats=any` for readers"),
-    ("/passes/ids/features/0 removed", "what a device has that is asked for no more: `plan_needs.rs`"),
+    ("/passes/ids/features/0 removed", "what a device has that is asked for no more: \
+                                        `plan_needs.rs`"),
     ("/passes/*/depth/bias/clamp", "the largest of a bias that is none"),
     ("/passes/*/multisample/alpha_to_coverage", "there is one sample: `plan_is_enough` has more"),
     ("/passes/classify/draws", "drawn again, the numbers of draws are what they were"),
     ("/passes/classify/depth/bias/constant", "the pass writes the depth itself"),
     ("/passes/classify/depth/bias/slope_scale", "the pass writes the depth itself"),
     ("/passes/classify/primitive/front_face", "nothing is culled"),
-    ("/passes/classify/primitive/cull removed", "by default the back is culled, and it shows its front"),
+    ("/passes/classify/primitive/cull removed", "by default the back is culled, and it shows its \
+                                                 front"),
     ("/passes/classify/primitive/unclipped_depth", "what covers the screen is not clipped"),
     ("/passes/resolve/depth/bias/slope_scale", "over the screen depth has no slope"),
     ("/passes/resolve/depth/ops/load", "the classify pass has cleared it"),
@@ -62,7 +66,8 @@ const SURVIVORS: &[(&str, &str)] = &[
     ("/passes/resolve/depth/read_only", "an EQUAL test writes what is there"),
     ("/passes/resolve/depth/write", "an EQUAL test writes what is there"),
     ("/passes/resolve/primitive/front_face", "nothing is culled"),
-    ("/passes/resolve/primitive/cull removed", "by default the back is culled, and it shows its front"),
+    ("/passes/resolve/primitive/cull removed", "by default the back is culled, and it shows its \
+                                                front"),
     ("/passes/resolve/primitive/unclipped_depth", "what covers the screen is not clipped"),
     ("/passes/clear/draws", "it draws nothing"),
     ("/passes/clear/geometry removed", "it draws nothing"),
@@ -75,7 +80,8 @@ const SURVIVORS: &[(&str, &str)] = &[
     ("/compute/*/bindings/*/name", "a name for readers"),
     ("/compute/*/bindings/*/visibility/vertex", "a compute pass has one stage"),
     ("/compute/*/bindings/*/visibility/fragment", "a compute pass has one stage"),
-    ("/compute/*/bindings/*/source/part/draw/formats", "the scene stores all attributes as they are declared"),
+    ("/compute/*/bindings/*/source/part/draw/formats", "the scene stores all attributes as they \
+        are declared"),
     ("/compute/*/bindings/*/source/part/attribute/name", "a name for readers"),
     ("/compute/*/bindings/*/source/part/attribute/type", "with `formats=any` for readers"),
     ("/compute/*/draws removed", "no draw of the material is blended"),
@@ -89,17 +95,6 @@ const HARMFUL: &[(&str, f64)] = &[
     ("/attachments/2/clear", 1.25 / 65535.0),
     // An id of one word.
     ("/attachments/1/clear/0", 1000.0),
-];
-
-/// What is split, each in a way of its own.
-const RECIPES: [&str; 7] = [
-    "visibility-buffer",
-    "visibility-buffer:ids=unindexed,words=one,select=id",
-    "visibility-buffer:form=compute",
-    "visibility-buffer:select=tiles",
-    "visibility-buffer:select=tiles,form=compute",
-    "visibility-buffer:form=binned",
-    "visibility-buffer:vertices=kept,select=id,formats=any",
 ];
 
 /// A JSON value changed: a pointer to it, and what is there instead; `None`: it is removed.
@@ -305,7 +300,7 @@ fn unseen(recipe: &str, done: &mut BTreeSet<(String, String)>) -> Vec<String> {
 #[test]
 fn every_value_is_needed() {
     let mut done = BTreeSet::new();
-    for recipe in RECIPES {
+    for recipe in recipes(&[Use::Mutate]) {
         let unseen = unseen(recipe, &mut done);
         assert!(
             unseen.is_empty(),

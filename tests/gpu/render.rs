@@ -259,7 +259,8 @@ fn reading_depth(plan: &Plan, kind: BindingKind, samples: u32) -> Plan {
         &format!(
             "@group(2) @binding(3) var scene_depth: {ty};
              @fragment fn fs(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {{
-                 if (at.z > textureLoad(scene_depth, vec2<i32>(at.xy), {level}){channel}) {{ discard; }}
+                 if (at.z > textureLoad(scene_depth, vec2<i32>(at.xy), {level}){channel}) {{ \
+                     discard; }}
                  return object.tint;
              }}"
         ),

@@ -169,7 +169,8 @@ fn initial_values_of_glsl_locals_stay() {
         layout(binding = 2) uniform sampler map_sampler;
         layout(location = 0) out vec4 color;
         vec3 graded(vec3 c) {
-            const mat3 grade = mat3(vec3(0.59719, 0.07600, 0.02840), vec3(0.35458, 0.90834, 0.13383), vec3(0.04823, 0.01566, 0.83777));
+            const mat3 grade = mat3(vec3(0.59719, 0.07600, 0.02840), vec3(0.35458, 0.90834, \
+                0.13383), vec3(0.04823, 0.01566, 0.83777));
             if (fog.density > 0.0) { c = mix(c, vec3(0.5), fog.density); }
             return grade * c + fog.weight * textureLod(sampler2D(map, map_sampler), c.xy, 0.0).rgb;
         }

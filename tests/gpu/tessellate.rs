@@ -21,13 +21,15 @@ const WAVES: &str = "
 struct Camera { view_proj: mat4x4<f32>, time: f32 }
 @group(0) @binding(0) var<uniform> camera: Camera;
 @group(1) @binding(0) var<uniform> model: mat4x4<f32>;
-struct VertexOut { @builtin(position) clip: vec4<f32>, @location(0) world: vec3<f32>, @location(1) uv: vec2<f32> }
+struct VertexOut { @builtin(position) clip: vec4<f32>, @location(0) world: vec3<f32>, \
+    @location(1) uv: vec2<f32> }
 @vertex fn vs(@location(0) position: vec3<f32>, @location(1) uv: vec2<f32>) -> VertexOut {
     let world = model * vec4(position, 1.0);
     return VertexOut(camera.view_proj * world, world.xyz, uv);
 }
 @fragment fn fs(in: VertexOut) -> @location(0) vec4<f32> {
-    let waves = sin(in.world.x * 9.0) * cos(in.world.y * 7.0) * sin(in.world.z * 8.0 + camera.time) * exp(sin(in.world.x * 5.0)) + sin(exp(in.world.y));
+    let waves = sin(in.world.x * 9.0) * cos(in.world.y * 7.0) * sin(in.world.z * 8.0 + \
+        camera.time) * exp(sin(in.world.x * 5.0)) + sin(exp(in.world.y));
     return vec4(1.0 / 255.0, 0.5 + 0.2 * waves, 0.0, 1.0) + 0.0 * in.uv.xyxy;
 }
 ";

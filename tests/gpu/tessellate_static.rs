@@ -29,7 +29,8 @@ struct VertexOut { @builtin(position) clip: vec4<f32>, @location(0) local: vec3<
     return VertexOut(camera.view_proj * model * vec4(position, 1.0), position);
 }
 @fragment fn fs(in: VertexOut) -> @location(0) vec4<f32> {
-    let waves = sin(in.local.x * 9.0) * cos(in.local.y * 7.0) * sin(in.local.z * 8.0) * exp(sin(in.local.x * 5.0)) + sin(exp(in.local.y));
+    let waves = sin(in.local.x * 9.0) * cos(in.local.y * 7.0) * sin(in.local.z * 8.0) * \
+        exp(sin(in.local.x * 5.0)) + sin(exp(in.local.y));
     return vec4(0.2, 0.5 + 0.2 * waves, 0.0, 1.0);
 }
 ";

@@ -24,7 +24,8 @@ struct Material { fog: f32, octaves: i32, tint: vec3<f32> }
 @group(0) @binding(1) var<uniform> material: Material;
 @group(1) @binding(0) var picture: texture_2d<f32>;
 @group(1) @binding(1) var filtering: sampler;
-struct Varyings { @builtin(position) position: vec4<f32>, @location(0) world: vec3<f32>, @location(1) normal: vec3<f32>, @location(2) uv: vec2<f32> }
+struct Varyings { @builtin(position) position: vec4<f32>, @location(0) world: vec3<f32>, \
+    @location(1) normal: vec3<f32>, @location(2) uv: vec2<f32> }
 var<private> wear: f32 = 0.5;
 fn put(to: ptr<function, f32>, x: f32) { *to = x - 0.25; wear = wear + x; }
 fn waves(p: vec3<f32>) -> f32 {
@@ -33,7 +34,8 @@ fn waves(p: vec3<f32>) -> f32 {
     for (var i = 0; i < 3; i += 1) { sum += weight * (p.x * 3.0 - p.y * 1.5 + p.z); weight *= 0.5; }
     return sum;
 }
-@vertex fn vs(@location(0) position: vec3<f32>, @location(1) normal: vec3<f32>, @location(2) uv: vec2<f32>) -> Varyings {
+@vertex fn vs(@location(0) position: vec3<f32>, @location(1) normal: vec3<f32>, \
+    @location(2) uv: vec2<f32>) -> Varyings {
     var out: Varyings;
     let moved = vec4(position + vec3(0.0, 0.25 * (position.x - 0.5), 0.0), 1.0);
     out.position = camera.view_projection * moved;

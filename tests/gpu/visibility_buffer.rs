@@ -199,8 +199,10 @@ struct Object {{ model: mat4x4<f32>, tint: vec4<f32> }}
 @group(0) @binding(0) var<uniform> camera: Camera;
 @group(1) @binding(0) var<uniform> object: Object;
 {declared}
-struct Out {{ @builtin(position) at: vec4<f32>, @location(0) uv: vec2<f32>, @location(1) world: vec3<f32>, {varyings} }}
-@vertex fn vs(@location(0) position: vec3<f32>, @location(1) uv: vec2<f32>, @builtin(vertex_index) index: u32, @builtin(instance_index) instance: u32) -> Out {{
+struct Out {{ @builtin(position) at: vec4<f32>, @location(0) uv: vec2<f32>, \
+    @location(1) world: vec3<f32>, {varyings} }}
+@vertex fn vs(@location(0) position: vec3<f32>, @location(1) uv: vec2<f32>, \
+    @builtin(vertex_index) index: u32, @builtin(instance_index) instance: u32) -> Out {{
     let world = object.model * vec4(position, 1.0);
     return Out(camera.view_proj * world, uv, world.xyz, {given});
 }}
@@ -363,9 +365,11 @@ fn every_varying_by_its_own_interpolation() {
     let scene = floor(shader(
         "kinds",
         "",
-        "@location(2) @interpolate(flat) first: vec2<u32>, @location(3) @interpolate(linear) screen: vec2<f32>, @location(4) @interpolate(flat) corner: f32,",
+        "@location(2) @interpolate(flat) first: vec2<u32>, @location(3) \
+         @interpolate(linear) screen: vec2<f32>, @location(4) @interpolate(flat) corner: f32,",
         "vec2(index, instance), uv, f32(index)",
-        "return vec4(fract(f32(in.first.x) * 0.3), 0.5 + 0.1 * in.screen.x, 0.5 + 0.1 * in.uv.y, 1.0) * vec4(1.0, 1.0, 1.0 - 0.1 * in.corner, 1.0);",
+        "return vec4(fract(f32(in.first.x) * 0.3), 0.5 + 0.1 * in.screen.x, 0.5 + 0.1 * in.uv.y, \
+         1.0) * vec4(1.0, 1.0, 1.0 - 0.1 * in.corner, 1.0);",
     ));
     // A linear varying has no place behind the viewer: what drivers make of it there is theirs.
     let scene = perspective(scene, Vec3::new(0.3, 6.0, 18.0), Vec3::ZERO);
@@ -543,9 +547,11 @@ struct Camera { view_proj: mat4x4<f32> }
 struct Object { model: mat4x4<f32>, tint: vec4<f32> }
 @group(0) @binding(0) var<uniform> camera: Camera;
 @group(1) @binding(0) var<uniform> object: Object;
-struct Out { @builtin(position) at: vec4<f32>, @location(0) world: vec3<f32>, @location(1) @interpolate(flat) shade: f32 }
+struct Out { @builtin(position) at: vec4<f32>, @location(0) world: vec3<f32>, @location(1) \
+    @interpolate(flat) shade: f32 }
 @vertex fn vs(@location(0) position: vec3<f32>, @builtin(instance_index) instance: u32) -> Out {
-    let place = vec3(f32(instance % 30u) - 14.5, f32(instance / 30u) - 14.5, f32(instance % 7u) * 0.3);
+    let place = vec3(f32(instance % 30u) - 14.5, f32(instance / 30u) - 14.5, f32(instance % 7u) * \
+        0.3);
     let world = object.model * vec4(position * 0.8 + place, 1.0);
     return Out(camera.view_proj * world, world.xyz, f32(instance % 11u) * 0.05);
 }
@@ -739,7 +745,8 @@ fn difference_of_levels(a: &Rendered, b: &Rendered) -> usize {
 #[test]
 fn coarse_derivatives_are_those_of_the_adapter() {
     let body = "let bent = in.uv.x * in.uv.y * 3.0;
-    return vec4(0.4 + dpdxCoarse(bent) * 4.0, 0.4 + dpdyCoarse(bent) * 4.0, fwidth(bent) * 2.0, 1.0) * object.tint;";
+    return vec4(0.4 + dpdxCoarse(bent) * 4.0, 0.4 + dpdyCoarse(bent) * 4.0, fwidth(bent) * 2.0, \
+        1.0) * object.tint;";
     let difference = compared(&floor(shader("coarse", "", "", "", body)));
     assert!(difference.most <= 1, "{difference:?}");
 }
@@ -766,12 +773,14 @@ fn more_than_ids_and_buffers_hold_is_told_before_it_is_drawn() {
         (
             700_000_000,
             "visibility-buffer:words=one",
-            "1400000000 instances, and 2 triangles with their sides, do not fit into ids of one word: take words=two",
+            "1400000000 instances, and 2 triangles with their sides, do not fit into ids of one \
+             word: take words=two",
         ),
         (
             2_000_000_000,
             "visibility-buffer:form=binned",
-            "the buffer `visibility-bin-instances` would have 16000000000 bytes, and the adapter binds",
+            "the buffer `visibility-bin-instances` would have 16000000000 bytes, and the adapter \
+             binds",
         ),
         (
             500_000_000,
@@ -958,14 +967,16 @@ fn colours_are_stored_where_there_is_a_target() {
     let text = shader("two", "", "", "", "return object.tint;");
     let text = text.program.author_text().unwrap().to_owned();
     let stage = "struct Two { @location(0) first: vec4<f32>, @location(1) second: vec4<f32> }
-@fragment fn fs(in: Out) -> Two { return Two(vec4(0.5 + 0.4 * sin(in.world), 1.0), vec4(in.uv, 0.0, 1.0)); }";
+@fragment fn fs(in: Out) -> Two { return Two(vec4(0.5 + 0.4 * sin(in.world), 1.0), vec4(in.uv, \
+    0.0, 1.0)); }";
     let text = format!("{}{stage}", &text[..text.find("@fragment").unwrap()]);
     let mut two = material("two", &text);
     two.state.primitive.cull = CullMode::None;
     assert_rounds(&floor(two));
     let half = shader("half", "", "", "", "return object.tint;");
     let half = half.program.author_text().unwrap().to_owned();
-    let stage = "@fragment fn fs(in: Out) -> @location(0) vec4<f16> { return vec4<f16>(vec4(0.5 + 0.4 * sin(in.world), 1.0)); }";
+    let stage = "@fragment fn fs(in: Out) -> @location(0) vec4<f16> { \
+                 return vec4<f16>(vec4(0.5 + 0.4 * sin(in.world), 1.0)); }";
     let half = format!(
         "enable f16;\n{}{stage}",
         &half[..half.find("@fragment").unwrap()]
@@ -999,7 +1010,8 @@ fn a_fragment_stage_without_colours_is_refused() {
 fn derivatives_by_name_and_in_called_functions() {
     let declared = "fn soft(v: f32) -> f32 { return fwidth(v) * 2.0; }
 fn twice(v: f32) -> f32 { return soft(v) + soft(v * 0.5); }";
-    let body = "return vec4(0.3 + twice(in.uv.x), 0.3 + dpdx(in.uv.y), 0.3 - dpdyFine(in.uv.y) + dpdxCoarse(in.uv.x), 1.0) * object.tint;";
+    let body = "return vec4(0.3 + twice(in.uv.x), 0.3 + dpdx(in.uv.y), 0.3 - dpdyFine(in.uv.y) + \
+                dpdxCoarse(in.uv.x), 1.0) * object.tint;";
     let difference = compared(&floor(shader("derived", declared, "", "", body)));
     assert!(difference.most <= 1, "{difference:?}");
 }
@@ -1220,7 +1232,9 @@ fn what_cannot_be_split_is_refused() {
     );
     for of in [
         // Relief from the differences of a height, and a sample by its normal.
-        "let h = textureSample(relief, smooth_sampler, in.uv).x; let n = normalize(in.world + dpdx(h)); return textureSample(albedo, smooth_sampler, n.xz);",
+        "let h = textureSample(relief, smooth_sampler, in.uv).x; \
+         let n = normalize(in.world + dpdx(h)); return textureSample(albedo, smooth_sampler, \
+         n.xz);",
         "let l = length(vec2(dpdx(in.uv.x * in.uv.x), dpdy(in.uv.y))); return vec4(fwidth(l));",
         "return vec4(dpdx(dpdy(in.uv.x * in.uv.y) * 2.0));",
         "return vec4(dpdx(dpdy(in.uv.x * in.uv.y)));",

@@ -245,7 +245,8 @@ fn a_glsl_error_is_framed_where_the_author_wrote_it() {
         Code::Parse,
         &[(
             "a.frag",
-            "#version 450\nuniform sampler2D t;\nvoid main() {\n    vec2 uv = vec2(0.0)\n    gl_FragDepth = texture(t, uv).r;\n}\n"
+            "#version 450\nuniform sampler2D t;\nvoid main() {\n    vec2 uv = vec2(0.0)\n    \
+             gl_FragDepth = texture(t, uv).r;\n}\n"
         )]
     ));
     insta::assert_snapshot!(
@@ -254,7 +255,8 @@ fn a_glsl_error_is_framed_where_the_author_wrote_it() {
             Code::Unsupported,
             &[(
                 "a.frag",
-                "precision mediump float;\n#define AT gl_PointCoord\nvoid main() {\n    gl_FragColor = vec4(AT, 0.0, 1.0);\n}\n"
+                "precision mediump float;\n#define AT gl_PointCoord\n\
+                 void main() {\n    gl_FragColor = vec4(AT, 0.0, 1.0);\n}\n"
             )]
         )
     );
@@ -350,15 +352,22 @@ fn a_varying_that_does_not_fit_is_shown_where_it_is_declared() {
     let text = material("    return vec4(1.0);");
     let one = text.replace(
         "@fragment",
-        "struct Wanted {\n    // at @location(1): no\n    @builtin(front_facing) front: bool,\n    @location(1) far: vec3<f32>,\n}\n@fragment",
+        "struct Wanted {\n    // at @location(1): no\n    @builtin(front_facing) front: bool,\n    \
+         @location(1) far: vec3<f32>,\n}\n@fragment",
     );
     let one = one.replacen("fn fs()", "fn fs(wanted: Wanted)", 1);
     insta::assert_snapshot!(
         "interface_struct",
         refused(Code::Interface, &[("a.wgsl", &one)])
     );
-    let vertex = "#version 450\nlayout(location = 0) in vec3 position;\nlayout(location = 0) out vec2 uv; // the\nlayout(location = 1) out vec4 tint;\nvoid main() {\n    uv = position.xy;\n    tint = vec4(1.0);\n    gl_Position = vec4(position, 1.0);\n}\n";
-    let fragment = "#version 450\nlayout(location = 0) in vec2 uv;\n/* layout(location = 1) in vec2 no; */\nlayout(location = 1) in vec3 tint;\nlayout(location = 0) out vec4 color;\nvoid main() {\n    color = vec4(tint, uv.x);\n}\n";
+    let vertex = "#version 450\nlayout(location = 0) in vec3 position;\n\
+                  layout(location = 0) out vec2 uv; // the\nlayout(location = 1) out vec4 tint;\n\
+                  void main() {\n    uv = position.xy;\n    tint = vec4(1.0);\n    gl_Position = \
+                  vec4(position, 1.0);\n}\n";
+    let fragment = "#version 450\nlayout(location = 0) in vec2 uv;\n\
+                    /* layout(location = 1) in vec2 no; */\nlayout(location = 1) in vec3 tint;\n\
+                    layout(location = 0) out vec4 color;\nvoid main() {\n    color = vec4(tint, \
+                    uv.x);\n}\n";
     insta::assert_snapshot!(
         "interface_glsl",
         refused(Code::Interface, &[("a.vert", vertex), ("a.frag", fragment)])
@@ -370,7 +379,8 @@ fn a_varying_that_does_not_fit_is_shown_where_it_is_declared() {
 fn one_binding_with_two_layouts_shows_the_members() {
     let frame = |member: &str, stage: &str| {
         format!(
-            "struct Lens {{ near: f32, {member} }}\nstruct Frame {{\n    view_proj: mat4x4<f32>,\n    lens: Lens,\n}}\n\
+            "struct Lens {{ near: f32, {member} }}\nstruct Frame {{\n    view_proj: \
+             mat4x4<f32>,\n    lens: Lens,\n}}\n\
              @group(0) @binding(0) var<uniform> frame: Frame;\n{stage}\n"
         )
     };

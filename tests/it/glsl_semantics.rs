@@ -126,7 +126,8 @@ void main() {
 ";
     let text = given(text);
     let line = text.lines().find(|l| l.contains("sum(held")).unwrap();
-    let expected = "c = vec4((held = float(i++), held_ = i, held_2 = a[held_], held_3 = float(i++), held_4 = sum(held, held_2, held_3), a[held_] = held_2, held_4));";
+    let expected = "c = vec4((held = float(i++), held_ = i, held_2 = a[held_], held_3 = \
+                    float(i++), held_4 = sum(held, held_2, held_3), a[held_] = held_2, held_4));";
     assert_eq!(line.trim(), expected);
     // What nothing else touches is written in place.
     let plain = text_of_call("float x = 0.5; c = vec4(sum(sin(x), x, x * 2.0));");
@@ -179,7 +180,8 @@ void main() {
     poses.pairs[0].on = pair.small[1].x > 0.5;
     poses.pairs[0].small[1] += v.xy;
     poses.last++;
-    c = poses.whole[1] + poses.pairs[2].bones[1].turn[0] + vec4(poses.tall[1][0], 1.0) + float(poses.pairs[1].on);
+    c = poses.whole[1] + poses.pairs[2].bones[1].turn[0] + vec4(poses.tall[1][0], 1.0) + \
+        float(poses.pairs[1].on);
 }
 ";
 
@@ -449,7 +451,8 @@ void main() { offset = vec2[2](p.xy, p.zw); gl_Position = p; }
 uniform sampler2D map;
 in vec2 offset[2];
 out vec4 c;
-void main() { c = textureOffset(map, offset[0], ivec2(1, 0)) + textureOffset(map, offset[1], ivec2(0, 1)); }
+void main() { c = textureOffset(map, offset[0], ivec2(1, 0)) + textureOffset(map, offset[1], \
+    ivec2(0, 1)); }
 ";
     let sources = [
         Source::new("a.vert", vertex),
@@ -556,7 +559,8 @@ float more() { return LEVEL; }
 #[test]
 fn an_argument_that_begins_with_a_digit_keeps_its_turn() {
     let text = text_of_call(
-        "float v[3] = float[3](0.1, 0.2, 0.3); int i = 0; c = vec4(sum(2.0 * float(i), v[i++], 1.0));",
+        "float v[3] = float[3](0.1, 0.2, 0.3); int i = 0; \
+         c = vec4(sum(2.0 * float(i), v[i++], 1.0));",
     );
     assert!(text.contains("held = 2.0 * float(i)"), "{text}");
     let held = text.find("held = 2.0 * float(i)").unwrap();
@@ -722,9 +726,11 @@ void main() {{ c = u[0] + m[0] + vec4(a[1]); }}
 fn arrays_are_bounded_by_their_product() {
     let large = [
         "varying float v[1048576][1048576]; void main() { gl_FragColor = vec4(v[0][0]); }",
-        "uniform sampler2D s[1024][1024]; void main() { gl_FragColor = texture2D(s[0][0], vec2(0.5)); }",
+        "uniform sampler2D s[1024][1024]; void main() { \
+         gl_FragColor = texture2D(s[0][0], vec2(0.5)); }",
         "void main() { float a[4096][4]; float b[4096][4]; gl_FragColor = vec4(a == b); }",
-        "struct S { float f[1048576]; }; struct T { S s[1048576]; }; varying T t; void main() { gl_FragColor = vec4(t.s[0].f[0]); }",
+        "struct S { float f[1048576]; }; struct T { S s[1048576]; }; varying T t; void main() { \
+         gl_FragColor = vec4(t.s[0].f[0]); }",
     ];
     for text in large {
         let (code, told, line) = refused(&format!("#version 430 compatibility\n{text}\n"));
@@ -822,7 +828,8 @@ uniform sampler2D map;
 out vec4 c;
 vec4 gather_sampler_2(vec4 v) { return v * 0.25; }
 vec4 gather_sampler2D_0(vec4 v) { return v * 0.5; }
-void main() { c = gather_sampler_2(vec4(1.0)) + gather_sampler2D_0(vec4(1.0)) + textureGather(map, vec2(0.5)); }
+void main() { c = gather_sampler_2(vec4(1.0)) + gather_sampler2D_0(vec4(1.0)) + textureGather(map, \
+    vec2(0.5)); }
 ",
     ));
     assert_eq!(text.matches("textureGather(").count(), 1, "{text}");
@@ -857,7 +864,8 @@ fn chains_of_macros_are_bounded() {
 fn where_window_coordinates_begin_is_said_again() {
     let text = |layout: &str| {
         format!(
-            "#version 150\nlayout({layout}) in vec4 gl_FragCoord;\nout vec4 c;\nvoid main() {{ c = vec4(gl_FragCoord.y / 600.0); }}\n"
+            "#version 150\nlayout({layout}) in vec4 gl_FragCoord;\nout vec4 c;\n\
+             void main() {{ c = vec4(gl_FragCoord.y / 600.0); }}\n"
         )
     };
     let emitted = |target: Target| {
@@ -965,7 +973,13 @@ void main() { c = vec4(max(v.x, v.y, v.z), max(v.x, 1), max(1, 2, 3), 1.0); }
 ",
     );
     assert!(text.contains("return max(max(a, b), c)"), "{text}");
-    assert!(text.contains("max_(uniforms.v.x, uniforms.v.y, uniforms.v.z), max(uniforms.v.x, 1.0), max_(1.0, 2.0, 3.0)"), "{text}");
+    assert!(
+        text.contains(
+            "max_(uniforms.v.x, uniforms.v.y, uniforms.v.z), max(uniforms.v.x, 1.0), max_(1.0, \
+             2.0, 3.0)"
+        ),
+        "{text}"
+    );
 }
 
 /// A `defined` that a macro brings asks as one that is written out does.
@@ -1002,7 +1016,8 @@ fn a_sampler_is_chosen_by_any_index() {
 uniform sampler2D textures[3];
 uniform float index;
 out vec4 c;
-void main() { int i = 0; c = texture(textures[int(index)], vec2(0.5)) + texture(textures[i++], vec2(0.5)); }
+void main() { int i = 0; c = texture(textures[int(index)], vec2(0.5)) + texture(textures[i++], \
+    vec2(0.5)); }
 ",
     );
     assert!(
@@ -1042,7 +1057,8 @@ fn a_struct_of_which_samplers_alone_are_read_is_declared_whole() {
         uniform Material others[2];
         out vec4 color;
         float unread(Material m) { return m.shininess + m.layers[1].scale.x; }
-        void main() { color = texture(material.diffuse, vec2(0.5)) + texture(others[1].layers[1].map, vec2(0.5)); }";
+        void main() { color = texture(material.diffuse, vec2(0.5)) + \
+            texture(others[1].layers[1].map, vec2(0.5)); }";
     let vertex = "#version 330 core\nin vec4 p; void main() { gl_Position = p; }";
     let sources = [
         Source::new("a.vert", vertex),
@@ -1070,14 +1086,16 @@ fn a_struct_of_which_samplers_alone_are_read_is_declared_whole() {
 fn lengths_come_of_every_kind_of_constant() {
     let text = given(
         "#version 330
-const float F = 3; const ivec2 S = ivec2(vec2(4.7, 5.0)); const uint U = 2u; const vec3 V = vec3(2.0) * S.xyx;
+const float F = 3; const ivec2 S = ivec2(vec2(4.7, 5.0)); const uint U = 2u; \
+    const vec3 V = vec3(2.0) * S.xyx;
 float table[7];
 out vec4 c;
 void main() {
     float a[int(F)], b[S.y], d[U + 1u], e[int(V[1]) - 2], f[-S.x + 10];
     const int n = table.length();
     float g[n * 2];
-    { float table[2]; float h[table.length()]; const float F = 11.0; float k[int(F) + 1]; c = vec4(h[1], k[3], 0.0, 0.0); }
+    { float table[2]; float h[table.length()]; const float F = 11.0; float k[int(F) + 1]; \
+        c = vec4(h[1], k[3], 0.0, 0.0); }
     c += vec4(a[0] + b[0], d[0] + e[0], f[0], g[0] + table[6]);
 }
 ",
@@ -1095,7 +1113,8 @@ void main() {
         assert!(text.contains(declared), "{declared}: {text}");
     }
     let (code, told, line) = refused(
-        "#version 330\nconst int n = 2;\nout vec4 c;\nvoid f(int n) {\n float a[n]; }\nvoid main() { f(1); c = vec4(1.0); }\n",
+        "#version 330\nconst int n = 2;\nout vec4 c;\nvoid f(int n) {\n float a[n]; }\n\
+         void main() { f(1); c = vec4(1.0); }\n",
     );
     assert_eq!((code, line), (Code::Unsupported, 5), "{told}");
 }
@@ -1111,7 +1130,8 @@ const ivec2 STEP = ivec2(1, -2);
 out vec4 c;
 void main() {
     const int i = 3;
-    c = textureOffset(map, vec2(0.5), ivec2(i, 0)) + textureOffset(map, vec2(0.5), STEP * 2 + 1) + textureGather(map, vec2(0.5), i - 1);
+    c = textureOffset(map, vec2(0.5), ivec2(i, 0)) + textureOffset(map, vec2(0.5), STEP * 2 + 1) + \
+        textureGather(map, vec2(0.5), i - 1);
 }
 ",
     );
@@ -1119,7 +1139,8 @@ void main() {
         assert!(text.contains(literal), "{literal}: {text}");
     }
     let (_, told, _) = refused(
-        "#version 400\nuniform sampler2D map;\nout vec4 c;\nvoid main() { c = textureGatherOffset(map, vec2(0.5), ivec2(1)); }\n",
+        "#version 400\nuniform sampler2D map;\nout vec4 c;\n\
+         void main() { c = textureGatherOffset(map, vec2(0.5), ivec2(1)); }\n",
     );
     assert!(
         told.contains("`textureGatherOffset` is not supported"),
@@ -1129,11 +1150,14 @@ void main() {
     let sources = [
         Source::new(
             "a.vert",
-            "#version 330\nuniform struct { mat4 view; } camera;\nin vec4 p;\nvoid main() { gl_Position = camera.view * p; }\n",
+            "#version 330\nuniform struct { mat4 view; } camera;\nin vec4 p;\n\
+             void main() { gl_Position = camera.view * p; }\n",
         ),
         Source::new(
             "a.frag",
-            "#version 330\nuniform struct { vec3 color; float amount; } light;\nuniform struct { float amount; } fog;\nout vec4 c;\nvoid main() { c = vec4(light.color * light.amount, fog.amount); }\n",
+            "#version 330\nuniform struct { vec3 color; float amount; } light;\n\
+             uniform struct { float amount; } fog;\nout vec4 c;\n\
+             void main() { c = vec4(light.color * light.amount, fog.amount); }\n",
         ),
     ];
     wgsl(
@@ -1152,7 +1176,8 @@ uniform int n;
 float f(float x) { { return x * 2.0; } return 1.0; }
 void main() {
     c = vec4(0.25);
-    switch (n) { case 0: { c.x = f(0.5); break; } c = vec4(0.125); int k; case 1: k = 1; c.y = float(k); }
+    switch (n) { case 0: { c.x = f(0.5); break; } c = vec4(0.125); int k; case 1: k = 1; \
+        c.y = float(k); }
     if (n > 3) { discard; c.x = f(3.0); }
     { return; }
     c = vec4(f(0.75));
@@ -1173,10 +1198,14 @@ void main() {
 #[test]
 fn a_function_that_ends_in_a_discard_returns() {
     for fragment in [
-        "varying vec2 uv; void main() { if (uv.x > 0.5) { gl_FragColor = vec4(1.0); return; } discard; }",
-        "varying vec2 uv; float f(float x) { if (x > 0.5) return x; discard; return 1.0; } void main() { gl_FragColor = vec4(f(uv.x)); }",
-        "varying vec2 uv; float f(float x) { if (x > 0.5) { return x; } else { discard; } } void main() { gl_FragColor = vec4(f(uv.x)); }",
-        "varying vec2 uv; float f(float x) { for (int i = 0; i < 4; i++) { if (x > 0.5) return x; x += 0.1; } discard; } void main() { gl_FragColor = vec4(f(uv.x)); }",
+        "varying vec2 uv; void main() { if (uv.x > 0.5) { gl_FragColor = vec4(1.0); \
+         return; } discard; }",
+        "varying vec2 uv; float f(float x) { if (x > 0.5) return x; discard; \
+         return 1.0; } void main() { gl_FragColor = vec4(f(uv.x)); }",
+        "varying vec2 uv; float f(float x) { if (x > 0.5) { return x; } else { \
+         discard; } } void main() { gl_FragColor = vec4(f(uv.x)); }",
+        "varying vec2 uv; float f(float x) { for (int i = 0; i < 4; i++) { if (x > 0.5) return x; \
+         x += 0.1; } discard; } void main() { gl_FragColor = vec4(f(uv.x)); }",
     ] {
         let vertex =
             "attribute vec4 p; varying vec2 uv; void main() { uv = p.xy; gl_Position = p; }";
@@ -1208,7 +1237,8 @@ out vec4 c;
 float next() { return 0.25; }
 void main() {
     c = vec4(0.0);
-    switch (n) { case 0: c.x = 1.0; break; float j = next(), k; case 1: j = 2.0; k = j; c.y = j + k; }
+    switch (n) { case 0: c.x = 1.0; break; float j = next(), k; case 1: j = 2.0; k = j; \
+        c.y = j + k; }
 }
 ",
     );

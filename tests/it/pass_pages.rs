@@ -121,7 +121,8 @@ fn promise(contract: &Contract) -> String {
 fn page(pass: &dyn AnyPass) -> String {
     let info = pass.info();
     let mut text = format!(
-        "<!-- Made of passes/src/transforms by `UPDATE_PAGES=1 cargo test --test it pass_pages`; edits will be lost. -->\n# {}\n\n{}\n\n",
+        "<!-- Made of passes/src/transforms by `UPDATE_PAGES=1 cargo test --test it pass_pages`; \
+         edits will be lost. -->\n# {}\n\n{}\n\n",
         info.name,
         comment(info.name)
     );
@@ -141,7 +142,8 @@ fn page(pass: &dyn AnyPass) -> String {
     let file = format!("../images/passes/{}.png", info.name);
     writeln!(
         text,
-        "![Original, variant and their difference times 16{often}: {seen}]({file})\n\n`{command}`: {seen}.\n"
+        "![Original, variant and their difference times 16{often}: {seen}]({file})\n\n\
+         `{command}`: {seen}.\n"
     )
     .unwrap();
     // The script that draws it reads the page.

@@ -57,16 +57,19 @@ fn covered(change: impl FnOnce(&mut MaterialState)) -> MaterialState {
 
 #[test]
 fn stages_whose_alpha_covers_otherwise_than_a_slice_would() {
-    let vertex = "struct V { @builtin(position) p: vec4<f32>, @location(0) @interpolate(perspective, sample) uv: vec2<f32> }\n\
+    let vertex = "struct V { @builtin(position) p: vec4<f32>, @location(0) \
+                  @interpolate(perspective, sample) uv: vec2<f32> }\n\
                   @vertex fn vs(@location(0) p: vec4<f32>) -> V { return V(p, p.xy); }\n";
     let by_sample = format!(
-        "{vertex}@fragment fn fs(v: V) -> @location(0) vec4<f32> {{ return vec4<f32>(v.uv, 0.0, 0.5); }}\n"
+        "{vertex}@fragment fn fs(v: V) -> @location(0) vec4<f32> {{ \
+         return vec4<f32>(v.uv, 0.0, 0.5); }}\n"
     );
     let three = format!(
         "{VERTEX}@fragment fn fs() -> @location(0) vec3<f32> {{ return vec3<f32>(1.0); }}\n"
     );
     let mask = format!(
-        "{VERTEX}struct O {{ @location(0) c: vec4<f32>, @builtin(sample_mask) m: u32 }}\n@fragment fn fs() -> O {{ return O(vec4<f32>(1.0), 1u); }}\n"
+        "{VERTEX}struct O {{ @location(0) c: vec4<f32>, @builtin(sample_mask) m: u32 }}\n\
+         @fragment fn fs() -> O {{ return O(vec4<f32>(1.0), 1u); }}\n"
     );
     for (text, recipe, code) in [
         (&by_sample, "depth-prepass", "alpha-to-coverage"),
@@ -91,8 +94,10 @@ fn stages_whose_alpha_covers_otherwise_than_a_slice_would() {
 #[test]
 fn a_pre_pass_under_alpha_to_coverage_has_the_colour_targets_and_writes_none() {
     let text = format!(
-        "{VERTEX}struct O {{ @location(0) c: vec4<f32>, @location(1) n: vec4<f32>, @builtin(frag_depth) d: f32 }}\n\
-         @fragment fn fs(@builtin(position) p: vec4<f32>) -> O {{ return O(vec4<f32>(sin(p.xyz), p.x), cos(p), p.z); }}\n"
+        "{VERTEX}struct O {{ @location(0) c: vec4<f32>, @location(1) n: vec4<f32>, \
+         @builtin(frag_depth) d: f32 }}\n\
+         @fragment fn fs(@builtin(position) p: vec4<f32>) -> O {{ \
+         return O(vec4<f32>(sin(p.xyz), p.x), cos(p), p.z); }}\n"
     );
     for recipe in ["depth-prepass", "early-discard"] {
         let original = plan(&text, &covered(|_| ()));
@@ -219,7 +224,8 @@ fn states_that_no_prepass_can_stand_in_front_of() {
 /// of the refusal of the first, or `together`.
 #[test]
 fn materials_that_leave_channels_which_others_write() {
-    let both = "struct O { @location(0) c: vec4<f32>, @location(1) n: vec4<f32> }\n@fragment fn fs() -> O { return O(vec4<f32>(1.0), vec4<f32>(1.0)); }\n";
+    let both = "struct O { @location(0) c: vec4<f32>, @location(1) n: vec4<f32> }\n\
+                @fragment fn fs() -> O { return O(vec4<f32>(1.0), vec4<f32>(1.0)); }\n";
     let target = |write_mask| {
         Some(ColorTarget {
             write_mask,
@@ -460,9 +466,12 @@ fn numbers_out_of_their_range() {
 /// A depth bias is part of the z that a fragment stage sees, and of nothing else of its position.
 #[test]
 fn only_the_depth_of_a_position_is_biased() {
-    let read = "@fragment fn fs(@builtin(position) p: vec4<f32>) -> @location(0) vec4<f32> { if CONDITION { discard; } return p; }\n";
-    let of_struct = "struct In { @builtin(front_facing) f: bool, @builtin(position) p: vec4<f32> }\n\
-                     @fragment fn fs(i: In) -> @location(0) vec4<f32> { var v = i; if CONDITION { discard; } return v.p; }\n";
+    let read = "@fragment fn fs(@builtin(position) p: vec4<f32>) -> @location(0) vec4<f32> { \
+                if CONDITION { discard; } return p; }\n";
+    let of_struct = "struct In { @builtin(front_facing) f: bool, \
+                     @builtin(position) p: vec4<f32> }\n\
+                     @fragment fn fs(i: In) -> @location(0) vec4<f32> { var v = i; if CONDITION { \
+                     discard; } return v.p; }\n";
     for (text, condition, code) in [
         (read, "fract(p.z * 300.0) > 0.5", "biased-position"),
         (read, "p.x + p.y + p.w > 3.0", "applies"),
@@ -504,7 +513,8 @@ fn only_the_depth_of_a_position_is_biased() {
 #[test]
 fn the_pre_pass_of_a_depth_writer_leaves_the_rasteriser_as_it_is() {
     let text = format!(
-        "{VERTEX}@early_depth_test(less_equal) @fragment fn fs(@builtin(position) p: vec4<f32>) -> @builtin(frag_depth) f32 {{ if p.z < 0.2 {{ discard; }} return p.z * p.z; }}\n"
+        "{VERTEX}@early_depth_test(less_equal) @fragment fn fs(@builtin(position) p: vec4<f32>) -> \
+         @builtin(frag_depth) f32 {{ if p.z < 0.2 {{ discard; }} return p.z * p.z; }}\n"
     );
     let author = DepthBias {
         constant: 3,
@@ -567,10 +577,15 @@ fn ties_are_refused_only_where_they_are_measured_and_matter() {
 #[test]
 fn shaders_that_do_more_than_shade() {
     let storage = "@group(0) @binding(0) var<storage, read_write> counter: array<atomic<u32>>;\n";
-    let vertex_store = "@vertex fn vs(@location(0) p: vec4<f32>) -> @builtin(position) vec4<f32> { atomicAdd(&counter[0], 1u); return p; }\n";
-    let fragment_store = "fn note() { atomicAdd(&counter[0], 1u); }\n@fragment fn fs() -> @location(0) vec4<f32> { note(); return vec4<f32>(1.0); }\n";
-    let mask = "struct O { @location(0) c: vec4<f32>, @builtin(sample_mask) m: u32 }\n@fragment fn fs() -> O { return O(vec4<f32>(1.0), 1u); }\n";
-    let forced = "@early_depth_test(force) @fragment fn fs(@builtin(position) p: vec4<f32>) -> @location(0) vec4<f32> { if p.x < 3.0 { discard; } return vec4<f32>(1.0); }\n";
+    let vertex_store = "@vertex fn vs(@location(0) p: vec4<f32>) -> @builtin(position) vec4<f32> { \
+                        atomicAdd(&counter[0], 1u); return p; }\n";
+    let fragment_store = "fn note() { atomicAdd(&counter[0], 1u); }\n\
+                          @fragment fn fs() -> @location(0) vec4<f32> { note(); \
+                          return vec4<f32>(1.0); }\n";
+    let mask = "struct O { @location(0) c: vec4<f32>, @builtin(sample_mask) m: u32 }\n\
+                @fragment fn fs() -> O { return O(vec4<f32>(1.0), 1u); }\n";
+    let forced = "@early_depth_test(force) @fragment fn fs(@builtin(position) p: vec4<f32>) -> \
+                  @location(0) vec4<f32> { if p.x < 3.0 { discard; } return vec4<f32>(1.0); }\n";
     let depth = "@fragment fn fs() -> @builtin(frag_depth) f32 { return 0.5; }\n";
     // Left by the discard alone where `x` is not above 0.
     let marched = "@fragment fn fs(@builtin(position) at: vec4<f32>) -> @builtin(frag_depth) f32 {

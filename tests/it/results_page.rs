@@ -20,7 +20,8 @@ fn the_page_says_what_the_files_say() {
         .replace("\r\n", "\n");
     if let Some(line) = first_difference(&there, &made) {
         panic!(
-            "docs/results/visibility-buffer.md is not what docs/results says, from line {line} on: `{COMMAND}` writes it"
+            "docs/results/visibility-buffer.md is not what docs/results says, from line {line} on: \
+             `{COMMAND}` writes it"
         );
     }
 }
@@ -107,9 +108,12 @@ fn another_adapter_gets_a_section_and_rows_of_its_own() {
         // The compute form in a table of its own, beside the article where it has the density.
         "| file | scene | variant | 1,000 | 50,000 | crosses at |",
         "| the article | M-series | by hand |  | 1.33x | about 100,000 |",
-        "| [`Acme-grass.json`](#acme-grassjson) | `grass`, 640x360, `order=ascending` | `visibility-buffer:select=id` | 0.50x | 2.00x | 8,367 [below the series, 9,000] |",
-        "| [`Acme-grass.json`](#acme-grassjson) | `grass`, 640x360, `order=ascending` | `visibility-buffer:form=compute` | 2.00x | 4.00x |  |",
-        "Milliseconds a frame, by the CPU's clock: medians, whose 95 % intervals reach no further than 2.0 % from them.",
+        "| [`Acme-grass.json`](#acme-grassjson) | `grass`, 640x360, `order=ascending` | \
+         `visibility-buffer:select=id` | 0.50x | 2.00x | 8,367 [below the series, 9,000] |",
+        "| [`Acme-grass.json`](#acme-grassjson) | `grass`, 640x360, `order=ascending` | \
+         `visibility-buffer:form=compute` | 2.00x | 4.00x |  |",
+        "Milliseconds a frame, by the CPU's clock: medians, whose 95 % intervals reach no further \
+         than 2.0 % from them.",
         "| as written | 1.00 | 8.00 |",
         "| as written | 8,367 [below the series, 9,000] | `visibility-buffer:select=id` |",
         "| `visibility-buffer:select=id` | 7 (2) | 7 (2) |",

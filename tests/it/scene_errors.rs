@@ -261,7 +261,9 @@ fn draws_are_counted_before_they_are_made() {
 
 #[test]
 fn frames_of_all_cameras_are_counted_before_they_are_made() {
-    let path = "[[cameras]]\npath = { frames = 1000, keys = [{ eye = [1, 2, 5], target = [0, 0, 0] }, { eye = [2, 2, 5], target = [0, 0, 0] }] }\n";
+    let path = "[[cameras]]\npath = { frames = 1000, keys = [{ \
+                eye = [1, 2, 5], target = [0, 0, 0] }, { \
+                eye = [2, 2, 5], target = [0, 0, 0] }] }\n";
     let cameras = |n: usize| format!("{GOOD}\n{}", path.repeat(n));
     let told = load("frames", &cameras(20)).unwrap_err().render();
     let said = "the frames of all cameras would be 20001; the limit `frames` is 20000";
@@ -327,7 +329,8 @@ fn a_range_that_leaves_its_mesh_or_its_field_is_told() {
         ),
         (
             "range-copies",
-            "range = { first_instance = 2, instances = 3 }\nfield = { count = [4, 1, 1], spacing = [2, 0, 0] }",
+            "range = { first_instance = 2, instances = 3 }\n\
+             field = { count = [4, 1, 1], spacing = [2, 0, 0] }",
             "instances 2 to 5 of a field of 4 copies",
         ),
         (
@@ -345,7 +348,8 @@ fn a_range_that_leaves_its_mesh_or_its_field_is_told() {
         assert!(error.contains(told), "{error}");
         assert!(error.contains("bad.toml"), "{error}");
     }
-    let range = "material = \"tiles\"\nrange = { first = 6, count = 12, base_vertex = 4, first_instance = 1 }\nfield = { count = [4, 1, 1], spacing = [2, 0, 0] }";
+    let range = "material = \"tiles\"\nrange = { first = 6, count = 12, base_vertex = 4, \
+                 first_instance = 1 }\nfield = { count = [4, 1, 1], spacing = [2, 0, 0] }";
     let scene = load("range", &GOOD.replace("material = \"tiles\"", range)).unwrap();
     let draw = &scene.draws[0];
     let found = (draw.range.first, draw.range.count, draw.range.base_vertex);
@@ -359,8 +363,10 @@ struct Light { color: vec3f, weights: array<vec4f, 2> }
 struct Sun { lights: array<Light, 4>, gain: f32 }
 @group(0) @binding(0) var<uniform> sun: Sun;
 @group(0) @binding(1) var<storage, read> more: array<vec4f>;
-@vertex fn vs(@location(0) position: vec3f) -> @builtin(position) vec4f { return vec4f(position, sun.gain); }
-@fragment fn fs() -> @location(0) vec4f { return vec4f(sun.lights[1].color, 1.0) + sun.lights[2].weights[1] + more[0]; }
+@vertex fn vs(@location(0) position: vec3f) -> @builtin(position) vec4f { \
+    return vec4f(position, sun.gain); }
+@fragment fn fs() -> @location(0) vec4f { return vec4f(sun.lights[1].color, 1.0) + \
+    sun.lights[2].weights[1] + more[0]; }
 ";
 
 #[test]
@@ -432,7 +438,8 @@ fn a_misfit_is_told_at_the_draw_that_has_it() {
         "material = \"tiles\"\n",
         "material = \"tiles\"\nvalues = { \"light.ambient\" = [1, 1, 1] }\n",
     );
-    let second = "\n[[draws]]\nmesh = \"cube\"\nmaterial = \"tiles\"\nvalues = { \"light.ambient\" = [1, 1] }\n";
+    let second = "\n[[draws]]\nmesh = \"cube\"\nmaterial = \"tiles\"\n\
+                  values = { \"light.ambient\" = [1, 1] }\n";
     let error = load("misfit", &(text + second)).unwrap_err().render();
     assert!(
         error.contains("= [1, 1] }") && !error.contains("[1, 1, 1] }"),

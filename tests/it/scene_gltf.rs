@@ -153,7 +153,9 @@ fn what_many_nodes_draw_is_counted_before_it_is_read() {
     std::fs::write(folder.join("c.bin"), vec![0; 1 << 20]).unwrap();
     std::fs::write(
         folder.join("a.wgsl"),
-        "@vertex fn vs(@location(0) position: vec3<f32>) -> @builtin(position) vec4<f32> { return vec4(position, 1.0); }\n@fragment fn fs() -> @location(0) vec4<f32> { return vec4(1.0); }",
+        "@vertex fn vs(@location(0) position: vec3<f32>) -> @builtin(position) vec4<f32> { \
+         return vec4(position, 1.0); }\n@fragment fn fs() -> @location(0) vec4<f32> { \
+         return vec4(1.0); }",
     )
     .unwrap();
     let limits = Limits {
@@ -167,7 +169,9 @@ fn what_many_nodes_draw_is_counted_before_it_is_read() {
         ("c", "the limit `scene-bytes` is 67108864"),
     ] {
         let text = format!(
-            "[materials.m]\nshader = \"a.wgsl\"\n[meshes]\nm.gltf = {{ file = \"{name}.gltf\" }}\n[[draws]]\nmesh = \"m\"\nmaterial = \"m\"\n[[cameras]]\neye = [0, 0, 3]\ntarget = [0, 0, 0]\n"
+            "[materials.m]\nshader = \"a.wgsl\"\n[meshes]\nm.gltf = {{ file = \"{name}.gltf\" }}\n\
+             [[draws]]\nmesh = \"m\"\nmaterial = \"m\"\n[[cameras]]\neye = [0, 0, 3]\n\
+             target = [0, 0, 0]\n"
         );
         let access = Access {
             outside: Outside::Refused,

@@ -199,7 +199,9 @@ fn variables_are_what_the_command_line_says() {
 /// The bytes of the one uniform of a scene's first draw.
 fn uniform(root: &Path, material: &str, draw: &str) -> Vec<f32> {
     let text = format!(
-        "[materials.m]\nshader = \"m.wgsl\"\nvalues = {{ {material} }}\n[meshes]\na.plane = {{}}\n[[draws]]\nmesh = \"a\"\nmaterial = \"m\"\nvalues = {{ {draw} }}\n[[cameras]]\neye = [0, 2, 3]\ntarget = [0, 0, 0]\n"
+        "[materials.m]\nshader = \"m.wgsl\"\nvalues = {{ {material} }}\n[meshes]\na.plane = {{}}\n\
+         [[draws]]\nmesh = \"a\"\nmaterial = \"m\"\nvalues = {{ {draw} }}\n[[cameras]]\n\
+         eye = [0, 2, 3]\ntarget = [0, 0, 0]\n"
     );
     let path = root.join("scene.toml");
     std::fs::write(&path, text).unwrap();
@@ -223,7 +225,8 @@ fn a_draw_s_values_go_before_its_material_s_wholes_and_parts_alike() {
         root.join("m.wgsl"),
         "struct U { lights: array<vec4f, 3> }
          @group(0) @binding(0) var<uniform> u: U;
-         @vertex fn vs(@location(0) position: vec3f) -> @builtin(position) vec4f { return vec4f(position, 1.0) + u.lights[0]; }
+         @vertex fn vs(@location(0) position: vec3f) -> @builtin(position) vec4f { \
+             return vec4f(position, 1.0) + u.lights[0]; }
          @fragment fn fs() -> @location(0) vec4f { return u.lights[1]; }",
     )
     .unwrap();

@@ -91,8 +91,10 @@ fn a_buffer_of_indices_that_another_entry_point_reads_is_none_of_the_draws() {
 struct Camera { view_proj: mat4x4<f32> }
 @group(0) @binding(0) var<uniform> camera: Camera;
 @group(0) @binding(1) var<storage, read_write> indices: array<u32>;
-@compute @workgroup_size(64) fn make(@builtin(global_invocation_id) id: vec3<u32>) { indices[id.x] = id.x; }
-@vertex fn vs(@location(0) position: vec3<f32>) -> @builtin(position) vec4<f32> { return camera.view_proj * vec4(position, 1.0); }
+@compute @workgroup_size(64) fn make(@builtin(global_invocation_id) id: vec3<u32>) { \
+    indices[id.x] = id.x; }
+@vertex fn vs(@location(0) position: vec3<f32>) -> @builtin(position) vec4<f32> { \
+    return camera.view_proj * vec4(position, 1.0); }
 @fragment fn fs() -> @location(0) vec4<f32> { return vec4(1.0); }";
     let parsed = front::parse(&[Source::new("made.wgsl", text)], &Options::default()).unwrap();
     let scene = scene::synthesise(parsed, MaterialState::default());
@@ -160,7 +162,8 @@ fn variables_of_one_binding_are_told_apart() {
         "@group(0) @binding(0) var<uniform> small: vec2<f32>;
 @group(0) @binding(0) var<uniform> view_proj: mat4x4<f32>;
 @fragment fn other() -> @location(0) vec4<f32> { return small.xyxy; }
-@vertex fn vs(@location(0) position: vec3<f32>) -> @builtin(position) vec4<f32> { return view_proj * vec4(position, 1.0); }
+@vertex fn vs(@location(0) position: vec3<f32>) -> @builtin(position) vec4<f32> { \
+    return view_proj * vec4(position, 1.0); }
 ",
     )]);
     let buffer = &bound(&scene)[0].buffers[0];
@@ -173,7 +176,8 @@ fn values_of_an_unnamed_block_are_found() {
     let mut scene = written(&[
         (
             "a.vert",
-            "#version 450\nlayout(location = 0) in vec3 p;\nvoid main() { gl_Position = vec4(p, 1.0); }\n",
+            "#version 450\nlayout(location = 0) in vec3 p;\n\
+             void main() { gl_Position = vec4(p, 1.0); }\n",
         ),
         (
             "b.frag",

@@ -31,7 +31,8 @@ pub const CASES: &[Case] = &[
             ("visibility-buffer:budget=0.05", Holds),
         ],
         mutation: (
-            "lanes leave each for itself, on a driver that ends them (which alone changes nothing): what they would sample at is elsewhere",
+            "lanes leave each for itself, on a driver that ends them (which alone changes \
+             nothing): what they would sample at is elsewhere",
             Mutation::Driver {
                 recipe: EARLY,
                 does: &[(
@@ -45,7 +46,8 @@ pub const CASES: &[Case] = &[
     Case {
         name: "samples in loops and branches",
         scene: "branches",
-        guards: "derivatives that not all lanes of a quad are at: what they are is left to the adapter, and must be left alone",
+        guards: "derivatives that not all lanes of a quad are at: what they are is left to the \
+                 adapter, and must be left alone",
         setups: DIRECTIONS,
         only: COLORS,
         recipes: &[
@@ -61,7 +63,8 @@ pub const CASES: &[Case] = &[
     Case {
         name: "helper invocations",
         scene: "helpers",
-        guards: "lanes that are no fragments, or are none any more, and whose values their neighbours' derivatives are made of",
+        guards: "lanes that are no fragments, or are none any more, and whose values their \
+                 neighbours' derivatives are made of",
         setups: ALL,
         only: "",
         recipes: &[
@@ -72,7 +75,8 @@ pub const CASES: &[Case] = &[
             ("visibility-buffer:budget=0.05", Holds),
         ],
         mutation: (
-            "lanes leave each for itself, on a driver that ends them (which alone changes nothing): what they would compute is 0",
+            "lanes leave each for itself, on a driver that ends them (which alone changes \
+             nothing): what they would compute is 0",
             Mutation::Driver {
                 recipe: EARLY,
                 does: &[(

@@ -28,7 +28,8 @@ pub const CASES: &[Case] = &[
     Case {
         name: "last bit of the position",
         scene: "layers",
-        guards: "a pre-pass whose position differs from the main pass's by one bit: EQUAL fails on most pixels",
+        guards: "a pre-pass whose position differs from the main pass's by one bit: EQUAL fails on \
+                 most pixels",
         setups: ALL,
         only: "",
         recipes: &[
@@ -46,7 +47,8 @@ pub const CASES: &[Case] = &[
     Case {
         name: "a driver without invariance",
         scene: "../atrium",
-        guards: "ties, crossing cards and decals on a driver that compiles one vertex stage in two ways",
+        guards: "ties, crossing cards and decals on a driver that compiles one vertex stage in two \
+                 ways",
         setups: ALL,
         only: "",
         recipes: &[
@@ -55,14 +57,16 @@ pub const CASES: &[Case] = &[
             (EQUAL, Untied),
         ],
         mutation: (
-            "the pre-pass's z one float nearer (256 under reversed Z in 16 bits), under EQUAL: its self-test fails, and the fallback it names draws the original",
+            "the pre-pass's z one float nearer (256 under reversed Z in 16 bits), under EQUAL: its \
+             self-test fails, and the fallback it names draws the original",
             Mutation::Own(self_tested),
         ),
     },
     Case {
         name: "infinite far plane",
         scene: "infinite",
-        guards: "a bias of the wrong sign where depth grows towards the viewer, and depths next to 0 and 1",
+        guards: "a bias of the wrong sign where depth grows towards the viewer, and depths next to \
+                 0 and 1",
         setups: ALL,
         only: "",
         recipes: &[
@@ -85,7 +89,8 @@ pub const CASES: &[Case] = &[
     Case {
         name: "no bias",
         scene: "layers",
-        guards: "a pre-pass at the very depth of the main pass, which under Less then draws nothing",
+        guards: "a pre-pass at the very depth of the main pass, which under Less then draws \
+                 nothing",
         setups: ALL,
         only: "",
         recipes: &[(BIASED, Withstands(4))],
@@ -97,7 +102,8 @@ pub const CASES: &[Case] = &[
     Case {
         name: "tolerance at 1 m to 100 km",
         scene: "distances",
-        guards: "a fixed tolerance of 0.0001, which from 30 m on takes hidden surfaces for visible ones",
+        guards: "a fixed tolerance of 0.0001, which from 30 m on takes hidden surfaces for visible \
+                 ones",
         setups: &[
             setup(Depth32float, Forward, 1),
             setup(Depth24plus, Forward, 1),
@@ -118,7 +124,8 @@ pub const CASES: &[Case] = &[
     Case {
         name: "tolerance at 1 m to 100 km, reversed in 24 bits",
         scene: "distances",
-        guards: "the same, where all depths have one step: at 100 km it is more than lies between two surfaces",
+        guards: "the same, where all depths have one step: at 100 km it is more than lies between \
+                 two surfaces",
         setups: &[setup(Depth24plus, Reversed, 1)],
         only: BELOW,
         recipes: &[(EARLY, Shades(1.2)), (BIASED, Shades(1.5))],
@@ -127,7 +134,8 @@ pub const CASES: &[Case] = &[
     Case {
         name: "tolerance at 1 m to 100 km, in 16 bits",
         scene: "distances",
-        guards: "the same in a format whose step is a seventh of 0.0001: what it can tell apart at 40 m",
+        guards: "the same in a format whose step is a seventh of 0.0001: what it can tell apart at \
+                 40 m",
         setups: &[
             setup(Depth16unorm, Forward, 1),
             setup(Depth16unorm, Reversed, 1),
@@ -139,7 +147,8 @@ pub const CASES: &[Case] = &[
     Case {
         name: "no tolerance",
         scene: "layers",
-        guards: "a prologue that drops what is nearest, on a driver that computes it a bit farther the second time",
+        guards: "a prologue that drops what is nearest, on a driver that computes it a bit farther \
+                 the second time",
         setups: ALL,
         only: "",
         recipes: &[
@@ -154,7 +163,8 @@ pub const CASES: &[Case] = &[
     Case {
         name: "grazing slopes",
         scene: "grazing",
-        guards: "a constant bias alone, where one pixel spans many of its steps: what a rasteriser's snapping of the same vertices apart makes of it",
+        guards: "a constant bias alone, where one pixel spans many of its steps: what a \
+                 rasteriser's snapping of the same vertices apart makes of it",
         setups: ALL,
         only: "",
         recipes: &[
@@ -164,14 +174,16 @@ pub const CASES: &[Case] = &[
             (READ_ONLY, Untied),
         ],
         mutation: (
-            "a bias of one step and no slope, and the pre-pass 1/128 pixel up (with the whole bias that changes nothing)",
+            "a bias of one step and no slope, and the pre-pass 1/128 pixel up (with the whole bias \
+             that changes nothing)",
             Mutation::Own(without_slope),
         ),
     },
     Case {
         name: "coplanar layers",
         scene: "coplanar",
-        guards: "under EQUAL all of several surfaces at the nearest depth show, and the last one wins",
+        guards: "under EQUAL all of several surfaces at the nearest depth show, and the last one \
+                 wins",
         setups: ALL,
         only: "",
         recipes: &[(BIASED, Holds), (EARLY, Holds)],
@@ -180,7 +192,8 @@ pub const CASES: &[Case] = &[
     Case {
         name: "written depth",
         scene: "written",
-        guards: "a bias that the rasteriser adds, which a depth from the fragment stage takes the place of",
+        guards: "a bias that the rasteriser adds, which a depth from the fragment stage takes the \
+                 place of",
         setups: ALL,
         only: "",
         recipes: &[
@@ -228,7 +241,8 @@ pub const CASES: &[Case] = &[
     Case {
         name: "depth clamp",
         scene: "clamped",
-        guards: "surfaces clamped to the near plane after they were biased, in both passes: they hide themselves",
+        guards: "surfaces clamped to the near plane after they were biased, in both passes: they \
+                 hide themselves",
         setups: ALL,
         only: "",
         recipes: &[(BIASED, Refused("near-plane")), (EARLY, Holds)],

@@ -146,7 +146,9 @@ pub const HOISTED: &str = "hoist:budget=0.05,finite=assumed,jumps=carried";
 
 /// The table of `docs/results/stability.md`.
 pub fn table() -> String {
-    let mut out = "| from the origin | positions | corners, pixels of 1920x1080 | original, steps | hoisted, steps |\n|--:|---|--:|--:|--:|\n".to_owned();
+    let mut out = "| from the origin | positions | corners, pixels of 1920x1080 | original, steps \
+                   | hoisted, steps |\n|--:|---|--:|--:|--:|\n"
+        .to_owned();
     let base = base();
     for distance in DISTANCES {
         for form in [Form::World, Form::Relative] {

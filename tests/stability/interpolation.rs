@@ -15,7 +15,8 @@ const EQUAL: &str = "depth-prepass:form=equal";
 const EARLY: &str = "early-discard";
 const VISIBLE: &str = "visibility-buffer";
 const VISIBLE_WITHIN: &str = "visibility-buffer:budget=0.03";
-const FIXED_LEVEL: &str = "hoist:budget=0.05,finite=assumed,jumps=carried,metric=max_abs,tessellate:level=3,pattern=uniform";
+const FIXED_LEVEL: &str = "hoist:budget=0.05,finite=assumed,jumps=carried,metric=max_abs,\
+                           tessellate:level=3,pattern=uniform";
 /// Planes through corners as they are, whatever the adapter's: then it is each triangle of no area
 /// that is divided by it.
 const AS_GIVEN: &str = "visibility-buffer:budget=1,corners=as-given";
@@ -86,8 +87,10 @@ pub const CASES: &[Case] = &[
                     ("fma(-(clip), vec2(b.w), b.xy)", "(b.xy / b.w - clip)"),
                     ("fma(-(clip), vec2(c.w), c.xy)", "(c.xy / c.w - clip)"),
                     (
-                        "return vec3<f32>(visible_cross_result, visible_cross_result2, visible_cross_result3);",
-                        "return vec3<f32>(visible_cross_result, visible_cross_result2, visible_cross_result3) / vec3<f32>(a.w, b.w, c.w);",
+                        "return vec3<f32>(visible_cross_result, visible_cross_result2, \
+                         visible_cross_result3);",
+                        "return vec3<f32>(visible_cross_result, visible_cross_result2, \
+                         visible_cross_result3) / vec3<f32>(a.w, b.w, c.w);",
                     ),
                 ],
             ),
@@ -96,7 +99,8 @@ pub const CASES: &[Case] = &[
     Case {
         name: "triangles larger than the screen",
         scene: "huge",
-        guards: "differences of large products, of which little is left: corners are told from the pixel before they are multiplied",
+        guards: "differences of large products, of which little is left: corners are told from the \
+                 pixel before they are multiplied",
         setups: ALL,
         only: "",
         recipes: &[
@@ -154,7 +158,8 @@ pub const CASES: &[Case] = &[
     Case {
         name: "triangles of no area",
         scene: "zero-area",
-        guards: "no area to divide by, where a rasteriser's snapping of corners gives some triangles pixels all the same",
+        guards: "no area to divide by, where a rasteriser's snapping of corners gives some \
+                 triangles pixels all the same",
         setups: ALL,
         only: "",
         recipes: &[
@@ -174,7 +179,8 @@ pub const CASES: &[Case] = &[
             ),
         ],
         mutation: (
-            "told that nothing lies on the near plane, where an adapter puts what has no area there",
+            "told that nothing lies on the near plane, where an adapter puts what has no area \
+             there",
             Mutation::Own(on_near_plane),
         ),
     },
@@ -227,7 +233,8 @@ pub const CASES: &[Case] = &[
     Case {
         name: "centroids at edges",
         scene: "centroid",
-        guards: "a value carried without the way it is interpolated: outside of its triangle at every edge",
+        guards: "a value carried without the way it is interpolated: outside of its triangle at \
+                 every edge",
         setups: SAMPLED,
         only: "",
         recipes: &[(BIASED, Holds), (EARLY, Holds), ("hoist", Holds)],
@@ -268,7 +275,8 @@ pub const CASES: &[Case] = &[
     Case {
         name: "no value at hidden vertices",
         scene: "hidden",
-        guards: "one vertex without a finite value, which spreads over every triangle that it is a corner of",
+        guards: "one vertex without a finite value, which spreads over every triangle that it is a \
+                 corner of",
         setups: DIRECTIONS,
         only: COLORS,
         recipes: &[
@@ -332,11 +340,13 @@ pub const CASES: &[Case] = &[
                 Holds,
             ),
             (
-                "hoist:budget=0.05,finite=assumed,jumps=carried,metric=max_abs,tessellate:level=3,pattern=uniform",
+                "hoist:budget=0.05,finite=assumed,jumps=carried,metric=max_abs,tessellate:level=3,\
+                 pattern=uniform",
                 Holds,
             ),
             (
-                "hoist:budget=0.05,finite=assumed,jumps=carried,metric=max_abs,tessellate:level=5,form=shared",
+                "hoist:budget=0.05,finite=assumed,jumps=carried,metric=max_abs,tessellate:level=5,\
+                 form=shared",
                 Holds,
             ),
             (
@@ -355,27 +365,32 @@ pub const CASES: &[Case] = &[
     Case {
         name: "cracks between levels",
         scene: "crack",
-        guards: "neighbours of different levels, and lengths of an edge that two triangles round apart",
+        guards: "neighbours of different levels, and lengths of an edge that two triangles round \
+                 apart",
         setups: DIRECTIONS,
         only: COLORS,
         recipes: &[
             (
-                "hoist:budget=0.05,finite=assumed,jumps=carried,metric=max_abs,tessellate:level=16,edge-pixels=8",
+                "hoist:budget=0.05,finite=assumed,jumps=carried,metric=max_abs,tessellate:level=16,\
+                 edge-pixels=8",
                 Holds,
             ),
             (
-                "hoist:budget=0.05,finite=assumed,jumps=carried,metric=max_abs,tessellate:level=7,edge-pixels=5",
+                "hoist:budget=0.05,finite=assumed,jumps=carried,metric=max_abs,tessellate:level=7,\
+                 edge-pixels=5",
                 Holds,
             ),
             (
-                "hoist:budget=0.05,finite=assumed,jumps=carried,metric=max_abs,tessellate:level=40,edge-pixels=2",
+                "hoist:budget=0.05,finite=assumed,jumps=carried,metric=max_abs,tessellate:level=40,\
+                 edge-pixels=2",
                 Holds,
             ),
         ],
         mutation: (
             "each triangle divides its edges as its longest one",
             Mutation::Text(
-                "hoist:budget=0.05,finite=assumed,jumps=carried,metric=max_abs,tessellate:level=16,edge-pixels=8",
+                "hoist:budget=0.05,finite=assumed,jumps=carried,metric=max_abs,tessellate:level=16,\
+                 edge-pixels=8",
                 &[
                     ("segments = ac;", "segments = inner;"),
                     ("segments = bc;", "segments = inner;"),

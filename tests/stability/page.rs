@@ -101,7 +101,8 @@ pub fn check(groups: &[(&str, &[Case])], measured: &dyn Fn() -> Results) {
     let have = std::fs::read_to_string(&path).unwrap_or_default();
     assert!(
         have == page,
-        "docs/results/stability.md is not what its cases and files say: UPDATE_PAGES=1 cargo test --test stability"
+        "docs/results/stability.md is not what its cases and files say: UPDATE_PAGES=1 cargo test \
+         --test stability"
     );
 }
 
@@ -125,16 +126,23 @@ fn read(folder: &Path) -> Vec<Results> {
 }
 
 fn page(groups: &[(&str, &[Case])], adapters: &[Results]) -> String {
-    let mut out = "<!-- Made of tests/stability and docs/results/stability by `UPDATE_PAGES=1 cargo test --test stability`; edits will be lost. -->
+    let mut out = "<!-- Made of tests/stability and docs/results/stability by `UPDATE_PAGES=1 \
+                   cargo test --test stability`; edits will be lost. -->
 # Hard cases
 
-Each case is a scene that a transform once broke, or could break. The test draws it with the original and with
-each variant, under every depth format and direction that matters, and holds the variant to its contract. Then it
-removes the guard against the failure (the *mutation*), and the same judge must find the failure. A case whose
-mutation goes unnoticed proves nothing, so it fails. A case that skips a depth format or direction gives the reason.
+Each case is a scene that a transform once broke, or could break. The test draws it with the \
+    original and with
+each variant, under every depth format and direction that matters, and holds the variant to its \
+    contract. Then it
+removes the guard against the failure (the *mutation*), and the same judge must find the failure. \
+    A case whose
+mutation goes unnoticed proves nothing, so it fails. A case that skips a depth format or direction \
+    gives the reason.
 
-The scenes are in `fixtures/scenes/stability`, the cases in `tests/stability`. To add a column for another machine,
-run the test binary there with `STABILITY_OUT=FILE` from the root of a checkout, and put the file into
+The scenes are in `fixtures/scenes/stability`, the cases in `tests/stability`. To add a column for \
+    another machine,
+run the test binary there with `STABILITY_OUT=FILE` from the root of a checkout, and put the file \
+    into
 `docs/results/stability`.
 "
     .to_owned();
@@ -193,10 +201,14 @@ run the test binary there with `STABILITY_OUT=FILE` from the root of a checkout,
         "
 ## Far from the origin
 
-The scene of *positions relative to the eye*, moved along x and z. The reference is a host that keeps positions in
-`f64`. Figures are median / 99th percentile / largest over 500 points, on a machine that rounds each operation
-correctly ([method](../reference/validation.md#error-against-f64)). *In the world*, the host rounds positions to `f32`
-and multiplies view and projection in `f32`. *Relative to the eye*, it subtracts the eye's position first. Both run
+The scene of *positions relative to the eye*, moved along x and z. The reference is a host that \
+    keeps positions in
+`f64`. Figures are median / 99th percentile / largest over 500 points, on a machine that rounds \
+    each operation
+correctly ([method](../reference/validation.md#error-against-f64)). *In the world*, the host \
+    rounds positions to `f32`
+and multiplies view and projection in `f32`. *Relative to the eye*, it subtracts the eye's \
+    position first. Both run
 the same shader, which uses only differences of positions. Steps are 1/255. *Hoisted* is `{}`.
 
 {}",

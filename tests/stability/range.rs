@@ -23,7 +23,10 @@ const MULTIPLIED: Mutation = Mutation::Text(
     &[
         (
             "let world = object.model * vec4<f32>(position, 1f);",
-            "let x_axis = camera.view_proj * object.model[0]; let y_axis = camera.view_proj * object.model[1]; let z_axis = camera.view_proj * object.model[2]; let origin = camera.view_proj * object.model[3];",
+            "let x_axis = camera.view_proj * object.model[0]; \
+             let y_axis = camera.view_proj * object.model[1]; \
+             let z_axis = camera.view_proj * object.model[2]; \
+             let origin = camera.view_proj * object.model[3];",
         ),
         (
             "return camera.view_proj * world;",
@@ -98,7 +101,8 @@ pub const CASES: &[Case] = &[
     Case {
         name: "positions relative to the eye",
         scene: "far",
-        guards: "a world of which little is left in differences of large numbers: the host takes the eye off in f64",
+        guards: "a world of which little is left in differences of large numbers: the host takes \
+                 the eye off in f64",
         setups: ALL,
         only: "",
         recipes: &[
@@ -132,7 +136,8 @@ pub const CASES: &[Case] = &[
     Case {
         name: "a long time",
         scene: "time",
-        guards: "an affine value that is carried because its rounding is small, into a sine to which it is large",
+        guards: "an affine value that is carried because its rounding is small, into a sine to \
+                 which it is large",
         setups: DIRECTIONS,
         only: COLORS,
         recipes: &[(BIASED, Holds), (EARLY, Holds), ("hoist", Holds)],
@@ -182,7 +187,8 @@ pub const CASES: &[Case] = &[
     Case {
         name: "denormals",
         scene: "denormal",
-        guards: "numbers computed ahead of time by a machine that keeps what the adapter flushes to 0",
+        guards: "numbers computed ahead of time by a machine that keeps what the adapter flushes \
+                 to 0",
         setups: DIRECTIONS,
         only: COLORS,
         recipes: &[

@@ -251,7 +251,8 @@ float lit(Lamp l) { return l.lit ? l.falloff[1] + l.turn[1].x : l.size[1].y; }
 void main() {
     Hall hall = tight.halls[int(at.x)];
     vec2 turned = tight.halls[1].lamps[0].turn * at + turn * at + hall.frame * vec3(at, 1.0);
-    color = vec4(lit(tight.halls[2].lamps[1]), lit(loose.lamp), lit(lamp), loose.many[2] + turned.x);
+    color = vec4(lit(tight.halls[2].lamps[1]), lit(loose.lamp), lit(lamp), loose.many[2] + \
+        turned.x);
     color.x += hall.width + tight.one + loose.one + hall.lamps[1].falloff[int(at.y)];
 }
 ",

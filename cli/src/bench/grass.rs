@@ -260,7 +260,8 @@ fn compute(plan: &mut Plan, program: &Program, known: &[BindingUse]) {
     plan.compute.push(pass);
 }
 
-/// The plan with the pass that clears the target, which is the one that preshade's own compute form has.
+/// The plan with the pass that clears the target, which is the one that preshade's own compute form
+/// has.
 fn cleared(mut plan: Plan, like: GpuPass) -> Result<Plan, Failure> {
     let wgsl =
         "@vertex fn vs() -> @builtin(position) vec4<f32> { return vec4<f32>(2.0, 2.0, 0.0, 1.0); }

@@ -3,6 +3,8 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
 
+#[path = "../support/browser_support.rs"]
+mod browser_support;
 #[path = "../support/hostile_support.rs"]
 mod hostile_support;
 #[path = "../support/trees.rs"]

@@ -5,41 +5,16 @@
 //! failure, never a skipped test.
 
 use std::fs;
-use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::path::Path;
+
+use crate::browser_support::{Project, run};
 
 const SCENE: &str = "../fixtures/scenes/overdraw-5.toml";
 const MUSEUM: &str = "../fixtures/scenes/museum.toml";
 
-fn project() -> PathBuf {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
-    root.join("tests/page")
-}
-
-/// Runs it in `folder`, and gives back what it said.
-fn run(program: &str, arguments: &[&str], folder: &Path) -> String {
-    let mut command = Command::new(program);
-    let output = command.args(arguments).current_dir(folder).output();
-    let output = output.unwrap_or_else(|e| panic!("{program}: {e} (scripts/setup.sh three)"));
-    let said = String::from_utf8_lossy(&output.stdout).into_owned();
-    let complained = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{command:?}\n{said}\n{complained}");
-    said
-}
-
-/// The packages of the lock file, where those that are there are not newer.
-fn install() {
-    let modified = |path: &str| fs::metadata(project().join(path)).and_then(|m| m.modified());
-    let locked = modified("package-lock.json").unwrap();
-    if modified("node_modules/.package-lock.json").map_or(true, |there| there < locked) {
-        let arguments = ["ci", "--no-audit", "--no-fund", "--silent"];
-        run("npm", &arguments, &project());
-    }
-}
-
 #[test]
 fn the_reports_can_be_read_by_everyone() {
-    install();
+    let project = Project::installed("page");
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
     let out = Path::new(env!("CARGO_TARGET_TMPDIR")).join("page");
     let _ = fs::remove_dir_all(&out);
@@ -111,8 +86,8 @@ fn the_reports_can_be_read_by_everyone() {
         let csv = fs::read_to_string(folder.join("report.csv")).unwrap();
         assert!(csv.lines().count() > 1, "{name}: {csv}");
     }
-    let screenshots = project().join("../../out/page");
+    let screenshots = project.path("../../out/page");
     let mut arguments = vec!["check.mjs", screenshots.to_str().unwrap()];
     arguments.extend(reports.iter().map(|r| r.to_str().unwrap()));
-    println!("{}", run("node", &arguments, &project()));
+    println!("{}", project.run("node", &arguments));
 }

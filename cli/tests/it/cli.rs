@@ -6,6 +6,8 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
+use crate::hostile_support::{self, stderr};
+
 /// Every transcript in `tests/cmd`. `TRYCMD=overwrite` updates them. `tests/gpu` runs those that
 /// draw.
 #[test]
@@ -18,17 +20,11 @@ fn transcripts() {
 
 /// The binary, run in the folder of this crate.
 fn preshade() -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_preshade"));
-    command.current_dir(env!("CARGO_MANIFEST_DIR"));
-    command
+    hostile_support::preshade(Path::new(env!("CARGO_MANIFEST_DIR")))
 }
 
 fn run(args: &[&str]) -> Output {
-    preshade().args(args).stdin(Stdio::null()).output().unwrap()
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8(output.stderr.clone()).unwrap()
+    preshade().args(args).output().unwrap()
 }
 
 /// A path below which nothing is yet.
@@ -161,7 +157,8 @@ fn without_a_pass_those_that_apply_are_named() {
     assert_eq!(output.status.code(), Some(0));
     assert_eq!(
         stderr(&output),
-        "note: no --pass is given, so `toon` is written as it is; these apply to it: depth-prepass, early-discard, shadow\n"
+        "note: no --pass is given, so `toon` is written as it is; \
+         these apply to it: depth-prepass, early-discard, shadow\n"
     );
 }
 
@@ -408,15 +405,18 @@ fn what_a_language_lacks_is_told_in_words() {
     let external = write(
         "external.wgsl",
         &format!(
-            "@group(0) @binding(0) var video: texture_external;\n@group(0) @binding(1) var s: sampler;\n{vertex}\
-             @fragment fn fs(@builtin(position) p: vec4<f32>) -> @location(0) vec4<f32> {{ return textureSampleBaseClampToEdge(video, s, p.xy); }}\n"
+            "@group(0) @binding(0) var video: texture_external;\n\
+             @group(0) @binding(1) var s: sampler;\n{vertex}\
+             @fragment fn fs(@builtin(position) p: vec4<f32>) -> @location(0) vec4<f32> {{ \
+             return textureSampleBaseClampToEdge(video, s, p.xy); }}\n"
         ),
     );
     let storage = write(
         "storage.wgsl",
         &format!(
             "@group(0) @binding(0) var<storage, read> t: array<vec4<f32>>;\n{vertex}\
-             @fragment fn fs(@builtin(position) p: vec4<f32>) -> @location(0) vec4<f32> {{ return t[u32(p.x)]; }}\n"
+             @fragment fn fs(@builtin(position) p: vec4<f32>) -> @location(0) vec4<f32> {{ \
+             return t[u32(p.x)]; }}\n"
         ),
     );
     for (file, target, told) in [
@@ -456,7 +456,8 @@ fn a_slip_in_a_variable_of_the_environment_is_seen() {
     };
     assert_eq!(
         with("PRESHADE_EMMIT"),
-        "warning: the environment has `PRESHADE_EMMIT`, which is no flag's (did you mean `PRESHADE_EMIT`?): nothing reads it\n"
+        "warning: the environment has `PRESHADE_EMMIT`, which is no flag's (did you mean \
+         `PRESHADE_EMIT`?): nothing reads it\n"
     );
     assert_eq!(with("PRESHADE_EMIT"), "");
     assert_eq!(with("MY_PRESHADE_EMMIT"), "");

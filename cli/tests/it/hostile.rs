@@ -6,27 +6,25 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-use crate::hostile_support::{SCENE, SHADER, folder, run, run_within, stderr};
+use crate::hostile_support::{
+    SCENE, SHADER, accepted, ended, folder, refused, run, run_within, stderr,
+};
 
 #[test]
 fn a_scene_stays_in_its_root_unless_it_is_allowed_out() {
     let outside = SCENE.replace("\"a.wgsl\"", "\"../../secret.wgsl\"");
     let here = folder("outside", &outside, "");
-    let refused = run(&here, &["explain", "a.toml"]);
-    assert_eq!(refused.status.code(), Some(2));
-    let told = stderr(&refused);
+    let told = refused(&here, &["explain", "a.toml"]);
     assert!(
         told.contains("lies outside of the scene's root folder"),
         "{told}"
     );
     assert!(told.contains("--allow-outside"), "{told}");
-    let allowed = run(&here, &["explain", "a.toml", "--allow-outside"]);
-    assert_eq!(allowed.status.code(), Some(0), "{}", stderr(&allowed));
+    accepted(&here, &["explain", "a.toml", "--allow-outside"]);
     // Nor is a device read, which has no end.
     let device = SCENE.replace("\"a.wgsl\"", "\"/dev/zero\"");
     let here = folder("device", &device, "");
-    let refused = run(&here, &["explain", "a.toml", "--allow-outside"]);
-    let told = stderr(&refused);
+    let told = refused(&here, &["explain", "a.toml", "--allow-outside"]);
     assert!(told.contains("`/dev/zero`: it is no file"), "{told}");
 }
 
@@ -39,16 +37,14 @@ fn outside_of_a_repository_a_scene_stays_in_its_folder() {
     let outside = SCENE.replace("\"a.wgsl\"", "\"../a.wgsl\"");
     fs::write(here.join("a.toml"), outside).unwrap();
     fs::write(all.join("a.wgsl"), SHADER.replace("BODY", "")).unwrap();
-    let refused = run(&here, &["explain", "a.toml"]);
-    let told = stderr(&refused);
+    let told = refused(&here, &["explain", "a.toml"]);
     assert!(
         told.contains("outside of the scene's root folder"),
         "{told}"
     );
     // Where the folder above says that it is the root, it is.
     fs::write(all.join("preshade.toml"), "").unwrap();
-    let read = run(&here, &["explain", "a.toml"]);
-    assert_eq!(read.status.code(), Some(0), "{}", stderr(&read));
+    accepted(&here, &["explain", "a.toml"]);
     fs::remove_dir_all(all).unwrap();
 }
 
@@ -83,9 +79,7 @@ fn what_is_no_file_or_claims_to_be_huge_is_not_read() {
             "the limit `source-bytes`",
         ),
     ] {
-        let output = run_within(&here, args, Duration::from_secs(20));
-        assert_eq!(output.status.code(), Some(2), "{args:?}");
-        let said = stderr(&output);
+        let said = ended(&run_within(&here, args, Duration::from_secs(20)), 2, args);
         assert!(said.contains(told), "{args:?}: {said}");
     }
 }
@@ -106,8 +100,7 @@ fn what_does_not_end_before_it_is_measured_is_stopped() {
         let start = Instant::now();
         let limits = ["--limits", "seconds=1", "--format", "json"];
         let output = run(&here, &[command, &limits].concat());
-        assert_eq!(output.status.code(), Some(2), "{command:?}");
-        let told = stderr(&output);
+        let told = ended(&output, 2, command);
         assert!(told.contains("stopped after 1 s"), "{command:?}: {told}");
         let said: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
         assert_eq!(said["schema"], "preshade.error.v1", "{command:?}");
@@ -152,8 +145,7 @@ fn a_file_that_only_lies_here_lifts_no_protection() {
                 assert_eq!(output.status.code(), Some(2), "{text}: {said}");
                 assert!(said.contains(told), "{text}: {said}");
                 // Who names it takes it.
-                let named = run(&here, &["explain", "a.wgsl", "--config", "preshade.toml"]);
-                assert_eq!(named.status.code(), Some(0), "{text}: {}", stderr(&named));
+                accepted(&here, &["explain", "a.wgsl", "--config", "preshade.toml"]);
             }
             None => assert_eq!(output.status.code(), Some(0), "{text}: {said}"),
         }
@@ -167,9 +159,11 @@ fn with_glsl(name: &str, first: &str) -> PathBuf {
         "vertex = \"a.vert\"\nfragment = \"a.frag\"",
     );
     let here = folder(name, &scene, "");
-    let vertex = "#version 450\nlayout(location = 0) in vec3 position;\nvoid main() { gl_Position = vec4(position, 1.0); }\n";
+    let vertex = "#version 450\nlayout(location = 0) in vec3 position;\n\
+                  void main() { gl_Position = vec4(position, 1.0); }\n";
     let fragment = format!(
-        "#version 450\n#extension GL_GOOGLE_include_directive : enable\n{first}\nlayout(location = 0) out vec4 color;\nvoid main() {{ color = vec4(0.5); }}\n"
+        "#version 450\n#extension GL_GOOGLE_include_directive : enable\n{first}\n\
+         layout(location = 0) out vec4 color;\nvoid main() {{ color = vec4(0.5); }}\n"
     );
     fs::write(here.join("a.vert"), vertex).unwrap();
     fs::write(here.join("a.frag"), fragment).unwrap();
@@ -179,17 +173,14 @@ fn with_glsl(name: &str, first: &str) -> PathBuf {
 #[test]
 fn included_files_stay_in_the_root_and_come_to_an_end() {
     let here = with_glsl("include", "#include \"../../secret.txt\"");
-    let refused = run(&here, &["explain", "a.toml"]);
-    let told = stderr(&refused);
-    assert_eq!(refused.status.code(), Some(2), "{told}");
+    let told = refused(&here, &["explain", "a.toml"]);
     assert!(told.contains("outside of the root folder"), "{told}");
     assert!(!told.contains("not to be read"), "{told}");
     // A file beside the shader is found from whatever folder the command runs in.
     let here = with_glsl("beside", "#include \"part.glsl\"");
     fs::write(here.join("part.glsl"), "const float half_of_it = 0.5;\n").unwrap();
     let scene = here.join("a.toml");
-    let read = run(Path::new("/"), &["explain", scene.to_str().unwrap()]);
-    assert_eq!(read.status.code(), Some(0), "{}", stderr(&read));
+    accepted(Path::new("/"), &["explain", scene.to_str().unwrap()]);
     // One that includes itself, and some that include each other more and more often.
     let here = with_glsl("itself", "#include \"part.glsl\"");
     fs::write(
@@ -197,9 +188,7 @@ fn included_files_stay_in_the_root_and_come_to_an_end() {
         "#if 1\n#include \"part.glsl\"\n#endif\n",
     )
     .unwrap();
-    let refused = run(&here, &["explain", "a.toml"]);
-    assert_eq!(refused.status.code(), Some(2));
-    let told = stderr(&refused);
+    let told = refused(&here, &["explain", "a.toml"]);
     assert!(told.contains("part.glsl includes itself"), "{told}");
     let here = with_glsl("more", "#include \"0.glsl\"");
     for i in 0..40 {
@@ -207,20 +196,14 @@ fn included_files_stay_in_the_root_and_come_to_an_end() {
         fs::write(here.join(format!("{i}.glsl")), twice).unwrap();
     }
     fs::write(here.join("40.glsl"), "").unwrap();
-    let refused = run(&here, &["explain", "a.toml"]);
-    assert_eq!(refused.status.code(), Some(2));
-    assert!(
-        stderr(&refused).contains("more than 10000 times"),
-        "{}",
-        stderr(&refused)
-    );
+    let told = refused(&here, &["explain", "a.toml"]);
+    assert!(told.contains("more than 10000 times"), "{told}");
     // What is guarded may: it is empty the second time.
     let here = with_glsl("guarded", "#include \"part.glsl\"");
     let guarded =
         "#ifndef PART\n#define PART\n#include \"part.glsl\"\nconst float one = 1.0;\n#endif\n";
     fs::write(here.join("part.glsl"), guarded).unwrap();
-    let read = run(&here, &["explain", "a.toml"]);
-    assert_eq!(read.status.code(), Some(0), "{}", stderr(&read));
+    accepted(&here, &["explain", "a.toml"]);
 }
 
 #[test]
@@ -272,33 +255,14 @@ fn what_is_too_large_is_refused_by_the_limit_s_name() {
     ] {
         assert!(SCENE.contains(from), "{name}");
         let here = folder(name, &SCENE.replace(from, to), "");
-        let refused = run(&here, &[&["explain", "a.toml"], args].concat());
-        assert_eq!(
-            refused.status.code(),
-            Some(2),
-            "{name}: {}",
-            stderr(&refused)
-        );
-        assert!(
-            stderr(&refused).contains(told),
-            "{name}: {}",
-            stderr(&refused)
-        );
+        let said = refused(&here, &[&["explain", "a.toml"], args].concat());
+        assert!(said.contains(told), "{name}: {said}");
     }
     let here = folder("array", SCENE, "");
     let shader = fs::read_to_string(here.join("a.wgsl")).unwrap();
     fs::write(here.join("a.wgsl"), format!("{body}\n{shader}")).unwrap();
-    let refused = run(&here, &["explain", "a.wgsl"]);
-    assert_eq!(refused.status.code(), Some(2));
-    assert!(
-        stderr(&refused).contains("`array-elements`"),
-        "{}",
-        stderr(&refused)
-    );
-    let refused = run(&here, &["explain", "a.wgsl", "--limits", "verticess=3"]);
-    assert!(
-        stderr(&refused).contains("did you mean `vertices`?"),
-        "{}",
-        stderr(&refused)
-    );
+    let told = refused(&here, &["explain", "a.wgsl"]);
+    assert!(told.contains("`array-elements`"), "{told}");
+    let told = refused(&here, &["explain", "a.wgsl", "--limits", "verticess=3"]);
+    assert!(told.contains("did you mean `vertices`?"), "{told}");
 }

@@ -3,28 +3,12 @@
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Child, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
+use crate::hostile_support::{preshade, run, stderr};
 use crate::trees::{fixture, tree};
-
-fn preshade(folder: &Path, args: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_preshade"));
-    command.current_dir(folder).args(args);
-    command
-}
-
-fn run(folder: &Path, args: &[&str]) -> Output {
-    preshade(folder, args)
-        .stdin(Stdio::null())
-        .output()
-        .unwrap()
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8(output.stderr.clone()).unwrap()
-}
 
 const REWRITE: [&str; 6] = [
     "rewrite",
@@ -52,7 +36,8 @@ fn the_tree_is_kept_and_what_was_read_is_told() {
     let rules: Vec<&str> = rules.lines().collect();
     assert_eq!(
         rules[2],
-        "out/sub/phong.main.wgsl out/sub/phong.prepass.wgsl out/sub/phong.plan.json: shaders/sub/phong.vert shaders/sub/phong.frag"
+        "out/sub/phong.main.wgsl out/sub/phong.prepass.wgsl out/sub/phong.plan.json: \
+         shaders/sub/phong.vert shaders/sub/phong.frag"
     );
     // And an empty one for each file read, so that make goes on without it.
     assert_eq!(rules.len(), 7);
@@ -81,7 +66,8 @@ fn the_tree_is_kept_and_what_was_read_is_told() {
     let rule = fs::read_to_string(tree.join("one/lit.d")).unwrap();
     assert_eq!(
         rule,
-        "one/lit.main.wgsl one/lit.prepass.wgsl one/lit.plan.json: shaders/lit.wgsl preshade.toml\npreshade.toml:\nshaders/lit.wgsl:\n"
+        "one/lit.main.wgsl one/lit.prepass.wgsl one/lit.plan.json: shaders/lit.wgsl preshade.toml\n\
+         preshade.toml:\nshaders/lit.wgsl:\n"
     );
 }
 
@@ -132,7 +118,8 @@ fn what_is_said_of_one_of_many_names_its_files() {
     ] {
         assert!(said.contains(files), "{files}: {said}");
     }
-    let sum = "materials: 0 rewritten, 3 written as they are, 1 failed; files: 6 written, 0 up to date; refused: depth-prepass/blended 3\n";
+    let sum = "materials: 0 rewritten, 3 written as they are, 1 failed; \
+               files: 6 written, 0 up to date; refused: depth-prepass/blended 3\n";
     assert!(said.contains(sum), "{said}");
 }
 
@@ -233,7 +220,8 @@ struct Watched(Child, Receiver<String>);
 
 impl Watched {
     fn start(folder: &Path, args: &[&str]) -> Self {
-        let mut child = preshade(folder, args)
+        let mut child = preshade(folder)
+            .args(args)
             .stderr(Stdio::piped())
             .spawn()
             .unwrap();
@@ -290,7 +278,8 @@ fn watch_writes_again_what_changed() {
         ]
     );
 
-    let stdin = preshade(&tree, &["rewrite", "-", "--lang", "wgsl", "--watch"])
+    let stdin = preshade(&tree)
+        .args(["rewrite", "-", "--lang", "wgsl", "--watch"])
         .stdin(Stdio::null())
         .output()
         .unwrap();
@@ -308,7 +297,9 @@ fn a_depfile_goes_into_a_pipe_and_has_what_is_included() {
     #[cfg(unix)]
     {
         // It must not wait for what it would write itself.
-        let mut child = preshade(&tree, &[&args[..], &["/dev/stdout"]].concat())
+        let mut child = preshade(&tree)
+            .args(&args)
+            .arg("/dev/stdout")
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
             .spawn()
@@ -361,7 +352,8 @@ fn a_flag_goes_before_the_environment_and_that_before_the_file() {
     .unwrap();
     let of = |args: &[&str], variables: &[(&str, &str)]| {
         let args = [&["rewrite", "shaders/lit.wgsl"], args].concat();
-        let mut command = preshade(&tree, &args);
+        let mut command = preshade(&tree);
+        command.args(args);
         command.envs(variables.iter().copied()).stdin(Stdio::null());
         let output = command.output().unwrap();
         let said = String::from_utf8(output.stdout.clone()).unwrap();
@@ -580,7 +572,7 @@ fn names_and_halves_are_told() {
         use std::os::unix::ffi::OsStrExt;
         let name = std::ffi::OsStr::from_bytes(b"n\xff.wgsl");
         fs::copy(tree.join("shaders/lit.wgsl"), tree.join(name)).unwrap();
-        let output = preshade(&tree, &["rewrite"]).arg(name).output().unwrap();
+        let output = preshade(&tree).arg("rewrite").arg(name).output().unwrap();
         assert_eq!(output.status.code(), Some(2));
         assert!(stderr(&output).contains("the name is not UTF-8"));
     }
@@ -657,7 +649,7 @@ fn watch_is_not_woken_by_its_own_log() {
         "--watch",
     ];
     let (_send, none) = channel();
-    let child = preshade(&tree, &args).stderr(file).spawn().unwrap();
+    let child = preshade(&tree).args(args).stderr(file).spawn().unwrap();
     let _watched = Watched(child, none);
     let until = |wanted: &str| {
         for _ in 0..600 {

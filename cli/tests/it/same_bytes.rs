@@ -10,31 +10,25 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use preshade::unstable::emit::{self, Target};
 use preshade::unstable::front::{self, Source};
 use preshade::unstable::measure;
-use preshade::unstable::passes::PASSES;
-use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::pass::{Facts, Use};
 use preshade::unstable::passes::plan::Plan;
 use preshade::unstable::passes::state::MaterialState;
+use preshade::unstable::passes::{PASSES, examples};
 use preshade::unstable::recipe::Recipe;
 use preshade::unstable::scene::{self, Access, Variables};
-
-/// Recipes of several steps. Most materials refuse the first step of the last four: nothing is
-/// hoisted that `tessellate` could divide, for example.
-const COMPOSED: [&str; 7] = [
-    "hoist:budget=0.02,finite=assumed,jumps=carried,tessellate:level=2,depth-prepass",
-    "shadow,depth-prepass:form=equal,vertex=sliced,skip-taps:budget=1",
-    "depth-prepass:form=equal,early-discard",
-    "tessellate,depth-prepass",
-    "tessellate,visibility-buffer,hoist",
-    "specialize,early-discard",
-    "trim-loop:budget=1,shadow",
-];
 
 /// Bytes by file name.
 type Files = BTreeMap<String, Vec<u8>>;
 
+/// Each pass by its defaults, and each recipe of the fuzzers followed by the next one. Materials
+/// refuse many of them in part.
 fn recipes() -> Vec<String> {
     let alone = PASSES.iter().map(|p| p.info().name.to_owned());
-    alone.chain(COMPOSED.map(str::to_owned)).collect()
+    let fuzzed = examples().filter(|(_, used)| **used == Use::Fuzz);
+    let fuzzed: Vec<&str> = fuzzed.map(|(recipe, _)| recipe).collect();
+    let next = fuzzed.iter().cycle().skip(1);
+    let pairs = fuzzed.iter().zip(next).map(|(a, b)| format!("{a},{b}"));
+    alone.chain(pairs).collect()
 }
 
 fn root() -> PathBuf {

@@ -40,6 +40,23 @@ pub fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
+/// The errors of a run, which fails.
+pub fn refused(folder: &Path, args: &[&str]) -> String {
+    ended(&run(folder, args), 2, args)
+}
+
+/// A run, which succeeds.
+pub fn accepted(folder: &Path, args: &[&str]) {
+    ended(&run(folder, args), 0, args);
+}
+
+/// What a run with this exit status printed to stderr.
+pub fn ended(output: &Output, status: i32, args: &[&str]) -> String {
+    let said = stderr(output);
+    assert_eq!(output.status.code(), Some(status), "{args:?}: {said}");
+    said
+}
+
 pub const SHADER: &str = "
 struct Camera { view_proj: mat4x4<f32> }
 @group(0) @binding(0) var<uniform> camera: Camera;

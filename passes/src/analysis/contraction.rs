@@ -123,14 +123,14 @@ fn anything(graph: &Graph<'_>, entry: usize) -> Exposed {
     }
 }
 
-type Stage<'p> = (&'p Program, usize);
+type EntryStage<'p> = (&'p Program, usize);
 
 fn stages<'p>(
     before: &'p Program,
     after: &'p Program,
     stage: ShaderStage,
     name: Option<&str>,
-) -> Option<[Stage<'p>; 2]> {
+) -> Option<[EntryStage<'p>; 2]> {
     let find = |program: &'p Program| Some((program, program.entry_point(stage, name?)?.0));
     Some([find(before)?, find(after)?])
 }

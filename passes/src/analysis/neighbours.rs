@@ -50,10 +50,12 @@ pub fn conflict<'a>(
                 &step.pass,
                 &refusals::NEIGHBOUR_MOVES_DEPTH,
                 format!(
-                    "material `{}` writes depth without comparing it, over what was drawn ahead of it",
+                    "material `{}` writes depth without comparing it, over what was drawn ahead of \
+                     it",
                     neighbour.material
                 ),
-                "take depth-prepass:form=biased, which keeps the author's comparison, or draw that material in a phase of its own",
+                "take depth-prepass:form=biased, which keeps the author's comparison, or draw that \
+                 material in a phase of its own",
             ));
         }
         // What is shaded from ids has its colour before any neighbour is drawn, wherever it stood
@@ -63,10 +65,12 @@ pub fn conflict<'a>(
                 &step.pass,
                 &refusals::NEIGHBOUR_WITHOUT_DEPTH,
                 format!(
-                    "material `{}` is opaque and writes no depth: what is drawn after it covers it, whatever is nearer, and what is shaded from ids would be drawn before it",
+                    "material `{}` is opaque and writes no depth: what is drawn after it covers \
+                     it, whatever is nearer, and what is shaded from ids would be drawn before it",
                     neighbour.material
                 ),
-                "let that material write depth, or draw it in a phase of its own, before or after the frame's opaque materials",
+                "let that material write depth, or draw it in a phase of its own, before or after \
+                 the frame's opaque materials",
             ));
         }
         leaves_traces(neighbour, pass).then(|| {
@@ -74,7 +78,8 @@ pub fn conflict<'a>(
                 &step.pass,
                 &refusals::NEIGHBOUR_COUNTS_FRAGMENTS,
                 format!(
-                    "material `{}` writes stencil or memory, hidden fragments of it too: which of them run depends on who drew depth before",
+                    "material `{}` writes stencil or memory, hidden fragments of it too: which of \
+                     them run depends on who drew depth before",
                     neighbour.material
                 ),
                 "draw that material in a pass of its own, before the pre-pass or after the frame",
@@ -106,10 +111,13 @@ pub fn tied<'a>(
         &step.pass,
         &refusals::DEPTH_TIES,
         format!(
-            "material `{}` is not shaded from ids and so is drawn after what is, and where two surfaces share the winning depth (pixels: {ties}, over all views) the order of draws decides which is seen",
+            "material `{}` is not shaded from ids and so is drawn after what is, and where two \
+             surfaces share the winning depth (pixels: {ties}, over all views) the order of draws \
+             decides which is seen",
             drawn.material
         ),
-        "split all opaque materials of the frame or none of them, or set their surfaces apart (a depth bias, an offset)",
+        "split all opaque materials of the frame or none of them, or set their surfaces apart (a \
+         depth bias, an offset)",
     ))
 }
 
@@ -139,19 +147,29 @@ fn shows_through(plan: &Plan, neighbours: &[&Plan], pass: &str) -> Option<Refusa
         .chain(neighbours.iter().copied())
         .filter_map(opaque)
         .collect();
-    materials.iter().filter(|(_, _, hides)| *hides).find_map(|(front, written, _)| {
-        materials.iter().filter(|(behind, _, _)| behind != front).find_map(|(behind, needed, _)| {
+    for (front, written, _) in materials.iter().filter(|(_, _, hides)| *hides) {
+        for (behind, needed, _) in materials.iter().filter(|(behind, ..)| behind != front) {
             let left = needed.left_by(written);
-            (!left.is_empty()).then(|| {
-                Refusal::new(
-                    pass,
-                    &refusals::COLOR_MASK,
-                    format!("material `{front}` hides what lies behind it and leaves {left} as it is, which material `{behind}` writes: there a hidden surface shows, if it was drawn first"),
-                    format!("let `{front}` write all channels that the frame's opaque materials write, or draw it in a pass of its own after them, without depth-prepass and early-discard"),
-                )
-            })
-        })
-    })
+            if left.is_empty() {
+                continue;
+            }
+            return Some(Refusal::new(
+                pass,
+                &refusals::COLOR_MASK,
+                format!(
+                    "material `{front}` hides what lies behind it and leaves {left} as it is, \
+                     which material `{behind}` writes: there a hidden surface shows, if it was \
+                     drawn first"
+                ),
+                format!(
+                    "let `{front}` write all channels that the frame's opaque materials write, or \
+                     draw it in a pass of its own after them, without depth-prepass and \
+                     early-discard"
+                ),
+            ));
+        }
+    }
+    None
 }
 
 /// Whether fragments that end up hidden leave something behind.

@@ -1,6 +1,6 @@
 //! Refusals that several passes share.
 
-use crate::core::refusals::{RefusalInfo, refusals};
+use crate::core::refusals::refusals;
 
 refusals! {
     ALPHA_TO_COVERAGE = "alpha-to-coverage":

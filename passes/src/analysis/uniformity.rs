@@ -54,7 +54,7 @@ pub fn non_uniform(module: &Module) -> Vec<NonUniform> {
     let points = module.entry_points.iter().enumerate();
     let points = points.map(|(i, e)| (FunctionId::EntryPoint(i), &e.function));
     for (id, function) in functions.chain(points) {
-        let mut walk = Walk::new(module, function, id, &summaries);
+        let mut walk = FunctionWalk::new(module, function, id, &summaries);
         let (end, _) = walk.block(&function.body, walk.start());
         if let Some(end) = end {
             walk.leave(&end, None);
@@ -72,21 +72,21 @@ pub fn non_uniform(module: &Module) -> Vec<NonUniform> {
     found
 }
 
-type Node = usize;
+type NodeId = usize;
 
 /// Sources that may be non-uniform.
-const MAYBE: Node = 0;
+const MAYBE: NodeId = 0;
 /// Control flow at the call of the function.
-const CALLED: Node = 1;
+const CALLED: NodeId = 1;
 /// The returned value.
-const RETURNED: Node = 2;
+const RETURNED: NodeId = 2;
 /// Without dependences.
-const UNIFORM: Node = 3;
+const UNIFORM: NodeId = 3;
 const FIXED: usize = 4;
 
 /// Nodes for the n-th argument: itself, the memory it points to at the call, and the same on
 /// return.
-fn argument(n: usize) -> [Node; 3] {
+fn argument(n: usize) -> [NodeId; 3] {
     [0, 1, 2].map(|k| FIXED + 3 * n + k)
 }
 
@@ -110,9 +110,9 @@ struct Summary {
 
 /// A point of control flow, with the content of each variable: locals, then pointer arguments.
 #[derive(Clone, Debug)]
-struct Flow {
-    control: Node,
-    variables: Vec<Node>,
+struct FlowState {
+    control: NodeId,
+    variables: Vec<NodeId>,
 }
 
 /// How control may leave a statement (WGSL section 9.6).
@@ -122,16 +122,16 @@ const BREAK: Behaviour = 2;
 const CONTINUE: Behaviour = 4;
 const RETURN: Behaviour = 8;
 
-struct Walk<'a> {
+struct FunctionWalk<'a> {
     module: &'a Module,
     function: &'a Function,
     id: FunctionId,
     summaries: &'a [Summary],
-    edges: Vec<Vec<Node>>,
-    values: Vec<Node>,
-    needs: Vec<(Node, Need, Span)>,
-    breaks: Vec<Vec<Flow>>,
-    continues: Vec<Vec<Flow>>,
+    edges: Vec<Vec<NodeId>>,
+    values: Vec<NodeId>,
+    needs: Vec<(NodeId, Need, Span)>,
+    breaks: Vec<Vec<FlowState>>,
+    continues: Vec<Vec<FlowState>>,
 }
 
 /// The variable of a pointer.
@@ -141,7 +141,7 @@ enum Root {
     Maybe,
 }
 
-impl<'a> Walk<'a> {
+impl<'a> FunctionWalk<'a> {
     fn new(
         module: &'a Module,
         function: &'a Function,
@@ -175,25 +175,25 @@ impl<'a> Walk<'a> {
         walk
     }
 
-    fn start(&self) -> Flow {
+    fn start(&self) -> FlowState {
         let contents = (0..self.function.arguments.len()).map(|n| argument(n)[1]);
         let locals = self.function.local_variables.iter().map(|_| UNIFORM);
-        Flow {
+        FlowState {
             control: CALLED,
             variables: locals.chain(contents).collect(),
         }
     }
 
-    fn node(&mut self, rests_on: impl IntoIterator<Item = Node>) -> Node {
+    fn node(&mut self, rests_on: impl IntoIterator<Item = NodeId>) -> NodeId {
         self.edges.push(rests_on.into_iter().collect());
         self.edges.len() - 1
     }
 
-    fn need(&mut self, node: Node, need: Need, span: Span) {
+    fn need(&mut self, node: NodeId, need: Need, span: Span) {
         self.needs.push((node, need, span));
     }
 
-    fn value(&self, e: Handle<Expression>) -> Node {
+    fn value(&self, e: Handle<Expression>) -> NodeId {
         self.values[e.index()]
     }
 
@@ -232,7 +232,7 @@ impl<'a> Walk<'a> {
     }
 
     /// The content of a pointer's variable.
-    fn content(&self, pointer: Handle<Expression>, flow: &Flow) -> Node {
+    fn content(&self, pointer: Handle<Expression>, flow: &FlowState) -> NodeId {
         match self.root(pointer).0 {
             Root::Variable(v) => flow.variables[v],
             Root::Uniform => UNIFORM,
@@ -241,7 +241,7 @@ impl<'a> Walk<'a> {
     }
 
     /// Records a store of `value` through a pointer.
-    fn write(&mut self, pointer: Handle<Expression>, value: Node, flow: &mut Flow) {
+    fn write(&mut self, pointer: Handle<Expression>, value: NodeId, flow: &mut FlowState) {
         let (Root::Variable(v), whole) = self.root(pointer) else {
             return;
         };
@@ -252,7 +252,7 @@ impl<'a> Walk<'a> {
         flow.variables[v] = self.node(rests_on);
     }
 
-    fn emit(&mut self, e: Handle<Expression>, flow: &Flow) {
+    fn emit(&mut self, e: Handle<Expression>, flow: &FlowState) {
         let expression = &self.function.expressions[e];
         let span = self.function.expressions.get_span(e);
         let mut rests_on = vec![flow.control];
@@ -304,7 +304,7 @@ impl<'a> Walk<'a> {
     }
 
     /// The flow behind a block, if control reaches it, and the ways in which control may leave.
-    fn block(&mut self, block: &Block, mut flow: Flow) -> (Option<Flow>, Behaviour) {
+    fn block(&mut self, block: &Block, mut flow: FlowState) -> (Option<FlowState>, Behaviour) {
         let mut left = NEXT;
         for (statement, span) in block.span_iter() {
             let (next, behaviour) = self.statement(statement, *span, flow);
@@ -322,8 +322,8 @@ impl<'a> Walk<'a> {
         &mut self,
         statement: &Statement,
         span: Span,
-        mut flow: Flow,
-    ) -> (Option<Flow>, Behaviour) {
+        mut flow: FlowState,
+    ) -> (Option<FlowState>, Behaviour) {
         match statement {
             Statement::Emit(range) => {
                 for e in range.clone() {
@@ -339,7 +339,7 @@ impl<'a> Walk<'a> {
                 let chosen = self.value(*condition);
                 let control = self.node([flow.control, chosen]);
                 let branch = |walk: &mut Self, block| {
-                    let flow = Flow {
+                    let flow = FlowState {
                         control,
                         variables: flow.variables.clone(),
                     };
@@ -421,16 +421,16 @@ impl<'a> Walk<'a> {
         &mut self,
         selector: Handle<Expression>,
         cases: &[SwitchCase],
-        flow: &Flow,
-    ) -> (Option<Flow>, Behaviour) {
+        flow: &FlowState,
+    ) -> (Option<FlowState>, Behaviour) {
         let chosen = self.value(selector);
         let control = self.node([flow.control, chosen]);
         self.breaks.push(Vec::new());
         let mut ends = Vec::new();
         let mut left = 0;
-        let mut fallen: Option<Flow> = None;
+        let mut fallen: Option<FlowState> = None;
         for case in cases {
-            let mut starts = vec![Flow {
+            let mut starts = vec![FlowState {
                 control,
                 variables: flow.variables.clone(),
             }];
@@ -466,11 +466,11 @@ impl<'a> Walk<'a> {
     /// jump leaves them.
     fn joined(
         &mut self,
-        ahead: Node,
-        within: Node,
-        ends: Vec<Flow>,
+        ahead: NodeId,
+        within: NodeId,
+        ends: Vec<FlowState>,
         left: Behaviour,
-    ) -> (Option<Flow>, Behaviour) {
+    ) -> (Option<FlowState>, Behaviour) {
         if ends.is_empty() {
             return (None, left & !NEXT);
         }
@@ -483,7 +483,7 @@ impl<'a> Walk<'a> {
     }
 
     /// The merge of at least one flow.
-    fn merged(&mut self, mut flows: Vec<Flow>) -> Flow {
+    fn merged(&mut self, mut flows: Vec<FlowState>) -> FlowState {
         let Some(last) = flows.pop() else {
             return self.start();
         };
@@ -492,7 +492,7 @@ impl<'a> Walk<'a> {
                 true => a,
                 false => self.node([a, b]),
             };
-            Flow {
+            FlowState {
                 control: both(a.control, b.control),
                 variables: a
                     .variables
@@ -509,9 +509,9 @@ impl<'a> Walk<'a> {
         body: &Block,
         continuing: &Block,
         break_if: Option<Handle<Expression>>,
-        ahead: &Flow,
-    ) -> (Option<Flow>, Behaviour) {
-        let head = Flow {
+        ahead: &FlowState,
+    ) -> (Option<FlowState>, Behaviour) {
+        let head = FlowState {
             control: self.node([ahead.control]),
             variables: ahead.variables.iter().map(|v| self.node([*v])).collect(),
         };
@@ -561,14 +561,14 @@ impl<'a> Walk<'a> {
         arguments: &[Handle<Expression>],
         result: Option<Handle<Expression>>,
         span: Span,
-        flow: &mut Flow,
+        flow: &mut FlowState,
     ) {
         let summary = &self.summaries[function.index()];
         if let Some(need) = summary.called {
             self.need(flow.control, need, span);
         }
-        let values: Vec<Node> = arguments.iter().map(|a| self.value(*a)).collect();
-        let contents: Vec<Node> = arguments.iter().map(|a| self.content(*a, flow)).collect();
+        let values: Vec<NodeId> = arguments.iter().map(|a| self.value(*a)).collect();
+        let contents: Vec<NodeId> = arguments.iter().map(|a| self.content(*a, flow)).collect();
         for (needs, nodes) in [(&summary.values, &values), (&summary.contents, &contents)] {
             for (need, node) in needs.iter().zip(nodes) {
                 if let Some(need) = need {
@@ -578,7 +578,7 @@ impl<'a> Walk<'a> {
         }
         let control = flow.control;
         let made = |walk: &mut Self, rests: &Rests| {
-            let chosen = |of: &[bool], nodes: &[Node]| -> Vec<Node> {
+            let chosen = |of: &[bool], nodes: &[NodeId]| -> Vec<NodeId> {
                 let chosen = of.iter().zip(nodes).filter(|(of, _)| **of);
                 chosen.map(|(_, node)| *node).collect()
             };
@@ -607,7 +607,7 @@ impl<'a> Walk<'a> {
     }
 
     /// A return, or the end of the body.
-    fn leave(&mut self, flow: &Flow, value: Option<Node>) {
+    fn leave(&mut self, flow: &FlowState, value: Option<NodeId>) {
         self.edges[RETURNED].push(flow.control);
         self.edges[RETURNED].extend(value);
         let locals = self.function.local_variables.len();
@@ -617,7 +617,7 @@ impl<'a> Walk<'a> {
     }
 
     /// All nodes that a node depends on, including itself.
-    fn reached(&self, from: Node) -> Vec<bool> {
+    fn reached(&self, from: NodeId) -> Vec<bool> {
         let mut reached = vec![false; self.edges.len()];
         let mut stack = vec![from];
         while let Some(node) = stack.pop() {
@@ -628,7 +628,7 @@ impl<'a> Walk<'a> {
         reached
     }
 
-    fn rests(&self, node: Node) -> Rests {
+    fn rests(&self, node: NodeId) -> Rests {
         let reached = self.reached(node);
         let of = |kind: usize| {
             let arguments = 0..self.function.arguments.len();

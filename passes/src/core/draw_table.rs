@@ -23,8 +23,8 @@ pub const IDS: &str = "visibility-ids";
 /// interpolation between three equal depths.
 pub const DRAWS: &str = "visibility-draws";
 
-/// Most draws that a 16-bit depth distinguishes ([`DRAWS`]): 0 means empty, and the last step allows
-/// for rounding.
+/// Most draws that a 16-bit depth distinguishes ([`DRAWS`]): 0 means empty, and the last step
+/// allows for rounding.
 pub const MOST_DRAWS: usize = (1 << 16) - 2;
 
 /// The entry of a draw: the words of [`crate::core::plan::GeometryPart::Draw`].

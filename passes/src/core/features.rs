@@ -250,14 +250,25 @@ mod tests {
         for (text, expected) in [
             (body("1.0"), &[][..]),
             (
-                format!("enable f16;\nvar<private> x: f32;\n{}", body("f32(f16(x) * 2.0h)")),
+                format!(
+                    "enable f16;\nvar<private> x: f32;\n{}",
+                    body("f32(f16(x) * 2.0h)")
+                ),
                 &["shader-f16"],
             ),
-            (format!("var<private> x: f32;\n{}", body("f32(f64(x) * 2.0lf)")), &["wgpu-shader-f64"]),
-            (format!("var<private> x: f32;\n{}", body("f32(i64(x) * 2li)")), &["wgpu-shader-int64"]),
+            (
+                format!("var<private> x: f32;\n{}", body("f32(f64(x) * 2.0lf)")),
+                &["wgpu-shader-f64"],
+            ),
+            (
+                format!("var<private> x: f32;\n{}", body("f32(i64(x) * 2li)")),
+                &["wgpu-shader-int64"],
+            ),
             (body("subgroupAdd(1.0)"), &["subgroups"]),
             (
-                "@vertex fn v() -> @builtin(position) vec4<f32> { return vec4<f32>(subgroupAdd(1.0)); }".to_owned(),
+                "@vertex fn v() -> @builtin(position) vec4<f32> { \
+                 return vec4<f32>(subgroupAdd(1.0)); }"
+                    .to_owned(),
                 &["wgpu-subgroup-vertex", "subgroups"],
             ),
             (
@@ -269,11 +280,15 @@ mod tests {
                 &["immediates"],
             ),
             (
-                "@fragment fn f(@builtin(view_index) v: u32) -> @location(0) vec4<f32> { return vec4<f32>(f32(v)); }".to_owned(),
+                "@fragment fn f(@builtin(view_index) v: u32) -> @location(0) vec4<f32> { \
+                 return vec4<f32>(f32(v)); }"
+                    .to_owned(),
                 &["wgpu-multiview"],
             ),
             (
-                "@group(0) @binding(0) var<storage, read_write> a: atomic<u64>;\n@compute @workgroup_size(1) fn c() { atomicMax(&a, 1lu); }".to_owned(),
+                "@group(0) @binding(0) var<storage, read_write> a: atomic<u64>;\n\
+                 @compute @workgroup_size(1) fn c() { atomicMax(&a, 1lu); }"
+                    .to_owned(),
                 &["wgpu-shader-int64", "wgpu-shader-int64-atomic-min-max"],
             ),
         ] {

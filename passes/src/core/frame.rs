@@ -123,7 +123,8 @@ pub enum FrameError {
     },
     /// A pass draws both to the scene's colour and to attachments of its own.
     #[error(
-        "the {role} pass of material `{material}` draws to the scene's colour and to attachments of its own"
+        "the {role} pass of material `{material}` draws to the scene's colour and to attachments \
+         of its own"
     )]
     MixedTargets {
         /// Material.
@@ -133,7 +134,8 @@ pub enum FrameError {
     },
     /// Passes share a render pass and an attachment, and only some of them clear it.
     #[error(
-        "the {role} pass of material `{material}` loads {attachment}, and another that shares its render pass clears it"
+        "the {role} pass of material `{material}` loads {attachment}, and another that shares its \
+         render pass clears it"
     )]
     LoadMismatch {
         /// Material that loads.
@@ -145,7 +147,8 @@ pub enum FrameError {
     },
     /// Two plans define a pass that runs once per frame differently.
     #[error(
-        "the {role} pass runs once for the frame, and those of materials `{first}` and `{second}` are not the same"
+        "the {role} pass runs once for the frame, and those of materials `{first}` and `{second}` \
+         are not the same"
     )]
     OnceMismatch {
         /// Role of the pass.
@@ -157,7 +160,8 @@ pub enum FrameError {
     },
     /// A pass discards an attachment that a later pass uses.
     #[error(
-        "the {role} pass of material `{material}` discards {attachment}, which a later pass of the frame needs"
+        "the {role} pass of material `{material}` discards {attachment}, which a later pass of the \
+         frame needs"
     )]
     Discarded {
         /// Material that discards.

@@ -22,7 +22,7 @@ use crate::core::operands;
 /// Two modules that can't be linked.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{message}")]
-pub struct Error {
+pub struct LinkError {
     /// The conflict.
     pub message: String,
     /// Its places, in the address space of the source map.
@@ -34,7 +34,7 @@ pub struct Error {
     pub note: Option<&'static str>,
 }
 
-impl Error {
+impl LinkError {
     fn new(message: impl Into<String>) -> Box<Self> {
         Box::new(Self {
             message: message.into(),
@@ -70,7 +70,12 @@ pub struct Linked {
 /// # Errors
 ///
 /// If both declare a binding, an override or an entry point differently.
-pub fn link(first: Module, second: &Module, base: u32, suffix: &str) -> Result<Linked, Box<Error>> {
+pub fn link(
+    first: Module,
+    second: &Module,
+    base: u32,
+    suffix: &str,
+) -> Result<Linked, Box<LinkError>> {
     let mut linker = Linker {
         names: names(&first),
         shared: first.functions.iter().map(|(h, _)| h).collect(),
@@ -170,7 +175,7 @@ impl Linker<'_> {
         }
     }
 
-    fn types(&mut self) -> Result<(), Box<Error>> {
+    fn types(&mut self) -> Result<(), Box<LinkError>> {
         for (handle, _) in self.second.types.iter() {
             self.ty(handle)?;
         }
@@ -213,7 +218,7 @@ impl Linker<'_> {
         Ok(())
     }
 
-    fn ty(&mut self, handle: Handle<Type>) -> Result<Handle<Type>, Box<Error>> {
+    fn ty(&mut self, handle: Handle<Type>) -> Result<Handle<Type>, Box<LinkError>> {
         if let Some(done) = self.types.get(&handle) {
             return Ok(*done);
         }
@@ -241,7 +246,10 @@ impl Linker<'_> {
 
     /// A global expression. Equal ones are shared, so constants can be compared by their
     /// initialiser's handle.
-    fn expression(&mut self, handle: Handle<Expression>) -> Result<Handle<Expression>, Box<Error>> {
+    fn expression(
+        &mut self,
+        handle: Handle<Expression>,
+    ) -> Result<Handle<Expression>, Box<LinkError>> {
         if let Some(done) = self.expressions.get(&handle) {
             return Ok(*done);
         }
@@ -267,7 +275,7 @@ impl Linker<'_> {
         Ok(mapped)
     }
 
-    fn constant(&mut self, handle: Handle<Constant>) -> Result<Handle<Constant>, Box<Error>> {
+    fn constant(&mut self, handle: Handle<Constant>) -> Result<Handle<Constant>, Box<LinkError>> {
         if let Some(done) = self.constants.get(&handle) {
             return Ok(*done);
         }
@@ -284,7 +292,7 @@ impl Linker<'_> {
     }
 
     /// The host sets an override by name or id, so two of the same name must be one.
-    fn override_(&mut self, handle: Handle<Override>) -> Result<Handle<Override>, Box<Error>> {
+    fn override_(&mut self, handle: Handle<Override>) -> Result<Handle<Override>, Box<LinkError>> {
         if let Some(done) = self.overrides.get(&handle) {
             return Ok(*done);
         }
@@ -300,7 +308,7 @@ impl Linker<'_> {
             **o != mapped && (o.name == mapped.name || (o.id.is_some() && o.id == mapped.id))
         });
         if let Some((ours, _)) = clash {
-            return Err(Error::new(format!(
+            return Err(LinkError::new(format!(
                 "the two files declare the override `{}` differently",
                 mapped.name.as_deref().unwrap_or("")
             ))
@@ -312,7 +320,7 @@ impl Linker<'_> {
         Ok(mapped)
     }
 
-    fn globals(&mut self) -> Result<(), Box<Error>> {
+    fn globals(&mut self) -> Result<(), Box<LinkError>> {
         // Unused overrides of the second module are still part of its interface.
         for (handle, _) in self.second.overrides.iter() {
             self.override_(handle)?;
@@ -360,14 +368,14 @@ impl Linker<'_> {
         ours: Handle<GlobalVariable>,
         theirs: &GlobalVariable,
         span: Span,
-    ) -> Box<Error> {
+    ) -> Box<LinkError> {
         let declared = &self.module.global_variables[ours];
         let at = theirs.binding.map_or("immediate data".to_owned(), |b| {
             format!("group {} binding {}", b.group, b.binding)
         });
         let name = |g: &GlobalVariable| g.name.clone().unwrap_or_default();
         let ours_span = self.module.global_variables.get_span(ours);
-        let mut error = Error::new(format!("the two files declare {at} differently"))
+        let mut error = LinkError::new(format!("the two files declare {at} differently"))
             .label(span, format!("`{}` here", name(theirs)))
             .label(ours_span, format!("`{}` here", name(declared)))
             .note("give one of them another binding, or both the same type and access");
@@ -389,7 +397,7 @@ impl Linker<'_> {
         }
     }
 
-    fn functions(&mut self) -> Result<(), Box<Error>> {
+    fn functions(&mut self) -> Result<(), Box<LinkError>> {
         for (handle, function) in self.second.functions.iter() {
             let mut mapped = self.function(function)?;
             let text = content(&mapped);
@@ -410,7 +418,7 @@ impl Linker<'_> {
         Ok(())
     }
 
-    fn entry_points(&mut self) -> Result<(), Box<Error>> {
+    fn entry_points(&mut self) -> Result<(), Box<LinkError>> {
         for entry in &self.second.entry_points {
             let twice = |e: &&EntryPoint| e.stage == entry.stage;
             if let Some(first) = self.module.entry_points.iter().find(twice)
@@ -418,7 +426,7 @@ impl Linker<'_> {
                 && first.name == entry.name
             {
                 let stage = format!("{:?}", entry.stage).to_lowercase();
-                return Err(Error::new(format!(
+                return Err(LinkError::new(format!(
                     "both files have a {stage} entry point `{}`",
                     entry.name
                 )));
@@ -436,7 +444,7 @@ impl Linker<'_> {
 
     /// The function with its module-level handles mapped. Handles into its own arenas stay valid,
     /// because those keep their order.
-    fn function(&mut self, theirs: &Function) -> Result<Function, Box<Error>> {
+    fn function(&mut self, theirs: &Function) -> Result<Function, Box<LinkError>> {
         let mut function = theirs.clone();
         for argument in &mut function.arguments {
             argument.ty = self.ty(argument.ty)?;
@@ -467,7 +475,7 @@ impl Linker<'_> {
     }
 
     /// Maps the module-level handles that an expression itself holds.
-    fn module_handles(&mut self, expression: &mut Expression) -> Result<(), Box<Error>> {
+    fn module_handles(&mut self, expression: &mut Expression) -> Result<(), Box<LinkError>> {
         match expression {
             Expression::Constant(handle) => *handle = self.constant(*handle)?,
             Expression::Override(handle) => *handle = self.override_(*handle)?,
@@ -483,7 +491,7 @@ impl Linker<'_> {
         Ok(())
     }
 
-    fn block(&mut self, block: &mut Block) -> Result<(), Box<Error>> {
+    fn block(&mut self, block: &mut Block) -> Result<(), Box<LinkError>> {
         let base = self.base;
         for (statement, span) in block.span_iter_mut() {
             if let Some(span) = span {
@@ -499,11 +507,14 @@ impl Linker<'_> {
         Ok(())
     }
 
-    fn global(&self, handle: Handle<GlobalVariable>) -> Result<Handle<GlobalVariable>, Box<Error>> {
+    fn global(
+        &self,
+        handle: Handle<GlobalVariable>,
+    ) -> Result<Handle<GlobalVariable>, Box<LinkError>> {
         self.globals.get(&handle).copied().ok_or_else(dangling)
     }
 
-    fn callee(&self, handle: Handle<Function>) -> Result<Handle<Function>, Box<Error>> {
+    fn callee(&self, handle: Handle<Function>) -> Result<Handle<Function>, Box<LinkError>> {
         self.functions.get(&handle).copied().ok_or_else(dangling)
     }
 
@@ -535,6 +546,6 @@ fn content(function: &Function) -> String {
 }
 
 /// A naga front end broke its promise that handles refer backward only.
-fn dangling() -> Box<Error> {
-    Error::new("the parsed module refers to an item before declaring it")
+fn dangling() -> Box<LinkError> {
+    LinkError::new("the parsed module refers to an item before declaring it")
 }

@@ -77,6 +77,13 @@ pub enum Use {
     Simplify,
     /// Useful ahead of other passes: random recipes sort it to this place.
     Ahead(usize),
+    /// `verify` draws it if the user names no variant.
+    Verify,
+    /// Draws one scene after each change of a value of its plan file: one change of each value has
+    /// to be refused or to change the picture.
+    Mutate,
+    /// Timed on made shaders of growing size.
+    Growth,
     /// The example of the pass's page, applied to this WGSL file of `fixtures`.
     Page(&'static str),
     /// The picture of the pass's page.
@@ -510,11 +517,32 @@ pub trait Pass {
         None
     }
 
+    /// What a check of its variant must know besides the contract.
+    fn expected(_params: &Self::Params) -> Expected {
+        Expected::default()
+    }
+
     /// Applies the pass: value in, value out.
     ///
     /// # Errors
     /// Every reason why it does not apply; `plan` is untouched.
     fn run(plan: &Plan, facts: &Facts, params: &Self::Params) -> Result<Outcome, Refused>;
+}
+
+/// What [`validate`](crate::validate) must know of a step besides its contract.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Expected {
+    /// The step replaces varyings of the author, so arbitrary numbers cannot stand for them.
+    pub replaces_varyings: bool,
+    /// The step computes values at vertices and interpolates them: at a vertex they are the
+    /// author's.
+    pub interpolates: bool,
+    /// The step folds float operations: it keeps the values of ordinary numbers only.
+    pub folds_floats: bool,
+    /// The step approximates the implicit levels of lookups only.
+    pub approximates_levels: bool,
+    /// The step draws a diagnostic picture, whose colours are others on purpose.
+    pub is_diagnostic: bool,
 }
 
 /// A name among the parameters that a material has not, or a value that what is named cannot have.
@@ -556,6 +584,8 @@ pub trait AnyPass: Sync {
     fn complete(&self, params: &serde_json::Value) -> Result<serde_json::Value, ParamError>;
     /// As [`Pass::misnamed`]; nothing of parameters that do not fit the pass.
     fn misnamed(&self, plan: &Plan, params: &serde_json::Value) -> Option<Misnamed>;
+    /// As [`Pass::expected`]; nothing of parameters that do not fit the pass.
+    fn expected(&self, params: &serde_json::Value) -> Expected;
     /// As [`Pass::run`]; parameters that do not fit are refused.
     ///
     /// # Errors
@@ -613,6 +643,12 @@ impl<P: Pass + 'static> AnyPass for Erased<P> {
 
     fn misnamed(&self, plan: &Plan, params: &serde_json::Value) -> Option<Misnamed> {
         P::misnamed(plan, &Self::params(params).ok()?)
+    }
+
+    fn expected(&self, params: &serde_json::Value) -> Expected {
+        Self::params(params)
+            .map(|params| P::expected(&params))
+            .unwrap_or_default()
     }
 
     fn run(

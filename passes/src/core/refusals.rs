@@ -1,22 +1,23 @@
-//! Refusal codes, and those of recipes and of any pass.
+//! Codes of refusals and errors, and those of recipes and of any pass.
 
-/// A refusal code and its explanation.
+/// The code of a refusal or error, and its explanation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RefusalInfo {
     /// The code.
     pub code: &'static str,
     /// The reason, in general.
     pub explanation: &'static str,
-    /// How to make the pass legal.
+    /// How to make the pass legal, or what to do about the error.
     pub remedy: &'static str,
 }
 
-/// Declares refusals as constants, and `REFUSALS`, the list of all of them.
+/// Declares codes as constants of the type [`RefusalInfo`], and `REFUSALS`, the list of all of them.
+#[macro_export]
 macro_rules! refusals {
     ($($name:ident = $code:literal: $explanation:literal, $remedy:literal;)*) => {
         $(
             #[doc = concat!("`", $code, "`.")]
-            pub const $name: RefusalInfo = RefusalInfo {
+            pub const $name: $crate::core::refusals::RefusalInfo = $crate::core::refusals::RefusalInfo {
                 code: $code,
                 explanation: $explanation,
                 remedy: $remedy,
@@ -24,11 +25,11 @@ macro_rules! refusals {
         )*
 
         /// All of them.
-        pub const REFUSALS: &[RefusalInfo] = &[$($name),*];
+        pub const REFUSALS: &[$crate::core::refusals::RefusalInfo] = &[$($name),*];
     };
 }
 
-pub(crate) use refusals;
+pub use refusals;
 
 refusals! {
     BUDGET = "budget":

@@ -150,7 +150,7 @@ impl Splitter {
                 },
                 Root::Global(g) => Some(module.global_variables[g].ty),
             };
-            let shape = ty.map_or(Shape::Leaf, Shape::Type);
+            let shape = ty.map_or(CellShape::Leaf, CellShape::Type);
             list(module, root, split, shape, &mut Vec::new(), &mut cells);
         }
         cells
@@ -158,7 +158,7 @@ impl Splitter {
 }
 
 #[derive(Clone, Copy)]
-enum Shape {
+enum CellShape {
     Type(Handle<naga::Type>),
     /// A matrix column with this many components.
     Column(u32),
@@ -169,15 +169,15 @@ fn list(
     module: &Module,
     root: Root,
     split: &Split,
-    shape: Shape,
+    shape: CellShape,
     path: &mut Path,
     cells: &mut Vec<Cell>,
 ) {
     let count = match shape {
         _ if split.frozen || split.children.is_empty() => 0,
-        Shape::Leaf => 0,
-        Shape::Column(rows) => rows,
-        Shape::Type(ty) => match &module.types[ty].inner {
+        CellShape::Leaf => 0,
+        CellShape::Column(rows) => rows,
+        CellShape::Type(ty) => match &module.types[ty].inner {
             TypeInner::Struct { members, .. } => members.len() as u32,
             TypeInner::Vector { size, .. } => *size as u32,
             TypeInner::Matrix { columns, .. } => *columns as u32,
@@ -199,13 +199,13 @@ fn list(
     let whole = Split::default();
     for i in 0..count {
         let inner = match shape {
-            Shape::Type(ty) => match &module.types[ty].inner {
-                TypeInner::Struct { members, .. } => Shape::Type(members[i as usize].ty),
-                TypeInner::Array { base, .. } => Shape::Type(*base),
-                TypeInner::Matrix { rows, .. } => Shape::Column(*rows as u32),
-                _ => Shape::Leaf,
+            CellShape::Type(ty) => match &module.types[ty].inner {
+                TypeInner::Struct { members, .. } => CellShape::Type(members[i as usize].ty),
+                TypeInner::Array { base, .. } => CellShape::Type(*base),
+                TypeInner::Matrix { rows, .. } => CellShape::Column(*rows as u32),
+                _ => CellShape::Leaf,
             },
-            _ => Shape::Leaf,
+            _ => CellShape::Leaf,
         };
         path.push(i);
         list(

@@ -23,7 +23,7 @@ pub struct ControlDependence {
 
 /// A flow edge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Flow {
+enum FlowEdge {
     /// Control can go this way.
     Real,
     /// Control would go this way without the jump.
@@ -38,7 +38,7 @@ struct Targets {
 
 struct Wiring<'s, 'p> {
     statements: &'s Statements<'p>,
-    flow: DiGraph<Option<StmtId>, Flow>,
+    flow: DiGraph<Option<StmtId>, FlowEdge>,
     exit: NodeIndex,
     next: usize,
 }
@@ -114,7 +114,7 @@ impl ControlDependence {
                 *slot = true;
             }
             for edge in flow.edges(node) {
-                if *edge.weight() == Flow::Real {
+                if *edge.weight() == FlowEdge::Real {
                     stack.push(edge.target());
                 }
             }
@@ -161,7 +161,7 @@ impl Wiring<'_, '_> {
         }
     }
 
-    fn edge(&mut self, from: NodeIndex, to: NodeIndex, flow: Flow) {
+    fn edge(&mut self, from: NodeIndex, to: NodeIndex, flow: FlowEdge) {
         self.flow.add_edge(from, to, flow);
     }
 
@@ -170,12 +170,12 @@ impl Wiring<'_, '_> {
         match statement {
             Statement::Block(block) => {
                 let first = self.block(block, next, targets);
-                self.edge(node, first, Flow::Real);
+                self.edge(node, first, FlowEdge::Real);
             }
             Statement::If { accept, reject, .. } => {
                 for block in [accept, reject] {
                     let first = self.block(block, next, targets);
-                    self.edge(node, first, Flow::Real);
+                    self.edge(node, first, FlowEdge::Real);
                 }
             }
             Statement::Switch { cases, .. } => {
@@ -209,7 +209,7 @@ impl Wiring<'_, '_> {
                     self.block(&case.body, follow, inner);
                 }
                 for start in starts {
-                    self.edge(node, start, Flow::Real);
+                    self.edge(node, start, FlowEdge::Real);
                 }
             }
             Statement::Loop {
@@ -235,36 +235,40 @@ impl Wiring<'_, '_> {
                         on_continue: Some(continue_to),
                     },
                 );
-                self.edge(node, first, Flow::Real);
+                self.edge(node, first, FlowEdge::Real);
                 self.next = continue_at;
                 self.block(continuing, latch, targets);
-                self.edge(latch, node, Flow::Real);
+                self.edge(latch, node, FlowEdge::Real);
                 if break_if.is_some() {
-                    self.edge(latch, next, Flow::Real);
-                } else if !leaves(body, Depth::Here) {
+                    self.edge(latch, next, FlowEdge::Real);
+                } else if !leaves(body, BreakDepth::Here) {
                     // For an infinite loop, an artificial exit keeps post-dominance defined.
-                    self.edge(latch, next, Flow::FallThrough);
+                    self.edge(latch, next, FlowEdge::FallThrough);
                 }
             }
             Statement::Break => {
-                self.edge(node, targets.on_break.unwrap_or(self.exit), Flow::Real);
-                self.edge(node, next, Flow::FallThrough);
+                self.edge(node, targets.on_break.unwrap_or(self.exit), FlowEdge::Real);
+                self.edge(node, next, FlowEdge::FallThrough);
             }
             Statement::Continue => {
-                self.edge(node, targets.on_continue.unwrap_or(self.exit), Flow::Real);
-                self.edge(node, next, Flow::FallThrough);
+                self.edge(
+                    node,
+                    targets.on_continue.unwrap_or(self.exit),
+                    FlowEdge::Real,
+                );
+                self.edge(node, next, FlowEdge::FallThrough);
             }
             Statement::Return { .. } => {
-                self.edge(node, self.exit, Flow::Real);
-                self.edge(node, next, Flow::FallThrough);
+                self.edge(node, self.exit, FlowEdge::Real);
+                self.edge(node, next, FlowEdge::FallThrough);
             }
-            _ => self.edge(node, next, Flow::Real),
+            _ => self.edge(node, next, FlowEdge::Real),
         }
     }
 }
 
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Depth {
+enum BreakDepth {
     /// `break` leaves this loop.
     Here,
     /// `break` leaves an inner statement.
@@ -272,16 +276,16 @@ enum Depth {
 }
 
 /// Whether some statement of a loop's body leaves the loop.
-fn leaves(block: &Block, depth: Depth) -> bool {
+fn leaves(block: &Block, depth: BreakDepth) -> bool {
     block.iter().any(|s| match s {
         Statement::Return { .. } => true,
-        Statement::Break => depth == Depth::Here,
+        Statement::Break => depth == BreakDepth::Here,
         Statement::Block(b) => leaves(b, depth),
         Statement::If { accept, reject, .. } => leaves(accept, depth) || leaves(reject, depth),
-        Statement::Switch { cases, .. } => cases.iter().any(|c| leaves(&c.body, Depth::Inner)),
+        Statement::Switch { cases, .. } => cases.iter().any(|c| leaves(&c.body, BreakDepth::Inner)),
         Statement::Loop {
             body, continuing, ..
-        } => leaves(body, Depth::Inner) || leaves(continuing, Depth::Inner),
+        } => leaves(body, BreakDepth::Inner) || leaves(continuing, BreakDepth::Inner),
         _ => false,
     })
 }

@@ -123,7 +123,7 @@ pub struct GraphData {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Key {
+enum NodeKey {
     Argument(usize, u32),
     Expression(usize, Handle<Expression>),
     Statement(usize, StmtId),
@@ -224,7 +224,7 @@ fn stages_name(stages: Stages) -> &'static str {
 struct Export<'g, 'p> {
     graph: &'g Graph<'p>,
     out: DiGraph<Node, EdgeKind>,
-    nodes: BTreeMap<Key, NodeIndex>,
+    nodes: BTreeMap<NodeKey, NodeIndex>,
     edges: BTreeSet<(NodeIndex, NodeIndex, EdgeKind)>,
 }
 
@@ -238,7 +238,7 @@ impl<'g, 'p> Export<'g, 'p> {
         Some(format!("{}:{}", at.file, at.line))
     }
 
-    fn node(&mut self, key: Key, node: Node) {
+    fn node(&mut self, key: NodeKey, node: Node) {
         let index = self.out.add_node(node);
         self.nodes.insert(key, index);
     }
@@ -286,7 +286,7 @@ impl<'g, 'p> Export<'g, 'p> {
                 };
                 let mut node = self.blank(index, NodeKind::Input, name.clone(), fact);
                 node.text = format!("{name}: {}", reflect::wgsl_type(module, argument.ty));
-                self.node(Key::Argument(index, (i as u32) << 16), node);
+                self.node(NodeKey::Argument(index, (i as u32) << 16), node);
             }
             for (m, member) in members.iter().enumerate() {
                 let fact = self.graph.input_fact(index, i as u32, Some(m as u32));
@@ -296,7 +296,7 @@ impl<'g, 'p> Export<'g, 'p> {
                     reflect::wgsl_type(module, member.ty)
                 );
                 let node = self.blank(index, NodeKind::Input, text, fact);
-                self.node(Key::Argument(index, (i as u32) << 16 | m as u32), node);
+                self.node(NodeKey::Argument(index, (i as u32) << 16 | m as u32), node);
             }
         }
         // Shown if something reads the entry value, or a write keeps part of it.
@@ -346,7 +346,7 @@ impl<'g, 'p> Export<'g, 'p> {
                         .iter()
                         .map(|e| e.name().to_owned())
                         .collect();
-                    self.node(Key::Statement(index, id), shown);
+                    self.node(NodeKey::Statement(index, id), shown);
                     if let Some(result) = operands::result(node.statement) {
                         self.expression(index, result, f.times[id.index()]);
                     }
@@ -374,13 +374,13 @@ impl<'g, 'p> Export<'g, 'p> {
                 let fact = self.graph.result_facts(f.id).get(i).copied();
                 let fact = fact.unwrap_or_default();
                 let node = self.blank(index, NodeKind::Output, text, fact);
-                self.node(Key::Output(index, i as u32), node);
+                self.node(NodeKey::Output(index, i as u32), node);
             }
         } else if f.function.result.is_some() {
             let members = self.graph.result_facts(f.id).iter().copied();
             let fact = members.reduce(Fact::join).unwrap_or_default();
             let node = self.blank(index, NodeKind::Output, "result".to_owned(), fact);
-            self.node(Key::Output(index, 0), node);
+            self.node(NodeKey::Output(index, 0), node);
         }
     }
 
@@ -396,7 +396,7 @@ impl<'g, 'p> Export<'g, 'p> {
             .iter()
             .map(|e| e.name().to_owned())
             .collect();
-        self.node(Key::Expression(index, e), node);
+        self.node(NodeKey::Expression(index, e), node);
     }
 
     fn version(&mut self, index: usize, version: VersionId) {
@@ -418,10 +418,10 @@ impl<'g, 'p> Export<'g, 'p> {
         };
         let fact = self.graph.version_fact(index, version);
         let node = self.blank(index, kind, text, fact);
-        self.node(Key::Version(index, version), node);
+        self.node(NodeKey::Version(index, version), node);
     }
 
-    fn edge(&mut self, from: Key, to: Key, kind: EdgeKind) {
+    fn edge(&mut self, from: NodeKey, to: NodeKey, kind: EdgeKind) {
         if let (Some(from), Some(to)) = (self.nodes.get(&from), self.nodes.get(&to)) {
             let (from, to) = (*from, *to);
             if from != to && self.edges.insert((from, to, kind)) {
@@ -431,15 +431,17 @@ impl<'g, 'p> Export<'g, 'p> {
     }
 
     /// Data edges from an expression's operands, through expressions that are not shown.
-    fn data(&mut self, index: usize, from: Handle<Expression>, to: Key) {
+    fn data(&mut self, index: usize, from: Handle<Expression>, to: NodeKey) {
         let f = self.f(index);
-        if self.nodes.contains_key(&Key::Expression(index, from)) {
-            return self.edge(Key::Expression(index, from), to, EdgeKind::Data);
+        if self.nodes.contains_key(&NodeKey::Expression(index, from)) {
+            return self.edge(NodeKey::Expression(index, from), to, EdgeKind::Data);
         }
         if let Expression::FunctionArgument(i) = f.function.expressions[from] {
-            let members: Vec<Key> = self
+            let members: Vec<NodeKey> = self
                 .nodes
-                .range(Key::Argument(index, i << 16)..=Key::Argument(index, i << 16 | 0xffff))
+                .range(
+                    NodeKey::Argument(index, i << 16)..=NodeKey::Argument(index, i << 16 | 0xffff),
+                )
                 .map(|(k, _)| *k)
                 .collect();
             for member in members {
@@ -455,7 +457,7 @@ impl<'g, 'p> Export<'g, 'p> {
     fn edges_of(&mut self, index: usize) {
         let (f, module) = (self.f(index), self.graph.module());
         for (e, expression) in f.function.expressions.iter() {
-            let key = Key::Expression(index, e);
+            let key = NodeKey::Expression(index, e);
             if !self.nodes.contains_key(&key) {
                 continue;
             }
@@ -468,7 +470,7 @@ impl<'g, 'p> Export<'g, 'p> {
                     ) && matches!(f.ty(module, *base), TypeInner::Struct { .. }) =>
                 {
                     if let Expression::FunctionArgument(i) = f.function.expressions[*base] {
-                        self.edge(Key::Argument(index, i << 16 | m), key, EdgeKind::Data);
+                        self.edge(NodeKey::Argument(index, i << 16 | m), key, EdgeKind::Data);
                     }
                 }
                 _ => {
@@ -478,18 +480,18 @@ impl<'g, 'p> Export<'g, 'p> {
                 }
             }
             for version in f.memory.loads.get(&e).into_iter().flatten() {
-                self.edge(Key::Version(index, *version), key, EdgeKind::Memory);
+                self.edge(NodeKey::Version(index, *version), key, EdgeKind::Memory);
             }
         }
         for (id, node) in f.statements.iter() {
-            let key = Key::Statement(index, id);
+            let key = NodeKey::Statement(index, id);
             if !self.nodes.contains_key(&key) {
                 if let Statement::Emit(range) = node.statement {
                     for predicate in f.control.of(id) {
                         for e in range.clone() {
                             self.edge(
-                                Key::Statement(index, *predicate),
-                                Key::Expression(index, e),
+                                NodeKey::Statement(index, *predicate),
+                                NodeKey::Expression(index, e),
                                 EdgeKind::Control,
                             );
                         }
@@ -501,26 +503,30 @@ impl<'g, 'p> Export<'g, 'p> {
                 self.data(index, operand, key);
             }
             for predicate in f.control.of(id) {
-                self.edge(Key::Statement(index, *predicate), key, EdgeKind::Control);
+                self.edge(
+                    NodeKey::Statement(index, *predicate),
+                    key,
+                    EdgeKind::Control,
+                );
             }
             for version in f.memory.reads.get(&id).into_iter().flatten() {
-                self.edge(Key::Version(index, *version), key, EdgeKind::Memory);
+                self.edge(NodeKey::Version(index, *version), key, EdgeKind::Memory);
             }
             for version in f.memory.writes.get(&id).into_iter().flatten() {
-                self.edge(key, Key::Version(index, *version), EdgeKind::Memory);
+                self.edge(key, NodeKey::Version(index, *version), EdgeKind::Memory);
                 if let Origin::Written {
                     over: Some(over), ..
                 } = f.memory.origin(*version)
                 {
                     self.edge(
-                        Key::Version(index, *over),
-                        Key::Version(index, *version),
+                        NodeKey::Version(index, *over),
+                        NodeKey::Version(index, *version),
                         EdgeKind::Memory,
                     );
                 }
             }
             if let Some(result) = operands::result(node.statement) {
-                self.edge(key, Key::Expression(index, result), EdgeKind::Data);
+                self.edge(key, NodeKey::Expression(index, result), EdgeKind::Data);
             }
             match node.statement {
                 Statement::Call {
@@ -529,9 +535,9 @@ impl<'g, 'p> Export<'g, 'p> {
                     result,
                 } => {
                     let callee = function.index();
-                    let inputs: Vec<Key> = self
+                    let inputs: Vec<NodeKey> = self
                         .nodes
-                        .range(Key::Argument(callee, 0)..=Key::Argument(callee, u32::MAX))
+                        .range(NodeKey::Argument(callee, 0)..=NodeKey::Argument(callee, u32::MAX))
                         .map(|(k, _)| *k)
                         .collect();
                     for input in inputs {
@@ -539,8 +545,8 @@ impl<'g, 'p> Export<'g, 'p> {
                     }
                     if let Some(result) = result {
                         self.edge(
-                            Key::Output(callee, 0),
-                            Key::Expression(index, *result),
+                            NodeKey::Output(callee, 0),
+                            NodeKey::Expression(index, *result),
                             EdgeKind::Call,
                         );
                     }
@@ -550,13 +556,13 @@ impl<'g, 'p> Export<'g, 'p> {
             }
         }
         for (v, version) in f.memory.versions.iter().enumerate() {
-            let key = Key::Version(index, VersionId(v as u32));
+            let key = NodeKey::Version(index, VersionId(v as u32));
             if let Origin::Phi { at, operands } = &version.origin {
                 for operand in operands {
-                    self.edge(Key::Version(index, *operand), key, EdgeKind::Memory);
+                    self.edge(NodeKey::Version(index, *operand), key, EdgeKind::Memory);
                 }
                 if let Some(at) = at {
-                    self.edge(Key::Statement(index, *at), key, EdgeKind::Control);
+                    self.edge(NodeKey::Statement(index, *at), key, EdgeKind::Control);
                 }
             }
         }
@@ -566,13 +572,13 @@ impl<'g, 'p> Export<'g, 'p> {
     /// composed there.
     fn returned(&mut self, index: usize, id: StmtId, value: Handle<Expression>) {
         let f = self.f(index);
-        let outputs: Vec<Key> = self
+        let outputs: Vec<NodeKey> = self
             .nodes
-            .range(Key::Output(index, 0)..=Key::Output(index, u32::MAX))
+            .range(NodeKey::Output(index, 0)..=NodeKey::Output(index, u32::MAX))
             .map(|(k, _)| *k)
             .collect();
         for (i, output) in outputs.iter().enumerate() {
-            self.edge(Key::Statement(index, id), *output, EdgeKind::Control);
+            self.edge(NodeKey::Statement(index, id), *output, EdgeKind::Control);
             match &f.function.expressions[value] {
                 Expression::Compose { components, .. }
                     if outputs.len() > 1 && components.len() == outputs.len() =>

@@ -14,7 +14,7 @@ use super::{Effect, FunctionGraph, FunctionId, StmtId, effect, operands};
 
 /// A value from a function's caller.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Input {
+enum CallerValue {
     /// An argument, or a member of one.
     Argument(u32, Option<u32>),
     /// A cell at entry.
@@ -51,7 +51,7 @@ impl Dependence {
 /// A function's results in terms of its inputs.
 #[derive(Clone, Debug, Default)]
 struct Summary {
-    inputs: Vec<Input>,
+    inputs: Vec<CallerValue>,
     /// Per result member, or for the whole result.
     result: Vec<Dependence>,
     /// Per cell that its caller can see.
@@ -68,7 +68,7 @@ pub struct Rates {
     statements: Vec<Vec<Fact>>,
     versions: Vec<Vec<Fact>>,
     results: Vec<Vec<Fact>>,
-    inputs: Vec<Vec<(Input, Fact)>>,
+    inputs: Vec<Vec<(CallerValue, Fact)>>,
 }
 
 impl Rates {
@@ -160,7 +160,7 @@ impl Rates {
 
     /// The fact of an argument of the n-th function, or of a member of it.
     pub fn argument(&self, function: usize, argument: u32, member: Option<u32>) -> Fact {
-        let wanted = Input::Argument(argument, member);
+        let wanted = CallerValue::Argument(argument, member);
         self.inputs[function]
             .iter()
             .find(|(input, _)| *input == wanted)
@@ -175,10 +175,10 @@ impl Rates {
 }
 
 /// The fact of an input of an entry point.
-fn entry_input(module: &Module, entry: usize, input: &Input) -> Fact {
+fn entry_input(module: &Module, entry: usize, input: &CallerValue) -> Fact {
     let point = &module.entry_points[entry];
     match input {
-        Input::Argument(i, member) => {
+        CallerValue::Argument(i, member) => {
             let argument = &point.function.arguments[*i as usize];
             let (binding, ty) = match (member, &module.types[argument.ty].inner) {
                 (Some(m), TypeInner::Struct { members, .. }) => {
@@ -191,7 +191,7 @@ fn entry_input(module: &Module, entry: usize, input: &Input) -> Fact {
                 of_binding(point.stage, b, &module.types[ty].inner)
             })
         }
-        Input::Cell(cell) => match cell.root {
+        CallerValue::Cell(cell) => match cell.root {
             Root::Global(g) if module.global_variables[g].space == AddressSpace::Private => {
                 Fact::default()
             }
@@ -218,9 +218,10 @@ impl<'a, 'p> Analysis<'a, 'p> {
         let mut inputs = Vec::new();
         for (i, argument) in f.function.arguments.iter().enumerate() {
             match &module.types[argument.ty].inner {
-                TypeInner::Struct { members, .. } => inputs
-                    .extend((0..members.len()).map(|m| Input::Argument(i as u32, Some(m as u32)))),
-                _ => inputs.push(Input::Argument(i as u32, None)),
+                TypeInner::Struct { members, .. } => inputs.extend(
+                    (0..members.len()).map(|m| CallerValue::Argument(i as u32, Some(m as u32))),
+                ),
+                _ => inputs.push(CallerValue::Argument(i as u32, None)),
             }
         }
         let mut versions = vec![Dependence::default(); f.memory.versions.len()];
@@ -228,7 +229,7 @@ impl<'a, 'p> Analysis<'a, 'p> {
             let cell = &f.memory.cells[version.cell];
             if version.origin == Origin::Initial && !matches!(cell.root, Root::Local(_)) {
                 versions[v].inputs.insert(inputs.len() as u32);
-                inputs.push(Input::Cell(cell.clone()));
+                inputs.push(CallerValue::Cell(cell.clone()));
             }
         }
         Self {
@@ -400,7 +401,7 @@ impl<'a, 'p> Analysis<'a, 'p> {
                 .map_or_else(Dependence::default, |c| {
                     self.out.expressions[c.index()].clone()
                 }),
-            Expression::FunctionArgument(i) => self.input(&Input::Argument(*i, Some(member))),
+            Expression::FunctionArgument(i) => self.input(&CallerValue::Argument(*i, Some(member))),
             Expression::CallResult(_) => match self.f.statements.evaluated_at(e) {
                 Some(at) => {
                     let mut value =
@@ -423,11 +424,11 @@ impl<'a, 'p> Analysis<'a, 'p> {
         }
     }
 
-    fn input(&self, input: &Input) -> Dependence {
+    fn input(&self, input: &CallerValue) -> Dependence {
         let mut out = Dependence::default();
         for (i, known) in self.out.inputs.iter().enumerate() {
             let same = match (input, known) {
-                (Input::Argument(a, None), Input::Argument(b, _)) => a == b,
+                (CallerValue::Argument(a, None), CallerValue::Argument(b, _)) => a == b,
                 (a, b) => a == b,
             };
             if same {
@@ -441,7 +442,7 @@ impl<'a, 'p> Analysis<'a, 'p> {
         let expression = &self.f.function.expressions[e];
         let mut out = Dependence::default();
         match expression {
-            Expression::FunctionArgument(i) => return self.input(&Input::Argument(*i, None)),
+            Expression::FunctionArgument(i) => return self.input(&CallerValue::Argument(*i, None)),
             Expression::AccessIndex { base, index }
                 if matches!(self.f.ty(self.module, *base), TypeInner::Struct { .. }) =>
             {
@@ -568,13 +569,13 @@ impl<'a, 'p> Analysis<'a, 'p> {
     }
 
     /// The call's value for an input of its callee.
-    fn argument(&self, call: StmtId, input: &Input) -> Dependence {
+    fn argument(&self, call: StmtId, input: &CallerValue) -> Dependence {
         let Statement::Call { arguments, .. } = self.f.statements.get(call).statement else {
             return Dependence::default();
         };
         match input {
-            Input::Argument(i, member) => self.member(arguments[*i as usize], *member),
-            Input::Cell(cell) => {
+            CallerValue::Argument(i, member) => self.member(arguments[*i as usize], *member),
+            CallerValue::Cell(cell) => {
                 let seen = self.f.memory.reads.get(&call);
                 match memory::in_caller(self.module, self.f.function, arguments, cell) {
                     Some(place) => {

@@ -60,7 +60,7 @@ pub struct DepthPrepass;
 /// How the main pass finds the nearest fragment.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
-pub enum Form {
+pub enum PrepassForm {
     /// The pre-pass is pushed away from the viewer; the main pass keeps the author's state.
     #[default]
     Biased,
@@ -73,7 +73,7 @@ pub enum Form {
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Params {
     /// How the main pass finds the nearest fragment.
-    pub form: Form,
+    pub form: PrepassForm,
     /// Vertex stage of the pre-pass. Default: `sliced` for `biased`, `same` for `equal`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub vertex: Option<VertexStage>,
@@ -112,8 +112,8 @@ const MOST_BIAS: u32 = 1 << 24;
 impl Params {
     fn vertex(&self) -> VertexStage {
         self.vertex.unwrap_or(match self.form {
-            Form::Biased => VertexStage::Sliced,
-            Form::Equal => VertexStage::Same,
+            PrepassForm::Biased => VertexStage::Sliced,
+            PrepassForm::Equal => VertexStage::Same,
         })
     }
 
@@ -163,6 +163,8 @@ impl Pass for DepthPrepass {
                 Use::Fuzz,
                 Use::Plan,
                 Use::Cover,
+                Use::Verify,
+                Use::Growth,
                 Use::Exact,
                 Use::Page("pages/leaf"),
                 Use::Picture {
@@ -180,6 +182,7 @@ impl Pass for DepthPrepass {
                 Use::Pictures(4),
                 Use::Plan,
                 Use::Cover,
+                Use::Verify,
             ],
         },
         Example {
@@ -198,7 +201,7 @@ impl Pass for DepthPrepass {
         let opaque = check(plan, facts, params)?;
         let slice = depth_only::slice(&opaque, params.vertex());
         let mut effects = vec![PassEffect::RejectsEarly, PassEffect::Slices];
-        effects.extend((params.form == Form::Biased).then_some(PassEffect::Biases));
+        effects.extend((params.form == PrepassForm::Biased).then_some(PassEffect::Biases));
         let given = slice.assumptions(&opaque, plan, Self::INFO.name, &effects)?;
         if given.contains(&Assumption::BeyondNearPlane)
             && let Some(refusal) = on_near_plane(&opaque, facts)
@@ -206,8 +209,8 @@ impl Pass for DepthPrepass {
             return Err(vec![refusal].into());
         }
         let next = match params.form {
-            Form::Biased => biased(plan, &opaque, &slice, params, given),
-            Form::Equal => equal(plan, &opaque, &slice, (params, facts), given),
+            PrepassForm::Biased => biased(plan, &opaque, &slice, params, given),
+            PrepassForm::Equal => equal(plan, &opaque, &slice, (params, facts), given),
         }?;
         Ok(slice.outcome(&opaque, what(params, &opaque), next))
     }
@@ -218,7 +221,7 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
     let opaque = Opaque::examine(plan, name)?;
     let mut refusals = Vec::new();
     match params.form {
-        Form::Biased => {
+        PrepassForm::Biased => {
             if !opaque.pass.primitive.topology.is_triangles() {
                 refusals.push(Refusal::new(
                     name,
@@ -266,7 +269,7 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
                 ));
             }
         }
-        Form::Equal => {
+        PrepassForm::Equal => {
             if opaque.decides.depth {
                 // Measured on an NVIDIA H200: 5 of 2,073,600 pixels lost, with equal depths, in a
                 // material whose depth both passes compute.
@@ -360,8 +363,8 @@ fn what(params: &Params, opaque: &Opaque) -> String {
         _ => format!("the slice that decides {}", decided.join(" and ")),
     };
     let main = match params.form {
-        Form::Biased => "main pass as written",
-        Form::Equal => "main pass EQUAL without depth write",
+        PrepassForm::Biased => "main pass as written",
+        PrepassForm::Equal => "main pass EQUAL without depth write",
     };
     let late = match opaque.decides.depth {
         true => {

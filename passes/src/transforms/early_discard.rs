@@ -48,7 +48,7 @@ use crate::analysis::opaque::{self, Opaque};
 use crate::analysis::refusals as shared;
 use crate::core::budget::Budget;
 use crate::core::contract::{Assumption, Contract};
-use crate::core::pass::{Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Use};
+use crate::core::pass::{Example, Expected, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Use};
 use crate::core::plan::{
     Attachment, BindingKind, BindingSource, BindingUse, Plan, Role, Visibility,
 };
@@ -203,6 +203,8 @@ impl Pass for EarlyDiscard {
                 Use::Fuzz,
                 Use::Plan,
                 Use::Cover,
+                Use::Verify,
+                Use::Growth,
                 Use::Exact,
                 Use::Page("pages/leaf"),
                 Use::Picture {
@@ -241,6 +243,14 @@ impl Pass for EarlyDiscard {
             uses: &[Use::Fuzz],
         },
     ];
+
+    fn expected(params: &Params) -> Expected {
+        Expected {
+            approximates_levels: true,
+            is_diagnostic: params.mode == Mode::Invert,
+            ..Expected::default()
+        }
+    }
 
     fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
         let opaque = check(plan, facts, params)?;

@@ -42,8 +42,8 @@ use crate::analysis::{rounding, values};
 use crate::core::budget::Budget;
 use crate::core::contract::{Assumption, Contract};
 use crate::core::pass::{
-    Change, Example, Facts, Left, Outcome, Pass, PassInfo, Refusal, Refused, Site, SiteCost,
-    Source, Use,
+    Change, Example, Expected, Facts, Left, Outcome, Pass, PassInfo, Refusal, Refused, Site,
+    SiteCost, Source, Use,
 };
 use crate::core::plan::{GpuPass, HOIST, Plan, Role, Step};
 use crate::core::program::Program;
@@ -109,6 +109,7 @@ impl Pass for Hoist {
                 Use::Fuzz,
                 Use::Plan,
                 Use::Simplify,
+                Use::Growth,
                 Use::Ahead(2),
             ],
         },
@@ -172,6 +173,14 @@ impl Pass for Hoist {
             uses: &[Use::PlanWithin],
         },
     ];
+
+    fn expected(_params: &Params) -> Expected {
+        Expected {
+            replaces_varyings: true,
+            interpolates: true,
+            ..Expected::default()
+        }
+    }
 
     fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
         let material = Material::examine(plan, params)?;

@@ -71,6 +71,7 @@ impl Pass for Shadow {
             Use::Break,
             Use::Pictures(4),
             Use::Fuzz,
+            Use::Growth,
             Use::Page("pages/leaf"),
             Use::Picture {
                 scene: "fixtures/scenes/lit-room.toml --size 256x144 --frames 1 --order front-to-back",

@@ -41,8 +41,8 @@ use crate::analysis::refusals as shared;
 use crate::core::contract::{Assumption, Contract, Turned};
 use crate::core::guard::Guard;
 use crate::core::pass::{
-    Change, Example, Facts, Misnamed, Outcome, Pass, PassInfo, Refusal, Refused, Site, SiteCost,
-    Use,
+    Change, Example, Expected, Facts, Misnamed, Outcome, Pass, PassInfo, Refusal, Refused, Site,
+    SiteCost, Use,
 };
 use crate::core::plan::{GpuPass, ORIGINAL, Plan, Role, Step};
 use crate::core::program::Program;
@@ -185,6 +185,13 @@ impl Pass for Specialize {
     fn misnamed(plan: &Plan, params: &Params) -> Option<Misnamed> {
         let (_, program) = examine(plan).ok()?;
         assume::misnamed(program.module(), params.set.as_deref()?)
+    }
+
+    fn expected(_params: &Params) -> Expected {
+        Expected {
+            folds_floats: true,
+            ..Expected::default()
+        }
     }
 
     fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {

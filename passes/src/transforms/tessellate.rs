@@ -35,7 +35,8 @@ use naga::{Handle, Module, ShaderStage};
 use crate::core::contract::Contract;
 use crate::core::geometry::{Form, Geometry, Subdivision};
 use crate::core::pass::{
-    Change, Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Site, SiteCost, Use,
+    Change, Example, Expected, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Site, SiteCost,
+    Use,
 };
 use crate::core::pattern;
 use crate::core::plan::{BindingKind, BindingSource, BindingUse, ComputePass, Draws, GeometryPart};
@@ -199,6 +200,13 @@ impl Pass for Tessellate {
             uses: &[Use::PlanWithin],
         },
     ];
+
+    fn expected(_params: &Params) -> Expected {
+        Expected {
+            replaces_varyings: true,
+            ..Expected::default()
+        }
+    }
 
     fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
         let material = Material::examine(plan, facts, params)?;

@@ -27,7 +27,8 @@ use crate::analysis::refusals as shared;
 use crate::core::budget::Budget;
 use crate::core::contract::{Assumption, Contract};
 use crate::core::pass::{
-    Change, Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, SamplerState, SiteCost, Use,
+    Change, Example, Expected, Facts, Outcome, Pass, PassInfo, Refusal, Refused, SamplerState,
+    SiteCost, Use,
 };
 use crate::core::plan::{Attachment, ClearValue, GpuPass, Plan, Role, Step};
 use crate::core::rasterizer::{Corners, Rasterizer};
@@ -84,7 +85,13 @@ impl Pass for VisibilityBuffer {
     const EXAMPLES: &'static [Example] = &[
         Example {
             recipe: "visibility-buffer",
-            uses: &[Use::Validate, Use::Plan, Use::Cover],
+            uses: &[
+                Use::Validate,
+                Use::Plan,
+                Use::Cover,
+                Use::Growth,
+                Use::Mutate,
+            ],
         },
         Example {
             recipe: "visibility-buffer:select=id",
@@ -98,8 +105,28 @@ impl Pass for VisibilityBuffer {
             ],
         },
         Example {
+            recipe: "visibility-buffer:ids=unindexed,words=one,select=id",
+            uses: &[Use::Mutate],
+        },
+        Example {
             recipe: "visibility-buffer:form=compute",
-            uses: &[Use::Plan, Use::Cover],
+            uses: &[Use::Plan, Use::Cover, Use::Mutate],
+        },
+        Example {
+            recipe: "visibility-buffer:select=tiles",
+            uses: &[Use::Mutate],
+        },
+        Example {
+            recipe: "visibility-buffer:select=tiles,form=compute",
+            uses: &[Use::Mutate],
+        },
+        Example {
+            recipe: "visibility-buffer:form=binned",
+            uses: &[Use::Mutate],
+        },
+        Example {
+            recipe: "visibility-buffer:vertices=kept,select=id,formats=any",
+            uses: &[Use::Mutate],
         },
         Example {
             recipe: "visibility-buffer:formats=any,budget=1",
@@ -146,6 +173,13 @@ impl Pass for VisibilityBuffer {
             uses: &[Use::PlanWithin],
         },
     ];
+
+    fn expected(_params: &Params) -> Expected {
+        Expected {
+            replaces_varyings: true,
+            ..Expected::default()
+        }
+    }
 
     fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
         let params = &params.resolved(facts)?;

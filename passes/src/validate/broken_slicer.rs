@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use super::compare::Colors;
 use super::promise::Pair;
-use super::world::Place;
+use super::world::TestPoint;
 use super::{Effort, Proof, Verdict, validate};
 use crate::core::pass::Facts;
 use crate::core::plan::{Plan, Role};
@@ -21,7 +21,8 @@ const MATERIAL: &str = "
 @group(0) @binding(0) var<uniform> turn: mat4x4<f32>;
 struct Varyings { @builtin(position) position: vec4<f32>, @location(0) at: vec4<f32> }
 fn lower(by: ptr<function, f32>, at: f32) { *by = *by - at; }
-@vertex fn vs(@location(0) position: vec3<f32>) -> Varyings { return Varyings(turn * vec4(position, 1.0), turn * vec4(position, 2.0)); }
+@vertex fn vs(@location(0) position: vec3<f32>) -> Varyings { \
+    return Varyings(turn * vec4(position, 1.0), turn * vec4(position, 2.0)); }
 @fragment fn fs(in: Varyings) -> @location(0) vec4<f32> {
     if in.at.w > 3.0 { return vec4(0.5); }
     var cut = array(in.at.x, 0.25);
@@ -64,7 +65,7 @@ fn is_one_slice(original: &Plan, variant: &Plan) -> bool {
     let own = original.program(main).unwrap();
     let other = variant.program(pass).unwrap();
     let pair = Pair::new(variant, (main, own), (pass, other), (&EFFORT, None)).unwrap();
-    pair.slices_are_same(Place::Inside, Colors::Ignored)
+    pair.slices_are_same(TestPoint::Inside, Colors::Ignored)
 }
 
 #[test]

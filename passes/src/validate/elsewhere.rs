@@ -15,7 +15,7 @@ use super::promise::{Attached, Pair};
 use super::stage::Ran;
 use super::trial::{asked, is_whole, of_compared};
 use super::verdict::{Counterexample, Verdict, not_evaluated};
-use super::world::{self, Place, Stages, Texels};
+use super::world::{self, PassStages, TestPoint, Texels};
 use crate::evaluate::bound::Interval;
 use crate::evaluate::{Scalar, Stuck, Value};
 
@@ -35,8 +35,12 @@ pub trait Runner {
     /// # Errors
     ///
     /// A message with the reason.
-    fn run(&self, stages: Stages<'_>, place: Place, draws: &[Draw<'_>])
-    -> Result<Vec<Ran>, String>;
+    fn run(
+        &self,
+        stages: PassStages<'_>,
+        place: TestPoint,
+        draws: &[Draw<'_>],
+    ) -> Result<Vec<Ran>, String>;
 }
 
 /// An input on which both terminate.
@@ -51,7 +55,7 @@ impl Pair<'_> {
     pub(super) fn tried_on(
         &self,
         runner: &dyn Runner,
-        places: &[Place],
+        places: &[TestPoint],
         colors: Colors,
     ) -> Verdict {
         if let Some(why) = self.unfilled(places) {
@@ -95,7 +99,8 @@ impl Pair<'_> {
             (0, _) => not_evaluated("no input could be judged there"),
             (few, many) if few < many => Verdict::NotEvaluable {
                 why: format!(
-                    "on {many} inputs the adapter rounds the two apart, and on {few} alone it does not"
+                    "on {many} inputs the adapter rounds the two apart, and on {few} alone it does \
+                     not"
                 ),
             },
             (inputs, unsure) => of_compared(inputs, each(compared).min(inputs), unsure),
@@ -103,7 +108,7 @@ impl Pair<'_> {
     }
 
     /// The inputs on which both terminate in the interpreter.
-    fn ready(&self, place: Place, colors: Colors) -> Result<Vec<Ready>, String> {
+    fn ready(&self, place: TestPoint, colors: Colors) -> Result<Vec<Ready>, String> {
         let module = self.original.vertex.module();
         let (mut ready, mut why) = (Vec::new(), None);
         for seed in self.effort.seed..self.effort.seed + self.effort.inputs {
@@ -140,7 +145,7 @@ impl Pair<'_> {
     }
 
     /// Judges the results of one input.
-    fn judged(&self, ready: &Ready, place: Place, original: &Ran, variant: &Ran) -> Judged {
+    fn judged(&self, ready: &Ready, place: TestPoint, original: &Ran, variant: &Ran) -> Judged {
         let (inputs, attached) = (&ready.inputs, &ready.attached);
         let (rule, _) = self.rule(place, ready.colors, Some(inputs));
         let allowed = world::ranging(inputs, attached)
@@ -149,7 +154,8 @@ impl Pair<'_> {
         // An adapter that violates WGSL's accuracies proves nothing.
         if let Some(strange) = allowed.as_ref().and_then(|a| outside(a, original)) {
             return Judged::Strange(format!(
-                "what the adapter gives of the original is not what WGSL allows: {strange} (inputs of seed {})",
+                "what the adapter gives of the original is not what WGSL allows: {strange} (inputs \
+                 of seed {})",
                 inputs.seed
             ));
         }

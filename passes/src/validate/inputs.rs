@@ -6,7 +6,7 @@ use std::sync::Arc;
 use naga::{AddressSpace, ArraySize, BuiltIn, Handle, Module, ScalarKind, Type, TypeInner};
 
 use super::levels::Levels;
-use super::stage::{Kind, POSITION, Slot};
+use super::stage::{POSITION, Slot, VaryingKind};
 use super::world::{plus, times};
 use crate::core::guard::{Assumed, Guard, Place, ScalarType};
 use crate::core::reflect::Io;
@@ -367,7 +367,7 @@ impl Inputs {
 
     /// Weights of the corners at an inner point, for one kind of interpolation. Their sum is off by
     /// some last bits, as in a rasteriser.
-    pub fn weights(&self, kind: Kind) -> [f32; 3] {
+    pub fn weights(&self, kind: VaryingKind) -> [f32; 3] {
         let mut random = Random::new(self.seed, &format!("weights {kind:?}"));
         let (u, v) = (random.unit(), random.unit());
         let (u, v) = if u + v > 1.0 {

@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use naga::{Expression, Function, Module, SampleLevel};
 
-use super::world::Stages;
+use super::world::PassStages;
 use crate::core::calls;
 use crate::evaluate::Lookup;
 
@@ -45,7 +45,7 @@ impl Levels {
     /// Compares an original and its variant. Lookups receive gradients if the original never uses
     /// an implicit level of that texture, biases if neither uses gradients, and both if no lookup
     /// changed its kind.
-    pub fn between(original: Stages<'_>, variant: Stages<'_>) -> Self {
+    pub fn between(original: PassStages<'_>, variant: PassStages<'_>) -> Self {
         let (original, variant) = (sampled(original), sampled(variant));
         let of = |kinds: &BTreeMap<Texture, Kinds>, texture| {
             let kinds = |texture| kinds.get(&texture).copied().unwrap_or_default();
@@ -86,7 +86,7 @@ impl Levels {
     }
 }
 
-fn sampled(stages: Stages<'_>) -> BTreeMap<Texture, Kinds> {
+fn sampled(stages: PassStages<'_>) -> BTreeMap<Texture, Kinds> {
     let mut found = BTreeMap::new();
     for stage in [Some(stages.vertex), stages.fragment].into_iter().flatten() {
         let module = stage.module();

@@ -142,7 +142,9 @@ fn checks(
             (Role::Resolve, _) => not(
                 pass.role,
                 "the colours",
-                "it reads ids and buffers of the frame, which the interpreter does not fill; `verify` draws it".to_owned(),
+                "it reads ids and buffers of the frame, which the interpreter does not fill; \
+                 `verify` draws it"
+                    .to_owned(),
             ),
             (_, None) => not(pass.role, "anything", "it has no program".to_owned()),
             (_, Some(other)) => {

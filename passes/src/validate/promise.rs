@@ -12,14 +12,16 @@ use super::inputs::Inputs;
 use super::levels::Levels;
 use super::stage::{POSITION, Slot, Stage};
 use super::verdict::not_evaluated;
-use super::world::{self, Place, Stages};
+use super::world::{self, PassStages, TestPoint};
 use super::{Check, Effort, Proof, Verdict};
 use crate::analysis::rounding;
 use crate::core::contract::Contract;
 use crate::core::guard::{Guard, Place as Assumed};
-use crate::core::plan::{BindingSource, ClearValue, GpuPass, HOIST, Plan, Role};
+use crate::core::pass::Expected;
+use crate::core::plan::{BindingSource, ClearValue, GpuPass, Plan, Role, Step};
 use crate::core::program::Program;
 use crate::core::state::{CompareFunction, DepthDirection};
+use crate::pass_named;
 use crate::transforms::early_discard;
 
 /// One in this many inputs is also run if a proof depends on the slicer.
@@ -29,8 +31,8 @@ const BESIDE: u64 = 8;
 pub(super) struct Pair<'a> {
     pub(super) variant: &'a Plan,
     pub(super) pass: &'a GpuPass,
-    pub(super) original: Stages<'a>,
-    pub(super) other: Stages<'a>,
+    pub(super) original: PassStages<'a>,
+    pub(super) other: PassStages<'a>,
     pub(super) effort: &'a Effort,
     /// The lookups that receive gradients and biases.
     pub(super) levels: Arc<Levels>,
@@ -62,7 +64,7 @@ impl Held {
     }
 }
 
-fn stages<'a>(pass: &GpuPass, program: &'a Program) -> Result<Stages<'a>, String> {
+fn stages<'a>(pass: &GpuPass, program: &'a Program) -> Result<PassStages<'a>, String> {
     let vertex =
         Stage::new(program, ShaderStage::Vertex, &pass.vertex).ok_or("it has no vertex stage")?;
     let fragment = match &pass.fragment {
@@ -71,7 +73,7 @@ fn stages<'a>(pass: &GpuPass, program: &'a Program) -> Result<Stages<'a>, String
             Stage::new(program, ShaderStage::Fragment, name).ok_or("it has no fragment stage")?,
         ),
     };
-    Ok(Stages { vertex, fragment })
+    Ok(PassStages { vertex, fragment })
 }
 
 impl<'a> Pair<'a> {
@@ -82,7 +84,11 @@ impl<'a> Pair<'a> {
         (effort, runner): (&'a Effort, Option<&'a dyn Runner>),
     ) -> Result<Self, String> {
         if !pass.geometry.is_as_given() {
-            return Err("its vertices are new ones, which the interpreter does not make; `verify` draws them".to_owned());
+            return Err(
+                "its vertices are new ones, which the interpreter does not make; \
+                 `verify` draws them"
+                    .to_owned(),
+            );
         }
         let mut attachments = BTreeMap::new();
         for binding in &pass.bindings {
@@ -94,7 +100,13 @@ impl<'a> Pair<'a> {
                     let held = (clear, Held::of(name, clear));
                     attachments.insert((binding.group, binding.binding), held);
                 }
-                _ => return Err("it reads buffers of the draw's geometry, which the interpreter does not fill; `verify` draws it".to_owned()),
+                _ => {
+                    return Err(
+                        "it reads buffers of the draw's geometry, which the interpreter does not \
+                         fill; `verify` draws it"
+                            .to_owned(),
+                    );
+                }
             }
         }
         let compare = main.depth.as_ref().map(|d| d.compare);
@@ -122,22 +134,26 @@ impl<'a> Pair<'a> {
         };
         let mut checks = vec![check(
             "positions",
-            self.verdict(&[Place::Vertex], Colors::Ignored),
+            self.verdict(&[TestPoint::Vertex], Colors::Ignored),
         )];
-        let corners = [Place::Corner(0), Place::Corner(1), Place::Corner(2)];
+        let corners = [
+            TestPoint::Corner(0),
+            TestPoint::Corner(1),
+            TestPoint::Corner(2),
+        ];
         if self.pass.role != Role::Main {
             let colors = match self.pass.multisample.alpha_to_coverage {
                 true => Colors::Alpha,
                 false => Colors::Ignored,
             };
-            let places = [&corners[..1], &[Place::Inside]].concat();
+            let places = [&corners[..1], &[TestPoint::Inside]].concat();
             checks.push(check(
                 "what it discards, and depths",
                 self.verdict(&places, colors),
             ));
             return checks;
         }
-        if self.inverts() {
+        if self.steps().any(|(_, of)| of.is_diagnostic) {
             let why = "`mode=invert` draws what would be dropped, on purpose";
             checks.push(check("colours", not_evaluated(why)));
             return checks;
@@ -157,7 +173,7 @@ impl<'a> Pair<'a> {
             (
                 "colours, depths and discards inside triangles",
                 "depths and discards inside triangles",
-                &[Place::Inside][..],
+                &[TestPoint::Inside][..],
                 &inside,
             ),
         ] {
@@ -174,24 +190,27 @@ impl<'a> Pair<'a> {
         if self.has_the_authors_varyings() {
             checks.push(check(
                 "the fragment stage, of any varyings",
-                self.verdict(&[Place::Anywhere], told(&at_vertices)),
+                self.verdict(&[TestPoint::Anywhere], told(&at_vertices)),
             ));
         }
         checks
     }
 
-    fn steps(&self, pass: &str) -> impl Iterator<Item = &'a crate::core::plan::Step> {
-        self.variant.steps.iter().filter({
-            let pass = pass.to_owned();
-            move |step| step.pass == pass
+    /// The steps, each with what to expect of it.
+    fn steps(&self) -> impl Iterator<Item = (&'a Step, Expected)> {
+        self.variant.steps.iter().map(|step| {
+            let pass = pass_named(&step.pass);
+            let expected = pass.map(|pass| pass.expected(&step.params));
+            (step, expected.unwrap_or_default())
         })
     }
 
     /// Whether float sums with 0 and products with 0 and 1 were folded. Ordinary numbers keep their
     /// values; there is no promise about others.
     pub(super) fn folds_floats(&self) -> bool {
-        self.steps("specialize")
-            .any(|s| matches!(s.contract, Contract::Rounding { .. }))
+        let is_rounding = |s: &Step| matches!(s.contract, Contract::Rounding { .. });
+        self.steps()
+            .any(|(s, of)| of.folds_floats && is_rounding(s))
     }
 
     pub(super) fn stores(&self) -> Stores {
@@ -201,17 +220,11 @@ impl<'a> Pair<'a> {
         }
     }
 
-    fn inverts(&self) -> bool {
-        self.steps("early-discard")
-            .any(|s| s.params.get("mode").and_then(|m| m.as_str()) == Some("invert"))
-    }
-
     /// Whether varyings are unchanged, so any number may stand for them.
     fn has_the_authors_varyings(&self) -> bool {
         let mut assumed = self.variant.guard.iter().flat_map(|g| &g.values);
-        let rebuilt = ["hoist", "tessellate", "visibility-buffer"];
         !assumed.any(|a| self.may_reach_varyings(&a.place))
-            && rebuilt.iter().all(|pass| self.steps(pass).next().is_none())
+            && !self.steps().any(|(_, of)| of.replaces_varyings)
     }
 
     /// Whether an assumed number may affect varyings, so the fragment stage may be specialised for
@@ -239,11 +252,12 @@ impl<'a> Pair<'a> {
         let mut promised: [Result<Colors, String>; 2] = [Ok(Colors::Bits), Ok(Colors::Bits)];
         let budget = |metric: &str, limit: f64| {
             Err(format!(
-                "they may be off by {limit} ({metric}) in the picture, and nobody draws it here: `verify` does"
+                "they may be off by {limit} ({metric}) in the picture, and nobody draws it here: \
+                 `verify` does"
             ))
         };
-        for step in &self.variant.steps {
-            let is_moved = step.pass == HOIST;
+        for (step, of) in self.steps() {
+            let is_moved = of.interpolates;
             match &step.contract {
                 Contract::Exact { .. } => {}
                 Contract::Rounding { .. } if is_moved => {
@@ -273,11 +287,11 @@ impl<'a> Pair<'a> {
                     }
                 }
                 // Our texels don't depend on an implicit level.
-                Contract::Approximate { .. } if step.pass == "early-discard" => {}
-                Contract::Approximate { budget: of, .. } => {
-                    promised[1] = budget(of.metric.name(), of.limit);
+                Contract::Approximate { .. } if of.approximates_levels => {}
+                Contract::Approximate { budget: most, .. } => {
+                    promised[1] = budget(most.metric.name(), most.limit);
                     if !is_moved {
-                        promised[0] = budget(of.metric.name(), of.limit);
+                        promised[0] = budget(most.metric.name(), most.limit);
                     }
                 }
                 Contract::Budgets { .. } => {
@@ -290,11 +304,11 @@ impl<'a> Pair<'a> {
 
     pub(super) fn rule(
         &self,
-        place: Place,
+        place: TestPoint,
         colors: Colors,
         inputs: Option<&Inputs>,
     ) -> (Rule, Attached) {
-        if place == Place::Vertex {
+        if place == TestPoint::Vertex {
             let positions = match self.folds_floats() {
                 true => Positions::Numbers,
                 false => Positions::Bits,
@@ -347,15 +361,10 @@ impl<'a> Pair<'a> {
                 attached.insert(*at, texel);
             }
         }
-        let biased = self.pass.role == Role::Prepass
-            && self
-                .steps("depth-prepass")
-                .chain(self.steps("early-discard"))
-                .next()
-                .is_some();
-        let depths = match biased {
-            true => Depths::NotNearer(self.direction),
-            false => Depths::Same,
+        // A pre-pass may be biased.
+        let depths = match self.pass.role {
+            Role::Prepass => Depths::NotNearer(self.direction),
+            _ => Depths::Same,
         };
         let rule = Rule::Fragments {
             colors,
@@ -366,7 +375,7 @@ impl<'a> Pair<'a> {
         (rule, attached)
     }
 
-    fn verdict(&self, places: &[Place], colors: Colors) -> Verdict {
+    fn verdict(&self, places: &[TestPoint], colors: Colors) -> Verdict {
         if let Some(runner) = self.runner {
             return self.tried_on(runner, places, colors);
         }
@@ -379,7 +388,7 @@ impl<'a> Pair<'a> {
 
     /// For slices that are equal according to the slicer. A faulty slicer may have cut the variant
     /// too, so we run both in full.
-    fn confirmed(&self, places: &[Place], colors: Colors) -> Verdict {
+    fn confirmed(&self, places: &[TestPoint], colors: Colors) -> Verdict {
         match self.tried(places, colors, self.effort.inputs.div_ceil(BESIDE)) {
             found @ Verdict::Counterexample(_) => found,
             Verdict::Agreed { compared, .. } => Verdict::Proved {
@@ -392,7 +401,7 @@ impl<'a> Pair<'a> {
         }
     }
 
-    fn by_terms(&self, places: &[Place], colors: Colors) -> Option<Verdict> {
+    fn by_terms(&self, places: &[TestPoint], colors: Colors) -> Option<Verdict> {
         // Numbers that a guard leaves open would be fixed.
         let guard = self.variant.guard.as_ref();
         let is_fixed = |g: &Guard| g.values.iter().all(|a| a.bounds.low == a.bounds.high);

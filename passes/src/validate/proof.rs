@@ -5,7 +5,7 @@ use super::inputs::{self, Inputs};
 use super::promise::Pair;
 use super::stage::Stage;
 use super::term;
-use super::world::{self, Place, World};
+use super::world::{self, TestPoint, World};
 use crate::core::guard::Place as Assumed;
 use crate::graph::{FunctionId, Graph};
 use crate::rebuild::place::{self, PositionInvariance};
@@ -14,9 +14,9 @@ use crate::slice::{self, Criterion, OutputFilter};
 impl Pair<'_> {
     /// Whether a promise has equal slices in both: of the fragment stage, and of its inputs in the
     /// vertex stage.
-    pub(super) fn slices_are_same(&self, place: Place, colors: Colors) -> bool {
+    pub(super) fn slices_are_same(&self, place: TestPoint, colors: Colors) -> bool {
         let mut vertex = vec![Criterion::Output(OutputFilter::Rasterization)];
-        if place != Place::Vertex {
+        if place != TestPoint::Vertex {
             let mut wanted = match colors {
                 Colors::Bits | Colors::Numbers | Colors::Within(_) => {
                     vec![Criterion::Output(OutputFilter::All)]
@@ -48,7 +48,7 @@ impl Pair<'_> {
             vertex = read
                 .map(|l| Criterion::Output(OutputFilter::Location(l)))
                 .collect();
-            if place == Place::Anywhere || vertex.is_empty() {
+            if place == TestPoint::Anywhere || vertex.is_empty() {
                 return true;
             }
             vertex.push(Criterion::Output(OutputFilter::Rasterization));
@@ -58,8 +58,8 @@ impl Pair<'_> {
     }
 
     /// The number of paths over which both give the same results for every input, if proved.
-    pub(super) fn proved(&self, place: Place, colors: Colors) -> Option<u64> {
-        if !self.attachments.is_empty() && place != Place::Vertex {
+    pub(super) fn proved(&self, place: TestPoint, colors: Colors) -> Option<u64> {
+        if !self.attachments.is_empty() && place != TestPoint::Vertex {
             return None;
         }
         let module = self.original.vertex.module();
@@ -80,7 +80,7 @@ impl Pair<'_> {
 /// Writes a number that a guard fixes into a buffer of terms.
 fn fix(
     module: &naga::Module,
-    world: &mut World<'_, term::Term>,
+    world: &mut World<'_, term::Symbolic>,
     assumed: &crate::core::guard::Assumed,
 ) {
     use crate::core::guard::ScalarType;
@@ -95,7 +95,7 @@ fn fix(
     };
     let at = (group, binding);
     let number = match assumed.ty {
-        ScalarType::F32 => Scalar::F32(term::Term::of(assumed.bounds.low as f32)),
+        ScalarType::F32 => Scalar::F32(term::Symbolic::of(assumed.bounds.low as f32)),
         ScalarType::I32 => Scalar::I32(assumed.bounds.low as i32),
         ScalarType::U32 => Scalar::U32(assumed.bounds.low as u32),
     };

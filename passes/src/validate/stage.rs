@@ -158,14 +158,14 @@ pub enum At<'a, F> {
     /// At a corner, where the fragment has the vertex's values.
     Corner(usize),
     /// Inside: interpolates the three corners' numbers, by kind of interpolation.
-    Inside(&'a dyn Fn(Kind, [F; 3]) -> F),
+    Inside(&'a dyn Fn(VaryingKind, [F; 3]) -> F),
 }
 
 /// Interpolation and sampling of a varying.
-pub type Kind = (Interpolation, Sampling);
+pub type VaryingKind = (Interpolation, Sampling);
 
 /// The kind of a binding; perspective and the pixel's centre by default. `None` for a builtin.
-pub fn kind(binding: &Binding) -> Option<Kind> {
+pub fn kind(binding: &Binding) -> Option<VaryingKind> {
     let Binding::Location {
         interpolation,
         sampling,

@@ -20,34 +20,34 @@ use crate::evaluate::{Number, Stuck};
 
 /// A float, as the term that computes it. It is valid within its [`proved`] call and thread.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Term(u32);
+pub struct Symbolic(u32);
 
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
-enum Node {
+enum TermNode {
     /// Bits of an `f32`.
     Constant(u32),
     /// An input, by name.
     Input(String),
-    Negated(Term),
-    Binary(BinaryOperator, Term, Term),
-    Call(MathFunction, Vec<Term>),
+    Negated(Symbolic),
+    Binary(BinaryOperator, Symbolic, Symbolic),
+    Call(MathFunction, Vec<Symbolic>),
     /// A function of terms that the environment provides: a texel, a derivative, an interpolated
     /// number.
-    Given(String, Vec<Term>),
+    Given(String, Vec<Symbolic>),
 }
 
 /// A comparison that a branch may use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 enum Question {
-    Equal(Term, Term),
-    Less(Term, Term),
-    LessEqual(Term, Term),
+    Equal(Symbolic, Symbolic),
+    Less(Symbolic, Symbolic),
+    LessEqual(Symbolic, Symbolic),
 }
 
 #[derive(Default)]
 struct Arena {
-    nodes: Vec<Node>,
-    terms: HashMap<Node, Term>,
+    nodes: Vec<TermNode>,
+    terms: HashMap<TermNode, Symbolic>,
     answers: HashMap<Question, bool>,
     /// The outcomes of this run in order: prescribed ones, then `false`.
     path: Vec<bool>,
@@ -62,19 +62,19 @@ thread_local! {
 }
 
 impl Arena {
-    fn term(&mut self, node: Node) -> Term {
+    fn term(&mut self, node: TermNode) -> Symbolic {
         if let Some(known) = self.terms.get(&node) {
             return *known;
         }
-        let term = Term(self.nodes.len() as u32);
+        let term = Symbolic(self.nodes.len() as u32);
         self.nodes.push(node.clone());
         self.terms.insert(node, term);
         term
     }
 
-    fn constant(&self, term: Term) -> Option<f32> {
+    fn constant(&self, term: Symbolic) -> Option<f32> {
         match self.nodes.get(term.0 as usize)? {
-            Node::Constant(bits) => Some(f32::from_bits(*bits)),
+            TermNode::Constant(bits) => Some(f32::from_bits(*bits)),
             _ => None,
         }
     }
@@ -124,22 +124,22 @@ pub fn proved(most: u64, mut same: impl FnMut() -> Result<bool, Stuck>) -> Optio
     }
 }
 
-impl Term {
+impl Symbolic {
     /// The input of that name.
     pub fn input(name: &str) -> Self {
-        ARENA.with_borrow_mut(|arena| arena.term(Node::Input(name.to_owned())))
+        ARENA.with_borrow_mut(|arena| arena.term(TermNode::Input(name.to_owned())))
     }
 
     /// A function of terms that the environment provides, by name.
     pub fn given(name: &str, of: &[Self]) -> Self {
-        ARENA.with_borrow_mut(|arena| arena.term(Node::Given(name.to_owned(), of.to_vec())))
+        ARENA.with_borrow_mut(|arena| arena.term(TermNode::Given(name.to_owned(), of.to_vec())))
     }
 
     /// A node; folded to a number if all `operands` are numbers and every adapter has the same
     /// result, so that float counters count.
     fn folded(
         operands: &[Self],
-        node: impl FnOnce() -> Node,
+        node: impl FnOnce() -> TermNode,
         fold: impl FnOnce(&[f32]) -> Option<f32>,
     ) -> Option<Self> {
         ARENA.with_borrow_mut(|arena| {
@@ -150,7 +150,7 @@ impl Term {
             let node = match constants.filter(|c| !c.is_empty()) {
                 Some(constants) => match fold(&constants) {
                     Some(number) if is_settled(&constants, number) => {
-                        Node::Constant(number.to_bits())
+                        TermNode::Constant(number.to_bits())
                     }
                     _ => node(),
                 },
@@ -168,9 +168,9 @@ fn is_settled(operands: &[f32], result: f32) -> bool {
     operands.iter().chain([&result]).all(is_plain)
 }
 
-impl Number for Term {
+impl Number for Symbolic {
     fn of(number: f32) -> Self {
-        ARENA.with_borrow_mut(|arena| arena.term(Node::Constant(number.to_bits())))
+        ARENA.with_borrow_mut(|arena| arena.term(TermNode::Constant(number.to_bits())))
     }
 
     fn is_same(self, other: Self) -> bool {
@@ -180,8 +180,8 @@ impl Number for Term {
     fn negated(self) -> Self {
         ARENA.with_borrow_mut(|arena| {
             let node = match arena.constant(self) {
-                Some(number) => Node::Constant((-number).to_bits()),
-                None => Node::Negated(self),
+                Some(number) => TermNode::Constant((-number).to_bits()),
+                None => TermNode::Negated(self),
             };
             arena.term(node)
         })
@@ -189,7 +189,7 @@ impl Number for Term {
 
     fn binary(op: BinaryOperator, a: Self, b: Self) -> Option<Self> {
         use BinaryOperator as B;
-        let node = || Node::Binary(op, a, b);
+        let node = || TermNode::Binary(op, a, b);
         match op {
             B::Add | B::Subtract => Self::folded(&[a, b], node, |n| f32::binary(op, n[0], n[1])),
             B::Multiply => Self::folded(&[a, b], node, |n| {
@@ -232,7 +232,7 @@ impl Number for Term {
 
     fn call(function: MathFunction, arguments: &[Self]) -> Option<Self> {
         use MathFunction as M;
-        let node = || Node::Call(function, arguments.to_vec());
+        let node = || TermNode::Call(function, arguments.to_vec());
         match function {
             // Each adapter has the same result for these.
             M::Abs
@@ -266,19 +266,19 @@ impl Number for Term {
 mod tests {
     use super::*;
 
-    fn sum(a: Term, b: Term) -> Term {
-        Term::binary(BinaryOperator::Add, a, b).unwrap_or(a)
+    fn sum(a: Symbolic, b: Symbolic) -> Symbolic {
+        Symbolic::binary(BinaryOperator::Add, a, b).unwrap_or(a)
     }
 
     #[test]
     fn the_same_operations_on_the_same_inputs_are_one_term() {
         let paths = proved(8, || {
-            let (a, b) = (Term::input("a"), Term::input("b"));
+            let (a, b) = (Symbolic::input("a"), Symbolic::input("b"));
             Ok(sum(a, b) == sum(a, b))
         });
         assert_eq!(paths, Some(1));
         let paths = proved(8, || {
-            let (a, b) = (Term::input("a"), Term::input("b"));
+            let (a, b) = (Symbolic::input("a"), Symbolic::input("b"));
             Ok(sum(a, b) == sum(b, a))
         });
         assert_eq!(paths, None);
@@ -286,10 +286,10 @@ mod tests {
 
     #[test]
     fn comparisons_are_answered_both_ways_and_the_same_way_twice() {
-        let less = |a, b| Term::holds(BinaryOperator::Less, a, b).unwrap_or_default();
+        let less = |a, b| Symbolic::holds(BinaryOperator::Less, a, b).unwrap_or_default();
         let mut seen = Vec::new();
         let paths = proved(8, || {
-            let (a, b) = (Term::input("a"), Term::input("b"));
+            let (a, b) = (Symbolic::input("a"), Symbolic::input("b"));
             let answers = [less(a, b), less(b, a), less(a, b)];
             seen.push(answers);
             Ok(answers[0] == answers[2])
@@ -300,13 +300,13 @@ mod tests {
         assert_eq!(seen.len(), 4);
         // One differing combination is enough.
         let other = proved(8, || {
-            let (a, b) = (Term::input("a"), Term::input("b"));
+            let (a, b) = (Symbolic::input("a"), Symbolic::input("b"));
             Ok(!(less(a, b) && less(b, a)))
         });
         assert_eq!(other, None);
         // And so are too many combinations.
         let many = proved(8, || {
-            let all = (0..9).map(|i| less(Term::input("a"), Term::input(&i.to_string())));
+            let all = (0..9).map(|i| less(Symbolic::input("a"), Symbolic::input(&i.to_string())));
             Ok(all.fold(true, |all, _| all))
         });
         assert_eq!(many, None);
@@ -316,9 +316,9 @@ mod tests {
     fn constants_count() {
         let paths = proved(1, || {
             let mut turns = 0;
-            let mut x = Term::of(0.0);
-            while Term::holds(BinaryOperator::Less, x, Term::of(3.0)).unwrap_or_default() {
-                x = sum(x, Term::of(1.0));
+            let mut x = Symbolic::of(0.0);
+            while Symbolic::holds(BinaryOperator::Less, x, Symbolic::of(3.0)).unwrap_or_default() {
+                x = sum(x, Symbolic::of(1.0));
                 turns += 1;
             }
             Ok(turns == 3 && x.single() == Some(3.0))

@@ -8,7 +8,7 @@ use super::inputs::{Inputs, Profile};
 use super::promise::Pair;
 use super::stage;
 use super::verdict::{Counterexample, Diverged, Verdict, not_evaluated};
-use super::world::{self, Place, Texels, World};
+use super::world::{self, TestPoint, Texels, World};
 use crate::evaluate::{Stuck, Traced, Value};
 
 /// One in this many inputs must terminate.
@@ -16,7 +16,7 @@ const QUOTA: u64 = 4;
 
 impl Pair<'_> {
     /// Tries this many inputs.
-    pub(super) fn tried(&self, places: &[Place], colors: Colors, inputs: u64) -> Verdict {
+    pub(super) fn tried(&self, places: &[TestPoint], colors: Colors, inputs: u64) -> Verdict {
         let module = self.original.vertex.module();
         if let Some(why) = self.unfilled(places) {
             return not_evaluated(&why);
@@ -66,11 +66,11 @@ impl Pair<'_> {
     }
 
     /// Why no numbers can be tried: a stage reads a buffer that is too long to fill.
-    pub(super) fn unfilled(&self, places: &[Place]) -> Option<String> {
+    pub(super) fn unfilled(&self, places: &[TestPoint]) -> Option<String> {
         let module = self.original.vertex.module();
         let guard = self.variant.guard.as_ref();
         let left_out = Inputs::new(module, guard, self.effort.seed).left_out;
-        let is_vertex = places.iter().all(|p| *p == Place::Vertex);
+        let is_vertex = places.iter().all(|p| *p == TestPoint::Vertex);
         let fragments = [self.original.fragment, self.other.fragment];
         let fragments = fragments.into_iter().flatten().filter(|_| !is_vertex);
         let stages = [self.original.vertex, self.other.vertex].into_iter();
@@ -87,7 +87,7 @@ impl Pair<'_> {
         None
     }
 
-    fn try_one(&self, inputs: &Inputs, place: Place, colors: Colors) -> Tried {
+    fn try_one(&self, inputs: &Inputs, place: TestPoint, colors: Colors) -> Tried {
         let (rule, attached) = self.rule(place, colors, Some(inputs));
         let world = world::concrete(inputs, &attached, Texels::Waves);
         let original = match world.run(self.original, place, self.effort.steps, None) {
@@ -99,7 +99,7 @@ impl Pair<'_> {
         let found = match world.run(self.other, place, 4 * self.effort.steps, None) {
             Ok(variant) => compare::difference(rule, &original, &variant),
             // A vertex stage with hoisted work runs longer.
-            Err(Stuck::Steps) if place == Place::Vertex => return Tried::Endless,
+            Err(Stuck::Steps) if place == TestPoint::Vertex => return Tried::Endless,
             // If the original terminates, the variant must too.
             Err(Stuck::Steps) => Some(compare::Difference {
                 output: "its end".to_owned(),
@@ -125,15 +125,15 @@ impl Pair<'_> {
     }
 
     /// The inputs of the original's stages, as text.
-    pub(super) fn said(&self, inputs: &Inputs, place: Place) -> Vec<(String, String)> {
+    pub(super) fn said(&self, inputs: &Inputs, place: TestPoint) -> Vec<(String, String)> {
         let mut said = Vec::new();
         let own = inputs.corner();
         let vertex = self.original.vertex;
         for io in vertex.inputs() {
             let corners: &[usize] = match place {
-                Place::Vertex => std::slice::from_ref(&own),
-                Place::Corner(_) | Place::Inside => &[0, 1, 2],
-                Place::Anywhere => &[],
+                TestPoint::Vertex => std::slice::from_ref(&own),
+                TestPoint::Corner(_) | TestPoint::Inside => &[0, 1, 2],
+                TestPoint::Anywhere => &[],
             };
             for corner in corners {
                 if let Some(value) = inputs.attribute(vertex.module(), &io, *corner) {
@@ -142,7 +142,7 @@ impl Pair<'_> {
                 }
             }
         }
-        if place == Place::Inside {
+        if place == TestPoint::Inside {
             let fragment = self.original.fragment.iter();
             let mut kinds: Vec<_> = fragment
                 .flat_map(|f| f.inputs())
@@ -155,10 +155,14 @@ impl Pair<'_> {
                 said.push((format!("weights of the corners, {kind:?}"), weights));
             }
         }
-        if let Some(fragment) = self.original.fragment.filter(|_| place != Place::Vertex) {
+        if let Some(fragment) = self
+            .original
+            .fragment
+            .filter(|_| place != TestPoint::Vertex)
+        {
             for io in fragment.inputs() {
                 let is_own = matches!(io.binding, Some(naga::Binding::BuiltIn(_)));
-                if !(is_own || place == Place::Anywhere) {
+                if !(is_own || place == TestPoint::Anywhere) {
                     continue;
                 }
                 if let Some(value) = inputs.fragment(fragment.module(), &io) {
@@ -176,19 +180,23 @@ impl Pair<'_> {
     }
 
     /// The first value in the source that both compute differently.
-    pub(super) fn first_diverging(&self, world: &World<'_, f32>, place: Place) -> Option<Diverged> {
+    pub(super) fn first_diverging(
+        &self,
+        world: &World<'_, f32>,
+        place: TestPoint,
+    ) -> Option<Diverged> {
         let traced = |stages| {
             let trace = RefCell::new(Vec::new());
             let _ = world.run(stages, place, 4 * self.effort.steps, Some(&trace));
             trace.into_inner()
         };
-        let mut of_original: BTreeMap<Key, Vec<Value>> = BTreeMap::new();
+        let mut of_original: BTreeMap<TraceKey, Vec<Value>> = BTreeMap::new();
         for traced in traced(self.original) {
             if let Some(key) = key(&traced) {
                 of_original.entry(key).or_default().push(traced.value);
             }
         }
-        let mut seen: BTreeMap<Key, usize> = BTreeMap::new();
+        let mut seen: BTreeMap<TraceKey, usize> = BTreeMap::new();
         for traced in traced(self.other) {
             let Some(key) = key(&traced) else { continue };
             let Some(values) = of_original.get(&key) else {
@@ -238,7 +246,8 @@ pub(super) fn of_compared(inputs: u64, compared: u64, unsure: u64) -> Verdict {
     match compared {
         0 => Verdict::NotEvaluable {
             why: format!(
-                "on {inputs} inputs no colour was compared: fragments were discarded, or numbers not ordinary"
+                "on {inputs} inputs no colour was compared: fragments were discarded, or numbers \
+                 not ordinary"
             ),
         },
         _ => Verdict::Agreed {
@@ -250,9 +259,9 @@ pub(super) fn of_compared(inputs: u64, compared: u64, unsure: u64) -> Verdict {
 }
 
 /// A span, and the kind of its expression.
-type Key = (usize, usize, &'static str);
+type TraceKey = (usize, usize, &'static str);
 
-fn key(traced: &Traced) -> Option<Key> {
+fn key(traced: &Traced) -> Option<TraceKey> {
     let range = traced.span.to_range()?;
     Some((range.start, range.end, traced.kind))
 }

@@ -7,8 +7,8 @@ use std::sync::Arc;
 use naga::{BuiltIn, Handle, Module, ScalarKind, Type, TypeInner};
 
 use super::inputs::{Inputs, Random};
-use super::stage::{At, Kind, POSITION, Ran, Slot, Stage, interpolated};
-use super::term::Term;
+use super::stage::{At, POSITION, Ran, Slot, Stage, VaryingKind, interpolated};
+use super::term::Symbolic;
 use crate::core::reflect::Io;
 use crate::evaluate::bound::{Interval, exactly};
 use crate::evaluate::{
@@ -17,7 +17,7 @@ use crate::evaluate::{
 
 /// Both stages of a pass.
 #[derive(Clone, Copy, Debug)]
-pub struct Stages<'p> {
+pub struct PassStages<'p> {
     /// The vertex stage.
     pub vertex: Stage<'p>,
     /// The fragment stage, if there is one.
@@ -26,7 +26,7 @@ pub struct Stages<'p> {
 
 /// The stage and position to compare.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum TestPoint {
     /// The vertex stage, at a corner that depends on the input ([`Inputs::corner`]).
     Vertex,
     /// The fragment stage at a corner of a triangle, with that vertex's outputs as inputs.
@@ -38,7 +38,7 @@ pub enum Place {
 }
 
 /// Returns an input of a stage.
-type Input<'a, F> = Box<dyn Fn(&Module, &Io, usize) -> Option<Value<F>> + 'a>;
+type StageInput<'a, F> = Box<dyn Fn(&Module, &Io, usize) -> Option<Value<F>> + 'a>;
 
 /// Returns the texel of a lookup.
 type Texel<'a, F> = Box<dyn Fn(&Lookup<'_, F>) -> [F; 4] + 'a>;
@@ -47,13 +47,13 @@ type Texel<'a, F> = Box<dyn Fn(&Lookup<'_, F>) -> [F; 4] + 'a>;
 pub struct World<'a, F: 'a> {
     /// Uniforms and buffers.
     pub resources: Arc<BTreeMap<(u32, u32), Value<F>>>,
-    /// The corner of [`Place::Vertex`].
+    /// The corner of [`TestPoint::Vertex`].
     corner: usize,
-    attribute: Input<'a, F>,
-    fragment: Input<'a, F>,
+    attribute: StageInput<'a, F>,
+    fragment: StageInput<'a, F>,
     texel: Texel<'a, F>,
     derivative: Box<dyn Fn(Derivative<F>) -> F + 'a>,
-    inside: Box<dyn Fn(Kind, [F; 3]) -> F + 'a>,
+    inside: Box<dyn Fn(VaryingKind, [F; 3]) -> F + 'a>,
 }
 
 impl<F: Number> World<'_, F> {
@@ -64,8 +64,8 @@ impl<F: Number> World<'_, F> {
     /// [`Stuck`].
     pub fn run(
         &self,
-        stages: Stages<'_>,
-        place: Place,
+        stages: PassStages<'_>,
+        place: TestPoint,
         steps: u64,
         trace: Option<&RefCell<Vec<Traced<F>>>>,
     ) -> Result<Ran<F>, Stuck> {
@@ -81,7 +81,7 @@ impl<F: Number> World<'_, F> {
             let input = |io: &Io| (self.attribute)(module, io, corner);
             stages.vertex.run(&input, &environment(trace))
         };
-        if place == Place::Vertex {
+        if place == TestPoint::Vertex {
             return vertex(self.corner, trace);
         }
         let Some(fragment) = stages.fragment else {
@@ -95,18 +95,18 @@ impl<F: Number> World<'_, F> {
         };
         let module = fragment.module();
         let own = |io: &Io| (self.fragment)(module, io, 0);
-        if place == Place::Anywhere {
+        if place == TestPoint::Anywhere {
             return fragment.run(&own, &environment(trace));
         }
         // Traces only the vertex whose numbers are not interpolated.
-        let traced = |corner| trace.filter(|_| place == Place::Corner(corner));
+        let traced = |corner| trace.filter(|_| place == TestPoint::Corner(corner));
         let corners = [
             vertex(0, traced(0))?,
             vertex(1, traced(1))?,
             vertex(2, traced(2))?,
         ];
         let at = match place {
-            Place::Corner(corner) => At::Corner(corner),
+            TestPoint::Corner(corner) => At::Corner(corner),
             _ => At::Inside(&*self.inside),
         };
         let input = |io: &Io| match io.binding {
@@ -229,7 +229,7 @@ pub fn depths(inputs: &Inputs, module: &Module, io: Option<&Io>, clear: f32) -> 
 }
 
 /// A world of terms, except for numbers that a guard fixes, which `inputs` contains.
-pub fn symbolic<'a>(module: &'a Module, inputs: &'a Inputs) -> World<'a, Term> {
+pub fn symbolic<'a>(module: &'a Module, inputs: &'a Inputs) -> World<'a, Symbolic> {
     let mut resources = BTreeMap::new();
     for (_, global) in module.global_variables.iter() {
         let Some(at) = &global.binding else { continue };
@@ -257,13 +257,13 @@ pub fn symbolic<'a>(module: &'a Module, inputs: &'a Inputs) -> World<'a, Term> {
                     Value::Composite(parts) => {
                         for (component, part) in (0..).zip(parts) {
                             if let Some(number) = fixed(component) {
-                                *part = Value::number(Term::of(number));
+                                *part = Value::number(Symbolic::of(number));
                             }
                         }
                     }
                     one => {
                         if let Some(number) = fixed(0) {
-                            *one = Value::number(Term::of(number));
+                            *one = Value::number(Symbolic::of(number));
                         }
                     }
                 }
@@ -275,10 +275,10 @@ pub fn symbolic<'a>(module: &'a Module, inputs: &'a Inputs) -> World<'a, Term> {
             Some(match slot {
                 // Both cases are tried.
                 Slot::BuiltIn(BuiltIn::FrontFacing) => {
-                    let front = Term::holds(
+                    let front = Symbolic::holds(
                         naga::BinaryOperator::Less,
-                        Term::input("front"),
-                        Term::of(0.0),
+                        Symbolic::input("front"),
+                        Symbolic::of(0.0),
                     );
                     Value::Scalar(Scalar::Bool(front?))
                 }
@@ -296,15 +296,17 @@ pub fn symbolic<'a>(module: &'a Module, inputs: &'a Inputs) -> World<'a, Term> {
             );
             [0, 1, 2, 3].map(
                 |channel| match inputs.fixed_texel(lookup.binding, channel) {
-                    Some(number) => Term::of(number),
-                    None => Term::given(&format!("{name} {channel}"), &of),
+                    Some(number) => Symbolic::of(number),
+                    None => Symbolic::given(&format!("{name} {channel}"), &of),
                 },
             )
         }),
         derivative: Box::new(|d| {
-            Term::given(&format!("derivative {:?} {:?}", d.axis, d.control), &[d.of])
+            Symbolic::given(&format!("derivative {:?} {:?}", d.axis, d.control), &[d.of])
         }),
-        inside: Box::new(|kind, corners| Term::given(&format!("interpolated {kind:?}"), &corners)),
+        inside: Box::new(|kind, corners| {
+            Symbolic::given(&format!("interpolated {kind:?}"), &corners)
+        }),
     }
 }
 
@@ -312,12 +314,12 @@ pub fn symbolic<'a>(module: &'a Module, inputs: &'a Inputs) -> World<'a, Term> {
 const MOST_SCALARS: u32 = 4096;
 
 /// A term for each float of a type. Its other scalars may be copied but not used.
-fn terms(module: &Module, ty: Handle<Type>, name: &str) -> Value<Term> {
-    let times = |count: usize, part: &dyn Fn(usize) -> Value<Term>| {
+fn terms(module: &Module, ty: Handle<Type>, name: &str) -> Value<Symbolic> {
+    let times = |count: usize, part: &dyn Fn(usize) -> Value<Symbolic>| {
         Value::Composite((0..count).map(part).collect())
     };
     let scalar = |s: naga::Scalar, name: &str| match (s.kind, s.width) {
-        (ScalarKind::Float, 4) => Value::number(Term::input(name)),
+        (ScalarKind::Float, 4) => Value::number(Symbolic::input(name)),
         _ => opaque(name),
     };
     match &module.types[ty].inner {
@@ -352,7 +354,7 @@ fn terms(module: &Module, ty: Handle<Type>, name: &str) -> Value<Term> {
 }
 
 /// An unknown value, equal only to itself: an invalid pointer, which stops every use of it.
-fn opaque(name: &str) -> Value<Term> {
+fn opaque(name: &str) -> Value<Symbolic> {
     Value::Pointer {
         address: usize::MAX,
         path: name.bytes().map(usize::from).collect(),

@@ -63,7 +63,8 @@ fn a_loop_to_a_count_is_told_as_one() {
 
 #[test]
 fn an_early_return_is_charged_with_what_follows_it() {
-    let functions = "fn shadow(x: f32) -> f32 { if u.n == 0 { return 0.25; } return sin(x) * cos(x * 2.0) * sin(x * 3.0); }
+    let functions = "fn shadow(x: f32) -> f32 { if u.n == 0 { \
+                     return 0.25; } return sin(x) * cos(x * 2.0) * sin(x * 3.0); }
 fn relit(x: f32) -> f32 { if u.n == 0 { return 0.25; } return sin(x) * cos(x * 2.0); }";
     let effects = found(functions, "return vec4(shadow(p.x) + relit(p.y));");
     // Each by its function, which is what is left early.
@@ -74,7 +75,8 @@ fn relit(x: f32) -> f32 { if u.n == 0 { return 0.25; } return sin(x) * cos(x * 2
     assert!(effects[1].cost >= 8.0, "{effects:?}");
     assert!(effects[0].cost > effects[1].cost, "{effects:?}");
     // Within a loop a turn's rest follows, and no more.
-    let body = "var c = p; for (var i = 0; i < i32(p.x); i++) { if u.n == 0 { continue; } c = sin(c); } return exp(exp(c));";
+    let body = "var c = p; for (var i = 0; i < i32(p.x); i++) { if u.n == 0 { \
+                continue; } c = sin(c); } return exp(exp(c));";
     let skipped = found("", body);
     assert_eq!(told(&skipped), [("n", CalledFor::No)]);
     assert!(skipped[0].cost > 4.0, "{skipped:?}");

@@ -10,7 +10,8 @@ use crate::common;
 /// Why `value` stays in the fragment stage that ends with it; `None` where it travels.
 fn stays(body: &str, ranges: Vec<SourceRange>) -> Option<String> {
     let source = format!(
-        "struct V {{ @builtin(position) position: vec4<f32>, @location(0) p: vec3<f32>, @location(1) q: vec2<f32> }}
+        "struct V {{ @builtin(position) position: vec4<f32>, @location(0) p: vec3<f32>, \
+         @location(1) q: vec2<f32> }}
 @group(0) @binding(0) var<uniform> u: vec4<f32>;
 @vertex fn vs(@location(0) p: vec3<f32>) -> V {{ return V(vec4(p, 1.0), p, p.xy); }}
 @fragment fn fs(v: V) -> @location(0) vec4<f32> {{ {body} return vec4(value * sin(dpdx(v.q.x))); }}"
@@ -73,7 +74,8 @@ fn what_is_seen_to_stay_in_range_travels() {
         "let value = pow(saturate(v.p.x), 64.0) * sin(v.q.x);",
         "let value = sin(v.p.x * v.p.y * v.p.z) * cos(u.x * u.y * v.q.x);",
         "var value = 0.0; for (var i = 0; i < 5; i++) { value += sin(v.p.x * f32(i)); }",
-        "var value = 0.0; var f = 1.0; for (var i = 0; i < 6; i++) { value += sin(v.p.x * f); f *= 2.0; }",
+        "var value = 0.0; var f = 1.0; for (var i = 0; i < 6; i++) { value += sin(v.p.x * f); \
+         f *= 2.0; }",
     ] {
         assert_eq!(stays(body, Vec::new()), None, "{body}");
     }

@@ -51,8 +51,10 @@ fn rates_of_fragment_values() {
         @group(0) @binding(4) var s: sampler;
         fn twice(x: f32) -> f32 { return x * 2.0; }
         fn pair(a: f32, b: f32) -> vec2<f32> { return vec2(a, b); }
-        @fragment fn fs(@builtin(position) p: vec4<f32>, @builtin(front_facing) front: bool, @builtin(sample_index) sample: u32,
-            @location(0) uv: vec2<f32>, @location(1) @interpolate(linear) l: f32, @location(2) @interpolate(flat) id: u32,
+        @fragment fn fs(@builtin(position) p: vec4<f32>, @builtin(front_facing) front: bool, \
+            @builtin(sample_index) sample: u32,
+            @location(0) uv: vec2<f32>, @location(1) @interpolate(linear) l: f32, @location(2) \
+                @interpolate(flat) id: u32,
             @location(3) @interpolate(perspective, centroid) c: f32) -> @location(0) vec4<f32> {
             let per_sample = sin(1.0 + f32(sample));
             let uniform_value = u.color * 2.0;
@@ -78,8 +80,10 @@ fn rates_of_fragment_values() {
             let by_control = decided * 1.0;
             var plain = u.color.w;
             let not_by_control = plain * 2.0;
-            return vec4(per_sample + uniform_value.x + by_uniform_index + by_flat_index + contended + smooth_value + linear_value + mixed_value
-                + centroids + flat_value + flat_and_smooth + facing + slope + auto_lod.x + chosen_lod.x + at_constant.x + window + called
+            return vec4(per_sample + uniform_value.x + by_uniform_index + by_flat_index + \
+                contended + smooth_value + linear_value + mixed_value
+                + centroids + flat_value + flat_and_smooth + facing + slope + auto_lod.x + \
+                    chosen_lod.x + at_constant.x + window + called
                 + called_uniform + by_control + not_by_control);
         }",
         ShaderStage::Fragment,
@@ -92,7 +96,8 @@ fn rates_of_vertex_values() {
     let got = rates(
         "@group(0) @binding(0) var<uniform> m: mat4x4<f32>;
         @group(0) @binding(1) var<storage, read> instances: array<vec4<f32>>;
-        @vertex fn vs(@builtin(instance_index) i: u32, @builtin(vertex_index) v: u32, @location(0) p: vec3<f32>) -> @builtin(position) vec4<f32> {
+        @vertex fn vs(@builtin(instance_index) i: u32, @builtin(vertex_index) v: u32, \
+            @location(0) p: vec3<f32>) -> @builtin(position) vec4<f32> {
             let camera = m * vec4(1.0);
             let offset = instances[i] * 2.0;
             let corner = f32(v) * 0.5;
@@ -132,7 +137,8 @@ fn control(source: &str) -> String {
 #[test]
 fn control_dependence_over_jumps() {
     insta::assert_snapshot!(control(
-        "@fragment fn fs(@location(0) x: f32, @location(1) @interpolate(flat) k: i32) -> @location(0) f32 {
+        "@fragment fn fs(@location(0) x: f32, @location(1) @interpolate(flat) k: i32) -> \
+         @location(0) f32 {
             var a = 0.0;
             if x < 0.0 { return 1.0; }
             for (var i = 0; i < 4; i++) {
@@ -152,7 +158,8 @@ fn control_dependence_over_jumps() {
 /// Of each loop of the body, in order.
 fn trips(body: &str) -> Vec<Option<u32>> {
     let program = common::program(&format!(
-        "@fragment fn fs(@location(0) x: f32) -> @location(0) f32 {{ var a = 0.0;\n{body}\nreturn a; }}"
+        "@fragment fn fs(@location(0) x: f32) -> @location(0) f32 {{ var a = 0.0;\n{body}\n\
+         return a; }}"
     ));
     let graph = Graph::build(&program);
     let f = graph.function(FunctionId::EntryPoint(0));

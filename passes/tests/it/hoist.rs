@@ -45,8 +45,10 @@ fn budget() -> Params {
 const NOISE: &str = "
 struct Scene { clip: mat4x4<f32>, tint: vec3<f32>, time: f32 }
 @group(0) @binding(0) var<uniform> scene: Scene;
-struct VertexOutput { @builtin(position) position: vec4<f32>, @location(0) world: vec3<f32>, @location(1) uv: vec2<f32> }
-fn hash(p: vec3<f32>) -> f32 { return fract(sin(dot(p, vec3(12.9898, 78.233, 37.719))) * 43758.5453); }
+struct VertexOutput { @builtin(position) position: vec4<f32>, @location(0) world: vec3<f32>, \
+    @location(1) uv: vec2<f32> }
+fn hash(p: vec3<f32>) -> f32 { return fract(sin(dot(p, vec3(12.9898, 78.233, 37.719))) * \
+    43758.5453); }
 fn value_noise(p: vec3<f32>) -> f32 {
     let i = floor(p);
     let f = p - i;
@@ -144,7 +146,10 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 300, ..ProptestConfig::default() })]
 
     #[test]
-    fn hoisted_shaders_give_the_same_at_vertices(bytes in proptest::collection::vec(any::<u8>(), 0..400), seed in any::<u32>()) {
+    fn hoisted_shaders_give_the_same_at_vertices(
+        bytes in proptest::collection::vec(any::<u8>(), 0..400),
+        seed in any::<u32>(),
+    ) {
         the_same_at_vertices(&bytes, &[seed, seed.rotate_left(9), 3]);
     }
 }
@@ -167,7 +172,8 @@ fn random_shaders_are_hoisted_often_enough_to_count() {
 fn material(globals: &str, body: &str) -> String {
     format!(
         "
-struct Scene {{ clip: mat4x4<f32>, view: mat4x4<f32>, camera: vec3<f32>, time: f32, tint: vec4<f32> }}
+struct Scene {{ clip: mat4x4<f32>, view: mat4x4<f32>, camera: vec3<f32>, time: f32, tint: \
+    vec4<f32> }}
 @group(0) @binding(0) var<uniform> scene: Scene;
 @group(0) @binding(1) var map: texture_2d<f32>;
 @group(0) @binding(2) var map_sampler: sampler;
@@ -179,7 +185,8 @@ struct Varyings {{
     @location(3) @interpolate(flat) layer: f32,
 }}
 {globals}
-@vertex fn vs(@location(0) position: vec3<f32>, @location(1) normal: vec3<f32>, @location(2) uv: vec2<f32>, @location(3) layer: f32) -> Varyings {{
+@vertex fn vs(@location(0) position: vec3<f32>, @location(1) normal: vec3<f32>, \
+    @location(2) uv: vec2<f32>, @location(3) layer: f32) -> Varyings {{
     let bent = sin(position * 3.0) * cos(normal);
     return Varyings(scene.clip * vec4(position, 1.0), position + bent, normal, uv, layer);
 }}
@@ -273,7 +280,8 @@ fn what_rests_on_a_jump_stays() {
         (
             "a comparison",
             format!(
-                "var value = in.world.x;\n    if {dear} > 0.1 {{ value = sin(in.world.y); }}\n    value = cos(value);"
+                "var value = in.world.x;\n    if {dear} > 0.1 {{ \
+                 value = sin(in.world.y); }}\n    value = cos(value);"
             ),
         ),
         (
@@ -329,8 +337,10 @@ fn a_jump_that_does_not_happen_holds_nothing_back() {
 #[test]
 fn three_inputs_are_carried_as_two_sums() {
     let source = "
-struct Varyings { @builtin(position) position: vec4<f32>, @location(0) a: vec4<f32>, @location(1) b: vec4<f32>, @location(2) c: vec4<f32> }
-@vertex fn vs(@location(0) a: vec4<f32>, @location(1) b: vec4<f32>, @location(2) c: vec4<f32>) -> Varyings { return Varyings(a, a, b, c); }
+struct Varyings { @builtin(position) position: vec4<f32>, @location(0) a: vec4<f32>, \
+    @location(1) b: vec4<f32>, @location(2) c: vec4<f32> }
+@vertex fn vs(@location(0) a: vec4<f32>, @location(1) b: vec4<f32>, \
+    @location(2) c: vec4<f32>) -> Varyings { return Varyings(a, a, b, c); }
 @fragment fn fs(in: Varyings) -> @location(0) vec4<f32> {
     let first = in.a + in.b;
     let second = in.b + in.c;
@@ -421,7 +431,8 @@ fn more_values_than_varyings_are_packed_or_left() {
     for i in 0..24 {
         writeln!(
             body,
-            "    let v{i}_ = sin(in.world.x * {i}.5) * cos(in.world.y * {i}.25) * sin(in.world.z + {i}.0);
+            "    let v{i}_ = sin(in.world.x * {i}.5) * cos(in.world.y * {i}.25) * sin(in.world.z + \
+             {i}.0);
     sum += textureSampleLevel(map, map_sampler, vec2(v{i}_, fwidth(in.uv.x)), 0.0);"
         )
         .unwrap();

@@ -130,7 +130,8 @@ fn material(bytes: &[u8]) -> String {
         .replace("in.r", "draw.r")
         .replace("in.k", "draw.k");
     format!(
-        "struct Draw {{ r: f32, k: i32 }}\n@group(0) @binding(0) var<uniform> draw: Draw;\n{fragment}{VERTEX}"
+        "struct Draw {{ r: f32, k: i32 }}\n@group(0) @binding(0) var<uniform> draw: Draw;\n\
+         {fragment}{VERTEX}"
     )
 }
 
@@ -189,7 +190,10 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 150, ..ProptestConfig::default() })]
 
     #[test]
-    fn exact_hoists_give_the_same_bits_inside_a_triangle(bytes in proptest::collection::vec(any::<u8>(), 0..400), seed in any::<u32>()) {
+    fn exact_hoists_give_the_same_bits_inside_a_triangle(
+        bytes in proptest::collection::vec(any::<u8>(), 0..400),
+        seed in any::<u32>(),
+    ) {
         exact_inside(&bytes, seed);
     }
 }
@@ -228,7 +232,8 @@ fn choosing(steps: &[(u8, u8, u8, u8)]) -> String {
     format!(
         "struct Draw {{ r: f32, k: i32 }}
 @group(0) @binding(0) var<uniform> draw: Draw;
-struct In {{ @location(0) p: vec4<f32>, @location(1) q: vec2<f32>, @location(2) @interpolate(flat) k: i32, @location(3) r: f32 }}
+struct In {{ @location(0) p: vec4<f32>, @location(1) q: vec2<f32>, @location(2) \
+    @interpolate(flat) k: i32, @location(3) r: f32 }}
 fn pick(x: f32, y: f32) -> f32 {{ if draw.k > 0 {{ return x; }} return y; }}
 @fragment fn fs(in: In) -> @location(0) vec4<f32> {{
     var a: f32 = 0.5; var b: f32 = in.q.x; var c: f32;
@@ -244,7 +249,10 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 300, ..ProptestConfig::default() })]
 
     #[test]
-    fn what_the_draw_chooses_is_exact_inside_a_triangle(steps in proptest::collection::vec(any::<(u8, u8, u8, u8)>(), 1..8), seed in any::<u32>()) {
+    fn what_the_draw_chooses_is_exact_inside_a_triangle(
+        steps in proptest::collection::vec(any::<(u8, u8, u8, u8)>(), 1..8),
+        seed in any::<u32>(),
+    ) {
         exact_as_carried(&choosing(&steps), seed);
     }
 }
@@ -268,8 +276,10 @@ fn affine(body: &str) -> String {
     format!(
         "struct Draw {{ m: mat4x4<f32>, v: vec4<f32> }}
 @group(0) @binding(0) var<uniform> draw: Draw;
-struct Varyings {{ @builtin(position) position: vec4<f32>, @location(0) world: vec3<f32>, @location(1) uv: vec2<f32> }}
-@vertex fn vs(@location(0) p: vec3<f32>, @location(1) uv: vec2<f32>) -> Varyings {{ return Varyings(vec4(p, 1.0), p, uv); }}
+struct Varyings {{ @builtin(position) position: vec4<f32>, @location(0) world: vec3<f32>, \
+    @location(1) uv: vec2<f32> }}
+@vertex fn vs(@location(0) p: vec3<f32>, @location(1) uv: vec2<f32>) -> Varyings {{ \
+    return Varyings(vec4(p, 1.0), p, uv); }}
 @fragment fn fs(in: Varyings) -> @location(0) vec4<f32> {{
     let p = (draw.m * vec4(in.world, 1.0)).xyz;
     {body}
@@ -309,7 +319,8 @@ fn rounding_does_not_reach_what_amplifies_it() {
         "return vec4(sin(p * (draw.v.x * 4000.0)), 1.0);",
         "return vec4(sin((p * 40.0) * draw.v.x * draw.v.y * draw.v.z), 1.0);",
         "let far = p + vec3(draw.v.x * 1e5); return vec4(abs(far - vec3(draw.v.x * 1e5)), 1.0);",
-        "var x = p; for (var i = 0; i < 8; i++) { x = x * 4.0 - in.world; } return vec4(sin(x), 1.0);",
+        "var x = p; for (var i = 0; i < 8; i++) { x = x * 4.0 - in.world; } return vec4(sin(x), \
+         1.0);",
         "return vec4(pow(abs(p.x), 8.0));",
         // Ranges of what is clamped from outside of its bounds, and of remainders.
         "return vec4(sin(p * clamp(-5.0, draw.v.x * 1000.0, 30000.0)), 1.0);",

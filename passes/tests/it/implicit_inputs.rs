@@ -46,7 +46,7 @@ fn prepass(plan: &Plan) -> Result<Outcome, Refused> {
 
 fn equal(plan: &Plan, facts: &Facts) -> Result<Outcome, Refused> {
     let params = depth_prepass::Params {
-        form: depth_prepass::Form::Equal,
+        form: depth_prepass::PrepassForm::Equal,
         ..depth_prepass::Params::default()
     };
     DepthPrepass::run(plan, facts, &params)

@@ -23,7 +23,8 @@ struct Weights { w: vec4<f32> }
 @group(1) @binding(2) var b: texture_2d<f32>;
 @group(1) @binding(3) var c: texture_2d<f32>;
 @vertex fn vs(@location(0) p: vec3<f32>) -> @builtin(position) vec4<f32> { return vec4(p, 1.0); }
-fn level(map: texture_2d<f32>, uv: vec2<f32>) -> vec4<f32> { return textureSampleLevel(map, s, uv, 0.0); }
+fn level(map: texture_2d<f32>, uv: vec2<f32>) -> vec4<f32> { \
+    return textureSampleLevel(map, s, uv, 0.0); }
 ";
 
 fn original(fragment: &str) -> Plan {
@@ -81,13 +82,20 @@ fn drawn(plan: &Plan, weights: [f32; 4]) -> (f32, Vec<u32>) {
 
 /// Sums of three terms, as they are written.
 const SUMS: [&str; 6] = [
-    "return u.w.x * level(a, vec2(0.5)) + u.w.y * level(b, vec2(0.5)) + u.w.z * level(c, vec2(0.5));",
-    "var sum = level(a, vec2(0.5)).rgb * u.w.x; sum += level(b, vec2(0.5)).rgb * u.w.y; sum += textureSampleLevel(c, s, vec2(0.5), 0.0).rgb * u.w.z; return vec4(sum, 1.0);",
-    "let x = textureSampleLevel(a, s, vec2(0.5), 0.0); let y = textureSampleLevel(b, s, vec2(0.5), 0.0); let z = textureSampleLevel(c, s, vec2(0.5), 0.0);
+    "return u.w.x * level(a, vec2(0.5)) + u.w.y * level(b, vec2(0.5)) + u.w.z * level(c, \
+     vec2(0.5));",
+    "var sum = level(a, vec2(0.5)).rgb * u.w.x; sum += level(b, vec2(0.5)).rgb * u.w.y; \
+     sum += textureSampleLevel(c, s, vec2(0.5), 0.0).rgb * u.w.z; return vec4(sum, 1.0);",
+    "let x = textureSampleLevel(a, s, vec2(0.5), 0.0); \
+     let y = textureSampleLevel(b, s, vec2(0.5), 0.0); \
+     let z = textureSampleLevel(c, s, vec2(0.5), 0.0);
      let w = u.w; return x * w.x + y * w.y + z * w.z;",
-    "return vec4(dot(vec3(level(a, vec2(0.5)).r, level(b, vec2(0.5)).g, level(c, vec2(0.5)).b), u.w.xyz));",
-    "return fma(vec4(u.w.x), level(a, vec2(0.5)), fma(level(b, vec2(0.5)), vec4(u.w.y), u.w.z * level(c, vec2(0.5)) + vec4(0.0)));",
-    "var sum = vec4(0.0); for (var i = 0; i < 1; i++) { sum += u.w.x * level(a, vec2(0.5)); if i == 0 { sum += u.w.y * level(b, vec2(0.5)) + u.w.z * level(c, vec2(0.5)); } } return sum;",
+    "return vec4(dot(vec3(level(a, vec2(0.5)).r, level(b, vec2(0.5)).g, level(c, vec2(0.5)).b), \
+     u.w.xyz));",
+    "return fma(vec4(u.w.x), level(a, vec2(0.5)), fma(level(b, vec2(0.5)), vec4(u.w.y), u.w.z * \
+     level(c, vec2(0.5)) + vec4(0.0)));",
+    "var sum = vec4(0.0); for (var i = 0; i < 1; i++) { sum += u.w.x * level(a, vec2(0.5)); \
+     if i == 0 { sum += u.w.y * level(b, vec2(0.5)) + u.w.z * level(c, vec2(0.5)); } } return sum;",
 ];
 
 #[test]
@@ -239,12 +247,16 @@ fn what_cannot_go_is_told() {
     );
     // A constant weighs every fragment alike.
     assert!(
-        reasons("@fragment fn fs() -> @location(0) vec4<f32> { return 0.5 * level(a, vec2(0.5)) + u.w; }")
-            .is_empty()
+        reasons(
+            "@fragment fn fs() -> @location(0) vec4<f32> { \
+             return 0.5 * level(a, vec2(0.5)) + u.w; }"
+        )
+        .is_empty()
     );
     let shared = reasons(
         "fn wave(p: f32) -> f32 { return u.w.x * level(a, vec2(p)).r + p; }
-        @vertex fn other(@location(0) p: f32) -> @builtin(position) vec4<f32> { return vec4(wave(p)); }
+        @vertex fn other(@location(0) p: f32) -> @builtin(position) vec4<f32> { \
+            return vec4(wave(p)); }
         @fragment fn fs(@location(0) p: f32) -> @location(0) vec4<f32> { return vec4(wave(p)); }",
     );
     assert!(shared[0].contains("vertex stage"), "{shared:?}");
@@ -255,7 +267,8 @@ fn a_budget_is_asked_for_and_functions_are_named() {
     let plan = original(
         "fn grass(p: vec2<f32>) -> vec4<f32> { return u.w.x * level(a, p) + u.w; }
         fn rock(p: vec2<f32>) -> vec4<f32> { return u.w.x * level(b, p) + u.w; }
-        @fragment fn fs(@location(0) p: vec2<f32>) -> @location(0) vec4<f32> { return grass(p) + rock(p); }",
+        @fragment fn fs(@location(0) p: vec2<f32>) -> @location(0) vec4<f32> { \
+            return grass(p) + rock(p); }",
     );
     let error = skipped(&plan, &params(0.1, None)).unwrap_err();
     assert!(error.contains("no-budget"), "{error}");

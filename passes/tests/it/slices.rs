@@ -49,8 +49,10 @@ const LIT: &str = "
 struct Camera { view: mat4x4<f32>, projection: mat4x4<f32>, time: f32 }
 @group(0) @binding(0) var<uniform> camera: Camera;
 @group(0) @binding(1) var<uniform> light: vec4<f32>;
-struct VertexInput { @location(0) position: vec3<f32>, @location(1) normal: vec3<f32>, @location(2) uv: vec2<f32> }
-struct VertexOutput { @builtin(position) clip: vec4<f32>, @location(0) normal: vec3<f32>, @location(1) uv: vec2<f32>, @location(2) glow: f32 }
+struct VertexInput { @location(0) position: vec3<f32>, @location(1) normal: vec3<f32>, \
+    @location(2) uv: vec2<f32> }
+struct VertexOutput { @builtin(position) clip: vec4<f32>, @location(0) normal: vec3<f32>, \
+    @location(1) uv: vec2<f32>, @location(2) glow: f32 }
 fn noise(p: vec3<f32>) -> f32 {
     var sum = 0.0;
     for (var i = 0; i < 8; i++) { sum += sin(p.x * f32(i)) * light.w; }
@@ -179,7 +181,8 @@ fn a_loop_that_decides_nothing_is_gone_unless_termination_is_preserved() {
 #[test]
 fn a_switch_that_falls_through_keeps_the_cases_it_comes_from() {
     // WGSL has no fall-through: the flag is set in the IR.
-    let source = "@fragment fn fs(@location(0) @interpolate(flat) k: i32, @location(1) x: f32) -> @location(0) f32 {
+    let source = "@fragment fn fs(@location(0) @interpolate(flat) k: i32, @location(1) x: f32) -> \
+                  @location(0) f32 {
         var a = 0.0; var b = 0.0;
         switch k {
             case 0: { a = x; b = sin(x); }
@@ -347,14 +350,17 @@ fn the_hash_does_not_see_names_or_unrelated_code() {
         slice::backward(&graph, entry, &[Criterion::Output(OutputFilter::All)]).hash(&graph)
     };
     let one = hash(
-        "@fragment fn fs(@location(0) x: f32) -> @location(0) f32 { let y = x * 2.0; return y + 1.0; }",
+        "@fragment fn fs(@location(0) x: f32) -> @location(0) f32 { let y = x * 2.0; \
+         return y + 1.0; }",
     );
     let other = hash(
         "struct Unused { a: mat4x4<f32> } fn unused(u: Unused) -> f32 { return u.a[0].x; }
-        @fragment fn fs(@location(0) value: f32) -> @location(0) f32 { var dead = sin(value); return value * 2.0 + 1.0; }",
+        @fragment fn fs(@location(0) value: f32) -> @location(0) f32 { var dead = sin(value); \
+            return value * 2.0 + 1.0; }",
     );
     let changed = hash(
-        "@fragment fn fs(@location(0) x: f32) -> @location(0) f32 { let y = x * 2.5; return y + 1.0; }",
+        "@fragment fn fs(@location(0) x: f32) -> @location(0) f32 { let y = x * 2.5; \
+         return y + 1.0; }",
     );
     assert_eq!(one.len(), 16);
     assert_eq!(one, other);
@@ -388,7 +394,8 @@ fn discards_are_taken_out_of_callees_too() {
     let program = common::program(
         "fn clip(a: f32) -> f32 { if a < 0.5 { discard; } return a; }
         fn other(a: f32) -> f32 { return a; }
-        @fragment fn fs(@location(0) a: f32) -> @location(0) f32 { if a > 2.0 { discard; } return clip(a) + other(a); }",
+        @fragment fn fs(@location(0) a: f32) -> @location(0) f32 { if a > 2.0 { \
+            discard; } return clip(a) + other(a); }",
     );
     let module = place::without_discard(program.module(), 0);
     let module = place::retain(&module, &[(ShaderStage::Fragment, "fs")]);
@@ -435,8 +442,10 @@ fn a_prologue_stands_before_all_else() {
 #[test]
 fn retaining_drops_constants_nobody_uses() {
     let text = discard(
-        "const LIMIT = 0.5f; const BRIGHT = vec3<f32>(1.0, 2.0, 3.0); const COUNT: u32 = 3u; const TWICE: u32 = COUNT * 2u;
-        @fragment fn fs(@location(0) x: vec4<f32>, @location(1) @interpolate(flat) n: u32) -> @location(0) vec4<f32> {
+        "const LIMIT = 0.5f; const BRIGHT = vec3<f32>(1.0, 2.0, 3.0); const COUNT: u32 = 3u; \
+         const TWICE: u32 = COUNT * 2u;
+        @fragment fn fs(@location(0) x: vec4<f32>, @location(1) @interpolate(flat) n: u32) -> \
+            @location(0) vec4<f32> {
             if x.w < LIMIT { discard; }
             return vec4(x.rgb * BRIGHT, f32(n + TWICE));
         }",

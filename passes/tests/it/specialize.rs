@@ -16,10 +16,13 @@ struct Material { flags: u32, fog: f32, lights: u32, coat: f32, color: vec4<f32>
 @group(0) @binding(2) var map_sampler: sampler;
 const NORMAL: u32 = 1u;
 const CUTOUT: u32 = 2u;
-struct Varyings { @builtin(position) position: vec4<f32>, @location(0) normal: vec3<f32>, @location(1) uv: vec2<f32>, @location(2) distance: f32 }
+struct Varyings { @builtin(position) position: vec4<f32>, @location(0) normal: vec3<f32>, \
+    @location(1) uv: vec2<f32>, @location(2) distance: f32 }
 fn has(flag: u32) -> bool { return (material.flags & flag) != 0u; }
-fn light(n: vec3<f32>, i: u32) -> f32 { return max(dot(n, normalize(vec3(f32(i), 1.0, 0.5))), 0.0); }
-@vertex fn vs(@location(0) position: vec3<f32>, @location(1) normal: vec3<f32>, @location(2) uv: vec2<f32>) -> Varyings {
+fn light(n: vec3<f32>, i: u32) -> f32 { return max(dot(n, normalize(vec3(f32(i), 1.0, 0.5))), \
+    0.0); }
+@vertex fn vs(@location(0) position: vec3<f32>, @location(1) normal: vec3<f32>, \
+    @location(2) uv: vec2<f32>) -> Varyings {
     return Varyings(vec4(position, 1.0), normal, uv, length(position));
 }
 @fragment fn fs(in: Varyings) -> @location(0) vec4<f32> {
@@ -28,7 +31,8 @@ fn light(n: vec3<f32>, i: u32) -> f32 { return max(dot(n, normalize(vec3(f32(i),
     if has(CUTOUT) && material.color.a < 0.5 { discard; }
     var sum = vec3(0.0);
     for (var i = 0u; i < material.lights; i++) { sum += light(n, i) * material.color.rgb; }
-    switch material.mode { case 1: { sum = sum.zyx; } case 2: { sum *= 2.0; } default: { sum += 0.1; } }
+    switch material.mode { case 1: { sum = sum.zyx; } case 2: { sum *= 2.0; } default: { \
+        sum += 0.1; } }
     sum = mix(sum, vec3(1.0), material.coat);
     if material.fog > 0.0 { sum = mix(sum, vec3(0.5), 1.0 - exp(-material.fog * in.distance)); }
     return vec4(sum, material.color.a);
@@ -292,10 +296,12 @@ fn what_was_folded_in_a_function_is_assumed_wherever_it_is_called() {
     // A loop is tried, and given up: what its turn called stays folded.
     let f = "fn f() -> f32 { if u.k == 0u { return 0.25; } return u.v.x; }
 fn g() -> f32 { return f() + f(); }";
-    let given_up = "var c = 0.0; for (var i = 0; i < i32(p.x); i++) { c += g(); } if u.other == 0u { c *= u.v.y; } return vec4(c);";
+    let given_up = "var c = 0.0; for (var i = 0; i < i32(p.x); i++) { \
+                    c += g(); } if u.other == 0u { c *= u.v.y; } return vec4(c);";
     let plan = specialized(&original(&material(f, given_up)), &set("k=0+other=0")).unwrap();
     assert_eq!(assumed(&plan), ["u.k", "u.other"]);
-    let nested = "var s = 0.0; for (var i = 0u; i < u.index; i++) { for (var j = 0u; j < u32(p.x); j++) { if j == 3u { continue; } s += f(); } } return u.v * s;";
+    let nested = "var s = 0.0; for (var i = 0u; i < u.index; i++) { for (var j = 0u; j < u32(p.x); \
+                  j++) { if j == 3u { continue; } s += f(); } } return u.v * s;";
     let plan = specialized(&original(&material(f, nested)), &set("k=0+index=2")).unwrap();
     assert_eq!(assumed(&plan), ["u.k", "u.index"]);
     // It is all that folds.
@@ -395,7 +401,8 @@ struct U {{ {halves}, b: f32, c: f32, k: vec4<f32> }}
 
 #[test]
 fn where_a_store_goes_is_assumed() {
-    let body = "var a: array<u32, 4>; a[3] = u.k; a[u.index] = 0u; if a[3] == 1u { return u.v; } return vec4(0.5);";
+    let body = "var a: array<u32, 4>; a[3] = u.k; a[u.index] = 0u; if a[3] == 1u { \
+                return u.v; } return vec4(0.5);";
     let plan = original(&material("", body));
     // Within bounds it is decided, and beyond them anything may be written.
     for index in [1, 3] {
@@ -421,8 +428,10 @@ fn a_matrix_of_ones_is_not_1() {
 
 #[test]
 fn a_loop_may_lose_its_last_break() {
-    let endless = "var s = 0u; loop { s += 1u; if u.k == 3u { break; } if s > 100u { return vec4(1.0); } } return u.v;";
-    let called = "fn h(x: f32) -> f32 { for (var i = 0u; ; i++) { if u.k == 3u && i == 4u { break; } if f32(i) > x { return f32(i); } } return 0.0; }";
+    let endless = "var s = 0u; loop { s += 1u; if u.k == 3u { break; } if s > 100u { \
+                   return vec4(1.0); } } return u.v;";
+    let called = "fn h(x: f32) -> f32 { for (var i = 0u; ; i++) { if u.k == 3u && i == 4u { \
+                  break; } if f32(i) > x { return f32(i); } } return 0.0; }";
     for (functions, body) in [("", endless), (called, "return u.v * h(p.x);")] {
         let plan = original(&material(functions, body));
         let next = specialized(&plan, &set("k=2")).unwrap();
@@ -491,8 +500,10 @@ struct A { k: u32, c: vec4<f32> }
 struct B { f: f32, c: vec4<f32> }
 @group(0) @binding(0) var<uniform> a: A;
 @group(0) @binding(0) var<uniform> b: B;
-@vertex fn vs(@location(0) p: vec4<f32>) -> @builtin(position) vec4<f32> { if b.f > 2.0 { return p * 2.0; } return p; }
-@fragment fn fs(@location(0) p: vec4<f32>) -> @location(0) vec4<f32> { if a.k == 1065353216u { return a.c; } return p; }";
+@vertex fn vs(@location(0) p: vec4<f32>) -> @builtin(position) vec4<f32> { if b.f > 2.0 { \
+    return p * 2.0; } return p; }
+@fragment fn fs(@location(0) p: vec4<f32>) -> @location(0) vec4<f32> { if a.k == 1065353216u { \
+    return a.c; } return p; }";
     let plan = original(source);
     let one = specialized(&plan, &set("a.k=1")).unwrap();
     assert!(text(&one).contains("> 2f"), "{}", text(&one));

@@ -41,8 +41,10 @@ fn refused(source: &str) -> Box<Refusal> {
 const WAVES: &str = "
 struct Scene { clip: mat4x4<f32>, tint: vec3<f32>, time: f32 }
 @group(0) @binding(0) var<uniform> scene: Scene;
-struct VertexInput { @location(0) position: vec3<f32>, @location(2) uv: vec2<f32>, @builtin(instance_index) instance: u32 }
-struct VertexOutput { @builtin(position) position: vec4<f32>, @location(0) world: vec3<f32>, @location(1) uv: vec2<f32>, @location(2) @interpolate(flat) kind: u32 }
+struct VertexInput { @location(0) position: vec3<f32>, @location(2) uv: vec2<f32>, \
+    @builtin(instance_index) instance: u32 }
+struct VertexOutput { @builtin(position) position: vec4<f32>, @location(0) world: vec3<f32>, \
+    @location(1) uv: vec2<f32>, @location(2) @interpolate(flat) kind: u32 }
 @vertex fn vs(in: VertexInput, @location(3) kind: vec4<u32>) -> VertexOutput {
     var out: VertexOutput;
     out.position = scene.clip * vec4(in.position, 1.0) + f32(in.instance);
@@ -52,7 +54,8 @@ struct VertexOutput { @builtin(position) position: vec4<f32>, @location(0) world
     return out;
 }
 @fragment fn fs(in: VertexOutput) -> @location(0) vec4<f32> {
-    let waves = sin(in.world.x * 3.0) * cos(in.world.y * 5.0) * sin(in.world.z + scene.time) + exp(sin(in.world.x)) * sin(in.world.y);
+    let waves = sin(in.world.x * 3.0) * cos(in.world.y * 5.0) * sin(in.world.z + scene.time) + \
+        exp(sin(in.world.x)) * sin(in.world.y);
     return vec4(scene.tint * waves + fwidth(in.uv.x) + f32(in.kind), 1.0);
 }
 ";

@@ -107,8 +107,10 @@ fn a_callee_is_trimmed_by_its_name() {
             for (var i = 0; i < 4; i++) { sum += weight * sin(p * f32(i)); weight *= 0.5; }
             return sum;
         }
-        fn march(p: f32) -> f32 { var t = p; for (var i = 0; i < 8; i++) { t += cos(t); } return t; }
-        @fragment fn fs(@location(0) p: f32) -> @location(0) vec4<f32> { return vec4(octaves(p) + march(p)); }",
+        fn march(p: f32) -> f32 { var t = p; for (var i = 0; i < 8; i++) { \
+            t += cos(t); } return t; }
+        @fragment fn fs(@location(0) p: f32) -> @location(0) vec4<f32> { \
+            return vec4(octaves(p) + march(p)); }",
     );
     let one = trimmed(&plan, &params(1, Some("octaves"))).unwrap();
     assert!(
@@ -145,7 +147,8 @@ fn a_callee_is_trimmed_by_its_name() {
 #[test]
 fn without_a_budget_nothing_goes() {
     let plan = original(
-        "@fragment fn fs() -> @location(0) vec4<f32> { var s = 0.0; for (var i = 0; i < 4; i++) { s += 1.0; } return vec4(s); }",
+        "@fragment fn fs() -> @location(0) vec4<f32> { var s = 0.0; for (var i = 0; i < 4; i++) { \
+         s += 1.0; } return vec4(s); }",
     );
     let error = trimmed(&plan, &Params::default()).unwrap_err();
     assert!(error.contains("no-budget"), "{error}");
@@ -173,8 +176,10 @@ fn what_decides_more_than_a_colour_stays() {
     assert!(loops("", "for (var i = 0; f32(i) < x; i++) { s += 1.0; }").contains("no number"));
     assert!(loops("", "for (var i = 0; i < 1; i++) { s += 1.0; }").contains("one turn"));
     let shared = reason(
-        "fn wave(x: f32) -> f32 { var s = x; for (var i = 0; i < 4; i++) { s += sin(s); } return s; }
-        @vertex fn other(@location(0) p: f32) -> @builtin(position) vec4<f32> { return vec4(wave(p)); }
+        "fn wave(x: f32) -> f32 { var s = x; for (var i = 0; i < 4; i++) { \
+         s += sin(s); } return s; }
+        @vertex fn other(@location(0) p: f32) -> @builtin(position) vec4<f32> { \
+            return vec4(wave(p)); }
         @fragment fn fs(@location(0) x: f32) -> @location(0) vec4<f32> { return vec4(wave(x)); }",
     );
     assert!(shared.contains("vertex stage"), "{shared}");
@@ -227,7 +232,8 @@ fn a_loop_over_the_scene_stays_unless_its_turns_ebb_away() {
         );
     }
     // Of a loop within, which may be cut, what shrinks says nothing of the one around it.
-    let term = "weight = 1.0; for (var k = 0; k < 3; k++) { weight *= 0.5; sum += weight * sin(x * f32(k)); } sum += scene.lights[i].color.x;";
+    let term = "weight = 1.0; for (var k = 0; k < 3; k++) { weight *= 0.5; \
+                sum += weight * sin(x * f32(k)); } sum += scene.lights[i].color.x;";
     let inner = trimmed(&original(&body(term)), &params(1, None)).unwrap();
     let inner = text(&inner);
     assert!(inner.contains("< 4i") && inner.contains("< 2i"), "{inner}");

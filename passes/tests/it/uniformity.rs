@@ -83,7 +83,8 @@ fn cases_of_others() {
         }
     }
     println!(
-        "{} uniform and {} not, as they say; {} stricter: {stricter:?}; {} missed: {missed:?}; {unread} that naga does not read",
+        "{} uniform and {} not, as they say; {} stricter: {stricter:?}; {} missed: {missed:?}; \
+         {unread} that naga does not read",
         agreed[0],
         agreed[1],
         stricter.len(),

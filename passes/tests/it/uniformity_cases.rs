@@ -408,7 +408,8 @@ pub const CASES: &[Case] = &[
         MayBeNonUniform,
         "loops: in the continuing part, behind a continue of the fragment",
         "",
-        "var i = 0; loop { if v > f32(i) { continue; } out += 1.0; continuing { out += dpdx(v); i++; break if i > 3; } }",
+        "var i = 0; loop { if v > f32(i) { continue; } out += 1.0; continuing { out += dpdx(v); \
+         i++; break if i > 3; } }",
     ),
     case(
         Uniform,
@@ -438,19 +439,22 @@ pub const CASES: &[Case] = &[
         Uniform,
         "loops: a value that is the fragment's for a while",
         "",
-        "var x = 0.0; for (var i = 0; i < 4; i++) { x = v; out += x; x = u.x; if x > 0.5 { out += dpdx(v); } }",
+        "var x = 0.0; for (var i = 0; i < 4; i++) { x = v; out += x; x = u.x; if x > 0.5 { \
+         out += dpdx(v); } }",
     ),
     case(
         Uniform,
         "loops: one within another, of turns of the fragment",
         "",
-        "for (var i = 0; i < 4; i++) { for (var j = 0; j < n; j++) { out += 1.0; } out += dpdx(v); }",
+        "for (var i = 0; i < 4; i++) { for (var j = 0; j < n; j++) { \
+         out += 1.0; } out += dpdx(v); }",
     ),
     case(
         MayBeNonUniform,
         "loops: a value set ahead of a break of the fragment",
         "",
-        "var x = 0.0; loop { if v > 0.5 { x = 1.0; break; } break; } if x > 0.5 { out += dpdx(v); }",
+        "var x = 0.0; loop { if v > 0.5 { x = 1.0; break; } break; } if x > 0.5 { \
+         out += dpdx(v); }",
     ),
     case(
         Uniform,
@@ -486,13 +490,15 @@ pub const CASES: &[Case] = &[
         Uniform,
         "switch: a break of the fragment, behind the switch",
         "",
-        "switch i32(u.x) { case 1: { if v > 0.5 { break; } out = 1.0; } default: { } } out += dpdx(v);",
+        "switch i32(u.x) { case 1: { if v > 0.5 { break; } out = 1.0; } default: { } } out += \
+         dpdx(v);",
     ),
     case(
         MayBeNonUniform,
         "switch: a value of the case",
         "",
-        "var x = 0.0; switch n { case 1: { x = 1.0; } default: { x = 2.0; } } if x > 1.0 { out += dpdx(v); }",
+        "var x = 0.0; switch n { case 1: { x = 1.0; } default: { x = 2.0; } } if x > 1.0 { \
+         out += dpdx(v); }",
     ),
     case(
         MayBeNonUniform,
@@ -551,7 +557,8 @@ pub const CASES: &[Case] = &[
     case(
         MayBeNonUniform,
         "calls: of what calls what needs it",
-        "fn slope(x: f32) -> f32 { return dpdx(x); } fn twice(x: f32) -> f32 { return slope(x) + slope(2.0 * x); }",
+        "fn slope(x: f32) -> f32 { return dpdx(x); } fn twice(x: f32) -> f32 { \
+         return slope(x) + slope(2.0 * x); }",
         "if v > 0.5 { out = twice(v); }",
     ),
     case(
@@ -623,13 +630,15 @@ pub const CASES: &[Case] = &[
     case(
         Uniform,
         "pointers: what is pointed to decides, and is uniform",
-        "fn decided(by: ptr<function, f32>, x: f32) -> f32 { if *by > 0.5 { return dpdx(x); } return x; }",
+        "fn decided(by: ptr<function, f32>, x: f32) -> f32 { if *by > 0.5 { \
+         return dpdx(x); } return x; }",
         "var x = u.x; out = decided(&x, v);",
     ),
     case(
         MayBeNonUniform,
         "pointers: what is pointed to decides, and is the fragment's",
-        "fn decided(by: ptr<function, f32>, x: f32) -> f32 { if *by > 0.5 { return dpdx(x); } return x; }",
+        "fn decided(by: ptr<function, f32>, x: f32) -> f32 { if *by > 0.5 { \
+         return dpdx(x); } return x; }",
         "var x = v; out = decided(&x, v);",
     ),
     case(
@@ -659,7 +668,8 @@ pub const CASES: &[Case] = &[
     case(
         MayBeNonUniform,
         "pointers: passed on",
-        "fn put(to: ptr<function, f32>, x: f32) { *to = x; } fn through(to: ptr<function, f32>, x: f32) { put(to, x); }",
+        "fn put(to: ptr<function, f32>, x: f32) { *to = x; } fn through(to: ptr<function, f32>, x: \
+         f32) { put(to, x); }",
         "var x = u.x; through(&x, v); if x > 0.5 { out += dpdx(v); }",
     ),
     case(

@@ -22,16 +22,19 @@ struct Material { fog: f32, octaves: i32, tint: vec3<f32> }
 @group(0) @binding(1) var<uniform> material: Material;
 @group(1) @binding(0) var picture: texture_2d<f32>;
 @group(1) @binding(1) var filtering: sampler;
-struct Varyings { @builtin(position) position: vec4<f32>, @location(0) world: vec3<f32>, @location(1) normal: vec3<f32>, @location(2) uv: vec2<f32> }
+struct Varyings { @builtin(position) position: vec4<f32>, @location(0) world: vec3<f32>, \
+    @location(1) normal: vec3<f32>, @location(2) uv: vec2<f32> }
 var<private> wear: f32;
 fn put(to: ptr<function, f32>, x: f32) { *to = x - 0.25; wear = wear + x; }
 fn waves(p: vec3<f32>) -> f32 {
     var sum = 0.0;
     var weight = 0.5;
-    for (var i = 0; i < 3; i += 1) { sum += weight * sin(p.x * 3.0 - p.y * 1.5 + p.z); weight *= 0.5; }
+    for (var i = 0; i < 3; i += 1) { sum += weight * sin(p.x * 3.0 - p.y * 1.5 + p.z); \
+        weight *= 0.5; }
     return sum;
 }
-@vertex fn vs(@location(0) position: vec3<f32>, @location(1) normal: vec3<f32>, @location(2) uv: vec2<f32>) -> Varyings {
+@vertex fn vs(@location(0) position: vec3<f32>, @location(1) normal: vec3<f32>, \
+    @location(2) uv: vec2<f32>) -> Varyings {
     var out: Varyings;
     let moved = vec4(position + vec3(0.0, 0.1 * sin(position.x - 0.5), 0.0), 1.0);
     out.position = camera.view_projection * moved;
@@ -380,7 +383,8 @@ fn stores_are_promised_too() {
     let source = "
 @group(0) @binding(0) var<storage, read_write> seen: array<f32, 4>;
 @vertex fn vs(@location(0) p: vec4<f32>) -> @builtin(position) vec4<f32> { return p; }
-@fragment fn fs(@builtin(position) p: vec4<f32>) -> @location(0) vec4<f32> { seen[1] = p.x; return p; }";
+@fragment fn fs(@builtin(position) p: vec4<f32>) -> @location(0) vec4<f32> { seen[1] = p.x; \
+    return p; }";
     let original = plan(source);
     let checks = validate(&original, &original, &EFFORT);
     assert!(
@@ -463,8 +467,10 @@ fn a_fragment_stage_made_for_varyings_that_are_known_is_not_asked_of_others() {
     let original = plan(
         "struct Tiling { scale: f32, bias: f32 }
 @group(0) @binding(0) var<uniform> tiling: Tiling;
-struct Varyings { @builtin(position) position: vec4<f32>, @location(0) at: vec2<f32>, @location(1) lit: f32 }
-@vertex fn vs(@location(0) p: vec3<f32>) -> Varyings { return Varyings(vec4(p, 1.0), vec2(tiling.scale), p.z); }
+struct Varyings { @builtin(position) position: vec4<f32>, @location(0) at: vec2<f32>, \
+    @location(1) lit: f32 }
+@vertex fn vs(@location(0) p: vec3<f32>) -> Varyings { \
+    return Varyings(vec4(p, 1.0), vec2(tiling.scale), p.z); }
 @fragment fn fs(in: Varyings) -> @location(0) vec4<f32> {
     if in.at.x > 0.5 { return vec4(in.lit); }
     return vec4(in.lit * 0.5);
@@ -538,7 +544,8 @@ struct Material { fog: f32, sharper: f32 }
 @group(1) @binding(0) var picture: texture_2d<f32>;
 @group(1) @binding(1) var filtering: sampler;
 struct Varyings { @builtin(position) position: vec4<f32>, @location(0) uv: vec2<f32> }
-@vertex fn vs(@location(0) position: vec3<f32>, @location(1) uv: vec2<f32>) -> Varyings { return Varyings(vec4(position, 1.0), uv); }
+@vertex fn vs(@location(0) position: vec3<f32>, @location(1) uv: vec2<f32>) -> Varyings { \
+    return Varyings(vec4(position, 1.0), uv); }
 @fragment fn fs(in: Varyings) -> @location(0) vec4<f32> {
     let texel = SAMPLE;
     if material.fog > 0.0 { return vec4(mix(texel.rgb, vec3(0.7), material.fog), 1.0); }
@@ -612,7 +619,8 @@ fn named_levels_are_looked_at() {
 fn every_vertex_index_is_tried() {
     let text = "@vertex fn vs(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4<f32> {
         let far = f32(vertex / 3u);
-        return vec4(f32(vertex % 3u) * 2.0 - 1.0, select(-1.0, 3.0, vertex == 1u), far * 0.125, 1.0);
+        return vec4(f32(vertex % 3u) * 2.0 - 1.0, select(-1.0, 3.0, vertex == 1u), far * 0.125, \
+            1.0);
     }
     @fragment fn fs(@builtin(position) p: vec4<f32>) -> @location(0) vec4<f32> { return p; }";
     let original = plan(text);

@@ -85,19 +85,29 @@ fn notes(stages: &[GlslStage<'_>], clip: ClipSpace) -> Vec<String> {
     let mut out = Vec::new();
     match clip {
         ClipSpace::OpenGl => {
-            let uses = |s: &GlslStage<'_>, words: &[&str]| words.iter().any(|w| s.used.contains(*w));
+            let uses =
+                |s: &GlslStage<'_>, words: &[&str]| words.iter().any(|w| s.used.contains(*w));
             let Some(stage) = fragment.next() else {
                 return out;
             };
             if uses(stage, &[FRAG_COORD_Y]) && !stage.origin_upper_left {
-                out.push("`gl_FragCoord.y` counts rows from the bottom in OpenGL and from the top in WGSL and SPIR-V: values that depend on it are upside down there".to_owned());
+                out.push(
+                    "`gl_FragCoord.y` counts rows from the bottom in OpenGL and from the top in \
+                     WGSL and SPIR-V: values that depend on it are upside down there"
+                        .to_owned(),
+                );
             }
             if uses(stage, &["dFdy", "dFdyFine", "dFdyCoarse"]) {
-                out.push("`dFdy` points up in OpenGL and down in WGSL and SPIR-V: it has the opposite sign there".to_owned());
+                out.push(
+                    "`dFdy` points up in OpenGL and down in WGSL and SPIR-V: it has the opposite \
+                     sign there"
+                        .to_owned(),
+                );
             }
         }
         ClipSpace::AsWritten if stages.iter().any(|s| s.unit.asks_for_vulkan) => out.push(
-            "the text tests `VULKAN`, which is only defined with `--clip zero-to-one`; define it by `--define VULKAN=100`"
+            "the text tests `VULKAN`, which is only defined with `--clip zero-to-one`; \
+             define it by `--define VULKAN=100`"
                 .to_owned(),
         ),
         ClipSpace::AsWritten => {}

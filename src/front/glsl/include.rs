@@ -81,8 +81,8 @@ impl Files {
     /// Reads a regular file within the size limit.
     pub fn text(&self, found: &Path) -> io::Result<String> {
         let bytes = regular::bytes(found, &self.limits, "source-bytes").map_err(|e| match e {
-            regular::Error::Io(e) => e,
-            regular::Error::TooLarge(e) => refused(e.to_string()),
+            regular::ReadError::Io(e) => e,
+            regular::ReadError::TooLarge(e) => refused(e.to_string()),
             other => refused(format!("{}: {other}", found.display())),
         })?;
         // Comments may have any encoding. The parser rejects invalid characters elsewhere.

@@ -352,6 +352,12 @@ impl Interface {
                 }
             }
         }
+        self.place(waiting, &mut taken);
+        Ok(())
+    }
+
+    /// Gives free bindings to the resources without one of their own, each in its set.
+    fn place(&mut self, waiting: Vec<(Waiting, u32)>, taken: &mut HashSet<BindingSlot>) {
         let mut next = |set: u32| {
             let mut slot = (set, 0);
             while !taken.insert(slot) {
@@ -380,7 +386,6 @@ impl Interface {
                 }
             }
         }
-        Ok(())
     }
 
     fn attributes(&mut self, stages: &[GlslStage<'_>]) -> Result<(), Error> {

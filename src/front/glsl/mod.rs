@@ -6,8 +6,8 @@
 //!
 //! `preprocess` runs directives and macros; `syntax` parses; `stage` collects a stage's
 //! declarations; `interface` assigns bindings and locations to both stages; `declared` records the
-//! author's own; `lower` prints; `source_marks` maps the printed text to the source, and `map_spans` applies
-//! that map to the module. `gather_functions` adds gathers to the IR.
+//! author's own; `lower` prints; `source_marks` maps the printed text to the source, and
+//! `map_spans` applies that map to the module. `gather_functions` adds gathers to the IR.
 
 mod constant;
 mod declared;

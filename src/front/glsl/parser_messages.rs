@@ -115,7 +115,8 @@ mod tests {
     fn no_handle_and_no_rust_comes_through() {
         for (text, says) in [
             (
-                "Cannot apply operation to Pointer { base: [43], space: Function } and Scalar(Scalar { kind: Float, width: 4 })",
+                "Cannot apply operation to Pointer { base: [43], space: Function } and \
+                 Scalar(Scalar { kind: Float, width: 4 })",
                 "does not accept values",
             ),
             (

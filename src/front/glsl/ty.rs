@@ -621,8 +621,8 @@ impl Structs {
         }
     }
 
-    /// Marks structs as `in_uniform_block` that naga always lays out as in a block: those with arrays of
-    /// small elements or two-row matrices.
+    /// Marks structs as `in_uniform_block` that naga always lays out as in a block: those with
+    /// arrays of small elements or two-row matrices.
     pub(super) fn mark_small_elements(&mut self) {
         for of in self.by_name.values_mut().filter(|of| !of.tight) {
             of.in_uniform_block |= of.members.iter().any(|m| {

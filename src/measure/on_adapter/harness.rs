@@ -19,8 +19,8 @@ use preshade_passes::place;
 use preshade_passes::reflect::{self, Io};
 use preshade_passes::validate::elsewhere::Draw;
 use preshade_passes::validate::levels::Levels;
-use preshade_passes::validate::stage::{Kind, Slot, Stage, kind};
-use preshade_passes::validate::world::{Place, Stages};
+use preshade_passes::validate::stage::{Slot, Stage, VaryingKind, kind};
+use preshade_passes::validate::world::{PassStages, TestPoint};
 
 use super::body::{Body, WORD, private, ty};
 use super::rewrite::{Ours, rewritten};
@@ -42,7 +42,7 @@ pub enum Given {
     /// Derivatives of a unit, along x and y.
     Slopes,
     /// Weights of the corners.
-    Weights(Kind),
+    Weights(VaryingKind),
 }
 
 /// A compute stage and the layout of its words.
@@ -50,7 +50,7 @@ pub struct Harness {
     /// With an entry point [`ENTRY`] of one invocation a workgroup.
     pub module: Module,
     /// The stage under test.
-    pub at: Place,
+    pub at: TestPoint,
     /// The stages, which the types of inputs and outputs are of.
     pub source: Module,
     /// The layout of a draw's input words.
@@ -78,13 +78,17 @@ struct Making {
 /// # Errors
 ///
 /// The operation that a compute stage does not support, in words.
-pub fn harness(stages: Stages<'_>, at: Place, levels: &Arc<Levels>) -> Result<Harness, String> {
+pub fn harness(
+    stages: PassStages<'_>,
+    at: TestPoint,
+    levels: &Arc<Levels>,
+) -> Result<Harness, String> {
     let entry = |stage: Stage<'_>| {
         let entry = &stage.module().entry_points[stage.entry];
         (entry.stage, entry.name.clone())
     };
-    let fragment = stages.fragment.filter(|_| at != Place::Vertex);
-    let vertex = (at != Place::Anywhere).then_some(stages.vertex);
+    let fragment = stages.fragment.filter(|_| at != TestPoint::Vertex);
+    let vertex = (at != TestPoint::Anywhere).then_some(stages.vertex);
     let wanted: Vec<_> = vertex.into_iter().chain(fragment).map(entry).collect();
     let wanted: Vec<_> = wanted.iter().map(|(s, n)| (*s, n.as_str())).collect();
     let source = place::retain(stages.vertex.module(), &wanted);
@@ -286,7 +290,7 @@ impl Making {
         source: Module,
         (vertex, fragment, reset): (Option<Stagelike>, Option<Stagelike>, Handle<Function>),
         ours: &Ours,
-        at: Place,
+        at: TestPoint,
     ) -> Result<Harness, String> {
         let id = ty(
             &mut self.made,
@@ -318,9 +322,9 @@ impl Making {
             words_in: &mut self.words_in,
         };
         let corners: &[usize] = match at {
-            Place::Vertex => &[0],
-            Place::Corner(_) | Place::Inside => &[0, 1, 2],
-            Place::Anywhere => &[],
+            TestPoint::Vertex => &[0],
+            TestPoint::Corner(_) | TestPoint::Inside => &[0, 1, 2],
+            TestPoint::Anywhere => &[],
         };
         let mut ran = Vec::new();
         if let Some(vertex) = vertex {
@@ -461,7 +465,7 @@ impl Writing<'_, '_> {
         &mut self,
         (stage, vertex): (Stagelike, Option<Stagelike>),
         corners: &[Option<Handle<Expression>>],
-        at: Place,
+        at: TestPoint,
     ) -> Result<Option<Handle<Expression>>, String> {
         let outputs = vertex.map_or_else(Vec::new, |v| {
             reflect::outputs(self.source, v.old(self.source))
@@ -469,7 +473,7 @@ impl Writing<'_, '_> {
         let is_struct = vertex.is_some_and(|v| is_struct(v.old(self.source)));
         self.call(stage, |this, io| {
             let own = matches!(io.binding, Some(Binding::BuiltIn(_)));
-            if own || at == Place::Anywhere {
+            if own || at == TestPoint::Anywhere {
                 let ty = io.ty;
                 return this.read(Given::Fragment(io), ty);
             }
@@ -499,7 +503,7 @@ impl Writing<'_, '_> {
             );
             match at {
                 _ if is_flat => Ok(corner(0)?),
-                Place::Corner(i) => Ok(corner(i)?),
+                TestPoint::Corner(i) => Ok(corner(i)?),
                 _ => {
                     let kind = kind(binding).ok_or("an input has no kind")?;
                     this.between([corner(0)?, corner(1)?, corner(2)?], kind)
@@ -511,7 +515,7 @@ impl Writing<'_, '_> {
     fn between(
         &mut self,
         corners: [Handle<Expression>; 3],
-        kind: Kind,
+        kind: VaryingKind,
     ) -> Result<Handle<Expression>, String> {
         let scalar = Scalar::F32;
         let size = VectorSize::Tri;
@@ -626,7 +630,7 @@ pub fn words(harness: &Harness, draw: &Draw<'_>) -> Result<Vec<u32>, String> {
             Given::Resource(at) => draw.inputs.resources.get(at).cloned(),
             Given::Attribute(io, corner) => {
                 let corner = match harness.at {
-                    Place::Vertex => draw.inputs.corner(),
+                    TestPoint::Vertex => draw.inputs.corner(),
                     _ => *corner,
                 };
                 draw.inputs.attribute(&harness.source, io, corner)

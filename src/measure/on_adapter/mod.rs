@@ -16,7 +16,7 @@ use std::sync::Arc;
 use preshade_passes::plan::Plan;
 use preshade_passes::validate::elsewhere::{Draw, Runner};
 use preshade_passes::validate::stage::Ran;
-use preshade_passes::validate::world::{Place, Stages};
+use preshade_passes::validate::world::{PassStages, TestPoint};
 use preshade_passes::validate::{self, Check, Effort};
 
 use crate::render::Gpu;
@@ -34,12 +34,12 @@ pub struct OnAdapter<'a>(pub &'a Gpu);
 impl Runner for OnAdapter<'_> {
     fn run(
         &self,
-        stages: Stages<'_>,
-        place: Place,
+        stages: PassStages<'_>,
+        place: TestPoint,
         draws: &[Draw<'_>],
     ) -> Result<Vec<Ran>, String> {
         // Nothing is drawn but depth.
-        if stages.fragment.is_none() && place != Place::Vertex {
+        if stages.fragment.is_none() && place != TestPoint::Vertex {
             return Ok(draws.iter().map(|_| nothing()).collect());
         }
         // Those of a pair are the same in all its inputs.

@@ -91,7 +91,7 @@ pub struct VariantReport {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub junctions: Vec<Junction>,
     /// Materials of the scene that this variant draws as their author wrote them, and why.
-    pub kept: Vec<Kept>,
+    pub kept: Vec<KeptMaterial>,
     /// Each camera path with several timed frames.
     pub by_path: Vec<PathTime>,
     /// Each camera, frame and order.
@@ -112,7 +112,7 @@ pub struct SelfTestReport {
 
 /// A material that a variant leaves alone, wholly or in part.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Kept {
+pub struct KeptMaterial {
     /// Material.
     pub material: String,
     /// The skipped step, if other steps changed the material.

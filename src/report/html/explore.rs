@@ -7,7 +7,7 @@ use preshade_passes::pass::Frequency;
 use super::chart::{self, Chart};
 use super::section::{Cameras, Section, section};
 use super::words::{self, or_dash};
-use super::{Error, Gallery, Shell, data, diff};
+use super::{Gallery, PageError, Shell, data, diff};
 use crate::measure::EffectUse;
 use crate::measure::record::{Choice, VariantReport};
 use crate::report::frontier;
@@ -56,7 +56,7 @@ const MOST_VALUES: usize = 40;
 /// # Errors
 ///
 /// A picture that cannot be encoded.
-pub fn page(found: &Explored, scene: &Scene, effects: &[EffectUse]) -> Result<String, Error> {
+pub fn page(found: &Explored, scene: &Scene, effects: &[EffectUse]) -> Result<String, PageError> {
     let exploration = &found.exploration;
     let report = exploration.report.as_ref();
     let variants = report.map_or(&[][..], |r| &r.variants);

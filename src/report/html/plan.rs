@@ -6,8 +6,8 @@ use askama::Template;
 use super::range::{Scale, Strip};
 use super::section::{Cameras, Section, section};
 use super::words::{self, DASH, or_dash};
-use super::{Error, Gallery, Shell, data, diff};
-use crate::measure::{EffectUse, Outcome, Variant};
+use super::{Gallery, PageError, Shell, data, diff};
+use crate::measure::{EffectUse, Variant, Verified};
 use crate::report::decision as table;
 use crate::report::frontier;
 use crate::report::plain::plain;
@@ -72,7 +72,7 @@ pub struct Redrawn<'a> {
     /// The plans.
     pub variants: &'a [Variant],
     /// Pictures, overdraw and self-tests; `None`: they were not drawn.
-    pub outcome: Option<&'a Outcome>,
+    pub outcome: Option<&'a Verified>,
 }
 
 /// The page. `scene` is the one decided on. `effects` are those of its materials before draws were
@@ -86,7 +86,7 @@ pub fn page(
     drawn: Redrawn<'_>,
     scene: &Scene,
     effects: &[EffectUse],
-) -> Result<String, Error> {
+) -> Result<String, PageError> {
     let mut gallery = Gallery::default();
     let mut sections = Vec::new();
     for (id, variant) in drawn.variants.iter().enumerate() {

@@ -3,8 +3,8 @@
 
 use super::diff::Diff;
 use super::words::{self, or_dash};
-use super::{Error, Gallery, data_uri};
-use crate::measure::record::{Kept, Picture, Pictures, VariantReport, Worst};
+use super::{Gallery, PageError, data_uri};
+use crate::measure::record::{KeptMaterial, Picture, Pictures, VariantReport, Worst};
 use crate::measure::{ErrorLadder, Shading};
 use crate::report::picture::flip;
 use crate::report::{frontier, sheet};
@@ -70,7 +70,7 @@ pub fn section(
     pictures: Option<&Pictures>,
     cameras: Cameras,
     gallery: &mut Gallery,
-) -> Result<Section, Error> {
+) -> Result<Section, PageError> {
     facts.extend(variant.map_or_else(Vec::new, told));
     Ok(Section {
         id,
@@ -79,7 +79,7 @@ pub fn section(
         facts,
         kept: variant.map_or_else(Vec::new, |v| {
             let kept = v.kept.iter();
-            let why = |k: &Kept| match &k.without {
+            let why = |k: &KeptMaterial| match &k.without {
                 Some(step) => format!("without `{step}`: {}", k.why),
                 None => k.why.clone(),
             };
@@ -179,7 +179,7 @@ fn shots(
     pictures: &Pictures,
     cameras: Cameras,
     gallery: &mut Gallery,
-) -> Result<Vec<Shot>, Error> {
+) -> Result<Vec<Shot>, PageError> {
     let scale = pictures.overdraw_scale();
     let overdraw = |shading: &Option<Shading>| {
         let picture = shading.as_ref().map(|s| sheet::overdraw(s, scale));
@@ -237,7 +237,7 @@ fn shot(
     original: &Picture,
     variant: Option<&Picture>,
     gallery: &mut Gallery,
-) -> Result<Shot, Error> {
+) -> Result<Shot, PageError> {
     let variant = variant.filter(|v| *v != original);
     let is_same = error.is_none_or(ErrorLadder::is_exact);
     Ok(Shot {

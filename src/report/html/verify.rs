@@ -6,7 +6,7 @@ use preshade_passes::contract::Verdict;
 use super::range::{Scale, Strip};
 use super::section::{Cameras, Section, section};
 use super::words::{self, or_dash};
-use super::{Error, Gallery, Shell, data, diff};
+use super::{Gallery, PageError, Shell, data, diff};
 use crate::measure::record::{Choice, Chosen, ORIGINAL, Pictures, Report, VariantReport};
 use crate::measure::{EffectUse, Variant};
 use crate::report::plain::plain;
@@ -60,7 +60,7 @@ pub fn page(
     variants: &[Variant],
     scene: &Scene,
     effects: &[EffectUse],
-) -> Result<String, Error> {
+) -> Result<String, PageError> {
     let mut gallery = Gallery::default();
     let mut sections = Vec::new();
     let drawn = report.variants.iter().filter(|v| v.name != ORIGINAL);

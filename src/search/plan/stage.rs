@@ -93,11 +93,12 @@ pub fn compare(
     Ok(Some(reference))
 }
 
-/// Times one view with every standing runner. `None` for the others.
+/// Times one view with every standing runner. `None` for the others. The first runner is the
+/// original. Another one that cannot be drawn is drawn no more.
 ///
 /// # Errors
 ///
-/// As [`measure::time`].
+/// The original cannot be drawn, the adapter is lost, or as [`measure::time`].
 pub fn time(
     session: &Session<'_>,
     runners: &mut [Runner<'_>],
@@ -107,6 +108,17 @@ pub fn time(
     session.inputs().set_frame(frame)?;
     let mut ready = Vec::new();
     let mut standing = Vec::new();
+    // The fallback of a plan whose guard fails here may not build.
+    for (index, runner) in runners.iter_mut().enumerate() {
+        if runner.subject.is_standing()
+            && let Err(error) = runner.subject.aimed(frame, order)
+        {
+            match index {
+                0 => return Err(error.into()),
+                _ => runner.give_up(error)?,
+            }
+        }
+    }
     for runner in runners.iter_mut() {
         let prepared = match runner.subject.is_standing() {
             true => runner.subject.aimed(frame, order)?,

@@ -34,7 +34,11 @@ pub async fn device(
     let adapter = instance.request_adapter(&options).await?;
     let mut features = wgpu::Features::empty();
     let mut limits = wgpu::Limits::default();
-    let variants = [leaf::original::PASSES, leaf::PASSES, leaf::early_discard::PASSES];
+    let variants = [
+        leaf::original::PASSES,
+        leaf::PASSES,
+        leaf::early_discard::PASSES,
+    ];
     let still = leaf::still::CHOICES.iter().flat_map(|v| v.passes);
     for pass in variants.into_iter().flatten().chain(still) {
         features |= pass.features;
@@ -54,8 +58,19 @@ impl Grove {
         let mut vertices: Vec<u8> = Vec::new();
         for i in 0..LEAVES {
             let t = i as f32 / LEAVES as f32;
-            let (x, y, z) = (0.8 * (i as f32 * 2.4).sin(), 0.6 * (i as f32 * 1.7).cos(), 0.9 - 0.8 * t);
-            for (dx, dy) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)] {
+            let (x, y, z) = (
+                0.8 * (i as f32 * 2.4).sin(),
+                0.6 * (i as f32 * 1.7).cos(),
+                0.9 - 0.8 * t,
+            );
+            for (dx, dy) in [
+                (0.0, 0.0),
+                (1.0, 0.0),
+                (0.0, 1.0),
+                (0.0, 1.0),
+                (1.0, 0.0),
+                (1.0, 1.0),
+            ] {
                 for value in [x + dx - 0.5, y + dy - 0.5, z + 0.05 * dx, dx, 1.0 - dy] {
                     vertices.extend(f32::to_le_bytes(value));
                 }
@@ -71,12 +86,21 @@ impl Grove {
             queue.write_buffer(&buffer, 0, bytes);
             buffer
         };
-        let size = wgpu::Extent3d { width: 64, height: 64, depth_or_array_layers: 1 };
+        let size = wgpu::Extent3d {
+            width: 64,
+            height: 64,
+            depth_or_array_layers: 1,
+        };
         let texels: Vec<u8> = (0..64 * 64)
             .flat_map(|i| {
                 let (x, y) = ((i % 64) as f32 / 32.0 - 1.0, (i / 64) as f32 / 32.0 - 1.0);
                 let inside = x.abs() < 0.9 * (1.0 - y * y);
-                [60, 140 + (20.0 * (12.0 * x).sin()) as u8, 50, if inside { 255 } else { 0 }]
+                [
+                    60,
+                    140 + (20.0 * (12.0 * x).sin()) as u8,
+                    50,
+                    if inside { 255 } else { 0 },
+                ]
             })
             .collect();
         let texture = device.create_texture(&wgpu::TextureDescriptor {
@@ -89,7 +113,11 @@ impl Grove {
             usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
             view_formats: &[],
         });
-        let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(256), rows_per_image: None };
+        let layout = wgpu::TexelCopyBufferLayout {
+            offset: 0,
+            bytes_per_row: Some(256),
+            rows_per_image: None,
+        };
         queue.write_texture(texture.as_image_copy(), &texels, layout, size);
         Self {
             count: LEAVES as u32 * 6,
@@ -147,7 +175,11 @@ impl Grove {
                         },
                     })
                     .collect();
-                device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries })
+                device.create_bind_group(&wgpu::BindGroupDescriptor {
+                    label: None,
+                    layout,
+                    entries: &entries,
+                })
             })
             .collect()
     }
@@ -172,7 +204,12 @@ impl Variant {
         size: wgpu::Extent3d,
         options: &PipelineOptions<'_>,
     ) -> Result<Self, Unfit> {
-        let view = |a: &Attachment| (a.name, a.texture(device, size).create_view(&Default::default()));
+        let view = |a: &Attachment| {
+            (
+                a.name,
+                a.texture(device, size).create_view(&Default::default()),
+            )
+        };
         let attachments: HashMap<_, _> = attachments.iter().map(view).collect();
         let find = |name: &str| attachments.get(name).cloned();
         // A shadow pass is for a light's view, of which there is none here.
@@ -183,11 +220,19 @@ impl Variant {
                 Ok((*pass, pipeline, grove.bind(device, pass, &find)))
             })
             .collect::<Result<_, Unfit>>()?;
-        Ok(Self { passes, attachments })
+        Ok(Self {
+            passes,
+            attachments,
+        })
     }
 
     /// A frame of one material: its passes in order.
-    pub fn draw(&self, encoder: &mut wgpu::CommandEncoder, grove: &Grove, color: &wgpu::TextureView) {
+    pub fn draw(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        grove: &Grove,
+        color: &wgpu::TextureView,
+    ) {
         let mut seen: Vec<&str> = Vec::new();
         let mut first = |name: &'static str| {
             let first = !seen.contains(&name);
@@ -195,19 +240,27 @@ impl Variant {
             first
         };
         for (pass, pipeline, groups) in &self.passes {
-            let sky = wgpu::Color { r: 0.5, g: 0.7, b: 0.9, a: 1.0 };
+            let sky = wgpu::Color {
+                r: 0.5,
+                g: 0.7,
+                b: 0.9,
+                a: 1.0,
+            };
             let colors: Vec<_> = pass
                 .colors
                 .iter()
                 .map(|target| {
                     let target = target.as_ref()?;
                     let name = target.attachment.unwrap_or("scene-color-0");
-                    let view = target.attachment.map_or(color, |name| &self.attachments[name]);
+                    let view = target
+                        .attachment
+                        .map_or(color, |name| &self.attachments[name]);
                     Some(target.attach(view, first(name), sky))
                 })
                 .collect();
             let depth = pass.depth.as_ref();
-            let depth = depth.map(|d| d.attach(&self.attachments[d.attachment], first(d.attachment)));
+            let depth =
+                depth.map(|d| d.attach(&self.attachments[d.attachment], first(d.attachment)));
             let mut render = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some(pass.role),
                 color_attachments: &colors,

@@ -3,7 +3,11 @@
 use crate::grove::{Grove, Variant, device};
 use crate::leaf::{self, Attachment, Pass, PipelineOptions, SelfTest, Tested};
 
-const SIZE: wgpu::Extent3d = wgpu::Extent3d { width: 256, height: 256, depth_or_array_layers: 1 };
+const SIZE: wgpu::Extent3d = wgpu::Extent3d {
+    width: 256,
+    height: 256,
+    depth_or_array_layers: 1,
+};
 
 /// Draws, compares and tells; an error where a pixel differs or a self-test fails.
 pub fn run() -> Result<(), Box<dyn std::error::Error>> {
@@ -12,16 +16,37 @@ pub fn run() -> Result<(), Box<dyn std::error::Error>> {
     println!("adapter {}", adapter.get_info().name);
     let grove = Grove::new(&device, &queue);
     grove.set_time(&queue, 0.7);
-    let picture = |passes: &[&'static Pass], attachments| -> Result<Vec<u8>, Box<dyn std::error::Error>> {
-        let variant = Variant::new(&device, &grove, passes, attachments, SIZE, &PipelineOptions::default())?;
-        draw(&device, &queue, &grove, &variant)
-    };
+    let picture =
+        |passes: &[&'static Pass], attachments| -> Result<Vec<u8>, Box<dyn std::error::Error>> {
+            let variant = Variant::new(
+                &device,
+                &grove,
+                passes,
+                attachments,
+                SIZE,
+                &PipelineOptions::default(),
+            )?;
+            draw(&device, &queue, &grove, &variant)
+        };
     let original = picture(leaf::original::PASSES, leaf::original::ATTACHMENTS)?;
-    let covered = original.chunks_exact(4).filter(|p| p[..3] != original[..3]).count();
+    let covered = original
+        .chunks_exact(4)
+        .filter(|p| p[..3] != original[..3])
+        .count();
     println!("original: {covered} pixels of leaves");
-    type Made = (&'static str, &'static [&'static Pass], &'static [Attachment], &'static Option<SelfTest>);
+    type Made = (
+        &'static str,
+        &'static [&'static Pass],
+        &'static [Attachment],
+        &'static Option<SelfTest>,
+    );
     let variants: [Made; 2] = [
-        (leaf::RECIPE, leaf::PASSES, leaf::ATTACHMENTS, &leaf::SELF_TEST),
+        (
+            leaf::RECIPE,
+            leaf::PASSES,
+            leaf::ATTACHMENTS,
+            &leaf::SELF_TEST,
+        ),
         (
             leaf::early_discard::RECIPE,
             leaf::early_discard::PASSES,
@@ -37,31 +62,50 @@ pub fn run() -> Result<(), Box<dyn std::error::Error>> {
         let test = match test {
             None => "none".to_owned(),
             Some(test) => {
-                let mut draw = |pass: &Pass, view: &dyn Fn(&str) -> Option<wgpu::TextureView>, render: &mut wgpu::RenderPass<'_>| {
+                let mut draw = |pass: &Pass,
+                                view: &dyn Fn(&str) -> Option<wgpu::TextureView>,
+                                render: &mut wgpu::RenderPass<'_>| {
                     grove.draw(render, &grove.bind(&device, pass, view));
                 };
                 let tested = test.run(&device, &queue, SIZE, &[leaf::INTERLEAVED], &mut draw)?;
                 // As a host that cannot wait: nothing is known before the device has been at it.
                 let options = PipelineOptions::default();
-                let pending = test.begin(&device, &queue, SIZE, &[leaf::INTERLEAVED], &options, &mut draw)?;
+                let pending = test.begin(
+                    &device,
+                    &queue,
+                    SIZE,
+                    &[leaf::INTERLEAVED],
+                    &options,
+                    &mut draw,
+                )?;
                 let at_once = pending.judge();
                 device.poll(wgpu::PollType::wait_indefinitely())?;
-                broken |= tested != Tested::Held || at_once.is_some() || pending.judge() != Some(tested);
+                broken |=
+                    tested != Tested::Held || at_once.is_some() || pending.judge() != Some(tested);
                 format!("{tested:?}")
             }
         };
-        println!("{recipe}: {} passes, {changed} pixels changed, self-test {test}", passes.len());
+        println!(
+            "{recipe}: {} passes, {changed} pixels changed, self-test {test}",
+            passes.len()
+        );
         broken |= changed > 0 || passes.len() < 2;
     }
     // A variant for still air holds for one time alone: `CHOICES` are made at load, and the frame's
     // own bytes choose.
     for time in [0.0, 0.7] {
         let bytes = grove.set_time(&queue, time);
-        let chosen = leaf::still::variant_for(&[], |group, binding| ((group, binding) == (0, 0)).then_some(&bytes[..]));
+        let chosen = leaf::still::variant_for(&[], |group, binding| {
+            ((group, binding) == (0, 0)).then_some(&bytes[..])
+        });
         let still = picture(chosen.passes, chosen.attachments)?;
         let original = picture(leaf::original::PASSES, leaf::original::ATTACHMENTS)?;
         let is_original = chosen.guard.is_empty();
-        println!("time {time}: {}, as the original: {}", chosen.recipe, still == original);
+        println!(
+            "time {time}: {}, as the original: {}",
+            chosen.recipe,
+            still == original
+        );
         broken |= still != original || is_original != (time != 0.0);
     }
     match broken || covered == 0 {
@@ -93,9 +137,24 @@ fn draw(
         mapped_at_creation: false,
     });
     let mut encoder = device.create_command_encoder(&Default::default());
-    variant.draw(&mut encoder, grove, &texture.create_view(&Default::default()));
-    let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(SIZE.width * 4), rows_per_image: None };
-    encoder.copy_texture_to_buffer(texture.as_image_copy(), wgpu::TexelCopyBufferInfo { buffer: &read, layout }, SIZE);
+    variant.draw(
+        &mut encoder,
+        grove,
+        &texture.create_view(&Default::default()),
+    );
+    let layout = wgpu::TexelCopyBufferLayout {
+        offset: 0,
+        bytes_per_row: Some(SIZE.width * 4),
+        rows_per_image: None,
+    };
+    encoder.copy_texture_to_buffer(
+        texture.as_image_copy(),
+        wgpu::TexelCopyBufferInfo {
+            buffer: &read,
+            layout,
+        },
+        SIZE,
+    );
     queue.submit([encoder.finish()]);
     read.map_async(wgpu::MapMode::Read, .., |_| ());
     device.poll(wgpu::PollType::wait_indefinitely())?;

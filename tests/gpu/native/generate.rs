@@ -266,7 +266,8 @@ impl Maker {
         }
         if self.random.often() {
             self.say("matrix by columns");
-            self.vertex.body += "    mat3 turned = mat3(modelViewMatrix);\n    vec3 view = turned[2] * 0.1;\n    view.x += turned[0][1];\n";
+            self.vertex.body += "    mat3 turned = mat3(modelViewMatrix);\n    vec3 view = \
+                                 turned[2] * 0.1;\n    view.x += turned[0][1];\n";
             self.vertex.names[2].push("view".to_owned());
         }
     }
@@ -372,7 +373,8 @@ impl Maker {
             let names = [(3, "lamp.color"), (1, "lamp.reach"), (3, "lamps[1].color")];
             add(
                 self,
-                "struct Lamp { vec3 color; float reach; bool on; };\nuniform Lamp lamp;\nuniform Lamp lamps[2];\n",
+                "struct Lamp { vec3 color; float reach; bool on; };\nuniform Lamp lamp;\n\
+                 uniform Lamp lamps[2];\n",
                 &names,
             );
             self.fragment.body +=
@@ -391,7 +393,9 @@ impl Maker {
                 (3, "scene.sun.xyz"),
                 (1, "scene.level"),
             ];
-            let text = "layout(std140) uniform Air { vec3 sky; float haze[2]; };\nlayout(std140) uniform Scene { vec4 sun; float level; mat3 basis; } scene;\n";
+            let text = "layout(std140) uniform Air { vec3 sky; float haze[2]; };\n\
+                        layout(std140) uniform Scene { vec4 sun; float level; \
+                        mat3 basis; } scene;\n";
             add(self, text, &names);
             if !self.dialect.es && self.random.often() {
                 self.say("row_major");
@@ -426,7 +430,8 @@ impl Maker {
         if self.random.often() {
             self.say("sampler as a parameter");
             let text = format!(
-                "vec4 twice(sampler2D from, vec2 at) {{ return 0.5 * ({read}(from, at) + {read}(from, at.yx)); }}\n"
+                "vec4 twice(sampler2D from, vec2 at) {{ \
+                 return 0.5 * ({read}(from, at) + {read}(from, at.yx)); }}\n"
             );
             self.fragment.functions += &text;
             self.fragment.names[3].push("twice(map, vUv)".to_owned());
@@ -471,7 +476,12 @@ impl Maker {
         match self.random.below(4) {
             0 => {
                 self.say("inout");
-                writeln!(self.fragment.functions, "void {name}(inout {ty} grown, in vec3 a, float b) {{ vec2 c = a.xy; vec4 d = vec4(a, b); grown += {value}; }}").unwrap();
+                writeln!(
+                    self.fragment.functions,
+                    "void {name}(inout {ty} grown, in vec3 a, float b) {{ vec2 c = a.xy; \
+                     vec4 d = vec4(a, b); grown += {value}; }}"
+                )
+                .unwrap();
                 let local = format!("held{k}");
                 writeln!(
                     self.fragment.body,
@@ -482,7 +492,12 @@ impl Maker {
             }
             1 => {
                 self.say("overloads");
-                writeln!(self.fragment.functions, "{ty} {name}(vec3 a) {{ float b = a.x; vec2 c = a.yz; vec4 d = vec4(a, 1.0); return {value}; }}\n{ty} {name}(float b) {{ return {name}(vec3(b, 0.5, b)); }}").unwrap();
+                writeln!(
+                    self.fragment.functions,
+                    "{ty} {name}(vec3 a) {{ float b = a.x; vec2 c = a.yz; vec4 d = vec4(a, 1.0); \
+                     return {value}; }}\n{ty} {name}(float b) {{ return {name}(vec3(b, 0.5, b)); }}"
+                )
+                .unwrap();
                 self.fragment.names[n - 1].push(format!("{name}(amount)"));
             }
             2 => {
@@ -498,7 +513,12 @@ impl Maker {
                     "{paste}#define SQUARE{k}(x) ((x) * (x))"
                 )
                 .unwrap();
-                writeln!(self.fragment.functions, "{ty} {name}(vec3 a) {{ float b = SQUARE{k}(a.x); vec2 c = a.yz; vec4 d = vec4(a, 1.0); return {value}; }}").unwrap();
+                writeln!(
+                    self.fragment.functions,
+                    "{ty} {name}(vec3 a) {{ float b = SQUARE{k}(a.x); vec2 c = a.yz; \
+                     vec4 d = vec4(a, 1.0); return {value}; }}"
+                )
+                .unwrap();
                 let call = match pastes {
                     true => format!("PASTE{k}(made, {k}x{n})(tint)"),
                     false => format!("{name}(tint)"),
@@ -507,7 +527,12 @@ impl Maker {
             }
             _ => {
                 self.say("early return");
-                writeln!(self.fragment.functions, "{ty} {name}(vec3 a, int k) {{ float b = a.x; vec2 c = a.yz; vec4 d = vec4(a, 1.0); if (k == 1) return {ty}({number}); return {value}; }}").unwrap();
+                writeln!(
+                    self.fragment.functions,
+                    "{ty} {name}(vec3 a, int k) {{ float b = a.x; vec2 c = a.yz; \
+                     vec4 d = vec4(a, 1.0); if (k == 1) return {ty}({number}); return {value}; }}"
+                )
+                .unwrap();
                 self.fragment.names[n - 1].push(format!("{name}(tint, 0)"));
             }
         }
@@ -532,25 +557,29 @@ impl Maker {
             0 => {
                 self.say("for");
                 format!(
-                    "for (int i{k} = 0; i{k} < 3; i{k}++) {{ if (i{k} == 1) continue; {local} = {local} * 0.5 + {more}; }}"
+                    "for (int i{k} = 0; i{k} < 3; i{k}++) {{ if (i{k} == 1) continue; \
+                     {local} = {local} * 0.5 + {more}; }}"
                 )
             }
             1 if self.dialect.version != 100 => {
                 self.say("while");
                 format!(
-                    "int i{k} = 0; while (i{k} < 4) {{ i{k}++; if (i{k} == 3) break; {local} += {more} * 0.1; }}"
+                    "int i{k} = 0; while (i{k} < 4) {{ i{k}++; if (i{k} == 3) break; \
+                     {local} += {more} * 0.1; }}"
                 )
             }
             2 if self.dialect.version != 100 => {
                 self.say("do");
                 format!(
-                    "int i{k} = 2; do {{ {local} = mix({local}, {more}, 0.3); i{k}--; }} while (i{k} > 0);"
+                    "int i{k} = 2; do {{ {local} = mix({local}, {more}, 0.3); \
+                     i{k}--; }} while (i{k} > 0);"
                 )
             }
             3 if self.dialect.is_new() => {
                 self.say("switch");
                 format!(
-                    "switch (int(gl_FragCoord.x) % 4) {{ case 0: {local} += {more}; break; case 1: {local} *= 0.5; default: {local} -= {more} * 0.2; }}"
+                    "switch (int(gl_FragCoord.x) % 4) {{ case 0: {local} += {more}; break; \
+                     case 1: {local} *= 0.5; default: {local} -= {more} * 0.2; }}"
                 )
             }
             4 if self.dialect.version != 100 => {
@@ -558,7 +587,8 @@ impl Maker {
                 let list = format!("{ty}[2]({local}, {more})");
                 match self.dialect.version {
                     120.. => format!(
-                        "{ty} list{k}[2] = {list}; for (int i{k} = 0; i{k} < 2; i{k}++) {local} += list{k}[i{k}] * 0.5;"
+                        "{ty} list{k}[2] = {list}; for (int i{k} = 0; i{k} < 2; \
+                         i{k}++) {local} += list{k}[i{k}] * 0.5;"
                     ),
                     _ => String::new(),
                 }
@@ -570,7 +600,8 @@ impl Maker {
             6 => {
                 self.say("struct");
                 format!(
-                    "struct Own{k} {{ {ty} first; float second; }}; Own{k} own{k} = Own{k}({local}, 0.5); {local} = own{k}.first * own{k}.second;"
+                    "struct Own{k} {{ {ty} first; float second; }}; \
+                     Own{k} own{k} = Own{k}({local}, 0.5); {local} = own{k}.first * own{k}.second;"
                 )
             }
             7 => {
@@ -580,43 +611,56 @@ impl Maker {
             8 if self.dialect.is_new() => {
                 self.say("effect in an index");
                 format!(
-                    "{ty} list{k}[3]; list{k}[0] = {local}; list{k}[1] = {more}; list{k}[2] = {local} * 0.5; int at{k} = 0; list{k}[at{k}++] *= 0.75; list{k}[at{k}++] += {ty}(0.125); {local} = list{k}[--at{k}]; {local} += list{k}[0] * float(at{k});"
+                    "{ty} list{k}[3]; list{k}[0] = {local}; list{k}[1] = {more}; \
+                     list{k}[2] = {local} * 0.5; int at{k} = 0; list{k}[at{k}++] *= 0.75; \
+                     list{k}[at{k}++] += {ty}(0.125); {local} = list{k}[--at{k}]; \
+                     {local} += list{k}[0] * float(at{k});"
                 )
             }
             9 if self.dialect.is_new() => {
                 self.say("element as out argument");
                 writeln!(
                     self.fragment.functions,
-                    "void grow{k}(inout {ty} x, float by) {{ x += {ty}(by); }}\nfloat taken{k}(out {ty} x) {{ x = {ty}(0.25); return 0.5; }}"
+                    "void grow{k}(inout {ty} x, float by) {{ x += {ty}(by); }}\n\
+                     float taken{k}(out {ty} x) {{ x = {ty}(0.25); return 0.5; }}"
                 )
                 .unwrap();
                 format!(
-                    "{ty} list{k}[2]; list{k}[0] = {local}; list{k}[1] = {more}; int at{k} = 0; grow{k}(list{k}[at{k}++], 0.25); grow{k}(list{k}[at{k}], 0.5 * float(at{k})); {local} = list{k}[0] + list{k}[1]; {local} *= taken{k}(list{k}[--at{k}]); {local} += list{k}[0];"
+                    "{ty} list{k}[2]; list{k}[0] = {local}; list{k}[1] = {more}; int at{k} = 0; \
+                     grow{k}(list{k}[at{k}++], 0.25); grow{k}(list{k}[at{k}], 0.5 * float(at{k})); \
+                     {local} = list{k}[0] + list{k}[1]; {local} *= taken{k}(list{k}[--at{k}]); \
+                     {local} += list{k}[0];"
                 )
             }
             10 => {
                 self.say("behind a jump");
                 let dead = self.expression(&names, n, 2);
                 format!(
-                    "for (int i{k} = 0; i{k} < 3; i{k}++) {{ {local} += {more} * 0.2; if (i{k} == 1) {{ break; {local} = {dead}; }} continue; {local} = {dead}; }}"
+                    "for (int i{k} = 0; i{k} < 3; i{k}++) {{ {local} += {more} * 0.2; \
+                     if (i{k} == 1) {{ break; {local} = {dead}; }} continue; {local} = {dead}; }}"
                 )
             }
             11 if self.dialect.is_new() => {
                 self.say("cases in braces");
                 format!(
-                    "switch (int(gl_FragCoord.y) % 3) {{ case 0: {{ {local} += {more}; break; }} case 1: {{ {{ {local} *= 0.5; }} break; }} default: {{ {local} -= {more} * 0.2; }} }}"
+                    "switch (int(gl_FragCoord.y) % 3) {{ case 0: {{ {local} += {more}; \
+                     break; }} case 1: {{ {{ {local} *= 0.5; }} break; }} default: {{ \
+                     {local} -= {more} * 0.2; }} }}"
                 )
             }
             12 if self.dialect.version != 100 => {
                 self.say("length by a constant");
                 format!(
-                    "const float LONG{k} = 2.5; {ty} list{k}[int(LONG{k})]; list{k}[0] = {local}; list{k}[1] = {more}; {local} = list{k}[0] * 0.5 + list{k}[1] * float(list{k}.length());"
+                    "const float LONG{k} = 2.5; {ty} list{k}[int(LONG{k})]; list{k}[0] = {local}; \
+                     list{k}[1] = {more}; {local} = list{k}[0] * 0.5 + list{k}[1] * \
+                     float(list{k}.length());"
                 )
             }
             _ => {
                 self.say("discard");
                 format!(
-                    "if (mod(floor(gl_FragCoord.x) + floor(gl_FragCoord.y), 13.0) < 0.5) discard; {local} += {more};"
+                    "if (mod(floor(gl_FragCoord.x) + floor(gl_FragCoord.y), 13.0) < 0.5) discard; \
+                     {local} += {more};"
                 )
             }
         };

@@ -20,12 +20,15 @@ const ARTICLE: [(u32, Option<[f64; 2]>); 3] = [
 ];
 
 const HEAD: &str = "\
-# The visibility buffer: results
+                    # The visibility buffer: results
 
-<!-- Made from docs/results by `UPDATE_PAGES=1 cargo test --test it results_page`; edits will be lost. -->
+<!-- Made from docs/results by `UPDATE_PAGES=1 cargo test --test it results_page`; \
+    edits will be lost. -->
 
-These tables come from the JSON files in this folder. The [guide](../guides/visibility-buffer.md) explains
-the variants and draws the conclusions. To add your adapter, see [send in yours](README.md#send-in-yours).
+These tables come from the JSON files in this folder. The [guide](../guides/visibility-buffer.md) \
+    explains
+the variants and draws the conclusions. To add your adapter, see [send in \
+    yours](README.md#send-in-yours).
 ";
 
 /// The scene as its author wrote it.
@@ -34,12 +37,15 @@ const ORIGINAL: &str = "original";
 const THEIRS: &str = "
 ## The article
 
-Cinevva, part 21: an M-series Mac, about 1080p, cross-card blades over an 80 m field, the two paths written by hand. Milliseconds a frame:
+Cinevva, part 21: an M-series Mac, about 1080p, cross-card blades over an 80 m field, the two \
+    paths written by hand. Milliseconds a frame:
 
 ";
 
 const COMPUTE: &str = "\
-Shaded by a compute pass, apart: how much stronger an adapter's compute is than its rasteriser differs from one adapter to the next, and the article's resolve is a full-screen draw.
+                       Shaded by a compute pass, apart: how much stronger an adapter's compute is \
+                       than its rasteriser differs from one adapter to the next, and the article's \
+                       resolve is a full-screen draw.
 ";
 
 /// The page.
@@ -98,7 +104,10 @@ fn beside_the_article(files: &[&File]) -> String {
     if values.is_empty() {
         return String::new();
     }
-    let mut out = "\n**Forward shading's time over the visibility buffer's** (above 1 the visibility buffer is faster), and at how many instances they cross, with the 95 % interval:\n\n".to_owned();
+    let mut out = "\n**Forward shading's time over the visibility buffer's** (above 1 the \
+                   visibility buffer is faster), and at how many instances they cross, with the 95 \
+                   % interval:\n\n"
+        .to_owned();
     let theirs: Vec<String> = values
         .iter()
         .map(|value| {
@@ -117,7 +126,10 @@ fn beside_the_article(files: &[&File]) -> String {
         row
     });
     out.push_str(&ratios(files, &values, ORIGINAL, row));
-    out.push_str("\n**The pre-pass's time over the visibility buffer's**, likewise; the article has no pre-pass:\n\n");
+    out.push_str(
+        "\n**The pre-pass's time over the visibility buffer's**, likewise; \
+         the article has no pre-pass:\n\n",
+    );
     out.push_str(&ratios(files, &values, "depth-prepass", None));
     out
 }
@@ -313,7 +325,9 @@ fn told_of_report(report: &Report) -> String {
 fn told_of_bench(bench: &Bench) -> String {
     let [width, height] = bench.resolution;
     let mut out = format!(
-        "`preshade bench --grass`, {width}x{height}: the hand-written reference, which has a field of grass of its own, beside what is generated from its forward entry points, in one process.\n\n"
+        "`preshade bench --grass`, {width}x{height}: the hand-written reference, which has a field \
+         of grass of its own, beside what is generated from its forward entry points, in one \
+         process.\n\n"
     );
     let mut rows = vec![cells([
         "instances",
@@ -360,7 +374,8 @@ fn timed<'a>(report: &Report, variants: impl Iterator<Item = &'a Variant>) -> St
         .map(|e| (e.high - e.median).max(e.median - e.low) / e.median)
         .fold(0.0, f64::max);
     format!(
-        "\nMilliseconds a frame, {clock}: medians, whose 95 % intervals reach no further than {:.1} % from them.\n\n",
+        "\nMilliseconds a frame, {clock}: medians, whose 95 % intervals reach no further than \
+         {:.1} % from them.\n\n",
         100.0 * widest
     )
 }
@@ -369,7 +384,8 @@ fn timed<'a>(report: &Report, variants: impl Iterator<Item = &'a Variant>) -> St
 fn differ(report: &Report) -> String {
     let [width, height] = report.resolution;
     format!(
-        "Pixels of {} whose colour differs from the scene as written (in brackets: by at most how many steps of 1/255)",
+        "Pixels of {} whose colour differs from the scene as written (in brackets: by at most how \
+         many steps of 1/255)",
         grouped(f64::from(width) * f64::from(height))
     )
 }

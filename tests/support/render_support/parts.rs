@@ -24,17 +24,20 @@ struct Out {
     @location(2) @interpolate(flat) number: u32,
 }
 @vertex fn vs(
-    @location(0) position: vec3<f32>, @location(1) uv: vec2<f32>, @location(2) instance_place: vec4<f32>,
+    @location(0) position: vec3<f32>, @location(1) uv: vec2<f32>, \
+        @location(2) instance_place: vec4<f32>,
     @builtin(vertex_index) vertex: u32, @builtin(instance_index) instance: u32,
 ) -> Out {
     let world = object.model * vec4(position + instance_place.xyz, 1.0);
-    return Out(camera.view_proj * world, uv, vec2(f32(vertex % 7u) * 0.1, instance_place.w), instance);
+    return Out(camera.view_proj * world, uv, vec2(f32(vertex % 7u) * 0.1, instance_place.w), \
+        instance);
 }
 @fragment fn fs(in: Out, @builtin(front_facing) front: bool) -> @location(0) vec4<f32> {
     let base = textureSample(albedo, smooth_sampler, in.uv * 3.0).rgb;
     if length(in.uv - 0.5) < 0.1 { discard; }
     let side = select(0.3, 0.8, front);
-    return vec4(base * (0.4 + in.shade.x), 1.0) * object.tint * vec4(side, 1.0, 0.3 + 0.1 * f32(in.number % 5u), 1.0) + 0.1 * in.shade.y;
+    return vec4(base * (0.4 + in.shade.x), 1.0) * object.tint * vec4(side, 1.0, 0.3 + 0.1 * \
+        f32(in.number % 5u), 1.0) + 0.1 * in.shade.y;
 }
 ";
 
@@ -44,8 +47,10 @@ struct Camera { view_proj: mat4x4<f32> }
 struct Object { model: mat4x4<f32>, tint: vec4<f32> }
 @group(0) @binding(0) var<uniform> camera: Camera;
 @group(1) @binding(0) var<uniform> object: Object;
-struct Out { @builtin(position) at: vec4<f32>, @location(0) uv: vec2<f32>, @location(1) @interpolate(linear) bent: f32 }
-@vertex fn vs(@location(0) position: vec3<f32>, @location(1) uv: vec2<f32>, @location(2) instance_place: vec4<f32>) -> Out {
+struct Out { @builtin(position) at: vec4<f32>, @location(0) uv: vec2<f32>, @location(1) \
+    @interpolate(linear) bent: f32 }
+@vertex fn vs(@location(0) position: vec3<f32>, @location(1) uv: vec2<f32>, \
+    @location(2) instance_place: vec4<f32>) -> Out {
     let world = object.model * vec4(position + instance_place.xyz, 1.0);
     return Out(camera.view_proj * world, uv, instance_place.w);
 }

@@ -6,7 +6,8 @@ use super::{ContextId, Values};
 use crate::graph::cells;
 
 impl Values<'_, '_> {
-    /// Whether two expressions are one value: the same one, or two loads of the same memory versions.
+    /// Whether two expressions are one value: the same one, or two loads of the same memory
+    /// versions.
     pub(crate) fn is_same(
         &self,
         context: ContextId,

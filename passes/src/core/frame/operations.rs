@@ -6,7 +6,7 @@ use crate::core::state::{AttachmentOps, LoadOp, StencilState, StoreOp};
 
 /// The target of an operation.
 #[derive(Clone, Debug, PartialEq, Eq)]
-enum Slot {
+enum OperationTarget {
     Depth(String),
     Stencil(String),
     /// The scene's colour at a location.
@@ -15,7 +15,7 @@ enum Slot {
     Named(String),
 }
 
-impl std::fmt::Display for Slot {
+impl std::fmt::Display for OperationTarget {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Depth(name) | Self::Named(name) => write!(f, "`{name}`"),
@@ -28,7 +28,7 @@ impl std::fmt::Display for Slot {
 
 /// A member of a render pass.
 #[derive(Clone, Copy)]
-struct Member<'p> {
+struct MergedPass<'p> {
     plan: &'p Plan,
     pass: &'p GpuPass,
 }
@@ -36,14 +36,14 @@ struct Member<'p> {
 /// What earlier passes did to each attachment.
 #[derive(Default)]
 struct Before<'p> {
-    drawn: Vec<Slot>,
+    drawn: Vec<OperationTarget>,
     /// Discarded attachments, and the member that discarded each.
-    discarded: Vec<(Slot, Member<'p>)>,
+    discarded: Vec<(OperationTarget, MergedPass<'p>)>,
 }
 
 impl<'p> Before<'p> {
     /// Fails if an earlier pass discarded `slot`.
-    fn need(&self, slot: &Slot) -> Result<(), FrameError> {
+    fn need(&self, slot: &OperationTarget) -> Result<(), FrameError> {
         match self.discarded.iter().find(|(s, _)| s == slot) {
             None => Ok(()),
             Some((_, by)) => Err(FrameError::Discarded {
@@ -57,8 +57,8 @@ impl<'p> Before<'p> {
     /// Merges the members' operations on `slot`.
     fn draw(
         &mut self,
-        slot: Slot,
-        asked: &[(Member<'p>, AttachmentOps)],
+        slot: OperationTarget,
+        asked: &[(MergedPass<'p>, AttachmentOps)],
     ) -> Result<FrameOps, FrameError> {
         self.need(&slot)?;
         let loads = asked.iter().find(|(_, ops)| ops.load == LoadOp::Load);
@@ -96,14 +96,14 @@ pub(super) fn resolve<'p>(
     plans: impl IntoIterator<Item = &'p Plan> + Clone,
     passes: &mut [FramePass],
 ) -> Result<(), FrameError> {
-    let members: Vec<Vec<Member<'p>>> = passes
+    let members: Vec<Vec<MergedPass<'p>>> = passes
         .iter()
         .map(|pass| {
             let find = |(material, index): &(String, usize)| {
                 let mut all = plans.clone().into_iter();
                 let plan = all.find(|p| p.material == *material)?;
                 let pass = plan.passes.get(*index)?;
-                Some(Member { plan, pass })
+                Some(MergedPass { plan, pass })
             };
             pass.members.iter().filter_map(find).collect()
         })
@@ -120,8 +120,8 @@ pub(super) fn resolve<'p>(
     for (pass, members) in passes.iter_mut().zip(&members) {
         for binding in members.iter().flat_map(|m| &m.pass.bindings) {
             if let BindingSource::Attachment { name } = &binding.source {
-                before.need(&Slot::Depth(name.clone()))?;
-                before.need(&Slot::Named(name.clone()))?;
+                before.need(&OperationTarget::Depth(name.clone()))?;
+                before.need(&OperationTarget::Named(name.clone()))?;
             }
         }
         depth(pass, members, &mut before)?;
@@ -132,7 +132,7 @@ pub(super) fn resolve<'p>(
 
 fn depth<'p>(
     pass: &mut FramePass,
-    members: &[Member<'p>],
+    members: &[MergedPass<'p>],
     before: &mut Before<'p>,
 ) -> Result<(), FrameError> {
     let Some(name) = &pass.depth else {
@@ -144,21 +144,21 @@ fn depth<'p>(
             .filter_map(|m| Some((*m, m.pass.depth.as_ref()?)));
         states.map(|(m, depth)| (m, of(depth))).collect()
     };
-    let slot = Slot::Depth(name.clone());
+    let slot = OperationTarget::Depth(name.clone());
     if pass.depth_read_only {
         before.need(&slot)?;
     } else {
         pass.depth_ops = Some(before.draw(slot, &asked(|d| d.ops))?);
     }
-    let has_stencil = |m: &Member<'_>| {
+    let has_stencil = |m: &MergedPass<'_>| {
         let format = m.plan.depth_format(name);
         format.is_some_and(crate::core::state::DepthFormat::has_stencil)
     };
     if !members.iter().any(has_stencil) {
         return Ok(());
     }
-    let writes = |m: &Member<'_>| m.pass.stencil.as_ref().is_some_and(StencilState::writes);
-    let slot = Slot::Stencil(name.clone());
+    let writes = |m: &MergedPass<'_>| m.pass.stencil.as_ref().is_some_and(StencilState::writes);
+    let slot = OperationTarget::Stencil(name.clone());
     if pass.depth_read_only && !members.iter().any(writes) {
         before.need(&slot)?;
     } else {
@@ -169,16 +169,18 @@ fn depth<'p>(
 
 fn colors<'p>(
     pass: &mut FramePass,
-    members: &[Member<'p>],
+    members: &[MergedPass<'p>],
     before: &mut Before<'p>,
     scene_targets: usize,
 ) -> Result<(), FrameError> {
-    let slots: Vec<Option<Slot>> = match &pass.colors {
+    let slots: Vec<Option<OperationTarget>> = match &pass.colors {
         ColorAttachments::None => Vec::new(),
-        ColorAttachments::Scene => (0..scene_targets).map(|i| Some(Slot::Scene(i))).collect(),
+        ColorAttachments::Scene => (0..scene_targets)
+            .map(|i| Some(OperationTarget::Scene(i)))
+            .collect(),
         ColorAttachments::Named(names) => names
             .iter()
-            .map(|name| name.clone().map(Slot::Named))
+            .map(|name| name.clone().map(OperationTarget::Named))
             .collect(),
     };
     pass.color_ops = slots
@@ -186,7 +188,7 @@ fn colors<'p>(
         .enumerate()
         .map(|(location, slot)| {
             let Some(slot) = slot else { return Ok(None) };
-            let target = |m: &Member<'p>| {
+            let target = |m: &MergedPass<'p>| {
                 let target = m.pass.targets.get(location)?.as_ref()?;
                 Some((*m, target.ops))
             };

@@ -33,7 +33,7 @@ pub(super) fn number(
     let state = (0..memory.cells.len())
         .map(|cell| memory.add(cell, Origin::Initial))
         .collect();
-    let mut walk = Walk {
+    let mut walk = VersionWalk {
         touch,
         statements,
         memory,
@@ -61,7 +61,7 @@ struct Jumps {
     continue_mark: usize,
 }
 
-struct Walk<'a, 'f, 'p> {
+struct VersionWalk<'a, 'f, 'p> {
     touch: &'a Touch<'a, 'f>,
     statements: &'a Statements<'p>,
     memory: Memory,
@@ -75,7 +75,7 @@ struct Walk<'a, 'f, 'p> {
     returns: Vec<Delta>,
 }
 
-impl Walk<'_, '_, '_> {
+impl VersionWalk<'_, '_, '_> {
     fn define(&mut self, cell: CellIndex, version: VersionId) {
         let before = std::mem::replace(&mut self.state[cell], version);
         self.log.push((cell, before));

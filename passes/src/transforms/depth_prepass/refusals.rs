@@ -1,6 +1,6 @@
 //! The refusals of `depth-prepass`.
 
-use crate::core::refusals::{RefusalInfo, refusals};
+use crate::core::refusals::refusals;
 
 refusals! {
     BIAS_CONSTANT = "bias-constant":

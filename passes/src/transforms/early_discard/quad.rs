@@ -23,7 +23,9 @@ pub fn refuse_lane(opaque: &Opaque, fragment: usize, params: &Params) -> Option<
         Err(span) => {
             return Some(refuse(
                 &refusals::LANE_SPOILS_DERIVATIVES,
-                "the fragment stage takes a derivative, or an implicit level of detail, of something that cannot be computed ahead of the discard, and a lane that left would spoil it for its neighbours",
+                "the fragment stage takes a derivative, or an implicit level of detail, of \
+                 something that cannot be computed ahead of the discard, and a lane that left \
+                 would spoil it for its neighbours",
                 VOTE,
                 span,
             ));
@@ -43,7 +45,8 @@ pub fn refuse_lane(opaque: &Opaque, fragment: usize, params: &Params) -> Option<
         let first = taken.first().filter(|_| unsaid)?;
         return Some(refuse(
             &refusals::LANE_NEEDS_BUDGET,
-            "gradients have to be taken ahead of the discard, and the level of detail they choose rounds otherwise than the implicit one: up to 4/255 were measured in \
+            "gradients have to be taken ahead of the discard, and the level of detail they choose \
+             rounds otherwise than the implicit one: up to 4/255 were measured in \
              trilinear textures, and anisotropic filtering is worst",
             "take quad=vote, which is exact, or say what difference is allowed: budget=0.02, say",
             expressions.get_span(*first),
@@ -51,7 +54,8 @@ pub fn refuse_lane(opaque: &Opaque, fragment: usize, params: &Params) -> Option<
     };
     Some(refuse(
         &refusals::LANE_DECIDES_COVERAGE,
-        "a sample decides what a fragment covers, or its depth: with gradients taken first it would round otherwise than in the pre-pass",
+        "a sample decides what a fragment covers, or its depth: with gradients taken first it \
+         would round otherwise than in the pre-pass",
         VOTE,
         expressions.get_span(*sample),
     ))

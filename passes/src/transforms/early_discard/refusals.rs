@@ -1,6 +1,6 @@
 //! The refusals of `early-discard`.
 
-use crate::core::refusals::{RefusalInfo, refusals};
+use crate::core::refusals::refusals;
 
 refusals! {
     BINDING_TAKEN = "binding-taken":

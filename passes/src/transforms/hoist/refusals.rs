@@ -1,14 +1,13 @@
 //! The refusals of `hoist`.
 
-use crate::core::refusals::{RefusalInfo, refusals};
+use crate::core::refusals::refusals;
 
 refusals! {
     FRAGMENT_STORES = "fragment-stores":
         "The fragment stage writes memory, and `hoist` does not follow what it writes.",
         "Move the writes to a pass of their own.";
     INTERFACE = "interface":
-        "In a shader: the vertex stage's outputs do not fit the fragment stage's inputs \
-         (location, type or interpolation). In `hoist`: the varyings cannot be laid out anew.",
+        "`hoist` cannot lay out the varyings anew.",
         "Let the vertex stage write every input of the fragment stage.";
     NOT_CARRIED = "not-carried":
         "`hoist:carry=` names a value that the shader does not have, or for which the varyings \

@@ -1,6 +1,6 @@
 //! The refusals of `skip-taps`.
 
-use crate::core::refusals::{RefusalInfo, refusals};
+use crate::core::refusals::refusals;
 
 refusals! {
     NO_TAP = "no-tap":

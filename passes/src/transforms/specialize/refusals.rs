@@ -1,6 +1,6 @@
 //! The refusals of `specialize`.
 
-use crate::core::refusals::{RefusalInfo, refusals};
+use crate::core::refusals::refusals;
 
 refusals! {
     NOTHING_KNOWN = "nothing-known":

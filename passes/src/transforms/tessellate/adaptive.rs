@@ -44,11 +44,13 @@ pub fn adaptive(
     let place = ours(&by_name, "tessellated_place")?;
     let adapt = ours(&by_name, "tessellated_adapt")?;
     let blend = |width: &u8| {
-        let blend = ours(&by_name, &format!("tessellated_blend_{width}_"))?;
-        let pick = ours(&by_name, &format!("tessellated_pick_{width}_"))?;
-        Ok((*width, blend, pick))
+        Ok(Interpolation {
+            width: *width,
+            blend: ours(&by_name, &format!("tessellated_blend_{width}_"))?,
+            pick: ours(&by_name, &format!("tessellated_pick_{width}_"))?,
+        })
     };
-    let blends: Vec<_> = text
+    let functions: Vec<Interpolation> = text
         .widths
         .iter()
         .map(blend)
@@ -81,43 +83,18 @@ pub fn adaptive(
             failed = Some("the author's vertex stage gives nothing");
             return Rewrite::default();
         };
-        let output =
-            |build: &mut CodeBuilder<'_>, base: Handle<Expression>, index: usize| match outputs
-                .is_struct
-            {
-                true => access(build, base, index as u32),
-                false => base,
-            };
         let mut passed = vec![access(build, place, 1)];
         for given in &corners {
-            passed.push(output(build, *given, outputs.position));
+            passed.push(output(build, outputs, *given, outputs.position));
         }
         let Some(point) = build.call(adapt, passed) else {
             return Rewrite::default();
         };
         build.name(point, "point");
-        let order = access(build, point, 0);
-        let weights = access(build, point, 1);
-        let in_order = build.literal(naga::Literal::Bool(false));
-        let mut components = Vec::new();
-        for (i, carried) in outputs.carried.iter().enumerate() {
-            let given: Vec<_> = corners.iter().map(|c| output(build, *c, i)).collect();
-            let Carried::Blended(width) = carried else {
-                components.push(given[0]);
-                continue;
-            };
-            let Some((_, blend, pick)) = blends.iter().find(|(w, ..)| w == width) else {
-                failed = Some("a varying has no function that interpolates it");
-                return Rewrite::default();
-            };
-            let mut arguments = vec![weights, in_order];
-            for place in 0..3 {
-                let which = access(build, order, place);
-                let from = [vec![which], given.clone()].concat();
-                arguments.extend(build.call(*pick, from));
-            }
-            components.extend(build.call(*blend, arguments));
-        }
+        let Some(components) = interpolated(build, outputs, &functions, &corners, point) else {
+            failed = Some("a varying has no function that interpolates it");
+            return Rewrite::default();
+        };
         let author = match components[..] {
             [only] if !outputs.is_struct => only,
             _ => build.expression(Expression::Compose {
@@ -150,6 +127,59 @@ pub fn adaptive(
         None => Ok(module),
         Some(why) => Err(why.to_owned()),
     }
+}
+
+/// The functions that interpolate values of so many components.
+struct Interpolation {
+    width: u8,
+    blend: Handle<Function>,
+    /// The value at one of the three vertices.
+    pick: Handle<Function>,
+}
+
+/// An output of the author's stage, whose result is `base`.
+fn output(
+    build: &mut CodeBuilder<'_>,
+    outputs: &Outputs,
+    base: Handle<Expression>,
+    index: usize,
+) -> Handle<Expression> {
+    match outputs.is_struct {
+        true => access(build, base, index as u32),
+        false => base,
+    }
+}
+
+/// The author's outputs at `point`, from those at the three vertices. `None`: no function has the
+/// width of one.
+fn interpolated(
+    build: &mut CodeBuilder<'_>,
+    outputs: &Outputs,
+    functions: &[Interpolation],
+    corners: &[Handle<Expression>],
+    point: Handle<Expression>,
+) -> Option<Vec<Handle<Expression>>> {
+    let order = access(build, point, 0);
+    let weights = access(build, point, 1);
+    let in_order = build.literal(naga::Literal::Bool(false));
+    let mut components = Vec::new();
+    for (i, carried) in outputs.carried.iter().enumerate() {
+        let given = corners.iter().map(|c| output(build, outputs, *c, i));
+        let given: Vec<_> = given.collect();
+        let Carried::Blended(width) = carried else {
+            components.push(given[0]);
+            continue;
+        };
+        let function = functions.iter().find(|f| f.width == *width)?;
+        let mut arguments = vec![weights, in_order];
+        for place in 0..3 {
+            let which = access(build, order, place);
+            let from = [vec![which], given.clone()].concat();
+            arguments.extend(build.call(function.pick, from));
+        }
+        components.extend(build.call(function.blend, arguments));
+    }
+    Some(components)
 }
 
 /// The results of the author's stage at the three vertices `all`.

@@ -14,7 +14,7 @@ use crate::core::contract::Contract;
 use crate::core::geometry::{Form, Subdivision};
 use crate::core::pass::{Facts, Pass, Refusal, Site};
 use crate::core::pattern::MAX_LEVEL;
-use crate::core::plan::{BindingKind, GpuPass, HOIST, Plan, Role};
+use crate::core::plan::{BindingKind, GpuPass, HOIST, Plan, Role, Step};
 use crate::core::program::Program;
 use crate::core::reflect;
 
@@ -27,30 +27,7 @@ impl<'a> Material<'a> {
         facts: &Facts,
         params: &Params,
     ) -> Result<Self, Box<Refusal>> {
-        if !(1..=MAX_LEVEL).contains(&params.level) {
-            return Err(refuse(
-                &refusals::LEVEL,
-                format!("{} is no level of tessellation", params.level),
-                "give a level of 1 to 64",
-            ));
-        }
-        if params
-            .edge_pixels
-            .is_some_and(|p| !(1..=MOST_EDGE_PIXELS).contains(&p))
-        {
-            return Err(refuse(
-                &refusals::EDGE_PIXELS,
-                "a segment is 1 to 256 pixels long",
-                "give edge-pixels=8, say",
-            ));
-        }
-        if params.edge_pixels.is_some() && params.form != Form::Pulled {
-            return Err(refuse(
-                &refusals::ADAPTIVE_FORM,
-                "the vertices of a mesh that is made once cannot follow the camera",
-                "take form=pulled",
-            ));
-        }
+        Self::check_params(params)?;
         let main = plan.main().and_then(|p| Some((p, plan.program(p)?)));
         let Some((pass, program)) = main else {
             return Err(refuse(
@@ -59,42 +36,7 @@ impl<'a> Material<'a> {
                 "start from the original plan",
             ));
         };
-        let hoist = plan.steps.iter().rfind(|s| s.pass == HOIST);
-        let Some(hoist) = hoist else {
-            return Err(refuse(
-                &refusals::NOT_HOISTED,
-                "nothing was moved to the vertices: more of them would change nothing but the time",
-                "put hoist:budget=0.01 before it in the recipe",
-            ));
-        };
-        if !matches!(hoist.contract, Contract::Approximate { .. }) {
-            return Err(refuse(
-                &refusals::NOTHING_BENDS,
-                "all that was hoisted interpolates to what it was: more vertices would change nothing but the time",
-                "give hoist a budget, so that it moves what bends",
-            ));
-        }
-        if plan.passes.len() > 1 {
-            return Err(refuse(
-                &shared::HAS_PREPASS,
-                "another pass of the plan draws the same surface, undivided",
-                "tessellate first, then add the pre-pass: it is then divided alike",
-            ));
-        }
-        if !pass.geometry.is_as_given() || !plan.compute.is_empty() {
-            return Err(refuse(
-                &shared::NOT_FIRST,
-                "its triangles are divided already, and its vertex stage makes vertices of new ones",
-                "tessellate once, at the level that is wanted",
-            ));
-        }
-        if !pass.primitive.topology.is_triangles() {
-            return Err(refuse(
-                &shared::TOPOLOGY,
-                "only triangles are divided",
-                "draw triangles",
-            ));
-        }
+        let hoist = Self::check_plan(plan, pass)?;
         let Some((vertex, _)) = program.entry_point(ShaderStage::Vertex, &pass.vertex) else {
             return Err(refuse(
                 &shared::NO_VERTEX_STAGE,
@@ -146,6 +88,76 @@ impl<'a> Material<'a> {
             material.fixed = material.check_fixed(plan, facts, params)?;
         }
         Ok(material)
+    }
+
+    /// Checks the level, the length of segments and the form that they need.
+    fn check_params(params: &Params) -> Result<(), Box<Refusal>> {
+        if !(1..=MAX_LEVEL).contains(&params.level) {
+            return Err(refuse(
+                &refusals::LEVEL,
+                format!("{} is no level of tessellation", params.level),
+                "give a level of 1 to 64",
+            ));
+        }
+        if params
+            .edge_pixels
+            .is_some_and(|p| !(1..=MOST_EDGE_PIXELS).contains(&p))
+        {
+            return Err(refuse(
+                &refusals::EDGE_PIXELS,
+                "a segment is 1 to 256 pixels long",
+                "give edge-pixels=8, say",
+            ));
+        }
+        if params.edge_pixels.is_some() && params.form != Form::Pulled {
+            return Err(refuse(
+                &refusals::ADAPTIVE_FORM,
+                "the vertices of a mesh that is made once cannot follow the camera",
+                "take form=pulled",
+            ));
+        }
+        Ok(())
+    }
+
+    /// Checks that `pass` draws a hoisted surface, once and undivided. Returns the step that hoisted.
+    fn check_plan<'p>(plan: &'p Plan, pass: &GpuPass) -> Result<&'p Step, Box<Refusal>> {
+        let hoist = plan.steps.iter().rfind(|s| s.pass == HOIST);
+        let Some(hoist) = hoist else {
+            return Err(refuse(
+                &refusals::NOT_HOISTED,
+                "nothing was moved to the vertices: more of them would change nothing but the time",
+                "put hoist:budget=0.01 before it in the recipe",
+            ));
+        };
+        if !matches!(hoist.contract, Contract::Approximate { .. }) {
+            return Err(refuse(
+                &refusals::NOTHING_BENDS,
+                "all that was hoisted interpolates to what it was: more vertices would change nothing but the time",
+                "give hoist a budget, so that it moves what bends",
+            ));
+        }
+        if plan.passes.len() > 1 {
+            return Err(refuse(
+                &shared::HAS_PREPASS,
+                "another pass of the plan draws the same surface, undivided",
+                "tessellate first, then add the pre-pass: it is then divided alike",
+            ));
+        }
+        if !pass.geometry.is_as_given() || !plan.compute.is_empty() {
+            return Err(refuse(
+                &shared::NOT_FIRST,
+                "its triangles are divided already, and its vertex stage makes vertices of new ones",
+                "tessellate once, at the level that is wanted",
+            ));
+        }
+        if !pass.primitive.topology.is_triangles() {
+            return Err(refuse(
+                &shared::TOPOLOGY,
+                "only triangles are divided",
+                "draw triangles",
+            ));
+        }
+        Ok(hoist)
     }
 
     /// Checks that nothing the work at load reads can change.

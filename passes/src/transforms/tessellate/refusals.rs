@@ -1,6 +1,6 @@
 //! The refusals of `tessellate`.
 
-use crate::core::refusals::{RefusalInfo, refusals};
+use crate::core::refusals::refusals;
 
 refusals! {
     ADAPTIVE_FORM = "adaptive-form":

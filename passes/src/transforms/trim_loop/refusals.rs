@@ -1,6 +1,6 @@
 //! The refusals of `trim-loop`.
 
-use crate::core::refusals::{RefusalInfo, refusals};
+use crate::core::refusals::refusals;
 
 refusals! {
     NO_LOOP = "no-loop":

@@ -1,6 +1,6 @@
 //! The refusals of `visibility-buffer`.
 
-use crate::core::refusals::{RefusalInfo, refusals};
+use crate::core::refusals::refusals;
 
 refusals! {
     ANISOTROPIC_SAMPLE = "anisotropic-sample":

@@ -27,14 +27,17 @@ pub enum Kind {
 const HEAD: &str = "
 struct U { a: i32, b: i32, d: i32, e: i32, w: f32, z: f32, y: f32 }
 @group(0) @binding(0) var<uniform> u: U;
-struct Varyings { @builtin(position) position: vec4<f32>, @location(0) p: vec4<f32>, @location(1) q: vec2<f32>,
+struct Varyings { @builtin(position) position: vec4<f32>, @location(0) p: vec4<f32>, \
+    @location(1) q: vec2<f32>,
     @location(2) @interpolate(flat) k: i32, @location(3) r: f32 }
-@vertex fn vs(@location(0) p: vec4<f32>, @location(1) q: vec2<f32>, @location(2) k: i32, @location(3) r: f32) -> Varyings {
+@vertex fn vs(@location(0) p: vec4<f32>, @location(1) q: vec2<f32>, @location(2) k: i32, \
+    @location(3) r: f32) -> Varyings {
     var kept = u.d;
     if u.b > 1 { kept = k; }
     return Varyings(p * 2.0, p, q * 0.5, kept, u.w);
 }
-struct In { @location(0) p: vec4<f32>, @location(1) q: vec2<f32>, @location(2) @interpolate(flat) k: i32, @location(3) r: f32 }
+struct In { @location(0) p: vec4<f32>, @location(1) q: vec2<f32>, @location(2) \
+    @interpolate(flat) k: i32, @location(3) r: f32 }
 struct S { a: i32, v: vec2<i32>, f: f32 }
 var<private> g: i32 = 2;
 fn color(x: i32, y: i32, f: f32) -> vec4<f32> { return vec4(f32(x), f32(y), f, 1.0); }
@@ -67,9 +70,11 @@ let k = x; let r = 0.25; let px = f32(x);
     let _ = writeln!(
         out,
         "@fragment fn fs(in: In, @builtin(front_facing) front: bool) -> @location(0) vec4<f32> {{
-var a = i32(in.p.x * 4.0); var b = u.a; var arr = array<i32, 4>(4, 3, 2, 1); var vv = vec2<i32>(2); var s = S(1, vec2(2, 3), 0.5); var f = 0.25;
+var a = i32(in.p.x * 4.0); var b = u.a; var arr = array<i32, 4>(4, 3, 2, 1); \
+    var vv = vec2<i32>(2); var s = S(1, vec2(2, 3), 0.5); var f = 0.25;
 let k = in.k; let r = in.r; let px = in.p.x;
-{}return color(a + b * 7 + arr[0] + arr[1] * 3 + arr[2] * 5 + arr[3] * 9 + vv.x + vv.y + s.a + s.v.y, g, f + s.f); }}",
+{}return color(a + b * 7 + arr[0] + arr[1] * 3 + arr[2] * 5 + arr[3] * 9 + vv.x + vv.y + s.a + \
+    s.v.y, g, f + s.f); }}",
         generator.text
     );
     out

@@ -64,8 +64,10 @@ pub fn shader(bytes: &[u8]) -> String {
     let (first, second) = helpers.split_at(helpers.len() / 2);
     let mut text = String::from(
         "struct S { a: f32, b: vec2<f32>, n: i32 }
-struct In { @location(0) p: vec4<f32>, @location(1) q: vec2<f32>, @location(2) @interpolate(flat) k: i32, @location(3) r: f32 }
-struct Out { @location(0) c: vec4<f32>, @location(1) e: f32, @location(2) n: i32, @builtin(frag_depth) d: f32 }
+struct In { @location(0) p: vec4<f32>, @location(1) q: vec2<f32>, @location(2) \
+    @interpolate(flat) k: i32, @location(3) r: f32 }
+struct Out { @location(0) c: vec4<f32>, @location(1) e: f32, @location(2) n: i32, \
+    @builtin(frag_depth) d: f32 }
 var<private> g0: f32 = 0.25;
 var<private> gs: S;
 var<private> gi: i32;
@@ -111,7 +113,8 @@ var<private> gi: i32;
         &mut Choices::new(entry),
         &mut text,
         "@fragment fn fs(in: In, @builtin(front_facing) front: bool) -> Out",
-        "var f0: f32; var f1: f32 = 2.0; var f2: f32; var i0: i32; var i1: i32 = 3; var v: vec3<f32>; var s: S; var u: S; var arr: array<f32, 4>; var out: Out;",
+        "var f0: f32; var f1: f32 = 2.0; var f2: f32; var i0: i32; var i1: i32 = 3; \
+         var v: vec3<f32>; var s: S; var u: S; var arr: array<f32, 4>; var out: Out;",
         Scope {
             floats: vec![
                 "f0", "f1", "f2", "v.x", "v.y", "s.a", "s.b.x", "u.a", "g0", "gs.a", "out.d",

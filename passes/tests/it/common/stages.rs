@@ -86,9 +86,11 @@ fn outputs(
 
 /// A vertex stage in front of a random fragment stage: passes everything on, a little changed.
 pub const VERTEX: &str = "
-struct Varyings { @builtin(position) position: vec4<f32>, @location(0) p: vec4<f32>, @location(1) q: vec2<f32>,
+struct Varyings { @builtin(position) position: vec4<f32>, @location(0) p: vec4<f32>, \
+    @location(1) q: vec2<f32>,
     @location(2) @interpolate(flat) k: i32, @location(3) r: f32 }
-@vertex fn vs(@location(0) p: vec4<f32>, @location(1) q: vec2<f32>, @location(2) k: i32, @location(3) r: f32) -> Varyings {
+@vertex fn vs(@location(0) p: vec4<f32>, @location(1) q: vec2<f32>, @location(2) k: i32, \
+    @location(3) r: f32) -> Varyings {
     return Varyings(p * 2.0, p, q * 0.5, k + 1, r - 0.25);
 }
 ";

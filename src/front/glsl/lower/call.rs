@@ -400,20 +400,23 @@ impl Lower<'_, '_> {
             ("modf", _) => (
                 ty.clone(),
                 format!(
-                    "{t} {helper}({t} x, out {t} whole) {{\n    whole = trunc(x);\n    return x - whole;\n}}\n"
+                    "{t} {helper}({t} x, out {t} whole) {{\n    whole = trunc(x);\n    return x - \
+                     whole;\n}}\n"
                 ),
             ),
             ("uaddCarry", _) => (
                 ty.clone(),
                 format!(
-                    "{t} {helper}({t} x, {t} y, out {t} carry) {{\n    {t} sum = x + y;\n    carry = {};\n    return sum;\n}}\n",
+                    "{t} {helper}({t} x, {t} y, out {t} carry) {{\n    {t} sum = x + y;\n    \
+                     carry = {};\n    return sum;\n}}\n",
                     less("sum", "x")
                 ),
             ),
             ("usubBorrow", _) => (
                 ty.clone(),
                 format!(
-                    "{t} {helper}({t} x, {t} y, out {t} borrow) {{\n    borrow = {};\n    return x - y;\n}}\n",
+                    "{t} {helper}({t} x, {t} y, out {t} borrow) {{\n    borrow = {};\n    return x \
+                     - y;\n}}\n",
                     less("x", "y")
                 ),
             ),

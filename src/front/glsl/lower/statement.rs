@@ -196,7 +196,8 @@ impl Lower<'_, '_> {
                 let first = self.fresh("first");
                 let condition = condition.at(level::TERNARY + 1);
                 self.line(&format!(
-                    "{mark}for (bool {first} = true; ({first} ? true : {condition}); {first} = false) {{"
+                    "{mark}for (bool {first} = true; ({first} ? true : {condition}); \
+                     {first} = false) {{"
                 )) + &self.body(body)?
                     + &self.line("}")
             }

@@ -58,7 +58,7 @@ pub(super) fn function(name: &str) -> Option<Function> {
 }
 
 /// The shape of a texture.
-struct Shape<'a> {
+struct TextureShape<'a> {
     combined: &'a str,
     component: Component,
     shadow: bool,
@@ -67,7 +67,7 @@ struct Shape<'a> {
     coordinates: u8,
 }
 
-impl<'a> Shape<'a> {
+impl<'a> TextureShape<'a> {
     fn of(combined: &'a str) -> Self {
         Self {
             combined,
@@ -159,7 +159,7 @@ impl Lower<'_, '_> {
         };
         let mut name = function.name.clone();
         check_supported(author, &name, place)?;
-        let shape = Shape::of(combined);
+        let shape = TextureShape::of(combined);
         let result = shape.result(&name);
         let fetches = matches!(
             name.as_str(),
@@ -295,7 +295,7 @@ impl Lower<'_, '_> {
     /// replaced later.
     fn gathered(
         &mut self,
-        shape: &Shape<'_>,
+        shape: &TextureShape<'_>,
         sampler: &Ex,
         rest: Vec<Ex>,
         component: Option<i64>,
@@ -352,7 +352,7 @@ fn add_fetch_offset(rest: &mut Vec<Ex>) {
 }
 
 /// Without derivatives, GLSL samples the base level, and the bias becomes the level (4.60, 8.9).
-fn use_base_level(shape: &Shape<'_>, name: &mut String, rest: &mut Vec<Ex>) {
+fn use_base_level(shape: &TextureShape<'_>, name: &mut String, rest: &mut Vec<Ex>) {
     let explicit = ["Size", "Lod", "Grad", "Query", "Samples"];
     let implicit = name.starts_with("texture") && !explicit.iter().any(|w| name.contains(w));
     if !implicit || shape.combined.starts_with("samplerCube") && shape.shadow {

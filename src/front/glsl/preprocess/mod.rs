@@ -561,15 +561,23 @@ impl Preprocessor<'_> {
         let strict = self.dialect.es;
         evaluate(&words, strict).map(|v| v != 0).map_err(|wrong| {
             let token = |at: usize| expanded.get(at);
-            let text = |at: usize| token(at).map(|t| self.names.text(t.name)).unwrap_or_default();
+            let text = |at: usize| {
+                token(at)
+                    .map(|t| self.names.text(t.name))
+                    .unwrap_or_default()
+            };
             let at = |at: usize| token(at).map_or(place, |t| (t.start, t.end));
             match wrong {
                 Wrong::Undefined(i) => self
                     .stop(format!("`{}` is not defined", text(i)), at(i))
-                    .note("in GLSL ES an undefined name is an error in `#if` (ES 3.00, section 3.4): test `defined(..)` first"),
-                Wrong::Malformed(Some(i)) if i < words.len() => {
-                    self.stop(format!("`{}` cannot be here in a condition", text(i)), at(i))
-                }
+                    .note(
+                        "in GLSL ES an undefined name is an error in `#if` (ES 3.00, section 3.4): \
+                         test `defined(..)` first",
+                    ),
+                Wrong::Malformed(Some(i)) if i < words.len() => self.stop(
+                    format!("`{}` cannot be here in a condition", text(i)),
+                    at(i),
+                ),
                 Wrong::Malformed(_) => self.stop("this condition is incomplete", place),
                 Wrong::DivisionByZero => self.stop("this condition divides by 0", place),
                 Wrong::TooDeep => self.too_deep(place),
@@ -661,7 +669,10 @@ impl Preprocessor<'_> {
             return Err(match round {
                 Some((name, _)) => self
                     .stop(format!("{name} includes itself without end"), place)
-                    .note("begin it with `#ifndef A_NAME` and `#define A_NAME`, and end it with `#endif`"),
+                    .note(
+                        "begin it with `#ifndef A_NAME` and `#define A_NAME`, and end it with \
+                         `#endif`",
+                    ),
                 None => self.stop(format!("includes are nested more than {OPEN} deep"), place),
             });
         }

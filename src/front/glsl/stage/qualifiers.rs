@@ -113,7 +113,8 @@ impl GlslStage<'_> {
                             };
                             if name.as_str() == "component" && value != Some(0) {
                                 return Err(unsupported(
-                                    "`component` packs two variables into one location, which WebGPU cannot",
+                                    "`component` packs two variables into one location, which \
+                                     WebGPU cannot",
                                     place,
                                 ));
                             }
