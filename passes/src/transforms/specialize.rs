@@ -47,6 +47,7 @@ use crate::core::plan::{GpuPass, ORIGINAL, Plan, Role, Step};
 use crate::core::program::Program;
 use crate::core::reflect;
 use crate::core::refusals::RefusalInfo;
+use crate::evaluate::accuracy::Accuracy;
 use crate::evaluate::overrides;
 use crate::graph::{FunctionId, Graph};
 
@@ -540,10 +541,12 @@ fn arguments(
 fn interpolated(known: &Known) -> Known {
     match known {
         Known::Parts(parts) => Known::Parts(parts.iter().map(interpolated).collect()),
-        Known::Scalar(Scalar::Float(a, b), sources) => match Scalar::rounded(*a, *b, 64.0) {
-            Some(scalar) => Known::Scalar(scalar, known::Sources::clone(sources)),
-            None => Known::Unknown,
-        },
+        Known::Scalar(Scalar::Number(kind @ naga::ScalarKind::Float, x), sources) => {
+            match Scalar::number(*kind, x.rounded(Accuracy::ulps(64.0))) {
+                Some(scalar) => Known::Scalar(scalar, known::Sources::clone(sources)),
+                None => Known::Unknown,
+            }
+        }
         _ => Known::Unknown,
     }
 }

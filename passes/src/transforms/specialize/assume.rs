@@ -10,6 +10,7 @@ use naga::{
 use super::known::{Known, Scalar, Sources};
 use crate::core::guard::{Assumed, Bounds, Guard, Place, ScalarType};
 use crate::core::pass::{Facts, Misnamed};
+use crate::evaluate::interval::Interval;
 
 /// Length of the longest array whose elements are tracked separately.
 const MOST_ELEMENTS: u32 = 64;
@@ -333,22 +334,19 @@ impl Assumptions {
 fn known(index: usize, assumed: &Assumed) -> Known {
     let Bounds { low, high } = assumed.bounds;
     let scalar = match assumed.ty {
-        ScalarType::F32 if low == high => Scalar::float(low),
+        // Either bound may be flushed to 0.
         ScalarType::F32 => {
-            // Either bound may be flushed to 0.
-            let (a, b) = (Scalar::float(low), Scalar::float(high));
-            match (a, b) {
-                (Scalar::Float(a, _), Scalar::Float(_, b)) => Scalar::Float(a, b),
-                _ => return Known::Unknown,
-            }
+            let interval = Interval::input(low).or(Interval::input(high));
+            Scalar::number(ScalarKind::Float, interval)
         }
-        ScalarType::I32 => Scalar::Sint(low as i64, high as i64),
-        ScalarType::U32 => Scalar::Uint(low as i64, high as i64),
+        ScalarType::I32 => Scalar::number(ScalarKind::Sint, Interval::new(low, high)),
+        ScalarType::U32 => Scalar::number(ScalarKind::Uint, Interval::new(low, high)),
     };
-    let is_finite = low.is_finite() && high.is_finite() && low <= high;
-    match is_finite {
-        true => Known::Scalar(scalar, Rc::new(BTreeSet::from([index])) as Sources),
-        false => Known::Unknown,
+    match scalar {
+        Some(scalar) if low <= high => {
+            Known::Scalar(scalar, Rc::new(BTreeSet::from([index])) as Sources)
+        }
+        _ => Known::Unknown,
     }
 }
 

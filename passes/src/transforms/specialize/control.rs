@@ -2,7 +2,7 @@
 
 use naga::{Block, Expression, Handle, Literal, Statement, SwitchCase, SwitchValue};
 
-use super::decision::Kind;
+use super::decision::DecisionKind;
 use super::fold::{Folder, Frame};
 use super::known::{Known, Sources};
 use crate::graph::{StmtId, operands};
@@ -54,7 +54,7 @@ impl<'p> Folder<'p> {
         let [first, second] = frame.arms(id, accept);
         let arms = [(first, second), (second, frame.f.statements.get(id).end)];
         let depth = frame.within.len();
-        let decision = self.decide(frame, id, condition, Kind::Branch, &arms);
+        let decision = self.decide(frame, id, condition, DecisionKind::Branch, &arms);
         frame.within.extend(decision);
         let flow = self.arms(frame, condition, [accept, reject], [first, second], out);
         frame.within.truncate(depth);
@@ -148,7 +148,7 @@ impl<'p> Folder<'p> {
             .zip(starts.iter().skip(1).chain([&end]))
             .map(|(a, b)| (*a, *b))
             .collect();
-        self.decide(frame, id, selector, Kind::Switch, &arms);
+        self.decide(frame, id, selector, DecisionKind::Switch, &arms);
         let falls = cases.iter().any(|c| c.fall_through);
         let taken = match frame.known[selector.index()].literal() {
             Some((literal, sources)) if !falls => {

@@ -2,13 +2,14 @@
 
 use naga::{
     ArraySize, BinaryOperator, Block, Expression, Function, Handle, Literal, LocalVariable,
-    MathFunction, Module, Type, TypeInner,
+    MathFunction, Module, ScalarKind, Type, TypeInner,
 };
 
 use super::arithmetic;
 use super::fold::{Folder, Frame};
 use super::known::{FINITE, Known, Scalar, Sources};
 use super::params::Fold;
+use crate::evaluate::interval::Interval;
 use crate::graph::operands;
 
 /// The variable of a pointer.
@@ -19,7 +20,7 @@ enum Root {
 }
 
 /// A pointer's variable and path; `dynamic` if the path ends at an unknown index.
-struct Place {
+struct PointerTarget {
     root: Root,
     path: Vec<u32>,
     sources: Sources,
@@ -29,10 +30,8 @@ struct Place {
 /// The abstract value of a type's zero.
 pub(super) fn zero(module: &Module, ty: Handle<Type>) -> Known {
     let scalar = |s: naga::Scalar| match (s.kind, s.width) {
-        (naga::ScalarKind::Bool, _) => Known::constant(Scalar::Bool(false)),
-        (naga::ScalarKind::Sint, 4) => Known::constant(Scalar::Sint(0, 0)),
-        (naga::ScalarKind::Uint, 4) => Known::constant(Scalar::Uint(0, 0)),
-        (naga::ScalarKind::Float, 4) => Known::constant(Scalar::float(0.0)),
+        (ScalarKind::Bool, _) => Known::constant(Scalar::Bool(false)),
+        (kind, 4) => Known::constant(Scalar::Number(kind, Interval::exactly(0.0))),
         _ => Known::Unknown,
     };
     match &module.types[ty].inner {
@@ -59,10 +58,11 @@ pub(super) fn zero(module: &Module, ty: Handle<Type>) -> Known {
 }
 
 fn literal(literal: &Literal) -> Known {
+    let number = |kind, number| Known::constant(Scalar::Number(kind, Interval::exactly(number)));
     match literal {
         Literal::Bool(b) => Known::constant(Scalar::Bool(*b)),
-        Literal::I32(v) => Known::constant(Scalar::Sint((*v).into(), (*v).into())),
-        Literal::U32(v) => Known::constant(Scalar::Uint((*v).into(), (*v).into())),
+        Literal::I32(v) => number(ScalarKind::Sint, f64::from(*v)),
+        Literal::U32(v) => number(ScalarKind::Uint, f64::from(*v)),
         Literal::F32(v) if v.is_finite() => Known::constant(Scalar::float(f64::from(*v))),
         _ => Known::Unknown,
     }
@@ -252,7 +252,7 @@ impl<'p> Folder<'p> {
     ) -> Option<Handle<Type>> {
         let inner = frame.f.ty(self.module, same);
         let is_number = matches!(inner, TypeInner::Scalar(_) | TypeInner::Vector { .. })
-            && inner.scalar_kind() != Some(naga::ScalarKind::Bool);
+            && inner.scalar_kind() != Some(ScalarKind::Bool);
         let is_held = is_number && frame.is_operand[e.index()] && is_constant(frame.original, same);
         is_held.then(|| {
             let ty = Type {
@@ -400,7 +400,7 @@ impl<'p> Folder<'p> {
                 expr,
                 kind,
                 convert: Some(width),
-            } if matches!((kind, width), (naga::ScalarKind::Bool, _) | (_, 4)) => {
+            } if matches!((kind, width), (ScalarKind::Bool, _) | (_, 4)) => {
                 let is_matrix = matches!(frame.f.ty(self.module, *expr), TypeInner::Matrix { .. });
                 match is_matrix {
                     true => Known::Unknown,
@@ -478,10 +478,10 @@ impl<'p> Folder<'p> {
 }
 
 impl Frame<'_> {
-    fn place(&self, module: &Module, pointer: Handle<Expression>) -> Place {
+    fn place(&self, module: &Module, pointer: Handle<Expression>) -> PointerTarget {
         match self.original.expressions[pointer] {
-            Expression::LocalVariable(v) => Place::at(Root::Local(v)),
-            Expression::GlobalVariable(g) => Place::at(Root::Global(g)),
+            Expression::LocalVariable(v) => PointerTarget::at(Root::Local(v)),
+            Expression::GlobalVariable(g) => PointerTarget::at(Root::Global(g)),
             Expression::AccessIndex { base, index } => {
                 self.place(module, base).step(Some(index), None)
             }
@@ -495,7 +495,7 @@ impl Frame<'_> {
                     _ => self.place(module, base).step(None, None),
                 }
             }
-            _ => Place::at(Root::Elsewhere),
+            _ => PointerTarget::at(Root::Elsewhere),
         }
     }
 
@@ -532,7 +532,7 @@ impl Frame<'_> {
     }
 }
 
-impl Place {
+impl PointerTarget {
     fn at(root: Root) -> Self {
         Self {
             root,
@@ -596,7 +596,7 @@ fn held(
 /// The result of a read outside of a texture: 0, or alpha 1 (WGSL, section 17.7.4).
 fn outside() -> Known {
     let zero = Known::constant(Scalar::float(0.0));
-    let alpha = Known::constant(Scalar::Float(0.0, 1.0));
+    let alpha = Known::constant(Scalar::Number(ScalarKind::Float, Interval::UNIT));
     Known::Parts(vec![zero.clone(), zero.clone(), zero, alpha])
 }
 
@@ -641,7 +641,9 @@ fn all_numbers(known: &Known, value: f64) -> Option<Sources> {
             }
             (!parts.is_empty()).then_some(sources)
         }
-        Known::Scalar(Scalar::Float(a, b), sources) if *a == value && *b == value => {
+        Known::Scalar(Scalar::Number(ScalarKind::Float, x), sources)
+            if x.number() == Some(value) =>
+        {
             Some(Sources::clone(sources))
         }
         _ => None,
