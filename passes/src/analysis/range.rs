@@ -204,49 +204,36 @@ impl AllRanges {
         outside: &Outside<'_>,
         unseen: &HashSet<ValueId>,
     ) -> Interval {
-        let joined = || {
+        let joined = |is_joined: fn(&Node) -> bool| {
             let operands = values.values[id].operands.iter();
             operands
-                .filter(|o| {
-                    !matches!(values.values[**o].node, Node::Control(..)) && !unseen.contains(o)
-                })
+                .filter(|o| is_joined(&values.values[**o].node) && !unseen.contains(o))
                 .map(|o| self.of[*o])
                 .reduce(Interval::or)
+                .unwrap_or(Interval::ANYTHING)
         };
-        match &values.values[id].node {
-            Node::Input(input) => outside.input(values, *input),
-            Node::Control(..) => Interval::ANYTHING,
-            Node::Version(context, version) => initial(values, *context, *version)
-                .unwrap_or_else(|| joined().unwrap_or(Interval::ANYTHING)),
-            Node::Expression(context, e, path) => {
-                let f = values.function(*context);
-                match &f.function.expressions[*e] {
-                    Expression::CallResult(_) => joined().unwrap_or(Interval::ANYTHING),
-                    Expression::Load { pointer } => {
-                        match f.ty(values.graph.module(), *pointer).pointer_space() {
-                            Some(AddressSpace::Function | AddressSpace::Private)
-                                if f.memory.loads.get(e).is_some_and(|l| !l.is_empty()) =>
-                            {
-                                let versions = values.values[id].operands.iter();
-                                versions
-                                    .filter(|o| {
-                                        matches!(values.values[**o].node, Node::Version(..))
-                                            && !unseen.contains(o)
-                                    })
-                                    .map(|o| self.of[*o])
-                                    .reduce(Interval::or)
-                                    .unwrap_or(Interval::ANYTHING)
-                            }
-                            Some(AddressSpace::Function | AddressSpace::Private) => {
-                                Interval::ANYTHING
-                            }
-                            _ => outside.memory(values, *context, *pointer, path),
-                        }
+        let data = || joined(|node| !matches!(node, Node::Control(..)));
+        let (context, e, path) = match &values.values[id].node {
+            Node::Input(input) => return outside.input(values, *input),
+            Node::Control(..) => return Interval::ANYTHING,
+            Node::Version(context, version) => {
+                return initial(values, *context, *version).unwrap_or_else(data);
+            }
+            Node::Expression(context, e, path) => (*context, *e, path),
+        };
+        let f = values.function(context);
+        match &f.function.expressions[e] {
+            Expression::CallResult(_) => data(),
+            Expression::Load { pointer } => {
+                match f.ty(values.graph.module(), *pointer).pointer_space() {
+                    Some(AddressSpace::Function | AddressSpace::Private) => {
+                        joined(|node| matches!(node, Node::Version(..)))
                     }
-                    _ if !path.is_empty() => joined().unwrap_or(Interval::ANYTHING),
-                    expression => self.of_operation(values, *context, *e, expression, outside),
+                    _ => outside.memory(values, context, *pointer, path),
                 }
             }
+            _ if !path.is_empty() => data(),
+            expression => self.of_operation(values, context, e, expression, outside),
         }
     }
 

@@ -4,14 +4,14 @@ use naga::{
     BinaryOperator, Expression, MathFunction, RelationalFunction, ScalarKind, UnaryOperator,
 };
 
-use super::known::{Known, Scalar};
+use super::known::{AbstractValue, Scalar};
 use crate::evaluate::Number as _;
 use crate::evaluate::accuracy::Accuracy;
 use crate::evaluate::interval::{Arithmetic, Interval};
 
 /// Applies a unary operator.
-pub fn unary(op: UnaryOperator, operand: &Known) -> Known {
-    Known::zip(&[operand], &|s| match (op, s) {
+pub fn unary(op: UnaryOperator, operand: &AbstractValue) -> AbstractValue {
+    AbstractValue::zip(&[operand], &|s| match (op, s) {
         (UnaryOperator::LogicalNot, [Scalar::Bool(b)]) => Some(Scalar::Bool(!b)),
         (UnaryOperator::Negate, [Scalar::Number(kind, x)]) => Scalar::number(*kind, x.negated()),
         (UnaryOperator::BitwiseNot, [Scalar::Number(kind, _)]) => {
@@ -30,13 +30,13 @@ pub fn unary(op: UnaryOperator, operand: &Known) -> Known {
 }
 
 /// Applies a binary operator to scalars, or component by component to vectors. Not for matrices.
-pub fn binary(op: BinaryOperator, left: &Known, right: &Known) -> Known {
+pub fn binary(op: BinaryOperator, left: &AbstractValue, right: &AbstractValue) -> AbstractValue {
     use BinaryOperator as B;
     use Scalar::{Bool, Number};
     if let (B::LogicalAnd | B::LogicalOr, Some(known)) = (op, one_sided(op, left, right)) {
         return known;
     }
-    Known::zip(&[left, right], &|s| match s {
+    AbstractValue::zip(&[left, right], &|s| match s {
         [Number(kind, a), Number(other, b)] if kind == other => match op {
             B::Add | B::Subtract | B::Multiply => {
                 Scalar::number(*kind, arithmetic(*kind).binary(op, *a, *b)?)
@@ -67,7 +67,7 @@ pub fn binary(op: BinaryOperator, left: &Known, right: &Known) -> Known {
     })
 }
 
-/// Integers are exact; what doesn't fit is rejected later.
+/// Integers are exact: [`Scalar::number`] rejects those that do not fit.
 fn arithmetic(kind: ScalarKind) -> Arithmetic {
     match kind {
         ScalarKind::Float => Arithmetic::Adapter,
@@ -80,7 +80,11 @@ fn single(kind: ScalarKind, value: i64) -> Option<Scalar> {
 }
 
 /// `false && x` and `true || x`: one known operand suffices.
-fn one_sided(op: BinaryOperator, left: &Known, right: &Known) -> Option<Known> {
+fn one_sided(
+    op: BinaryOperator,
+    left: &AbstractValue,
+    right: &AbstractValue,
+) -> Option<AbstractValue> {
     let decides = op == BinaryOperator::LogicalOr;
     [left, right]
         .into_iter()
@@ -104,15 +108,15 @@ fn integer(op: BinaryOperator, a: i64, b: i64) -> Option<i64> {
 }
 
 /// Applies a math function, component by component if it works so.
-pub fn math(fun: MathFunction, arguments: &[&Known]) -> Known {
+pub fn math(fun: MathFunction, arguments: &[&AbstractValue]) -> AbstractValue {
     use MathFunction as M;
     match (fun, arguments) {
         (M::Abs | M::Sign | M::Saturate | M::Floor | M::Ceil | M::Trunc, _)
         | (M::Min | M::Max | M::Clamp | M::Step, _) => {
-            Known::zip(arguments, &|s| of_components(fun, s))
+            AbstractValue::zip(arguments, &|s| of_components(fun, s))
         }
         (M::Mix, [x, y, t]) => {
-            let one = Known::constant(Scalar::float(1.0));
+            let one = AbstractValue::constant(Scalar::float(1.0));
             let rest = binary(BinaryOperator::Subtract, &one, t);
             let (left, right) = (
                 binary(BinaryOperator::Multiply, x, &rest),
@@ -124,13 +128,13 @@ pub fn math(fun: MathFunction, arguments: &[&Known]) -> Known {
             let step = binary(BinaryOperator::Multiply, &step, t);
             weighted.join(&binary(BinaryOperator::Add, x, &step))
         }
-        (M::Dot, [Known::Parts(x), Known::Parts(y)]) => x
+        (M::Dot, [AbstractValue::Parts(x), AbstractValue::Parts(y)]) => x
             .iter()
             .zip(y)
             .map(|(x, y)| binary(BinaryOperator::Multiply, x, y))
             .reduce(|a, b| binary(BinaryOperator::Add, &a, &b))
             .unwrap_or_default(),
-        _ => Known::Unknown,
+        _ => AbstractValue::Unknown,
     }
 }
 
@@ -151,8 +155,8 @@ fn of_components(fun: MathFunction, scalars: &[Scalar]) -> Option<Scalar> {
 }
 
 /// Converts a value to 32 bits or to `bool`.
-pub fn converted(kind: ScalarKind, operand: &Known) -> Known {
-    Known::zip(&[operand], &|s| {
+pub fn converted(kind: ScalarKind, operand: &AbstractValue) -> AbstractValue {
+    AbstractValue::zip(&[operand], &|s| {
         let [s] = s else { return None };
         match (kind, *s) {
             (ScalarKind::Bool, Scalar::Bool(_)) => Some(*s),
@@ -175,14 +179,14 @@ pub fn converted(kind: ScalarKind, operand: &Known) -> Known {
 }
 
 /// `all` and `any`.
-pub fn relational(fun: RelationalFunction, argument: &Known) -> Known {
+pub fn relational(fun: RelationalFunction, argument: &AbstractValue) -> AbstractValue {
     let op = match fun {
         RelationalFunction::All => BinaryOperator::LogicalAnd,
         RelationalFunction::Any => BinaryOperator::LogicalOr,
-        RelationalFunction::IsNan | RelationalFunction::IsInf => return Known::Unknown,
+        RelationalFunction::IsNan | RelationalFunction::IsInf => return AbstractValue::Unknown,
     };
     match argument {
-        Known::Parts(parts) => parts
+        AbstractValue::Parts(parts) => parts
             .iter()
             .cloned()
             .reduce(|a, b| binary(op, &a, &b))

@@ -7,7 +7,7 @@ use naga::{Block, Expression, Function, Handle, Statement};
 
 use super::control::{Breaks, taken};
 use super::fold::{Folder, Frame};
-use super::known::{Known, Sources};
+use super::known::{AbstractValue, Sources};
 use crate::graph::{FunctionId, Graph, Rate, StmtId};
 
 /// The statement kind of a decision.
@@ -215,7 +215,7 @@ impl<'p> Folder<'p> {
     ) -> Option<usize> {
         let known = &frame.known[condition.index()];
         let sources = match known {
-            Known::Scalar(_, sources) => Sources::clone(sources),
+            AbstractValue::Scalar(_, sources) => Sources::clone(sources),
             _ => Sources::default(),
         };
         let known = known.literal().map(|(literal, _)| literal);

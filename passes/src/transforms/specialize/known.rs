@@ -2,7 +2,7 @@
 //!
 //! Bounds are real numbers. Every result is widened by more than an adapter's rounding, so that it
 //! contains the adapter's number however the adapter rounds, flushes denormals or contracts
-//! products and sums. No bound contains NaN: a value that may be NaN is [`Known::Unknown`].
+//! products and sums. No bound contains NaN: a value that may be NaN is [`AbstractValue::Unknown`].
 
 use std::collections::BTreeSet;
 use std::rc::Rc;
@@ -75,17 +75,17 @@ impl Scalar {
 
 /// An abstract value.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub enum Known {
+pub enum AbstractValue {
     /// Unknown.
     #[default]
     Unknown,
     /// A scalar's bounds.
     Scalar(Scalar, Sources),
     /// The abstract value of each component, column, element or member.
-    Parts(Vec<Known>),
+    Parts(Vec<AbstractValue>),
 }
 
-impl Known {
+impl AbstractValue {
     /// A constant of the author's, which depends on no assumption.
     pub fn constant(scalar: Scalar) -> Self {
         Self::Scalar(scalar, Sources::default())
@@ -193,7 +193,7 @@ impl Known {
         }
     }
 
-    /// The same value; parts that are all unknown become [`Known::Unknown`].
+    /// The same value; parts that are all unknown become [`AbstractValue::Unknown`].
     #[must_use]
     pub fn settled(self) -> Self {
         match self {
