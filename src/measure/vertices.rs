@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use naga::{GlobalVariable, Module};
 use preshade_passes::bound;
-use preshade_passes::evaluate::{self, Environment, Number, Outcome, Stuck, Value};
+use preshade_passes::evaluate::{self, Environment, Number, RunResult, Stuck, Value};
 
 use crate::scene::bind::DrawBindings;
 
@@ -157,7 +157,7 @@ impl<F: Number> Vertices<F> {
 fn by_location<F: Number>(
     module: &Module,
     function: &naga::Function,
-    outcome: Outcome<F>,
+    outcome: RunResult<F>,
 ) -> BTreeMap<u32, Value<F>> {
     let outputs = preshade_passes::reflect::outputs(module, function);
     let values = match outcome.result {

@@ -12,8 +12,9 @@
 
 use naga::{BinaryOperator, Expression, Handle, MathFunction, ScalarKind};
 
-use crate::analysis::range::{AllRanges, Range};
+use crate::analysis::range::AllRanges;
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
+use crate::evaluate::interval::Interval;
 
 /// Why a value cannot be interpolated.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -136,18 +137,18 @@ fn is_steady(
     match expression {
         Expression::Math { fun, arg, arg1, .. } => {
             let x = of(*arg);
-            let y = arg1.map_or(Range::ANYTHING, of);
+            let y = arg1.map_or(Interval::ANYTHING, of);
             match fun {
                 MathFunction::Floor | MathFunction::Fract => same(x, f64::floor),
                 MathFunction::Ceil => same(x, f64::ceil),
                 MathFunction::Trunc => same(x, f64::trunc),
                 MathFunction::Round => same(x, f64::round_ties_even),
-                MathFunction::Sign => apart(x, Range::new(0.0, 0.0)),
+                MathFunction::Sign => apart(x, Interval::new(0.0, 0.0)),
                 // step(edge, x)
                 MathFunction::Step => apart(x, y),
                 // The cut is at x < 0 and y = 0.
                 MathFunction::Atan2 => {
-                    let zero = Range::new(0.0, 0.0);
+                    let zero = Interval::new(0.0, 0.0);
                     (y.low > 0.0 && apart(y, zero)) || apart(x, zero)
                 }
                 _ => false,
@@ -192,7 +193,7 @@ fn above(high: f64) -> f64 {
 }
 
 /// Whether a monotonic function has the same value at both ends, including rounding.
-fn same(range: Range, function: fn(f64) -> f64) -> bool {
+fn same(range: Interval, function: fn(f64) -> f64) -> bool {
     let whole = |end: f64| end.fract() == 0.0;
     let low = if whole(range.low) {
         range.low
@@ -208,7 +209,7 @@ fn same(range: Range, function: fn(f64) -> f64) -> bool {
 }
 
 /// Whether two ranges are apart by more than rounding.
-fn apart(a: Range, b: Range) -> bool {
+fn apart(a: Interval, b: Interval) -> bool {
     above(a.high) < below(b.low) || above(b.high) < below(a.low)
 }
 
@@ -259,15 +260,15 @@ mod tests {
 
     #[test]
     fn a_jump_outside_of_the_range_does_not_happen() {
-        let range = Range::new;
+        let range = Interval::new;
         assert!(same(range(1.25, 1.75), f64::floor));
         assert!(same(range(1.0, 1.75), f64::floor));
         assert!(!same(range(1.25, 2.0), f64::floor));
         assert!(!same(range(1.25, 1.999_999_9), f64::floor));
         assert!(same(range(-0.25, 0.25), f64::trunc));
-        assert!(!same(Range::ANYTHING, f64::floor));
+        assert!(!same(Interval::ANYTHING, f64::floor));
         assert!(apart(range(0.0, 1.0), range(1.5, 2.0)));
         assert!(!apart(range(0.0, 1.0), range(1.0, 2.0)));
-        assert!(!apart(Range::ANYTHING, range(1.0, 2.0)));
+        assert!(!apart(Interval::ANYTHING, range(1.0, 2.0)));
     }
 }

@@ -3,6 +3,7 @@
 pub mod contraction;
 pub mod coverage;
 pub(crate) mod discontinuity;
+pub mod hazard;
 pub(crate) mod implicit_inputs;
 pub(crate) mod near_plane;
 pub mod neighbours;
@@ -11,7 +12,6 @@ pub(crate) mod range;
 pub(crate) mod reach;
 pub mod refusals;
 pub(crate) mod rounding;
-pub mod sign;
 pub(crate) mod simplify;
 pub mod uniformity;
 pub(crate) mod users;

@@ -17,11 +17,12 @@ use std::sync::Arc;
 use naga::{BinaryOperator, Expression, Handle, MathFunction, ScalarKind, UnaryOperator};
 
 use crate::analysis::discontinuity;
-use crate::analysis::range::{AllRanges, Range, dimension, terms};
+use crate::analysis::range::{AllRanges, dimension, terms};
 use crate::analysis::users::Users;
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
 use crate::core::pass::SourceRange;
 use crate::evaluate::bound::Accuracy;
+use crate::evaluate::interval::Interval;
 use crate::graph::rate::Rate;
 
 /// Assumed magnitude of varyings, textures and draw constants without a scene.
@@ -302,7 +303,7 @@ impl<'v, 'g, 'p> Slopes<'v, 'g, 'p> {
             return 0.0;
         }
         let range = |o: Handle<Expression>| self.ranges.operand(self.values, *context, o);
-        let second = arg1.map_or(Range::ANYTHING, range);
+        let second = arg1.map_or(Interval::ANYTHING, range);
         let magnitude = self.ranges.of(id).magnitude();
         accuracy(*fun, range(*arg), second, magnitude).map_or(0.0, |a| a.of(magnitude))
     }
@@ -474,7 +475,7 @@ impl<'v, 'g, 'p> Slopes<'v, 'g, 'p> {
             } => {
                 let dimension = dimension(f.ty(module, *arg));
                 let operands: Vec<_> = [Some(*arg), *arg1, *arg2].into_iter().flatten().collect();
-                let ranges: Vec<Range> = operands.iter().map(|o| range(*o)).collect();
+                let ranges: Vec<Interval> = operands.iter().map(|o| range(*o)).collect();
                 match of_function(*fun, &ranges, dimension) {
                     Some(slopes) => operands.into_iter().zip(slopes).collect(),
                     None => all(f64::INFINITY),
@@ -486,8 +487,8 @@ impl<'v, 'g, 'p> Slopes<'v, 'g, 'p> {
 }
 
 /// Largest slopes of a function in its arguments over their ranges; `None` if unbounded or unknown.
-fn of_function(fun: MathFunction, ranges: &[Range], dimension: f64) -> Option<[f64; 3]> {
-    let [x, y, z] = [0, 1, 2].map(|i| ranges.get(i).copied().unwrap_or(Range::ANYTHING));
+fn of_function(fun: MathFunction, ranges: &[Interval], dimension: f64) -> Option<[f64; 3]> {
+    let [x, y, z] = [0, 1, 2].map(|i| ranges.get(i).copied().unwrap_or(Interval::ANYTHING));
     let (a, b, c) = (x.magnitude(), y.magnitude(), z.magnitude());
     let one = |slope: f64| Some([slope, 0.0, 0.0]);
     match fun {
@@ -538,7 +539,7 @@ fn of_function(fun: MathFunction, ranges: &[Range], dimension: f64) -> Option<[f
 
 /// Accuracy of a function for its arguments' ranges and its magnitude; `None` if it is exact or
 /// counted as roundings.
-fn accuracy(fun: MathFunction, x: Range, y: Range, magnitude: f64) -> Option<Accuracy> {
+fn accuracy(fun: MathFunction, x: Interval, y: Interval, magnitude: f64) -> Option<Accuracy> {
     let a = x.magnitude();
     Some(match fun {
         MathFunction::Sin | MathFunction::Cos => Accuracy::wave(a),

@@ -4,7 +4,7 @@ use naga::{
     DerivativeAxis, DerivativeControl, Expression, Function, GlobalVariable, Handle, SampleLevel,
 };
 
-use super::machine::{Frame, Machine, part};
+use super::machine::{Activation, Machine, part};
 use super::number::Number;
 use super::value::{self, Scalar, Value};
 use super::{Derivative, Lookup, Sampling, Stuck, flips, layout, math};
@@ -13,7 +13,7 @@ impl<'a, F: Number> Machine<'a, F> {
     /// The value of an operand.
     pub(super) fn get(
         &mut self,
-        frame: &mut Frame<'a, F>,
+        frame: &mut Activation<'a, F>,
         e: Handle<Expression>,
     ) -> Result<Value<F>, Stuck> {
         self.need(frame, e)?;
@@ -23,7 +23,7 @@ impl<'a, F: Number> Machine<'a, F> {
     }
 
     /// Evaluates an operand that needs no `Emit`, once.
-    fn need(&mut self, frame: &mut Frame<'a, F>, e: Handle<Expression>) -> Result<(), Stuck> {
+    fn need(&mut self, frame: &mut Activation<'a, F>, e: Handle<Expression>) -> Result<(), Stuck> {
         if frame.values[e.index()].is_some() {
             return Ok(());
         }
@@ -41,7 +41,7 @@ impl<'a, F: Number> Machine<'a, F> {
 
     pub(super) fn evaluate(
         &mut self,
-        frame: &mut Frame<'a, F>,
+        frame: &mut Activation<'a, F>,
         e: Handle<Expression>,
     ) -> Result<Value<F>, Stuck> {
         let function = frame.function;
@@ -96,13 +96,11 @@ impl<'a, F: Number> Machine<'a, F> {
                 self.room(place.scalars())?;
                 place.clone()
             }
-            Expression::Unary { op, expr } => math::unary(*op, &self.get(frame, *expr)?)?,
-            expression @ Expression::Binary { op, left, right } => {
-                let (left, right) = (self.get(frame, *left)?, self.get(frame, *right)?);
-                let value = math::binary(*op, &left, &right)?;
-                self.flips += flips::of(expression, &[&left, &right], &value);
-                value
-            }
+            operation @ (Expression::Unary { .. }
+            | Expression::Binary { .. }
+            | Expression::Relational { .. }
+            | Expression::Math { .. }
+            | Expression::As { .. }) => self.operation(frame, operation)?,
             Expression::Select {
                 condition,
                 accept,
@@ -112,42 +110,9 @@ impl<'a, F: Number> Machine<'a, F> {
                 let (accept, reject) = (self.get(frame, *accept)?, self.get(frame, *reject)?);
                 select(condition, accept, reject)?
             }
-            expression @ Expression::Relational { fun, argument } => {
-                let argument = self.get(frame, *argument)?;
-                let value = math::relational(*fun, &argument)?;
-                self.flips += flips::of(expression, &[&argument], &value);
-                value
-            }
             Expression::Derivative { axis, ctrl, expr } => {
                 let of = self.get(frame, *expr)?;
                 self.derivative(*axis, *ctrl, &of)?
-            }
-            expression @ Expression::Math {
-                fun,
-                arg,
-                arg1,
-                arg2,
-                arg3,
-            } => {
-                let arguments = [Some(*arg), *arg1, *arg2, *arg3]
-                    .into_iter()
-                    .flatten()
-                    .map(|a| self.get(frame, a))
-                    .collect::<Result<Vec<_>, _>>()?;
-                let arguments: Vec<&Value<F>> = arguments.iter().collect();
-                let value = math::call(*fun, &arguments)?;
-                self.flips += flips::of(expression, &arguments, &value);
-                value
-            }
-            expression @ Expression::As {
-                expr,
-                kind,
-                convert,
-            } => {
-                let of = self.get(frame, *expr)?;
-                let value = math::cast(*kind, *convert, &of)?;
-                self.flips += flips::of(expression, &[&of], &value);
-                value
             }
             sample @ Expression::ImageSample { gather: None, .. } => self.sample(frame, sample)?,
             Expression::ImageLoad {
@@ -169,6 +134,21 @@ impl<'a, F: Number> Machine<'a, F> {
             }
             other => return Err(Stuck::Unsupported(kind(other).to_owned())),
         })
+    }
+
+    /// An operation on the values of its operands.
+    fn operation(
+        &mut self,
+        frame: &mut Activation<'a, F>,
+        operation: &Expression,
+    ) -> Result<Value<F>, Stuck> {
+        let operands = crate::graph::operands::of_expression(operation);
+        let operands = operands.into_iter().map(|o| self.get(frame, o));
+        let operands = operands.collect::<Result<Vec<_>, _>>()?;
+        let operands: Vec<&Value<F>> = operands.iter().collect();
+        let value = math::operation(operation, &operands)?;
+        self.flips += flips::of(operation, &operands, &value);
+        Ok(value)
     }
 
     /// A literal, constant, override or zero.
@@ -208,7 +188,11 @@ impl<'a, F: Number> Machine<'a, F> {
     }
 
     /// Samples a texture through the environment.
-    fn sample(&mut self, frame: &mut Frame<'a, F>, sample: &Expression) -> Result<Value<F>, Stuck> {
+    fn sample(
+        &mut self,
+        frame: &mut Activation<'a, F>,
+        sample: &Expression,
+    ) -> Result<Value<F>, Stuck> {
         let Expression::ImageSample {
             image,
             sampler,
@@ -293,7 +277,7 @@ impl<'a, F: Number> Machine<'a, F> {
 
     fn lookup(
         &mut self,
-        frame: &mut Frame<'a, F>,
+        frame: &mut Activation<'a, F>,
         image: Handle<Expression>,
         operands: &[Handle<Expression>],
         (footprint, sampling): (&[Handle<Expression>], Sampling),
@@ -319,7 +303,7 @@ impl<'a, F: Number> Machine<'a, F> {
     /// All components of the operands, as floats.
     fn numbers(
         &mut self,
-        frame: &mut Frame<'a, F>,
+        frame: &mut Activation<'a, F>,
         operands: &[Handle<Expression>],
     ) -> Result<Vec<F>, Stuck> {
         let mut numbers = Vec::new();
@@ -357,7 +341,10 @@ pub(super) fn kind(expression: &Expression) -> &'static str {
 }
 
 /// The value of an evaluated expression.
-fn known<'v, F>(frame: &'v Frame<'_, F>, e: Handle<Expression>) -> Result<&'v Value<F>, Stuck> {
+fn known<'v, F>(
+    frame: &'v Activation<'_, F>,
+    e: Handle<Expression>,
+) -> Result<&'v Value<F>, Stuck> {
     let value = frame.values[e.index()].as_ref();
     value.ok_or(Stuck::Unevaluated(e.index()))
 }

@@ -43,21 +43,14 @@ pub fn of<F: Number>(expression: &Expression, operands: &[&Value<F>], decided: &
     else {
         return 0;
     };
-    if let Expression::Math { fun, .. } = expression {
-        let by_truth: Vec<&Value<f64>> = truths.iter().collect();
-        let turned = (math::turns(*fun, operands), math::turns(*fun, &by_truth));
-        return match turned {
-            (Ok(Some(a)), Ok(Some(b))) => u64::from(a != b),
-            _ => math::call(*fun, &by_truth).map_or(0, |other| differing(decided, &other)),
-        };
+    let by_truth: Vec<&Value<f64>> = truths.iter().collect();
+    if let Expression::Math { fun, .. } = expression
+        && let (Ok(Some(a)), Ok(Some(b))) =
+            (math::turns(*fun, operands), math::turns(*fun, &by_truth))
+    {
+        return u64::from(a != b);
     }
-    let by_truth = match (expression, &truths[..]) {
-        (Expression::Binary { op, .. }, [left, right]) => math::binary(*op, left, right),
-        (Expression::Relational { fun, .. }, [one]) => math::relational(*fun, one),
-        (Expression::As { kind, convert, .. }, [one]) => math::cast(*kind, *convert, one),
-        _ => return 0,
-    };
-    by_truth.map_or(0, |other| differing(decided, &other))
+    math::operation(expression, &by_truth).map_or(0, |other| differing(decided, &other))
 }
 
 fn truths<F: Number>(value: &Value<F>) -> Option<Value<f64>> {

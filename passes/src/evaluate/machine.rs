@@ -11,7 +11,7 @@ use naga::{
 use super::expression::kind;
 use super::number::Number;
 use super::value::{self, Scalar, Value};
-use super::{Environment, Outcome, Stuck, Traced, layout};
+use super::{Environment, RunResult, Stuck, Traced, layout};
 
 /// Most scalars in private and local memory. Each takes many bytes, and is copied with its
 /// composite.
@@ -41,7 +41,7 @@ pub(super) struct Machine<'a, F: Number> {
     held: usize,
 }
 
-pub(super) struct Frame<'f, F> {
+pub(super) struct Activation<'f, F> {
     pub(super) function: &'f Function,
     pub(super) arguments: Vec<Value<F>>,
     /// Address of the first local variable.
@@ -51,7 +51,7 @@ pub(super) struct Frame<'f, F> {
     held: usize,
 }
 
-enum Flow<F> {
+enum BlockEnd<F> {
     Next,
     Break,
     Continue,
@@ -81,9 +81,9 @@ impl<'a, F: Number> Machine<'a, F> {
         mut self,
         function: &'a Function,
         arguments: &[Value<F>],
-    ) -> Result<Outcome<F>, Stuck> {
+    ) -> Result<RunResult<F>, Stuck> {
         let result = self.call(function, arguments.to_vec())?;
-        Ok(Outcome {
+        Ok(RunResult {
             stored: self.stored(),
             result,
             discarded: self.discarded,
@@ -149,7 +149,7 @@ impl<'a, F: Number> Machine<'a, F> {
     /// Keeps the value of an expression.
     pub(super) fn keep(
         &mut self,
-        frame: &mut Frame<'a, F>,
+        frame: &mut Activation<'a, F>,
         e: Handle<Expression>,
         value: Value<F>,
     ) -> Result<(), Stuck> {
@@ -238,7 +238,7 @@ impl<'a, F: Number> Machine<'a, F> {
         self.room(held)?;
         self.work(held)?;
         self.held += held;
-        let mut frame = Frame {
+        let mut frame = Activation {
             function,
             arguments,
             locals,
@@ -257,7 +257,7 @@ impl<'a, F: Number> Machine<'a, F> {
         self.of_locals = of_locals;
         self.held -= frame.held;
         match flow {
-            Flow::Return(value) => Ok(value),
+            BlockEnd::Return(value) => Ok(value),
             _ => Ok(None),
         }
     }
@@ -265,7 +265,7 @@ impl<'a, F: Number> Machine<'a, F> {
     /// An initialiser: a constant expression outside any `Emit`.
     pub(super) fn constant(
         &mut self,
-        frame: &mut Frame<'a, F>,
+        frame: &mut Activation<'a, F>,
         e: Handle<Expression>,
     ) -> Result<Value<F>, Stuck> {
         for operand in crate::graph::operands::of_expression(&frame.function.expressions[e]) {
@@ -275,22 +275,26 @@ impl<'a, F: Number> Machine<'a, F> {
         self.evaluate(frame, e)
     }
 
-    fn block(&mut self, block: &'a Block, frame: &mut Frame<'a, F>) -> Result<Flow<F>, Stuck> {
+    fn block(
+        &mut self,
+        block: &'a Block,
+        frame: &mut Activation<'a, F>,
+    ) -> Result<BlockEnd<F>, Stuck> {
         for statement in block {
             self.step()?;
             match self.statement(statement, frame)? {
-                Flow::Next => {}
+                BlockEnd::Next => {}
                 flow => return Ok(flow),
             }
         }
-        Ok(Flow::Next)
+        Ok(BlockEnd::Next)
     }
 
     fn statement(
         &mut self,
         statement: &'a Statement,
-        frame: &mut Frame<'a, F>,
-    ) -> Result<Flow<F>, Stuck> {
+        frame: &mut Activation<'a, F>,
+    ) -> Result<BlockEnd<F>, Stuck> {
         match statement {
             Statement::Emit(range) => {
                 for e in range.clone() {
@@ -327,12 +331,12 @@ impl<'a, F: Number> Machine<'a, F> {
                     .position(|c| matches(&c.value))
                     .or_else(|| cases.iter().position(|c| c.value == SwitchValue::Default));
                 let Some(start) = start else {
-                    return Ok(Flow::Next);
+                    return Ok(BlockEnd::Next);
                 };
                 for case in &cases[start..] {
                     match self.block(&case.body, frame)? {
-                        Flow::Next if case.fall_through => {}
-                        Flow::Next | Flow::Break => break,
+                        BlockEnd::Next if case.fall_through => {}
+                        BlockEnd::Next | BlockEnd::Break => break,
                         flow => return Ok(flow),
                     }
                 }
@@ -344,9 +348,9 @@ impl<'a, F: Number> Machine<'a, F> {
             } => loop {
                 self.step()?;
                 match self.block(body, frame)? {
-                    Flow::Next | Flow::Continue => {}
-                    Flow::Break => break,
-                    flow @ Flow::Return(_) => return Ok(flow),
+                    BlockEnd::Next | BlockEnd::Continue => {}
+                    BlockEnd::Break => break,
+                    flow @ BlockEnd::Return(_) => return Ok(flow),
                 }
                 self.block(continuing, frame)?;
                 if let Some(condition) = break_if
@@ -355,11 +359,11 @@ impl<'a, F: Number> Machine<'a, F> {
                     break;
                 }
             },
-            Statement::Break => return Ok(Flow::Break),
-            Statement::Continue => return Ok(Flow::Continue),
+            Statement::Break => return Ok(BlockEnd::Break),
+            Statement::Continue => return Ok(BlockEnd::Continue),
             Statement::Return { value } => {
                 let value = value.map(|v| self.get(frame, v)).transpose()?;
-                return Ok(Flow::Return(value));
+                return Ok(BlockEnd::Return(value));
             }
             Statement::Kill => self.discarded = true,
             Statement::Store { pointer, value } => {
@@ -383,7 +387,7 @@ impl<'a, F: Number> Machine<'a, F> {
             }
             other => return Err(Stuck::Unsupported(format!("{other:?}"))),
         }
-        Ok(Flow::Next)
+        Ok(BlockEnd::Next)
     }
 
     /// The target of a pointer, for reading.

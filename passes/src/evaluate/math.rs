@@ -1,6 +1,8 @@
 //! Operators and built-in functions, computed with the CPU's f32.
 
-use naga::{BinaryOperator, MathFunction, RelationalFunction, ScalarKind, UnaryOperator};
+use naga::{
+    BinaryOperator, Expression, MathFunction, RelationalFunction, ScalarKind, UnaryOperator,
+};
 
 use super::number::{Number, single, truncated};
 use super::value::{Scalar, Value};
@@ -186,6 +188,21 @@ pub fn relational<F: Number>(fun: RelationalFunction, value: &Value<F>) -> Resul
                 .ok_or_else(|| Stuck::Undecided(format!("{v:?}"))),
             other => Err(mismatch("a float test", &[other])),
         }),
+    }
+}
+
+/// An operation on the values of its operands.
+pub fn operation<F: Number>(
+    operation: &Expression,
+    operands: &[&Value<F>],
+) -> Result<Value<F>, Stuck> {
+    match (operation, operands) {
+        (Expression::Unary { op, .. }, [x]) => unary(*op, x),
+        (Expression::Binary { op, .. }, [a, b]) => binary(*op, a, b),
+        (Expression::Relational { fun, .. }, [x]) => relational(*fun, x),
+        (Expression::Math { fun, .. }, arguments) => call(*fun, arguments),
+        (Expression::As { kind, convert, .. }, [x]) => cast(*kind, *convert, x),
+        _ => Err(Stuck::Unsupported(format!("{operation:?}"))),
     }
 }
 

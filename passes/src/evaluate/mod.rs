@@ -15,10 +15,12 @@ use std::sync::Arc;
 
 use naga::{Function, Module};
 
+pub(crate) mod accuracy;
 mod bits;
 pub mod bound;
 mod expression;
 mod flips;
+pub(crate) mod interval;
 mod layout;
 mod machine;
 mod math;
@@ -124,7 +126,7 @@ pub struct Environment<'a, F = f32> {
 
 /// The result of an invocation.
 #[derive(Clone, Debug)]
-pub struct Outcome<F = f32> {
+pub struct RunResult<F = f32> {
     /// Its return value.
     pub result: Option<Value<F>>,
     /// Whether it was discarded.
@@ -147,7 +149,7 @@ pub fn entry_point<F: Number>(
     entry: usize,
     arguments: &[Value<F>],
     environment: &Environment<'_, F>,
-) -> Result<Outcome<F>, Stuck> {
+) -> Result<RunResult<F>, Stuck> {
     let function = &module.entry_points[entry].function;
     run(module, function, arguments, environment)
 }
@@ -162,6 +164,6 @@ pub fn run<F: Number>(
     function: &Function,
     arguments: &[Value<F>],
     environment: &Environment<'_, F>,
-) -> Result<Outcome<F>, Stuck> {
+) -> Result<RunResult<F>, Stuck> {
     Machine::new(module, environment).run(function, arguments)
 }

@@ -61,7 +61,7 @@ pub trait Number: Copy + Debug {
     }
 
     /// The unrounded value, if tracked. Decisions that it would change are counted
-    /// ([`super::Outcome::flips`]).
+    /// ([`super::RunResult::flips`]).
     fn truth(self) -> Option<f64> {
         None
     }

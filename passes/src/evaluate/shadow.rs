@@ -8,7 +8,7 @@ use super::number::Number;
 
 /// A number as `f32` and as `f64`, from the same inputs. The `f32` decides all branches, selections
 /// and conversions to integers, so both follow one path through the shader. Decisions that the
-/// `f64` would change are counted as flips ([`super::Outcome::flips`]); without flips, both would
+/// `f64` would change are counted as flips ([`super::RunResult::flips`]); without flips, both would
 /// take this path.
 ///
 /// A discontinuity within a componentwise function (`floor`, `fract`, `step`, `sign`) is not a

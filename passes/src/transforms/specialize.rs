@@ -13,7 +13,7 @@
 //! after:   fs(normal): ..                          guard: material.fog_density = 0, material.flags = 0
 //! ```
 //!
-//! Known values are uniforms that no frame changes, attributes and textures of one value, and
+//! AbstractValue values are uniforms that no frame changes, attributes and textures of one value, and
 //! values that you set. Online partial evaluation ([`fold`]) propagates them through the stages as
 //! intervals rounded outwards ([`arithmetic`]), and removes branches that are proved never to be
 //! taken. Then both stages are sliced to their remaining outputs, which removes dead code,
@@ -49,6 +49,7 @@ use crate::core::program::Program;
 use crate::core::reflect;
 use crate::core::refusals::RefusalInfo;
 use crate::core::self_test;
+use crate::evaluate::accuracy::Accuracy;
 use crate::evaluate::overrides;
 use crate::graph::{FunctionId, Graph};
 
@@ -72,7 +73,7 @@ use assume::Assumptions;
 use contraction::Exposed;
 use decision::Placed;
 use fold::{FoldedStage, Folder};
-use known::{Known, Scalar};
+use known::{AbstractValue, Scalar};
 
 /// The pass.
 pub struct Specialize;
@@ -451,7 +452,7 @@ fn folded(graph: &Graph<'_>, pass: &GpuPass, assumptions: &Assumptions, params: 
             Some(Binding::Location { location, .. }) => {
                 assumptions.attribute(location, &module.types[io.ty].inner)
             }
-            _ => Known::Unknown,
+            _ => AbstractValue::Unknown,
         };
         let arguments = arguments(module, &point.function, &known);
         let stage = folder.stage(vertex, arguments);
@@ -496,7 +497,7 @@ fn folded(graph: &Graph<'_>, pass: &GpuPass, assumptions: &Assumptions, params: 
                     _ => interpolated(&value),
                 }
             }
-            _ => Known::Unknown,
+            _ => AbstractValue::Unknown,
         };
         let arguments = arguments(module, &point.function, &known);
         stages.push((fragment, "fragment", folder.stage(fragment, arguments)));
@@ -535,8 +536,8 @@ fn folded(graph: &Graph<'_>, pass: &GpuPass, assumptions: &Assumptions, params: 
 fn arguments(
     module: &naga::Module,
     function: &naga::Function,
-    known: &dyn Fn(&reflect::Io) -> Known,
-) -> Vec<Known> {
+    known: &dyn Fn(&reflect::Io) -> AbstractValue,
+) -> Vec<AbstractValue> {
     function
         .arguments
         .iter()
@@ -548,22 +549,26 @@ fn arguments(
                     naga::TypeInner::Struct { .. }
                 );
             match (is_struct, members.as_slice()) {
-                (true, members) => Known::Parts(members.iter().map(known).collect()),
+                (true, members) => AbstractValue::Parts(members.iter().map(known).collect()),
                 (false, [one]) => known(one),
-                _ => Known::Unknown,
+                _ => AbstractValue::Unknown,
             }
         })
         .collect()
 }
 
 /// The abstract value between vertices: interpolating equal values does not return them exactly.
-fn interpolated(known: &Known) -> Known {
+fn interpolated(known: &AbstractValue) -> AbstractValue {
     match known {
-        Known::Parts(parts) => Known::Parts(parts.iter().map(interpolated).collect()),
-        Known::Scalar(Scalar::Float(a, b), sources) => match Scalar::rounded(*a, *b, 64.0) {
-            Some(scalar) => Known::Scalar(scalar, known::Sources::clone(sources)),
-            None => Known::Unknown,
-        },
-        _ => Known::Unknown,
+        AbstractValue::Parts(parts) => {
+            AbstractValue::Parts(parts.iter().map(interpolated).collect())
+        }
+        AbstractValue::Scalar(Scalar::Number(kind @ naga::ScalarKind::Float, x), sources) => {
+            match Scalar::number(*kind, x.rounded(Accuracy::ulps(64.0))) {
+                Some(scalar) => AbstractValue::Scalar(scalar, known::Sources::clone(sources)),
+                None => AbstractValue::Unknown,
+            }
+        }
+        _ => AbstractValue::Unknown,
     }
 }

@@ -7,7 +7,7 @@ use naga::{Binding, BuiltIn, Interpolation, Module, Sampling, ShaderStage, TypeI
 
 use crate::core::program::Program;
 use crate::core::reflect::{self, Io};
-use crate::evaluate::{self, Environment, Number, Outcome, Scalar, Stuck, Value};
+use crate::evaluate::{self, Environment, Number, RunResult, Scalar, Stuck, Value};
 
 /// The binding of an input or output. Invariance of a position is ignored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -67,7 +67,7 @@ pub struct Ran<F = f32> {
     pub discarded: bool,
     /// Final buffer contents.
     pub stored: BTreeMap<(u32, u32), Value<F>>,
-    /// As [`Outcome::flips`].
+    /// As [`RunResult::flips`].
     pub flips: u64,
 }
 
@@ -131,7 +131,7 @@ impl<'p> Stage<'p> {
         Ok(self.told(outcome))
     }
 
-    fn told<F: Number>(self, outcome: Outcome<F>) -> Ran<F> {
+    fn told<F: Number>(self, outcome: RunResult<F>) -> Ran<F> {
         let is_struct = self
             .function()
             .result

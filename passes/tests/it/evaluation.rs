@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use naga::{Binding, BuiltIn, Function, Module, ShaderStage, TypeInner};
-use preshade_passes::evaluate::{self, Environment, Outcome, Scalar, Stuck, Value};
+use preshade_passes::evaluate::{self, Environment, RunResult, Scalar, Stuck, Value};
 use preshade_passes::graph::Graph;
 use preshade_passes::place::{self, PositionInvariance};
 use preshade_passes::program::Program;
@@ -54,7 +54,7 @@ fn arguments(module: &Module, function: &Function, seed: u32) -> Vec<Value> {
         .collect()
 }
 
-fn run(program: &Program, name: &str, seed: u32) -> Result<Outcome, Stuck> {
+fn run(program: &Program, name: &str, seed: u32) -> Result<RunResult, Stuck> {
     let (entry, point) = program.entry_point(ShaderStage::Fragment, name).unwrap();
     let environment = Environment {
         resources: BTreeMap::new().into(),
@@ -68,7 +68,7 @@ fn run(program: &Program, name: &str, seed: u32) -> Result<Outcome, Stuck> {
 }
 
 /// The outputs by binding.
-fn outputs(program: &Program, name: &str, outcome: &Outcome) -> Vec<(Binding, Value)> {
+fn outputs(program: &Program, name: &str, outcome: &RunResult) -> Vec<(Binding, Value)> {
     let (_, point) = program.entry_point(ShaderStage::Fragment, name).unwrap();
     let described = reflect::outputs(program.module(), &point.function);
     let values = match (&outcome.result, described.len()) {

@@ -5,12 +5,12 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::sync::Arc;
 
-use preshade_passes::evaluate::{self, Environment, Outcome, Stuck, Value};
+use preshade_passes::evaluate::{self, Environment, RunResult, Stuck, Value};
 
 type Resources = Arc<BTreeMap<(u32, u32), Value>>;
 
 /// Runs the fragment stage of a text.
-fn run(text: &str, resources: &Resources, steps: u64) -> Result<Outcome, Stuck> {
+fn run(text: &str, resources: &Resources, steps: u64) -> Result<RunResult, Stuck> {
     let module = naga::front::wgsl::parse_str(text).unwrap();
     let environment = Environment {
         resources: Arc::clone(resources),

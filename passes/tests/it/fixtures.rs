@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use naga::{Module, ScalarKind, Type, TypeInner};
-use preshade_passes::evaluate::{self, Environment, Lookup, Outcome, Scalar, Stuck, Value};
+use preshade_passes::evaluate::{self, Environment, Lookup, RunResult, Scalar, Stuck, Value};
 use preshade_passes::graph::{FunctionId, Graph};
 use preshade_passes::place::{self, PositionInvariance};
 use preshade_passes::program::Program;
@@ -76,7 +76,7 @@ fn texel(lookup: &Lookup<'_>) -> [f32; 4] {
     [0.0_f32, 1.0, 2.0, 3.0].map(|i| (sum * (i + 1.0)).sin() * 0.5 + 0.5)
 }
 
-fn run(program: &Program, entry: usize, seed: u32) -> Result<Outcome, Stuck> {
+fn run(program: &Program, entry: usize, seed: u32) -> Result<RunResult, Stuck> {
     let module = program.module();
     let function = &module.entry_points[entry].function;
     let mut inputs = reflect::inputs(module, function).into_iter();
@@ -114,7 +114,7 @@ fn run(program: &Program, entry: usize, seed: u32) -> Result<Outcome, Stuck> {
 }
 
 /// The outputs by binding.
-fn outputs(program: &Program, entry: usize, outcome: &Outcome) -> BTreeMap<String, Value> {
+fn outputs(program: &Program, entry: usize, outcome: &RunResult) -> BTreeMap<String, Value> {
     let function = &program.module().entry_points[entry].function;
     let described = reflect::outputs(program.module(), function);
     let values = match &outcome.result {

@@ -1,6 +1,10 @@
 //! A number that is affine over a triangle, up to a remainder and to roundings.
 
-use super::accuracy::{Accuracy, LARGEST, SMALLEST};
+use naga::MathFunction;
+
+use crate::evaluate::Number;
+use crate::evaluate::accuracy::{Accuracy, LARGEST, SMALLEST};
+use crate::evaluate::interval::{Arithmetic, Interval};
 
 /// The value at each corner, how far it is at most from what lies between them, how far from that
 /// an adapter's number is, and an interval that holds both all the same.
@@ -13,10 +17,11 @@ pub struct Affine {
     remainder: f64,
     error: f64,
     /// A square is not below 0, a sine hardly above 1, whatever the remainder would allow.
-    interval: [f64; 2],
+    interval: Interval,
 }
 
-const EVERYWHERE: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
+/// Slopes of a function that has a discontinuity.
+pub(super) const JUMP: [f64; 2] = [f64::INFINITY; 2];
 
 impl Affine {
     /// Nothing is known, not even that it is a number.
@@ -24,7 +29,7 @@ impl Affine {
         corners: [0.0; 3],
         remainder: f64::INFINITY,
         error: f64::INFINITY,
-        interval: EVERYWHERE,
+        interval: Interval::ANYTHING,
     };
 
     /// The same number everywhere, exactly.
@@ -33,7 +38,7 @@ impl Affine {
             corners: [number; 3],
             remainder: 0.0,
             error: 0.0,
-            interval: EVERYWHERE,
+            interval: Interval::ANYTHING,
         }
     }
 
@@ -43,32 +48,30 @@ impl Affine {
             corners,
             remainder: 0.0,
             error: 0.0,
-            interval: EVERYWHERE,
+            interval: Interval::ANYTHING,
         }
     }
 
     /// The number with these values at the corners, `remainder` at most from what lies between
     /// them; an adapter's is `error` at most from it, and both lie within `interval`. Nothing is
     /// known of one that is NaN or infinite at a corner, or may be beyond the range of `f32`.
-    pub fn new(corners: [f64; 3], remainder: f64, error: f64, interval: [f64; 2]) -> Self {
-        let interval = match interval.iter().any(|end| end.is_nan()) {
-            true => EVERYWHERE,
-            false => interval,
-        };
+    pub fn new(corners: [f64; 3], remainder: f64, error: f64, interval: Interval) -> Self {
         if !corners.iter().all(|c| c.is_finite()) || remainder.is_nan() || error.is_nan() {
             return Self::ANYTHING;
         }
         // Nothing is further from what lies between two points of an interval than these are from
         // one another.
-        let width = (interval[1] - interval[0]).max(0.0);
+        let width = interval.high - interval.low;
         let number = Self {
             corners,
             remainder: remainder.min(width),
             error: error.min(width),
             interval,
         };
-        let is_finite = number.range().iter().all(|end| end.abs() <= LARGEST);
-        if is_finite { number } else { Self::ANYTHING }
+        match number.magnitude() <= LARGEST {
+            true => number,
+            false => Self::ANYTHING,
+        }
     }
 
     /// Whether anything is known of it.
@@ -78,11 +81,10 @@ impl Affine {
 
     /// Itself, which lies in this interval too.
     #[must_use]
-    pub fn intersected(self, [least, largest]: [f64; 2]) -> Self {
+    pub fn intersected(self, other: Interval) -> Self {
         match self.is_known() {
             true => {
-                let [a, b] = self.interval;
-                let interval = [a.max(least), b.min(largest)];
+                let interval = self.interval.and(other);
                 Self::new(self.corners, self.remainder, self.error, interval)
             }
             // Of what is not known it is not known either that it is a number.
@@ -96,8 +98,7 @@ impl Affine {
         if !self.is_known() {
             return self;
         }
-        let [low, high] = self.range();
-        let interval = [accuracy.below(low), accuracy.above(high)];
+        let interval = self.range().rounded(accuracy);
         let error = self.error + accuracy.of(self.magnitude());
         Self::new(self.corners, self.remainder, error, interval)
     }
@@ -108,9 +109,9 @@ impl Affine {
         if !self.is_known() {
             return self;
         }
-        let [low, high] = self.range();
+        let Interval { low, high } = self.range();
         let more = (error - self.error).max(0.0);
-        let interval = [low - more, high + more];
+        let interval = Interval::new(low - more, high + more);
         Self::new(self.corners, self.remainder, error, interval)
     }
 
@@ -130,20 +131,16 @@ impl Affine {
         self.error
     }
 
-    /// Least and largest value that it may have on an adapter.
-    pub fn range(self) -> [f64; 2] {
+    /// The values that it may have on an adapter.
+    pub fn range(self) -> Interval {
         let [least, largest] = self.ends();
         let off = self.remainder + self.error;
-        [
-            (least - off).max(self.interval[0]),
-            (largest + off).min(self.interval[1]),
-        ]
+        Interval::new(least - off, largest + off).and(self.interval)
     }
 
     /// Largest absolute value that it may have.
     pub fn magnitude(self) -> f64 {
-        let [low, high] = self.range();
-        low.abs().max(high.abs())
+        self.range().magnitude()
     }
 
     /// Least and largest corner.
@@ -176,17 +173,13 @@ impl Affine {
             return Self::ANYTHING;
         }
         let corners = [0, 1, 2].map(|i| a * x.corners[i] + b * y.corners[i]);
-        let scaled = |a: f64, x: Self| {
-            let [low, high] = x.range();
-            [(a * low).min(a * high), (a * low).max(a * high)]
-        };
-        let ([low, high], [other_low, other_high]) = (scaled(a, x), scaled(b, y));
+        let scaled = |a: f64, x: Self| x.range().times(Interval::exactly(a));
         let sum = |of: fn(Self) -> f64| a.abs() * of(x) + b.abs() * of(y);
         Self::new(
             corners,
             sum(Self::remainder),
             sum(Self::error),
-            [low + other_low, high + other_high],
+            scaled(a, x).plus(scaled(b, y)),
         )
     }
 
@@ -210,44 +203,52 @@ impl Affine {
         // One factor's error times what the other is on the adapter, and the reverse with what it
         // is exactly.
         let error = self.error * other.magnitude() + other.error * self.magnitude();
-        let [low, high] = self.range();
-        let ends = other.range().map(|end| [low * end, high * end]);
-        let ends = ends.as_flattened();
         // Two that are the same in all that is known are the same number, where nothing is left to
         // differ but a rounding.
-        let is_square = self == other && r == 0.0;
-        let least = ends.iter().copied().fold(f64::INFINITY, f64::min);
-        let largest = ends.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let least = if is_square { least.max(0.0) } else { least };
-        Self::new(corners, remainder, error, [least, largest])
+        let interval = match self == other && r == 0.0 {
+            true => self.range().squared(),
+            false => self.range().times(other.range()),
+        };
+        Self::new(corners, remainder, error, interval)
     }
 
-    /// A function of it as accurate as this, of which `shape` tells over a range of arguments how
-    /// it bends there; nothing is known where that is `None`.
-    pub fn through(
+    /// A function of it, as accurate as WGSL requires.
+    pub(super) fn apply(self, function: MathFunction, slopes: [f64; 2]) -> Self {
+        let called = |arithmetic: Arithmetic| {
+            let values = arithmetic.call(function, &[self.range()]);
+            values.unwrap_or(Interval::ANYTHING)
+        };
+        let promised = called(Arithmetic::Adapter);
+        if !promised.is_known() {
+            return Self::ANYTHING;
+        }
+        let accuracy = Accuracy::of_function(function, self.magnitude());
+        let exact = |x: f64| f64::call(function, &[x]).unwrap_or(f64::NAN);
+        self.through(exact, accuracy, called(Arithmetic::Real), slopes)
+            .intersected(promised)
+    }
+
+    /// A function of it as accurate as this, whose exact values are in `values`. Nothing is known
+    /// if these are unbounded. The slopes are the largest absolute first and second derivatives
+    /// over the range of arguments, infinite where it has a discontinuity or a corner.
+    pub(super) fn through(
         self,
         function: impl Fn(f64) -> f64,
         accuracy: Accuracy,
-        shape: impl Fn([f64; 2]) -> Option<Shape>,
+        values: Interval,
+        [slope, curvature]: [f64; 2],
     ) -> Self {
-        if !self.is_known() {
+        if !(self.is_known() && values.is_known()) {
             return Self::ANYTHING;
         }
-        let Some(shape) = shape(self.range()) else {
-            return Self::ANYTHING;
-        };
         let times = |factor: f64, by: f64| if by == 0.0 { 0.0 } else { factor * by };
         let width = self.width();
         // Half the width is the largest mean distance of two corners from a point between them, a
         // quarter of its square their largest variance.
-        let bend = times(shape.curvature, width * width / 8.0).min(times(shape.slope, width / 2.0));
-        Self::new(
-            self.corners.map(function),
-            bend + times(shape.slope, self.remainder),
-            times(shape.slope, self.error),
-            shape.values,
-        )
-        .rounded(accuracy)
+        let bend = times(curvature, width * width / 8.0).min(times(slope, width / 2.0));
+        let remainder = bend + times(slope, self.remainder);
+        let error = times(slope, self.error);
+        Self::new(self.corners.map(function), remainder, error, values).rounded(accuracy)
     }
 
     /// The sum of exact numbers that is an `f32`, where no adapter has anything to round: sums and
@@ -271,44 +272,4 @@ impl Affine {
 /// Whether an `f32` is this number, and a normal one or 0.
 fn is_f32(number: f64) -> bool {
     f64::from(number as f32) == number && (number == 0.0 || number.abs() >= SMALLEST)
-}
-
-/// How a function bends over a range of its argument.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Shape {
-    /// Largest absolute slope; infinite where it jumps.
-    pub slope: f64,
-    /// Largest absolute second derivative; infinite where it has a corner.
-    pub curvature: f64,
-    /// Least and largest value.
-    pub values: [f64; 2],
-}
-
-impl Shape {
-    /// Of a straight line between two values.
-    pub fn straight(slope: f64, values: [f64; 2]) -> Self {
-        Self {
-            slope: slope.abs(),
-            curvature: 0.0,
-            values,
-        }
-    }
-
-    /// Of something that jumps between two values.
-    pub fn jumping(values: [f64; 2]) -> Self {
-        Self {
-            slope: f64::INFINITY,
-            curvature: f64::INFINITY,
-            values,
-        }
-    }
-
-    /// Of something smooth between two values.
-    pub fn smooth(slope: f64, curvature: f64, values: [f64; 2]) -> Self {
-        Self {
-            slope,
-            curvature,
-            values,
-        }
-    }
 }

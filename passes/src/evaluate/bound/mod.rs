@@ -24,14 +24,12 @@ use naga::{Function, Module};
 
 use crate::evaluate::{self, Environment, Lookup, Number, Scalar, Stuck, Value};
 
-mod accuracy;
 mod affine;
-mod interval;
 mod operations;
 
-pub use accuracy::Accuracy;
+pub use super::accuracy::Accuracy;
+pub use super::interval::Interval;
 pub use affine::Affine;
-pub use interval::Interval;
 
 /// Steps of the interpreter for one triangle.
 const STEPS: u64 = 200_000;
@@ -131,7 +129,7 @@ pub fn over_triangle(
         // The corners of the whole are what it is held against.
         let whole = over([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])?;
         let distances = whole.into_iter().map(|number| {
-            let [low, high] = number.range();
+            let Interval { low, high } = number.range();
             let width = high - low + INTERPOLATION * number.magnitude();
             Distance::new(number.remainder(), roundings(number, number.error()), width)
         });
@@ -169,11 +167,9 @@ pub fn over_triangle(
             let off = off.map(|(value, weights)| (value - interpolated(weights)).abs());
             let off = off.fold(0.0, f64::max) + number.remainder();
             let of_corners = ends.iter().map(|end| end.error()).fold(0.0, f64::max);
-            let [low, high] = number.range();
-            let hull = ends.iter().map(|end| end.range());
-            let [low, high] =
-                hull.fold([low, high], |[low, high], [l, h]| [low.min(l), high.max(h)]);
-            let width = high - low + INTERPOLATION * low.abs().max(high.abs());
+            let all = ends.map(Affine::range).into_iter();
+            let all = all.fold(number.range(), Interval::or);
+            let width = all.high - all.low + INTERPOLATION * all.magnitude();
             distances[i] =
                 distances[i].or(Distance::new(off, roundings(number, of_corners), width));
         }
@@ -256,15 +252,11 @@ fn interpolated(corners: [Affine; 3], part: &[[f64; 3]; 3]) -> Affine {
         return Affine::ANYTHING;
     };
     let at = |weights: &[f64; 3]| [a, b, c].iter().zip(weights).map(|(e, w)| e * w).sum();
-    let ranges = corners.map(Affine::range);
-    let least = ranges.iter().map(|r| r[0]).fold(f64::INFINITY, f64::min);
-    let largest = ranges
-        .iter()
-        .map(|r| r[1])
-        .fold(f64::NEG_INFINITY, f64::max);
+    let [first, second, third] = corners.map(Affine::range);
+    let range = first.or(second).or(third);
     let off = corners.map(Affine::error).into_iter().fold(0.0, f64::max);
-    let error = off + INTERPOLATION * least.abs().max(largest.abs());
-    Affine::new(part.each_ref().map(at), 0.0, error, [least, largest])
+    let error = off + INTERPOLATION * range.magnitude();
+    Affine::new(part.each_ref().map(at), 0.0, error, range)
 }
 
 fn components(value: &Value<Affine>, out: &mut Vec<Affine>) {

@@ -1,12 +1,14 @@
 //! The operations of the interpreter on [`Affine`] numbers.
 
 use std::cmp::Ordering;
+use std::f64::consts::{LN_2, LOG2_E};
 
 use naga::{BinaryOperator, MathFunction};
 
-use super::accuracy::{Accuracy, SMALLEST};
-use super::affine::{Affine, Shape};
+use super::affine::{Affine, JUMP};
 use crate::evaluate::Number;
+use crate::evaluate::accuracy::{Accuracy, SMALLEST};
+use crate::evaluate::interval::{Arithmetic, Interval};
 
 impl Number for Affine {
     fn of(number: f32) -> Self {
@@ -41,99 +43,46 @@ impl Number for Affine {
         if let (Some(a), Some(b)) = (self.exact(), other.exact()) {
             return Some(a.partial_cmp(&b));
         }
-        let ([low, high], [other_low, other_high]) = (self.range(), other.range());
-        if high < other_low {
-            Some(Some(Ordering::Less))
-        } else if low > other_high {
-            Some(Some(Ordering::Greater))
-        } else {
-            None
+        let (a, b) = (self.range(), other.range());
+        match () {
+            () if a.high < b.low => Some(Some(Ordering::Less)),
+            () if a.low > b.high => Some(Some(Ordering::Greater)),
+            () => None,
         }
     }
 
     fn call(function: MathFunction, arguments: &[Self]) -> Option<Self> {
         use MathFunction as M;
+        let difference = |a: Self, b: Self| sum(a, b.negated());
         Some(match (function, arguments) {
-            (M::Abs, [x]) => abs(*x),
-            (M::Sign, [x]) => x.through(sign, Accuracy::EXACT, |[low, high]| {
-                Some(match sign(low) == sign(high) {
-                    true => Shape::straight(0.0, [sign(low); 2]),
-                    false => Shape::jumping([sign(low), sign(high)]),
-                })
-            }),
             (M::Min, [a, b]) => min(*a, *b),
             (M::Max, [a, b]) => max(*a, *b),
             (M::Clamp, [x, low, high]) => min(max(*x, *low), *high),
-            (M::Saturate, [x]) => saturate(*x),
-            (M::Sin, [x]) => wave(*x, f64::sin),
-            (M::Cos, [x]) => wave(*x, f64::cos),
-            (M::Tan, [x]) => quotient(wave(*x, f64::sin), wave(*x, f64::cos)),
-            (M::Sinh, [x]) => hyperbolic(*x, f64::sinh),
-            (M::Cosh, [x]) => hyperbolic(*x, f64::cosh),
-            // The second derivative of tanh is at most 4 / (3 sqrt 3), that of atan 3 sqrt 3 / 8.
-            (M::Tanh, [x]) => x.through(
-                f64::tanh,
-                Accuracy::hyperbolic_tangent(x.magnitude()),
-                // A quotient of two infinities beyond.
-                |[low, high]| {
-                    (low > -88.0 && high < 88.0).then(|| Shape::smooth(1.0, 0.7699, [-1.0, 1.0]))
-                },
-            ),
-            (M::Atan, [x]) => x.through(f64::atan, Accuracy::ulps(4096.0), |_| {
-                Some(Shape::smooth(1.0, 0.6496, [-1.571, 1.571]))
-            }),
-            (M::Acos, [x]) => arc(*x, f64::acos),
-            (M::Asin, [x]) => arc(*x, f64::asin),
-            (M::Exp, [x]) => exponential(*x, 1.0),
-            (M::Exp2, [x]) => exponential(*x, std::f64::consts::LN_2),
-            (M::Log, [x]) => logarithm(*x, 1.0),
-            (M::Log2, [x]) => logarithm(*x, std::f64::consts::LOG2_E),
-            (M::Sqrt, [x]) => square_root(*x),
-            (M::InverseSqrt, [x]) => {
-                x.through(|x| 1.0 / x.sqrt(), Accuracy::ulps(2.0), |r| power(r, -0.5))
+            (M::Tan, [x]) => {
+                let wave = |function| x.apply(function, [1.0, 1.0]);
+                quotient(wave(M::Sin), wave(M::Cos))
             }
+            (M::Sqrt, [x]) => square_root(*x),
             (M::Pow, [x, y]) => match y.exact() {
-                Some(y) => {
-                    let [low, high] = x.range();
-                    let exponent = y.abs() * low.log2().abs().max(high.log2().abs());
-                    // Of 0 it is 0, as the power of two of minus infinity.
-                    let exponent = if low == 0.0 {
-                        150.0 * y.abs()
-                    } else {
-                        exponent
-                    };
-                    let largest = low.powf(y).max(high.powf(y));
-                    let accuracy = Accuracy::power(y.abs(), exponent, largest);
-                    let power = x.through(|x| x.powf(y), accuracy, |r| power(r, y));
-                    power.intersected([0.0, f64::INFINITY])
-                }
+                Some(y) => power(*x, y),
                 // WGSL section 17.5: pow is exp2(y * log2(x)).
                 None => {
-                    let exponent = product(*y, logarithm(*x, std::f64::consts::LOG2_E));
+                    let exponent = product(*y, Self::call(M::Log2, &[*x])?);
                     return Self::call(M::Exp2, &[exponent]);
                 }
             },
             (M::Radians, [x]) => scaled(1_f64.to_radians(), *x),
             (M::Degrees, [x]) => scaled(1_f64.to_degrees(), *x),
-            (M::Floor, [x]) => steps(*x, f64::floor),
-            (M::Ceil, [x]) => steps(*x, f64::ceil),
-            (M::Round, [x]) => steps(*x, f64::round_ties_even),
-            (M::Trunc, [x]) => steps(*x, f64::trunc),
-            (M::Fract, [x]) => x.through(|x| x - x.floor(), Accuracy::ROUNDED, remainder_floor),
             (M::Step, [edge, x]) => {
                 let of = |d: f64| f64::from(u8::from(d >= 0.0));
                 let past = Self::combined(1.0, *x, -1.0, *edge);
-                past.through(of, Accuracy::EXACT, |[low, high]| {
-                    Some(match of(low) == of(high) {
-                        true => Shape::straight(0.0, [of(low); 2]),
-                        false => Shape::jumping([of(low), of(high)]),
-                    })
-                })
+                let values = past.range().rising(of);
+                past.through(of, Accuracy::EXACT, values, stairs(values))
             }
             (M::Mix, [a, b, t]) => {
                 // Rounded as the sum that it is by definition, and bent as the one product that it
                 // can be written with.
-                let rest = sum(Self::constant(1.0), t.negated());
+                let rest = difference(Self::constant(1.0), *t);
                 let as_defined = sum(product(*a, rest), product(*b, *t));
                 let along = Self::combined(1.0, *b, -1.0, *a).times(*t);
                 let as_one = Self::combined(1.0, *a, 1.0, along);
@@ -146,25 +95,31 @@ impl Number for Affine {
             }
             (M::Fma, [a, b, c]) => sum(product(*a, *b), *c),
             (M::SmoothStep, [low, high, x]) => {
-                let difference = |a: Self, b: Self| sum(a, b.negated());
                 let t = quotient(difference(*x, *low), difference(*high, *low));
+                let t = Self::call(M::Saturate, &[t])?;
                 // 3 t^2 - 2 t^3: a slope of 3/2 in the middle, a second derivative of 6 at the
-                // ends. Two products and a difference are rounded.
-                saturate(t).through(
+                // ends.
+                let accuracy = Accuracy::of_function(function, 1.0);
+                t.through(
                     |t| t * t * (3.0 - 2.0 * t),
-                    Accuracy::ulps(4.0),
-                    |_| Some(Shape::smooth(1.5, 6.0, [0.0, 1.0])),
+                    accuracy,
+                    Interval::UNIT,
+                    [1.5, 6.0],
                 )
             }
             // Something else of numbers has some value.
             (M::Atan2 | M::Asinh | M::Acosh | M::Atanh, _) => Self::ANYTHING,
+            (_, [x]) => x.apply(function, slopes(function, x.range())?),
             _ => return None,
         })
     }
 
     fn within(self, least: f32, largest: f32) -> Self {
         let beyond = 2_f64.powi(-20);
-        self.intersected([f64::from(least) - beyond, f64::from(largest) + beyond])
+        self.intersected(Interval::new(
+            f64::from(least) - beyond,
+            f64::from(largest) + beyond,
+        ))
     }
 
     fn single(self) -> Option<f32> {
@@ -172,8 +127,8 @@ impl Number for Affine {
     }
 
     fn truncated(self) -> Option<f64> {
-        let [low, high] = self.range().map(f64::trunc);
-        (self.is_known() && low == high).then_some(low)
+        let whole = self.range().rising(f64::trunc);
+        whole.number().filter(|_| self.is_known())
     }
 }
 
@@ -206,7 +161,7 @@ fn product(a: Affine, b: Affine) -> Affine {
 /// A quotient, good where the divisor is at most 2^126.
 fn quotient(a: Affine, b: Affine) -> Affine {
     match b.magnitude() <= 2_f64.powi(126) {
-        true => a.times(reciprocal(b)).rounded(Accuracy::ulps(2.5)),
+        true => a.times(reciprocal(b)).rounded(Accuracy::QUOTIENT),
         false => Affine::ANYTHING,
     }
 }
@@ -216,21 +171,18 @@ fn modulo(a: Affine, b: Affine) -> Affine {
     let Some(divisor) = b.single() else {
         return Affine::ANYTHING;
     };
-    let [low, high] = quotient(a, b).range().map(f64::trunc);
-    if !(low.is_finite() && high.is_finite()) {
+    let whole = quotient(a, b).range().rising(f64::trunc);
+    if !whole.is_known() {
         return Affine::ANYTHING;
     }
-    if low == high {
+    if let Some(times) = whole.number() {
         // The same multiple everywhere and on every adapter.
-        return sum(a, product(Affine::constant(-low), b));
+        return sum(a, product(Affine::constant(-times), b));
     }
     // Of the sign of the dividend and less than the divisor, but for roundings.
     let most = b.magnitude() + Accuracy::ulps(8.0).of(a.magnitude() + b.magnitude());
-    a.through(
-        |x| x % divisor,
-        Accuracy::EXACT,
-        |_| Some(Shape::jumping([-most, most])),
-    )
+    let values = Interval::up_to(most);
+    a.through(|x| x % divisor, Accuracy::EXACT, values, JUMP)
 }
 
 /// Its product with a constant that is rounded too.
@@ -238,50 +190,28 @@ fn scaled(factor: f64, x: Affine) -> Affine {
     Affine::combined(factor, x, 0.0, ZERO).rounded(Accuracy::ulps(2.0))
 }
 
-fn wave(x: Affine, function: fn(f64) -> f64) -> Affine {
-    let accuracy = Accuracy::wave(x.magnitude());
-    x.through(function, accuracy, |_| {
-        Some(Shape::smooth(1.0, 1.0, [-1.0, 1.0]))
-    })
-}
-
-fn sign(x: f64) -> f64 {
-    if x == 0.0 { 0.0 } else { x.signum() }
-}
-
-fn abs(x: Affine) -> Affine {
-    x.through(f64::abs, Accuracy::EXACT, |[low, high]| {
-        Some(match low < 0.0 && high > 0.0 {
-            true => Shape::smooth(1.0, f64::INFINITY, [0.0, high.max(-low)]),
-            false => Shape::straight(1.0, [low.abs().min(high.abs()), low.abs().max(high.abs())]),
-        })
-    })
-}
-
 /// `max(a, b)` is `b` and as much as `a` is above it. It is one of the two, and as far off as one
 /// of them at most.
 fn max(a: Affine, b: Affine) -> Affine {
     let above = Affine::combined(1.0, a, -1.0, b);
-    let [low, high] = above.range();
-    if low >= 0.0 {
+    let difference = above.range();
+    if difference.low >= 0.0 {
         return a;
     }
-    if high <= 0.0 {
+    if difference.high <= 0.0 {
         return b;
     }
-    let above = above.through(
-        |x| x.max(0.0),
-        Accuracy::EXACT,
-        |[_, high]| Some(Shape::smooth(1.0, f64::INFINITY, [0.0, high])),
-    );
+    let not_below = |x: f64| x.max(0.0);
+    let values = difference.rising(not_below);
+    let above = above.through(not_below, Accuracy::EXACT, values, [1.0, f64::INFINITY]);
     let larger = Affine::combined(1.0, b, 1.0, above);
-    let ([low, high], [other_low, other_high]) = (a.range(), b.range());
+    let interval = Arithmetic::Real.call(MathFunction::Max, &[a.range(), b.range()]);
     match larger.is_known() {
         true => Affine::new(
             larger.corners(),
             larger.remainder(),
             a.error().max(b.error()),
-            [low.max(other_low), high.max(other_high)],
+            interval.unwrap_or(Interval::ANYTHING),
         ),
         false => larger,
     }
@@ -291,145 +221,94 @@ fn min(a: Affine, b: Affine) -> Affine {
     max(a.negated(), b.negated()).negated()
 }
 
-fn saturate(x: Affine) -> Affine {
-    x.through(
-        |x| x.clamp(0.0, 1.0),
-        Accuracy::EXACT,
-        |[low, high]| {
-            Some(if low >= 0.0 && high <= 1.0 {
-                Shape::straight(1.0, [low, high])
-            } else if low >= 1.0 || high <= 0.0 {
-                Shape::straight(0.0, [low.clamp(0.0, 1.0); 2])
-            } else {
-                Shape::smooth(1.0, f64::INFINITY, [low.max(0.0), high.min(1.0)])
-            })
-        },
-    )
-}
-
-/// Exactly: a quotient is rounded once.
+/// The exact inverse: a quotient is rounded once.
 fn reciprocal(x: Affine) -> Affine {
-    x.through(
-        |x| 1.0 / x,
-        Accuracy::EXACT,
-        |[low, high]| {
-            let least = low.abs().min(high.abs());
-            (low > 0.0 || high < 0.0).then(|| {
-                Shape::smooth(
-                    least.powi(-2),
-                    2.0 * least.powi(-3),
-                    [1.0 / high, 1.0 / low],
-                )
-            })
-        },
-    )
-}
-
-fn exponential(x: Affine, rate: f64) -> Affine {
-    let accuracy = Accuracy::exponential(x.magnitude());
-    x.through(
-        |x| (rate * x).exp(),
-        accuracy,
-        |[low, high]| {
-            let at = |x: f64| (rate * x).exp();
-            Some(Shape::smooth(
-                rate * at(high),
-                rate * rate * at(high),
-                [at(low), at(high)],
-            ))
-        },
-    )
-}
-
-fn hyperbolic(x: Affine, function: fn(f64) -> f64) -> Affine {
-    let argument = x.magnitude();
-    x.through(function, Accuracy::hyperbolic(argument), |_| {
-        let largest = argument.cosh();
-        Some(Shape::smooth(largest, largest, [-largest, largest]))
-    })
-}
-
-fn logarithm(x: Affine, scale: f64) -> Affine {
-    x.through(
-        |x| scale * x.ln(),
-        Accuracy::logarithm(),
-        |[low, high]| {
-            (low > 0.0).then(|| {
-                Shape::smooth(
-                    scale / low,
-                    scale / (low * low),
-                    [scale * low.ln(), scale * high.ln()],
-                )
-            })
-        },
-    )
+    let least = x.range().least();
+    let slopes = [least.powi(-2), 2.0 * least.powi(-3)];
+    x.through(|x| 1.0 / x, Accuracy::EXACT, x.range().inverse(), slopes)
 }
 
 /// By definition `1 / inverseSqrt(x)`. Two roots are no further apart than the root of what their
 /// squares are.
 fn square_root(x: Affine) -> Affine {
-    let accuracy = Accuracy::ulps(5.0);
-    let root = x.through(f64::sqrt, accuracy, |[low, high]| match low == 0.0 {
-        true => Some(Shape::jumping([0.0, high.sqrt()])),
-        false => power([low, high], 0.5),
-    });
+    let slopes = match x.range().low > 0.0 {
+        true => slopes_of_power(x.range(), 0.5),
+        false => JUMP,
+    };
+    let root = x.apply(MathFunction::Sqrt, slopes);
     if !root.is_known() {
         return root;
     }
-    let (bend, off) = (root.remainder(), root.error());
-    let flushed = x.error() + SMALLEST;
-    let error = off.min(flushed.sqrt() + accuracy.of(root.magnitude()));
-    Affine::new(root.corners(), bend, error, root.range())
+    let accuracy = Accuracy::of_function(MathFunction::Sqrt, x.magnitude());
+    let flushed = (x.error() + SMALLEST).sqrt() + accuracy.of(root.magnitude());
+    let error = root.error().min(flushed);
+    Affine::new(root.corners(), root.remainder(), error, root.range())
 }
 
-/// Of `x^y` for a base above 0; of whole powers from 2 on for 0 too. A base below 0 has no power.
-fn power([low, high]: [f64; 2], y: f64) -> Option<Shape> {
-    if low < 0.0 || (low == 0.0 && y < 2.0) {
-        return match low == 0.0 && y > 0.0 {
-            true => Some(Shape::jumping([0.0, high.powf(y)])),
-            false => None,
-        };
+/// Of a base above 0; of 0 too for an exponent above 0. A base below 0 has no power.
+fn power(x: Affine, y: f64) -> Affine {
+    let range = x.range();
+    if range.low < 0.0 || (range.low == 0.0 && y <= 0.0) {
+        return Affine::ANYTHING;
     }
-    let ends =
-        |factor: f64, exponent: f64| factor.abs() * low.powf(exponent).max(high.powf(exponent));
-    let (a, b) = (low.powf(y), high.powf(y));
-    Some(Shape::smooth(
-        ends(y, y - 1.0),
-        ends(y * (y - 1.0), y - 2.0),
-        [a.min(b), a.max(b)],
-    ))
+    let slopes = match range.low == 0.0 && y < 2.0 {
+        true => JUMP,
+        false => slopes_of_power(range, y),
+    };
+    let values = range.powers(y);
+    // Of 0 it is 0, as the power of two of minus infinity.
+    let exponent = match range.low == 0.0 {
+        true => 150.0,
+        false => range.low.log2().abs().max(range.high.log2().abs()),
+    };
+    let accuracy = Accuracy::power(y.abs(), y.abs() * exponent, values.high);
+    x.through(|x| x.powf(y), accuracy, values, slopes)
+        .intersected(Interval::NOT_NEGATIVE)
 }
 
-fn arc(x: Affine, function: fn(f64) -> f64) -> Affine {
-    let accuracy = Accuracy::arc(x.magnitude());
-    x.through(function, accuracy, |[low, high]| {
-        let largest = low.abs().max(high.abs());
-        (largest <= 1.0).then(|| {
-            let rest = 1.0 - largest * largest;
-            let (a, b) = (function(low), function(high));
-            Shape::smooth(
-                rest.powf(-0.5),
-                largest * rest.powf(-1.5),
-                [a.min(b), a.max(b)],
-            )
-        })
-    })
+fn slopes_of_power(x: Interval, y: f64) -> [f64; 2] {
+    let largest = |factor: f64, exponent: f64| factor.abs() * x.powers(exponent).high;
+    [largest(y, y - 1.0), largest(y * (y - 1.0), y - 2.0)]
 }
 
-/// A staircase: level where the range meets one step only.
-fn steps(x: Affine, function: fn(f64) -> f64) -> Affine {
-    x.through(function, Accuracy::EXACT, |[low, high]| {
-        let (a, b) = (function(low), function(high));
-        Some(match a == b {
-            true => Shape::straight(0.0, [a, b]),
-            false => Shape::jumping([a, b]),
-        })
-    })
+/// Slopes of a staircase with these values: level if there is one step only.
+fn stairs(values: Interval) -> [f64; 2] {
+    match values.number() {
+        Some(_) => [0.0, 0.0],
+        None => JUMP,
+    }
 }
 
-fn remainder_floor([low, high]: [f64; 2]) -> Option<Shape> {
-    Some(match low.floor() == high.floor() {
-        true => Shape::straight(1.0, [low - low.floor(), high - low.floor()]),
-        false => Shape::jumping([0.0, 1.0]),
+/// The slopes of [`Affine::through`] of a function of one argument.
+fn slopes(function: MathFunction, x: Interval) -> Option<[f64; 2]> {
+    use MathFunction as M;
+    let corner = f64::INFINITY;
+    let most = x.magnitude();
+    Some(match function {
+        M::Abs if x.low < 0.0 && x.high > 0.0 => [1.0, corner],
+        M::Abs => [1.0, 0.0],
+        M::Saturate if x.low >= 0.0 && x.high <= 1.0 => [1.0, 0.0],
+        M::Saturate if x.low >= 1.0 || x.high <= 0.0 => [0.0, 0.0],
+        M::Saturate => [1.0, corner],
+        M::Sign | M::Floor | M::Ceil | M::Round | M::Trunc => {
+            stairs(Arithmetic::Real.call(function, &[x])?)
+        }
+        M::Fract if x.low.floor() == x.high.floor() => [1.0, 0.0],
+        M::Fract => JUMP,
+        M::Sin | M::Cos => [1.0, 1.0],
+        M::Sinh | M::Cosh => [most.cosh(); 2],
+        // The second derivative of tanh is at most 4 / (3 sqrt 3), that of atan 3 sqrt 3 / 8.
+        M::Tanh => [1.0, 0.7699],
+        M::Atan => [1.0, 0.6496],
+        M::Acos | M::Asin => {
+            let rest = 1.0 - most * most;
+            [rest.powf(-0.5), most * rest.powf(-1.5)]
+        }
+        M::Exp => [x.high.exp(); 2],
+        M::Exp2 => [LN_2, LN_2 * LN_2].map(|rate| rate * x.high.exp2()),
+        M::Log => [1.0 / x.low, 1.0 / (x.low * x.low)],
+        M::Log2 => [LOG2_E / x.low, LOG2_E / (x.low * x.low)],
+        M::InverseSqrt => slopes_of_power(x, -0.5),
+        _ => return None,
     })
 }

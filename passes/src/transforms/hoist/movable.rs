@@ -11,10 +11,10 @@ use super::form::{Form, forms};
 use super::iteration::iterated;
 use crate::analysis::contraction;
 use crate::analysis::discontinuity;
+use crate::analysis::hazard;
 use crate::analysis::range::AllRanges;
 use crate::analysis::reach::{with_operands, with_users};
 use crate::analysis::rounding::Roundings;
-use crate::analysis::sign::{self, Signs};
 use crate::analysis::values::{Node, ValueId, Values};
 use crate::core::pass::SourceRange;
 use crate::graph::memory::Origin;
@@ -252,7 +252,7 @@ pub(super) fn held_back(
         return verdicts;
     }
     let known = &precision.ranges;
-    let ranges = AllRanges::new(values, values.cycles(), known, sign::LARGEST_INPUT);
+    let ranges = AllRanges::new(values, values.cycles(), known, hazard::LARGEST_INPUT);
     if assumed.jumps == Jumps::Stay {
         let reached = discontinuity::reached(values, &ranges).into_iter();
         hold(reached.map(|d| d.map(Missed::from)).collect());
@@ -452,16 +452,16 @@ fn endless(values: &Values<'_, '_>) -> Vec<bool> {
 
 /// For each value, an operation in its computation whose result may be NaN or infinite.
 fn hazards(values: &Values<'_, '_>, ranges: &AllRanges) -> Vec<Option<Missed>> {
-    let signs = Signs::new(values);
+    let computed = AllRanges::computed(values, values.cycles());
     let users = values.users();
     let hazard = |id: ValueId| {
         let (context, e, _) = values.expression(id)?;
-        let undefined = signs.hazard(values, context, e);
+        let undefined = hazard::undefined(values, &computed, context, e);
         let undefined = undefined.map(|operation| Missed::MayNotBeFinite {
             operation: operation.to_owned(),
         });
         undefined.or_else(|| {
-            sign::overflow(values, ranges, id).map(|operation| Missed::MayOverflow {
+            hazard::overflow(values, ranges, id).map(|operation| Missed::MayOverflow {
                 operation: operation.to_owned(),
             })
         })

@@ -7,9 +7,10 @@ use naga::{
     AddressSpace, ArraySize, GlobalVariable, Handle, Module, Override, ScalarKind, Type, TypeInner,
 };
 
-use super::known::{Known, Scalar, Sources};
+use super::known::{AbstractValue, Scalar, Sources};
 use crate::core::guard::{Assumed, Bounds, Guard, Place, ScalarType};
 use crate::core::pass::{Facts, Misnamed};
+use crate::evaluate::interval::Interval;
 
 /// Length of the longest array whose elements are tracked separately.
 const MOST_ELEMENTS: u32 = 64;
@@ -59,7 +60,7 @@ pub fn uniform_scalars(module: &Module) -> Vec<UniformScalar> {
                 ty: leaf.ty,
                 is_of_matrix: leaf.is_of_matrix,
             });
-            Known::Unknown
+            AbstractValue::Unknown
         });
     }
     out
@@ -80,8 +81,8 @@ fn scalars(
     ty: Handle<Type>,
     name: String,
     offset: u32,
-    leaf: &mut dyn FnMut(Leaf) -> Known,
-) -> Known {
+    leaf: &mut dyn FnMut(Leaf) -> AbstractValue,
+) -> AbstractValue {
     let component = |i: u32| ["x", "y", "z", "w"][i.min(3) as usize];
     let inner = &module.types[ty].inner;
     match inner {
@@ -89,10 +90,10 @@ fn scalars(
         | TypeInner::Vector { scalar: s, .. }
         | TypeInner::Matrix { scalar: s, .. } => {
             let Some(ty) = ScalarType::of(*s) else {
-                return Known::Unknown;
+                return AbstractValue::Unknown;
             };
             match inner {
-                TypeInner::Vector { size, .. } => Known::Parts(
+                TypeInner::Vector { size, .. } => AbstractValue::Parts(
                     (0..*size as u32)
                         .map(|i| {
                             leaf(Leaf {
@@ -115,9 +116,9 @@ fn scalars(
                                 is_of_matrix: true,
                             })
                         };
-                        Known::Parts((0..*rows as u32).map(row).collect())
+                        AbstractValue::Parts((0..*rows as u32).map(row).collect())
                     };
-                    Known::Parts((0..*columns as u32).map(column).collect())
+                    AbstractValue::Parts((0..*columns as u32).map(column).collect())
                 }
                 _ => leaf(Leaf {
                     name,
@@ -136,7 +137,7 @@ fn scalars(
                 let at = offset + i * stride;
                 scalars(module, *base, format!("{name}[{i}]"), at, leaf)
             };
-            Known::Parts((0..count.get()).map(element).collect())
+            AbstractValue::Parts((0..count.get()).map(element).collect())
         }
         TypeInner::Struct { members, .. } => {
             let member = |m: &naga::StructMember| {
@@ -148,9 +149,9 @@ fn scalars(
                 };
                 scalars(module, m.ty, path, offset + m.offset, leaf)
             };
-            Known::Parts(members.iter().map(member).collect())
+            AbstractValue::Parts(members.iter().map(member).collect())
         }
-        _ => Known::Unknown,
+        _ => AbstractValue::Unknown,
     }
 }
 
@@ -179,11 +180,11 @@ pub enum Unfit {
 pub struct Assumptions {
     /// Abstract values refer to these by index.
     pub values: Vec<Assumed>,
-    globals: BTreeMap<Handle<GlobalVariable>, Known>,
-    textures: BTreeMap<Handle<GlobalVariable>, Known>,
+    globals: BTreeMap<Handle<GlobalVariable>, AbstractValue>,
+    textures: BTreeMap<Handle<GlobalVariable>, AbstractValue>,
     /// Attributes by location, type and component.
-    attributes: BTreeMap<(u32, ScalarType, u32), Known>,
-    overrides: BTreeMap<Handle<Override>, Known>,
+    attributes: BTreeMap<(u32, ScalarType, u32), AbstractValue>,
+    overrides: BTreeMap<Handle<Override>, AbstractValue>,
 }
 
 impl Assumptions {
@@ -215,7 +216,7 @@ impl Assumptions {
             ..Self::default()
         };
         // Two variables at one binding may read a word as two types.
-        let leaves: BTreeMap<(Place, ScalarType), Known> = this
+        let leaves: BTreeMap<(Place, ScalarType), AbstractValue> = this
             .values
             .iter()
             .enumerate()
@@ -256,7 +257,7 @@ impl Assumptions {
                 let texel = leaves.get(&(place, ScalarType::F32));
                 texel.cloned().unwrap_or_default()
             };
-            let texel = Known::Parts((0..4).map(channel).collect());
+            let texel = AbstractValue::Parts((0..4).map(channel).collect());
             if texel.is_assumed() {
                 this.textures.insert(handle, texel);
             }
@@ -279,24 +280,24 @@ impl Assumptions {
     }
 
     /// The abstract value of a variable's content.
-    pub fn content(&self, global: Handle<GlobalVariable>) -> Known {
+    pub fn content(&self, global: Handle<GlobalVariable>) -> AbstractValue {
         self.globals.get(&global).cloned().unwrap_or_default()
     }
 
     /// The abstract value of every texel of a texture.
-    pub fn texel(&self, global: Handle<GlobalVariable>) -> Known {
+    pub fn texel(&self, global: Handle<GlobalVariable>) -> AbstractValue {
         self.textures.get(&global).cloned().unwrap_or_default()
     }
 
     /// The abstract value of an override.
-    pub fn constant(&self, handle: Handle<Override>) -> Known {
+    pub fn constant(&self, handle: Handle<Override>) -> AbstractValue {
         self.overrides.get(&handle).cloned().unwrap_or_default()
     }
 
     /// The abstract value of a scalar or vector attribute.
-    pub fn attribute(&self, location: u32, inner: &TypeInner) -> Known {
+    pub fn attribute(&self, location: u32, inner: &TypeInner) -> AbstractValue {
         let Some(ty) = inner.scalar().and_then(ScalarType::of) else {
-            return Known::Unknown;
+            return AbstractValue::Unknown;
         };
         let component = |i: u32| {
             let known = self.attributes.get(&(location, ty, i));
@@ -305,9 +306,9 @@ impl Assumptions {
         match inner {
             TypeInner::Scalar(_) => component(0),
             TypeInner::Vector { size, .. } => {
-                Known::Parts((0..*size as u32).map(component).collect()).settled()
+                AbstractValue::Parts((0..*size as u32).map(component).collect()).settled()
             }
-            _ => Known::Unknown,
+            _ => AbstractValue::Unknown,
         }
     }
 
@@ -330,25 +331,22 @@ impl Assumptions {
     }
 }
 
-fn known(index: usize, assumed: &Assumed) -> Known {
+fn known(index: usize, assumed: &Assumed) -> AbstractValue {
     let Bounds { low, high } = assumed.bounds;
     let scalar = match assumed.ty {
-        ScalarType::F32 if low == high => Scalar::float(low),
+        // Either bound may be flushed to 0.
         ScalarType::F32 => {
-            // Either bound may be flushed to 0.
-            let (a, b) = (Scalar::float(low), Scalar::float(high));
-            match (a, b) {
-                (Scalar::Float(a, _), Scalar::Float(_, b)) => Scalar::Float(a, b),
-                _ => return Known::Unknown,
-            }
+            let interval = Interval::input(low).or(Interval::input(high));
+            Scalar::number(ScalarKind::Float, interval)
         }
-        ScalarType::I32 => Scalar::Sint(low as i64, high as i64),
-        ScalarType::U32 => Scalar::Uint(low as i64, high as i64),
+        ScalarType::I32 => Scalar::number(ScalarKind::Sint, Interval::new(low, high)),
+        ScalarType::U32 => Scalar::number(ScalarKind::Uint, Interval::new(low, high)),
     };
-    let is_finite = low.is_finite() && high.is_finite() && low <= high;
-    match is_finite {
-        true => Known::Scalar(scalar, Rc::new(BTreeSet::from([index])) as Sources),
-        false => Known::Unknown,
+    match scalar {
+        Some(scalar) if low <= high => {
+            AbstractValue::Scalar(scalar, Rc::new(BTreeSet::from([index])) as Sources)
+        }
+        _ => AbstractValue::Unknown,
     }
 }
 

@@ -2,9 +2,9 @@
 
 use naga::{Block, Expression, Handle, Literal, Statement, SwitchCase, SwitchValue};
 
-use super::decision::Kind;
+use super::decision::DecisionKind;
 use super::fold::{FoldFrame, Folder};
-use super::known::{Known, Sources};
+use super::known::{AbstractValue, Sources};
 use crate::graph::{StmtId, operands};
 
 /// The target of a `break`.
@@ -25,7 +25,7 @@ pub(super) enum Breaks {
     /// A switch.
     Switch {
         /// The locals' abstract values at each break.
-        locals: Vec<Vec<Known>>,
+        locals: Vec<Vec<AbstractValue>>,
         /// Number of blocks around the cases.
         depth: usize,
     },
@@ -33,7 +33,7 @@ pub(super) enum Breaks {
 
 /// How a block ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Flow {
+pub(super) enum Ending {
     Next,
     Break,
     Continue,
@@ -50,11 +50,11 @@ impl<'p> Folder<'p> {
         condition: Handle<Expression>,
         [accept, reject]: [&'p Block; 2],
         out: &mut Block,
-    ) -> Flow {
+    ) -> Ending {
         let [first, second] = frame.arms(id, accept);
         let arms = [(first, second), (second, frame.f.statements.get(id).end)];
         let depth = frame.within.len();
-        let decision = self.decide(frame, id, condition, Kind::Branch, &arms);
+        let decision = self.decide(frame, id, condition, DecisionKind::Branch, &arms);
         frame.within.extend(decision);
         let flow = self.arms(frame, condition, [accept, reject], [first, second], out);
         frame.within.truncate(depth);
@@ -69,7 +69,7 @@ impl<'p> Folder<'p> {
         [accept, reject]: [&'p Block; 2],
         [first, second]: [StmtId; 2],
         out: &mut Block,
-    ) -> Flow {
+    ) -> Ending {
         let span = frame.span;
         let known = frame.known[condition.index()].clone();
         if let Some((truth, sources)) = known.assumed_truth() {
@@ -103,7 +103,7 @@ impl<'p> Folder<'p> {
         if matches!(frame.breaks.last(), Some(Breaks::Loop { tried: true, .. }))
             && [accept, reject].into_iter().flatten().any(jumps)
         {
-            return Flow::Away;
+            return Ending::Away;
         }
         let condition = frame.mapped(condition);
         frame.flush(out);
@@ -112,7 +112,7 @@ impl<'p> Folder<'p> {
         let yes = self.block(frame, accept, first, &mut accepted);
         let after_yes = std::mem::replace(&mut frame.locals, before);
         let no = self.block(frame, reject, second, &mut rejected);
-        match (yes == Flow::Next, no == Flow::Next, known.truth()) {
+        match (yes == Ending::Next, no == Ending::Next, known.truth()) {
             (true, false, _) | (true, true, Some(true)) => frame.locals = after_yes,
             (true, true, None) => frame.locals = join(&after_yes, &frame.locals),
             _ => {}
@@ -126,9 +126,9 @@ impl<'p> Folder<'p> {
             span,
         );
         match (yes, no) {
-            (Flow::Next, _) | (_, Flow::Next) => Flow::Next,
+            (Ending::Next, _) | (_, Ending::Next) => Ending::Next,
             (a, b) if a == b => a,
-            _ => Flow::Away,
+            _ => Ending::Away,
         }
     }
 
@@ -139,7 +139,7 @@ impl<'p> Folder<'p> {
         selector: Handle<Expression>,
         cases: &'p [SwitchCase],
         out: &mut Block,
-    ) -> Flow {
+    ) -> Ending {
         let span = frame.span;
         let starts = frame.starts(id, cases.iter().map(|c| &c.body));
         let end = frame.f.statements.get(id).end;
@@ -148,7 +148,7 @@ impl<'p> Folder<'p> {
             .zip(starts.iter().skip(1).chain([&end]))
             .map(|(a, b)| (*a, *b))
             .collect();
-        self.decide(frame, id, selector, Kind::Switch, &arms);
+        self.decide(frame, id, selector, DecisionKind::Switch, &arms);
         let falls = cases.iter().any(|c| c.fall_through);
         let taken = match frame.known[selector.index()].literal() {
             Some((literal, sources)) if !falls => {
@@ -169,7 +169,7 @@ impl<'p> Folder<'p> {
             let ends = matches!(body.last(), Some(Statement::Break));
             let kept = body.len() - usize::from(ends);
             let flow = match flow {
-                Flow::Break => Flow::Next,
+                Ending::Break => Ending::Next,
                 flow => flow,
             };
             // A front end may drop statements after a discard in the same block.
@@ -193,7 +193,7 @@ impl<'p> Folder<'p> {
             out.push(Statement::Switch { selector, cases }, span);
             return match broken.is_empty() {
                 true => flow,
-                false => Flow::Next,
+                false => Ending::Next,
             };
         }
         if falls {
@@ -202,7 +202,7 @@ impl<'p> Folder<'p> {
         let selector = frame.mapped(selector);
         frame.flush(out);
         let before = frame.locals.clone();
-        let mut ends: Vec<Vec<Known>> = Vec::new();
+        let mut ends: Vec<Vec<AbstractValue>> = Vec::new();
         let mut flows = Vec::new();
         let mut copies = Vec::new();
         for (case, first) in cases.iter().zip(starts) {
@@ -211,12 +211,12 @@ impl<'p> Folder<'p> {
             let mut body = Block::new();
             let flow = self.block(frame, &case.body, first, &mut body);
             let broken = frame.leave();
-            if flow == Flow::Next || !broken.is_empty() {
-                flows.push(Flow::Next);
+            if flow == Ending::Next || !broken.is_empty() {
+                flows.push(Ending::Next);
             } else {
                 flows.push(flow);
             }
-            if flow == Flow::Next {
+            if flow == Ending::Next {
                 ends.push(frame.locals.clone());
             }
             ends.extend(broken);
@@ -236,10 +236,10 @@ impl<'p> Folder<'p> {
         };
         let cases = copies;
         out.push(Statement::Switch { selector, cases }, span);
-        match flows.iter().all(|f| *f == Flow::Return) {
-            true => Flow::Return,
-            false if flows.contains(&Flow::Next) => Flow::Next,
-            false => Flow::Away,
+        match flows.iter().all(|f| *f == Ending::Return) {
+            true => Ending::Return,
+            false if flows.contains(&Ending::Next) => Ending::Next,
+            false => Ending::Away,
         }
     }
 }
@@ -257,12 +257,16 @@ pub(super) fn taken(cases: &[SwitchCase], selector: Literal) -> Option<usize> {
         .or_else(|| cases.iter().position(|c| c.value == SwitchValue::Default))
 }
 
-fn join(a: &[Known], b: &[Known]) -> Vec<Known> {
+fn join(a: &[AbstractValue], b: &[AbstractValue]) -> Vec<AbstractValue> {
     a.iter().zip(b).map(|(a, b)| a.join(b)).collect()
 }
 
-fn joined(end: Vec<Known>, flow: Flow, broken: &[Vec<Known>]) -> Vec<Known> {
-    let through = (flow == Flow::Next).then_some(end.clone());
+fn joined(
+    end: Vec<AbstractValue>,
+    flow: Ending,
+    broken: &[Vec<AbstractValue>],
+) -> Vec<AbstractValue> {
+    let through = (flow == Ending::Next).then_some(end.clone());
     through
         .into_iter()
         .chain(broken.iter().cloned())
@@ -329,7 +333,7 @@ impl FoldFrame<'_> {
     }
 
     /// Leaves a switch and returns the abstract values at its breaks.
-    fn leave(&mut self) -> Vec<Vec<Known>> {
+    fn leave(&mut self) -> Vec<Vec<AbstractValue>> {
         match self.breaks.pop() {
             Some(Breaks::Switch { locals, .. }) => locals,
             _ => Vec::new(),

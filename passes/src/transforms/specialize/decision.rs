@@ -7,12 +7,12 @@ use naga::{Block, Expression, Function, Handle, Statement};
 
 use super::control::{Breaks, taken};
 use super::fold::{FoldFrame, Folder};
-use super::known::{Known, Sources};
+use super::known::{AbstractValue, Sources};
 use crate::graph::{FunctionId, Graph, Rate, StmtId};
 
 /// The statement kind of a decision.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum DecisionKind {
     /// `if`, with an arm for true and one for false.
     Branch,
     /// `switch`, with an arm per case.
@@ -42,7 +42,7 @@ pub struct Decision {
     /// Its condition or selector.
     pub condition: Handle<Expression>,
     /// Its kind.
-    pub kind: Kind,
+    pub kind: DecisionKind,
     /// The arm that is taken; `None` if unknown, or for a loop.
     pub taken: Option<usize>,
     /// Its arms.
@@ -146,7 +146,7 @@ pub fn of_stage(
         let weight = times[i];
         add(&mut times, record, weight);
     }
-    let mut walk = Walk {
+    let mut placing = Placing {
         graph,
         name,
         records,
@@ -154,10 +154,10 @@ pub fn of_stage(
         seen: BTreeSet::new(),
         out,
     };
-    walk.record(stage, 1.0, None);
+    placing.record(stage, 1.0, None);
 }
 
-struct Walk<'g, 'p> {
+struct Placing<'g, 'p> {
     graph: &'g Graph<'p>,
     name: &'static str,
     records: &'g [Record],
@@ -166,7 +166,7 @@ struct Walk<'g, 'p> {
     out: &'g mut Vec<Placed>,
 }
 
-impl Walk<'_, '_> {
+impl Placing<'_, '_> {
     fn record(&mut self, record: &Record, weight: f64, around: Option<usize>) {
         let mut places = vec![None; record.notes.len()];
         for (i, note) in record.notes.iter().enumerate() {
@@ -210,12 +210,12 @@ impl<'p> Folder<'p> {
         frame: &mut FoldFrame<'p>,
         id: StmtId,
         condition: Handle<Expression>,
-        kind: Kind,
+        kind: DecisionKind,
         arms: &[(StmtId, StmtId)],
     ) -> Option<usize> {
         let known = &frame.known[condition.index()];
         let sources = match known {
-            Known::Scalar(_, sources) => Sources::clone(sources),
+            AbstractValue::Scalar(_, sources) => Sources::clone(sources),
             _ => Sources::default(),
         };
         let known = known.literal().map(|(literal, _)| literal);
@@ -289,7 +289,7 @@ impl<'p> Folder<'p> {
             function: frame.id,
             statement: id,
             condition,
-            kind: Kind::Loop { turns },
+            kind: DecisionKind::Loop { turns },
             taken: None,
             arms: vec![Arm {
                 statements: vec![(id, end)],

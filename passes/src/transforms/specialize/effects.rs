@@ -11,7 +11,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::assume::Assumptions;
-use super::decision::{Decision, Kind, Placed};
+use super::decision::{Decision, DecisionKind, Placed};
 use super::{Params, assumptions, examine, folded};
 use crate::core::guard::Assumed;
 use crate::core::pass::{Facts, Refusal};
@@ -140,10 +140,10 @@ fn called_for(placed: &Placed) -> (CalledFor, f64) {
     };
     let decision = &placed.decision;
     let called_for = match (decision.kind, decision.taken) {
-        (Kind::Loop { turns: Some(0) }, _) => CalledFor::No,
-        (Kind::Loop { turns: Some(_) }, _) => CalledFor::Yes,
+        (DecisionKind::Loop { turns: Some(0) }, _) => CalledFor::No,
+        (DecisionKind::Loop { turns: Some(_) }, _) => CalledFor::Yes,
         // The count is known but too large to unroll.
-        (Kind::Loop { turns: None }, _) if !decision.sources.is_empty() => CalledFor::Yes,
+        (DecisionKind::Loop { turns: None }, _) if !decision.sources.is_empty() => CalledFor::Yes,
         (_, Some(taken)) if taken == dearest => CalledFor::Yes,
         (_, Some(_)) => CalledFor::No,
         _ => CalledFor::Open,
@@ -173,7 +173,7 @@ fn name(graph: &Graph<'_>, decision: &Decision, assumptions: &Assumptions) -> St
         block_words(module, f.function, block, &mut inside);
     }
     let is_light = |words: &[String]| words.iter().any(|w| plain(w).contains("light"));
-    let is_loop = matches!(decision.kind, Kind::Loop { .. });
+    let is_loop = matches!(decision.kind, DecisionKind::Loop { .. });
     if is_loop && (is_light(&condition) || is_light(&assumed)) {
         return "light loop".to_owned();
     }

@@ -2,13 +2,14 @@
 
 use naga::{
     ArraySize, BinaryOperator, Block, Expression, Function, Handle, Literal, LocalVariable,
-    MathFunction, Module, Type, TypeInner,
+    MathFunction, Module, ScalarKind, Type, TypeInner,
 };
 
 use super::arithmetic;
 use super::fold::{FoldFrame, Folder};
-use super::known::{FINITE, Known, Scalar, Sources};
+use super::known::{AbstractValue, FINITE, Scalar, Sources};
 use super::params::Fold;
+use crate::evaluate::interval::Interval;
 use crate::graph::operands;
 
 /// The variable of a pointer.
@@ -19,7 +20,7 @@ enum Root {
 }
 
 /// A pointer's variable and path; `dynamic` if the path ends at an unknown index.
-struct Place {
+struct PointerTarget {
     root: Root,
     path: Vec<u32>,
     sources: Sources,
@@ -27,49 +28,51 @@ struct Place {
 }
 
 /// The abstract value of a type's zero.
-pub(super) fn zero(module: &Module, ty: Handle<Type>) -> Known {
+pub(super) fn zero(module: &Module, ty: Handle<Type>) -> AbstractValue {
     let scalar = |s: naga::Scalar| match (s.kind, s.width) {
-        (naga::ScalarKind::Bool, _) => Known::constant(Scalar::Bool(false)),
-        (naga::ScalarKind::Sint, 4) => Known::constant(Scalar::Sint(0, 0)),
-        (naga::ScalarKind::Uint, 4) => Known::constant(Scalar::Uint(0, 0)),
-        (naga::ScalarKind::Float, 4) => Known::constant(Scalar::float(0.0)),
-        _ => Known::Unknown,
+        (ScalarKind::Bool, _) => AbstractValue::constant(Scalar::Bool(false)),
+        (kind, 4) => AbstractValue::constant(Scalar::Number(kind, Interval::exactly(0.0))),
+        _ => AbstractValue::Unknown,
     };
     match &module.types[ty].inner {
         TypeInner::Scalar(s) => scalar(*s),
-        TypeInner::Vector { size, scalar: s } => Known::Parts(vec![scalar(*s); *size as usize]),
+        TypeInner::Vector { size, scalar: s } => {
+            AbstractValue::Parts(vec![scalar(*s); *size as usize])
+        }
         TypeInner::Matrix {
             columns,
             rows,
             scalar: s,
         } => {
-            let column = Known::Parts(vec![scalar(*s); *rows as usize]);
-            Known::Parts(vec![column; *columns as usize])
+            let column = AbstractValue::Parts(vec![scalar(*s); *rows as usize]);
+            AbstractValue::Parts(vec![column; *columns as usize])
         }
         TypeInner::Array {
             base,
             size: ArraySize::Constant(n),
             ..
-        } if n.get() <= 64 => Known::Parts(vec![zero(module, *base); n.get() as usize]),
+        } if n.get() <= 64 => AbstractValue::Parts(vec![zero(module, *base); n.get() as usize]),
         TypeInner::Struct { members, .. } => {
-            Known::Parts(members.iter().map(|m| zero(module, m.ty)).collect())
+            AbstractValue::Parts(members.iter().map(|m| zero(module, m.ty)).collect())
         }
-        _ => Known::Unknown,
+        _ => AbstractValue::Unknown,
     }
 }
 
-fn literal(literal: &Literal) -> Known {
+fn literal(literal: &Literal) -> AbstractValue {
+    let number =
+        |kind, number| AbstractValue::constant(Scalar::Number(kind, Interval::exactly(number)));
     match literal {
-        Literal::Bool(b) => Known::constant(Scalar::Bool(*b)),
-        Literal::I32(v) => Known::constant(Scalar::Sint((*v).into(), (*v).into())),
-        Literal::U32(v) => Known::constant(Scalar::Uint((*v).into(), (*v).into())),
-        Literal::F32(v) if v.is_finite() => Known::constant(Scalar::float(f64::from(*v))),
-        _ => Known::Unknown,
+        Literal::Bool(b) => AbstractValue::constant(Scalar::Bool(*b)),
+        Literal::I32(v) => number(ScalarKind::Sint, f64::from(*v)),
+        Literal::U32(v) => number(ScalarKind::Uint, f64::from(*v)),
+        Literal::F32(v) if v.is_finite() => AbstractValue::constant(Scalar::float(f64::from(*v))),
+        _ => AbstractValue::Unknown,
     }
 }
 
 /// The abstract value of a constant expression.
-fn constant(module: &Module, e: Handle<Expression>) -> Known {
+fn constant(module: &Module, e: Handle<Expression>) -> AbstractValue {
     match &module.global_expressions[e] {
         Expression::Literal(l) => literal(l),
         Expression::Constant(c) => constant(module, module.constants[*c].init),
@@ -79,32 +82,32 @@ fn constant(module: &Module, e: Handle<Expression>) -> Known {
             composed(module, *ty, components)
         }
         Expression::Splat { size, value } => {
-            Known::Parts(vec![constant(module, *value); *size as usize])
+            AbstractValue::Parts(vec![constant(module, *value); *size as usize])
         }
-        _ => Known::Unknown,
+        _ => AbstractValue::Unknown,
     }
 }
 
 /// Flattens vectors that are composed of vectors.
-fn composed(module: &Module, ty: Handle<Type>, components: Vec<Known>) -> Known {
+fn composed(module: &Module, ty: Handle<Type>, components: Vec<AbstractValue>) -> AbstractValue {
     let TypeInner::Vector { size, .. } = module.types[ty].inner else {
-        return Known::Parts(components);
+        return AbstractValue::Parts(components);
     };
     if components.len() == size as usize {
-        return Known::Parts(components);
+        return AbstractValue::Parts(components);
     }
     let mut parts = Vec::new();
     for component in components {
         match component {
-            Known::Parts(of) => parts.extend(of),
-            scalar @ Known::Scalar(..) => parts.push(scalar),
+            AbstractValue::Parts(of) => parts.extend(of),
+            scalar @ AbstractValue::Scalar(..) => parts.push(scalar),
             // An unknown value does not reveal its number of components.
-            Known::Unknown => return Known::Unknown,
+            AbstractValue::Unknown => return AbstractValue::Unknown,
         }
     }
     match parts.len() == size as usize {
-        true => Known::Parts(parts),
-        false => Known::Unknown,
+        true => AbstractValue::Parts(parts),
+        false => AbstractValue::Unknown,
     }
 }
 
@@ -252,7 +255,7 @@ impl<'p> Folder<'p> {
     ) -> Option<Handle<Type>> {
         let inner = frame.f.ty(self.module, same);
         let is_number = matches!(inner, TypeInner::Scalar(_) | TypeInner::Vector { .. })
-            && inner.scalar_kind() != Some(naga::ScalarKind::Bool);
+            && inner.scalar_kind() != Some(ScalarKind::Bool);
         let is_held = is_number && frame.is_operand[e.index()] && is_constant(frame.original, same);
         is_held.then(|| {
             let ty = Type {
@@ -306,7 +309,7 @@ impl<'p> Folder<'p> {
         found.filter(|(same, sources)| !sources.is_empty() && same_type(*same))
     }
 
-    fn evaluate(&self, frame: &FoldFrame<'p>, e: Handle<Expression>) -> Known {
+    fn evaluate(&self, frame: &FoldFrame<'p>, e: Handle<Expression>) -> AbstractValue {
         let of = |e: Handle<Expression>| &frame.known[e.index()];
         match &frame.original.expressions[e] {
             Expression::Literal(l) => literal(l),
@@ -319,17 +322,17 @@ impl<'p> Folder<'p> {
             }
             Expression::Access { base, index } => match of(*index).index() {
                 Some((at, sources)) => of(*base).part(at as usize).resting_on(sources),
-                None => Known::Unknown,
+                None => AbstractValue::Unknown,
             },
             Expression::AccessIndex { base, index } => of(*base).part(*index as usize),
             Expression::Splat { size, value } => {
-                Known::Parts(vec![of(*value).clone(); *size as usize])
+                AbstractValue::Parts(vec![of(*value).clone(); *size as usize])
             }
             Expression::Swizzle {
                 size,
                 vector,
                 pattern,
-            } => Known::Parts(
+            } => AbstractValue::Parts(
                 pattern[..*size as usize]
                     .iter()
                     .map(|c| of(*vector).part(*c as usize))
@@ -368,7 +371,7 @@ impl<'p> Folder<'p> {
                     matches!(frame.f.ty(self.module, e), TypeInner::Matrix { .. })
                 };
                 match is_matrix(*left) || is_matrix(*right) {
-                    true => Known::Unknown,
+                    true => AbstractValue::Unknown,
                     false => self.product(frame, *op, *left, *right),
                 }
             }
@@ -389,7 +392,7 @@ impl<'p> Folder<'p> {
                 arg2,
                 arg3,
             } => {
-                let arguments: Vec<&Known> = [Some(*arg), *arg1, *arg2, *arg3]
+                let arguments: Vec<&AbstractValue> = [Some(*arg), *arg1, *arg2, *arg3]
                     .into_iter()
                     .flatten()
                     .map(of)
@@ -400,14 +403,14 @@ impl<'p> Folder<'p> {
                 expr,
                 kind,
                 convert: Some(width),
-            } if matches!((kind, width), (naga::ScalarKind::Bool, _) | (_, 4)) => {
+            } if matches!((kind, width), (ScalarKind::Bool, _) | (_, 4)) => {
                 let is_matrix = matches!(frame.f.ty(self.module, *expr), TypeInner::Matrix { .. });
                 match is_matrix {
-                    true => Known::Unknown,
+                    true => AbstractValue::Unknown,
                     false => arithmetic::converted(*kind, of(*expr)),
                 }
             }
-            _ => Known::Unknown,
+            _ => AbstractValue::Unknown,
         }
     }
 
@@ -417,7 +420,7 @@ impl<'p> Folder<'p> {
         frame: &FoldFrame<'p>,
         e: Handle<Expression>,
         image: Handle<Expression>,
-    ) -> Known {
+    ) -> AbstractValue {
         let is_floats = matches!(
             frame.f.ty(self.module, e),
             TypeInner::Vector {
@@ -427,7 +430,7 @@ impl<'p> Folder<'p> {
         );
         match frame.original.expressions[image] {
             Expression::GlobalVariable(g) if is_floats => self.assumptions.texel(g),
-            _ => Known::Unknown,
+            _ => AbstractValue::Unknown,
         }
     }
 
@@ -439,7 +442,7 @@ impl<'p> Folder<'p> {
         op: BinaryOperator,
         left: Handle<Expression>,
         right: Handle<Expression>,
-    ) -> Known {
+    ) -> AbstractValue {
         let of = |e: Handle<Expression>| &frame.known[e.index()];
         if self.fold == Fold::Rounding && op == BinaryOperator::Multiply {
             let zero = [left, right]
@@ -451,7 +454,7 @@ impl<'p> Folder<'p> {
             {
                 let finite = Sources::new([FINITE].into());
                 let sources = super::known::both(&sources, &finite);
-                let zero = Known::Scalar(Scalar::float(0.0), sources);
+                let zero = AbstractValue::Scalar(Scalar::float(0.0), sources);
                 let width =
                     [left, right]
                         .into_iter()
@@ -460,7 +463,7 @@ impl<'p> Folder<'p> {
                             _ => None,
                         });
                 return match width {
-                    Some(width) => Known::Parts(vec![zero; width]),
+                    Some(width) => AbstractValue::Parts(vec![zero; width]),
                     None => zero,
                 };
             }
@@ -468,25 +471,25 @@ impl<'p> Folder<'p> {
         arithmetic::binary(op, of(left), of(right))
     }
 
-    fn load(&self, frame: &FoldFrame<'p>, pointer: Handle<Expression>) -> Known {
+    fn load(&self, frame: &FoldFrame<'p>, pointer: Handle<Expression>) -> AbstractValue {
         let place = frame.place(self.module, pointer);
         if place.dynamic {
-            return Known::Unknown;
+            return AbstractValue::Unknown;
         }
         let content = match place.root {
             Root::Local(v) => frame.locals.get(v.index()).cloned().unwrap_or_default(),
             Root::Global(g) => self.assumptions.content(g),
-            Root::Elsewhere => return Known::Unknown,
+            Root::Elsewhere => return AbstractValue::Unknown,
         };
         content.at(&place.path).resting_on(&place.sources)
     }
 }
 
 impl FoldFrame<'_> {
-    fn place(&self, module: &Module, pointer: Handle<Expression>) -> Place {
+    fn place(&self, module: &Module, pointer: Handle<Expression>) -> PointerTarget {
         match self.original.expressions[pointer] {
-            Expression::LocalVariable(v) => Place::at(Root::Local(v)),
-            Expression::GlobalVariable(g) => Place::at(Root::Global(g)),
+            Expression::LocalVariable(v) => PointerTarget::at(Root::Local(v)),
+            Expression::GlobalVariable(g) => PointerTarget::at(Root::Global(g)),
             Expression::AccessIndex { base, index } => {
                 self.place(module, base).step(Some(index), None)
             }
@@ -500,19 +503,24 @@ impl FoldFrame<'_> {
                     _ => self.place(module, base).step(None, None),
                 }
             }
-            _ => Place::at(Root::Elsewhere),
+            _ => PointerTarget::at(Root::Elsewhere),
         }
     }
 
     /// Stores through a pointer.
-    pub(super) fn store(&mut self, module: &Module, pointer: Handle<Expression>, value: Known) {
+    pub(super) fn store(
+        &mut self,
+        module: &Module,
+        pointer: Handle<Expression>,
+        value: AbstractValue,
+    ) {
         let place = self.place(module, pointer);
         let Root::Local(v) = place.root else { return };
         let Some(local) = self.locals.get_mut(v.index()) else {
             return;
         };
         match place.dynamic {
-            true => local.set(&place.path, Known::Unknown),
+            true => local.set(&place.path, AbstractValue::Unknown),
             false => {
                 // The address, and so the unchanged rest of the variable, depends on these.
                 *local = std::mem::take(local).resting_on(&place.sources);
@@ -532,12 +540,12 @@ impl FoldFrame<'_> {
         if let Expression::LocalVariable(v) = self.original.expressions[at]
             && let Some(local) = self.locals.get_mut(v.index())
         {
-            *local = Known::Unknown;
+            *local = AbstractValue::Unknown;
         }
     }
 }
 
-impl Place {
+impl PointerTarget {
     fn at(root: Root) -> Self {
         Self {
             root,
@@ -599,16 +607,16 @@ fn held(
 }
 
 /// The result of a read outside of a texture: 0, or alpha 1 (WGSL, section 17.7.4).
-fn outside() -> Known {
-    let zero = Known::constant(Scalar::float(0.0));
-    let alpha = Known::constant(Scalar::Float(0.0, 1.0));
-    Known::Parts(vec![zero.clone(), zero.clone(), zero, alpha])
+fn outside() -> AbstractValue {
+    let zero = AbstractValue::constant(Scalar::float(0.0));
+    let alpha = AbstractValue::constant(Scalar::Number(ScalarKind::Float, Interval::UNIT));
+    AbstractValue::Parts(vec![zero.clone(), zero.clone(), zero, alpha])
 }
 
 /// Whether all components are known to be 0.
-fn is_0(known: &Known) -> bool {
+fn is_0(known: &AbstractValue) -> bool {
     match known {
-        Known::Parts(parts) => parts.iter().all(is_0),
+        AbstractValue::Parts(parts) => parts.iter().all(is_0),
         scalar => scalar
             .index()
             .is_some_and(|(at, sources)| at == 0 && sources.is_empty()),
@@ -616,9 +624,9 @@ fn is_0(known: &Known) -> bool {
 }
 
 /// The bool that all components equal, if it depends on an assumption.
-fn all_the_same(known: &Known) -> Option<(bool, Sources)> {
+fn all_the_same(known: &AbstractValue) -> Option<(bool, Sources)> {
     match known {
-        Known::Parts(parts) => {
+        AbstractValue::Parts(parts) => {
             let mut all = parts.iter().map(all_the_same);
             let (first, mut sources) = all.next()??;
             for next in all {
@@ -637,16 +645,18 @@ fn all_the_same(known: &Known) -> Option<(bool, Sources)> {
 }
 
 /// The assumptions by which all components equal this number exactly.
-fn all_numbers(known: &Known, value: f64) -> Option<Sources> {
+fn all_numbers(known: &AbstractValue, value: f64) -> Option<Sources> {
     match known {
-        Known::Parts(parts) => {
+        AbstractValue::Parts(parts) => {
             let mut sources = Sources::default();
             for part in parts {
                 sources = super::known::both(&sources, &all_numbers(part, value)?);
             }
             (!parts.is_empty()).then_some(sources)
         }
-        Known::Scalar(Scalar::Float(a, b), sources) if *a == value && *b == value => {
+        AbstractValue::Scalar(Scalar::Number(ScalarKind::Float, x), sources)
+            if x.number() == Some(value) =>
+        {
             Some(Sources::clone(sources))
         }
         _ => None,

@@ -14,9 +14,9 @@ use naga::{
 };
 
 use super::assume::Assumptions;
-use super::control::{Breaks, Flow};
+use super::control::{Breaks, Ending};
 use super::decision::{Call, Noted, Record};
-use super::known::{Known, Sources};
+use super::known::{AbstractValue, Sources};
 use super::params::Fold;
 use super::versions::Version;
 use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId, operands};
@@ -43,7 +43,7 @@ pub struct FoldedStage {
     /// The entry point's function.
     pub function: Function,
     /// The abstract value of its result.
-    pub result: Known,
+    pub result: AbstractValue,
     /// Its record, without callees.
     pub record: Record,
 }
@@ -56,14 +56,14 @@ pub(super) struct FoldFrame<'p> {
     pub function: Function,
     /// The copy of each original expression.
     pub map: Vec<Option<Handle<Expression>>>,
-    pub known: Vec<Known>,
+    pub known: Vec<AbstractValue>,
     /// Whether another expression reads it.
     pub is_operand: Vec<bool>,
-    pub arguments: Vec<Known>,
+    pub arguments: Vec<AbstractValue>,
     /// The abstract value of each local variable.
-    pub locals: Vec<Known>,
+    pub locals: Vec<AbstractValue>,
     /// The join of the values returned so far; `None` if there is none yet.
-    pub returned: Option<Known>,
+    pub returned: Option<AbstractValue>,
     pub breaks: Vec<Breaks>,
     /// The current `Emit`.
     pub emit: OpenEmit,
@@ -106,7 +106,7 @@ impl<'p> Folder<'p> {
     }
 
     /// Folds a stage under the abstract values of its arguments.
-    pub fn stage(&mut self, entry: usize, arguments: Vec<Known>) -> FoldedStage {
+    pub fn stage(&mut self, entry: usize, arguments: Vec<AbstractValue>) -> FoldedStage {
         let frame = self.run(FunctionId::EntryPoint(entry), arguments);
         FoldedStage {
             function: frame.function,
@@ -120,7 +120,7 @@ impl<'p> Folder<'p> {
         (self.types, self.functions, self.records)
     }
 
-    pub(super) fn run(&mut self, id: FunctionId, arguments: Vec<Known>) -> FoldFrame<'p> {
+    pub(super) fn run(&mut self, id: FunctionId, arguments: Vec<AbstractValue>) -> FoldFrame<'p> {
         let f = self.graph.function(id);
         let original = f.function;
         let mut frame = FoldFrame {
@@ -129,7 +129,7 @@ impl<'p> Folder<'p> {
             f,
             function: FunctionWriter::like(original).function,
             map: vec![None; original.expressions.len()],
-            known: vec![Known::Unknown; original.expressions.len()],
+            known: vec![AbstractValue::Unknown; original.expressions.len()],
             is_operand: are_operands(original),
             arguments,
             locals: Vec::new(),
@@ -170,7 +170,7 @@ impl<'p> Folder<'p> {
         frame: &mut FoldFrame<'p>,
         v: Handle<LocalVariable>,
         variable: &LocalVariable,
-    ) -> Known {
+    ) -> AbstractValue {
         let Some(init) = variable.init else {
             return super::expressions::zero(self.module, variable.ty);
         };
@@ -198,18 +198,18 @@ impl<'p> Folder<'p> {
         block: &'p Block,
         first: StmtId,
         out: &mut Block,
-    ) -> Flow {
+    ) -> Ending {
         let end = frame.behind(first, block);
         let depth = frame.following.len();
         let mut id = first;
-        let mut flow = Flow::Next;
+        let mut flow = Ending::Next;
         for (statement, span) in block.span_iter() {
             frame.span = *span;
             let next = frame.f.statements.get(id).end;
             frame.following.push((next, end));
             flow = self.statement(frame, statement, id, out);
             frame.following.truncate(depth);
-            if flow != Flow::Next {
+            if flow != Ending::Next {
                 break;
             }
             id = next;
@@ -224,7 +224,7 @@ impl<'p> Folder<'p> {
         statement: &'p Statement,
         id: StmtId,
         out: &mut Block,
-    ) -> Flow {
+    ) -> Ending {
         let inside = StmtId::from(id.index() + 1);
         let span = frame.span;
         match statement {
@@ -232,7 +232,7 @@ impl<'p> Folder<'p> {
                 for e in range.clone() {
                     self.copy(frame, e, out, false);
                 }
-                return Flow::Next;
+                return Ending::Next;
             }
             Statement::Block(block) => {
                 let mut inner = Block::new();
@@ -261,15 +261,16 @@ impl<'p> Folder<'p> {
                 }
                 frame.flush(out);
                 out.push(Statement::Break, span);
-                return Flow::Break;
+                return Ending::Break;
             }
             Statement::Continue => {
                 frame.flush(out);
                 out.push(Statement::Continue, span);
-                return Flow::Continue;
+                return Ending::Continue;
             }
             Statement::Return { value } => {
-                let known = value.map_or(Known::Unknown, |v| frame.known[v.index()].clone());
+                let known =
+                    value.map_or(AbstractValue::Unknown, |v| frame.known[v.index()].clone());
                 let known = known.resting_on(&frame.running);
                 let value = value.map(|v| self.read(frame, v, out));
                 frame.flush(out);
@@ -278,7 +279,7 @@ impl<'p> Folder<'p> {
                     Some(before) => before.join(&known),
                     None => known,
                 });
-                return Flow::Return;
+                return Ending::Return;
             }
             Statement::Store { pointer, value } => {
                 let known = frame.known[value.index()]
@@ -310,7 +311,7 @@ impl<'p> Folder<'p> {
                 out.push(copy, span);
             }
         }
-        Flow::Next
+        Ending::Next
     }
 
     /// Copies a call of the version of a function for known arguments.

@@ -2,12 +2,14 @@
 //!
 //! Bounds are real numbers. Every result is widened by more than an adapter's rounding, so that it
 //! contains the adapter's number however the adapter rounds, flushes denormals or contracts
-//! products and sums. No bound contains NaN: a value that may be NaN is [`Known::Unknown`].
+//! products and sums. No bound contains NaN: a value that may be NaN is [`AbstractValue::Unknown`].
 
 use std::collections::BTreeSet;
 use std::rc::Rc;
 
 use naga::{Literal, ScalarKind};
+
+use crate::evaluate::interval::Interval;
 
 /// Indices of the assumptions that a value depends on.
 pub type Sources = Rc<BTreeSet<usize>>;
@@ -16,92 +18,74 @@ pub type Sources = Rc<BTreeSet<usize>>;
 /// `fold=rounding` assumes it for summed floats, but never bases a decision on it.
 pub const FINITE: usize = usize::MAX;
 
-/// Smallest normal `f32`. Smaller numbers may be flushed to 0.
-const SMALLEST: f64 = f32::MIN_POSITIVE as f64;
-
 /// A scalar with inclusive bounds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Scalar {
     /// A `bool`.
     Bool(bool),
-    /// An `i32`.
-    Sint(i64, i64),
-    /// A `u32`.
-    Uint(i64, i64),
-    /// An `f32`.
-    Float(f64, f64),
+    /// An `i32`, `u32` or `f32`.
+    Number(ScalarKind, Interval),
 }
 
 impl Scalar {
-    /// The bounds of an input `f32`: the number, or everything between it and 0 if an adapter may
-    /// flush it.
+    /// An input `f32`. An adapter may flush it.
     pub fn float(value: f64) -> Self {
-        match value != 0.0 && value.abs() < SMALLEST {
-            true => Self::Float(value.min(0.0), value.max(0.0)),
-            false => Self::Float(value, value),
-        }
+        Self::Number(ScalarKind::Float, Interval::input(value))
     }
 
-    /// The bounds of a rounded result with an error of at most `ulps`; `None` if it may be
-    /// infinite.
-    pub fn rounded(low: f64, high: f64, ulps: f64) -> Option<Self> {
-        let slack = |x: f64| match x == 0.0 {
-            // A result of exactly 0 stays 0.
-            true => 0.0,
-            false => x.abs() * ulps * f64::from(f32::EPSILON) + SMALLEST,
+    /// A number of `kind`; `None` if it may wrap, or be infinite or NaN.
+    pub fn number(kind: ScalarKind, interval: Interval) -> Option<Self> {
+        let bounds = match kind {
+            ScalarKind::Float => Interval::up_to(f64::MAX),
+            ScalarKind::Sint => Interval::new(f64::from(i32::MIN), f64::from(i32::MAX)),
+            ScalarKind::Uint => Interval::new(0.0, f64::from(u32::MAX)),
+            _ => return None,
         };
-        let (low, high) = (low - slack(low), high + slack(high));
-        let most = f64::from(f32::MAX);
-        (low <= high && low > -most && high < most).then_some(Self::Float(low, high))
+        let fits = bounds.low <= interval.low && interval.high <= bounds.high;
+        fits.then_some(Self::Number(kind, interval))
     }
 
-    /// An integer of `kind`; `None` if it wraps.
-    pub fn integer(kind: ScalarKind, low: i64, high: i64) -> Option<Self> {
-        match kind {
-            ScalarKind::Sint if low >= i64::from(i32::MIN) && high <= i64::from(i32::MAX) => {
-                Some(Self::Sint(low, high))
-            }
-            ScalarKind::Uint if low >= 0 && high <= i64::from(u32::MAX) => {
-                Some(Self::Uint(low, high))
+    fn join(self, other: Self) -> Option<Self> {
+        match (self, other) {
+            (Self::Bool(a), Self::Bool(b)) if a == b => Some(self),
+            (Self::Number(kind, a), Self::Number(other, b)) if kind == other => {
+                Some(Self::Number(kind, a.or(b)))
             }
             _ => None,
         }
     }
 
-    fn join(self, other: Self) -> Option<Self> {
-        Some(match (self, other) {
-            (Self::Bool(a), Self::Bool(b)) if a == b => self,
-            (Self::Sint(a, b), Self::Sint(c, d)) => Self::Sint(a.min(c), b.max(d)),
-            (Self::Uint(a, b), Self::Uint(c, d)) => Self::Uint(a.min(c), b.max(d)),
-            (Self::Float(a, b), Self::Float(c, d)) => Self::Float(a.min(c), b.max(d)),
-            _ => return None,
-        })
+    /// The integer, if it is a single one.
+    pub fn integer(self) -> Option<i64> {
+        match self {
+            Self::Number(ScalarKind::Sint | ScalarKind::Uint, x) => x.number().map(|x| x as i64),
+            _ => None,
+        }
     }
 
     /// Its literal, if it is a single integer or bool.
     fn literal(self) -> Option<Literal> {
-        Some(match self {
-            Self::Bool(b) => Literal::Bool(b),
-            Self::Sint(a, b) if a == b => Literal::I32(i32::try_from(a).ok()?),
-            Self::Uint(a, b) if a == b => Literal::U32(u32::try_from(a).ok()?),
-            _ => return None,
-        })
+        match self {
+            Self::Bool(b) => Some(Literal::Bool(b)),
+            Self::Number(ScalarKind::Sint, _) => self.integer()?.try_into().ok().map(Literal::I32),
+            Self::Number(..) => self.integer()?.try_into().ok().map(Literal::U32),
+        }
     }
 }
 
 /// An abstract value.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub enum Known {
+pub enum AbstractValue {
     /// Unknown.
     #[default]
     Unknown,
     /// A scalar's bounds.
     Scalar(Scalar, Sources),
     /// The abstract value of each component, column, element or member.
-    Parts(Vec<Known>),
+    Parts(Vec<AbstractValue>),
 }
 
-impl Known {
+impl AbstractValue {
     /// A constant of the author's, which depends on no assumption.
     pub fn constant(scalar: Scalar) -> Self {
         Self::Scalar(scalar, Sources::default())
@@ -142,12 +126,8 @@ impl Known {
 
     /// The integer, if it is a single one.
     pub fn index(&self) -> Option<(u32, &Sources)> {
-        match self.scalar()? {
-            (Scalar::Sint(a, b) | Scalar::Uint(a, b), sources) if a == b => {
-                Some((u32::try_from(a).ok()?, sources))
-            }
-            _ => None,
-        }
+        let (scalar, sources) = self.scalar()?;
+        Some((u32::try_from(scalar.integer()?).ok()?, sources))
     }
 
     /// A part.
@@ -213,7 +193,7 @@ impl Known {
         }
     }
 
-    /// The same value; parts that are all unknown become [`Known::Unknown`].
+    /// The same value; parts that are all unknown become [`AbstractValue::Unknown`].
     #[must_use]
     pub fn settled(self) -> Self {
         match self {
@@ -233,7 +213,8 @@ impl Known {
     pub fn undecided_by_finite(self) -> Self {
         match self {
             Self::Scalar(s, sources)
-                if !matches!(s, Scalar::Float(..)) && sources.contains(&FINITE) =>
+                if !matches!(s, Scalar::Number(ScalarKind::Float, _))
+                    && sources.contains(&FINITE) =>
             {
                 Self::Unknown
             }

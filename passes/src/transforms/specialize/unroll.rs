@@ -2,10 +2,10 @@
 
 use naga::{Block, Expression, Function, Handle, Statement};
 
-use super::control::{Breaks, Flow, jumps};
+use super::control::{Breaks, Ending, jumps};
 use super::decision::Record;
 use super::fold::{FoldFrame, Folder};
-use super::known::{Known, Sources};
+use super::known::{AbstractValue, Sources};
 use crate::graph::{StmtId, operands};
 
 /// Most expressions that unrolling a loop may add.
@@ -24,7 +24,7 @@ struct Loop<'p> {
 struct Turns {
     body: Block,
     /// How the last one ends.
-    flow: Flow,
+    flow: Ending,
 }
 
 impl<'p> Folder<'p> {
@@ -36,7 +36,7 @@ impl<'p> Folder<'p> {
         continuing: &'p Block,
         break_if: Option<Handle<Expression>>,
         out: &mut Block,
-    ) -> Flow {
+    ) -> Ending {
         let span = frame.span;
         let starts = frame.starts(id, [body, continuing].into_iter());
         let this = Loop {
@@ -72,7 +72,7 @@ impl<'p> Folder<'p> {
             },
             span,
         );
-        Flow::Next
+        Ending::Next
     }
 
     /// Unrolls a loop. A speculative run comes first, so that a failure leaves no trace. A failed
@@ -119,7 +119,7 @@ impl<'p> Folder<'p> {
             let kept = turn.len() - usize::from(ends);
             // A front end may drop statements after a discard in the same block.
             let stays = |s: &Statement| jumps(s) || matches!(s, Statement::Kill);
-            if flow == Flow::Away || turn[..kept].iter().any(stays) {
+            if flow == Ending::Away || turn[..kept].iter().any(stays) {
                 break;
             }
             for (i, (statement, span)) in turn.span_into_iter().enumerate() {
@@ -128,8 +128,8 @@ impl<'p> Folder<'p> {
                 }
             }
             match flow {
-                Flow::Break => ended = Some((Flow::Next, number)),
-                Flow::Return => ended = Some((Flow::Return, number + 1)),
+                Ending::Break => ended = Some((Ending::Next, number)),
+                Ending::Return => ended = Some((Ending::Return, number + 1)),
                 _ => {}
             }
             if ended.is_some() || made(frame) > most {
@@ -143,7 +143,7 @@ impl<'p> Folder<'p> {
                 };
                 frame.folds(sources);
                 if truth {
-                    ended = Some((Flow::Next, number + 1));
+                    ended = Some((Ending::Next, number + 1));
                     break;
                 }
             }
@@ -204,9 +204,13 @@ enum Made {
 /// A frame before a speculative unroll.
 struct Snapshot {
     /// The copies of the loop's expressions, and their abstract values.
-    values: Vec<(Handle<Expression>, Option<Handle<Expression>>, Known)>,
-    locals: Vec<Known>,
-    returned: Option<Known>,
+    values: Vec<(
+        Handle<Expression>,
+        Option<Handle<Expression>>,
+        AbstractValue,
+    )>,
+    locals: Vec<AbstractValue>,
+    returned: Option<AbstractValue>,
     running: Sources,
     /// For an unroll in a copy: the function so far.
     made: Option<(Function, Record, bool)>,

@@ -3,7 +3,7 @@
 use naga::{Function, Handle};
 
 use super::fold::Folder;
-use super::known::Known;
+use super::known::AbstractValue;
 use crate::graph::FunctionId;
 
 /// Most versions of one function. Further calls use the version without known arguments.
@@ -11,9 +11,9 @@ const MOST_VERSIONS: usize = 24;
 
 /// A function with the abstract values of its arguments.
 pub(super) struct Version {
-    arguments: Vec<Known>,
+    arguments: Vec<AbstractValue>,
     function: Handle<Function>,
-    result: Known,
+    result: AbstractValue,
 }
 
 impl<'p> Folder<'p> {
@@ -21,11 +21,12 @@ impl<'p> Folder<'p> {
     pub(super) fn version(
         &mut self,
         callee: Handle<Function>,
-        arguments: Vec<Known>,
-    ) -> (Handle<Function>, Known) {
-        let arguments: Vec<Known> = arguments.into_iter().map(Known::settled).collect();
-        let unknown = || vec![Known::Unknown; arguments.len()];
-        let find = |versions: &[Version], arguments: &[Known]| {
+        arguments: Vec<AbstractValue>,
+    ) -> (Handle<Function>, AbstractValue) {
+        let arguments: Vec<AbstractValue> =
+            arguments.into_iter().map(AbstractValue::settled).collect();
+        let unknown = || vec![AbstractValue::Unknown; arguments.len()];
+        let find = |versions: &[Version], arguments: &[AbstractValue]| {
             let same = versions.iter().find(|v| v.arguments == arguments);
             same.map(|v| (v.function, v.result.clone()))
         };
@@ -39,7 +40,7 @@ impl<'p> Folder<'p> {
                 None => self.make(callee, unknown()).0,
             };
         }
-        let knows = arguments.iter().any(|a| *a != Known::Unknown);
+        let knows = arguments.iter().any(|a| *a != AbstractValue::Unknown);
         if !knows {
             return self.make(callee, arguments).0;
         }
@@ -64,8 +65,8 @@ impl<'p> Folder<'p> {
     fn make(
         &mut self,
         callee: Handle<Function>,
-        arguments: Vec<Known>,
-    ) -> ((Handle<Function>, Known), bool) {
+        arguments: Vec<AbstractValue>,
+    ) -> ((Handle<Function>, AbstractValue), bool) {
         let frame = self.run(FunctionId::Function(callee), arguments.clone());
         let span = self.module.functions.get_span(callee);
         let function = self.functions.append(frame.function, span);
@@ -84,7 +85,7 @@ impl<'p> Folder<'p> {
         let versions = self.versions.get(&original).map_or(&[][..], |v| v);
         let generic = versions
             .iter()
-            .find(|v| v.arguments.iter().all(|a| *a == Known::Unknown));
+            .find(|v| v.arguments.iter().all(|a| *a == AbstractValue::Unknown));
         generic.is_none_or(|g| g.function != version)
     }
 }

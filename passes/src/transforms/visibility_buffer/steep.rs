@@ -9,8 +9,9 @@
 
 use naga::{BinaryOperator, Expression, Handle, MathFunction, UnaryOperator};
 
-use crate::analysis::range::{AllRanges, Range};
+use crate::analysis::range::AllRanges;
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
+use crate::evaluate::interval::Interval;
 
 /// The first value with an unbounded slope among those computed from rounded values, and a
 /// description.
@@ -38,7 +39,7 @@ pub fn steep(values: &Values<'_, '_>, is_rounded: &[bool]) -> Option<(ValueId, &
     let first = found.next()?;
     // Use only ranges from the code, for any input.
     let ranges = AllRanges::new(values, values.cycles(), &[], f64::INFINITY);
-    let reaches = |fun: MathFunction, operand: ValueId, exponent: Range| match fun {
+    let reaches = |fun: MathFunction, operand: ValueId, exponent: Interval| match fun {
         MathFunction::Acos | MathFunction::Asin => ranges.of(operand).magnitude() >= 1.0,
         // An exponent of 1 or more has a bounded slope; nothing is known about draw inputs.
         MathFunction::Pow => exponent.high < 1.0 && ranges.of(operand).low <= 0.0,
@@ -48,7 +49,7 @@ pub fn steep(values: &Values<'_, '_>, is_rounded: &[bool]) -> Option<(ValueId, &
         .chain(found)
         .find(|(_, _, fun, operand, (context, exponent))| {
             let exponent =
-                exponent.map_or(Range::ANYTHING, |e| ranges.operand(values, *context, e));
+                exponent.map_or(Interval::ANYTHING, |e| ranges.operand(values, *context, e));
             reaches(*fun, *operand, exponent)
         })
         .map(|(id, name, ..)| (id, name))

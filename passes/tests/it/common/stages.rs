@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use naga::{Binding, Module, ShaderStage, TypeInner};
-use preshade_passes::evaluate::{self, Environment, Outcome, Stuck, Value};
+use preshade_passes::evaluate::{self, Environment, RunResult, Stuck, Value};
 use preshade_passes::program::Program;
 use preshade_passes::reflect;
 
@@ -60,7 +60,7 @@ pub fn run(
 fn outputs(
     module: &Module,
     function: &naga::Function,
-    outcome: &Outcome,
+    outcome: &RunResult,
 ) -> (BTreeMap<String, Value>, BTreeMap<u32, Value>) {
     let described = reflect::outputs(module, function);
     let is_struct = function

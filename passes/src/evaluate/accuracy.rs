@@ -4,6 +4,8 @@
 //! An adapter may fuse and reassociate where that is at least as accurate (section 15.7.5), and may
 //! flush a subnormal number to zero (section 15.7.2).
 
+use naga::MathFunction;
+
 /// How far the result of an operation may be from the exact one: a part of it, and a number beside.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Accuracy {
@@ -28,6 +30,39 @@ impl Accuracy {
 
     /// Correctly rounded, which is upwards or downwards: `+`, `-`, `*`.
     pub const ROUNDED: Self = Self::ulps(1.0);
+
+    /// Division, by divisors from 2^-126 to 2^126.
+    pub const QUOTIENT: Self = Self::ulps(2.5);
+
+    /// WGSL promises nothing.
+    pub const UNKNOWN: Self = Self {
+        relative: f64::INFINITY,
+        absolute: f64::INFINITY,
+    };
+
+    /// Of a function that WGSL does not define by other operations, for a first argument of up to
+    /// this much.
+    pub fn of_function(function: MathFunction, argument: f64) -> Self {
+        use MathFunction as M;
+        match function {
+            M::Abs | M::Sign | M::Min | M::Max | M::Clamp | M::Saturate => Self::EXACT,
+            M::Floor | M::Ceil | M::Round | M::Trunc | M::Step => Self::EXACT,
+            M::Fract => Self::ROUNDED,
+            M::Sin | M::Cos => Self::wave(argument),
+            M::Sinh | M::Cosh => Self::hyperbolic(argument),
+            M::Tanh => Self::hyperbolic_tangent(argument),
+            M::Asin | M::Acos => Self::arc(argument),
+            M::Atan => Self::ulps(4096.0),
+            M::Exp | M::Exp2 => Self::exponential(argument),
+            M::Log | M::Log2 => Self::logarithm(),
+            // By definition `1 / inverseSqrt(x)`.
+            M::Sqrt => Self::ulps(5.0),
+            M::InverseSqrt | M::Radians | M::Degrees => Self::ulps(2.0),
+            // Of `t * t * (3 - 2 * t)`: two products and a difference.
+            M::SmoothStep => Self::ulps(4.0),
+            _ => Self::UNKNOWN,
+        }
+    }
 
     /// So many units in the last place.
     pub const fn ulps(count: f64) -> Self {
@@ -117,7 +152,14 @@ impl Accuracy {
     }
 
     fn beyond(self, end: f64, side: f64) -> f64 {
-        let moved = end + side * self.relative * end.abs();
+        if end.is_infinite() {
+            return end;
+        }
+        let part = match end == 0.0 {
+            true => 0.0,
+            false => self.relative * end.abs(),
+        };
+        let moved = end + side * part;
         match self.absolute <= SMALLEST {
             true if moved * side < 0.0 && moved.abs() < 2.0 * self.absolute => 0.0,
             true => moved,

@@ -1,0 +1,138 @@
+//! Operations that may return NaN or infinity for finite operands.
+
+use naga::common::wgsl::TryToWgsl;
+use naga::{BinaryOperator, Expression, Handle, Literal, MathFunction, ScalarKind};
+
+use crate::analysis::range::AllRanges;
+use crate::analysis::values::{ValueId, Values};
+
+/// Name of the operation, if it may return NaN or infinity for finite operands. `ranges` are of
+/// what adapters compute ([`AllRanges::computed`]): a difference that is above 0 may be rounded to
+/// 0.
+pub fn undefined(
+    values: &Values<'_, '_>,
+    ranges: &AllRanges,
+    context: usize,
+    e: Handle<Expression>,
+) -> Option<&'static str> {
+    let f = values.function(context);
+    let of = |o: Handle<Expression>| ranges.operand(values, context, o);
+    let is_positive = |o: Handle<Expression>| of(o).low >= SMALLEST;
+    match &f.function.expressions[e] {
+        Expression::Binary { op, right, .. }
+            if f.ty(values.graph.module(), e).scalar_kind() == Some(ScalarKind::Float) =>
+        {
+            let is_safe = of(*right).least() >= SMALLEST || is_nonzero(values, context, *right);
+            match op {
+                BinaryOperator::Divide if !is_safe => Some("/"),
+                BinaryOperator::Modulo if !is_safe => Some("%"),
+                _ => None,
+            }
+        }
+        Expression::Math { fun, arg, arg1, .. } => match fun {
+            MathFunction::Sqrt if of(*arg).low < 0.0 => Some("sqrt"),
+            MathFunction::InverseSqrt if !is_positive(*arg) => Some("inverseSqrt"),
+            MathFunction::Log | MathFunction::Log2 if !is_positive(*arg) => Some("log"),
+            // 0 to the power of 0 or less is NaN or infinite.
+            MathFunction::Pow
+                if of(*arg).low < 0.0
+                    || (!is_positive(*arg) && arg1.is_none_or(|y| !is_positive(y))) =>
+            {
+                Some("pow")
+            }
+            MathFunction::Normalize => Some("normalize"),
+            MathFunction::Acos => Some("acos"),
+            MathFunction::Asin => Some("asin"),
+            MathFunction::Acosh => Some("acosh"),
+            MathFunction::Atanh => Some("atanh"),
+            MathFunction::Tan => Some("tan"),
+            MathFunction::Inverse => Some("inverse"),
+            MathFunction::Refract => Some("refract"),
+            _ => None,
+        },
+        _ => None,
+    }
+}
+
+/// Smallest safe divisor: its inverse is far from overflow.
+const SMALLEST: f64 = 1e-30;
+
+/// Whether a value is a literal other than 0.
+fn is_nonzero(values: &Values<'_, '_>, context: usize, e: Handle<Expression>) -> bool {
+    match &values.function(context).function.expressions[e] {
+        Expression::Literal(Literal::F32(x)) => f64::from(x.abs()) >= SMALLEST,
+        Expression::Splat { value, .. } => is_nonzero(values, context, *value),
+        Expression::Compose { components, .. } => {
+            components.iter().all(|c| is_nonzero(values, context, *c))
+        }
+        _ => false,
+    }
+}
+
+/// Assumed magnitude of unknown varyings, draw constants and texels: 2^20, a million scene units. A
+/// varying of a real scene is finite; this assumes that it is not extremely large.
+pub const LARGEST_INPUT: f64 = (1 << 20) as f64;
+
+/// Name of the operation, if it may overflow `f32` for smaller operands. Infinity is one step from
+/// NaN: `inf * 0`, `inf - inf`.
+pub fn overflow(values: &Values<'_, '_>, ranges: &AllRanges, id: ValueId) -> Option<&'static str> {
+    // Ranges are real numbers; leave room for rounding.
+    let fits = |id: ValueId| ranges.of(id).magnitude() < 0.99 * f64::from(f32::MAX);
+    let (context, e, _) = values.expression(id)?;
+    let f = values.function(context);
+    let expression = &f.function.expressions[e];
+    let is_float = f.ty(values.graph.module(), e).scalar_kind() == Some(ScalarKind::Float);
+    // Some functions square their arguments.
+    let squares = match expression {
+        Expression::Math {
+            fun: MathFunction::Length | MathFunction::Asinh,
+            arg,
+            ..
+        } => Some(ranges.operand(values, context, *arg).magnitude()),
+        Expression::Math {
+            fun: MathFunction::Distance,
+            arg,
+            arg1: Some(other),
+            ..
+        } => {
+            let of = |e| ranges.operand(values, context, e).magnitude();
+            Some(of(*arg) + of(*other))
+        }
+        _ => None,
+    };
+    let squares_fit = squares.is_none_or(|m| 4.0 * m * m < f64::from(f32::MAX));
+    if !is_float || (fits(id) && squares_fit) {
+        return None;
+    }
+    Some(match expression {
+        Expression::Binary { op, .. } => match op {
+            BinaryOperator::Add => "+",
+            BinaryOperator::Subtract => "-",
+            BinaryOperator::Multiply => "*",
+            BinaryOperator::Divide => "/",
+            _ => return None,
+        },
+        Expression::Math { fun, .. } => match fun {
+            MathFunction::Outer => "outer product",
+            MathFunction::Exp
+            | MathFunction::Exp2
+            | MathFunction::Pow
+            | MathFunction::Sinh
+            | MathFunction::Cosh
+            | MathFunction::Ldexp
+            | MathFunction::Dot
+            | MathFunction::Cross
+            | MathFunction::Asinh
+            | MathFunction::Length
+            | MathFunction::Distance
+            | MathFunction::Fma
+            | MathFunction::Mix
+            | MathFunction::Reflect
+            | MathFunction::Determinant
+            | MathFunction::Degrees
+            | MathFunction::InverseSqrt => fun.try_to_wgsl()?,
+            _ => return None,
+        },
+        _ => return None,
+    })
+}
