@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::form::{Form, forms};
 use super::iteration::iterated;
 use crate::analysis::discontinuity;
+use crate::analysis::operations;
 use crate::analysis::range::AllRanges;
 use crate::analysis::reach::{with_operands, with_users};
 use crate::analysis::rounding::Roundings;
@@ -108,8 +109,12 @@ pub enum Missed {
 impl From<discontinuity::Discontinuity> for Missed {
     fn from(discontinuity: discontinuity::Discontinuity) -> Self {
         match discontinuity {
-            discontinuity::Discontinuity::Own { operation } => Self::Discontinuous { operation },
-            discontinuity::Discontinuity::Amplified { operation } => Self::Reaches { operation },
+            discontinuity::Discontinuity::Own(operation) => Self::Discontinuous {
+                operation: operation.to_owned(),
+            },
+            discontinuity::Discontinuity::Amplified(operation) => Self::Reaches {
+                operation: operation.to_owned(),
+            },
         }
     }
 }
@@ -318,8 +323,8 @@ pub(super) fn judge(values: &Values<'_, '_>, precision: &Precision) -> Judged {
                 return Ok(carriage(Class::Affine, interpolated, at));
             }
             let expression = &values.function(context).function.expressions[e];
-            if let Some(operation) = discontinuity::operation(expression) {
-                let operation = operation.to_owned();
+            if let Some(found) = operations::discontinuity(expression) {
+                let operation = found.name.to_owned();
                 return Err(Missed::Discontinuous { operation });
             }
             Ok(carriage(Class::Smooth, interpolated, at))

@@ -7,12 +7,12 @@
 //! values, do not matter.
 
 use naga::{
-    Binding, BuiltIn, DerivativeControl, Expression, Handle, ImageDimension, MathFunction,
-    ResourceBinding, SampleLevel, Span, SwizzleComponent, TypeInner,
+    Binding, BuiltIn, DerivativeControl, Expression, Handle, ImageDimension, ResourceBinding,
+    SampleLevel, Span, SwizzleComponent, TypeInner,
 };
 
 use super::steep;
-use crate::analysis::discontinuity::operation;
+use crate::analysis::operations;
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
 use crate::core::reflect::Io;
 
@@ -20,7 +20,7 @@ use crate::core::reflect::Io;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Reached {
     /// The first operation with a discontinuity, and its place.
-    pub discontinuity: Option<(String, Span)>,
+    pub discontinuity: Option<(&'static str, Span)>,
     /// The first operation with an unbounded slope, and its place.
     pub steep: Option<(&'static str, Span)>,
     /// Samples whose coordinates or level have rounding differences. They are continuous if their
@@ -262,7 +262,7 @@ fn is_place(expression: &Expression) -> bool {
 
 /// The name of an operation that turns a rounding difference of an operand into an arbitrary
 /// difference.
-fn discontinuity(expression: &Expression) -> Option<String> {
+fn discontinuity(expression: &Expression) -> Option<&'static str> {
     match expression {
         // Conversions of rounded numbers. Integers have no rounding, unless a conversion already
         // had the discontinuity.
@@ -270,21 +270,8 @@ fn discontinuity(expression: &Expression) -> Option<String> {
             kind: naga::ScalarKind::Float,
             ..
         } => None,
-        Expression::ImageSample {
-            gather: Some(_), ..
-        } => Some("a gathered texel".to_owned()),
-        Expression::ImageSample {
-            depth_ref: Some(_), ..
-        } => Some("a depth comparison".to_owned()),
-        Expression::Math {
-            fun:
-                MathFunction::Pack4x8snorm
-                | MathFunction::Pack4x8unorm
-                | MathFunction::Pack2x16snorm
-                | MathFunction::Pack2x16unorm
-                | MathFunction::Pack2x16float,
-            ..
-        } => Some("packing".to_owned()),
-        _ => operation(expression).map(str::to_owned),
+        _ => operations::discontinuity(expression)
+            .or_else(|| operations::of_sample(expression))
+            .map(|d| d.name),
     }
 }
