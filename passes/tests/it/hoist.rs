@@ -281,7 +281,7 @@ fn what_rests_on_a_jump_stays() {
             format!("let value = 0.1 * f32(i32(8.0 * {dear}));"),
         ),
         (
-            "an integer",
+            "packing",
             format!("let value = unpack4x8unorm(pack4x8unorm(vec4({dear}))).y * 2.0;"),
         ),
     ] {
