@@ -2,6 +2,8 @@
 //! and where, how steep it is at most, where its slope has no bound, and how accurate it is. The
 //! analyses of discontinuities, slopes and rounding all ask this one table.
 
+use std::f64::consts::{LN_2, LOG2_E};
+
 use naga::{BinaryOperator, Expression, MathFunction, ScalarKind};
 
 use crate::analysis::range::Range;
@@ -70,7 +72,7 @@ pub(crate) enum OwnError {
 pub(crate) struct Pole {
     /// Name of the operation in messages.
     pub name: &'static str,
-    /// Whether only a difference comes close with a large relative error: the place is 0.
+    /// Whether it is at 0, which only a difference approaches with a large relative error.
     pub is_zero: bool,
     /// Whether the ranges of the arguments include the place.
     pub is_reached: bool,
@@ -99,37 +101,27 @@ impl Operation {
         }
     }
 
-    const fn exact(slopes: [f64; 3]) -> Self {
-        Self::within(Some(slopes), Accuracy::EXACT)
-    }
-
-    const fn unknown() -> Self {
-        Self::within(None, Accuracy::EXACT)
-    }
-
     const fn broken(name: &'static str, at: Threshold) -> Self {
         Self {
             discontinuity: Some(Break { name, at }),
-            ..Self::unknown()
+            ..Self::within(None, Accuracy::EXACT)
         }
     }
 
-    const fn rounded(slopes: [f64; 3], roundings: f64, term: f64) -> Self {
+    const fn rounded(slopes: Option<[f64; 3]>, roundings: f64, term: f64) -> Self {
         Self {
             error: OwnError::Roundings(roundings, term),
-            ..Self::exact(slopes)
+            ..Self::within(slopes, Accuracy::EXACT)
         }
     }
 
-    const fn pole(self, name: &'static str, is_zero: bool, is_reached: bool) -> Self {
-        Self {
-            pole: Some(Pole {
-                name,
-                is_zero,
-                is_reached,
-            }),
-            ..self
-        }
+    fn with_pole(self, name: &'static str, is_zero: bool, is_reached: bool) -> Self {
+        let pole = Some(Pole {
+            name,
+            is_zero,
+            is_reached,
+        });
+        Self { pole, ..self }
     }
 }
 
@@ -145,11 +137,12 @@ pub(crate) fn math(
     use Threshold::{Cut, Equal, Many, Once, Steps};
     let (a, b, c) = (x.magnitude(), y.magnitude(), z.magnitude());
     let broken = Operation::broken;
-    let within = |slope: f64, accuracy| Operation::within(Some([slope, 0.0, 0.0]), accuracy);
-    let above = |is_above: bool, slope: f64, accuracy| {
-        Operation::within(is_above.then_some([slope, 0.0, 0.0]), accuracy)
+    let rounded = |slopes, count, term| Operation::rounded(Some(slopes), count, term);
+    let bounded = |is_bounded: bool, slope: f64, accuracy| {
+        Operation::within(is_bounded.then_some([slope, 0.0, 0.0]), accuracy)
     };
-    let ulps = Accuracy::ulps(8.0);
+    let within = |slope: f64, accuracy| bounded(true, slope, accuracy);
+    let (exact, ulps) = (Accuracy::EXACT, Accuracy::ulps(8.0));
     match fun {
         M::Floor => broken("floor", Steps(f64::floor)),
         M::Fract => broken("fract", Steps(f64::floor)),
@@ -169,8 +162,8 @@ pub(crate) fn math(
         | M::Pack2x16snorm
         | M::Pack2x16unorm
         | M::Pack2x16float => broken("packing", Many),
-        M::Abs | M::Saturate | M::Transpose => Operation::exact([1.0, 0.0, 0.0]),
-        M::Min | M::Max | M::Clamp => Operation::exact([1.0; 3]),
+        M::Abs | M::Saturate | M::Transpose => within(1.0, exact),
+        M::Min | M::Max | M::Clamp => Operation::within(Some([1.0; 3]), exact),
         M::Sin | M::Cos => within(1.0, Accuracy::wave(a)),
         M::Tanh => within(1.0, Accuracy::hyperbolic_tangent(a)),
         // The logarithm of a sum with a root.
@@ -178,44 +171,33 @@ pub(crate) fn math(
         M::Atan => within(1.0, Accuracy::ulps(4096.0)),
         M::Sinh | M::Cosh => within(a.cosh(), Accuracy::hyperbolic(a)),
         M::Exp => within(x.high.exp(), Accuracy::exponential(a)),
-        M::Exp2 => {
-            let slope = std::f64::consts::LN_2 * x.high.exp2();
-            within(slope, Accuracy::exponential(a))
+        M::Exp2 => within(LN_2 * x.high.exp2(), Accuracy::exponential(a)),
+        M::Log => bounded(x.low > 0.0, 1.0 / x.low, Accuracy::logarithm()),
+        M::Log2 => bounded(x.low > 0.0, LOG2_E / x.low, Accuracy::logarithm()),
+        M::Sqrt | M::InverseSqrt => {
+            let (name, power) = match fun {
+                M::Sqrt => ("the square root of a difference", -0.5),
+                _ => ("inverseSqrt of a difference", -1.5),
+            };
+            let slope = 0.5 * x.low.powf(power);
+            bounded(x.low > 0.0, slope, ulps).with_pole(name, true, x.low <= 0.0)
         }
-        M::Log => above(x.low > 0.0, 1.0 / x.low, Accuracy::logarithm()),
-        M::Log2 => {
-            let slope = std::f64::consts::LOG2_E / x.low;
-            above(x.low > 0.0, slope, Accuracy::logarithm())
-        }
-        M::Sqrt => above(x.low > 0.0, 0.5 * x.low.powf(-0.5), ulps).pole(
-            "the square root of a difference",
-            true,
-            x.low <= 0.0,
-        ),
-        M::InverseSqrt => above(x.low > 0.0, 0.5 * x.low.powf(-1.5), ulps).pole(
-            "inverseSqrt of a difference",
-            true,
-            x.low <= 0.0,
-        ),
         M::Acos | M::Asin => {
             let name = if fun == M::Acos { "acos" } else { "asin" };
             let slope = (1.0 - a * a).powf(-0.5);
-            above(a < 1.0, slope, Accuracy::arc(a)).pole(name, false, a >= 1.0)
+            bounded(a < 1.0, slope, Accuracy::arc(a)).with_pole(name, false, a >= 1.0)
         }
         M::Pow => {
             // The slope is known for a non-negative base and a constant exponent.
             let is_known = x.low >= 0.0 && y.low == y.high && y.low >= 1.0;
-            let slope = y.low * a.powf(y.low - 1.0);
+            let slopes = [y.low * a.powf(y.low - 1.0), f64::INFINITY, 0.0];
             // The error decreases with the power: e 2^-e is largest at 1 / ln 2.
             let largest = magnitude.max(1.0);
             let accuracy = Accuracy::power(b, largest.log2().max(1.443), largest);
-            Operation::within(is_known.then_some([slope, f64::INFINITY, 0.0]), accuracy)
-                // An exponent of 1 or more has a bounded slope.
-                .pole(
-                    "a power of a difference",
-                    true,
-                    y.high < 1.0 && x.low <= 0.0,
-                )
+            // An exponent of 1 or more has a bounded slope.
+            let is_reached = y.high < 1.0 && x.low <= 0.0;
+            let power = Operation::within(is_known.then_some(slopes), accuracy);
+            power.with_pole("a power of a difference", true, is_reached)
         }
         M::Radians => within(1_f64.to_radians(), Accuracy::ROUNDED),
         M::Degrees => within(1_f64.to_degrees(), Accuracy::ROUNDED),
@@ -232,20 +214,20 @@ pub(crate) fn math(
         }
         M::Dot => {
             let slopes = [dimension * b, dimension * a, 0.0];
-            Operation::rounded(slopes, 4.0 * dimension, 2.0 * a * b)
+            rounded(slopes, 4.0 * dimension, 2.0 * a * b)
         }
-        M::Cross => Operation::rounded([2.0 * b, 2.0 * a, 0.0], 4.0 * dimension, 2.0 * a * b),
+        M::Cross => rounded([2.0 * b, 2.0 * a, 0.0], 4.0 * dimension, 2.0 * a * b),
         // i - 2 dot(n, i) n.
         M::Reflect => {
             let slopes = [1.0 + 2.0 * dimension * b * b, 4.0 * dimension * a * b, 0.0];
-            Operation::rounded(slopes, 4.0 * dimension, 0.0)
+            rounded(slopes, 4.0 * dimension, 0.0)
         }
-        M::Fma => Operation::rounded([b, a, 1.0], 8.0, (2.0 * a * b).max(c)),
+        M::Fma => rounded([b, a, 1.0], 8.0, (2.0 * a * b).max(c)),
         M::Mix => {
             let rest = (1.0 - z.low).abs().max((1.0 - z.high).abs());
-            Operation::rounded([rest, c, a + b], 8.0, (a + b) * c.max(1.0))
+            rounded([rest, c, a + b], 8.0, (a + b) * c.max(1.0))
         }
-        _ => Operation::unknown(),
+        _ => Operation::within(None, exact),
     }
 }
 
@@ -259,16 +241,15 @@ pub(crate) fn binary(
 ) -> Operation {
     use BinaryOperator as B;
     let (a, b, inverse) = (left.magnitude(), right.magnitude(), inverse.magnitude());
-    let rounded = |slopes| Operation::rounded(slopes, 2.0 * terms, 0.0);
-    match op {
-        B::Add | B::Subtract => rounded([1.0, 1.0, 0.0]),
-        B::Multiply => rounded([terms * b, terms * a, 0.0]),
-        B::Divide => rounded([inverse, a * inverse * inverse, 0.0]),
-        _ => Operation {
-            discontinuity: broken_operator(op),
-            slopes: None,
-            ..rounded([0.0; 3])
-        },
+    let slopes = match op {
+        B::Add | B::Subtract => Some([1.0, 1.0, 0.0]),
+        B::Multiply => Some([terms * b, terms * a, 0.0]),
+        B::Divide => Some([inverse, a * inverse * inverse, 0.0]),
+        _ => None,
+    };
+    Operation {
+        discontinuity: broken_operator(op),
+        ..Operation::rounded(slopes, 2.0 * terms, 0.0)
     }
 }
 
@@ -335,29 +316,24 @@ pub(crate) fn of_sample(expression: &Expression) -> Option<Break> {
 /// monotonic.
 const ROUNDED: f64 = 1e-5;
 
-/// A bound lowered by the rounding error.
-fn below(low: f64) -> f64 {
-    low - ROUNDED * low.abs()
-}
-
-fn above(high: f64) -> f64 {
-    high + ROUNDED * high.abs()
+fn widened(range: Range) -> Range {
+    let by = |end: f64| ROUNDED * end.abs();
+    Range::new(range.low - by(range.low), range.high + by(range.high))
 }
 
 /// Whether a monotonic function has the same value at both ends, including rounding. Whole numbers
 /// are exact.
 fn same(range: Range, function: fn(f64) -> f64) -> bool {
-    let end = |end: f64, rounded: fn(f64) -> f64| match end.fract() == 0.0 {
-        true => end,
-        false => rounded(end),
-    };
-    let (low, high) = (end(range.low, below), end(range.high, above));
+    let wide = widened(range);
+    let ends = [(range.low, wide.low), (range.high, wide.high)];
+    let [low, high] = ends.map(|(end, wide)| if end.fract() == 0.0 { end } else { wide });
     low.is_finite() && high.is_finite() && function(low) == function(high)
 }
 
 /// Whether two ranges are apart by more than rounding.
 fn apart(a: Range, b: Range) -> bool {
-    above(a.high) < below(b.low) || above(b.high) < below(a.low)
+    let (a, b) = (widened(a), widened(b));
+    a.high < b.low || b.high < a.low
 }
 
 #[cfg(test)]

@@ -8,12 +8,12 @@ refusals! {
         "Move the writes to a pass of their own.";
     INTERFACE = "interface":
         "In a shader: the vertex stage's outputs do not fit the fragment stage's inputs \
-         (location, type or interpolation). In `hoist`: the varyings cannot be laid out anew.",
+         (location, type or interpolation). In `hoist`: the varyings have no new layout.",
         "Let the vertex stage write every input of the fragment stage.";
     NOT_CARRIED = "not-carried":
         "`hoist:carry=` names a value that the shader does not have, or for which the varyings \
          have no room.",
-        "Take one of those that `preshade explain --scene` lists.";
+        "Use one that `preshade explain --scene` lists.";
     NOT_SEPARABLE = "not-separable":
         "The values that `hoist` would move cannot be separated from the rest of the stage.",
         "Compute them ahead of the branch or return that encloses them.";

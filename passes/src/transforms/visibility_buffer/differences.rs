@@ -79,7 +79,7 @@ pub fn reached(values: &Values<'_, '_>) -> Reached {
     let mut is_rounded = vec![false; values.values.len()];
     let mut work: Vec<ValueId> = Vec::new();
     let is_position = |id: ValueId| match values.values[id].node {
-        Node::Input(input) => matches!(inputs.get(input).map(kind), Some(Kind::Position)),
+        Node::Input(input) => matches!(inputs.get(input).map(kind), Some(InputKind::Position)),
         _ => false,
     };
     for (id, value) in values.values.iter().enumerate() {
@@ -87,8 +87,8 @@ pub fn reached(values: &Values<'_, '_>) -> Reached {
             continue;
         };
         match inputs.get(input).map(kind) {
-            Some(Kind::Interpolated | Kind::Position) => work.push(id),
-            Some(Kind::Same) | None => {}
+            Some(InputKind::Interpolated | InputKind::Position) => work.push(id),
+            Some(InputKind::Same) | None => {}
         }
     }
     let all = 0..values.values.len();
@@ -115,7 +115,9 @@ pub fn reached(values: &Values<'_, '_>) -> Reached {
             samples: implicit().any(|s| !s.is_cube),
             cubes: cube.is_some(),
         },
-        interpolated: inputs.iter().any(|i| matches!(kind(i), Kind::Interpolated)),
+        interpolated: inputs
+            .iter()
+            .any(|i| matches!(kind(i), InputKind::Interpolated)),
         biased: samples
             .iter()
             .find(|s| matches!(s.level, SampleLevel::Bias(_)))
@@ -160,7 +162,7 @@ pub fn reached(values: &Values<'_, '_>) -> Reached {
     out
 }
 
-enum Kind {
+enum InputKind {
     Interpolated,
     /// Its x and y are the pixel's.
     Position,
@@ -168,15 +170,15 @@ enum Kind {
     Same,
 }
 
-fn kind(input: &Io) -> Kind {
+fn kind(input: &Io) -> InputKind {
     match &input.binding {
         Some(Binding::Location {
             interpolation: Some(naga::Interpolation::Flat),
             ..
-        }) => Kind::Same,
-        Some(Binding::Location { .. }) => Kind::Interpolated,
-        Some(Binding::BuiltIn(BuiltIn::Position { .. })) => Kind::Position,
-        _ => Kind::Same,
+        }) => InputKind::Same,
+        Some(Binding::Location { .. }) => InputKind::Interpolated,
+        Some(Binding::BuiltIn(BuiltIn::Position { .. })) => InputKind::Position,
+        _ => InputKind::Same,
     }
 }
 
