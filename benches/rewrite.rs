@@ -15,7 +15,7 @@ use preshade::unstable::emit::{self, Options, Target};
 use preshade::unstable::front::{self, Color, Source};
 use preshade::unstable::passes::graph::Graph;
 use preshade::unstable::passes::hoist::movable::Finite;
-use preshade::unstable::passes::hoist::{self, Candidates, Hoist, Stages};
+use preshade::unstable::passes::hoist::{self, Candidates, Hoist, HoistStages};
 use preshade::unstable::passes::pass::{Facts, Pass, Refusal};
 use preshade::unstable::passes::plan::Plan;
 use preshade::unstable::passes::state::MaterialState;
@@ -99,7 +99,7 @@ fn hoist_grows() -> Result<(), Box<dyn std::error::Error>> {
         }
         let refused = |r: Box<Refusal>| r.reason;
         let clock = Instant::now();
-        let stages = Stages::of(&plan).map_err(refused)?;
+        let stages = HoistStages::of(&plan).map_err(refused)?;
         let graph = stages.graph();
         let candidates = Candidates::new(&stages, &graph, &facts).map_err(refused)?;
         print!(" {:>10.2}", ms(clock));

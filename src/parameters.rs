@@ -23,6 +23,22 @@ pub struct Parameter {
     /// Default value. `None`: the pass derives it, and the description says how.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub default: Option<Value>,
+    /// Whether it is for tests and unusual devices alone. Recipes accept it, and listings only
+    /// mention it. Its schema has `x-expert`.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub expert: bool,
+}
+
+impl Parameter {
+    /// Its name and the words that it may be, without descriptions.
+    pub fn in_short(&self) -> String {
+        let words = self.choices.iter().map(|c| format!("`{}`", c.value));
+        let words: Vec<String> = words.collect();
+        match words.is_empty() {
+            true => format!("`{}`", self.name),
+            false => format!("`{}` ({})", self.name, words.join(", ")),
+        }
+    }
 }
 
 /// The allowed numbers of a parameter, from its JSON schema.
@@ -99,6 +115,7 @@ pub fn parameters(pass: &dyn AnyPass) -> Vec<Parameter> {
             range: Range::of(property),
             choices: choices(&schema, property),
             default: property.get("default").filter(|d| !d.is_null()).cloned(),
+            expert: property.get("x-expert").is_some(),
         })
         .collect()
 }

@@ -187,11 +187,13 @@ fn check(pass: &dyn AnyPass, name: &str, value: &str) -> Result<(), RecipeError>
     let near = |word: &str, words: &[&str]| nearest(word, words.iter().copied()).map(str::to_owned);
     let Some(parameter) = known.iter().find(|p| p.name == name) else {
         let names: Vec<&str> = known.iter().map(|p| p.name.as_str()).collect();
+        let listed = known.iter().filter(|p| !p.expert);
+        let listed: Vec<&str> = listed.map(|p| p.name.as_str()).collect();
         return Err(RecipeError::UnknownParameter {
             pass: pass.info().name,
             name: name.to_owned(),
             nearest: near(name, &names),
-            known: names.join(", "),
+            known: listed.join(", "),
         });
     };
     let kind = match parameter.kind.as_deref() {

@@ -433,7 +433,7 @@ fn left(left: &[Left]) -> Vec<String> {
                 .as_ref()
                 .map_or(String::new(), |l| format!("line {}, ", l.line));
             format!(
-                "  `{}` ({line}{:.0} ops) stays: {}",
+                "  `{}` ({line}{:.0} ops) is unchanged: {}",
                 l.name, l.cost, l.reason
             )
         })

@@ -91,7 +91,9 @@ fn details(pass: &PassListed) -> String {
         "{}\n  {}\n  take it where {}\n  hurts {}\n  source: {}\n",
         pass.name, pass.summary, pass.when, pass.hurts, pass.source
     );
-    for p in &pass.parameters {
+    let (experts, usual): (Vec<&Parameter>, Vec<&Parameter>) =
+        pass.parameters.iter().partition(|p| p.expert);
+    for p in usual {
         let kind = match &p.kind {
             Some(kind) if p.choices.is_empty() => format!("={kind}"),
             _ => String::new(),
@@ -111,6 +113,14 @@ fn details(pass: &PassListed) -> String {
         {
             let _ = writeln!(text, "      default: {default}");
         }
+    }
+    if !experts.is_empty() {
+        let experts: Vec<String> = experts.iter().map(|p| p.in_short()).collect();
+        let _ = writeln!(
+            text,
+            "\n  expert parameters, for tests and unusual devices:\n      {}",
+            experts.join(", ")
+        );
     }
     let _ = writeln!(
         text,

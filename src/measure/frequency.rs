@@ -6,7 +6,7 @@ use std::ops::ControlFlow;
 
 use preshade_passes::budget::{Budget, Metric};
 use preshade_passes::graph::Graph;
-use preshade_passes::hoist::{self, Candidate, Candidates, Computed, Hoist, Stages};
+use preshade_passes::hoist::{self, Candidate, Candidates, Computed, Hoist, HoistStages};
 use preshade_passes::pass::{Bound, Facts, Frequency, Pass};
 use preshade_passes::pass_named;
 use preshade_passes::plan::Plan;
@@ -188,17 +188,17 @@ fn values<'f, 'a, 'p>(
 }
 
 /// The stages of each plan. `None`: nothing can be hoisted.
-fn stages(plans: &[Plan]) -> Vec<Option<Stages<'_>>> {
-    plans.iter().map(|p| Stages::of(p).ok()).collect()
+fn stages(plans: &[Plan]) -> Vec<Option<HoistStages<'_>>> {
+    plans.iter().map(|p| HoistStages::of(p).ok()).collect()
 }
 
-fn graphs<'p>(stages: &[Option<Stages<'p>>]) -> Vec<Option<Graph<'p>>> {
-    let graph = |s: &Option<Stages<'p>>| s.as_ref().map(Stages::graph);
+fn graphs<'p>(stages: &[Option<HoistStages<'p>>]) -> Vec<Option<Graph<'p>>> {
+    let graph = |s: &Option<HoistStages<'p>>| s.as_ref().map(HoistStages::graph);
     stages.iter().map(graph).collect()
 }
 
 fn found<'a, 'p>(
-    stages: &'a [Option<Stages<'p>>],
+    stages: &'a [Option<HoistStages<'p>>],
     graphs: &'a [Option<Graph<'p>>],
     facts: &Facts,
 ) -> Vec<Option<Candidates<'a, 'p>>> {

@@ -141,7 +141,7 @@ fn noise_that_bends_within_a_triangle_is_refused_with_the_number() {
         panic!("{:?}", variant.kept)
     };
     assert!(
-        kept.why.contains("does least harm, an error of 0."),
+        kept.why.contains("has the smallest error, 0."),
         "{}",
         kept.why
     );

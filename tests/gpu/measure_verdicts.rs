@@ -233,7 +233,7 @@ fn a_plan_for_another_adapter_is_named() {
     };
     assert!(
         r#where.contains(&format!(
-            "corners={other}, and was seen to do as `{own}` says"
+            "corners={other}, but the adapter was measured as `{own}`"
         )),
         "{where}"
     );

@@ -171,7 +171,7 @@ fn without_a_scene_a_promise_is_asked_for() {
     assert_eq!(refusal.code, "may-change");
     assert_eq!(
         refusal.remedy,
-        "where none of it does, say fixed=camera.time"
+        "if none of them changes, set fixed=camera.time"
     );
     let promised = "tessellate:form=static,fixed=camera.time";
     let plans = plans(&scene, promised, &nothing_known).unwrap_or_else(|r| panic!("{r}"));

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use preshade::unstable::emit::{self, Target};
 use preshade::unstable::front::{Options, Source, parse};
-use preshade::unstable::parameters::parameters;
+use preshade::unstable::parameters::{Parameter, parameters};
 use preshade::unstable::passes::PASSES;
 use preshade::unstable::passes::contract::Contract;
 use preshade::unstable::passes::pass::{AnyPass, Facts, PassInfo, Use};
@@ -118,6 +118,9 @@ fn promise(contract: &Contract) -> String {
     format!("`{}`{off}{given}", contract.kind())
 }
 
+/// The introduction of the parameters that a listing only mentions.
+const EXPERTS: &str = "\n### Expert parameters\n\nThese are for tests, for devices without a feature, and to override what was measured of the\nadapter. Leave them out: each default is measured, derived from the material, or the usual\nchoice.\n\n";
+
 fn page(pass: &dyn AnyPass) -> String {
     let info = pass.info();
     let mut text = format!(
@@ -154,21 +157,20 @@ fn page(pass: &dyn AnyPass) -> String {
         assert!(bytes <= PICTURE, "{file} has {bytes} bytes");
     }
     text.push_str("## Parameters\n\n");
-    for p in parameters(pass) {
+    let (experts, usual): (Vec<Parameter>, Vec<Parameter>) =
+        parameters(pass).into_iter().partition(|p| p.expert);
+    let default = |p: &Parameter| {
         let default = p.default.as_ref().filter(|d| !d.is_null());
-        let default = default.map_or(String::new(), |d| {
+        default.map_or(String::new(), |d| {
             format!(
                 " Default: `{}`.",
                 d.as_str().map_or(d.to_string(), str::to_owned)
             )
-        });
-        writeln!(
-            text,
-            "- `{}`: {}{default}",
-            p.name,
-            p.what.replace('\n', " ")
-        )
-        .unwrap();
+        })
+    };
+    for p in &usual {
+        let what = p.what.replace('\n', " ");
+        writeln!(text, "- `{}`: {what}{}", p.name, default(p)).unwrap();
         for choice in &p.choices {
             writeln!(
                 text,
@@ -178,6 +180,12 @@ fn page(pass: &dyn AnyPass) -> String {
             )
             .unwrap();
         }
+    }
+    if !experts.is_empty() {
+        text.push_str(EXPERTS);
+    }
+    for p in &experts {
+        writeln!(text, "- {}: {}{}", p.in_short(), p.what, default(p)).unwrap();
     }
     let (options, state) = (Options::default(), MaterialState::default());
     let (steps, name, source) = example(pass);
@@ -308,4 +316,21 @@ fn each_pass_has_the_page_that_its_source_makes() {
     there.sort();
     expected.sort();
     assert_eq!(there, expected);
+}
+
+/// What a user of a visibility buffer decides is four parameters. Recipes accept the others.
+#[test]
+fn a_listing_shows_what_a_user_decides() {
+    let pass = preshade::unstable::passes::pass_named("visibility-buffer").unwrap();
+    let all = parameters(pass);
+    let shown = all.iter().filter(|p| !p.expert).map(|p| p.name.as_str());
+    let shown: Vec<&str> = shown.collect();
+    assert_eq!(shown, ["budget", "form", "select", "vertices"]);
+    assert!(Recipe::parse(["visibility-buffer:corners=snapped,ids=unindexed"]).is_ok());
+    let unknown = Recipe::parse(["visibility-buffer:corner=snapped"]).unwrap_err();
+    let unknown = unknown.to_string();
+    assert!(
+        unknown.contains("`corners`") && !unknown.contains("words"),
+        "{unknown}"
+    );
 }

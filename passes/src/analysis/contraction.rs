@@ -26,7 +26,7 @@ use std::hash::{Hash, Hasher};
 
 use naga::{Binding, BuiltIn, Expression, Handle, Literal, ScalarKind, ShaderStage, Statement};
 
-use crate::analysis::discontinuity::operation;
+use crate::analysis::operations::discontinuity;
 use crate::analysis::values::{ContextId, Node, TooLarge, ValueId, Values};
 use crate::core::contract::Surface;
 use crate::core::plan::GpuPass;
@@ -459,7 +459,7 @@ impl<'g, 'p> Looked<'g, 'p> {
                 let rests = self.values.values[id].operands.iter().any(|o| reached[*o]);
                 rests
                     && self.operations().whole(id).is_some_and(|(_, e)| {
-                        matches!(e, Expression::ImageSample { .. }) || operation(e).is_some()
+                        matches!(e, Expression::ImageSample { .. }) || discontinuity(e).is_some()
                     })
             })
     }

@@ -8,6 +8,7 @@ pub(crate) mod implicit_inputs;
 pub(crate) mod near_plane;
 pub mod neighbours;
 pub mod opaque;
+pub(crate) mod operations;
 pub(crate) mod range;
 pub(crate) mod reach;
 pub mod refusals;

@@ -14,9 +14,9 @@
 
 use std::sync::Arc;
 
-use naga::{BinaryOperator, Expression, Handle, MathFunction, ScalarKind, UnaryOperator};
+use naga::{BinaryOperator, Expression, Handle, ScalarKind, UnaryOperator};
 
-use crate::analysis::discontinuity;
+use crate::analysis::operations::{self, Operation, OwnError};
 use crate::analysis::range::{AllRanges, dimension, terms};
 use crate::analysis::users::Users;
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
@@ -284,85 +284,55 @@ impl<'v, 'g, 'p> Slopes<'v, 'g, 'p> {
 
     /// The effect of an operation's own rounding.
     fn own(&self, id: ValueId) -> f64 {
-        match self.rounds(id) {
-            0 => 2.0 * self.inaccuracy(id),
-            roundings => f64::from(roundings) * UNIT_ROUNDOFF * self.largest_term(id),
-        }
-    }
-
-    /// The inaccuracy of a function in either stage.
-    fn inaccuracy(&self, id: ValueId) -> f64 {
         let Node::Expression(context, e, path) = &self.values.values[id].node else {
             return 0.0;
         };
-        let f = self.values.function(*context);
-        let Expression::Math { fun, arg, arg1, .. } = &f.function.expressions[*e] else {
-            return 0.0;
-        };
-        if !path.is_empty() {
-            return 0.0;
-        }
-        let range = |o: Handle<Expression>| self.ranges.operand(self.values, *context, o);
-        let second = arg1.map_or(Interval::ANYTHING, range);
         let magnitude = self.ranges.of(id).magnitude();
-        accuracy(*fun, range(*arg), second, magnitude).map_or(0.0, |a| a.of(magnitude))
-    }
-
-    /// Number of an operation's own roundings in both stages.
-    fn rounds(&self, id: ValueId) -> u32 {
-        let Node::Expression(context, e, _) = &self.values.values[id].node else {
-            return 0;
-        };
-        let f = self.values.function(*context);
-        let module = self.values.graph.module();
-        match &f.function.expressions[*e] {
-            Expression::Binary { left, right, .. } => {
-                2 * u32::from(terms(f.ty(module, *left), f.ty(module, *right)))
+        let expression = &self.values.function(*context).function.expressions[*e];
+        let operation = self.operation(*context, expression, magnitude);
+        match operation.map(|o| o.error) {
+            Some(OwnError::Roundings(count, term)) => count * UNIT_ROUNDOFF * magnitude.max(term),
+            // The inaccuracy of a function in either stage. A part of an infinite number is none.
+            Some(OwnError::Within(accuracy)) if path.is_empty() && accuracy != Accuracy::EXACT => {
+                2.0 * accuracy.of(magnitude)
             }
-            Expression::Math { fun, arg, .. } => match fun {
-                MathFunction::Abs
-                | MathFunction::Min
-                | MathFunction::Max
-                | MathFunction::Clamp
-                | MathFunction::Saturate
-                | MathFunction::Transpose => 0,
-                MathFunction::Dot | MathFunction::Cross | MathFunction::Reflect => {
-                    4 * dimension(f.ty(module, *arg)) as u32
-                }
-                MathFunction::Fma | MathFunction::Mix => 8,
-                // As accurate as WGSL requires.
-                _ => 0,
-            },
-            _ => 0,
+            _ => 0.0,
         }
     }
 
-    /// The largest number rounded within an operation: a sum's terms may exceed the sum.
-    fn largest_term(&self, id: ValueId) -> f64 {
-        let magnitude = self.ranges.of(id).magnitude();
-        let Node::Expression(context, e, _) = &self.values.values[id].node else {
-            return magnitude;
-        };
-        let of = |o: Handle<Expression>| self.ranges.operand(self.values, *context, o).magnitude();
-        let f = self.values.function(*context);
-        match &f.function.expressions[*e] {
+    /// The table's entry for an operation whose result is at most `magnitude`.
+    fn operation(
+        &self,
+        context: ContextId,
+        expression: &Expression,
+        magnitude: f64,
+    ) -> Option<Operation> {
+        let module = self.values.graph.module();
+        let f = self.values.function(context);
+        let range = |o: Handle<Expression>| self.ranges.operand(self.values, context, o);
+        match expression {
+            Expression::Binary { op, left, right } => {
+                let inverse = match op {
+                    BinaryOperator::Divide => self.ranges.inverse(self.values, context, *right),
+                    _ => Interval::ANYTHING,
+                };
+                let terms = f64::from(terms(f.ty(module, *left), f.ty(module, *right)));
+                let operands = [*left, *right].map(range);
+                Some(operations::binary(*op, operands, inverse, terms))
+            }
             Expression::Math {
-                fun: MathFunction::Dot | MathFunction::Cross | MathFunction::Fma,
+                fun,
                 arg,
-                arg1: Some(second),
+                arg1,
                 arg2,
                 ..
-            } => magnitude
-                .max(2.0 * of(*arg) * of(*second))
-                .max(arg2.map_or(0.0, of)),
-            Expression::Math {
-                fun: MathFunction::Mix,
-                arg,
-                arg1: Some(second),
-                arg2: Some(third),
-                ..
-            } => magnitude.max((of(*arg) + of(*second)) * of(*third).max(1.0)),
-            _ => magnitude,
+            } => {
+                let operands = [Some(*arg), *arg1, *arg2];
+                let operands = operands.map(|o| o.map_or(Interval::ANYTHING, range));
+                let dimension = dimension(f.ty(module, *arg));
+                Some(operations::math(*fun, operands, dimension, magnitude))
+            }
+            _ => None,
         }
     }
 
@@ -421,16 +391,8 @@ impl<'v, 'g, 'p> Slopes<'v, 'g, 'p> {
         context: ContextId,
         expression: &Expression,
     ) -> Vec<(Handle<Expression>, f64)> {
-        let module = self.values.graph.module();
-        let f = self.values.function(context);
-        let range = |o: Handle<Expression>| self.ranges.operand(self.values, context, o);
-        let all = |slope: f64| {
-            let operands = crate::graph::operands::of_expression(expression);
-            operands.into_iter().map(|o| (o, slope)).collect()
-        };
-        if discontinuity::operation(expression).is_some() {
-            return all(f64::INFINITY);
-        }
+        let operands = || crate::graph::operands::of_expression(expression).into_iter();
+        let all = |slope: f64| operands().map(|o| (o, slope)).collect();
         match expression {
             Expression::Compose { .. }
             | Expression::Splat { .. }
@@ -439,10 +401,6 @@ impl<'v, 'g, 'p> Slopes<'v, 'g, 'p> {
             | Expression::Unary {
                 op: UnaryOperator::Negate,
                 ..
-            }
-            | Expression::As {
-                kind: ScalarKind::Float,
-                ..
             } => all(1.0),
             Expression::Access { base, index } => vec![(*base, 1.0), (*index, f64::INFINITY)],
             Expression::Select {
@@ -450,120 +408,15 @@ impl<'v, 'g, 'p> Slopes<'v, 'g, 'p> {
                 accept,
                 reject,
             } => vec![(*condition, f64::INFINITY), (*accept, 1.0), (*reject, 1.0)],
-            Expression::Binary { op, left, right } => {
-                let (a, b) = (range(*left).magnitude(), range(*right).magnitude());
-                match op {
-                    BinaryOperator::Add | BinaryOperator::Subtract => all(1.0),
-                    BinaryOperator::Multiply => {
-                        let terms = f64::from(terms(f.ty(module, *left), f.ty(module, *right)));
-                        vec![(*left, terms * b), (*right, terms * a)]
-                    }
-                    BinaryOperator::Divide => {
-                        let inverse = self.ranges.inverse(self.values, context, *right);
-                        let inverse = inverse.magnitude();
-                        vec![(*left, inverse), (*right, a * inverse * inverse)]
-                    }
-                    _ => all(f64::INFINITY),
-                }
-            }
-            Expression::Math {
-                fun,
-                arg,
-                arg1,
-                arg2,
-                ..
-            } => {
-                let dimension = dimension(f.ty(module, *arg));
-                let operands: Vec<_> = [Some(*arg), *arg1, *arg2].into_iter().flatten().collect();
-                let ranges: Vec<Interval> = operands.iter().map(|o| range(*o)).collect();
-                match of_function(*fun, &ranges, dimension) {
-                    Some(slopes) => operands.into_iter().zip(slopes).collect(),
+            _ => {
+                let operation = self.operation(context, expression, f64::INFINITY);
+                match operation.and_then(|o| o.slopes) {
+                    Some(slopes) => operands().zip(slopes).collect(),
                     None => all(f64::INFINITY),
                 }
             }
-            _ => all(f64::INFINITY),
         }
     }
-}
-
-/// Largest slopes of a function in its arguments over their ranges; `None` if unbounded or unknown.
-fn of_function(fun: MathFunction, ranges: &[Interval], dimension: f64) -> Option<[f64; 3]> {
-    let [x, y, z] = [0, 1, 2].map(|i| ranges.get(i).copied().unwrap_or(Interval::ANYTHING));
-    let (a, b, c) = (x.magnitude(), y.magnitude(), z.magnitude());
-    let one = |slope: f64| Some([slope, 0.0, 0.0]);
-    match fun {
-        MathFunction::Abs
-        | MathFunction::Saturate
-        | MathFunction::Sin
-        | MathFunction::Cos
-        | MathFunction::Tanh
-        | MathFunction::Asinh
-        | MathFunction::Atan
-        | MathFunction::Transpose => one(1.0),
-        MathFunction::Min | MathFunction::Max | MathFunction::Clamp => Some([1.0; 3]),
-        MathFunction::Sinh | MathFunction::Cosh => one(a.cosh()),
-        MathFunction::Exp => one(x.high.exp()),
-        MathFunction::Exp2 => one(std::f64::consts::LN_2 * x.high.exp2()),
-        MathFunction::Log if x.low > 0.0 => one(1.0 / x.low),
-        MathFunction::Log2 if x.low > 0.0 => one(std::f64::consts::LOG2_E / x.low),
-        MathFunction::Sqrt if x.low > 0.0 => one(0.5 * x.low.powf(-0.5)),
-        MathFunction::InverseSqrt if x.low > 0.0 => one(0.5 * x.low.powf(-1.5)),
-        MathFunction::Acos | MathFunction::Asin if a < 1.0 => one((1.0 - a * a).powf(-0.5)),
-        MathFunction::Radians => one(1_f64.to_radians()),
-        MathFunction::Degrees => one(1_f64.to_degrees()),
-        MathFunction::Dot => Some([dimension * b, dimension * a, 0.0]),
-        MathFunction::Outer => Some([b, a, 0.0]),
-        MathFunction::Cross => Some([2.0 * b, 2.0 * a, 0.0]),
-        MathFunction::Length => one(dimension.sqrt()),
-        MathFunction::Distance => Some([dimension.sqrt(), dimension.sqrt(), 0.0]),
-        // i - 2 dot(n, i) n.
-        MathFunction::Reflect => {
-            Some([1.0 + 2.0 * dimension * b * b, 4.0 * dimension * a * b, 0.0])
-        }
-        MathFunction::Fma => Some([b, a, 1.0]),
-        MathFunction::Mix => {
-            let rest = (1.0 - z.low).abs().max((1.0 - z.high).abs());
-            Some([rest, c, a + b])
-        }
-        // For a non-negative base and a constant exponent.
-        MathFunction::Pow if x.low >= 0.0 && y.low == y.high && y.low >= 1.0 => {
-            Some([y.low * a.powf(y.low - 1.0), f64::INFINITY, 0.0])
-        }
-        // Three halves of the ramp's slope.
-        MathFunction::SmoothStep if y.low > x.high => {
-            Some([f64::INFINITY, f64::INFINITY, 1.5 / (y.low - x.high)])
-        }
-        _ => None,
-    }
-}
-
-/// Accuracy of a function for its arguments' ranges and its magnitude; `None` if it is exact or
-/// counted as roundings.
-fn accuracy(fun: MathFunction, x: Interval, y: Interval, magnitude: f64) -> Option<Accuracy> {
-    let a = x.magnitude();
-    Some(match fun {
-        MathFunction::Sin | MathFunction::Cos => Accuracy::wave(a),
-        MathFunction::Tanh => Accuracy::hyperbolic_tangent(a),
-        MathFunction::Sinh | MathFunction::Cosh => Accuracy::hyperbolic(a),
-        MathFunction::Asin | MathFunction::Acos => Accuracy::arc(a),
-        MathFunction::Atan => Accuracy::ulps(4096.0),
-        MathFunction::Exp | MathFunction::Exp2 => Accuracy::exponential(a),
-        // asinh is the logarithm of a sum with a root.
-        MathFunction::Log | MathFunction::Log2 | MathFunction::Asinh => Accuracy::logarithm(),
-        MathFunction::Pow => {
-            // The error decreases with the power: e 2^-e is largest at 1 / ln 2.
-            let largest = magnitude.max(1.0);
-            Accuracy::power(y.magnitude(), largest.log2().max(1.443), largest)
-        }
-        MathFunction::Radians | MathFunction::Degrees => Accuracy::ROUNDED,
-        MathFunction::Sqrt
-        | MathFunction::InverseSqrt
-        | MathFunction::Length
-        | MathFunction::Distance
-        | MathFunction::SmoothStep
-        | MathFunction::Outer => Accuracy::ulps(8.0),
-        _ => return None,
-    })
 }
 
 fn is_of_draw(values: &Values<'_, '_>, id: ValueId) -> bool {

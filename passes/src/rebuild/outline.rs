@@ -52,7 +52,9 @@ pub struct Hoisted {
 pub enum Failed {
     /// The slice depends on an input that the values do not depend on: a decision of the fragment
     /// stage.
-    #[error("what computes the values cannot be told apart from what only a fragment decides")]
+    #[error(
+        "the code that computes the values cannot be separated from code that only a fragment can run"
+    )]
     NotSeparable,
     /// The vertex stage has no such output.
     #[error("the vertex stage has no output at location {0}")]

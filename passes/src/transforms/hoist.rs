@@ -76,7 +76,7 @@ mod vertex;
 pub use candidates::{Candidate, MOST_CANDIDATES, candidates};
 pub use params::{Allow, Params};
 pub use rounding::{MOST as MOST_ROUNDING, STEEPEST_SRGB};
-pub use single::{Candidates, Computed, Stages, alone, computed};
+pub use single::{Candidates, Computed, HoistStages, alone, computed};
 
 use advice::Advice;
 use choose::Choice;
@@ -183,7 +183,7 @@ impl Pass for Hoist {
     }
 
     fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
-        let material = Material::examine(plan, params)?;
+        let material = HoistMaterial::examine(plan, params)?;
         let graph = Graph::build(material.program);
         let values = material.values(&graph)?;
         let found = Found::new(&values, &material, params, facts)?;
@@ -199,7 +199,7 @@ impl Pass for Hoist {
 }
 
 /// The stages of a material.
-struct Material<'a> {
+struct HoistMaterial<'a> {
     name: &'a str,
     pass: &'a GpuPass,
     program: &'a Program,
@@ -209,7 +209,7 @@ struct Material<'a> {
     is_rebuilt: bool,
 }
 
-impl<'a> Material<'a> {
+impl<'a> HoistMaterial<'a> {
     fn examine(plan: &'a Plan, params: &Params) -> Result<Self, Box<Refusal>> {
         let name = Hoist::INFO.name;
         let refuse = |code: &RefusalInfo, reason: &str, remedy: &str| {
@@ -228,7 +228,7 @@ impl<'a> Material<'a> {
         if plan.passes.len() > 1 {
             return refuse(
                 &shared::HAS_PREPASS,
-                "another pass of the plan draws the same surface, and its positions come from the vertex stage that would be rebuilt",
+                "another pass of the plan draws the same surface with the vertex stage that `hoist` would rebuild",
                 "hoist first, then add the pre-pass",
             );
         }
@@ -288,7 +288,7 @@ impl<'a> Material<'a> {
             return Err(Box::new(Refusal::new(
                 name,
                 &refusals::FRAGMENT_STORES,
-                "the fragment stage writes memory, and what it writes is not followed",
+                "the fragment stage writes memory, and `hoist` does not follow what it writes",
                 "move the writes to a pass of their own",
             )));
         }
@@ -311,7 +311,7 @@ fn refuse(why: Failed) -> Refusal {
             name,
             &refusals::NOT_SEPARABLE,
             why.to_string(),
-            "compute it ahead of the branch or the return that it stands behind",
+            "compute it before the branch or return that precedes it",
         ),
         Failed::NoOutput(_) => Refusal::new(
             name,
@@ -326,7 +326,7 @@ fn refuse(why: Failed) -> Refusal {
 /// A message about ids of an earlier choice that no value has.
 fn not_here(unknown: &[String]) -> String {
     format!(
-        "of the values that `carry` names {} are not in this fragment stage: {}",
+        "`carry` names values that are not in this fragment stage ({}): {}",
         unknown.len(),
         unknown.join(", ")
     )
@@ -337,7 +337,7 @@ fn unknown_values(unknown: &[String]) -> Refusal {
         Hoist::INFO.name,
         &refusals::UNKNOWN_VALUES,
         not_here(unknown),
-        "choose anew with `verify`: the shader was edited since, or they are another material's",
+        "choose again with `verify`: the shader was edited, or the values belong to another material",
     )
 }
 
@@ -357,7 +357,7 @@ struct Found<'v, 'g, 'p> {
 impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
     fn new(
         values: &'v Values<'g, 'p>,
-        material: &Material<'p>,
+        material: &HoistMaterial<'p>,
         params: &Params,
         facts: &Facts,
     ) -> Result<Self, (Box<Refusal>, Vec<Left>)> {
@@ -399,7 +399,7 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         values: &'v Values<'g, 'p>,
         choice: Choice,
         left: Vec<Left>,
-        material: &Material<'p>,
+        material: &HoistMaterial<'p>,
     ) -> Self {
         let wanted = name_all(values, &choice);
         let key = Site {
@@ -422,7 +422,7 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         }
     }
 
-    fn change(&self, material: &Material<'_>) -> Change {
+    fn change(&self, material: &HoistMaterial<'_>) -> Change {
         let first = self
             .choice
             .carried
@@ -466,7 +466,7 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         )
     }
 
-    fn rebuild(&self, material: &Material<'_>) -> Result<Program, Failed> {
+    fn rebuild(&self, material: &HoistMaterial<'_>) -> Result<Program, Failed> {
         let hoisted = outline::add(material.program, self.values, &self.wanted)?;
         let remainder = remainder::rebuild(
             material.program,
@@ -506,7 +506,7 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
     fn plan(
         &self,
         plan: &Plan,
-        material: &Material<'_>,
+        material: &HoistMaterial<'_>,
         program: Program,
         params: &Params,
     ) -> Plan {
@@ -673,10 +673,12 @@ fn left(values: &Values<'_, '_>, judged: &Judged, weakest: Class) -> Vec<Left> {
             let reason = match &judged.verdicts[id] {
                 Ok(c) if c.class <= weakest => return None,
                 Ok(_) if judged.affine[id] => match judged.roundings.of(id) {
-                    error if error.is_finite() => format!("carried, it is rounded elsewhere, which may come to {error:.1e} at an output"),
-                    _ => "carried, it is rounded elsewhere, and what that comes to at an output has no bound".to_owned(),
+                    error if error.is_finite() => {
+                        format!("hoisted, its rounding may change an output by {error:.1e}")
+                    }
+                    _ => "hoisted, its rounding may change an output without bound".to_owned(),
                 },
-                Ok(_) => "interpolating it is an approximation, and no budget is given".to_owned(),
+                Ok(_) => "interpolating it is an approximation, and there is no budget".to_owned(),
                 Err(Missed::NotCarried | Missed::Varying) => return None,
                 Err(missed) => missed.to_string(),
             };

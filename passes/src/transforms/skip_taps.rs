@@ -181,19 +181,19 @@ fn skipped(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
             true => "the fragment stage has no sum of weighted texture samples",
             false => "no weighted texture sample of the fragment stage can be left out",
         };
-        let remedy = "explain lists what it weighs, and why each stays";
+        let remedy = "`preshade explain` lists the weighted samples, and why none may be left out";
         return Err((refuse(&refusals::NO_TAP, reason, remedy), left).into());
     }
     let is_implicit = terms.iter().any(|t| !t.implicit.is_empty());
     if params.budget.is_none() && (params.threshold > 0.0 || is_implicit) {
         let (reason, remedy) = match params.threshold > 0.0 {
             true => (
-                "a sum without its small terms is another picture, and how much it may differ is not said",
-                "give budget=0.01 (of flip_mean, or say metric=max_abs), or threshold=0",
+                "leaving out small terms of a sum changes the picture, and there is no budget",
+                "set budget=0.01 (of flip_mean, or with metric=max_abs), or threshold=0",
             ),
             false => (
-                "samples at an implicit level get gradients, whose level some adapters round otherwise, and how much the picture may differ is not said",
-                "give budget=0.01 (of flip_mean, or say metric=max_abs), or sample with gradients or a level",
+                "samples at an implicit level get explicit gradients, whose level some adapters round differently, and there is no budget",
+                "set budget=0.01 (of flip_mean, or with metric=max_abs), or sample with gradients or a level",
             ),
         };
         return Err((refuse(&shared::NO_BUDGET, reason, remedy), left).into());

@@ -237,12 +237,12 @@ impl Specialized {
             return Err(Box::new(refusal(
                 &refusals::NOTHING_KNOWN,
                 match assumptions.values.is_empty() {
-                    true => "no value of the material is known to stay as it is",
+                    true => "no value of the material is known to be constant",
                     false => {
-                        "no branch, selection or integer rests on a value that is known to stay as it is"
+                        "no branch, selection or integer depends on a value that is known to be constant"
                     }
                 },
-                "give it a scene, or values by hand (specialize:set=NAME=NUMBER); fold=rounding folds weights of 0 and 1 too",
+                "give it a scene, or values by hand (specialize:set=NAME=NUMBER); fold=rounding also folds weights of 0 and 1",
             )));
         }
         let set = assumptions.set_overrides();
@@ -258,7 +258,7 @@ impl Specialized {
             return Err(Box::new(refusal(
                 &refusals::UNFIT_VALUES,
                 format!(
-                    "an earlier step of the recipe takes another value of `{}`",
+                    "an earlier step of the recipe assumes another value of `{}`",
                     none.name
                 ),
                 "give each value once",
@@ -390,7 +390,7 @@ fn examine(plan: &Plan) -> Result<(&GpuPass, &Program), Box<Refusal>> {
     if plan.passes.len() > 1 || !plan.compute.is_empty() || !pass.geometry.is_as_given() {
         return Err(Box::new(refusal(
             &shared::NOT_FIRST,
-            "another pass of the plan draws the same surface, with stages that were made of the ones that would change",
+            "another pass of the plan draws the same surface with copies of the stages that would change",
             "specialise first, then apply the other passes",
         )));
     }

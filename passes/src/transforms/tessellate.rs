@@ -142,10 +142,10 @@ impl Pass for Tessellate {
 
     const INFO: PassInfo = PassInfo {
         name: "tessellate",
-        summary: "divides the triangles of a hoisted material, so that what was hoisted is computed at more vertices",
+        summary: "divides the triangles of a hoisted material, so that hoisted values are computed at more vertices",
         source: "Wang et al., Automatic Shader Simplification using Surface Signal Approximation (2014)",
-        when: "`hoist` gains much and its picture is off by too much: triangles are large, and what was hoisted bends within them",
-        hurts: "where triangles are small already: each new vertex costs what was hoisted, and three corners interpolated",
+        when: "`hoist` gains much and its error is too large: triangles are large, and hoisted values are not linear within them",
+        hurts: "where triangles are already small: each new vertex computes the hoisted values and interpolates three corners",
         reads_scene: true,
     };
 
@@ -209,7 +209,7 @@ impl Pass for Tessellate {
     }
 
     fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
-        let material = Material::examine(plan, facts, params)?;
+        let material = DividedMaterial::examine(plan, facts, params)?;
         let bug = |why| Box::new(Refusal::bug(Self::INFO.name, why));
         Ok(Outcome {
             plan: material.apply(plan, params).map_err(bug)?,
@@ -229,7 +229,7 @@ fn refuse(code: &RefusalInfo, reason: impl Into<String>, remedy: &str) -> Box<Re
 }
 
 /// A hoisted material.
-struct Material<'a> {
+struct DividedMaterial<'a> {
     pass: &'a GpuPass,
     program: &'a Program,
     vertex: usize,
@@ -241,7 +241,7 @@ struct Material<'a> {
     fixed: Vec<String>,
 }
 
-impl Material<'_> {
+impl DividedMaterial<'_> {
     fn change(&self, params: &Params) -> Change {
         Change {
             key: self.key.clone(),
@@ -285,7 +285,7 @@ impl Material<'_> {
             ),
         };
         format!(
-            "{level}: {} triangles in place of each, {} vertices, {form}; clip position and varyings are interpolated, what was hoisted is computed at each{when}",
+            "{level}: {} triangles in place of each, {} vertices, {form}; clip position and varyings are interpolated, hoisted values are computed at each{when}",
             subdivision.indices.len() / 3,
             subdivision.vertices.len(),
         )

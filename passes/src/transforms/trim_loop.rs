@@ -88,10 +88,10 @@ impl Pass for TrimLoop {
 
     const INFO: PassInfo = PassInfo {
         name: "trim-loop",
-        summary: "leaves out the last turns of loops, as octaves of noise, within a budget",
+        summary: "leaves out the last iterations of loops, such as octaves of noise, within a budget",
         source: "Pellacini, User-Configurable Automatic Shader Simplification (2005); Sitthi-Amorn et al., Genetic Programming for Shader Simplification (2011)",
-        when: "a sum of noise, march steps or filter samples has more turns than the scene shows",
-        hurts: "where the last turns are seen: a sum that is not divided by its weights gets darker",
+        when: "a loop over octaves, march steps or filter samples has more iterations than the scene shows",
+        hurts: "where the last iterations are visible: a sum that is not divided by its weights gets darker",
         reads_scene: false,
     };
 
@@ -178,8 +178,8 @@ fn less_turns(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
     let Some(budget) = params.budget else {
         let refusal = refuse(
             &shared::NO_BUDGET,
-            "less turns are another picture, and how much it may differ is not said",
-            "give budget=0.01 (of flip_mean, or say metric=max_abs)",
+            "fewer iterations change the picture, and there is no budget",
+            "set budget=0.01 (of flip_mean, or with metric=max_abs)",
         );
         return Err(refusal.into());
     };
@@ -194,9 +194,9 @@ fn less_turns(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
     if chosen.is_empty() {
         let reason = match found.is_empty() {
             true => "the fragment stage has no loop",
-            false => "no loop of the fragment stage can lose a turn",
+            false => "no loop of the fragment stage can lose an iteration",
         };
-        let remedy = "explain lists its loops, and why each stays";
+        let remedy = "`preshade explain` lists the loops, and why each keeps its iterations";
         return Err((refuse(&refusals::NO_LOOP, reason, remedy), left).into());
     }
     let module = trimmed(&graph, &chosen, params.turns);
@@ -265,23 +265,23 @@ fn found(
             let stays = |why: &'static str| Err(Cow::Borrowed(why));
             let counted = match Counted::of(program.module(), f, at) {
                 _ if is_shared => {
-                    stays("the vertex stage runs it too, and its turns decide where the surface is")
+                    stays("the vertex stage runs it too, where it decides the position")
                 }
-                _ if writes => stays("it stands in a function that writes memory"),
+                _ if writes => stays("its function writes memory"),
                 _ if decides_coverage(*id, at) => {
                     stays("it decides a discard, a depth or a coverage")
                 }
-                None => stays("it is not seen how many turns it makes: its bound is no number"),
-                Some(c) if c.turns < 2 => stays("it makes one turn, or none"),
+                None => stays("its number of iterations is unknown: its bound is not a constant"),
+                Some(c) if c.turns < 2 => stays("it has one iteration at most"),
                 Some(c) if uses.get(&c.bound) != Some(&1) => {
-                    stays("the number that its counter is compared with is used elsewhere too")
+                    stays("the bound of its counter has another use")
                 }
                 Some(c) if c.bound_for(less(&c, turns)).is_none() => {
-                    stays("no other number in place of its bound takes away so many turns")
+                    stays("no other bound removes that many iterations")
                 }
                 Some(c) => match series::scene_data(graph, *id, &c).filter(|_| !ebbs) {
                     Some(read) => Err(Cow::Owned(format!(
-                        "it reads `{read}` by its counter: its last turn is another thing of the scene, and nothing says that it counts for less"
+                        "it reads `{read}` by its counter: its last iteration may be as important as its first"
                     ))),
                     None => Ok(c),
                 },
@@ -359,14 +359,14 @@ fn described(
                 .locate(f.span)
                 .map(|l| format!(" in line {}", l.line));
             format!(
-                "the loop of `{}`{} makes {} turns instead of {}{}",
+                "the loop of `{}`{} has {} iterations instead of {}{}",
                 graph.name(f.function),
                 line.unwrap_or_default(),
                 less(c, turns),
                 c.turns,
                 match f.ebbs {
                     true => "",
-                    false => " (nothing in it says that its last turns add less)",
+                    false => " (its last iterations may add as much as its first)",
                 }
             )
         })

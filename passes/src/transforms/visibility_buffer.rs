@@ -62,7 +62,7 @@ pub use count::counted;
 use differences::Reached;
 use gradients::Shaded;
 use lists::Lists;
-pub use params::{Form, Ids, Params, Select, Vertices, Words};
+pub use params::{Ids, Params, Select, ShadingForm, Vertices, Words};
 use parts::slots;
 
 /// The pass.
@@ -76,7 +76,7 @@ impl Pass for VisibilityBuffer {
         summary: "draws which triangle each pixel shows, then shades each pixel once",
         source: "Burns and Hunt, The Visibility Buffer (JCGT 2013)",
         when: "a pixel is covered many times by small triangles (grass, crowds, foliage), cut-outs keep the early test from helping, and the host can bind vertices as storage buffers; else a depth-prepass is simpler and mostly as fast",
-        hurts: "where little is hidden or vertices are dear: each shaded pixel fetches and runs three vertices; and where neighbouring pixels show far-apart instances, whose data no cache holds",
+        hurts: "where little is hidden or vertices are expensive: each shaded pixel fetches and runs three vertices; and where neighbouring pixels show far-apart instances, whose data no cache holds",
         reads_scene: true,
     };
 
@@ -184,7 +184,7 @@ impl Pass for VisibilityBuffer {
     fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
         let params = &params.resolved(facts)?;
         let plan = alone(plan);
-        let material = Material::examine(&plan, params)?;
+        let material = SplitMaterial::examine(&plan, params)?;
         let next = material.apply(&plan, params, &facts.samplers_of(&plan.material))?;
         Ok(Outcome {
             plan: next,
@@ -203,7 +203,7 @@ pub fn contradicted(plan: &Plan, seen: &Rasterizer) -> Option<String> {
     let told: Vec<String> = params
         .contradicting(seen)
         .into_iter()
-        .map(|[said, seen]| format!("{said}, and was seen to do as `{seen}` says"))
+        .map(|[said, seen]| format!("{said}, but the adapter was measured as `{seen}`"))
         .collect();
     (!told.is_empty()).then(|| told.join("; "))
 }
@@ -244,7 +244,7 @@ fn refuse(code: &RefusalInfo, reason: impl Into<String>, remedy: &str) -> Refusa
 }
 
 /// A material that can be split.
-struct Material<'a> {
+struct SplitMaterial<'a> {
     opaque: Opaque<'a>,
     depth: DepthOnly,
     /// The slice of the fragment stage's colours.
@@ -253,7 +253,7 @@ struct Material<'a> {
     given: Vec<Assumption>,
 }
 
-impl<'a> Material<'a> {
+impl<'a> SplitMaterial<'a> {
     fn examine(plan: &'a Plan, params: &Params) -> Result<Self, Vec<Refusal>> {
         let opaque = Opaque::examine(plan, VisibilityBuffer::INFO.name)?;
         let mut refusals = Vec::new();
@@ -262,7 +262,7 @@ impl<'a> Material<'a> {
         let Some(fragment) = opaque.fragment else {
             refusals.push(refuse(
                 &shared::NO_FRAGMENT_STAGE,
-                "the material draws depth alone: there is nothing to shade later",
+                "the material draws only depth, so there is nothing to shade later",
                 "leave it as it is",
             ));
             return Err(refusals);
@@ -272,7 +272,7 @@ impl<'a> Material<'a> {
         if colors.is_empty() {
             refusals.push(refuse(
                 &refusals::NO_COLOR,
-                "the fragment stage gives no colour: there is nothing to shade later",
+                "the fragment stage writes no colour, so there is nothing to shade later",
                 "leave it as it is",
             ));
             return Err(refusals);
@@ -343,8 +343,8 @@ impl<'a> Material<'a> {
         if params.budget.is_some_and(|b| !(0.0..=1.0).contains(&b)) {
             return Err(Box::new(refuse(
                 &crate::core::refusals::BUDGET,
-                "the budget is the largest difference of a channel, which lies between 0 and 1",
-                "give budget=0.01, say",
+                "the budget is the largest difference of a channel: a number from 0 to 1",
+                "set budget=0.01, for example",
             )));
         }
         let slots = slots(self.opaque.program);
@@ -360,7 +360,7 @@ impl<'a> Material<'a> {
         });
         self.ids(&mut next, params, slots).map_err(bug)?;
         self.check_varyings(&next, params)?;
-        if (params.form, params.select()) == (Form::Fragment, Select::Depth) {
+        if (params.form, params.select()) == (ShadingForm::Fragment, Select::Depth) {
             self.classify(&mut next, params).map_err(bug)?;
         }
         let lists = Lists::of(params);
@@ -371,8 +371,10 @@ impl<'a> Material<'a> {
         let graph = Graph::build(&program);
         let shaded = Shaded::new(&graph, self.colors.entry);
         match params.form {
-            Form::Fragment => self.resolve(&mut next, &shaded, params, slots)?,
-            Form::Compute | Form::Binned => self.compute(&mut next, &shaded, params, slots)?,
+            ShadingForm::Fragment => self.resolve(&mut next, &shaded, params, slots)?,
+            ShadingForm::Compute | ShadingForm::Binned => {
+                self.compute(&mut next, &shaded, params, slots)?
+            }
         }
         for program in next.programs.values_mut() {
             if program.module().overrides.is_empty() {
@@ -424,10 +426,10 @@ impl<'a> Material<'a> {
         Err(Box::new(refuse(
             &refusals::TOO_MANY_VARYINGS,
             format!(
-                "the id pass hands on the author's varyings and the id, {} in all, which is more than the material asks a device for ({LIMIT})",
+                "the id pass has the author's varyings and the id, {} in all, which is more than the material requires of a device ({LIMIT})",
                 asked(ids)
             ),
-            "mark the position @invariant, or take vertex=sliced, which needs no varying but the id; or vertex=same, where devices have the limit",
+            "mark the position @invariant; or set vertex=sliced, which needs only the id; or set vertex=same if your devices have the limit",
         )))
     }
 

@@ -32,7 +32,7 @@ impl Measurement<'_> {
         let otherwise = |plan: &Plan| visibility_buffer::contradicted(plan, seen.as_ref()?);
         let told = match self.subject.plans.iter().find_map(otherwise) {
             Some(otherwise) => Some(format!(
-                "it was made for an adapter that does as {otherwise}: leave that out, and see again"
+                "it was made with {otherwise}: leave that parameter out"
             )),
             None => {
                 let error = self.subject.error.as_ref();

@@ -3,7 +3,7 @@
 use super::choose::{self, Terms};
 use super::movable::{self, Assumed, Class, Judged, Jumps, Precision};
 use super::refusals;
-use super::{Hoist, Material, Params};
+use super::{Hoist, HoistMaterial, Params};
 use crate::analysis::values::Values;
 use crate::core::pass::{Facts, Pass, Refusal};
 
@@ -32,7 +32,7 @@ impl Advice {
     /// `judged` are the verdicts under [`Assumed::ALL`] and the current ones.
     pub(super) fn on(
         values: &Values<'_, '_>,
-        material: &Material<'_>,
+        material: &HoistMaterial<'_>,
         params: &Params,
         precision: &Precision,
         facts: &Facts,
@@ -79,23 +79,25 @@ impl Advice {
                 "leave `allow` out and give a budget (hoist:budget=0.01) if the picture may differ a little"
             }
             Self::Finite => {
-                "what would pay is not seen to be finite at every vertex: `preshade verify` with hoist:budget=0.01 draws it, and says what `rewrite` may take; or take it for finite, with hoist:budget=0.01,finite=assumed"
+                "the values that would pay may be NaN or infinite at a vertex: run `preshade verify` with hoist:budget=0.01, which measures them and prints what `rewrite` may hoist; or assume that they are finite: hoist:budget=0.01,finite=assumed"
             }
             Self::Jumps => {
-                "what would pay rests on what jumps (explain says on what): `preshade verify` with hoist:budget=0.01 draws it, and says what `rewrite` may take; or take it to change slowly over a triangle, as noise does, with jumps=carried beside the budget"
+                "the values that would pay depend on a discontinuity (`preshade explain` names it): run `preshade verify` with hoist:budget=0.01, which measures them and prints what `rewrite` may hoist; or add jumps=carried to the budget, which assumes that they change slowly over a triangle, as noise does"
             }
             Self::Error => {
-                "allow a larger error; explain lists what stays, and why each value does"
+                "allow a larger error; `preshade explain` lists the values that are not hoisted, and why"
             }
-            Self::Choice => "choose anew with `verify`: what `carry` names does not pay here",
+            Self::Choice => {
+                "choose again with `verify`: hoisting the values that `carry` names does not pay here"
+            }
             Self::Nothing => {
-                "nothing would at any budget: leave the material as it is; explain lists what stays, and why each value does"
+                "leave the material as it is: no budget would help; `preshade explain` lists the values that are not hoisted, and why"
             }
         };
         Refusal::new(
             Hoist::INFO.name,
             &refusals::NOTHING_PAYS,
-            "no value that may travel saves a fragment more than carrying it costs",
+            "no value that may be hoisted saves a fragment more than interpolating it costs",
             remedy,
         )
     }

@@ -36,7 +36,7 @@ pub fn dearest(
     most: usize,
     least: f64,
 ) -> Vec<(ValueId, f64)> {
-    let mut walk = Walk::new(values);
+    let mut walk = CostWalk::new(values);
     let mut left: Vec<usize> = of.iter().map(|id| walk.place[*id]).collect();
     left.sort_unstable();
     left.dedup();
@@ -66,7 +66,7 @@ pub fn dearest(
 
 /// Walks from up to [`Above::MOST`] values at once. Values are numbered with users before operands,
 /// except in cycles, so that a walk reads memory in order.
-struct Walk<'v, 'g, 'p> {
+struct CostWalk<'v, 'g, 'p> {
     values: &'v Values<'g, 'p>,
     order: Vec<ValueId>,
     place: Vec<usize>,
@@ -80,7 +80,7 @@ struct Walk<'v, 'g, 'p> {
     reached: Vec<u64>,
 }
 
-impl<'v, 'g, 'p> Walk<'v, 'g, 'p> {
+impl<'v, 'g, 'p> CostWalk<'v, 'g, 'p> {
     fn new(values: &'v Values<'g, 'p>) -> Self {
         let operands = |id: ValueId| values.values[id].operands.as_slice();
         let order = cut::users_first(0..values.values.len(), values.values.len(), operands);

@@ -3,8 +3,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::movable::{self, Assumed, Class, Judged, Missed, Precision, Verdict};
-use super::single::{Candidates, Stages};
-use super::{Material, Params, name, span};
+use super::single::{Candidates, HoistStages};
+use super::{HoistMaterial, Params, name, span};
 use super::{below, choose};
 use crate::analysis::values::{ValueId, Values};
 use crate::core::pass::{Facts, Frequency, Refusal};
@@ -17,7 +17,7 @@ use crate::slice::{self, Criterion};
 /// [`movable::judge`].
 pub(super) fn judge(
     values: &Values<'_, '_>,
-    material: &Material<'_>,
+    material: &HoistMaterial<'_>,
     params: &Params,
     precision: &Precision,
     facts: &Facts,
@@ -131,7 +131,7 @@ pub const MOST_CANDIDATES: usize = 48;
 /// # Errors
 /// Nothing can be hoisted.
 pub fn candidates(plan: &Plan, facts: &Facts) -> Result<Vec<Candidate>, Box<Refusal>> {
-    let stages = Stages::of(plan)?;
+    let stages = HoistStages::of(plan)?;
     let graph = stages.graph();
     let candidates = Candidates::new(&stages, &graph, facts)?;
     Ok(candidates.list().cloned().collect())

@@ -8,7 +8,7 @@ use naga::{Binding, BuiltIn, TypeInner};
 use super::below::below;
 use super::cut::{self, Cut, Item};
 use super::movable::{Carriage, Class, Judged, Verdict};
-use super::pack::{self, Load, Slot};
+use super::pack::{self, Load, VaryingSlot};
 use crate::analysis::values::{Node, Value, ValueId, Values};
 use crate::graph::rate::Interpolated;
 
@@ -41,7 +41,7 @@ pub struct Choice {
     /// Values to compute in the vertex stage.
     pub carried: Vec<(ValueId, Carriage)>,
     /// Their varyings; parts index `carried`.
-    pub slots: Vec<Slot>,
+    pub slots: Vec<VaryingSlot>,
     /// The author's varyings that the fragment stage still reads, as indices of [`Values::inputs`].
     pub kept: Vec<usize>,
     /// Varyings that the hoisted work reads.

@@ -23,7 +23,7 @@ struct Half {
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Node {
+struct FlowNode {
     /// The first half-arc; the node's half-arcs end where the next node's begin.
     first: u32,
     /// Distance from the source in arcs, or [`FAR`].
@@ -36,7 +36,7 @@ struct Node {
 #[derive(Clone, Debug)]
 pub struct Network {
     /// The nodes and a sentinel.
-    nodes: Vec<Node>,
+    nodes: Vec<FlowNode>,
     halves: Vec<Half>,
     /// Position of each arc among the halves, in the order of the input.
     places: Vec<u32>,
@@ -84,7 +84,7 @@ impl Network {
             };
             places.push(there);
         }
-        let node = |first| Node {
+        let node = |first| FlowNode {
             first,
             level: FAR,
             next: first,

@@ -42,11 +42,11 @@ pub fn iterated(values: &Values<'_, '_>) -> Vec<bool> {
         }
         while let Some(id) = work.pop() {
             let is_new = match places.of[id] {
-                Place::In(innermost) if places.is_in(innermost, this) => {
+                LoopPlace::In(innermost) if places.is_in(innermost, this) => {
                     !std::mem::replace(&mut iterated[id], true)
                 }
-                Place::In(_) => false,
-                Place::Anywhere => passed[id]
+                LoopPlace::In(_) => false,
+                LoopPlace::Anywhere => passed[id]
                     .replace(this)
                     .is_none_or(|last: LoopId| last != this),
             };
@@ -69,7 +69,7 @@ struct Loop {
 }
 
 #[derive(Clone, Copy)]
-enum Place {
+enum LoopPlace {
     /// The innermost enclosing loop; `None` outside of all loops.
     In(Option<LoopId>),
     /// No statement evaluates it.
@@ -82,7 +82,7 @@ struct Places {
     index: HashMap<(ContextId, StmtId), LoopId>,
     /// The innermost loop around each chain of calls.
     around: Vec<Option<LoopId>>,
-    of: Vec<Place>,
+    of: Vec<LoopPlace>,
 }
 
 impl Places {
@@ -102,12 +102,12 @@ impl Places {
         }
         for value in &values.values {
             let place = match &value.node {
-                Node::Input(_) => Place::In(None),
-                Node::Control(context, at) => Place::In(this.innermost(values, *context, *at)),
+                Node::Input(_) => LoopPlace::In(None),
+                Node::Control(context, at) => LoopPlace::In(this.innermost(values, *context, *at)),
                 Node::Expression(context, e, _) => {
                     match values.function(*context).statements.evaluated_at(*e) {
-                        Some(at) => Place::In(this.innermost(values, *context, at)),
-                        None => Place::Anywhere,
+                        Some(at) => LoopPlace::In(this.innermost(values, *context, at)),
+                        None => LoopPlace::Anywhere,
                     }
                 }
                 Node::Version(context, version) => {
@@ -115,10 +115,10 @@ impl Places {
                         // A loop's merge belongs to the enclosing loop: it is where the iterations
                         // start.
                         Origin::Written { by: at, .. } | Origin::Phi { at: Some(at), .. } => {
-                            Place::In(this.innermost(values, *context, *at))
+                            LoopPlace::In(this.innermost(values, *context, *at))
                         }
                         Origin::Initial | Origin::Phi { at: None, .. } => {
-                            Place::In(this.around[*context])
+                            LoopPlace::In(this.around[*context])
                         }
                     }
                 }

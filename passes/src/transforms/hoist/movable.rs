@@ -12,6 +12,7 @@ use super::iteration::iterated;
 use crate::analysis::contraction;
 use crate::analysis::discontinuity;
 use crate::analysis::hazard;
+use crate::analysis::operations;
 use crate::analysis::range::AllRanges;
 use crate::analysis::reach::{with_operands, with_users};
 use crate::analysis::rounding::Roundings;
@@ -110,8 +111,12 @@ pub enum Missed {
 impl From<discontinuity::Discontinuity> for Missed {
     fn from(discontinuity: discontinuity::Discontinuity) -> Self {
         match discontinuity {
-            discontinuity::Discontinuity::Own { operation } => Self::Discontinuous { operation },
-            discontinuity::Discontinuity::Amplified { operation } => Self::Reaches { operation },
+            discontinuity::Discontinuity::Own(operation) => Self::Discontinuous {
+                operation: operation.to_owned(),
+            },
+            discontinuity::Discontinuity::Amplified(operation) => Self::Reaches {
+                operation: operation.to_owned(),
+            },
         }
     }
 }
@@ -119,40 +124,37 @@ impl From<discontinuity::Discontinuity> for Missed {
 impl std::fmt::Display for Missed {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::NotCarried => f.write_str("it is not a value that a varying can hold"),
-            Self::Varying => f.write_str("it is a varying already"),
-            Self::Fragment { because } => write!(f, "no vertex stage has it: {because}"),
-            Self::InLoop => f.write_str("it is another in each turn of a loop"),
-            Self::Conditional => f.write_str("whether it is computed differs between fragments"),
-            Self::MayNotEnd => f.write_str("it rests on a loop that is not seen to end"),
-            Self::FlatAndSmooth => f.write_str("it mixes a flat value with a smooth one"),
-            Self::Coverage => {
-                f.write_str("it decides a discard, or the depth or the samples of the fragment")
-            }
+            Self::NotCarried => f.write_str("a varying cannot hold its type"),
+            Self::Varying => f.write_str("it is already a varying"),
+            Self::Fragment { because } => f.write_str(because),
+            Self::InLoop => f.write_str("it changes with each iteration of a loop"),
+            Self::Conditional => f.write_str("some fragments do not compute it"),
+            Self::MayNotEnd => f.write_str("it depends on a loop that may not end"),
+            Self::FlatAndSmooth => f.write_str("it mixes a flat value with an interpolated one"),
+            Self::Coverage => f.write_str("it decides a discard, a depth or the sample mask"),
             Self::Discontinuous { operation } => {
                 write!(
                     f,
-                    "`{operation}` jumps: interpolation would make up values between"
+                    "`{operation}` has a discontinuity, and interpolation would give values in between"
                 )
             }
             Self::Reaches { operation } => write!(
                 f,
-                "`{operation}` of what rests on it jumps again and again, wherever a little more is another number"
+                "`{operation}` is applied to this value later, so a tiny interpolation error would become a full step"
             ),
             Self::NotChosen => f.write_str("it is not among the chosen values"),
-            Self::Measured { error } => write!(f, "carried alone it makes an error of {error}"),
-            Self::MeasuredNotFinite => {
-                f.write_str("measured, it is NaN or infinite somewhere, or a pixel with it is")
-            }
-            Self::NotMeasured => f.write_str("carrying it was not measured"),
+            Self::Measured { error } => write!(f, "hoisted alone, it causes an error of {error}"),
+            Self::MeasuredNotFinite => f.write_str(
+                "it was measured: it, or a pixel drawn with it, is NaN or infinite somewhere",
+            ),
+            Self::NotMeasured => f.write_str("its error was not measured"),
             Self::MayNotBeFinite { operation } => write!(
                 f,
                 "`{operation}` may be NaN or infinite at a vertex, which would spoil the whole triangle"
             ),
             Self::MayOverflow { operation } => write!(
                 f,
-                "`{operation}` may pass the largest number there is at a vertex, which would spoil the whole triangle; what comes from outside is taken to be below 2^20 where no scene \
-                 tells"
+                "`{operation}` may overflow `f32` at a vertex, which would spoil the whole triangle (without a scene, inputs are assumed to be below 2^20)"
             ),
         }
     }
@@ -333,8 +335,8 @@ pub(super) fn judge(values: &Values<'_, '_>, precision: &Precision) -> Judged {
                 return Ok(carriage(Class::Affine, interpolated, at));
             }
             let expression = &values.function(context).function.expressions[e];
-            if let Some(operation) = discontinuity::operation(expression) {
-                let operation = operation.to_owned();
+            if let Some(found) = operations::discontinuity(expression) {
+                let operation = found.name.to_owned();
                 return Err(Missed::Discontinuous { operation });
             }
             Ok(carriage(Class::Smooth, interpolated, at))
@@ -401,24 +403,27 @@ fn pins(values: &Values<'_, '_>) -> Vec<Option<ValueId>> {
 /// A message about why a value is pinned.
 fn what_pins(values: &Values<'_, '_>, pin: Option<ValueId>) -> String {
     let Some(pin) = pin else {
-        return "it rests on what only a fragment has".to_owned();
+        return "it depends on a value that only a fragment has".to_owned();
     };
     match &values.values[pin].node {
         Node::Input(i) => {
             let name = values.inputs.get(*i).and_then(|io| io.name.as_deref());
-            format!("it rests on the input `{}`", name.unwrap_or_default())
+            format!(
+                "it depends on the fragment input `{}`, which a vertex does not have",
+                name.unwrap_or_default()
+            )
         }
         Node::Expression(context, e, _) => {
             let expression = &values.function(*context).function.expressions[*e];
             match effect::of_expression(expression) {
-                Some(effect::Effect::Derivative) => "it rests on a derivative".to_owned(),
+                Some(effect::Effect::Derivative) => "it depends on a derivative, which cannot be computed per vertex".to_owned(),
                 Some(effect::Effect::ImplicitLod) => {
-                    "it rests on a texture sample at an implicit level of detail".to_owned()
+                    "it depends on a texture sample at an implicit level of detail, which needs derivatives and cannot run per vertex".to_owned()
                 }
-                _ => "it rests on memory that invocations write".to_owned(),
+                _ => "it depends on memory that shader invocations write".to_owned(),
             }
         }
-        _ => "it rests on memory that invocations write".to_owned(),
+        _ => "it depends on memory that shader invocations write".to_owned(),
     }
 }
 

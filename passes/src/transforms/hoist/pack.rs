@@ -32,7 +32,7 @@ impl Load {
 
 /// A varying with one or several values.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Slot {
+pub struct VaryingSlot {
     /// Kind of its scalars.
     pub kind: ScalarKind,
     /// Interpolation.
@@ -47,8 +47,8 @@ pub struct Slot {
 
 /// Slots for all values, beside `taken` varyings and with at most `limit` in total; `None` if they
 /// do not fit even when packed. First-fit decreasing; no value is split.
-pub fn pack(loads: &[Load], taken: usize, limit: usize) -> Option<Vec<Slot>> {
-    let mut slots: Vec<Slot> = Vec::new();
+pub fn pack(loads: &[Load], taken: usize, limit: usize) -> Option<Vec<VaryingSlot>> {
+    let mut slots: Vec<VaryingSlot> = Vec::new();
     let mut order: Vec<usize> = (0..loads.len()).collect();
     let tight = taken + loads.len() > limit;
     if tight {
@@ -65,7 +65,7 @@ pub fn pack(loads: &[Load], taken: usize, limit: usize) -> Option<Vec<Slot>> {
                 slot.parts.push((i, slot.width));
                 slot.width += load.width;
             }
-            None => slots.push(Slot {
+            None => slots.push(VaryingSlot {
                 kind: load.kind,
                 interpolated: load.carriage.interpolated,
                 at: load.carriage.at,
@@ -78,7 +78,7 @@ pub fn pack(loads: &[Load], taken: usize, limit: usize) -> Option<Vec<Slot>> {
 }
 
 /// The lowest free locations, one for each slot.
-pub fn free_locations(slots: &[Slot], taken: &BTreeSet<u32>) -> Vec<u32> {
+pub fn free_locations(slots: &[VaryingSlot], taken: &BTreeSet<u32>) -> Vec<u32> {
     (0..)
         .filter(|l| !taken.contains(l))
         .take(slots.len())

@@ -134,7 +134,7 @@ impl Params {
         let allowed = self.budget.unwrap_or(threshold);
         least.map_or(String::new(), |f| {
             format!(
-                "; of those that may differ `{}` ({:.0} ops) does least harm, an error of {:.4} ({}) by itself where {allowed} is allowed",
+                "; `{}` ({:.0} ops) has the smallest error, {:.4} ({}) alone, and {allowed} is allowed",
                 f.name,
                 f.cost,
                 self.metric.of(f),

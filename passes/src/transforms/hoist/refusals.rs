@@ -12,7 +12,7 @@ refusals! {
     NOT_CARRIED = "not-carried":
         "`hoist:carry=` names a value that the shader does not have, or for which the varyings \
          have no room.",
-        "Take one of those that `preshade explain --scene` lists.";
+        "Use one that `preshade explain --scene` lists.";
     NOT_SEPARABLE = "not-separable":
         "The values that `hoist` would move cannot be separated from the rest of the stage.",
         "Compute them ahead of the branch or return that encloses them.";

@@ -8,7 +8,7 @@ use naga::{
     SwizzleComponent, TypeInner, VectorSize,
 };
 
-use super::pack::{self, Slot};
+use super::pack::{self, VaryingSlot};
 use crate::analysis::values::{ContextId, Values};
 use crate::core::program::Program;
 use crate::core::reflect;
@@ -40,7 +40,7 @@ pub fn rebuild(
     module: &Module,
     values: &Values<'_, '_>,
     wanted: &[Wanted],
-    slots: &[Slot],
+    slots: &[VaryingSlot],
 ) -> Result<Remainder, Failed> {
     let entry = values.entry;
     let contexts: Vec<ContextId> = wanted.iter().map(|w| w.context).collect();
@@ -125,7 +125,7 @@ const ASIDE: u32 = 1 << 16;
 fn from_varyings(
     build: &mut CodeBuilder<'_>,
     wanted: &[Wanted],
-    slots: &[Slot],
+    slots: &[VaryingSlot],
 ) -> BTreeMap<usize, Handle<Expression>> {
     let mut carried = BTreeMap::new();
     for (index, slot) in slots.iter().enumerate() {
@@ -179,7 +179,7 @@ pub fn width(inner: &TypeInner) -> u8 {
 }
 
 /// The type of a varying.
-pub fn slot_type(slot: &Slot) -> TypeInner {
+pub fn slot_type(slot: &VaryingSlot) -> TypeInner {
     let scalar = match slot.kind {
         ScalarKind::Sint => Scalar::I32,
         ScalarKind::Uint => Scalar::U32,
@@ -195,7 +195,7 @@ pub fn slot_type(slot: &Slot) -> TypeInner {
 }
 
 /// Name of a varying: the value's name, or a generic one for several values.
-pub fn slot_name(index: usize, slot: &Slot, wanted: &[Wanted]) -> String {
+pub fn slot_name(index: usize, slot: &VaryingSlot, wanted: &[Wanted]) -> String {
     match slot.parts[..] {
         [(one, _)] => wanted[one].name.clone(),
         _ => format!("packed_{}", pack::letters(index)),
@@ -203,7 +203,7 @@ pub fn slot_name(index: usize, slot: &Slot, wanted: &[Wanted]) -> String {
 }
 
 /// Location and interpolation of a varying.
-pub fn slot_binding(slot: &Slot, location: u32) -> Binding {
+pub fn slot_binding(slot: &VaryingSlot, location: u32) -> Binding {
     let interpolation = match slot.interpolated {
         Interpolated::Flat => Interpolation::Flat,
         Interpolated::Perspective => Interpolation::Perspective,

@@ -5,25 +5,25 @@ use std::collections::BTreeSet;
 use super::candidates::{self, Candidate};
 use super::movable::{self, Class, Precision, Verdict};
 use super::refusals;
-use super::{Found, Hoist, Material, Params, choose, outline, refuse};
+use super::{Found, Hoist, HoistMaterial, Params, choose, outline, refuse};
 use crate::analysis::values::{ValueId, Values};
 use crate::core::pass::{Facts, Pass, Refusal};
 use crate::core::plan::Plan;
 use crate::graph::Graph;
 
 /// The stages of a plan between which values may move.
-pub struct Stages<'p> {
+pub struct HoistStages<'p> {
     plan: &'p Plan,
-    material: Material<'p>,
+    material: HoistMaterial<'p>,
 }
 
-impl<'p> Stages<'p> {
+impl<'p> HoistStages<'p> {
     /// The stages of a plan's main pass.
     ///
     /// # Errors
     /// Nothing can be hoisted.
     pub fn of(plan: &'p Plan) -> Result<Self, Box<Refusal>> {
-        let material = Material::examine(plan, &Params::default())?;
+        let material = HoistMaterial::examine(plan, &Params::default())?;
         Ok(Self { plan, material })
     }
 
@@ -36,7 +36,7 @@ impl<'p> Stages<'p> {
 /// The approximable values of a fragment stage, with the analyses that found them. Callers examine
 /// one after another.
 pub struct Candidates<'a, 'p> {
-    stages: &'a Stages<'p>,
+    stages: &'a HoistStages<'p>,
     values: Values<'a, 'p>,
     /// Each value's verdict if everything is finite and continuous.
     verdicts: Vec<Verdict>,
@@ -49,7 +49,7 @@ impl<'a, 'p> Candidates<'a, 'p> {
     /// # Errors
     /// Nothing can be hoisted.
     pub fn new(
-        stages: &'a Stages<'p>,
+        stages: &'a HoistStages<'p>,
         graph: &'a Graph<'p>,
         facts: &Facts,
     ) -> Result<Self, Box<Refusal>> {
@@ -57,7 +57,7 @@ impl<'a, 'p> Candidates<'a, 'p> {
     }
 
     fn within(
-        stages: &'a Stages<'p>,
+        stages: &'a HoistStages<'p>,
         graph: &'a Graph<'p>,
         precision: &Precision,
     ) -> Result<Self, Box<Refusal>> {
@@ -127,8 +127,8 @@ impl<'a, 'p> Candidates<'a, 'p> {
             return Err(Box::new(Refusal::new(
                 Hoist::INFO.name,
                 &refusals::NOT_CARRIED,
-                format!("there is no value `{id}`, or the varyings leave it no room"),
-                "take one of those that explain --scene lists",
+                format!("there is no value `{id}`, or the varyings have no room for it"),
+                "use one that `preshade explain --scene` lists",
             )));
         };
         let material = &self.stages.material;
@@ -141,7 +141,7 @@ impl<'a, 'p> Candidates<'a, 'p> {
 /// # Errors
 /// Nothing can be hoisted, or this value cannot move.
 pub fn alone(plan: &Plan, id: &str) -> Result<Plan, Box<Refusal>> {
-    let stages = Stages::of(plan)?;
+    let stages = HoistStages::of(plan)?;
     let graph = stages.graph();
     Candidates::within(&stages, &graph, &Precision::EXACT)?.alone(id)
 }
@@ -164,7 +164,7 @@ pub struct Computed {
 /// # Errors
 /// As [`alone`].
 pub fn computed(plan: &Plan, id: &str) -> Result<Computed, Box<Refusal>> {
-    let stages = Stages::of(plan)?;
+    let stages = HoistStages::of(plan)?;
     let graph = stages.graph();
     Candidates::within(&stages, &graph, &Precision::EXACT)?.computed(id)
 }

@@ -19,7 +19,7 @@ use naga::{
     Binding, Expression, FunctionResult, Handle, Module, Span, StructMember, Type, TypeInner,
 };
 
-use super::pack::Slot;
+use super::pack::VaryingSlot;
 use super::remainder::{slot_binding, slot_name, slot_type, width};
 use crate::core::program::Program;
 use crate::core::reflect;
@@ -35,7 +35,7 @@ pub struct Outputs<'a> {
     /// Moved values.
     pub wanted: &'a [Wanted],
     /// Their varyings.
-    pub slots: &'a [Slot],
+    pub slots: &'a [VaryingSlot],
     /// Location of each varying.
     pub locations: &'a [u32],
 }
@@ -144,8 +144,8 @@ pub fn rebuild(
             let mut components = Vec::new();
             for source in &of_result {
                 components.push(match source {
-                    Source::Author(index) => output(build, *index),
-                    Source::Slot(slot) => pack(build, outputs, &values, *slot),
+                    OutputSource::Author(index) => output(build, *index),
+                    OutputSource::Slot(slot) => pack(build, outputs, &values, *slot),
                 });
             }
             let value = build.expression(Expression::Compose {
@@ -219,7 +219,7 @@ fn is_at(io: &reflect::Io, wanted: u32) -> bool {
 }
 
 /// The source of a member of the result.
-enum Source {
+enum OutputSource {
     /// An output of the author's stage, by index.
     Author(usize),
     /// A varying, by index.
@@ -231,7 +231,7 @@ fn result_type(
     given: &[reflect::Io],
     name: Option<String>,
     outputs: &Outputs<'_>,
-) -> (Handle<Type>, Vec<Source>) {
+) -> (Handle<Type>, Vec<OutputSource>) {
     let mut members = Vec::new();
     let mut sources = Vec::new();
     for (index, io) in given.iter().enumerate() {
@@ -247,7 +247,7 @@ fn result_type(
                 binding: io.binding.clone(),
                 offset: 0,
             });
-            sources.push(Source::Author(index));
+            sources.push(OutputSource::Author(index));
         }
     }
     for (index, slot) in outputs.slots.iter().enumerate() {
@@ -264,7 +264,7 @@ fn result_type(
             binding: Some(slot_binding(slot, outputs.locations[index])),
             offset: 0,
         });
-        sources.push(Source::Slot(index));
+        sources.push(OutputSource::Slot(index));
     }
     let base = name.unwrap_or_else(|| "VertexOutput".to_owned());
     let base = base.strip_suffix("_author").unwrap_or(&base).to_owned();

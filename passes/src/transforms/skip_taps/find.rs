@@ -86,7 +86,7 @@ pub fn terms(
             let term = match () {
                 () if !within.samples[weighed.tap.index()] => continue,
                 () if is_shared => {
-                    Err("the vertex stage runs it too, and it decides where the surface is")
+                    Err("the vertex stage runs it too, where it decides the position")
                 }
                 () if covering(weighed.product) => {
                     Err("it decides a discard, a depth or a coverage")
@@ -374,19 +374,19 @@ impl<'g, 'p> Within<'g, 'p> {
     fn term(&self, weighed: &Weighed) -> Result<Term, &'static str> {
         let reader = weighed.vector.unwrap_or(weighed.product);
         if self.users(weighed.tap) != [User::Expression(reader)] {
-            return Err("it is read elsewhere too, by what makes its weight perhaps");
+            return Err("it has another use, perhaps in its own weight");
         }
         if !self.is_float(weighed.tap) {
-            return Err("it is no number or vector of numbers");
+            return Err("it is not a number or a vector");
         }
         let block = self.block(weighed.product);
         if block.is_none() {
-            return Err("it is evaluated at no statement");
+            return Err("no statement evaluates it");
         }
         if let Some(vector) = weighed.vector
             && self.block(vector) != block
         {
-            return Err("it is computed in another block than its product");
+            return Err("it is computed in another block than the product with its weight");
         }
         let mut alone = BTreeSet::new();
         let mut implicit = Vec::new();
@@ -411,7 +411,7 @@ impl<'g, 'p> Within<'g, 'p> {
             }
         }
         if !alone.contains(&weighed.tap) {
-            return Err("it is computed in another block than its product");
+            return Err("it is computed in another block than the product with its weight");
         }
         implicit.extend(alone.iter().copied().filter(|e| self.is_implicit(*e)));
         let samples = alone.iter().any(|e| match self.expression(*e) {
@@ -450,7 +450,7 @@ impl<'g, 'p> Within<'g, 'p> {
             let below = operands::of_expression(self.expression(e)).into_iter();
             work.extend(below.filter(|o| self.samples[o.index()]));
         }
-        "what is sampled for it is read elsewhere too"
+        "its sample has another use"
     }
 
     fn is_float(&self, e: Handle<Expression>) -> bool {
@@ -516,14 +516,14 @@ impl<'g, 'p> Within<'g, 'p> {
                 gather,
                 ..
             } => match (gather, level) {
-                (None, SampleLevel::Bias(_)) => Err("it is sampled with a bias of its level"),
+                (None, SampleLevel::Bias(_)) => Err("it is sampled with a level bias"),
                 (None, SampleLevel::Auto) => match self.f.ty(module, *image) {
                     TypeInner::Image {
                         dim: ImageDimension::D2 | ImageDimension::D3 | ImageDimension::Cube,
                         class: ImageClass::Sampled { .. },
                         ..
                     } if depth_ref.is_none() => Ok(()),
-                    _ => Err("there is no sample of its kind with gradients"),
+                    _ => Err("its texture type cannot be sampled with gradients"),
                 },
                 _ => Ok(()),
             },
@@ -533,7 +533,7 @@ impl<'g, 'p> Within<'g, 'p> {
                 Ok(())
             }
             Expression::CallResult(function) => self.call_moves(FunctionId::Function(*function), e),
-            _ => Err("it reads the neighbours in its quad, or memory"),
+            _ => Err("it depends on a derivative or on memory"),
         }
     }
 
@@ -545,14 +545,14 @@ impl<'g, 'p> Within<'g, 'p> {
         let effects = self.graph.effects(callee);
         if effects.contains(&Effect::ImplicitLod) || effects.contains(&Effect::Derivative) {
             return Err(
-                "a function that it calls samples at an implicit level, or takes a derivative, which reads the neighbours in the quad",
+                "a function that it calls samples at an implicit level or computes a derivative",
             );
         }
         if !effects.is_empty() {
-            return Err("a function that it calls does more than compute");
+            return Err("a function that it calls has side effects");
         }
         if self.graph.may_loop(callee) {
-            return Err("a function that it calls has a loop that is not seen to end");
+            return Err("a function that it calls has a loop that may not end");
         }
         let footprint = &self.graph.function(callee).memory.footprint;
         let arguments = self

@@ -8,7 +8,7 @@ use naga::{AddressSpace, Binding, BuiltIn, Handle, Module, ShaderStage};
 use super::fixed::{self, Read};
 use super::refusals;
 use super::split::{self, Outputs, Split};
-use super::{MOST_EDGE_PIXELS, Material, Params, Slots, Tessellate, refuse};
+use super::{DividedMaterial, MOST_EDGE_PIXELS, Params, Slots, Tessellate, refuse};
 use crate::analysis::refusals as shared;
 use crate::core::contract::Contract;
 use crate::core::geometry::{Form, Subdivision};
@@ -21,7 +21,7 @@ use crate::core::reflect;
 /// Storage buffers per stage that every WebGPU device supports.
 const STORAGE_BUFFERS: usize = 8;
 
-impl<'a> Material<'a> {
+impl<'a> DividedMaterial<'a> {
     pub(super) fn examine(
         plan: &'a Plan,
         facts: &Facts,
@@ -40,7 +40,7 @@ impl<'a> Material<'a> {
         let Some((vertex, _)) = program.entry_point(ShaderStage::Vertex, &pass.vertex) else {
             return Err(refuse(
                 &shared::NO_VERTEX_STAGE,
-                "the plan names a vertex stage that its program has not",
+                "the plan names a vertex stage that its program does not have",
                 "start from the original plan",
             ));
         };
@@ -48,8 +48,8 @@ impl<'a> Material<'a> {
         let Some(split) = split::split(module, vertex) else {
             return Err(refuse(
                 &refusals::NOT_SPLIT,
-                "the vertex stage is not the one that hoist built",
-                "tessellate straight after hoist",
+                "`hoist` did not build this vertex stage",
+                "put `tessellate` directly after `hoist`",
             ));
         };
         Self::check_author(program, split.author)?;
@@ -58,15 +58,15 @@ impl<'a> Material<'a> {
         let outputs = Outputs::of(module, split.given).map_err(|(name, why)| {
             refuse(
                 &refusals::VARYING,
-                format!("the varying `{name}` cannot be had at a new vertex: {why}"),
-                "make it a perspective-correct f32, or flat",
+                format!("the varying `{name}` cannot be computed at a new vertex: {why}"),
+                "declare it as a perspective-correct f32, or as flat",
             )
         })?;
         if params.form.is_indexed() && outputs.has_flat() {
             return Err(refuse(
                 &refusals::FLAT_SHARED,
-                "a flat varying differs between the triangles around a vertex, which would share it",
-                "take form=pulled",
+                "a flat varying differs between the triangles that would share a vertex",
+                "use form=pulled",
             ));
         }
         Self::check_buffers(pass, params)?;
@@ -95,8 +95,8 @@ impl<'a> Material<'a> {
         if !(1..=MAX_LEVEL).contains(&params.level) {
             return Err(refuse(
                 &refusals::LEVEL,
-                format!("{} is no level of tessellation", params.level),
-                "give a level of 1 to 64",
+                format!("{} is not a tessellation level", params.level),
+                "set a level of 1 to 64",
             ));
         }
         if params
@@ -106,14 +106,14 @@ impl<'a> Material<'a> {
             return Err(refuse(
                 &refusals::EDGE_PIXELS,
                 "a segment is 1 to 256 pixels long",
-                "give edge-pixels=8, say",
+                "set edge-pixels=8, for example",
             ));
         }
         if params.edge_pixels.is_some() && params.form != Form::Pulled {
             return Err(refuse(
                 &refusals::ADAPTIVE_FORM,
-                "the vertices of a mesh that is made once cannot follow the camera",
-                "take form=pulled",
+                "edge-pixels follows the camera, and this form makes the vertices once",
+                "use form=pulled",
             ));
         }
         Ok(())
@@ -125,29 +125,29 @@ impl<'a> Material<'a> {
         let Some(hoist) = hoist else {
             return Err(refuse(
                 &refusals::NOT_HOISTED,
-                "nothing was moved to the vertices: more of them would change nothing but the time",
+                "`hoist` moved nothing to the vertices, so more vertices would only cost time",
                 "put hoist:budget=0.01 before it in the recipe",
             ));
         };
         if !matches!(hoist.contract, Contract::Approximate { .. }) {
             return Err(refuse(
                 &refusals::NOTHING_BENDS,
-                "all that was hoisted interpolates to what it was: more vertices would change nothing but the time",
-                "give hoist a budget, so that it moves what bends",
+                "every hoisted value is linear over a triangle, so more vertices would only cost time",
+                "give `hoist` a budget, so that it moves nonlinear values too",
             ));
         }
         if plan.passes.len() > 1 {
             return Err(refuse(
                 &shared::HAS_PREPASS,
-                "another pass of the plan draws the same surface, undivided",
-                "tessellate first, then add the pre-pass: it is then divided alike",
+                "another pass of the plan draws the same surface without dividing it",
+                "apply `tessellate` first, then the pre-pass, which then divides triangles the same way",
             ));
         }
         if !pass.geometry.is_as_given() || !plan.compute.is_empty() {
             return Err(refuse(
                 &shared::NOT_FIRST,
-                "its triangles are divided already, and its vertex stage makes vertices of new ones",
-                "tessellate once, at the level that is wanted",
+                "an earlier `tessellate` already divides these triangles",
+                "apply `tessellate` once, with the level that you want",
             ));
         }
         if !pass.primitive.topology.is_triangles() {
@@ -172,8 +172,8 @@ impl<'a> Material<'a> {
         let (compute, entry, _) = built.map_err(|why| match why.as_str() {
             fixed::NO_CORNERS => refuse(
                 &refusals::NO_ATTRIBUTES,
-                "what was hoisted reads no vertex buffer (its vertices are made from their index), which work at load does not follow",
-                "take form=shared",
+                "the hoisted values read no vertex buffer (vertices are computed from their index), which form=static does not support",
+                "use form=shared",
             ),
             _ => Box::new(Refusal::bug(Tessellate::INFO.name, why)),
         })?;
@@ -189,7 +189,7 @@ impl<'a> Material<'a> {
             let known: Vec<&str> = known.iter().map(String::as_str).collect();
             return Err(refuse(
                 &refusals::UNKNOWN_FIXED,
-                format!("`fixed` names `{unknown}`, and the program has no such variable"),
+                format!("`fixed` names `{unknown}`, which is not a variable of the program"),
                 &format!("name some of: {}", known.join(", ")),
             ));
         }
@@ -213,10 +213,10 @@ impl<'a> Material<'a> {
             return Err(refuse(
                 &refusals::CHANGES,
                 format!(
-                    "what was hoisted reads {}, and the scene shows that changing from frame to frame: it cannot be computed once at load",
+                    "the hoisted values read {}, which changes between the frames of the scene, so they cannot be computed once at load",
                     quoted(&changing)
                 ),
-                "take form=shared; or give it a value of its own in the scene (`values`), if the host never changes it",
+                "use form=shared; or set its value in the scene (`values`), if the host never changes it",
             ));
         }
         let unknown: Vec<&Read> = reads.iter().filter(|r| !is_promised(r)).collect();
@@ -225,10 +225,10 @@ impl<'a> Material<'a> {
             return Err(refuse(
                 &refusals::MAY_CHANGE,
                 format!(
-                    "what was hoisted reads {}, and without a scene it is not known whether that changes from frame to frame",
+                    "the hoisted values read {}, and without a scene preshade cannot know whether it changes between frames",
                     quoted(&unknown)
                 ),
-                &format!("where none of it does, say fixed={}", names.join("+")),
+                &format!("if none of them changes, set fixed={}", names.join("+")),
             ));
         }
         Ok(reads.iter().map(ToString::to_string).collect())
@@ -270,10 +270,10 @@ impl<'a> Material<'a> {
             return Err(refuse(
                 &shared::HALF_ATTRIBUTE,
                 format!(
-                    "the attribute `{}` is of half precision, which is not decoded here",
+                    "the attribute `{}` is f16, which preshade does not decode from a buffer",
                     attribute.name
                 ),
-                "declare it f32: the vertex buffer's format may stay",
+                "declare it f32; the vertex buffer may keep its format",
             ));
         }
         let known = [BuiltIn::VertexIndex, BuiltIn::InstanceIndex];
@@ -283,7 +283,7 @@ impl<'a> Material<'a> {
             {
                 return Err(refuse(
                     &shared::VERTEX_BUILTIN,
-                    format!("the vertex stage reads {b:?}, which a new vertex has not"),
+                    format!("the vertex stage reads {b:?}, which a new vertex does not have"),
                     "leave it out",
                 ));
             }
@@ -308,9 +308,9 @@ impl<'a> Material<'a> {
         Err(refuse(
             &refusals::STORAGE_BUFFERS,
             format!(
-                "its {stage} stage would read {count} storage buffers, and WebGPU promises {STORAGE_BUFFERS} (maxStorageBuffersPerShaderStage)"
+                "its {stage} stage would read {count} storage buffers, and WebGPU guarantees {STORAGE_BUFFERS} (maxStorageBuffersPerShaderStage)"
             ),
-            "pack attributes into fewer",
+            "pack attributes into fewer buffers",
         ))
     }
 
@@ -327,7 +327,7 @@ impl<'a> Material<'a> {
             {
                 return Err(refuse(
                     &refusals::KNOWS_TRIANGLES,
-                    "the fragment stage reads the index of its triangle, or its place in it: both would be the small ones'",
+                    "the fragment stage reads a triangle index or barycentric coordinates, which dividing the triangle changes",
                     "pass them as varyings",
                 ));
             }

@@ -79,15 +79,15 @@ pub fn native(plan: &Plan) -> Result<Native, Box<Refusal>> {
     if !plan.steps.iter().any(is_hoist) {
         return Err(refuse(
             &refusals::NOT_HOISTED,
-            "nothing was moved to the vertices, so that more of them would change nothing",
-            "hoist first",
+            "`hoist` moved nothing to the vertices, so more vertices would only cost time",
+            "apply `hoist` first",
         ));
     }
     if !plan.steps.last().is_some_and(is_hoist) {
         return Err(refuse(
             &refusals::NOT_LAST,
-            "another pass came behind hoist, and these stages are made of the vertex stage that hoist built",
-            "hoist last: the stages divide the triangles themselves, at a level of the host's choice",
+            "tessellation stages are made from the vertex stage that `hoist` built, and a later pass replaced it",
+            "put `hoist` last: the stages divide triangles themselves, at a level that the host chooses",
         ));
     }
     let found = match (&plan.passes[..], &plan.compute[..]) {
@@ -97,14 +97,14 @@ pub fn native(plan: &Plan) -> Result<Native, Box<Refusal>> {
     let Some((pass, program)) = found else {
         return Err(refuse(
             &refusals::HAS_PASSES,
-            "the plan has other passes than the main one, and they would draw the surface undivided",
-            "hoist alone",
+            "the plan has other passes than the main one, and they would not divide the surface",
+            "use `hoist` alone",
         ));
     };
     if pass.primitive.topology != Topology::TriangleList {
         return Err(refuse(
             &shared::TOPOLOGY,
-            "a patch is three vertices of a list of triangles",
+            "a patch consists of three vertices of a triangle list",
             "draw a triangle list",
         ));
     }
@@ -114,15 +114,15 @@ pub fn native(plan: &Plan) -> Result<Native, Box<Refusal>> {
     let Some((entry, split)) = split else {
         return Err(refuse(
             &refusals::NOT_SPLIT,
-            "the vertex stage is not the one that hoist built",
-            "hoist last",
+            "`hoist` did not build this vertex stage",
+            "put `hoist` last",
         ));
     };
     let outputs = Outputs::of(module, split.given).map_err(|(name, why)| {
         refuse(
             &refusals::VARYING,
-            format!("the varying `{name}` cannot be had at a new vertex: {why}"),
-            "make it a perspective-correct f32, or flat",
+            format!("the varying `{name}` cannot be computed at a new vertex: {why}"),
+            "declare it as a perspective-correct f32, or as flat",
         )
     })?;
     let build = || {

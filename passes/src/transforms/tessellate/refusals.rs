@@ -6,28 +6,28 @@ refusals! {
     ADAPTIVE_FORM = "adaptive-form":
         "`tessellate` with `edge-pixels` follows the camera, and the vertices of `form=shared` or \
          `form=static` are made for all cameras.",
-        "Take `form=pulled`.";
+        "Use `form=pulled`.";
     CHANGES = "changes":
         "`tessellate:form=static` computes at load what does not change, and the scene shows that \
-         something it reads does.",
-        "Take `form=shared`.";
+         one of its inputs does.",
+        "Use `form=shared`.";
     EDGE_PIXELS = "edge-pixels":
         "A segment is 1 to 256 pixels long.",
         "Give a length in that range: `edge-pixels=8`, say.";
     FLAT_SHARED = "flat-shared":
         "`tessellate:form=shared` makes one vertex for all triangles around it, and a flat \
          varying differs between them.",
-        "Take `form=pulled`.";
+        "Use `form=pulled`.";
     HAS_PASSES = "has-passes":
         "Tessellation stages are written for a plan whose only pass is the main one: any other \
-         would draw the surface undivided.",
-        "Hoist alone.";
+         would not divide the surface.",
+        "Use `hoist` alone.";
     KNOWS_TRIANGLES = "knows-triangles":
-        "The fragment stage reads the index of its triangle, or its place in it, which would be a \
-         small triangle's after dividing.",
+        "The fragment stage reads a triangle index or barycentric coordinates, which dividing the \
+         triangle changes.",
         "Pass them as varyings.";
     LEVEL = "level":
-        "A level of tessellation is 1 to 64.",
+        "A tessellation level is 1 to 64.",
         "Give a level in that range.";
     MAY_CHANGE = "may-change":
         "`tessellate:form=static` computes at load. Without a scene we don't know whether its \
@@ -36,20 +36,19 @@ refusals! {
     NO_ATTRIBUTES = "no-attributes":
         "`tessellate:form=static` follows vertex buffers, and this material's vertices are made \
          from their index.",
-        "Take `form=shared`.";
+        "Use `form=shared`.";
     NOT_HOISTED = "not-hoisted":
-        "Nothing was moved to the vertices, so more of them would change nothing but the time.",
+        "`hoist` moved nothing to the vertices, so more vertices would only cost time.",
         "Put `hoist:budget=0.01` before `tessellate`.";
     NOT_LAST = "not-last":
-        "Tessellation stages are made of the vertex stage that `hoist` built, and another pass \
-         came behind it.",
-        "Hoist last.";
+        "Tessellation stages are made from the vertex stage that `hoist` built, and a later pass \
+         replaced it.",
+        "Put `hoist` last.";
     NOT_SPLIT = "not-split":
-        "`tessellate` divides the vertex stage that `hoist` built, and this is not one.",
+        "`tessellate` needs the vertex stage that `hoist` built, and this is another one.",
         "Apply `tessellate` directly after `hoist`.";
     NOTHING_BENDS = "nothing-bends":
-        "All that was hoisted interpolates to what it was, so that more vertices would change \
-         nothing but the time.",
+        "Every hoisted value is linear over a triangle, so more vertices would only cost time.",
         "Give `hoist` a budget.";
     STORAGE_BUFFERS = "storage-buffers":
         "A stage would read more storage buffers than WebGPU guarantees.",
@@ -58,8 +57,8 @@ refusals! {
         "`fixed=` names a variable that the shader does not have.",
         "Name one of the shader's variables; the message lists them.";
     VARYING = "varying":
-        "A varying cannot be had at a new vertex.",
-        "Make it a perspective-correct `f32`, or flat.";
+        "A varying cannot be computed at a new vertex.",
+        "Declare it as a perspective-correct `f32`, or as flat.";
     VERTEX_STORES = "vertex-stores":
         "The vertex stage writes memory, and it would run more often than the material has \
          vertices.",

@@ -202,7 +202,7 @@ impl Outputs {
                 TypeInner::Scalar(_) => 1,
                 TypeInner::Vector { size, .. } => *size as u8,
                 _ => {
-                    return Err((name(), "an array cannot be interpolated here"));
+                    return Err((name(), "it is an array"));
                 }
             };
             carried.push(match &member.binding {
@@ -220,14 +220,14 @@ impl Outputs {
                 }) => {
                     return Err((
                         name(),
-                        "it is interpolated linearly on the screen, which a point behind the viewer has no place on",
+                        "it has linear interpolation on the screen, which is undefined behind the viewer",
                     ));
                 }
                 Some(Binding::Location { .. }) if float.is_some_and(|s| s.width == 4) => {
                     Carried::Blended(width)
                 }
                 Some(Binding::Location { .. }) if float.is_none() => Carried::Flat,
-                _ => return Err((name(), "only 32-bit numbers are interpolated here")),
+                _ => return Err((name(), "it does not consist of 32-bit numbers")),
             });
         }
         Ok(Self {

@@ -11,7 +11,7 @@ use super::lists::{self, Lists};
 use super::parts::parts;
 use super::resolve::{self, Built, Keeps, Resolve, Runs};
 use super::text::{self, Slots};
-use super::{DRAWS, IDS, Ids, Material, Params, Select, VisibilityBuffer, legal, refuse};
+use super::{DRAWS, IDS, Ids, Params, Select, SplitMaterial, VisibilityBuffer, legal, refuse};
 use crate::core::geometry::Geometry;
 use crate::core::pass::{Pass, Refusal};
 use crate::core::plan::{
@@ -26,7 +26,7 @@ use crate::core::state::{
 use crate::rebuild::place;
 use crate::rebuild::snippet::Linked;
 
-impl Material<'_> {
+impl SplitMaterial<'_> {
     /// Adds the id pass.
     pub(super) fn ids(&self, plan: &mut Plan, params: &Params, slots: Slots) -> Result<(), String> {
         let opaque = &self.opaque;

@@ -7,12 +7,12 @@
 //! values, do not matter.
 
 use naga::{
-    Binding, BuiltIn, DerivativeControl, Expression, Handle, ImageDimension, MathFunction,
-    ResourceBinding, SampleLevel, Span, SwizzleComponent, TypeInner,
+    Binding, BuiltIn, DerivativeControl, Expression, Handle, ImageDimension, ResourceBinding,
+    SampleLevel, Span, SwizzleComponent, TypeInner,
 };
 
 use super::steep;
-use crate::analysis::discontinuity::operation;
+use crate::analysis::operations;
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
 use crate::core::reflect::Io;
 
@@ -20,7 +20,7 @@ use crate::core::reflect::Io;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Reached {
     /// The first operation with a discontinuity, and its place.
-    pub discontinuity: Option<(String, Span)>,
+    pub discontinuity: Option<(&'static str, Span)>,
     /// The first operation with an unbounded slope, and its place.
     pub steep: Option<(&'static str, Span)>,
     /// Samples whose coordinates or level have rounding differences. They are continuous if their
@@ -79,7 +79,7 @@ pub fn reached(values: &Values<'_, '_>) -> Reached {
     let mut is_rounded = vec![false; values.values.len()];
     let mut work: Vec<ValueId> = Vec::new();
     let is_position = |id: ValueId| match values.values[id].node {
-        Node::Input(input) => matches!(inputs.get(input).map(kind), Some(Kind::Position)),
+        Node::Input(input) => matches!(inputs.get(input).map(kind), Some(InputKind::Position)),
         _ => false,
     };
     for (id, value) in values.values.iter().enumerate() {
@@ -87,8 +87,8 @@ pub fn reached(values: &Values<'_, '_>) -> Reached {
             continue;
         };
         match inputs.get(input).map(kind) {
-            Some(Kind::Interpolated | Kind::Position) => work.push(id),
-            Some(Kind::Same) | None => {}
+            Some(InputKind::Interpolated | InputKind::Position) => work.push(id),
+            Some(InputKind::Same) | None => {}
         }
     }
     let all = 0..values.values.len();
@@ -115,7 +115,9 @@ pub fn reached(values: &Values<'_, '_>) -> Reached {
             samples: implicit().any(|s| !s.is_cube),
             cubes: cube.is_some(),
         },
-        interpolated: inputs.iter().any(|i| matches!(kind(i), Kind::Interpolated)),
+        interpolated: inputs
+            .iter()
+            .any(|i| matches!(kind(i), InputKind::Interpolated)),
         biased: samples
             .iter()
             .find(|s| matches!(s.level, SampleLevel::Bias(_)))
@@ -160,7 +162,7 @@ pub fn reached(values: &Values<'_, '_>) -> Reached {
     out
 }
 
-enum Kind {
+enum InputKind {
     Interpolated,
     /// Its x and y are the pixel's.
     Position,
@@ -168,15 +170,15 @@ enum Kind {
     Same,
 }
 
-fn kind(input: &Io) -> Kind {
+fn kind(input: &Io) -> InputKind {
     match &input.binding {
         Some(Binding::Location {
             interpolation: Some(naga::Interpolation::Flat),
             ..
-        }) => Kind::Same,
-        Some(Binding::Location { .. }) => Kind::Interpolated,
-        Some(Binding::BuiltIn(BuiltIn::Position { .. })) => Kind::Position,
-        _ => Kind::Same,
+        }) => InputKind::Same,
+        Some(Binding::Location { .. }) => InputKind::Interpolated,
+        Some(Binding::BuiltIn(BuiltIn::Position { .. })) => InputKind::Position,
+        _ => InputKind::Same,
     }
 }
 
@@ -262,7 +264,7 @@ fn is_place(expression: &Expression) -> bool {
 
 /// The name of an operation that turns a rounding difference of an operand into an arbitrary
 /// difference.
-fn discontinuity(expression: &Expression) -> Option<String> {
+fn discontinuity(expression: &Expression) -> Option<&'static str> {
     match expression {
         // Conversions of rounded numbers. Integers have no rounding, unless a conversion already
         // had the discontinuity.
@@ -270,21 +272,8 @@ fn discontinuity(expression: &Expression) -> Option<String> {
             kind: naga::ScalarKind::Float,
             ..
         } => None,
-        Expression::ImageSample {
-            gather: Some(_), ..
-        } => Some("a gathered texel".to_owned()),
-        Expression::ImageSample {
-            depth_ref: Some(_), ..
-        } => Some("a depth comparison".to_owned()),
-        Expression::Math {
-            fun:
-                MathFunction::Pack4x8snorm
-                | MathFunction::Pack4x8unorm
-                | MathFunction::Pack2x16snorm
-                | MathFunction::Pack2x16unorm
-                | MathFunction::Pack2x16float,
-            ..
-        } => Some("packing".to_owned()),
-        _ => operation(expression).map(str::to_owned),
+        _ => operations::discontinuity(expression)
+            .or_else(|| operations::of_sample(expression))
+            .map(|d| d.name),
     }
 }

@@ -84,12 +84,12 @@ impl Failed {
 pub fn remedy(info: &RefusalInfo) -> &'static str {
     match info.code {
         "gradient-in-loop" => {
-            "take the derivative ahead of the loop, and sample with gradients or a level of your own in it"
+            "compute the derivative before the loop; within it, sample with explicit gradients or an explicit level"
         }
         "no-gradient-form" => {
-            "compare with textureSampleCompareLevel, which takes level 0; else sample a level of your own"
+            "use textureSampleCompareLevel, which samples level 0, or sample an explicit level"
         }
-        "gradient-of-gradient" => "sample with gradients or a level of your own",
+        "gradient-of-gradient" => "sample with explicit gradients or an explicit level",
         _ => "leave it as it is",
     }
 }
@@ -342,14 +342,15 @@ fn sites(values: &Values<'_, '_>, like: &Rasterizer) -> Result<Sites, Failed> {
         {
             return Err(Failed::Refused(
                 &refusals::NO_GRADIENT_FORM,
-                "a sample takes its level of detail from its neighbours, and its texture has no sampling with gradients".to_owned(),
+                "a texture is sampled at an implicit level of detail, and its type cannot be sampled with gradients".to_owned(),
                 span,
             ));
         }
         if repeats(values, context, e) {
             return Err(Failed::Refused(
                 &refusals::GRADIENT_IN_LOOP,
-                "a derivative is taken within a loop: each turn's would be another".to_owned(),
+                "a derivative is computed within a loop, and it may differ in each iteration"
+                    .to_owned(),
                 span,
             ));
         }
@@ -385,7 +386,7 @@ fn sites(values: &Values<'_, '_>, like: &Rasterizer) -> Result<Sites, Failed> {
     } else if !all.is_empty() {
         return Err(Failed::Refused(
             &refusals::CIRCULAR_GRADIENT,
-            "a derivative rests on itself".to_owned(),
+            "a derivative depends on itself".to_owned(),
             Span::UNDEFINED,
         ));
     }
@@ -547,7 +548,7 @@ impl Round {
         });
         Failed::Refused(
             &refusals::GRADIENT_OF_GRADIENT,
-            "a derivative, or the level of detail of a sample, is taken of what rests on a derivative: the neighbours' own are not at hand".to_owned(),
+            "a derivative, or an implicit level of detail, depends on another derivative, and that of the neighbours is not available".to_owned(),
             span.unwrap_or(Span::UNDEFINED),
         )
     }

@@ -48,14 +48,14 @@ pub enum Triangles<'a> {
 }
 
 /// An entry point as a function, with its inputs and outputs.
-struct Stage {
+struct IdStage {
     function: Handle<Function>,
     arguments: Vec<FunctionArgument>,
     result: Option<FunctionResult>,
     outputs: Vec<Io>,
 }
 
-impl Stage {
+impl IdStage {
     /// Converts the named entry point to a function.
     fn take(module: &mut Module, stage: ShaderStage, name: &str) -> Option<Self> {
         let at = module
@@ -135,9 +135,10 @@ pub fn add(
     let id_of = ours(&by_name, "visible_id_of")?;
     let written = ours(&by_name, "visible_written")?;
     let word = word(&mut module);
-    let vertex = Stage::take(&mut module, ShaderStage::Vertex, vertex)
+    let vertex = IdStage::take(&mut module, ShaderStage::Vertex, vertex)
         .ok_or("there is no depth-only vertex stage")?;
-    let fragment = fragment.and_then(|name| Stage::take(&mut module, ShaderStage::Fragment, name));
+    let fragment =
+        fragment.and_then(|name| IdStage::take(&mut module, ShaderStage::Fragment, name));
     let (id_type, pulled) = match triangles {
         Triangles::PrimitiveIndex => (word, None),
         Triangles::Unindexed(attributes, _) => {
@@ -269,7 +270,7 @@ fn free_location(outputs: &[Io]) -> u32 {
 /// The vertex stage's outputs followed by the id.
 fn vertex_result(
     module: &mut Module,
-    vertex: &Stage,
+    vertex: &IdStage,
     id_type: Handle<Type>,
     flat: &Binding,
 ) -> Handle<Type> {
@@ -320,7 +321,7 @@ pub fn new_entry(
 /// Discards and writes depth as the author does, and writes the id.
 fn fragment_entry(
     mut module: Module,
-    decides: Option<&Stage>,
+    decides: Option<&IdStage>,
     (id_type, flat): (Handle<Type>, &Binding),
     (word, written): (Handle<Type>, Handle<Function>),
     facing: Facing,

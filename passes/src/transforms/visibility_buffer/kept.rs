@@ -30,7 +30,7 @@ pub const WORKGROUP: u32 = 64;
 
 /// The layout of a vertex in the buffer.
 #[derive(Clone, Debug)]
-pub struct Kept {
+pub struct KeptVertices {
     /// Type, components and first word of each output.
     members: Vec<(Handle<Type>, u8, u32)>,
     /// Words per vertex.
@@ -46,7 +46,7 @@ pub enum Access {
     Load,
 }
 
-impl Kept {
+impl KeptVertices {
     /// The layout of these outputs.
     ///
     /// # Errors

@@ -23,21 +23,21 @@ pub fn state(plan: &Plan, pass: &GpuPass) -> Vec<Refusal> {
     if pass.primitive.topology != Topology::TriangleList {
         refusals.push(refuse(
             &shared::TOPOLOGY,
-            "only lists of triangles have ids here (a strip's restarts are not followed)",
+            "only a triangle list has triangle ids here: strips are not supported",
             "draw a triangle list",
         ));
     }
     if pass.multisample.count > 1 {
         refusals.push(refuse(
             &refusals::MULTISAMPLED,
-            "a pixel of several samples shows several triangles, and would be shaded for one of them",
-            "draw it with one sample a pixel",
+            "a multisampled pixel may show several triangles, and the resolve would shade only one",
+            "draw it with one sample per pixel",
         ));
     }
     if !pass.geometry.is_as_given() {
         refusals.push(refuse(
             &refusals::SUBDIVIDED,
-            "the triangles are subdivided ones, whose corners are not the author's vertices",
+            "`tessellate` divided the triangles, so their corners are not vertices of the mesh",
             "leave tessellate out of the recipe",
         ));
     }
@@ -64,27 +64,28 @@ pub fn rounding(
     samplers: &[SamplerState],
     sources: &SourceMap,
 ) -> Option<Refusal> {
-    const MEASURE: &str = "give budget=0.02, say, and let `verify` measure it";
+    const MEASURE: &str = "set budget=0.02, for example, and let `verify` measure the difference";
     if let Some((operation, span)) = &reached.discontinuity {
         let reason = format!(
-            "what is interpolated reaches {operation}, which may make any difference of a last bit, and a resolve's last bits are not a rasteriser's"
+            "an interpolated value reaches {operation}, which has a discontinuity: resolve and rasteriser round differently, so a pixel may change by any amount"
         );
         return Some(refuse(&refusals::DISCONTINUOUS, reason, MEASURE).at(sources, *span));
     }
     if let Some((operation, span)) = &reached.steep {
         let reason = format!(
-            "what is interpolated reaches {operation}, whose slope has no bound where that comes to its end: it makes steps of the last bits in which a resolve and a rasteriser differ"
+            "an interpolated value reaches {operation}, whose slope is unbounded at the end of its domain: resolve and rasteriser round differently, and there the difference becomes visible"
         );
-        let remedy = format!("{MEASURE}, or keep the operand away from there (`max(.., 0.001)`)");
+        let remedy =
+            format!("{MEASURE}, or keep the operand away from that end (`max(.., 0.001)`)");
         return Some(refuse(&refusals::STEEP, reason, &remedy).at(sources, *span));
     }
-    let own_level = format!("{MEASURE}, or sample with gradients or a level of your own");
+    let own_level = format!("{MEASURE}, or sample with explicit gradients or an explicit level");
     if let Some(span) = reached.biased {
-        let reason = "a sample's level has a bias, which a resolve makes of scaled gradients: levels round differently, by more than the promise of rounding allows";
+        let reason = "a texture sample has a level bias, and the resolve scales gradients instead: its levels differ by more than a rounding contract allows";
         return Some(refuse(&refusals::BIASED_SAMPLE, reason, &own_level).at(sources, span));
     }
     if let Some(span) = reached.cube {
-        let reason = "a cube is sampled at an implicit level, which adapters make of gradients of their own, and not as of gradients that are given";
+        let reason = "a cube texture is sampled at an implicit level, and adapters treat explicit gradients of a cube differently";
         return Some(refuse(&refusals::CUBE_SAMPLE, reason, &own_level).at(sources, span));
     }
     reached.samples.iter().find_map(|sample| {
@@ -97,13 +98,13 @@ pub fn rounding(
         let refusal = candidates.find_map(|state| match (state.filtered, state.anisotropy) {
             (false, _) => Some(refuse(
                 &refusals::NEAREST_SAMPLE,
-                "a nearest sampler of the scene reads where interpolated values or gradients say: between two texels, or two levels, it jumps",
+                "the scene sets `nearest` for a sampler: where coordinates or gradients round differently, it picks another texel or level",
                 MEASURE,
             )),
             (true, 2..) if sample.by_gradients => Some(refuse(
                 &refusals::ANISOTROPIC_SAMPLE,
                 format!(
-                    "the scene samples with an anisotropy of {}: how many texels that takes, and along which line, jumps with the last bits of the gradients",
+                    "the scene sets an anisotropy of {}: where gradients round differently, the sampler takes another number of texels, or others",
                     state.anisotropy
                 ),
                 MEASURE,
@@ -132,7 +133,7 @@ pub fn vertex(opaque: &Opaque<'_>) -> Vec<Refusal> {
         {
             refusals.push(refuse(
                 &shared::VERTEX_BUILTIN,
-                format!("the vertex stage reads {b:?}, which a resolve pass has not"),
+                format!("the vertex stage reads {b:?}, which a resolve pass does not have"),
                 "leave it out",
             ));
         }
@@ -141,10 +142,10 @@ pub fn vertex(opaque: &Opaque<'_>) -> Vec<Refusal> {
         refusals.push(refuse(
             &shared::HALF_ATTRIBUTE,
             format!(
-                "the attribute `{}` is of half precision, which is not decoded here",
+                "the attribute `{}` is f16, which preshade does not decode from a buffer",
                 attribute.name
             ),
-            "declare it f32: the vertex buffer's format may stay",
+            "declare it f32; the vertex buffer may keep its format",
         ));
     }
     refusals
@@ -168,15 +169,13 @@ pub fn fragment(opaque: &Opaque<'_>, colors: &Slice) -> Vec<Refusal> {
             )) => {}
             Some(Binding::BuiltIn(b)) => refusals.push(refuse(
                 &refusals::FRAGMENT_BUILTIN,
-                format!("the fragment stage reads {b:?}, which is not reconstructed"),
+                format!("the fragment stage reads {b:?}, which the resolve does not reconstruct"),
                 "leave it out",
             )),
             Some(Binding::Location { .. }) if half => refusals.push(refuse(
                 &refusals::HALF_VARYING,
-                format!(
-                    "the varying `{name}` is of half precision, which is not interpolated here"
-                ),
-                "make it f32",
+                format!("the varying `{name}` is f16, which the resolve does not interpolate"),
+                "declare it f32",
             )),
             _ => {}
         }
@@ -186,8 +185,8 @@ pub fn fragment(opaque: &Opaque<'_>, colors: &Slice) -> Vec<Refusal> {
     if reads_position && opaque.depth.bias != DepthBias::default() {
         refusals.push(refuse(
             &shared::BIASED_POSITION,
-            "the fragment stage reads the position, whose depth has the material's bias on some graphics interfaces and not on others",
-            "leave the bias out, or pass what is needed of the position as a varying",
+            "the fragment stage reads the position, whose depth includes the depth bias on some graphics APIs and not on others",
+            "remove the bias, or pass the part of the position that is needed as a varying",
         ));
     }
     refusals.extend(kept_state(
@@ -324,17 +323,17 @@ pub fn stored(pass: &GpuPass) -> Result<Vec<Stored>, Box<Refusal>> {
                 return Err(Box::new(refuse(
                     &refusals::TARGET_FORMAT,
                     format!(
-                        "colour target {location} is {}: WebGPU does not promise it as a storage texture",
+                        "colour target {location} is {}, which WebGPU does not guarantee as a storage texture",
                         target.format
                     ),
-                    "take form=fragment",
+                    "use form=fragment",
                 )));
             };
             if target.write_mask != 0b1111 {
                 return Err(Box::new(refuse(
                     &refusals::WRITE_MASK,
-                    format!("colour target {location} is written in part, and a storage texture is written whole"),
-                    "take form=fragment",
+                    format!("colour target {location} has a write mask, and a storage texture is written whole"),
+                    "use form=fragment",
                 )));
             }
             Ok(Stored {

@@ -15,7 +15,7 @@
 use naga::ShaderStage;
 
 use super::text::{self, Slots};
-use super::{Form, IDS, Params, Select, Words};
+use super::{IDS, Params, Select, ShadingForm, Words};
 use crate::core::geometry::{Formats, Geometry};
 use crate::core::plan::{
     BindingKind, BindingSource, BindingUse, ComputePass, Draws, FrameBuffer, FrameWords,
@@ -47,10 +47,12 @@ const SCANNED: u32 = 256;
 impl Lists {
     pub fn of(params: &Params) -> Self {
         match (params.form, params.select()) {
-            (Form::Binned, _) => Self::Bins,
-            (Form::Fragment, Select::Tiles) => Self::Quads,
-            (Form::Compute, Select::Tiles) => Self::Groups,
-            (Form::Fragment | Form::Compute, Select::Depth | Select::Id) => Self::None,
+            (ShadingForm::Binned, _) => Self::Bins,
+            (ShadingForm::Fragment, Select::Tiles) => Self::Quads,
+            (ShadingForm::Compute, Select::Tiles) => Self::Groups,
+            (ShadingForm::Fragment | ShadingForm::Compute, Select::Depth | Select::Id) => {
+                Self::None
+            }
         }
     }
 

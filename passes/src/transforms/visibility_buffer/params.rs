@@ -67,7 +67,7 @@ pub enum Select {
 /// Where pixels are shaded.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
-pub enum Form {
+pub enum ShadingForm {
     /// In the fragment stage of a full-screen pass.
     #[default]
     Fragment,
@@ -90,79 +90,91 @@ pub enum Vertices {
     Kept,
 }
 
-/// Parameters.
+/// Parameters. A user decides the first four. The others are for tests, for devices without a
+/// feature, and to override what was measured of the adapter ([`Facts::rasterizer`]); listings
+/// mention them apart.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Params {
-    /// Where pixels are shaded.
-    pub form: Form,
-    /// How the id pass knows a triangle.
-    pub ids: Ids,
-    /// Words per id.
-    pub words: Words,
-    /// How a draw's resolve skips the pixels of other draws. Default: `depth`, or `id` with
-    /// `form=compute`, which has no depth test. Not with `form=binned`, which lists the draw's own
-    /// pixels.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub select: Option<Select>,
-    /// Allowed storage formats of vertex attributes.
-    pub formats: Formats,
-    /// Where a triangle's corners are when the resolve interpolates. Default: the measured
-    /// behaviour of the adapter, otherwise `held`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub corners: Option<Corners>,
-    /// The neighbours for `dpdx`, `dpdy` and `fwidth`. Default: as measured, otherwise the pixel's
-    /// `own`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub derivatives: Option<Neighbours>,
-    /// The neighbours for `dpdxCoarse`, `dpdyCoarse` and `fwidthCoarse`. Default: as measured,
-    /// otherwise the `quad`'s first pixel's.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub coarse: Option<Neighbours>,
-    /// The neighbours for a texture sample's implicit level, without cubes. Default: as measured,
-    /// otherwise the `quad`'s first pixel's.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub samples: Option<Neighbours>,
-    /// The neighbours for the implicit level of a cube sample. Default: as measured, otherwise the
-    /// `quad`'s first pixel's.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub cubes: Option<Neighbours>,
-    /// The source of the vertex results at a triangle's corners.
-    pub vertices: Vertices,
-    /// Vertex stage of the id pass: the author's whole stage with the id added, or its slice.
-    /// Default: `sliced` if the author's position is `@invariant`, otherwise `same`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub vertex: Option<VertexStage>,
-    /// Whether to add `@invariant` to the id pass's position. Default: `as-written` with
-    /// `vertex=same`, `add` with `vertex=sliced`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub invariant: Option<Invariance>,
     /// Largest allowed difference of a channel (`max_abs`), 0 to 1. Without it the contract is
     /// rounding: a step of 8 bits.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub budget: Option<f64>,
+    /// Where pixels are shaded.
+    pub form: ShadingForm,
+    /// How a draw's resolve skips the pixels of other draws. Default: `depth`, or `id` with
+    /// `form=compute`, which has no depth test. Not with `form=binned`, which lists the draw's own
+    /// pixels.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub select: Option<Select>,
+    /// The source of the vertex results at a triangle's corners.
+    pub vertices: Vertices,
+    /// How the id pass knows a triangle.
+    #[schemars(extend("x-expert" = true))]
+    pub ids: Ids,
+    /// Words per id.
+    #[schemars(extend("x-expert" = true))]
+    pub words: Words,
+    /// Allowed storage formats of vertex attributes.
+    #[schemars(extend("x-expert" = true))]
+    pub formats: Formats,
+    /// Vertex stage of the id pass: the author's whole stage with the id added, or its slice.
+    /// Default: `sliced` if the author's position is `@invariant`, otherwise `same`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-expert" = true))]
+    pub vertex: Option<VertexStage>,
+    /// Whether to add `@invariant` to the id pass's position. Default: `as-written` with
+    /// `vertex=same`, `add` with `vertex=sliced`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-expert" = true))]
+    pub invariant: Option<Invariance>,
+    /// Where a triangle's corners are when the resolve interpolates. Default: the measured
+    /// behaviour of the adapter, otherwise `held`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-expert" = true))]
+    pub corners: Option<Corners>,
+    /// The neighbours for `dpdx`, `dpdy` and `fwidth`. Default: as measured, otherwise the pixel's
+    /// `own`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-expert" = true))]
+    pub derivatives: Option<Neighbours>,
+    /// The neighbours for `dpdxCoarse`, `dpdyCoarse` and `fwidthCoarse`. Default: as measured,
+    /// otherwise the `quad`'s first pixel's.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-expert" = true))]
+    pub coarse: Option<Neighbours>,
+    /// The neighbours for a texture sample's implicit level, without cubes. Default: as measured,
+    /// otherwise the `quad`'s first pixel's.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-expert" = true))]
+    pub samples: Option<Neighbours>,
+    /// The neighbours for the implicit level of a cube sample. Default: as measured, otherwise the
+    /// `quad`'s first pixel's.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-expert" = true))]
+    pub cubes: Option<Neighbours>,
 }
 
 impl Params {
     /// Fills in the open choices from the measured adapter.
     pub(super) fn resolved(&self, facts: &Facts) -> Result<Self, Box<Refusal>> {
         let select = match (self.form, self.select) {
-            (Form::Fragment, select) => Some(select.unwrap_or_default()),
-            (Form::Compute, None) => Some(Select::Id),
-            (Form::Compute, Some(Select::Depth)) => {
+            (ShadingForm::Fragment, select) => Some(select.unwrap_or_default()),
+            (ShadingForm::Compute, None) => Some(Select::Id),
+            (ShadingForm::Compute, Some(Select::Depth)) => {
                 return Err(Box::new(refuse(
                     &refusals::SELECT,
-                    "a compute pass has no depth test to tell draws apart by",
-                    "leave select out, or take select=tiles",
+                    "form=compute has no depth test that could tell draws apart",
+                    "leave select out, or set select=tiles",
                 )));
             }
-            (Form::Compute, select) => select,
-            (Form::Binned, None) => None,
-            (Form::Binned, Some(_)) => {
+            (ShadingForm::Compute, select) => select,
+            (ShadingForm::Binned, None) => None,
+            (ShadingForm::Binned, Some(_)) => {
                 return Err(Box::new(refuse(
                     &refusals::SELECT,
-                    "with form=binned each draw has a list of its own pixels, and nothing is left to select",
+                    "form=binned already lists the pixels of each draw",
                     "leave select out",
                 )));
             }

@@ -16,10 +16,10 @@ use naga::{
 
 use super::gradients::{Explicit, GRADIENTS, Level};
 use super::ids::{Facing, new_entry};
-use super::kept::{Access, Kept};
+use super::kept::{Access, KeptVertices};
 use super::legal::Stored;
 use super::lists::Lists;
-use super::stage::{Shader, Stage, colors};
+use super::stage::{ResolveStage, Shader, colors};
 use super::text::{self, Slots};
 use super::{Select, Vertices, Words};
 use crate::core::geometry::Formats;
@@ -236,7 +236,7 @@ impl Resolve<'_> {
             Vertices::Refetched => None,
             Vertices::Kept => {
                 let given = (author.given, author.is_struct);
-                Some(Kept::of(&module, &author.outputs, given)?)
+                Some(KeptVertices::of(&module, &author.outputs, given)?)
             }
         };
         let (used, keeps) = match &kept {
@@ -277,7 +277,7 @@ impl Resolve<'_> {
             None => corner(module, &name, &called, &fetched(&used, &by_name)?)?,
         };
         let result = result.ok_or("the fragment stage gives no colour")?;
-        let stage = Stage {
+        let stage = ResolveStage {
             corner,
             author: &author,
             shade: &shade,
@@ -344,7 +344,7 @@ fn fetched(
 /// The module with the compute stage that stores vertices.
 fn keep(
     module: &Module,
-    kept: &Kept,
+    kept: &KeptVertices,
     (name, called): (&str, &Author<'_>),
     slots: Slots,
     attributes: &[AttributeUse],

@@ -17,13 +17,13 @@ use crate::core::reflect::Io;
 use crate::rebuild::place::CodeBuilder;
 
 /// An input of the fragment stage.
-type Input = (Handle<Type>, Binding);
+type StageInput = (Handle<Type>, Binding);
 
 /// A function of the fragment stage's inputs.
 pub struct Shader {
     pub function: Handle<Function>,
     /// The types of its arguments, and the inputs for them or their members.
-    arguments: Vec<(Handle<Type>, Vec<Input>)>,
+    arguments: Vec<(Handle<Type>, Vec<StageInput>)>,
 }
 
 impl Shader {
@@ -43,7 +43,7 @@ impl Shader {
         }
     }
 
-    pub fn inputs(&self) -> impl Iterator<Item = &Input> {
+    pub fn inputs(&self) -> impl Iterator<Item = &StageInput> {
         self.arguments.iter().flat_map(|(_, members)| members)
     }
 
@@ -75,7 +75,7 @@ impl Shader {
 }
 
 /// The fragment stage under construction, and its callees.
-pub struct Stage<'a> {
+pub struct ResolveStage<'a> {
     pub corner: Handle<Function>,
     pub author: &'a VertexStage,
     pub shade: &'a Shader,
@@ -132,7 +132,7 @@ struct Triangle {
 
 /// Knowledge about a pixel's place.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Place {
+enum LanePlace {
     /// The triangle covers it.
     Covered,
     Anywhere,
@@ -145,7 +145,7 @@ struct Lane {
     linear: Option<Handle<Expression>>,
 }
 
-impl Stage<'_> {
+impl ResolveStage<'_> {
     fn our(
         &self,
         build: &mut CodeBuilder<'_>,
@@ -240,7 +240,7 @@ impl Stage<'_> {
             pattern: XYZW,
         });
         build.name(pixel, "pixel");
-        let here = self.lane(build, &triangle, pixel, Place::Covered)?;
+        let here = self.lane(build, &triangle, pixel, LanePlace::Covered)?;
         let mut gradients = BTreeMap::new();
         for (level, shader) in self.levels {
             self.differences(build, &triangle, &here, (level, shader), &mut gradients)?;
@@ -305,11 +305,11 @@ impl Stage<'_> {
         build: &mut CodeBuilder<'_>,
         triangle: &Triangle,
         at: Handle<Expression>,
-        place: Place,
+        place: LanePlace,
     ) -> Option<Lane> {
         let [a, b, c] = triangle.positions;
         let mut edges = self.our(build, "visible_edges", vec![at, a, b, c])?;
-        if place == Place::Covered {
+        if place == LanePlace::Covered {
             edges = self.our(build, "visible_covered", vec![edges])?;
         }
         let perspective = self.our(build, "visible_normalised", vec![edges])?;
@@ -409,7 +409,7 @@ impl Stage<'_> {
                 _ => {
                     let [x, y] = [x, y].map(|n| build.literal(Literal::U32(n)));
                     let at = self.our(build, neighbour, vec![here.at, x, y])?;
-                    own = self.lane(build, triangle, at, Place::Anywhere)?;
+                    own = self.lane(build, triangle, at, LanePlace::Anywhere)?;
                     &own
                 }
             };

@@ -9,6 +9,7 @@
 
 use naga::{BinaryOperator, Expression, Handle, MathFunction, UnaryOperator};
 
+use crate::analysis::operations;
 use crate::analysis::range::AllRanges;
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
 use crate::evaluate::interval::Interval;
@@ -16,43 +17,35 @@ use crate::evaluate::interval::Interval;
 /// The first value with an unbounded slope among those computed from rounded values, and a
 /// description.
 pub fn steep(values: &Values<'_, '_>, is_rounded: &[bool]) -> Option<(ValueId, &'static str)> {
-    let all = 0..values.values.len();
-    let mut found = all.filter(|id| is_rounded[*id]).filter_map(|id| {
+    let pole = |id: ValueId, ranges: Option<&AllRanges>| {
         let (context, e) = whole(values, id)?;
-        let Expression::Math { fun, arg, arg1, .. } =
-            &values.function(context).function.expressions[e]
-        else {
+        let expression = &values.function(context).function.expressions[e];
+        let Expression::Math { fun, arg, arg1, .. } = expression else {
             return None;
         };
-        let operand = values.named(context, *arg)?;
-        let differs = || is_difference(values, is_rounded, operand);
-        let (name, may) = match fun {
-            MathFunction::Sqrt => ("the square root of a difference", differs()),
-            MathFunction::InverseSqrt => ("inverseSqrt of a difference", differs()),
-            MathFunction::Pow => ("a power of a difference", differs()),
-            MathFunction::Acos => ("acos", is_rounded[operand]),
-            MathFunction::Asin => ("asin", is_rounded[operand]),
-            _ => return None,
-        };
-        may.then_some((id, name, *fun, operand, (context, *arg1)))
+        let of = |e| ranges.map_or(Interval::ANYTHING, |r| r.operand(values, context, e));
+        let operands = [
+            of(*arg),
+            arg1.map_or(Interval::ANYTHING, of),
+            Interval::ANYTHING,
+        ];
+        let pole = operations::math(*fun, operands, 1.0, f64::INFINITY).pole?;
+        Some((pole, values.named(context, *arg)?))
+    };
+    let all = 0..values.values.len();
+    let mut found = all.filter(|id| is_rounded[*id]).filter(|id| {
+        pole(*id, None).is_some_and(|(pole, operand)| match pole.is_zero {
+            true => is_difference(values, is_rounded, operand),
+            false => is_rounded[operand],
+        })
     });
     let first = found.next()?;
-    // Use only ranges from the code, for any input.
+    // Use only ranges from the code, for any input: nothing is known about draw inputs.
     let ranges = AllRanges::new(values, values.cycles(), &[], f64::INFINITY);
-    let reaches = |fun: MathFunction, operand: ValueId, exponent: Interval| match fun {
-        MathFunction::Acos | MathFunction::Asin => ranges.of(operand).magnitude() >= 1.0,
-        // An exponent of 1 or more has a bounded slope; nothing is known about draw inputs.
-        MathFunction::Pow => exponent.high < 1.0 && ranges.of(operand).low <= 0.0,
-        _ => ranges.of(operand).low <= 0.0,
-    };
-    std::iter::once(first)
-        .chain(found)
-        .find(|(_, _, fun, operand, (context, exponent))| {
-            let exponent =
-                exponent.map_or(Interval::ANYTHING, |e| ranges.operand(values, *context, e));
-            reaches(*fun, *operand, exponent)
-        })
-        .map(|(id, name, ..)| (id, name))
+    std::iter::once(first).chain(found).find_map(|id| {
+        let (pole, _) = pole(id, Some(&ranges))?;
+        pole.is_reached.then_some((id, pole.name))
+    })
 }
 
 /// The expression of a value, if the value is the whole expression.
@@ -105,16 +98,10 @@ fn is_difference(values: &Values<'_, '_>, is_rounded: &[bool], of: ValueId) -> b
                         arg2,
                         ..
                     } => match fun {
-                        MathFunction::Max
-                        | MathFunction::Min
-                        | MathFunction::Clamp
-                        | MathFunction::Saturate
-                        | MathFunction::Abs => {
+                        MathFunction::Fma => each(arg2.as_slice(), Within::Sum),
+                        _ if operations::is_an_operand(*fun) => {
                             let operands = [Some(*arg), *arg1, *arg2];
                             each(&operands.into_iter().flatten().collect::<Vec<_>>(), within)
-                        }
-                        MathFunction::Fma => {
-                            each(&arg2.iter().copied().collect::<Vec<_>>(), Within::Sum)
                         }
                         _ => Vec::new(),
                     },
