@@ -4,13 +4,14 @@ use std::collections::BTreeMap;
 
 use preshade::unstable::nearest::nearest;
 use preshade::unstable::passes::contract::Assumption;
+use preshade::unstable::passes::core::refusals::RefusalInfo;
 use preshade::unstable::passes::{PASSES, pass_named, refusals};
 use preshade::unstable::{emit, front, lock, measure, render, scene};
 
 use crate::Failure;
 
-/// Every code with its explanation, by name. A code of an error and of a pass has both explanations.
-pub fn all() -> BTreeMap<&'static str, String> {
+/// The codes of errors, then those of refusals.
+fn infos() -> impl Iterator<Item = &'static RefusalInfo> {
     let errors = [
         front::codes::REFUSALS,
         emit::codes::REFUSALS,
@@ -18,14 +19,19 @@ pub fn all() -> BTreeMap<&'static str, String> {
         scene::codes::REFUSALS,
         render::codes::REFUSALS,
     ];
+    errors.into_iter().flatten().chain(refusals())
+}
+
+/// Every code with its explanation, by name. A code of an error and of a pass has both
+/// explanations.
+pub fn all() -> BTreeMap<&'static str, String> {
     let mut all = BTreeMap::new();
-    for info in errors.into_iter().flatten().chain(refusals()) {
-        let text = format!("{} {}", info.explanation, info.remedy);
+    for info in infos() {
         let known: &mut String = all.entry(info.code).or_default();
         if !known.is_empty() {
             known.push_str("\n\n");
         }
-        known.push_str(&text);
+        known.push_str(&format!("{} {}", info.explanation, info.remedy));
     }
     all
 }
@@ -166,12 +172,9 @@ mod tests {
             let is_new = passes.insert(refusal.code);
             assert!(is_new, "{} is declared twice", refusal.code);
         }
-        for (code, text) in all() {
-            assert!(
-                text.contains(". "),
-                "{code} lacks an explanation or a remedy"
-            );
-            assert!(text.ends_with('.'), "{code}: {text}");
+        for info in infos() {
+            assert!(info.explanation.ends_with('.'), "{info:?}");
+            assert!(!info.remedy.is_empty(), "{info:?}");
         }
         // An error of a front end and a refusal of `hoist` share this code.
         let both = explain("interface").unwrap();
