@@ -1,7 +1,7 @@
 //! A report put together of variants that were measured in processes of their own.
 
 use preshade::unstable::limits::Limits;
-use preshade::unstable::measure::Outcome;
+use preshade::unstable::measure::Verified;
 use preshade::unstable::measure::record::{Chosen, Report, Unfinished, VariantReport};
 use preshade::unstable::passes::budget::Budget;
 use preshade::unstable::passes::contract::{Contract, Verdict};
@@ -19,7 +19,7 @@ pub fn apart(
     budget: Option<Budget>,
     limits: &Limits,
     keeper: &mut Keeper,
-) -> Result<Outcome, Failure> {
+) -> Result<Verified, Failure> {
     let mut report = measured(0, limits)
         .map_err(|why| Failure(format!("error: the original was not measured: {why}")))?;
     for (i, recipe) in recipes.iter().enumerate() {
@@ -31,7 +31,7 @@ pub fn apart(
         keeper.keep_report(&Unfinished::new(report.clone(), missing));
     }
     report.chosen = budget.map(|b| Chosen::among(&report.variants, b));
-    Ok(Outcome {
+    Ok(Verified {
         report,
         pictures: Vec::new(),
         lost: None,
@@ -41,11 +41,11 @@ pub fn apart(
 /// Measures in separate processes the variants that a run missed because it lost its adapter.
 /// Measured variants remain.
 pub fn resumed(
-    mut outcome: Outcome,
+    mut outcome: Verified,
     recipes: &[Recipe],
     limits: &Limits,
     keeper: &mut Keeper,
-) -> Outcome {
+) -> Verified {
     let is_missing = |v: &VariantReport| matches!(&v.verdict, Verdict::NotMeasured { why } if Some(why) == outcome.lost.as_ref());
     let missing: Vec<usize> = (0..outcome.report.variants.len())
         .filter(|i| outcome.report.variants.get(*i).is_some_and(is_missing))

@@ -3,10 +3,11 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use preshade_passes::plan::Plan;
-use preshade_passes::state::CullMode;
+use preshade_passes::plan::{GpuPass, Phase, Plan};
+use preshade_passes::state::{CompareFunction, CullMode};
 
-use super::{Counter, Error, Session, counting};
+use super::shading::discards;
+use super::{CountProgram, Counter, Error, Session, counting};
 use crate::render::Rendered;
 use crate::scene::bind::{Guess, Guessed};
 use crate::scene::{DrawOrder, Frame};
@@ -113,6 +114,49 @@ pub(crate) fn faces_away(
         }
     }
     Ok(false)
+}
+
+/// The opaque materials that may discard, and of which no fragment is discarded in any of `frames`,
+/// each as a reason to trust no verdict about its discard.
+pub(crate) fn undiscarded(
+    session: &Session<'_>,
+    frames: &[(&Frame, DrawOrder)],
+) -> Result<Vec<String>, Error> {
+    let inputs = session.inputs();
+    let mut found = Vec::new();
+    for original in session.originals().iter().filter(|plan| discards(plan)) {
+        let mut alone = original.clone();
+        for pass in &mut alone.passes {
+            // What hides a fragment does not keep it from being discarded.
+            if let Some(depth) = &mut pass.depth {
+                depth.compare = CompareFunction::Always;
+                depth.write = false;
+            }
+        }
+        if alone.main().is_none_or(|main| main.phase != Phase::Opaque) {
+            continue;
+        }
+        let plans = std::slice::from_ref(&alone);
+        let mut kept = Counter::shaded(inputs, plans, session.form(), counting)?;
+        let all = |_: &Plan, _: &GpuPass| CountProgram::Constant;
+        let mut all = Counter::shaded(inputs, plans, session.form(), all)?;
+        let mut is_tested = false;
+        for (frame, order) in frames {
+            inputs.set_frame(frame)?;
+            let [kept, all] = [kept.count(frame, *order)?, all.count(frame, *order)?];
+            is_tested = kept.fragments != all.fragments;
+            if is_tested {
+                break;
+            }
+        }
+        if !is_tested {
+            found.push(format!(
+                "no fragment of `{}` is discarded in any view, so that its discard is untested",
+                original.material
+            ));
+        }
+    }
+    Ok(found)
 }
 
 /// The reason if every triangle faces away.

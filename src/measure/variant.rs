@@ -5,7 +5,7 @@ use preshade_passes::pass::Facts;
 use preshade_passes::plan::{GpuPass, Plan};
 
 use super::{CountProgram, Variant};
-use crate::measure::record::Kept;
+use crate::measure::record::KeptMaterial;
 use crate::pipeline::{self, Frame, Skipped};
 use crate::recipe::Recipe;
 
@@ -17,7 +17,7 @@ pub fn variant(originals: &[Plan], recipe: &Recipe, facts: &Facts) -> Variant {
         neighbours: originals,
     };
     let (plans, skipped) = pipeline::apply_in(frame, recipe, facts, &mut |_, _, _| true);
-    let kept: Vec<Kept> = skipped.iter().map(|s| kept(s, &plans)).collect();
+    let kept: Vec<KeptMaterial> = skipped.iter().map(|s| kept(s, &plans)).collect();
     // A choice made by measurement is kept as the values it selected.
     let written = super::written_out(recipe, facts);
     Variant {
@@ -29,14 +29,14 @@ pub fn variant(originals: &[Plan], recipe: &Recipe, facts: &Facts) -> Variant {
 }
 
 /// A skipped step, for the report.
-fn kept(skipped: &Skipped, plans: &[Plan]) -> Kept {
+fn kept(skipped: &Skipped, plans: &[Plan]) -> KeptMaterial {
     let Skipped {
         material,
         step,
         refusal,
     } = skipped;
     let is_changed = |p: &Plan| p.material == *material && !p.steps.is_empty();
-    Kept {
+    KeptMaterial {
         material: material.clone(),
         without: plans.iter().any(is_changed).then(|| step.to_string()),
         why: format!("{refusal}; to make it legal: {}", refusal.remedy),

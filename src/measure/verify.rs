@@ -6,9 +6,9 @@ mod measurement;
 use preshade_passes::plan::Plan;
 
 use super::shading::Counter;
-use super::telling::{self, Colours};
+use super::telling::{self, Colours, undiscarded};
 use super::{Clock, Discarded, Error, Session, TimingSettings, View, counting, shadow, time};
-use crate::measure::record::{Kept, ORIGINAL, Pictures, Report, SCHEMA, Unfinished};
+use crate::measure::record::{KeptMaterial, ORIGINAL, Pictures, Report, SCHEMA, Unfinished};
 use crate::scene::{Frame, bind};
 use measurement::Measurement;
 
@@ -22,7 +22,7 @@ pub struct Variant {
     /// One plan a material, in the scene's order.
     pub plans: Vec<Plan>,
     /// Materials it leaves alone.
-    pub kept: Vec<Kept>,
+    pub kept: Vec<KeptMaterial>,
 }
 
 /// Which views are timed. All views are compared.
@@ -54,7 +54,7 @@ pub struct Settings {
 
 /// How far a measurement is.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Progress {
+pub struct VerifyProgress {
     /// Part done, 0 to 1.
     pub done: f64,
     /// The current step.
@@ -63,7 +63,7 @@ pub struct Progress {
     pub so_far: Option<Box<Unfinished>>,
 }
 
-impl Progress {
+impl VerifyProgress {
     fn at(done: f64, what: impl Into<String>) -> Self {
         Self {
             done,
@@ -80,7 +80,7 @@ impl Progress {
 
 /// The report and the pictures of the headline view.
 #[derive(Clone, Debug)]
-pub struct Outcome {
+pub struct Verified {
     /// The figures.
     pub report: Report,
     /// Pictures of the variants that were drawn, without the original.
@@ -93,7 +93,7 @@ pub struct Outcome {
 struct Run<'a, 'p> {
     session: &'a Session<'a>,
     settings: &'a Settings,
-    progress: &'p mut dyn FnMut(Progress),
+    progress: &'p mut dyn FnMut(VerifyProgress),
     views: Vec<(View, &'a Frame)>,
     /// The original first.
     subjects: Vec<Measurement<'a>>,
@@ -117,8 +117,8 @@ pub fn verify(
     session: &Session<'_>,
     variants: &[Variant],
     settings: &Settings,
-    progress: &mut dyn FnMut(Progress),
-) -> Result<Outcome, Error> {
+    progress: &mut dyn FnMut(VerifyProgress),
+) -> Result<Verified, Error> {
     let original = Variant {
         name: ORIGINAL.to_owned(),
         recipe: String::new(),
@@ -128,7 +128,10 @@ pub fn verify(
     let mut subjects = Vec::new();
     for (i, variant) in std::iter::once(&original).chain(variants).enumerate() {
         let done = 0.1 * i as f64 / (variants.len() + 1) as f64;
-        progress(Progress::at(done, format!("compiling `{}`", variant.name)));
+        progress(VerifyProgress::at(
+            done,
+            format!("compiling `{}`", variant.name),
+        ));
         subjects.push(Measurement::new(session, variant)?);
     }
     let mut run = Run {
@@ -199,7 +202,12 @@ impl Run<'_, '_> {
         let (progress, views) = (&mut self.progress, self.views.len());
         let tick = |part: f64| {
             let what = format!("timing {}", view.described());
-            progress(Progress::of_view(index, 0.5 + 0.5 * part, views, what));
+            progress(VerifyProgress::of_view(
+                index,
+                0.5 + 0.5 * part,
+                views,
+                what,
+            ));
         };
         let mut ready = Vec::new();
         let mut rows = Vec::new();
@@ -218,11 +226,11 @@ impl Run<'_, '_> {
     }
 
     /// Everything after the last view, and the report.
-    fn finish(mut self, variants: &[Variant]) -> Result<Outcome, Error> {
+    fn finish(mut self, variants: &[Variant]) -> Result<Verified, Error> {
         for (subject, variant) in self.subjects.iter_mut().skip(1).zip(variants) {
             if self.lost.is_none() && variant.plans.iter().any(shadow::has_shadow) {
                 let what = format!("`{}` under the light", variant.name);
-                (self.progress)(Progress::at(1.0 - f64::EPSILON, what));
+                (self.progress)(VerifyProgress::at(1.0 - f64::EPSILON, what));
                 subject.measure_shadow(self.session, variant, self.settings);
             }
             subject.run_self_tests(self.session, self.lost.as_deref());
@@ -233,6 +241,11 @@ impl Run<'_, '_> {
         // If the pictures are empty, the verdicts say so.
         warnings.extend(self.colours.warning().filter(|_| !nothing));
         let frames: Vec<_> = self.views.iter().map(|(v, f)| (*f, v.order)).collect();
+        // Of an empty picture the verdicts speak.
+        let untested = match nothing || self.lost.is_some() {
+            true => Vec::new(),
+            false => undiscarded(self.session, &frames)?,
+        };
         let away = nothing
             && self.lost.is_none()
             && telling::faces_away(self.session, &frames).unwrap_or(false);
@@ -241,6 +254,7 @@ impl Run<'_, '_> {
             depth_ties: self.lost.is_none().then_some(self.depth_ties),
             assumed,
             warnings,
+            untested,
             ..self.blank()
         };
         let mut pictures = Vec::new();
@@ -249,8 +263,8 @@ impl Run<'_, '_> {
             report.variants.push(variant);
             pictures.extend(picture);
         }
-        (self.progress)(Progress::at(1.0, "done"));
-        Ok(Outcome {
+        (self.progress)(VerifyProgress::at(1.0, "done"));
+        Ok(Verified {
             report,
             pictures,
             lost: self.lost,
@@ -258,8 +272,8 @@ impl Run<'_, '_> {
     }
 
     /// How far the run is, in part of a view.
-    fn at(&self, view: usize, part: f64, what: String) -> Progress {
-        Progress::of_view(view, part, self.views.len(), what)
+    fn at(&self, view: usize, part: f64, what: String) -> VerifyProgress {
+        VerifyProgress::of_view(view, part, self.views.len(), what)
     }
 
     fn tell(&mut self, view: usize, part: f64, what: String) {
@@ -281,6 +295,7 @@ impl Run<'_, '_> {
             depth_ties: None,
             assumed: Vec::new(),
             warnings: Vec::new(),
+            untested: Vec::new(),
             variants: Vec::new(),
             sweeps: Vec::new(),
             chosen: None,

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use preshade::unstable::measure::{
-    self, Outcome, Session, Settings, Timed, TimingSettings, Variant, record, verify,
+    self, Session, Settings, Timed, TimingSettings, Variant, Verified, record, verify,
 };
 use preshade::unstable::passes::budget::{Budget, Metric};
 use preshade::unstable::passes::contract::{Assumption, Contract, Surface, Turned, Verdict};
@@ -61,7 +61,7 @@ fn three(scene: &Scene) -> Vec<Variant> {
     ]
 }
 
-fn run(scene: &Scene, variants: &[Variant], settings: &Settings) -> Outcome {
+fn run(scene: &Scene, variants: &[Variant], settings: &Settings) -> Verified {
     let gpu = gpu();
     let mut done = 0.0;
     let outcome = verify(
@@ -172,28 +172,32 @@ fn the_table_is_aligned_and_names_what_broke() {
     let mut settings = settings();
     settings.timed = Timed::No;
     let mut variants = three(&scene);
-    variants[0].kept.push(record::Kept {
+    variants[0].kept.push(record::KeptMaterial {
         material: "glass".to_owned(),
         without: None,
         why: "blended draws never enter the pre-pass".to_owned(),
     });
-    let text = table::render(&run(&scene, &variants, &settings).report);
+    let text = table::render(&run(&scene, &variants, &settings).report, false);
     let lines: Vec<&str> = text.lines().collect();
-    assert!(lines[0].starts_with("test, 32x32, on "), "{text}");
     assert_eq!(
-        lines[2],
+        lines[0],
+        "Nothing was timed, so nothing is known to be worth shipping. `wrong` is BROKEN: do not ship it."
+    );
+    assert!(lines[2].starts_with("test, 32x32, on "), "{text}");
+    assert_eq!(
+        lines[4],
         "variant             verdict       changed px  depths  max abs     FLIP  ms  speedup  shaded/px"
     );
     assert_eq!(
-        lines[4],
-        "original            holds                  0       0        0        0   -        -       1.00"
+        lines[6],
+        "original                                   0       0        0        0   -        -       1.00"
     );
     assert!(
-        lines[6].starts_with("wrong               BROKEN              1024    1024   "),
+        lines[8].starts_with("wrong               BROKEN              1024    1024   "),
         "{text}"
     );
     assert!(
-        lines[7].starts_with("uncompilable        not measured           -       -"),
+        lines[9].starts_with("uncompilable        not measured           -       -"),
         "{text}"
     );
     assert!(text.contains("wrong: broken at camera `front` frame 0 front to back: 1024 pixels"));
@@ -280,7 +284,7 @@ fn every_frame_of_a_path_is_compared_up_to_the_limit() {
         [(DrawOrder::FrontToBack, 5), (DrawOrder::BackToFront, 5)]
     );
     assert!(original.by_path.iter().all(|p| p.p95_ms >= p.median_ms));
-    let text = table::render(&outcome.report);
+    let text = table::render(&outcome.report, false);
     assert!(
         text.contains("95% of 5 frames of `front`, back to front, take no longer than: original "),
         "{text}"
@@ -328,7 +332,7 @@ fn every_budget_is_told_beside_what_was_measured() {
     let mut plans = measure::originals(&scene);
     plans[0].contract = within(Metric::FlipMean, 0.05).and(within(Metric::MaxAbs, 0.02));
     let outcome = run(&scene, &[variant("off", plans)], &settings);
-    let text = table::render(&outcome.report);
+    let text = table::render(&outcome.report, false);
     assert!(
         text.contains("off: an approximation, flip_mean at most 0.05 (measured 0.00000), max_abs at most 0.02 (measured 0.00000)\n"),
         "{text}"
@@ -382,14 +386,14 @@ fn contracts_are_held_to_their_own_terms() {
     (error.pixels, error.beyond_step) = (10_000, 10);
     (error.max_abs, error.max_steps) = (0.5, 127.5);
     assert!(broken(&rounding, &error));
-    assert!(!broken(&turning(Surface::Kept), &error));
+    assert!(!broken(&turning(Surface::KeptMaterial), &error));
     error.beyond_step = 11;
     assert!(broken(&turning(Surface::Rounded), &error));
     error.beyond_step = 0;
     (error.max_abs, error.max_steps) = (1.0 / 255.0, 1.0);
     error.changed_depth = 1;
     assert!(broken(&rounding, &error));
-    assert!(broken(&turning(Surface::Kept), &error));
+    assert!(broken(&turning(Surface::KeptMaterial), &error));
     assert!(!broken(&turning(Surface::Rounded), &error));
     error.nan_pixels = 1;
     assert!(broken(&turning(Surface::Rounded), &error));

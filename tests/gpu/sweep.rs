@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use glam::{Mat4, Vec3};
 use preshade::unstable::measure::record::{Choice, Chosen, SweepReport};
 use preshade::unstable::measure::{
-    self, Estimate, Outcome, Session, Settings, Timed, TimingSettings,
+    self, Estimate, Session, Settings, Timed, TimingSettings, Verified,
 };
 use preshade::unstable::passes::budget::Budget;
 use preshade::unstable::passes::pass::Facts;
@@ -56,7 +56,7 @@ fn sphere() -> Scene {
 }
 
 /// The recipe that the command line makes of `--pass hoist --pass tessellate:level=1..3`, drawn.
-fn drawn() -> (Sweep, Vec<String>, Outcome) {
+fn drawn() -> (Sweep, Vec<String>, Verified) {
     let scene = sphere();
     let steps = ["hoist", "tessellate:level=1..3"].map(str::to_owned);
     let steps = preshade::unstable::sweep::completed(&steps).unwrap();
@@ -97,7 +97,7 @@ fn a_range_has_a_table_a_plot_and_pictures_a_form() {
     let (
         sweep,
         names,
-        Outcome {
+        Verified {
             report, pictures, ..
         },
     ) = drawn();
@@ -139,7 +139,7 @@ fn a_range_has_a_table_a_plot_and_pictures_a_form() {
         variant.verdict = preshade::unstable::passes::contract::Verdict::NotMeasured {
             why: "every material refuses it".to_owned(),
         };
-        variant.kept = vec![preshade::unstable::measure::record::Kept {
+        variant.kept = vec![preshade::unstable::measure::record::KeptMaterial {
             material: "waves".to_owned(),
             without: None,
             why: "it moves".to_owned(),

@@ -8,7 +8,8 @@ use preshade_passes::contract::Verdict;
 use super::{Settings, Variant};
 use crate::measure::elsewhere::{OtherCameras, Shown};
 use crate::measure::record::{
-    Cost, Kept, ORIGINAL, Picture, Pictures, SelfTestReport, VariantReport, ViewReport, Worst,
+    Cost, KeptMaterial, ORIGINAL, Picture, Pictures, SelfTestReport, VariantReport, ViewReport,
+    Worst,
 };
 use crate::measure::statistics::invocations;
 use crate::measure::verdict::nothing_drawn;
@@ -239,9 +240,9 @@ impl<'a> Measurement<'a> {
     fn note_unguarded(&mut self, view: &View) {
         for (index, assumed) in self.subject.unguarded.drain(..) {
             let material = &self.subject.plans[index].material;
-            let is_original = |k: &Kept| k.material == *material && k.without.is_none();
+            let is_original = |k: &KeptMaterial| k.material == *material && k.without.is_none();
             if !self.report.kept.iter().any(is_original) {
-                self.report.kept.push(Kept {
+                self.report.kept.push(KeptMaterial {
                     material: material.clone(),
                     without: None,
                     why: format!(

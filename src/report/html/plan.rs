@@ -7,7 +7,7 @@ use super::range::{Scale, Strip};
 use super::section::{Cameras, Section, section};
 use super::words::{self, DASH, or_dash};
 use super::{Error, Gallery, Shell, data, diff};
-use crate::measure::{EffectUse, Outcome, Variant};
+use crate::measure::{EffectUse, Variant, Verified};
 use crate::report::decision as table;
 use crate::report::frontier;
 use crate::report::plain::plain;
@@ -72,7 +72,7 @@ pub struct Redrawn<'a> {
     /// The plans.
     pub variants: &'a [Variant],
     /// Pictures, overdraw and self-tests; `None`: they were not drawn.
-    pub outcome: Option<&'a Outcome>,
+    pub outcome: Option<&'a Verified>,
 }
 
 /// The page. `scene` is the one decided on. `effects` are those of its materials before draws were
@@ -105,9 +105,11 @@ pub fn page(
             )?
         });
     }
+    let title = format!("{}: what it calls for", decision.scene);
     let page = Page {
         shell: Shell {
-            title: format!("{}: what it calls for", decision.scene),
+            headline: title.clone(),
+            title,
             about: format!(
                 "{}x{}, on {}. {}",
                 decision.resolution[0],

@@ -4,7 +4,7 @@
 use super::diff::Diff;
 use super::words::{self, or_dash};
 use super::{Error, Gallery, data_uri};
-use crate::measure::record::{Kept, Picture, Pictures, VariantReport, Worst};
+use crate::measure::record::{KeptMaterial, Picture, Pictures, VariantReport, Worst};
 use crate::measure::{ErrorLadder, Shading};
 use crate::report::picture::flip;
 use crate::report::{frontier, sheet};
@@ -79,7 +79,7 @@ pub fn section(
         facts,
         kept: variant.map_or_else(Vec::new, |v| {
             let kept = v.kept.iter();
-            let why = |k: &Kept| match &k.without {
+            let why = |k: &KeptMaterial| match &k.without {
                 Some(step) => format!("without `{step}`: {}", k.why),
                 None => k.why.clone(),
             };

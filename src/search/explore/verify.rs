@@ -157,7 +157,7 @@ impl<'a> Search<'a> {
         variants: &[Variant],
         frames_per_camera: usize,
         watch: &mut Watch<'_>,
-    ) -> Result<measure::Outcome, Error> {
+    ) -> Result<measure::Verified, Error> {
         let scene = self.session.scene();
         let frames = |frames: usize| frames.min(frames_per_camera);
         let views: usize = scene.cameras.iter().map(|c| frames(c.frames.len())).sum();

@@ -1,0 +1,144 @@
+//! The sentence that a user needs: which variant to ship on this adapter, if any.
+
+use std::collections::BTreeSet;
+
+use preshade_passes::contract::{Contract, Verdict};
+
+use crate::measure::Estimate;
+use crate::measure::record::{ORIGINAL, Report, VariantReport};
+
+/// The picture of a variant that keeps its contract.
+pub(super) fn picture(contract: &Contract) -> &'static str {
+    match contract {
+        Contract::Exact { .. } => "same picture",
+        Contract::Rounding { .. } => "within rounding",
+        Contract::Approximate { .. } | Contract::Budgets { .. } => "within budget",
+    }
+}
+
+/// The verdict in a word or two. The original has none, unless it could not be drawn.
+pub(super) fn verdict(v: &VariantReport) -> &'static str {
+    match &v.verdict {
+        Verdict::Holds if v.name == ORIGINAL => "",
+        Verdict::Holds => picture(&v.contract),
+        Verdict::Broken { .. } => "BROKEN",
+        Verdict::NotMeasured { .. } => "not measured",
+    }
+}
+
+/// The sentence. A variant is worth shipping if it keeps its contract, is faster in at least one
+/// timed view and faster in the mean of all. It counts as faster in a view if the whole 95 %
+/// interval of its speedup is above 1, and as slower if all of it is below. Of several, the one with
+/// the best mean is named; the number is its mean over the views in which it is faster.
+pub fn headline(report: &Report) -> String {
+    if let Some(why) = not_measured(report) {
+        return format!("Not measured: {why}.");
+    }
+    let drawn = || report.variants.iter().filter(|v| v.name != ORIGINAL);
+    let broken: Vec<String> = drawn()
+        .filter(|v| matches!(v.verdict, Verdict::Broken { .. }))
+        .map(|v| format!("`{}`", v.name))
+        .collect();
+    let broken = match broken.len() {
+        0 => String::new(),
+        1 => format!(" {} is BROKEN: do not ship it.", broken[0]),
+        _ => format!(" {} are BROKEN: do not ship them.", broken.join(", ")),
+    };
+    let said = match &report.chosen {
+        Some(chosen) => chosen.said(),
+        None if report.clock.is_none() => {
+            "Nothing was timed, so nothing is known to be worth shipping.".to_owned()
+        }
+        None => {
+            let worth = drawn().filter_map(|v| Some((Speedups::of(v)?, v)));
+            let best = worth.max_by(|(a, _), (b, _)| a.mean.total_cmp(&b.mean));
+            best.map_or_else(
+                || "Nothing here is worth shipping on this adapter: ship the original.".to_owned(),
+                |(speedups, v)| {
+                    let (name, picture) = (&v.name, picture(&v.contract));
+                    format!("{name}: {picture}, {}.", speedups.said())
+                },
+            )
+        }
+    };
+    said + &broken
+}
+
+/// Why the pictures say nothing about any variant. `None`: they do.
+fn not_measured(report: &Report) -> Option<String> {
+    let mut whys = report.untested.clone();
+    if report.is_unmeasured() {
+        let variants = report.variants.iter().filter(|v| v.name != ORIGINAL);
+        let all: BTreeSet<&str> = variants
+            .filter_map(|v| match &v.verdict {
+                Verdict::NotMeasured { why } => Some(why.as_str()),
+                _ => None,
+            })
+            .collect();
+        whys.extend(match all.into_iter().collect::<Vec<_>>()[..] {
+            [why] => vec![why.to_owned()],
+            _ => vec!["each variant has a reason of its own, below".to_owned()],
+        });
+    }
+    (!whys.is_empty()).then(|| whys.join("; "))
+}
+
+/// The speedups of a variant that is worth shipping.
+struct Speedups {
+    /// Geometric mean over all timed views.
+    mean: f64,
+    /// Geometric mean over the views in which it is faster.
+    gain: f64,
+    faster: usize,
+    views: usize,
+    /// The largest loss of time, of 1, and the cameras of the views in which it is slower.
+    loss: f64,
+    slower: BTreeSet<String>,
+}
+
+impl Speedups {
+    fn of(v: &VariantReport) -> Option<Self> {
+        if !matches!(v.verdict, Verdict::Holds) {
+            return None;
+        }
+        let views = v.by_view.iter();
+        let timed: Vec<(&str, Estimate)> = views
+            .filter_map(|view| Some((view.camera.as_str(), view.speedup?)))
+            .collect();
+        let mean = |of: &mut dyn Iterator<Item = f64>| {
+            let logs: Vec<f64> = of.map(f64::ln).collect();
+            (logs.iter().sum::<f64>() / logs.len().max(1) as f64).exp()
+        };
+        let faster = || timed.iter().filter(|(_, s)| s.low > 1.0);
+        let slower = || timed.iter().filter(|(_, s)| s.high < 1.0);
+        let speedups = Self {
+            mean: mean(&mut timed.iter().map(|(_, s)| s.median)),
+            gain: mean(&mut faster().map(|(_, s)| s.median)),
+            faster: faster().count(),
+            views: timed.len(),
+            loss: slower()
+                .map(|(_, s)| 1.0 / s.median - 1.0)
+                .fold(0.0, f64::max),
+            slower: slower().map(|(camera, _)| (*camera).to_owned()).collect(),
+        };
+        (speedups.faster > 0 && speedups.mean > 1.0).then_some(speedups)
+    }
+
+    fn said(&self) -> String {
+        let at = match (self.faster, self.views) {
+            (_, 1) => String::new(),
+            (n, of) if n == of => format!(" in all {of} views"),
+            (n, of) => format!(" in {n} of {of} views"),
+        };
+        let slower: Vec<&str> = self.slower.iter().map(String::as_str).collect();
+        let loss = match slower[..] {
+            [] => String::new(),
+            _ => format!(
+                ", up to {:.0} % slower in {} views",
+                (self.loss * 100.0).max(1.0),
+                slower.join(" and ")
+            ),
+        };
+        format!("{:.2}x faster{at}{loss}", self.gain)
+    }
+}
