@@ -12,6 +12,7 @@ use preshade::unstable::passes::PASSES;
 use preshade::unstable::passes::graph::Graph;
 use preshade::unstable::passes::pass::{Bound, Change, Facts, Frequency, Left, Refusal, SiteCost};
 use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::specialize::effects::Effect;
 use preshade::unstable::pipeline;
 use preshade::unstable::recipe::{Recipe, Step};
 use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
@@ -77,6 +78,9 @@ pub struct Explained {
     /// The effects that the scene's draws use, the most expensive first.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub effects: Vec<EffectUse>,
+    /// The code behind conditions that uniforms and constants decide, where no draw is known.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub switches: Vec<Effect>,
     pub passes: Vec<PassExplained>,
     /// By error against saved cost, the best first.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -310,14 +314,20 @@ fn explain(
         let key = |f: &Frequency| f.flip_mean / f.cost.max(1.0);
         key(a).total_cmp(&key(b)).then(b.cost.total_cmp(&a.cost))
     });
+    let effects: Vec<EffectUse> = effects
+        .iter()
+        .filter(|e| e.material == plan.material)
+        .cloned()
+        .collect();
+    let switches = match effects.is_empty() {
+        true => preshade::unstable::passes::specialize::effects::effects(plan, facts),
+        false => Ok(Vec::new()),
+    };
     Ok(Explained {
         frequencies,
         material: plan.material.clone(),
-        effects: effects
-            .iter()
-            .filter(|e| e.material == plan.material)
-            .cloned()
-            .collect(),
+        effects,
+        switches: switches.unwrap_or_default(),
         stages: stages(plan),
         passes: steps
             .iter()
@@ -432,6 +442,12 @@ fn print(explained: &Explained, plan: &Plan) -> String {
         ));
     }
     lines.extend(effect_table(&explained.effects));
+    lines.extend(explained.switches.iter().map(|e| {
+        let (name, cost, stage) = (&e.name, e.cost, &e.stage);
+        format!(
+            "  `{name}`, where a value switches it off: {cost:.0} ops less of the {stage} stage"
+        )
+    }));
     for p in &explained.passes {
         lines.push(format!("\n{}\n  {}", p.pass, p.summary));
         if let Some(saved) = p.saved.as_ref().filter(|s| s.is_small()) {

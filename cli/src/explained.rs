@@ -67,7 +67,7 @@ pub fn print(explained: &Explained) -> String {
         let step = offer.step;
         match offer.saved {
             Some(saved) => format!("  {step:<widest$}  {saved}"),
-            None => format!("  {step:<widest$}  {}", offer.what),
+            None => format!("  {step:<widest$}  {}", shortened(offer.what)),
         }
     }));
     let more: Vec<&str> = offers.iter().skip(MOST_PASSES).map(|o| o.step).collect();
@@ -99,12 +99,31 @@ pub fn print(explained: &Explained) -> String {
         .collect();
     let effects: Vec<&str> = effects.iter().map(String::as_str).collect();
     lines.extend(listed("effects that the draws decide", &effects));
+    let switches = explained.switches.iter().take(MOST_NAMED);
+    let switches: Vec<String> = switches
+        .map(|e| format!("{} ({:.0} ops of the {} stage)", e.name, e.cost, e.stage))
+        .collect();
+    let switches: Vec<&str> = switches.iter().map(String::as_str).collect();
+    lines.extend(listed(
+        "`specialize` removes, where a value switches it off",
+        &switches,
+    ));
     let values = explained.frequencies.iter().filter(|f| f.is_finite());
     let values: Vec<String> = values.take(MOST_NAMED).map(value).collect();
     let values: Vec<&str> = values.iter().map(String::as_str).collect();
-    lines.extend(listed("can be interpolated", &values));
+    lines.extend(listed("values and their error if interpolated", &values));
     lines.push(String::new());
     lines.join("\n")
+}
+
+/// Longest description, in characters.
+const LONGEST: usize = 100;
+
+fn shortened(text: &str) -> String {
+    match text.char_indices().nth(LONGEST) {
+        Some((end, _)) => format!("{}..", text[..end].trim_end()),
+        None => text.to_owned(),
+    }
 }
 
 fn listed(what: &str, names: &[&str]) -> Option<String> {
