@@ -3,14 +3,11 @@
 use std::fmt;
 use std::ops::ControlFlow;
 
-use codespan_reporting::diagnostic::{Diagnostic, Label};
-use codespan_reporting::files::SimpleFiles;
-use codespan_reporting::term;
 use preshade::unstable::measure::{self, Detail, EffectUse, Session};
 use preshade::unstable::parameters::parameters;
 use preshade::unstable::passes::PASSES;
 use preshade::unstable::passes::graph::Graph;
-use preshade::unstable::passes::pass::{Bound, Change, Facts, Frequency, Left, Refusal, SiteCost};
+use preshade::unstable::passes::pass::{Change, Facts, Frequency, Left, Refusal};
 use preshade::unstable::passes::plan::Plan;
 use preshade::unstable::passes::specialize::effects::Effect;
 use preshade::unstable::pipeline;
@@ -35,8 +32,8 @@ Examples:
   preshade explain scene.toml --scene --pass hoist:budget=0.01 --camera wall --size 640x360
                                                     what can be interpolated, measured on the scene
 
-At most ten lines a material, the largest saving first; -v, or --pass, says where each pass applies, or
-why not and what would make it legal. A refusal is no failure (exit status 0).
+At most ten lines a material, the largest saving first. With -v or --pass: where each pass applies,
+or why not, and what would make it legal. A refusal is no failure (exit status 0).
 Static cost is in scalar operations, weighted: an addition of two floats is 1 op, a division 4, a
 texture sample 32 (the whole table: the module `graph::cost`). A site is the hash of its slice.")]
 pub struct ExplainArgs {
@@ -92,16 +89,16 @@ pub struct StageCost {
     pub stage: &'static str,
     pub entry_point: String,
     pub cost: f64,
-    expressions: usize,
+    pub expressions: usize,
     pub effects: Vec<String>,
 }
 
 #[derive(Serialize)]
 pub struct PassExplained {
     pub pass: String,
-    summary: &'static str,
-    hurts: &'static str,
-    source: &'static str,
+    pub summary: &'static str,
+    pub hurts: &'static str,
+    pub source: &'static str,
     /// The change that it makes; at most one.
     pub sites: Vec<Change>,
     /// What the change saves. `None`: it does not apply, or it saves no operations but fragments.
@@ -112,7 +109,7 @@ pub struct PassExplained {
     pub within_budget: Option<WithinBudget>,
     pub refusals: Vec<Refusal>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    left: Vec<Left>,
+    pub left: Vec<Left>,
 }
 
 /// A pass with a budget.
@@ -227,8 +224,8 @@ pub fn run(args: &ExplainArgs) -> Result<Ending, Failure> {
         if args.format == Format::Human {
             let between = if materials.is_empty() { "" } else { "\n" };
             let text = match args.verbose || !args.passes.is_empty() {
-                true => print(&explained, plan),
-                false => explained::print(&explained),
+                true => explained::all(&explained, plan),
+                false => explained::brief(&explained),
             };
             output::data(&format!("{between}{text}"))?;
         }
@@ -386,16 +383,6 @@ fn within_budget(step: &Step, plan: &Plan, frame: &[Plan], facts: &Facts) -> Opt
     })
 }
 
-/// The cost of a site's slice and of its source. A pass that runs a stage several times costs more
-/// than its source.
-fn cost(of: SiteCost) -> String {
-    let between = match of.slice > of.whole {
-        true => "in place of",
-        false => "of",
-    };
-    format!("{:.0} {between} {:.0} ops", of.slice, of.whole)
-}
-
 fn stages(plan: &Plan) -> Vec<StageCost> {
     let Some((pass, program)) = plan.main().and_then(|p| Some((p, plan.program(p)?))) else {
         return Vec::new();
@@ -426,189 +413,4 @@ fn stages(plan: &Plan) -> Vec<StageCost> {
         });
     }
     stages
-}
-
-fn print(explained: &Explained, plan: &Plan) -> String {
-    let mut lines = vec![format!("material {}", explained.material)];
-    for s in &explained.stages {
-        let effects = if s.effects.is_empty() {
-            String::new()
-        } else {
-            format!("; {}", s.effects.join(", "))
-        };
-        lines.push(format!(
-            "  {} `{}`: static cost {:.0} ops, {} expressions{effects}",
-            s.stage, s.entry_point, s.cost, s.expressions
-        ));
-    }
-    lines.extend(effect_table(&explained.effects));
-    lines.extend(explained.switches.iter().map(|e| {
-        let (name, cost, stage) = (&e.name, e.cost, &e.stage);
-        format!(
-            "  `{name}`, where a value switches it off: {cost:.0} ops less of the {stage} stage"
-        )
-    }));
-    for p in &explained.passes {
-        lines.push(format!("\n{}\n  {}", p.pass, p.summary));
-        if let Some(saved) = p.saved.as_ref().filter(|s| s.is_small()) {
-            lines.push(format!("  not worth it: {saved}"));
-        }
-        for site in &p.sites {
-            lines.push(format!(
-                "  applies to `{}`: {}\n    static cost {}{}\n    hurts {}",
-                site.key.entry_point,
-                site.what,
-                cost(site.cost),
-                // A stage that needs no slice has dashes for its half of the hash.
-                match site.key.slice.trim_matches('-') {
-                    "" => String::new(),
-                    slice => format!("; site {slice}"),
-                },
-                p.hurts
-            ));
-        }
-        for r in &p.refusals {
-            lines.push(indent(&refusal(r, plan)));
-        }
-        if let Some(within) = &p.within_budget {
-            lines.push(format!("  with {}: {}", within.step, within.change.what));
-        }
-        lines.extend(left(&p.left));
-        lines.push(format!("  source: {}", p.source));
-    }
-    if !explained.frequencies.is_empty() {
-        lines.push(
-            "\nvalues that might be interpolated, by error against saved cost; off by: how far the value itself is from its interpolation on\n\
-             the scene's triangles (NaN: somewhere it is NaN or infinite); at most: the same, proved with an adapter's roundings for the frames\n\
-             looked at, two a camera (*: for a part of the triangles)\n  \
-             saved ops  FLIP mean   max abs  NaN px  off by  at most    range  value"
-                .to_owned(),
-        );
-        for f in &explained.frequencies {
-            let place = f.location.as_ref().map_or(String::new(), |l| {
-                format!(" ({}:{}:{})", l.file, l.line, l.column)
-            });
-            let (off, range) =
-                f.interpolation
-                    .as_ref()
-                    .map_or(("-".to_owned(), "-".to_owned()), |i| {
-                        let off = match i.not_finite {
-                            0 => short(i.max),
-                            _ => "NaN".to_owned(),
-                        };
-                        (off, short(i.range))
-                    });
-            let bound = match &f.bound {
-                Some(Bound::Proved {
-                    max,
-                    roundings,
-                    triangles,
-                    of,
-                    ..
-                }) => {
-                    let part = if triangles < of { "*" } else { "" };
-                    format!("{}{part}", short(max + roundings))
-                }
-                Some(Bound::Unbounded { .. }) => "unbounded".to_owned(),
-                None => "-".to_owned(),
-            };
-            lines.push(format!(
-                "  {:>9.0}  {:>9.6}  {:>8.4}  {:>6}  {off:>6}  {bound:>9}  {range:>6}  `{}`{place}",
-                f.cost, f.flip_mean, f.max_abs, f.nan_pixels, f.name
-            ));
-        }
-    }
-    lines.push(String::new());
-    lines.join("\n")
-}
-
-/// Which effects the draws of a material call for.
-fn effect_table(effects: &[EffectUse]) -> Vec<String> {
-    if effects.is_empty() {
-        return Vec::new();
-    }
-    let widest = effects.iter().map(|e| e.name.len()).max().unwrap_or(0);
-    let mut lines = vec![format!(
-        "\neffects that the draws decide, by static cost\n  {:<widest$}  {:<8}  {:>6}  {:<16}  evidence",
-        "effect", "stage", "ops", "called for"
-    )];
-    for e in effects {
-        let (called_for, evidence) = (e.called_for_by(), e.evidence_said());
-        lines.push(format!(
-            "  {:<widest$}  {:<8}  {:>6.0}  {called_for:<16}  {evidence}",
-            e.name, e.stage, e.cost
-        ));
-    }
-    lines
-}
-
-/// A number in four digits or so.
-fn short(number: f64) -> String {
-    match number.abs() {
-        0.0 => "0".to_owned(),
-        1e-3..1e4 => format!("{number:.4}").chars().take(6).collect(),
-        _ => format!("{number:.0e}"),
-    }
-}
-
-/// Most values to list as not hoisted, the most expensive first.
-const MOST_LEFT: usize = 8;
-
-/// The values that a pass did not move, one a line.
-fn left(left: &[Left]) -> Vec<String> {
-    let mut lines: Vec<String> = left
-        .iter()
-        .take(MOST_LEFT)
-        .map(|l| {
-            let line = l
-                .location
-                .as_ref()
-                .map_or(String::new(), |l| format!("line {}, ", l.line));
-            format!(
-                "  `{}` ({line}{:.0} ops) stays: {}",
-                l.name, l.cost, l.reason
-            )
-        })
-        .collect();
-    if left.len() > MOST_LEFT {
-        lines.push(format!(
-            "  and {} more stay (--format json lists them)",
-            left.len() - MOST_LEFT
-        ));
-    }
-    lines
-}
-
-fn indent(text: &str) -> String {
-    text.lines()
-        .map(|l| format!("  {l}"))
-        .collect::<Vec<_>>()
-        .join("\n")
-}
-
-/// A refusal as a note on the author's source.
-pub fn refusal(refusal: &Refusal, plan: &Plan) -> String {
-    let mut files = SimpleFiles::new();
-    let mut labels = Vec::new();
-    if let Some(at) = &refusal.location
-        && let Some(file) = plan
-            .programs
-            .values()
-            .flat_map(|p| p.sources().files())
-            .find(|f| f.name == at.file)
-    {
-        let id = files.add(file.name.clone(), file.text.clone());
-        labels.push(Label::primary(
-            id,
-            at.range.start as usize..at.range.end as usize,
-        ));
-    }
-    let diagnostic = Diagnostic::note()
-        .with_code(format!("{}/{}", refusal.pass, refusal.code))
-        .with_message(format!("does not apply: {}", refusal.reason))
-        .with_labels(labels)
-        .with_notes(vec![format!("to make it legal: {}", refusal.remedy)]);
-    let config = term::Config::default();
-    term::emit_into_string(&config, &files, &diagnostic)
-        .map_or_else(|_| refusal.to_string(), |s| s.trim_end().to_owned())
 }

@@ -556,7 +556,7 @@ fn apply(
         times.add(1 + order as u8, &step.pass, began.elapsed());
         let messages = messages.entry(plan.material.clone()).or_default();
         if let Err(refusal) = result {
-            messages.push(crate::explain::refusal(refusal, plan));
+            messages.push(crate::explained::refusal(refusal, plan));
         }
         if args.print_after.iter().any(|p| *p == step.pass || p == ALL) {
             let now = result.as_ref().unwrap_or(plan);

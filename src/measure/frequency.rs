@@ -302,6 +302,7 @@ pub fn within_budget(
     facts: &Facts,
 ) -> Result<Recipe, Error> {
     let mut recipe = recipe.clone();
+    let session = Session::sharing(session.gpu(), session.scene(), session.form())?;
     let plans = session.originals();
     let frames = spread(session.scene(), KEPT_ON);
     let references = session.pictures(plans, &frames, DrawOrder::AsGiven)?;

@@ -142,3 +142,121 @@ impl Speedups {
         format!("{:.2}x faster{at}{loss}", self.gain)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::measure::record::ViewReport;
+    use crate::measure::{Clock, ErrorLadder};
+    use crate::render::AdapterReport;
+    use crate::scene::DrawOrder;
+
+    fn variant(name: &str, speedups: &[(&str, f64)], verdict: Verdict) -> VariantReport {
+        let view = |(camera, median): &(&str, f64)| ViewReport {
+            camera: (*camera).to_owned(),
+            frame: 0,
+            order: DrawOrder::AsGiven,
+            error: ErrorLadder::default(),
+            time_ms: None,
+            speedup: Some(Estimate {
+                median: *median,
+                low: median - 0.02,
+                high: median + 0.02,
+            }),
+            shaded_per_pixel: None,
+        };
+        VariantReport {
+            name: name.to_owned(),
+            recipe: name.to_owned(),
+            contract: Contract::exact(),
+            verdict,
+            error: None,
+            time_ms: None,
+            speedup: None,
+            shaded_per_pixel: None,
+            cost: None,
+            shadow: None,
+            self_test: Vec::new(),
+            junctions: Vec::new(),
+            kept: Vec::new(),
+            by_path: Vec::new(),
+            by_view: speedups.iter().map(view).collect(),
+        }
+    }
+
+    fn said(variants: Vec<VariantReport>) -> String {
+        let views: Vec<(&str, f64)> = vec![("wall", 1.0); 3];
+        let original = variant(ORIGINAL, &views, Verdict::Holds);
+        let report = Report {
+            schema: String::new(),
+            scene: "test".to_owned(),
+            resolution: [1, 1],
+            samples: 1,
+            command: String::new(),
+            adapter: AdapterReport {
+                name: String::new(),
+                driver: String::new(),
+                backend: String::new(),
+                kind: String::new(),
+                timestamps: false,
+                pipeline_statistics: false,
+                features: Vec::new(),
+                checked_shaders: false,
+            },
+            clock: Some(Clock::WallClock),
+            depth_ties: None,
+            assumed: Vec::new(),
+            warnings: Vec::new(),
+            untested: Vec::new(),
+            variants: std::iter::once(original).chain(variants).collect(),
+            sweeps: Vec::new(),
+            chosen: None,
+        };
+        headline(&report)
+    }
+
+    #[test]
+    fn the_best_variant_is_named_with_its_gain_and_its_loss() {
+        let gains = [("wall", 3.0), ("wall", 3.0), ("open", 0.95)];
+        let small = [("wall", 1.1), ("wall", 1.1), ("open", 1.0)];
+        let all = vec![
+            variant("a", &small, Verdict::Holds),
+            variant("b", &gains, Verdict::Holds),
+        ];
+        assert_eq!(
+            said(all),
+            "b: same picture, 3.00x faster in 2 of 3 views, up to 5 % slower in open views."
+        );
+        let one = variant("a", &[("wall", 1.5)], Verdict::Holds);
+        assert_eq!(said(vec![one]), "a: same picture, 1.50x faster.");
+    }
+
+    #[test]
+    fn noise_losses_and_broken_variants_are_not_worth_shipping() {
+        let nothing = "Nothing here is worth shipping on this adapter: ship the original.";
+        let noise = [("wall", 1.01), ("wall", 1.01), ("open", 1.0)];
+        // One gain does not outweigh two losses.
+        let loss = [("wall", 1.1), ("wall", 0.8), ("open", 0.8)];
+        for speedups in [noise, loss] {
+            assert_eq!(said(vec![variant("a", &speedups, Verdict::Holds)]), nothing);
+        }
+        let broken = Verdict::Broken {
+            r#where: "here".to_owned(),
+        };
+        let fast = variant("fast", &[("wall", 2.0)], broken);
+        assert_eq!(
+            said(vec![fast]),
+            format!("{nothing} `fast` is BROKEN: do not ship it.")
+        );
+    }
+
+    #[test]
+    fn a_report_without_a_measured_variant_says_so() {
+        let why = "every material refuses it".to_owned();
+        let refused = variant("a", &[], Verdict::NotMeasured { why });
+        assert_eq!(
+            said(vec![refused]),
+            "Not measured: every material refuses it."
+        );
+    }
+}
