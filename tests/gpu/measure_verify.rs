@@ -386,14 +386,14 @@ fn contracts_are_held_to_their_own_terms() {
     (error.pixels, error.beyond_step) = (10_000, 10);
     (error.max_abs, error.max_steps) = (0.5, 127.5);
     assert!(broken(&rounding, &error));
-    assert!(!broken(&turning(Surface::KeptMaterial), &error));
+    assert!(!broken(&turning(Surface::Kept), &error));
     error.beyond_step = 11;
     assert!(broken(&turning(Surface::Rounded), &error));
     error.beyond_step = 0;
     (error.max_abs, error.max_steps) = (1.0 / 255.0, 1.0);
     error.changed_depth = 1;
     assert!(broken(&rounding, &error));
-    assert!(broken(&turning(Surface::KeptMaterial), &error));
+    assert!(broken(&turning(Surface::Kept), &error));
     assert!(!broken(&turning(Surface::Rounded), &error));
     error.nan_pixels = 1;
     assert!(broken(&turning(Surface::Rounded), &error));
