@@ -388,7 +388,8 @@ fn make(
     for original in &materials.asked {
         check_name(&original.material)?;
     }
-    if job.shader.state.state.is_none() && !job.shader.is_scene() {
+    let is_given = job.shader.state.state.is_some() || job.shader.is_scene();
+    if !is_given && !recipe.steps.is_empty() {
         let assumed = materials.asked.iter();
         let assumed = assumed.filter_map(|p| Some((described(p)?, p.material.clone())));
         made.assumed.extend(assumed);

@@ -117,46 +117,62 @@ pub(crate) fn faces_away(
 }
 
 /// The opaque materials that may discard, and of which no fragment is discarded in any of `frames`,
-/// each as a reason to trust no verdict about its discard.
+/// each as a reason to trust no verdict about its discard. Materials of one shader count together.
 pub(crate) fn undiscarded(
     session: &Session<'_>,
     frames: &[(&Frame, DrawOrder)],
 ) -> Result<Vec<String>, Error> {
-    let inputs = session.inputs();
-    let mut found = Vec::new();
-    for original in session.originals().iter().filter(|plan| discards(plan)) {
-        let mut alone = original.clone();
-        for pass in &mut alone.passes {
-            // What hides a fragment does not keep it from being discarded.
-            if let Some(depth) = &mut pass.depth {
-                depth.compare = CompareFunction::Always;
-                depth.write = false;
-            }
-        }
-        if alone.main().is_none_or(|main| main.phase != Phase::Opaque) {
+    let mut shaders: BTreeMap<Vec<&str>, Vec<&Plan>> = BTreeMap::new();
+    for plan in session.originals().iter().filter(|plan| discards(plan)) {
+        let main = plan.main().filter(|main| main.phase == Phase::Opaque);
+        let Some((main, program)) = main.and_then(|m| Some((m, plan.program(m)?))) else {
             continue;
-        }
-        let plans = std::slice::from_ref(&alone);
-        let mut kept = Counter::shaded(inputs, plans, session.form(), counting)?;
-        let all = |_: &Plan, _: &GpuPass| CountProgram::Constant;
-        let mut all = Counter::shaded(inputs, plans, session.form(), all)?;
+        };
+        let files = program.sources().files().iter().map(|f| f.name.as_str());
+        let key = files.chain(main.fragment.as_deref()).collect();
+        shaders.entry(key).or_default().push(plan);
+    }
+    let mut found = Vec::new();
+    for plans in shaders.values() {
         let mut is_tested = false;
-        for (frame, order) in frames {
-            inputs.set_frame(frame)?;
-            let [kept, all] = [kept.count(frame, *order)?, all.count(frame, *order)?];
-            is_tested = kept.fragments != all.fragments;
-            if is_tested {
-                break;
-            }
+        for plan in plans {
+            is_tested = is_tested || discards_in(session, plan, frames)?;
         }
         if !is_tested {
+            let names: Vec<String> = plans.iter().map(|p| format!("`{}`", p.material)).collect();
             found.push(format!(
-                "no fragment of `{}` is discarded in any view, so that its discard is untested",
-                original.material
+                "no fragment of {} is discarded in any view, so that its discard is untested",
+                names.join(", ")
             ));
         }
     }
     Ok(found)
+}
+
+/// Whether a fragment of a material is discarded in one of `frames`, whatever hides it.
+fn discards_in(
+    session: &Session<'_>,
+    plan: &Plan,
+    frames: &[(&Frame, DrawOrder)],
+) -> Result<bool, Error> {
+    let inputs = session.inputs();
+    let mut open = plan.clone();
+    for depth in open.passes.iter_mut().filter_map(|p| p.depth.as_mut()) {
+        depth.compare = CompareFunction::Always;
+        depth.write = false;
+    }
+    let plans = std::slice::from_ref(&open);
+    let mut kept = Counter::shaded(inputs, plans, session.form(), counting)?;
+    let all = |_: &Plan, _: &GpuPass| CountProgram::Constant;
+    let mut all = Counter::shaded(inputs, plans, session.form(), all)?;
+    for (frame, order) in frames {
+        inputs.set_frame(frame)?;
+        let [kept, all] = [kept.count(frame, *order)?, all.count(frame, *order)?];
+        if kept.fragments != all.fragments {
+            return Ok(true);
+        }
+    }
+    Ok(false)
 }
 
 /// The reason if every triangle faces away.
