@@ -4,14 +4,14 @@ use preshade::unstable::render;
 use serde::Serialize;
 
 use crate::output;
-use crate::{Failure, Format, Outcome};
+use crate::{Ending, Failure, Format};
 
 /// Arguments of `adapters`.
 #[derive(clap::Args)]
 #[command(after_help = "\
 preshade uses the first one. `preshade verify --adapter TEXT` selects another, by a part of its
 name, driver or backend.")]
-pub struct Args {
+pub struct AdaptersArgs {
     /// Output form.
     #[arg(long, value_enum, default_value_t = Format::Human)]
     format: Format,
@@ -24,7 +24,7 @@ struct Listing<'a> {
 }
 
 /// Lists the adapters.
-pub fn run(args: &Args) -> Result<Outcome, Failure> {
+pub fn run(args: &AdaptersArgs) -> Result<Ending, Failure> {
     let adapters = render::adapters();
     match args.format {
         Format::Json => output::json(&Listing {
@@ -44,5 +44,5 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         }
         .into());
     }
-    Ok(Outcome::Fine)
+    Ok(Ending::Fine)
 }

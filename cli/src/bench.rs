@@ -21,7 +21,7 @@ use serde::Serialize;
 use crate::output;
 use crate::verify::parse_seconds;
 use crate::view::parse_size;
-use crate::{Failure, Format, Outcome};
+use crate::{Ending, Failure, Format};
 
 mod grass;
 mod museum;
@@ -32,7 +32,7 @@ mod museum;
 Examples, from the root of the repository:
   preshade bench
   preshade bench --layers 4 --size 320x180 --seconds 0.2 --format json")]
-pub struct Args {
+pub struct BenchArgs {
     /// The hand-written reference.
     #[arg(
         long,
@@ -109,7 +109,7 @@ const HOISTED: [(&str, &str); 1] = [(
 const ORDERS: [(&str, u32); 3] = [("back to front", 0), ("shuffled", 2), ("front to back", 1)];
 
 /// Runs the yardstick.
-pub fn run(args: &Args) -> Result<Outcome, Failure> {
+pub fn run(args: &BenchArgs) -> Result<Ending, Failure> {
     let gpu = Gpu::new(
         &args
             .adapter
@@ -211,7 +211,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         Format::Json => output::json(&report)?,
         Format::Human => output::data(&table(&report))?,
     }
-    Ok(Outcome::Fine)
+    Ok(Ending::Fine)
 }
 
 /// The scene: layers of noise over each other.

@@ -112,6 +112,13 @@ pub fn explain(code: &str) -> Result<String, Failure> {
     }
     let bare = code.rsplit(['/', '[']).next().unwrap_or(code);
     let bare = bare.trim_end_matches(']');
+    if let Some((before, _)) = code.rsplit_once('/') {
+        let pass = before.rsplit('[').next().unwrap_or(before);
+        if pass_named(pass).is_none() {
+            let names: Vec<&str> = PASSES.iter().map(|p| p.info().name).collect();
+            return Err(Failure::unknown("pass", pass, &names));
+        }
+    }
     if let Some(text) = all().get(bare) {
         return Ok(format!("{bare}\n\n{text}\n"));
     }
@@ -198,6 +205,8 @@ mod tests {
             let said = unknown(code);
             assert!(said.contains(near), "{code}: {said}");
         }
+        let said = unknown("depth-prepas/blended");
+        assert!(said.contains("(did you mean `depth-prepass`?)"), "{said}");
         // Without a similar code, all are listed.
         assert!(unknown("zzzz").contains("there are: adaptive-form, "));
         let pass = explain("depth-prepass").ok().unwrap_or_default();

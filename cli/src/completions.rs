@@ -3,7 +3,7 @@
 use clap_complete::Shell;
 
 use crate::output;
-use crate::{Failure, Outcome};
+use crate::{Ending, Failure};
 
 /// Arguments of `completions`.
 #[derive(clap::Args)]
@@ -12,16 +12,16 @@ Examples:
   preshade completions bash > ~/.local/share/bash-completion/completions/preshade
   preshade completions zsh > ~/.zfunc/_preshade
   preshade completions fish > ~/.config/fish/completions/preshade.fish")]
-pub struct Args {
+pub struct CompletionsArgs {
     /// The shell.
     #[arg(value_enum)]
     shell: Shell,
 }
 
 /// Prints the script.
-pub fn run(args: &Args, mut command: clap::Command) -> Result<Outcome, Failure> {
+pub fn run(args: &CompletionsArgs, mut command: clap::Command) -> Result<Ending, Failure> {
     let mut script = Vec::new();
     clap_complete::generate(args.shell, &mut command, "preshade", &mut script);
     output::data(&String::from_utf8_lossy(&script))?;
-    Ok(Outcome::Fine)
+    Ok(Ending::Fine)
 }

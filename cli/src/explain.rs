@@ -1,24 +1,25 @@
 //! `preshade explain`: where each pass applies, or why it does not.
 
+use std::fmt;
 use std::ops::ControlFlow;
 
-use codespan_reporting::diagnostic::{Diagnostic, Label};
-use codespan_reporting::files::SimpleFiles;
-use codespan_reporting::term;
 use preshade::unstable::measure::{self, Detail, EffectUse, Session};
+use preshade::unstable::parameters::parameters;
 use preshade::unstable::passes::PASSES;
 use preshade::unstable::passes::graph::Graph;
-use preshade::unstable::passes::pass::{Bound, Change, Facts, Frequency, Left, Refusal, SiteCost};
+use preshade::unstable::passes::pass::{Change, Facts, Frequency, Left, Refusal};
 use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::specialize::effects::Effect;
 use preshade::unstable::pipeline;
 use preshade::unstable::recipe::{Recipe, Step};
 use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
 use serde::Serialize;
 
+use crate::explained;
 use crate::input::{Materials, ShaderArgs};
 use crate::output;
 use crate::view::ViewArgs;
-use crate::{Failure, Format, Outcome};
+use crate::{Ending, Failure, Format};
 
 /// Arguments of `explain`.
 #[derive(clap::Args)]
@@ -31,10 +32,11 @@ Examples:
   preshade explain scene.toml --scene --pass hoist:budget=0.01 --camera wall --size 640x360
                                                     what can be interpolated, measured on the scene
 
-A refusal says where, why, and what would make the pass legal; it is no failure (exit status 0).
+At most ten lines a material, the largest saving first. With -v or --pass: where each pass applies,
+or why not, and what would make it legal. A refusal is no failure (exit status 0).
 Static cost is in scalar operations, weighted: an addition of two floats is 1 op, a division 4, a
 texture sample 32 (the whole table: the module `graph::cost`). A site is the hash of its slice.")]
-pub struct Args {
+pub struct ExplainArgs {
     /// Explain these passes, with these parameters, each after those before it; default: all
     /// passes, each on its own.
     #[arg(long = "pass", value_name = "NAME[:k=v,..]")]
@@ -48,6 +50,9 @@ pub struct Args {
     adapter: Option<String>,
     #[command(flatten)]
     view: ViewArgs,
+    /// Everything about every pass, with the reasons of refusals and the sources.
+    #[arg(short, long)]
+    verbose: bool,
     /// Output form.
     #[arg(long, value_enum, default_value_t = Format::Human)]
     format: Format,
@@ -62,39 +67,114 @@ struct Explanation {
     materials: Vec<Explained>,
 }
 
+/// A material and what each pass does to it.
 #[derive(Serialize)]
-struct Explained {
-    material: String,
-    stages: Vec<StageCost>,
+pub struct Explained {
+    pub material: String,
+    pub stages: Vec<StageCost>,
     /// The effects that the scene's draws use, the most expensive first.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    effects: Vec<EffectUse>,
-    passes: Vec<PassExplained>,
+    pub effects: Vec<EffectUse>,
+    /// The code behind conditions that uniforms and constants decide, where no draw is known.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub switches: Vec<Effect>,
+    pub passes: Vec<PassExplained>,
     /// By error against saved cost, the best first.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    frequencies: Vec<Frequency>,
+    pub frequencies: Vec<Frequency>,
 }
 
 #[derive(Serialize)]
-struct StageCost {
-    stage: &'static str,
-    entry_point: String,
-    cost: f64,
-    expressions: usize,
-    effects: Vec<String>,
+pub struct StageCost {
+    pub stage: &'static str,
+    pub entry_point: String,
+    pub cost: f64,
+    pub expressions: usize,
+    pub effects: Vec<String>,
 }
 
 #[derive(Serialize)]
-struct PassExplained {
-    pass: String,
-    summary: &'static str,
-    hurts: &'static str,
-    source: &'static str,
+pub struct PassExplained {
+    pub pass: String,
+    pub summary: &'static str,
+    pub hurts: &'static str,
+    pub source: &'static str,
     /// The change that it makes; at most one.
-    sites: Vec<Change>,
-    refusals: Vec<Refusal>,
+    pub sites: Vec<Change>,
+    /// What the change saves. `None`: it does not apply, or it saves no operations but fragments.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub saved: Option<Saved>,
+    /// What it does within a budget, if it is refused without one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub within_budget: Option<WithinBudget>,
+    pub refusals: Vec<Refusal>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    left: Vec<Left>,
+    pub left: Vec<Left>,
+}
+
+/// A pass with a budget.
+#[derive(Serialize)]
+pub struct WithinBudget {
+    /// The recipe step.
+    pub step: String,
+    pub change: Change,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub saved: Option<Saved>,
+}
+
+/// The static cost that a stage of the main pass loses.
+#[derive(Serialize)]
+pub struct Saved {
+    stage: &'static str,
+    /// Operations saved.
+    ops: f64,
+    /// Operations before.
+    of: f64,
+}
+
+/// The least share of a stage's static cost that is worth a pass.
+pub const SMALL: f64 = measure::WORTH_A_LOOK;
+
+/// The budget with which a pass is tried that is refused without one.
+const BUDGET: f64 = 0.02;
+
+impl Saved {
+    /// `None`: `after` has more passes, so that its stages alone say little, or no stage costs less.
+    fn between(before: &Plan, after: &Plan) -> Option<Self> {
+        let passes = |plan: &Plan| (plan.passes.len(), plan.compute.len());
+        if passes(before) != passes(after) {
+            return None;
+        }
+        let (before, after) = (stages(before), stages(after));
+        let stages = before.iter().zip(&after).map(|(a, b)| Self {
+            stage: a.stage,
+            ops: a.cost - b.cost,
+            of: a.cost,
+        });
+        let best = stages.max_by(|a, b| a.share().total_cmp(&b.share()));
+        best.filter(|s| s.ops > 0.0)
+    }
+
+    /// The share of the stage.
+    pub fn share(&self) -> f64 {
+        self.ops / self.of.max(1.0)
+    }
+
+    /// Whether it is too little to be worth a pass.
+    pub fn is_small(&self) -> bool {
+        self.share() < SMALL
+    }
+}
+
+impl fmt::Display for Saved {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { stage, ops, of } = self;
+        let percent = 100.0 * self.share();
+        write!(
+            f,
+            "saves {ops:.0} of {of:.0} ops of the {stage} stage ({percent:.0} %)"
+        )
+    }
 }
 
 /// Which plan each pass is explained on.
@@ -107,7 +187,7 @@ enum Order {
 }
 
 /// Explains a material, or every material of a scene.
-pub fn run(args: &Args) -> Result<Outcome, Failure> {
+pub fn run(args: &ExplainArgs) -> Result<Ending, Failure> {
     let steps = if args.passes.is_empty() {
         PASSES
             .iter()
@@ -143,7 +223,11 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         let explained = explain(plan, &steps, facts, &frame, &effects, order)?;
         if args.format == Format::Human {
             let between = if materials.is_empty() { "" } else { "\n" };
-            output::data(&format!("{between}{}", print(&explained, plan)))?;
+            let text = match args.verbose || !args.passes.is_empty() {
+                true => explained::all(&explained, plan),
+                false => explained::brief(&explained),
+            };
+            output::data(&format!("{between}{text}"))?;
         }
         materials.push(explained);
         Ok(())
@@ -158,7 +242,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
             materials,
         })?;
     }
-    Ok(Outcome::Fine)
+    Ok(Ending::Fine)
 }
 
 /// Size on a software adapter, if none is given: three materials then take less than a minute on
@@ -168,7 +252,7 @@ const SOFTWARE_SIZE: [u32; 2] = [320, 180];
 /// Measures the facts of a scene by drawing it, and hands over each plan as soon as the facts about
 /// its material are complete.
 fn measured(
-    args: &Args,
+    args: &ExplainArgs,
     plans: &[Plan],
     each: &mut dyn FnMut(&Facts, &Plan) -> Result<(), Failure>,
 ) -> Result<(), Failure> {
@@ -179,7 +263,7 @@ fn measured(
         .map_or(AdapterChoice::Best, AdapterChoice::Matching);
     let gpu = Gpu::with_trust(&choice, args.shader.limits.limits().trust())?;
     let scene = args.view.reduced(scene, &gpu, SOFTWARE_SIZE);
-    let session = Session::new(&gpu, &scene, ShaderForm::Text)?;
+    let session = Session::sharing(&gpu, &scene, ShaderForm::Text)?;
     let bar = output::bar();
     bar.set_message("looking for depth ties");
     let facts = measure::facts(&session)?;
@@ -227,14 +311,20 @@ fn explain(
         let key = |f: &Frequency| f.flip_mean / f.cost.max(1.0);
         key(a).total_cmp(&key(b)).then(b.cost.total_cmp(&a.cost))
     });
+    let effects: Vec<EffectUse> = effects
+        .iter()
+        .filter(|e| e.material == plan.material)
+        .cloned()
+        .collect();
+    let switches = match effects.is_empty() {
+        true => preshade::unstable::passes::specialize::effects::effects(plan, facts),
+        false => Ok(Vec::new()),
+    };
     Ok(Explained {
         frequencies,
         material: plan.material.clone(),
-        effects: effects
-            .iter()
-            .filter(|e| e.material == plan.material)
-            .cloned()
-            .collect(),
+        effects,
+        switches: switches.unwrap_or_default(),
         stages: stages(plan),
         passes: steps
             .iter()
@@ -243,37 +333,54 @@ fn explain(
                     return Err(Failure(format!("error: no pass `{}`", step.pass)));
                 };
                 let info = pass.info();
-                let (sites, refusals, left) = match pipeline::run(step, &before, frame, facts) {
-                    Ok(done) => {
-                        if order == Order::Chained {
-                            before = done.plan;
-                        }
-                        (vec![done.change], Vec::new(), done.left)
-                    }
-                    Err(refused) => (Vec::new(), refused.refusals, refused.left),
-                };
-                Ok(PassExplained {
+                let mut explained = PassExplained {
                     pass: step.to_string(),
                     summary: info.summary,
                     hurts: info.hurts,
                     source: info.source,
-                    sites,
-                    refusals,
-                    left,
-                })
+                    sites: Vec::new(),
+                    saved: None,
+                    within_budget: None,
+                    refusals: Vec::new(),
+                    left: Vec::new(),
+                };
+                match pipeline::run(step, &before, frame, facts) {
+                    Ok(done) => {
+                        explained.saved = Saved::between(&before, &done.plan);
+                        explained.sites = vec![done.change];
+                        explained.left = done.left;
+                        if order == Order::Chained {
+                            before = done.plan;
+                        }
+                    }
+                    Err(refused) => {
+                        explained.refusals = refused.refusals;
+                        explained.left = refused.left;
+                        explained.within_budget = within_budget(step, &before, frame, facts);
+                    }
+                }
+                Ok(explained)
             })
             .collect::<Result<_, _>>()?,
     })
 }
 
-/// The cost of a site's slice and of its source. A pass that runs a stage several times costs more
-/// than its source.
-fn cost(of: SiteCost) -> String {
-    let between = match of.slice > of.whole {
-        true => "in place of",
-        false => "of",
-    };
-    format!("{:.0} {between} {:.0} ops", of.slice, of.whole)
+/// What a refused step does with a budget. `None`: it has no such parameter, has one already, or is
+/// refused all the same.
+fn within_budget(step: &Step, plan: &Plan, frame: &[Plan], facts: &Facts) -> Option<WithinBudget> {
+    let pass = preshade::unstable::passes::pass_named(&step.pass)?;
+    let takes = parameters(pass).iter().any(|p| p.name == "budget");
+    if !takes || step.params.contains_key("budget") {
+        return None;
+    }
+    let mut step = step.clone();
+    step.params.insert("budget".to_owned(), BUDGET.into());
+    let done = pipeline::run(&step, plan, frame, facts).ok()?;
+    Some(WithinBudget {
+        step: step.to_string(),
+        saved: Saved::between(plan, &done.plan),
+        change: done.change,
+    })
 }
 
 fn stages(plan: &Plan) -> Vec<StageCost> {
@@ -306,177 +413,4 @@ fn stages(plan: &Plan) -> Vec<StageCost> {
         });
     }
     stages
-}
-
-fn print(explained: &Explained, plan: &Plan) -> String {
-    let mut lines = vec![format!("material {}", explained.material)];
-    for s in &explained.stages {
-        let effects = if s.effects.is_empty() {
-            String::new()
-        } else {
-            format!("; {}", s.effects.join(", "))
-        };
-        lines.push(format!(
-            "  {} `{}`: static cost {:.0} ops, {} expressions{effects}",
-            s.stage, s.entry_point, s.cost, s.expressions
-        ));
-    }
-    lines.extend(effect_table(&explained.effects));
-    for p in &explained.passes {
-        lines.push(format!("\n{}\n  {}", p.pass, p.summary));
-        for site in &p.sites {
-            lines.push(format!(
-                "  applies to `{}`: {}\n    static cost {}{}\n    hurts {}",
-                site.key.entry_point,
-                site.what,
-                cost(site.cost),
-                // A stage that needs no slice has dashes for its half of the hash.
-                match site.key.slice.trim_matches('-') {
-                    "" => String::new(),
-                    slice => format!("; site {slice}"),
-                },
-                p.hurts
-            ));
-        }
-        for r in &p.refusals {
-            lines.push(indent(&refusal(r, plan)));
-        }
-        lines.extend(left(&p.left));
-        lines.push(format!("  source: {}", p.source));
-    }
-    if !explained.frequencies.is_empty() {
-        lines.push(
-            "\nvalues that might be interpolated, by error against saved cost; off by: how far the value itself is from its interpolation on\n\
-             the scene's triangles (NaN: somewhere it is NaN or infinite); at most: the same, proved with an adapter's roundings for the frames\n\
-             looked at, two a camera (*: for a part of the triangles)\n  \
-             saved ops  FLIP mean   max abs  NaN px  off by  at most    range  value"
-                .to_owned(),
-        );
-        for f in &explained.frequencies {
-            let place = f.location.as_ref().map_or(String::new(), |l| {
-                format!(" ({}:{}:{})", l.file, l.line, l.column)
-            });
-            let (off, range) =
-                f.interpolation
-                    .as_ref()
-                    .map_or(("-".to_owned(), "-".to_owned()), |i| {
-                        let off = match i.not_finite {
-                            0 => short(i.max),
-                            _ => "NaN".to_owned(),
-                        };
-                        (off, short(i.range))
-                    });
-            let bound = match &f.bound {
-                Some(Bound::Proved {
-                    max,
-                    roundings,
-                    triangles,
-                    of,
-                    ..
-                }) => {
-                    let part = if triangles < of { "*" } else { "" };
-                    format!("{}{part}", short(max + roundings))
-                }
-                Some(Bound::Unbounded { .. }) => "unbounded".to_owned(),
-                None => "-".to_owned(),
-            };
-            lines.push(format!(
-                "  {:>9.0}  {:>9.6}  {:>8.4}  {:>6}  {off:>6}  {bound:>9}  {range:>6}  `{}`{place}",
-                f.cost, f.flip_mean, f.max_abs, f.nan_pixels, f.name
-            ));
-        }
-    }
-    lines.push(String::new());
-    lines.join("\n")
-}
-
-/// Which effects the draws of a material call for.
-fn effect_table(effects: &[EffectUse]) -> Vec<String> {
-    if effects.is_empty() {
-        return Vec::new();
-    }
-    let widest = effects.iter().map(|e| e.name.len()).max().unwrap_or(0);
-    let mut lines = vec![format!(
-        "\neffects that the draws decide, by static cost\n  {:<widest$}  {:<8}  {:>6}  {:<16}  evidence",
-        "effect", "stage", "ops", "called for"
-    )];
-    for e in effects {
-        let (called_for, evidence) = (e.called_for_by(), e.evidence_said());
-        lines.push(format!(
-            "  {:<widest$}  {:<8}  {:>6.0}  {called_for:<16}  {evidence}",
-            e.name, e.stage, e.cost
-        ));
-    }
-    lines
-}
-
-/// A number in four digits or so.
-fn short(number: f64) -> String {
-    match number.abs() {
-        0.0 => "0".to_owned(),
-        1e-3..1e4 => format!("{number:.4}").chars().take(6).collect(),
-        _ => format!("{number:.0e}"),
-    }
-}
-
-/// Most values to list as not hoisted, the most expensive first.
-const MOST_LEFT: usize = 8;
-
-/// The values that a pass did not move, one a line.
-fn left(left: &[Left]) -> Vec<String> {
-    let mut lines: Vec<String> = left
-        .iter()
-        .take(MOST_LEFT)
-        .map(|l| {
-            let line = l
-                .location
-                .as_ref()
-                .map_or(String::new(), |l| format!("line {}, ", l.line));
-            format!(
-                "  `{}` ({line}{:.0} ops) is unchanged: {}",
-                l.name, l.cost, l.reason
-            )
-        })
-        .collect();
-    if left.len() > MOST_LEFT {
-        lines.push(format!(
-            "  and {} more stay (--format json lists them)",
-            left.len() - MOST_LEFT
-        ));
-    }
-    lines
-}
-
-fn indent(text: &str) -> String {
-    text.lines()
-        .map(|l| format!("  {l}"))
-        .collect::<Vec<_>>()
-        .join("\n")
-}
-
-/// A refusal as a note on the author's source.
-pub fn refusal(refusal: &Refusal, plan: &Plan) -> String {
-    let mut files = SimpleFiles::new();
-    let mut labels = Vec::new();
-    if let Some(at) = &refusal.location
-        && let Some(file) = plan
-            .programs
-            .values()
-            .flat_map(|p| p.sources().files())
-            .find(|f| f.name == at.file)
-    {
-        let id = files.add(file.name.clone(), file.text.clone());
-        labels.push(Label::primary(
-            id,
-            at.range.start as usize..at.range.end as usize,
-        ));
-    }
-    let diagnostic = Diagnostic::note()
-        .with_code(format!("{}/{}", refusal.pass, refusal.code))
-        .with_message(format!("does not apply: {}", refusal.reason))
-        .with_labels(labels)
-        .with_notes(vec![format!("to make it legal: {}", refusal.remedy)]);
-    let config = term::Config::default();
-    term::emit_into_string(&config, &files, &diagnostic)
-        .map_or_else(|_| refusal.to_string(), |s| s.trim_end().to_owned())
 }

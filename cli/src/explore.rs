@@ -20,7 +20,7 @@ use crate::input::ShaderArgs;
 use crate::variants::VariantArgs;
 use crate::verify::{FormArg, OrderArg, check_folder, command, grouped, guesses, parse_seconds};
 use crate::view::ViewArgs;
-use crate::{Failure, Outcome, Table, many, output};
+use crate::{Ending, Failure, Table, many, output};
 
 /// Arguments of `explore`.
 #[derive(clap::Args)]
@@ -36,7 +36,7 @@ of them together; drops on the way what another beats in both error and time, be
 verifies what is left along every camera's path. With --out what was measured is kept: the same
 command again goes on where it ended, also after Ctrl-C.
 Exit status 1: a finalist broke its contract.")]
-pub struct Args {
+pub struct ExploreArgs {
     /// Search only as far as this error: flip_mean, flip_p99 or max_abs. It is the metric of the
     /// frontier too; default: flip_mean, without an end.
     #[arg(long, value_name = "METRIC=NUMBER", value_parser = Budget::parse)]
@@ -90,7 +90,7 @@ const JOURNAL: &str = "measured.jsonl";
 static INTERRUPTS: AtomicU32 = AtomicU32::new(0);
 
 /// Explores a scene or a shader, or each scene of a folder.
-pub fn run(args: &Args) -> Result<Outcome, Failure> {
+pub fn run(args: &ExploreArgs) -> Result<Ending, Failure> {
     if !args.shader.files.iter().any(|f| f.is_dir()) {
         return one(args, &args.shader, args.out.as_deref());
     }
@@ -104,7 +104,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     if args.out.is_some() {
         many::told_apart(&scenes)?;
     }
-    let (mut outcome, mut failed) = (Outcome::Fine, Vec::new());
+    let (mut outcome, mut failed) = (Ending::Fine, Vec::new());
     let count = scenes.len();
     for scene in scenes {
         let name = scene.display().to_string();
@@ -114,8 +114,8 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
             ..args.shader.clone()
         };
         match one(args, &shader, out.as_deref()) {
-            Ok(Outcome::Fine) => {}
-            Ok(Outcome::ContractBroken) => outcome = Outcome::ContractBroken,
+            Ok(Ending::Fine | Ending::NotMeasured) => {}
+            Ok(Ending::ContractBroken) => outcome = Ending::ContractBroken,
             // One failing scene is reported and does not stop the others.
             Err(Failure(why)) => {
                 let why = why.strip_prefix("error: ").unwrap_or(&why);
@@ -138,7 +138,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
 }
 
 /// Explores one scene or shader.
-fn one(args: &Args, shader: &ShaderArgs, out: Option<&Path>) -> Result<Outcome, Failure> {
+fn one(args: &ExploreArgs, shader: &ShaderArgs, out: Option<&Path>) -> Result<Ending, Failure> {
     let sweeps = args.variants.sweeps()?;
     let mut scene = args.view.of(shader.scene()?)?;
     if let Some(order) = args.order {
@@ -249,7 +249,7 @@ fn one(args: &Args, shader: &ShaderArgs, out: Option<&Path>) -> Result<Outcome, 
             .any(|v| matches!(v.verdict, Verdict::Broken { .. }))
     });
     Ok(match broken {
-        true => Outcome::ContractBroken,
-        false => Outcome::Fine,
+        true => Ending::ContractBroken,
+        false => Ending::Fine,
     })
 }

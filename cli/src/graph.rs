@@ -5,7 +5,7 @@ use preshade::unstable::recipe::Recipe;
 
 use crate::input::ShaderArgs;
 use crate::output;
-use crate::{Failure, Outcome};
+use crate::{Ending, Failure};
 
 /// Arguments of `graph`.
 #[derive(clap::Args)]
@@ -14,7 +14,7 @@ Examples:
   preshade graph lit.wgsl | dot -Tsvg > lit.svg
   preshade graph lit.wgsl --format json
   preshade graph scene.toml --name floor          one material of a scene")]
-pub struct Args {
+pub struct GraphArgs {
     /// Output form.
     #[arg(long, value_enum, default_value_t = GraphFormat::Dot)]
     format: GraphFormat,
@@ -32,7 +32,7 @@ enum GraphFormat {
 }
 
 /// Prints the graph.
-pub fn run(args: &Args) -> Result<Outcome, Failure> {
+pub fn run(args: &GraphArgs) -> Result<Ending, Failure> {
     let plans = args.shader.plans(&Recipe::default())?.asked;
     let [plan] = &plans[..] else {
         let names: Vec<&str> = plans.iter().map(|p| p.material.as_str()).collect();
@@ -52,5 +52,5 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         GraphFormat::Dot => output::data(&graph.to_dot())?,
         GraphFormat::Json => output::json(&graph.to_data())?,
     }
-    Ok(Outcome::Fine)
+    Ok(Ending::Fine)
 }

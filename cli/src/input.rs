@@ -5,11 +5,12 @@ use std::path::{Path, PathBuf};
 
 use preshade::unstable::front::{self, Source};
 use preshade::unstable::measure;
-use preshade::unstable::passes::naga::ShaderStage;
+use preshade::unstable::passes::naga::{Binding, BuiltIn, ShaderStage};
 use preshade::unstable::passes::pass::Facts;
 use preshade::unstable::passes::plan::Plan;
 use preshade::unstable::passes::program::Language;
-use preshade::unstable::passes::state::MaterialState;
+use preshade::unstable::passes::reflect;
+use preshade::unstable::passes::state::{CullMode, MaterialState};
 use preshade::unstable::recipe::Recipe;
 use preshade::unstable::regular;
 use preshade::unstable::scene::{self, Scene, Variable, Variables};
@@ -287,7 +288,13 @@ impl ShaderArgs {
             None if !variables.is_empty() => Err(Failure(
                 "error: --set and --sweep are for a scene: a shader has no variables".to_owned(),
             )),
-            None => Ok(Input::Shader(self.parse()?, self.state.state()?)),
+            None => {
+                let (parsed, mut state) = (self.parse()?, self.state.state()?);
+                if self.state.says_no_cull() && reads_facing(&parsed) {
+                    state.primitive.cull = CullMode::None;
+                }
+                Ok(Input::Shader(parsed, state))
+            }
             Some(path) if self.files.len() == 1 => {
                 self.check_scene_flags()?;
                 let scene = scene::load_within(path, &variables, self.limits.access())
@@ -460,6 +467,18 @@ impl ShaderArgs {
             .unwrap_or(&stem)
             .to_owned()
     }
+}
+
+/// Whether the fragment stage reads which side it draws, so that its back is meant to be seen.
+fn reads_facing(parsed: &front::Parsed) -> bool {
+    let module = parsed.program.module();
+    let fragment = parsed.fragment.as_deref();
+    let entry = fragment.and_then(|f| parsed.program.entry_point(ShaderStage::Fragment, f));
+    let facing = Some(Binding::BuiltIn(BuiltIn::FrontFacing));
+    entry.is_some_and(|(_, entry)| {
+        let inputs = reflect::inputs(module, &entry.function);
+        inputs.iter().any(|io| io.binding == facing)
+    })
 }
 
 /// A hint for more files than a material has.

@@ -11,14 +11,14 @@ use crate::keeper::Keeper;
 use crate::output;
 
 /// The results of the scenes of a run.
-pub struct Kept {
+pub struct KeptScenes {
     unfinished: Unfinished,
     keeper: Keeper,
     scenes: usize,
     failed: Vec<String>,
 }
 
-impl Kept {
+impl KeptScenes {
     /// Of a run over `scenes`, kept in `folder` if there is one.
     pub fn new(folder: Option<&Path>, gpu: &Gpu, scenes: Vec<String>) -> Self {
         let count = scenes.len();

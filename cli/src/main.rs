@@ -1,7 +1,7 @@
 //! `preshade` at the command line. One file a subcommand; data on stdout, messages on stderr.
 //!
 //! Exit status: 0 fine (a refusal is fine: the original is kept), 1 a contract broke, 2 bad usage
-//! or input.
+//! or input, 3 nothing was measured that a verdict could depend on.
 
 use std::ffi::OsString;
 use std::io::IsTerminal;
@@ -25,6 +25,7 @@ mod completions;
 mod config;
 mod depfile;
 mod explain;
+mod explained;
 mod explore;
 mod graph;
 mod input;
@@ -68,7 +69,7 @@ Data goes to stdout, messages to stderr. A flag overrides the environment (PRESH
 --adapter; `;` separates several values), and the environment overrides preshade.toml
 (adapter = \"llvmpipe\", or [verify] and then frames = 4). --FLAG=false resets a switch.
 Exit status: 0 fine (also if a pass is refused: it is skipped), 1 a variant broke its contract, 2
-bad usage or input."
+bad usage or input, 3 not measured: no verdict depends on what was drawn."
 )]
 struct Cli {
     #[command(subcommand)]
@@ -77,7 +78,7 @@ struct Cli {
     /// list all.
     #[arg(long, value_name = "CODE", num_args = 0..=1, default_missing_value = "")]
     explain: Option<String>,
-    /// Colours on stderr. With auto, NO_COLOR is respected.
+    /// Colours of messages and tables. With auto, NO_COLOR is respected.
     #[arg(long, global = true, value_enum, value_name = "WHEN", default_value_t = Colors::Auto, help_heading = "All commands")]
     color: Colors,
     /// File with values for flags; default: `preshade.toml` in the current folder.
@@ -96,7 +97,7 @@ struct Cli {
     watch: bool,
 }
 
-/// When to colour messages. Auto: on a terminal, unless NO_COLOR is set.
+/// When to colour. Auto: on a terminal, unless NO_COLOR is set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum Colors {
     Auto,
@@ -110,32 +111,32 @@ static COLORS: OnceLock<Colors> = OnceLock::new();
 #[derive(Subcommand)]
 enum Command {
     /// Lists the passes that apply to a shader, refusals with their reasons, rates and costs.
-    Explain(explain::Args),
+    Explain(explain::ExplainArgs),
     /// Prints the dataflow graph, as dot or JSON.
-    Graph(graph::Args),
+    Graph(graph::GraphArgs),
     /// Lists the passes and their parameters.
-    Passes(passes::Args),
+    Passes(passes::PassesArgs),
     /// Rewrites a shader by a recipe of passes.
-    Rewrite(rewrite::Args),
+    Rewrite(rewrite::RewriteArgs),
     /// Draws a scene or a shader with the original and its variants: error, time, verdict.
-    Verify(verify::Args),
+    Verify(verify::VerifyArgs),
     /// Chooses the passes that pay for each material of a scene on this adapter, by measurement.
-    Plan(plan::Args),
+    Plan(plan::PlanArgs),
     /// Finds the best recipes by error and time: those that no other recipe beats in both.
-    Explore(explore::Args),
+    Explore(explore::ExploreArgs),
     /// Lists the adapters of this machine.
-    Adapters(adapters::Args),
+    Adapters(adapters::AdaptersArgs),
     /// Compares frozen hand-written shaders with preshade's variants of the same entry points.
-    Bench(bench::Args),
+    Bench(bench::BenchArgs),
     /// Prints a completion script for a shell.
-    Completions(completions::Args),
+    Completions(completions::CompletionsArgs),
     /// Prints the manual pages.
-    Man(man::Args),
+    Man(man::ManArgs),
 }
 
 impl Command {
     /// Runs the command. `config` is the configuration file.
-    fn run(&self, config: Option<&Path>) -> Result<Outcome, Failure> {
+    fn run(&self, config: Option<&Path>) -> Result<Ending, Failure> {
         match self {
             Self::Explain(a) => explain::run(a),
             Self::Graph(a) => graph::run(a),
@@ -191,11 +192,13 @@ impl Command {
 }
 
 /// How a command ended, unless it failed.
-pub enum Outcome {
+pub enum Ending {
     /// Success.
     Fine,
     /// A variant broke its contract.
     ContractBroken,
+    /// Every variant is `not measured`, or the pictures left something untested.
+    NotMeasured,
 }
 
 /// Bad usage or input, as a message to print.
@@ -258,12 +261,16 @@ pub enum Table {
 
 /// Whether messages on stderr are coloured.
 pub fn color_on_stderr() -> bool {
+    color_on(&std::io::stderr())
+}
+
+/// Whether text on `stream` is coloured.
+pub fn color_on(stream: &impl IsTerminal) -> bool {
     match COLORS.get() {
         Some(Colors::Always) => true,
         Some(Colors::Never) => false,
         Some(Colors::Auto) | None => {
-            std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty())
-                && std::io::stderr().is_terminal()
+            std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty()) && stream.is_terminal()
         }
     }
 }
@@ -289,8 +296,9 @@ fn keep_drivers_quiet() {
 fn main() -> ExitCode {
     keep_drivers_quiet();
     match run(&std::env::args_os().collect::<Vec<_>>()) {
-        Ok(Outcome::Fine) => ExitCode::SUCCESS,
-        Ok(Outcome::ContractBroken) => ExitCode::from(1),
+        Ok(Ending::Fine) => ExitCode::SUCCESS,
+        Ok(Ending::ContractBroken) => ExitCode::from(1),
+        Ok(Ending::NotMeasured) => ExitCode::from(3),
         Err(Failure(message)) => {
             output::message(&message);
             ExitCode::from(2)
@@ -308,7 +316,7 @@ fn command_line() -> clap::Command {
 }
 
 /// Reads the command line, the environment and the configuration, and runs the command.
-fn run(arguments: &[OsString]) -> Result<Outcome, Failure> {
+fn run(arguments: &[OsString]) -> Result<Ending, Failure> {
     if worker::mine().is_none() {
         let names = std::env::vars_os().map(|(name, _)| name);
         for warning in config::unknown_variables(&Cli::command(), names) {
@@ -329,11 +337,11 @@ fn run(arguments: &[OsString]) -> Result<Outcome, Failure> {
     COLORS.get_or_init(|| cli.color);
     if let Some(code) = &cli.explain {
         output::data(&codes::explain(code)?)?;
-        return Ok(Outcome::Fine);
+        return Ok(Ending::Fine);
     }
     if cli.print_config {
         output::data(&config.print(&command, &matches))?;
-        return Ok(Outcome::Fine);
+        return Ok(Ending::Fine);
     }
     let Some(wanted) = &cli.command else {
         return Err(no_command());
@@ -423,7 +431,7 @@ fn read(arguments: &Arguments) -> Result<CommandLine, Failure> {
 /// A round of `--watch`: the input files with the configuration file, and the command.
 fn round(
     arguments: &Arguments,
-) -> Result<(Reads, impl FnOnce() -> Result<Outcome, Failure> + use<>), Failure> {
+) -> Result<(Reads, impl FnOnce() -> Result<Ending, Failure> + use<>), Failure> {
     let CommandLine { cli, config, .. } = read(arguments)?;
     let wanted = cli.command.ok_or_else(no_command)?;
     let mut reads = wanted.reads().unwrap_or_default();

@@ -6,7 +6,7 @@ use clap_mangen::Man;
 use preshade::unstable::emit::{self, File};
 
 use crate::output;
-use crate::{Failure, Outcome};
+use crate::{Ending, Failure};
 
 /// Arguments of `man`.
 #[derive(clap::Args)]
@@ -15,7 +15,7 @@ Examples:
   preshade man | man -l -
   preshade man rewrite | man -l -
   preshade man -o ~/.local/share/man/man1        preshade.1, and preshade-rewrite.1 and so on")]
-pub struct Args {
+pub struct ManArgs {
     /// The command whose page goes to stdout; default: the main page.
     #[arg(value_name = "COMMAND", conflicts_with = "out")]
     command: Option<String>,
@@ -25,7 +25,7 @@ pub struct Args {
 }
 
 /// Prints the page, or writes all of them.
-pub fn run(args: &Args, mut command: clap::Command) -> Result<Outcome, Failure> {
+pub fn run(args: &ManArgs, mut command: clap::Command) -> Result<Ending, Failure> {
     command.build();
     let page = |command: clap::Command| -> Result<Vec<u8>, Failure> {
         let mut page = Vec::new();
@@ -52,7 +52,7 @@ pub fn run(args: &Args, mut command: clap::Command) -> Result<Outcome, Failure> 
             },
         };
         output::data(&String::from_utf8_lossy(&bytes))?;
-        return Ok(Outcome::Fine);
+        return Ok(Ending::Fine);
     };
     let mut pages = vec![File {
         name: "preshade.1".to_owned(),
@@ -64,5 +64,5 @@ pub fn run(args: &Args, mut command: clap::Command) -> Result<Outcome, Failure> 
     for path in emit::write(folder, &pages).map_err(|e| Failure(format!("error: {e}")))? {
         output::message(&format!("wrote {}", path.display()));
     }
-    Ok(Outcome::Fine)
+    Ok(Ending::Fine)
 }

@@ -115,7 +115,7 @@ pub fn message(text: &str) {
 const SILENCE: Duration = Duration::from_secs(10);
 
 /// Progress of a command: a bar on a terminal, otherwise a line from time to time.
-pub struct Progress {
+pub struct ProgressLine {
     bar: Option<ProgressBar>,
     began: Instant,
     told: Cell<Instant>,
@@ -125,7 +125,7 @@ pub struct Progress {
 }
 
 /// Starts progress of 1000 steps.
-pub fn bar() -> Progress {
+pub fn bar() -> ProgressLine {
     let bar = io::stderr().is_terminal().then(|| {
         let bar = ProgressBar::new(1000);
         if let Ok(style) = ProgressStyle::with_template("{bar:30} {elapsed} {wide_msg}") {
@@ -133,7 +133,7 @@ pub fn bar() -> Progress {
         }
         bar
     });
-    Progress {
+    ProgressLine {
         bar,
         began: Instant::now(),
         told: Cell::new(Instant::now()),
@@ -142,7 +142,7 @@ pub fn bar() -> Progress {
     }
 }
 
-impl Progress {
+impl ProgressLine {
     /// Sets the current activity.
     pub fn set_message(&self, what: impl Into<String>) {
         let what = what.into();

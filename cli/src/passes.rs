@@ -7,7 +7,7 @@ use preshade::unstable::passes::{PASSES, pass_named};
 use serde::Serialize;
 
 use crate::output;
-use crate::{Failure, Format, Outcome};
+use crate::{Ending, Failure, Format};
 
 /// Arguments of `passes`.
 #[derive(clap::Args)]
@@ -16,7 +16,7 @@ Examples:
   preshade passes                          every pass in a line
   preshade passes depth-prepass            one pass and its parameters
   preshade passes --format json            all of it, for programs")]
-pub struct Args {
+pub struct PassesArgs {
     /// Show this pass with its parameters; default: every pass in a line.
     #[arg(value_name = "NAME")]
     name: Option<String>,
@@ -42,7 +42,7 @@ struct PassListed {
 }
 
 /// Lists the passes.
-pub fn run(args: &Args) -> Result<Outcome, Failure> {
+pub fn run(args: &PassesArgs) -> Result<Ending, Failure> {
     if let Some(name) = &args.name
         && pass_named(name).is_none()
     {
@@ -83,7 +83,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
             }
         }
     }
-    Ok(Outcome::Fine)
+    Ok(Ending::Fine)
 }
 
 fn details(pass: &PassListed) -> String {

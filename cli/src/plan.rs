@@ -24,15 +24,15 @@ use preshade::unstable::search::plan::{
 };
 
 use crate::input::unread;
-use crate::kept::{Kept, reopened};
+use crate::kept::{KeptScenes, reopened};
 use crate::limits::LimitArgs;
 use crate::lock::{self, Locks};
 use crate::many;
-use crate::output::{self, Progress};
+use crate::output::{self, ProgressLine};
 use crate::rewrite::check_name;
 use crate::verify::{OrderArg, check_folder, guesses, parse_frames, parse_seconds};
 use crate::view::ViewArgs;
-use crate::{Failure, Outcome, Table};
+use crate::{Ending, Failure, Table};
 
 /// Arguments of `plan`.
 #[derive(clap::Args)]
@@ -52,7 +52,7 @@ least; where none is, nothing is, and the reasons are told. docs/guides/plan.md 
 measured is kept on the way, in plan.unfinished.json, until all of it is told.
 Of several scenes one that cannot be read or drawn is told, and the others are planned.
 Exit status 1: a plan broke its contract (it is not taken); 2: a scene came to no end.")]
-pub struct Args {
+pub struct PlanArgs {
     /// Scenes (.toml), folders of them, or bare WGSL shaders. Of several each has a folder of its
     /// own below --out.
     #[arg(required = true, value_name = "SCENE")]
@@ -108,7 +108,7 @@ pub struct Args {
     format: Table,
 }
 
-impl Args {
+impl PlanArgs {
     /// The files that it reads.
     pub fn reads(&self) -> Vec<PathBuf> {
         let of_scene = |path: &PathBuf| {
@@ -135,7 +135,7 @@ enum TimeArg {
 }
 
 /// Plans a scene, or judges the planning of several.
-pub fn run(args: &Args) -> Result<Outcome, Failure> {
+pub fn run(args: &PlanArgs) -> Result<Ending, Failure> {
     let scenes = many::scenes(&args.scenes)?;
     if scenes.len() > 1 && !args.exhaustive && args.format != Table::Human {
         return Err(Failure(
@@ -171,7 +171,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let names = scenes.iter().map(|path| path.display().to_string());
     if args.exhaustive {
         let gpu = Gpu::with_trust(&choice, args.limits.limits().trust())?;
-        let kept = Kept::new(args.out.as_deref(), &gpu, names.collect());
+        let kept = KeptScenes::new(args.out.as_deref(), &gpu, names.collect());
         return exhaustive(args, &scenes, (gpu, &choice), kept, &bar);
     }
     // Scenes that cannot be read are reported before anything is drawn. The others are planned.
@@ -187,23 +187,23 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         return Err(Failure(std::mem::take(why)));
     }
     let gpu = Gpu::with_trust(&choice, args.limits.limits().trust())?;
-    let kept = Kept::new(args.out.as_deref(), &gpu, names.collect());
+    let kept = KeptScenes::new(args.out.as_deref(), &gpu, names.collect());
     each(args, loaded, (gpu, &choice), kept, &bar)
 }
 
 /// Plans each scene, of those that could be read.
 fn each(
-    args: &Args,
+    args: &PlanArgs,
     scenes: Vec<(&PathBuf, Result<Scene, Failure>)>,
     (mut gpu, choice): (Gpu, &AdapterChoice),
-    mut kept: Kept,
-    bar: &Progress,
-) -> Result<Outcome, Failure> {
+    mut kept: KeptScenes,
+    bar: &ProgressLine,
+) -> Result<Ending, Failure> {
     let model = match args.time {
         TimeArg::No if args.model.is_none() => Model::nominal(),
         _ => model(args, &gpu, bar)?.0,
     };
-    let (mut outcome, count) = (Outcome::Fine, scenes.len());
+    let (mut outcome, count) = (Ending::Fine, scenes.len());
     for (path, scene) in scenes {
         bar.reset();
         let name = path.display().to_string();
@@ -216,8 +216,8 @@ fn each(
             one(args, scene, out.as_deref(), (&gpu, &model), bar, &mut keep)
         });
         match planned {
-            Ok(Outcome::Fine) => {}
-            Ok(Outcome::ContractBroken) => outcome = Outcome::ContractBroken,
+            Ok(Ending::Fine | Ending::NotMeasured) => {}
+            Ok(Ending::ContractBroken) => outcome = Ending::ContractBroken,
             Err(failure) if count == 1 => return Err(kept.named(failure)),
             Err(failure) => {
                 bar.suspend(|| kept.fail(&name, failure));
@@ -231,13 +231,13 @@ fn each(
 
 /// Plans one scene.
 fn one(
-    args: &Args,
+    args: &PlanArgs,
     scene: Scene,
     out: Option<&Path>,
     (gpu, model): (&Gpu, &Model),
-    bar: &Progress,
+    bar: &ProgressLine,
     keep: &mut dyn FnMut(&SceneSoFar),
-) -> Result<Outcome, Failure> {
+) -> Result<Ending, Failure> {
     let locks = match args.lock {
         true => Some(Locks::read(&scene)?),
         false => None,
@@ -274,19 +274,19 @@ fn one(
         lock::keep(&scene, &facts, &decision, locks)?;
     }
     Ok(match decision.is_broken() {
-        true => Outcome::ContractBroken,
-        false => Outcome::Fine,
+        true => Ending::ContractBroken,
+        false => Ending::Fine,
     })
 }
 
 /// Measures everything, and holds the choices against it.
 fn exhaustive(
-    args: &Args,
+    args: &PlanArgs,
     paths: &[PathBuf],
     (mut gpu, choice): (Gpu, &AdapterChoice),
-    mut kept: Kept,
-    bar: &Progress,
-) -> Result<Outcome, Failure> {
+    mut kept: KeptScenes,
+    bar: &ProgressLine,
+) -> Result<Ending, Failure> {
     let (model, probes) = model(args, &gpu, bar)?;
     let settings = settings(args, &model);
     let mut scenes: Vec<Exhausted> = Vec::new();
@@ -301,7 +301,7 @@ fn exhaustive(
             let scene = grouped(args, scene)?;
             let session = Session::new(&gpu, &scene, ShaderForm::Text)?;
             let (recipes, facts) = prepare(args, &session, bar)?;
-            let mut progress = |p: decide::Progress<'_>| {
+            let mut progress = |p: decide::PlanProgress<'_>| {
                 let so_far = p.so_far.into_iter();
                 so_far.for_each(|so_far| kept.keep(&whole, so_far));
             };
@@ -357,10 +357,10 @@ fn exhaustive(
     };
     output::both(printed, written, out).map_err(|e| kept.named(e))?;
     kept.end()?;
-    Ok(Outcome::Fine)
+    Ok(Ending::Fine)
 }
 
-fn settings<'a>(args: &Args, model: &'a Model) -> Settings<'a> {
+fn settings<'a>(args: &PlanArgs, model: &'a Model) -> Settings<'a> {
     Settings {
         timed: match args.time {
             TimeArg::No => Timed::No,
@@ -387,9 +387,9 @@ fn settings<'a>(args: &Args, model: &'a Model) -> Settings<'a> {
 /// The cost model: read from a file, or fitted to the built-in probes and then written if
 /// requested.
 fn model(
-    args: &Args,
+    args: &PlanArgs,
     gpu: &Gpu,
-    bar: &Progress,
+    bar: &ProgressLine,
 ) -> Result<(Model, Vec<decide::model::Observation>), Failure> {
     let told =
         |path: &Path, e: &dyn std::fmt::Display| Failure(format!("error: {}: {e}", path.display()));
@@ -397,7 +397,7 @@ fn model(
         let text = regular::text(path, &args.limits.limits(), "file-bytes")
             .map_err(|e| unread(path, &e))?;
         let model = Model::from_json(&text).map_err(|e| told(path, &e))?;
-        if let decide::Origin::Fitted { adapter, .. } = &model.origin
+        if let decide::ModelOrigin::Fitted { adapter, .. } = &model.origin
             && *adapter != gpu.adapter().title()
         {
             output::message(&format!(
@@ -427,9 +427,9 @@ fn model(
 
 /// The recipes to try, with measured choices made, and the facts of the scene.
 fn prepare(
-    args: &Args,
+    args: &PlanArgs,
     session: &Session<'_>,
-    bar: &Progress,
+    bar: &ProgressLine,
 ) -> Result<(Vec<Recipe>, Facts), Failure> {
     bar.set_message("looking for depth ties");
     let mut facts = measure::facts(session)?;
@@ -460,7 +460,7 @@ fn prepare(
 }
 
 /// Reads a scene, or makes one up for a shader.
-fn scene(args: &Args, path: &Path) -> Result<Scene, Failure> {
+fn scene(args: &PlanArgs, path: &Path) -> Result<Scene, Failure> {
     let mut variables = Variables::new();
     for text in &args.set {
         let (name, value) = text
@@ -501,7 +501,7 @@ fn scene(args: &Args, path: &Path) -> Result<Scene, Failure> {
 
 /// Splits the draws of a material that need different versions into materials of their own, which
 /// get their own decisions.
-fn grouped(args: &Args, scene: Scene) -> Result<Scene, Failure> {
+fn grouped(args: &PlanArgs, scene: Scene) -> Result<Scene, Failure> {
     match args.lock {
         true => Ok(scene),
         false => Ok(measure::grouped(

@@ -21,8 +21,9 @@ use crate::input::{Materials, ShaderArgs};
 use crate::many::{self, Chosen, Job, Sum};
 use crate::output;
 use crate::rewritten::{Content, Made, OnAdapter, Report, Rewritten, Times, Written};
+use crate::state::described;
 use crate::watch::Reads;
-use crate::{Failure, Format, Outcome, unknown};
+use crate::{Ending, Failure, Format, unknown};
 
 /// Arguments of `rewrite`.
 #[derive(clap::Args)]
@@ -39,7 +40,7 @@ A refused pass is skipped, and reported on stderr with its reason. `preshade pas
 passes. A target that cannot express a material is reported too; the other targets are written, and
 the exit status is 2. The files of a material are written all or none. Files of an earlier run are
 not removed: plan.json lists the current ones.")]
-pub struct Args {
+pub struct RewriteArgs {
     /// A pass of the recipe, in order: `depth-prepass`, `early-discard:quad=lane,budget=0.02` and
     /// so on.
     #[arg(long = "pass", value_name = "NAME[:k=v,..]")]
@@ -76,7 +77,7 @@ pub struct Args {
     pub shader: ShaderArgs,
 }
 
-impl Args {
+impl RewriteArgs {
     /// Its input files. `None`: stdin.
     pub fn reads(&self) -> Option<Reads> {
         if self.shader.reads_stdin() {
@@ -150,7 +151,7 @@ impl From<EmitTarget> for Target {
 
 /// Rewrites a material, every material of a scene, or many with `--out-dir`. `config` is the
 /// configuration file.
-pub fn run(args: &Args, config: Option<&Path>) -> Result<Outcome, Failure> {
+pub fn run(args: &RewriteArgs, config: Option<&Path>) -> Result<Ending, Failure> {
     let recipe = Recipe::parse(&args.passes)?;
     let targets: Vec<Target> = args.emit.iter().map(|t| Target::from(*t)).collect();
     let nowhere = args.out.is_none() && args.out_dir.is_none();
@@ -185,6 +186,7 @@ pub fn run(args: &Args, config: Option<&Path>) -> Result<Outcome, Failure> {
         times: Vec::new(),
         errors: Vec::new(),
         sum: Sum::default(),
+        assumed: BTreeMap::new(),
         taken: BTreeMap::new(),
     };
     for (job, made) in jobs.iter().zip(made) {
@@ -195,7 +197,7 @@ pub fn run(args: &Args, config: Option<&Path>) -> Result<Outcome, Failure> {
 
 /// A run over all jobs.
 struct Run<'a> {
-    args: &'a Args,
+    args: &'a RewriteArgs,
     config: Option<&'a Path>,
     /// Number of jobs.
     jobs: usize,
@@ -204,6 +206,8 @@ struct Run<'a> {
     times: Vec<Times>,
     errors: Vec<String>,
     sum: Sum,
+    /// The materials of each assumed pipeline state.
+    assumed: BTreeMap<String, Vec<String>>,
     /// Written files, each with the first file of its job.
     taken: BTreeMap<PathBuf, &'a Path>,
 }
@@ -225,6 +229,9 @@ impl<'a> Run<'a> {
         });
         for message in &made.messages {
             output::message(&self.named(message, job));
+        }
+        for (state, material) in made.assumed.drain(..) {
+            self.assumed.entry(state).or_default().push(material);
         }
         self.sum.failed += usize::from(!made.errors.is_empty());
         for error in &made.errors {
@@ -303,7 +310,7 @@ impl<'a> Run<'a> {
     }
 
     /// Prints the report and the summary.
-    fn end(mut self) -> Result<Outcome, Failure> {
+    fn end(mut self) -> Result<Ending, Failure> {
         if let Some(path) = &self.args.depfile {
             let written = depfile::write(path, &self.rules);
             self.errors
@@ -321,6 +328,15 @@ impl<'a> Run<'a> {
                 errors: self.errors.clone(),
             })?;
         }
+        for (state, materials) in &self.assumed {
+            let of = match &materials[..] {
+                [material] => format!("`{material}`"),
+                materials => output::count(materials.len(), "material"),
+            };
+            output::message(&format!(
+                "note: pipeline state assumed of {of}: {state} (--state FILE or its flags say otherwise)"
+            ));
+        }
         if self.args.time_passes {
             output::message(&Times::table(self.times.iter()));
         }
@@ -333,8 +349,8 @@ impl<'a> Run<'a> {
         }
         line.iter().for_each(|line| output::message(line));
         match is_broken {
-            true => Ok(Outcome::ContractBroken),
-            false => Ok(Outcome::Fine),
+            true => Ok(Ending::ContractBroken),
+            false => Ok(Ending::Fine),
         }
     }
 }
@@ -359,13 +375,24 @@ fn write(
 }
 
 /// Reads, rewrites and emits the materials of one job.
-fn make(job: &Job, args: &Args, recipe: &Recipe, targets: &[Target]) -> Result<Made, Failure> {
+fn make(
+    job: &Job,
+    args: &RewriteArgs,
+    recipe: &Recipe,
+    targets: &[Target],
+) -> Result<Made, Failure> {
     let mut made = Made::default();
     let materials = made
         .times
         .took(0, "parse", || job.shader.plans_by_draws(recipe))?;
     for original in &materials.asked {
         check_name(&original.material)?;
+    }
+    let is_given = job.shader.state.state.is_some() || job.shader.is_scene();
+    if !is_given && !recipe.steps.is_empty() {
+        let assumed = materials.asked.iter();
+        let assumed = assumed.filter_map(|p| Some((described(p)?, p.material.clone())));
+        made.assumed.extend(assumed);
     }
     let applied = apply(&materials, recipe, args, &mut made.times);
     made.read = materials.files;
@@ -516,7 +543,7 @@ fn nothing_asked_for(original: &Plan) -> String {
 fn apply(
     materials: &Materials,
     recipe: &Recipe,
-    args: &Args,
+    args: &RewriteArgs,
     times: &mut Times,
 ) -> Vec<(Plan, Vec<String>, Vec<Refusal>)> {
     let frame = Frame {
@@ -536,7 +563,7 @@ fn apply(
         times.add(1 + order as u8, &name, began.elapsed());
         let messages = messages.entry(plan.material.clone()).or_default();
         if let Err(refusal) = result {
-            messages.push(crate::explain::refusal(refusal, plan));
+            messages.push(crate::explained::refusal(refusal, plan));
         }
         if args.print_after.iter().any(|p| *p == step.pass || p == ALL) {
             let now = result.as_ref().unwrap_or(plan);

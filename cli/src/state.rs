@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use preshade::unstable::limits::Limits;
+use preshade::unstable::passes::plan::Plan;
 use preshade::unstable::passes::state::{
     Blend, ColorTarget, CompareFunction, CullMode, DepthDirection, DepthFormat, MaterialState,
     Topology,
@@ -113,6 +114,11 @@ fn with_suggestion(message: &str) -> String {
 }
 
 impl StateArgs {
+    /// Whether nothing says which faces are culled.
+    pub fn says_no_cull(&self) -> bool {
+        self.cull.is_none() && self.state.is_none()
+    }
+
     /// The state in effect.
     pub fn state(&self) -> Result<MaterialState, Failure> {
         let mut state = match &self.state {
@@ -189,6 +195,45 @@ impl StateArgs {
             Some(_) => scene.with_samples(1),
         }
     }
+}
+
+/// The pipeline state of a plan's main pass, in a line. `None`: it has none.
+pub fn described(plan: &Plan) -> Option<String> {
+    let pass = plan.main()?;
+    let mut parts: Vec<String> = Vec::new();
+    for target in pass.targets.iter().flatten() {
+        parts.push(match target.blend {
+            None => format!("opaque {}", target.format),
+            Some(_) => format!("blended {}", target.format),
+        });
+    }
+    parts.push(format!("cull {}", name(&pass.primitive.cull)));
+    parts.push(name(&pass.primitive.topology));
+    if let Some(depth) = &pass.depth {
+        let format = plan
+            .depth_format(&depth.attachment)
+            .map_or(String::new(), |f| name(&f));
+        let written = if depth.write {
+            "written"
+        } else {
+            "not written"
+        };
+        parts.push(format!(
+            "{} depth {}, {written}",
+            name(&depth.compare),
+            format
+        ));
+    }
+    if pass.multisample.count > 1 {
+        parts.push(format!("{} samples", pass.multisample.count));
+    }
+    Some(parts.join(", "))
+}
+
+/// A state value by its name in JSON.
+fn name(value: &impl serde::Serialize) -> String {
+    let json = serde_json::to_value(value).unwrap_or_default();
+    json.as_str().unwrap_or_default().to_owned()
 }
 
 /// Errors of a state that no adapter supports.

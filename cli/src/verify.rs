@@ -21,12 +21,12 @@ use preshade::unstable::sweep::Sweep;
 use crate::apart::{apart, resumed};
 use crate::input::ShaderArgs;
 use crate::keeper::Keeper;
-use crate::output::{self, Progress};
+use crate::output::{self, ProgressLine};
 use crate::share::share;
 use crate::variable::Axis;
 use crate::variants::VariantArgs;
 use crate::view::ViewArgs;
-use crate::{Failure, Outcome, Table, worker};
+use crate::{Ending, Failure, Table, color_on, worker};
 
 /// Arguments of `verify`.
 #[derive(clap::Args)]
@@ -44,8 +44,9 @@ variants. Without either, the depth passes are drawn in their main forms. A pass
 refuses is skipped and reported.
 level=1..8 is eight variants, form=pulled/shared is two, form=all is one for each form. A range
 works for any whole number and any choice of any pass. It gets a table, a plot and rows of pictures.
-Exit status 1: a variant broke its contract.")]
-pub struct Args {
+Exit status 1: a variant broke its contract. 3: not measured, because every variant is refused or
+fails, nothing is drawn, or no fragment of a material that can discard is discarded.")]
+pub struct VerifyArgs {
     #[command(flatten)]
     variants: VariantArgs,
     /// Name the fastest variant whose error is within this in all views, and the arguments of `rewrite`
@@ -154,7 +155,7 @@ pub fn parse_seconds(text: &str) -> Result<f64, String> {
 }
 
 /// Verifies a scene or a shader.
-pub fn run(args: &Args) -> Result<Outcome, Failure> {
+pub fn run(args: &VerifyArgs) -> Result<Ending, Failure> {
     if worker::mine().is_some() {
         worker::end_with_parent();
     }
@@ -246,7 +247,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
 struct Opened(Gpu);
 
 impl Opened {
-    fn new(args: &Args) -> Result<Self, Failure> {
+    fn new(args: &VerifyArgs) -> Result<Self, Failure> {
         let choice = args
             .adapter
             .clone()
@@ -263,14 +264,14 @@ impl Opened {
 
 /// Measures at each value of a variable.
 fn swept(
-    args: &Args,
+    args: &VerifyArgs,
     opened: &Opened,
     first: &Scene,
     axis: &Axis,
     sweeps: &[Sweep],
-    bar: &Progress,
+    bar: &ProgressLine,
     keeper: &mut Keeper,
-) -> Result<Outcome, Failure> {
+) -> Result<Ending, Failure> {
     let mut points = Vec::new();
     let mut pictures = Vec::new();
     for (i, value) in axis.values.iter().enumerate() {
@@ -312,24 +313,27 @@ fn swept(
     output::both(printed, shared.and(written), args.out.as_deref()).map_err(|e| keeper.named(e))?;
     keeper.done();
     Ok(match series.is_broken() {
-        true => Outcome::ContractBroken,
-        false => Outcome::Fine,
+        true => Ending::ContractBroken,
+        false => Ending::Fine,
     })
 }
 
 /// Prints and writes the report of one scene. `variants` is empty if other processes drew them.
 fn told(
-    args: &Args,
+    args: &VerifyArgs,
     outcome: &measure::Verified,
     variants: &[Variant],
     scene: &Scene,
-) -> Result<Outcome, Failure> {
+) -> Result<Ending, Failure> {
     // Printed before it is written: a full disk must not lose the measurements.
     let json = outcome.report.to_json()?;
     let is_worker = worker::mine().is_some();
     let printed = match args.format {
         _ if is_worker => output::data(&json),
-        Table::Human => output::table(&report::table::render(&outcome.report)),
+        Table::Human => output::table(&report::table::render(
+            &outcome.report,
+            color_on(&std::io::stdout()),
+        )),
         Table::Json => output::data(&json),
         Table::Csv => output::data(&report::csv::verify(&outcome.report)),
     };
@@ -337,7 +341,7 @@ fn told(
         printed?;
         // The other process writes the report, from several workers.
         write(args, Vec::new(), &outcome.pictures)?;
-        return Ok(Outcome::Fine);
+        return Ok(Ending::Fine);
     }
     let shared = share(args.share.as_deref(), &json);
     let mut files = vec![
@@ -355,9 +359,11 @@ fn told(
     }
     let written = write(args, files, &outcome.pictures);
     output::both(printed, shared.and(written), args.out.as_deref())?;
-    Ok(match outcome.report.is_broken() {
-        true => Outcome::ContractBroken,
-        false => Outcome::Fine,
+    let report = &outcome.report;
+    Ok(match report.is_broken() {
+        true => Ending::ContractBroken,
+        false if report.is_unmeasured() || !report.untested.is_empty() => Ending::NotMeasured,
+        false => Ending::Fine,
     })
 }
 
@@ -370,7 +376,7 @@ fn file(name: &str, text: String) -> preshade::unstable::emit::File {
 
 /// Writes the files and the pictures to the folder of `--out`.
 fn write(
-    args: &Args,
+    args: &VerifyArgs,
     mut files: Vec<preshade::unstable::emit::File>,
     pictures: &[Pictures],
 ) -> Result<(), Failure> {
@@ -397,11 +403,11 @@ fn write(
 
 /// Measures one scene in this process. Returns the outcome and the variants with their plans.
 fn measured(
-    args: &Args,
+    args: &VerifyArgs,
     gpu: &Gpu,
     scene: &Scene,
     sweeps: &[Sweep],
-    bar: &Progress,
+    bar: &ProgressLine,
     keeper: &mut Keeper,
 ) -> Result<(measure::Verified, Vec<Variant>), Failure> {
     let all = recipes(sweeps);
@@ -484,7 +490,7 @@ fn choose(
     session: &Session<'_>,
     recipes: Vec<Recipe>,
     facts: &mut Facts,
-    bar: &Progress,
+    bar: &ProgressLine,
 ) -> Result<Vec<Recipe>, Failure> {
     if !recipes.iter().any(measure::leaves_a_choice) {
         return Ok(recipes);
@@ -565,7 +571,7 @@ pub fn guesses(scene: &Scene) -> Option<String> {
 }
 
 /// The requested scene, with the requested settings.
-fn scene(args: &Args, variables: &Variables) -> Result<Scene, Failure> {
+fn scene(args: &VerifyArgs, variables: &Variables) -> Result<Scene, Failure> {
     let mut scene = args.view.of(args.shader.scene_with(variables)?)?;
     if args.invariant {
         scene = scene.with_invariant_positions();

@@ -11,7 +11,7 @@ use notify_debouncer_full::notify::{self, EventKind, RecursiveMode};
 use same_file::Handle;
 
 use crate::output::{self, count};
-use crate::{Failure, Outcome, config, many};
+use crate::{Ending, Failure, config, many};
 
 /// Changes within this time are one change.
 const QUIET: Duration = Duration::from_millis(80);
@@ -117,9 +117,9 @@ enum Last {
 ///
 /// # Errors
 /// The system cannot watch files.
-pub fn run<C: FnOnce() -> Result<Outcome, Failure>>(
+pub fn run<C: FnOnce() -> Result<Ending, Failure>>(
     round: impl Fn() -> Result<(Reads, C), Failure>,
-) -> Result<Outcome, Failure> {
+) -> Result<Ending, Failure> {
     let mut awaited = Awaited::default();
     let mut told = BTreeSet::new();
     loop {
@@ -149,9 +149,13 @@ pub fn run<C: FnOnce() -> Result<Outcome, Failure>>(
             return Err(Failure(format!("error: nothing can be watched: {why}")));
         }
         let last = match now.and_then(|(_, command)| command()) {
-            Ok(Outcome::Fine) => Last::Fine,
-            Ok(Outcome::ContractBroken) => {
+            Ok(Ending::Fine) => Last::Fine,
+            Ok(Ending::ContractBroken) => {
                 output::message("a contract broke");
+                Last::Fine
+            }
+            Ok(Ending::NotMeasured) => {
+                output::message("nothing was measured");
                 Last::Fine
             }
             Err(Failure(message)) => {

@@ -22,15 +22,20 @@ use crate::scene::{DrawOrder, Frame, Scene};
 /// How much to find out about each value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Detail {
-    /// Enough for choosing values. The most expensive values come first.
+    /// Enough for choosing values. The most expensive values come first. Cheap ones are measured
+    /// too, because a cut moves many together.
     Choice,
-    /// Also more points between vertices, and a proved bound. Values come material by material.
+    /// Also more points between vertices, and a proved bound. Values come material by material,
+    /// without those that cost less than [`WORTH_A_LOOK`] of their stage.
     Table,
 }
 
+/// The least share of a fragment stage's static cost for which a table lists a value.
+pub const WORTH_A_LOOK: f64 = 0.05;
+
 /// The progress of [`frequencies`], after each value.
 #[derive(Clone, Copy, Debug)]
-pub struct Step<'m> {
+pub struct FrequencyStep<'m> {
     /// Part done, 0 to 1.
     pub done: f64,
     /// The values measured so far.
@@ -50,22 +55,19 @@ pub fn frequencies(
     session: &Session<'_>,
     facts: &Facts,
     detail: Detail,
-    progress: &mut dyn FnMut(Step<'_>) -> ControlFlow<()>,
+    progress: &mut dyn FnMut(FrequencyStep<'_>) -> ControlFlow<()>,
 ) -> Result<Vec<Frequency>, Error> {
-    match small(session.scene()) {
-        None => measured(session, facts, detail, progress),
-        Some(scene) => {
-            let session = Session::new(session.gpu(), &scene, session.form())?;
-            measured(&session, facts, detail, progress)
-        }
-    }
+    let small = small(session.scene());
+    let scene = small.as_ref().unwrap_or(session.scene());
+    let session = Session::sharing(session.gpu(), scene, session.form())?;
+    measured(&session, facts, detail, progress)
 }
 
 fn measured(
     session: &Session<'_>,
     facts: &Facts,
     detail: Detail,
-    progress: &mut dyn FnMut(Step<'_>) -> ControlFlow<()>,
+    progress: &mut dyn FnMut(FrequencyStep<'_>) -> ControlFlow<()>,
 ) -> Result<Vec<Frequency>, Error> {
     let plans = session.originals();
     let frames = choosing(session.scene());
@@ -73,10 +75,14 @@ fn measured(
     let stages = stages(plans);
     let graphs = graphs(&stages);
     let found = found(&stages, &graphs, facts);
-    let values = values(&found, detail);
+    let least: Vec<f64> = match detail {
+        Detail::Choice => vec![0.0; plans.len()],
+        Detail::Table => plans.iter().zip(&graphs).map(least).collect(),
+    };
+    let values = values(&found, &least, detail);
     let mut measured: Vec<Frequency> = Vec::new();
     for (done, value) in values.iter().enumerate() {
-        let step = Step {
+        let step = FrequencyStep {
             done: done as f64 / values.len() as f64,
             measured: &measured,
             complete: value.materials[0].0,
@@ -102,9 +108,11 @@ fn measured(
             Detail::Table => Points::Many,
         };
         let interpolation = interpolation(session, &alone, points).unwrap_or_default();
+        let is_finite = interpolation.is_none_or(|i| i.not_finite == 0);
         let bound = match detail {
-            Detail::Choice => None,
-            Detail::Table => value.bound(session),
+            // Nothing bounds a value that was seen to be NaN.
+            Detail::Table if is_finite => value.bound(session),
+            Detail::Choice | Detail::Table => None,
         };
         let carried = value
             .materials
@@ -124,7 +132,7 @@ fn measured(
             location: candidate.location.clone(),
         }));
     }
-    let _ = progress(Step {
+    let _ = progress(FrequencyStep {
         done: 1.0,
         measured: &measured,
         complete: plans.len(),
@@ -158,16 +166,28 @@ impl Shared<'_, '_, '_> {
     }
 }
 
-/// The candidate values. Materials of one shader have the same candidates, and are measured
-/// together.
+/// The static cost of a value that is worth a look.
+fn least((plan, graph): (&Plan, &Option<Graph<'_>>)) -> f64 {
+    let entry = plan.main().and_then(|pass| {
+        let fragment = pass.fragment.as_deref()?;
+        plan.program(pass)?
+            .entry_point(naga::ShaderStage::Fragment, fragment)
+    });
+    let cost = entry.zip(graph.as_ref()).map(|((i, _), g)| g.entry_cost(i));
+    WORTH_A_LOOK * cost.unwrap_or_default()
+}
+
+/// The candidate values that cost at least `least`, by material. Materials of one shader have the
+/// same candidates, and are measured together.
 fn values<'f, 'a, 'p>(
     found: &'f [Option<Candidates<'a, 'p>>],
+    least: &[f64],
     detail: Detail,
 ) -> Vec<Shared<'f, 'a, 'p>> {
     let mut values: BTreeMap<&str, Vec<_>> = BTreeMap::new();
     for (material, found) in found.iter().enumerate() {
         let Some(found) = found else { continue };
-        for candidate in found.list() {
+        for candidate in found.list().filter(|c| c.cost >= least[material]) {
             let of = values.entry(&candidate.id).or_default();
             of.push((material, found, candidate));
         }
@@ -282,6 +302,7 @@ pub fn within_budget(
     facts: &Facts,
 ) -> Result<Recipe, Error> {
     let mut recipe = recipe.clone();
+    let session = Session::sharing(session.gpu(), session.scene(), session.form())?;
     let plans = session.originals();
     let frames = spread(session.scene(), KEPT_ON);
     let references = session.pictures(plans, &frames, DrawOrder::AsGiven)?;

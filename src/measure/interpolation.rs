@@ -31,7 +31,7 @@ impl Points {
     fn levels(self) -> &'static [(u32, u64)] {
         match self {
             Self::Few => &[(2, 500_000)],
-            Self::Many => &[(4, 250_000), (2, 2_000_000)],
+            Self::Many => &[(4, 20_000), (2, 2_000_000)],
         }
     }
 }
@@ -58,21 +58,23 @@ pub fn interpolation(
     let Some(&(level, _)) = levels.iter().find(|(_, most)| triangles <= *most) else {
         return Ok(None);
     };
-    let mut changed = plans.to_vec();
+    let mut computing = Vec::new();
     let mut components = HashMap::new();
     let mut denominator = 1;
     for (material, alone) in alone {
-        let Some((plan, wide, sum)) = tessellated(&plans[*material], alone, level) else {
+        let Some((mut plan, wide, sum)) = tessellated(&plans[*material], alone, level) else {
             continue;
         };
-        changed[*material] = plan;
+        // Only its compute pass runs.
+        plan.passes.clear();
+        computing.push(plan);
         components.insert(*material, wide);
         denominator = sum;
     }
     if components.is_empty() {
         return Ok(None);
     }
-    let prepared = session.prepare(&changed)?;
+    let prepared = session.prepare(&computing)?;
     let mut measured: Option<Measured> = None;
     for frame in choosing(scene) {
         inputs.set_frame(frame)?;

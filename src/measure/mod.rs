@@ -45,7 +45,9 @@ pub use changing::changing;
 pub use constants::constants;
 pub use effects::{EffectUse, effects};
 pub use error::{ErrorLadder, compare};
-pub use frequency::{Detail, frequencies, leaves_a_choice, promised, within_budget, written_out};
+pub use frequency::{
+    Detail, WORTH_A_LOOK, frequencies, leaves_a_choice, promised, within_budget, written_out,
+};
 pub use groups::{MOST_GROUPS, grouped, grouped_for};
 pub use interpolation::interpolation;
 pub use junctions::{Junction, junctions};

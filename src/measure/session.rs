@@ -29,6 +29,23 @@ impl<'a> Session<'a> {
         })
     }
 
+    /// As [`Self::new`], for a search: its frames share shaders and pipelines, so that their
+    /// [`Prepared::creation`] is not what a host would take.
+    ///
+    /// # Errors
+    /// As [`SceneInputs::new`].
+    pub fn sharing(
+        gpu: &'a Gpu,
+        scene: &'a Scene,
+        form: ShaderForm,
+    ) -> Result<Self, render::Error> {
+        let session = Self::new(gpu, scene, form)?;
+        Ok(Self {
+            inputs: session.inputs.sharing(),
+            ..session
+        })
+    }
+
     /// The adapter.
     pub fn gpu(&self) -> &'a Gpu {
         self.inputs.gpu()

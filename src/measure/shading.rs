@@ -270,7 +270,7 @@ pub fn facts(session: &Session<'_>) -> Result<Facts, Error> {
 }
 
 /// Whether a material's main pass may discard.
-fn discards(plan: &Plan) -> bool {
+pub(super) fn discards(plan: &Plan) -> bool {
     let pass = plan.main().and_then(|p| Some((p, plan.program(p)?)));
     pass.is_some_and(|(pass, program)| {
         let fragment = pass.fragment.as_deref();

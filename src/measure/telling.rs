@@ -3,10 +3,11 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use preshade_passes::plan::Plan;
-use preshade_passes::state::CullMode;
+use preshade_passes::plan::{GpuPass, Phase, Plan};
+use preshade_passes::state::{CompareFunction, CullMode};
 
-use super::{Counter, Error, Session, counting};
+use super::shading::discards;
+use super::{CountProgram, Counter, Error, Session, counting};
 use crate::render::Rendered;
 use crate::scene::bind::{Guess, Guessed};
 use crate::scene::{DrawOrder, Frame};
@@ -109,6 +110,65 @@ pub(crate) fn faces_away(
     for (frame, order) in frames {
         inputs.set_frame(frame)?;
         if counter.count(frame, *order)?.covered > 0 {
+            return Ok(true);
+        }
+    }
+    Ok(false)
+}
+
+/// The opaque materials that may discard, and of which no fragment is discarded in any of `frames`,
+/// each as a reason to trust no verdict about its discard. Materials of one shader count together.
+pub(crate) fn undiscarded(
+    session: &Session<'_>,
+    frames: &[(&Frame, DrawOrder)],
+) -> Result<Vec<String>, Error> {
+    let mut shaders: BTreeMap<Vec<&str>, Vec<&Plan>> = BTreeMap::new();
+    for plan in session.originals().iter().filter(|plan| discards(plan)) {
+        let main = plan.main().filter(|main| main.phase == Phase::Opaque);
+        let Some((main, program)) = main.and_then(|m| Some((m, plan.program(m)?))) else {
+            continue;
+        };
+        let files = program.sources().files().iter().map(|f| f.name.as_str());
+        let key = files.chain(main.fragment.as_deref()).collect();
+        shaders.entry(key).or_default().push(plan);
+    }
+    let mut found = Vec::new();
+    for plans in shaders.values() {
+        let mut is_tested = false;
+        for plan in plans {
+            is_tested = is_tested || discards_in(session, plan, frames)?;
+        }
+        if !is_tested {
+            let names: Vec<String> = plans.iter().map(|p| format!("`{}`", p.material)).collect();
+            found.push(format!(
+                "no fragment of {} is discarded in any view, so that its discard is untested",
+                names.join(", ")
+            ));
+        }
+    }
+    Ok(found)
+}
+
+/// Whether a fragment of a material is discarded in one of `frames`, whatever hides it.
+fn discards_in(
+    session: &Session<'_>,
+    plan: &Plan,
+    frames: &[(&Frame, DrawOrder)],
+) -> Result<bool, Error> {
+    let inputs = session.inputs();
+    let mut open = plan.clone();
+    for depth in open.passes.iter_mut().filter_map(|p| p.depth.as_mut()) {
+        depth.compare = CompareFunction::Always;
+        depth.write = false;
+    }
+    let plans = std::slice::from_ref(&open);
+    let mut kept = Counter::shaded(inputs, plans, session.form(), counting)?;
+    let all = |_: &Plan, _: &GpuPass| CountProgram::Constant;
+    let mut all = Counter::shaded(inputs, plans, session.form(), all)?;
+    for (frame, order) in frames {
+        inputs.set_frame(frame)?;
+        let [kept, all] = [kept.count(frame, *order)?, all.count(frame, *order)?];
+        if kept.fragments != all.fragments {
             return Ok(true);
         }
     }

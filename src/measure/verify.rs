@@ -6,7 +6,7 @@ mod measurement;
 use preshade_passes::plan::Plan;
 
 use super::shading::Counter;
-use super::telling::{self, Colours};
+use super::telling::{self, Colours, undiscarded};
 use super::{Clock, Discarded, Error, Session, TimingSettings, View, counting, shadow, time};
 use crate::measure::record::{KeptMaterial, ORIGINAL, Pictures, Report, SCHEMA, Unfinished};
 use crate::scene::{Frame, bind};
@@ -241,6 +241,11 @@ impl Run<'_, '_> {
         // If the pictures are empty, the verdicts say so.
         warnings.extend(self.colours.warning().filter(|_| !nothing));
         let frames: Vec<_> = self.views.iter().map(|(v, f)| (*f, v.order)).collect();
+        // Of an empty picture the verdicts speak.
+        let untested = match nothing || self.lost.is_some() {
+            true => Vec::new(),
+            false => undiscarded(self.session, &frames)?,
+        };
         let away = nothing
             && self.lost.is_none()
             && telling::faces_away(self.session, &frames).unwrap_or(false);
@@ -249,6 +254,7 @@ impl Run<'_, '_> {
             depth_ties: self.lost.is_none().then_some(self.depth_ties),
             assumed,
             warnings,
+            untested,
             ..self.blank()
         };
         let mut pictures = Vec::new();
@@ -289,6 +295,7 @@ impl Run<'_, '_> {
             depth_ties: None,
             assumed: Vec::new(),
             warnings: Vec::new(),
+            untested: Vec::new(),
             variants: Vec::new(),
             sweeps: Vec::new(),
             chosen: None,

@@ -6,6 +6,7 @@ use preshade_passes::geometry::Geometry;
 use preshade_passes::plan::{ComputePass, Draws, Plan, When};
 
 use super::Error;
+use super::compiled::{self, Compiled, ComputeKey};
 use super::drawn::{Arguments, DrawTable};
 use super::gpu::Gpu;
 use super::inputs::SceneInputs;
@@ -109,10 +110,11 @@ pub(super) fn prepare(
                 let filled =
                     layout::fill(&pass.bindings, bound, targets, made, &gpu.device.limits())
                         .map_err(failed)?;
-                let groups = gpu.checked(&what, || layout::bind(&gpu.device, &filled))?;
+                let groups = layout::bind(gpu, inputs.compiled(), &what, &filled)?;
                 if pipeline.is_none() {
                     let layouts: Vec<_> = groups.iter().map(|(g, l, _)| (*g, l)).collect();
-                    pipeline = Some(build(gpu, &what, shader, &stage.entry_point, &layouts)?);
+                    let module = (shader, stage.entry_point.as_str());
+                    pipeline = Some(build(gpu, inputs.compiled(), &what, module, &layouts)?);
                 }
                 dispatches.push(Dispatch {
                     groups: groups.into_iter().map(|(g, _, b)| (g, b)).collect(),
@@ -150,16 +152,21 @@ fn failed(plan: &Plan, message: String) -> Error {
 
 fn build(
     gpu: &Gpu,
+    compiled: Option<&Compiled>,
     what: &str,
-    module: &wgpu::ShaderModule,
-    entry_point: &str,
+    (module, entry_point): (&wgpu::ShaderModule, &str),
     layouts: &[(u32, &wgpu::BindGroupLayout)],
 ) -> Result<wgpu::ComputePipeline, Error> {
     let device = &gpu.device;
-    gpu.checked(what, || {
+    let by_group = layout::by_group(layouts);
+    let key = || ComputeKey {
+        stage: (module.clone(), entry_point.to_owned()),
+        layouts: by_group.iter().map(|l| l.cloned()).collect(),
+    };
+    let make = || {
         let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: None,
-            bind_group_layouts: &layout::by_group(layouts),
+            bind_group_layouts: &by_group,
             immediate_size: 0,
         });
         device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
@@ -170,6 +177,9 @@ fn build(
             compilation_options: wgpu::PipelineCompilationOptions::default(),
             cache: None,
         })
+    };
+    compiled::shared(compiled.map(|c| &c.compute), key, || {
+        gpu.checked(what, make)
     })
 }
 

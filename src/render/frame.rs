@@ -154,8 +154,8 @@ impl<'a> Prepared<'a> {
         check_loads(&variant.frame().passes)?;
         let targets = Targets::new(gpu, variant, scene.size)?;
         let start = Instant::now();
-        let shaders = variant.compile(gpu)?;
-        let blank = gpu.checked("the blank fragment stage", || blank_fragment(gpu))?;
+        let shaders = variant.compile(gpu, inputs.compiled())?;
+        let blank = blank_fragment(gpu, inputs.compiled())?;
         let mut meshes = Meshes::new(scene.size);
         let table = DrawTable::new(inputs, variant.plans(), amend)
             .and_then(|table| {
@@ -658,6 +658,7 @@ impl FrameBuilder<'_, '_> {
         };
         let build = Build {
             gpu,
+            compiled: self.inputs.compiled(),
             targets: self.targets,
             shaders: self.shaders,
             plan: found.plan,

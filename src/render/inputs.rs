@@ -9,6 +9,7 @@ use preshade_passes::guard::Assumed;
 use preshade_passes::plan::{BindingKind, GpuPass, Plan};
 use wgpu::util::{BufferInitDescriptor, DeviceExt};
 
+use super::compiled::Compiled;
 use super::gpu::Gpu;
 use super::{Error, state};
 use crate::scene::bind::{self, Rate, TextureContent};
@@ -22,6 +23,7 @@ pub struct SceneInputs<'a> {
     /// Each material's original pass. It binds everything that any variant can bind.
     authored: Vec<GpuPass>,
     draws: Vec<DrawInputs>,
+    compiled: Option<Compiled>,
 }
 
 /// The resources of one draw.
@@ -153,7 +155,23 @@ impl<'a> SceneInputs<'a> {
             scene,
             authored,
             draws,
+            compiled: None,
         })
+    }
+
+    /// Lets its frames share shaders and pipelines. Then [`super::Prepared::creation`] is not what
+    /// a host would take.
+    #[must_use]
+    pub fn sharing(self) -> Self {
+        Self {
+            compiled: Some(Compiled::default()),
+            ..self
+        }
+    }
+
+    /// What its frames share.
+    pub(super) fn compiled(&self) -> Option<&Compiled> {
+        self.compiled.as_ref()
     }
 
     /// Updates the values that depend on the camera and the time.

@@ -6,7 +6,10 @@ use std::num::NonZeroU64;
 
 use preshade_passes::plan::{BindingKind, BindingLayout, BindingSource, BindingUse, GeometryPart};
 
+use super::Error;
+use super::compiled::{self, Compiled};
 use super::drawn::Drawn;
+use super::gpu::Gpu;
 use super::inputs::{DrawInputs, Resource};
 use super::state;
 use super::subdivided::{Subdivided, attribute};
@@ -175,14 +178,19 @@ fn check_size(
 }
 
 /// Layout and bind group of each group.
+///
+/// # Errors
+/// wgpu refuses one. `what` names them.
 pub(super) fn bind(
-    device: &wgpu::Device,
+    gpu: &Gpu,
+    compiled: Option<&Compiled>,
+    what: &str,
     groups: &Groups<'_>,
-) -> Vec<(u32, wgpu::BindGroupLayout, wgpu::BindGroup)> {
+) -> Result<Vec<(u32, wgpu::BindGroupLayout, wgpu::BindGroup)>, Error> {
     groups
         .iter()
         .map(|(group, bindings)| {
-            let layout = layout(device, bindings);
+            let layout = layout(gpu, compiled, what, bindings)?;
             let entries: Vec<_> = bindings
                 .iter()
                 .map(|b| wgpu::BindGroupEntry {
@@ -190,12 +198,14 @@ pub(super) fn bind(
                     resource: b.filled.binding(),
                 })
                 .collect();
-            let bound = device.create_bind_group(&wgpu::BindGroupDescriptor {
-                label: None,
-                layout: &layout,
-                entries: &entries,
-            });
-            (*group, layout, bound)
+            let bound = gpu.checked(what, || {
+                gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+                    label: None,
+                    layout: &layout,
+                    entries: &entries,
+                })
+            })?;
+            Ok((*group, layout, bound))
         })
         .collect()
 }
@@ -211,12 +221,25 @@ pub(super) fn by_group<'l>(
 }
 
 /// The layout of one group.
-fn layout(device: &wgpu::Device, bindings: &[Bound<'_>]) -> wgpu::BindGroupLayout {
+fn layout(
+    gpu: &Gpu,
+    compiled: Option<&Compiled>,
+    what: &str,
+    bindings: &[Bound<'_>],
+) -> Result<wgpu::BindGroupLayout, Error> {
     let entries: Vec<_> = bindings.iter().map(|b| b.entry).collect();
-    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-        label: None,
-        entries: &entries,
-    })
+    let make = || {
+        gpu.device
+            .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+                label: None,
+                entries: &entries,
+            })
+    };
+    compiled::shared(
+        compiled.map(|c| &c.layouts),
+        || entries.clone(),
+        || gpu.checked(what, make),
+    )
 }
 
 /// A binding, for messages.

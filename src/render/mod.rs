@@ -14,6 +14,7 @@
 //! [`mod@self_test`] runs a plan's self-test as a host does at load, with modules 2 to 5.
 
 pub mod codes;
+mod compiled;
 mod compute;
 mod drawn;
 pub mod frame;

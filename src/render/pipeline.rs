@@ -6,6 +6,7 @@ use preshade_passes::frame::{ColorAttachments, FramePass};
 use preshade_passes::plan::{GpuPass, Plan};
 use preshade_passes::state::ColorTarget;
 
+use super::compiled::{self, Compiled, RenderKey};
 use super::gpu::Gpu;
 use super::inputs::DrawInputs;
 use super::layout::Made;
@@ -22,7 +23,7 @@ pub(super) struct PipelineKey {
     pub strip: Option<wgpu::IndexFormat>,
 }
 
-#[derive(Clone, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct VertexLayout {
     /// Index in the draw's vertex buffers.
     pub source: usize,
@@ -34,6 +35,7 @@ pub(super) struct VertexLayout {
 /// The inputs of one pipeline.
 pub(super) struct Build<'b> {
     pub gpu: &'b Gpu,
+    pub compiled: Option<&'b Compiled>,
     pub targets: &'b Targets,
     pub shaders: &'b BTreeMap<&'b str, wgpu::ShaderModule>,
     pub plan: &'b Plan,
@@ -141,11 +143,12 @@ impl Build<'_> {
             &self.gpu.device.limits(),
         )
         .map_err(|m| self.failed(m))?;
-        let device = &self.gpu.device;
-        self.gpu
-            .checked(&format!("the bindings of {}", self.what()), || {
-                layout::bind(device, &filled)
-            })
+        layout::bind(
+            self.gpu,
+            self.compiled,
+            &format!("the bindings of {}", self.what()),
+            &filled,
+        )
     }
 
     fn depth_stencil(&self) -> Result<Option<wgpu::DepthStencilState>, Error> {
@@ -264,8 +267,23 @@ impl Build<'_> {
             .collect();
         let mut primitive = state::primitive(&self.pass.primitive);
         primitive.strip_index_format = key.strip;
+        let multisample = state::multisample(&self.pass.multisample);
+        let of_stage = |(module, entry): (&wgpu::ShaderModule, &str)| {
+            let module: wgpu::ShaderModule = module.clone();
+            (module, entry.to_owned())
+        };
+        let all = || RenderKey {
+            vertex: of_stage(vertex),
+            fragment: fragment.map(of_stage),
+            layouts: by_group.iter().map(|l| l.cloned()).collect(),
+            buffers: key.vertex.clone(),
+            primitive,
+            depth_stencil: depth_stencil.clone(),
+            multisample,
+            targets: targets.clone(),
+        };
         let device = &self.gpu.device;
-        self.gpu.checked(&what, || {
+        let build = || {
             let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
                 label: None,
                 bind_group_layouts: &by_group,
@@ -281,8 +299,8 @@ impl Build<'_> {
                     buffers: &buffers,
                 },
                 primitive,
-                depth_stencil,
-                multisample: state::multisample(&self.pass.multisample),
+                depth_stencil: depth_stencil.clone(),
+                multisample,
                 fragment: fragment.map(|(module, entry)| wgpu::FragmentState {
                     module,
                     entry_point: Some(entry),
@@ -292,6 +310,9 @@ impl Build<'_> {
                 multiview_mask: None,
                 cache: None,
             })
+        };
+        compiled::shared(self.compiled.map(|c| &c.render), all, || {
+            self.gpu.checked(&what, build)
         })
     }
 }
@@ -318,9 +339,9 @@ fn compilation() -> wgpu::PipelineCompilationOptions<'static> {
 
 const BLANK: &str = "blank";
 
-pub(super) fn blank_fragment(gpu: &Gpu) -> wgpu::ShaderModule {
-    gpu.shader(wgpu::ShaderModuleDescriptor {
-        label: Some(BLANK),
-        source: wgpu::ShaderSource::Wgsl("@fragment fn blank() {}".into()),
-    })
+pub(super) fn blank_fragment(
+    gpu: &Gpu,
+    compiled: Option<&Compiled>,
+) -> Result<wgpu::ShaderModule, Error> {
+    compiled::shader(gpu, compiled, BLANK, "@fragment fn blank() {}")
 }

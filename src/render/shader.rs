@@ -7,6 +7,7 @@ use preshade_passes::frame::{FramePass, FramePlan};
 use preshade_passes::plan::{GpuPass, Plan, SCHEMA};
 
 use super::Error;
+use super::compiled::{self, Compiled};
 use super::gpu::Gpu;
 use crate::emit;
 
@@ -249,22 +250,24 @@ impl Variant {
     }
 
     /// Compiles every shader.
-    pub(super) fn compile(&self, gpu: &Gpu) -> Result<BTreeMap<&str, wgpu::ShaderModule>, Error> {
+    pub(super) fn compile(
+        &self,
+        gpu: &Gpu,
+        compiled: Option<&Compiled>,
+    ) -> Result<BTreeMap<&str, wgpu::ShaderModule>, Error> {
         self.shaders
             .iter()
             .map(|(name, shader)| {
-                let source = match shader {
-                    Shader::Wgsl(text) => wgpu::ShaderSource::Wgsl(text.as_str().into()),
-                    Shader::Ir(module) => {
-                        wgpu::ShaderSource::Naga(std::borrow::Cow::Owned((**module).clone()))
-                    }
+                let module = match shader {
+                    Shader::Wgsl(text) => compiled::shader(gpu, compiled, name, text)?,
+                    Shader::Ir(module) => gpu.checked(&format!("the shader `{name}`"), || {
+                        let module = std::borrow::Cow::Owned((**module).clone());
+                        gpu.shader(wgpu::ShaderModuleDescriptor {
+                            label: Some(name),
+                            source: wgpu::ShaderSource::Naga(module),
+                        })
+                    })?,
                 };
-                let module = gpu.checked(&format!("the shader `{name}`"), || {
-                    gpu.shader(wgpu::ShaderModuleDescriptor {
-                        label: Some(name),
-                        source,
-                    })
-                })?;
                 Ok((name.as_str(), module))
             })
             .collect()

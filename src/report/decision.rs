@@ -4,7 +4,7 @@ use preshade_passes::contract::Verdict;
 
 use crate::render::order;
 use crate::search::plan::decision::{Decision, PlanReport, SwitchCost};
-use crate::search::plan::model::Origin;
+use crate::search::plan::model::ModelOrigin;
 use crate::search::plan::policy::Rule;
 use crate::search::plan::reasons::ratio;
 
@@ -65,11 +65,11 @@ const SHOWN: usize = 5;
 
 pub(crate) fn model(decision: &Decision) -> String {
     match &decision.model.origin {
-        Origin::Nominal => {
+        ModelOrigin::Nominal => {
             "cost model: nominal, of no adapter; nothing is timed, and the choice is a prediction"
                 .to_owned()
         }
-        Origin::Fitted {
+        ModelOrigin::Fitted {
             adapter,
             frames,
             median_error,

@@ -37,11 +37,13 @@ pub enum PageError {
 
 /// The parts of every page.
 struct Shell {
-    /// Title and headline.
+    /// Title of the window.
     title: String,
+    /// What a reader needs first.
+    headline: String,
     /// Where and how it was measured.
     about: String,
-    /// The headline.
+    /// What else a reader needs.
     said: Vec<String>,
     /// The command that makes it again.
     command: String,

@@ -8,6 +8,7 @@ pub mod crossover;
 pub mod csv;
 pub mod decision;
 pub mod frontier;
+mod headline;
 pub mod html;
 pub mod picture;
 pub mod plain;

@@ -1,15 +1,38 @@
-//! The table for a terminal: plain text, aligned, without colours.
+//! The table for a terminal: plain text, aligned.
 
 use preshade_passes::contract::Verdict;
 
+use super::headline::{headline, verdict};
 use crate::measure::record::{PathTime, Report, VariantReport};
-use crate::measure::{Clock, ShadowReport};
+use crate::measure::{Clock, Estimate, ShadowReport};
 use crate::render::SelfTestResult;
 
-/// The report as lines of text.
-pub fn render(report: &Report) -> String {
+/// A cell with the estimate that colours it, if any.
+type Cell = (String, Option<Estimate>);
+
+/// The cell padded to `width`. With `coloured`, gains beyond noise are green and losses red.
+fn padded((text, speedup): &Cell, width: usize, align_left: bool, coloured: bool) -> String {
+    let padded = match align_left {
+        true => format!("{text:<width$}"),
+        false => format!("{text:>width$}"),
+    };
+    let color = match speedup {
+        Some(s) if s.high < 1.0 => 31,
+        Some(s) if s.low > 1.0 => 32,
+        _ if text == "BROKEN" => 31,
+        _ => return padded,
+    };
+    match coloured {
+        true => format!("\u{1b}[{color}m{padded}\u{1b}[0m"),
+        false => padded,
+    }
+}
+
+/// The report as lines of text, the headline first. `coloured`: with ANSI colours.
+pub fn render(report: &Report, coloured: bool) -> String {
     let mut out = format!(
-        "{}, {}x{}{}, on {} ({}, {})\n",
+        "{}\n\n{}, {}x{}{}, on {} ({}, {})\n",
+        headline(report),
         report.scene,
         report.resolution[0],
         report.resolution[1],
@@ -32,59 +55,55 @@ pub fn render(report: &Report) -> String {
         "speedup",
         "shaded/px",
     ];
-    let rows: Vec<[String; 9]> = report.variants.iter().map(row).collect();
-    let mut widths = header.map(str::len);
-    for row in &rows {
-        for (w, cell) in widths.iter_mut().zip(row) {
-            *w = (*w).max(cell.chars().count());
-        }
-    }
-    let line = |cells: [&str; 9]| {
-        let mut line = String::new();
-        for (i, (cell, width)) in cells.iter().zip(widths).enumerate() {
-            // Words align left, numbers right.
-            if i < 2 {
-                line.push_str(&format!("{cell:<width$}  "));
-            } else {
-                line.push_str(&format!("{cell:>width$}  "));
-            }
-        }
-        line.trim_end().to_owned() + "\n"
-    };
+    let mut rows = vec![header.map(plain).to_vec()];
+    rows.extend(report.variants.iter().map(|v| row(v).to_vec()));
+    let widths = widths(&rows);
+    rows.insert(1, widths.iter().map(|w| plain(&"-".repeat(*w))).collect());
     out.push('\n');
-    out.push_str(&line(header));
-    out.push_str(&line(
-        widths.map(|w| "-".repeat(w)).each_ref().map(String::as_str),
-    ));
-    for row in &rows {
-        out.push_str(&line(row.each_ref().map(String::as_str)));
-    }
+    // Words align left, numbers right.
+    out.push_str(&aligned(&rows, &widths, 2, coloured));
     out.push('\n');
-    out.push_str(&by_view(report));
+    out.push_str(&by_view(report, coloured));
     out.push_str(&by_path(report));
     for sweep in &report.sweeps {
         out.push_str(&sweep.table(report));
-    }
-    if let Some(chosen) = &report.chosen {
-        out.push_str(&chosen.said());
-        out.push_str("\n\n");
     }
     out.push_str(&notes(report));
     out
 }
 
-fn row(v: &VariantReport) -> [String; 9] {
+fn plain(text: &str) -> Cell {
+    (text.to_owned(), None)
+}
+
+/// The width of each column.
+fn widths(rows: &[Vec<Cell>]) -> Vec<usize> {
+    let columns = rows.first().map_or(0, Vec::len);
+    let width = |c: usize| rows.iter().map(move |r| r[c].0.chars().count());
+    (0..columns).map(|c| width(c).max().unwrap_or(0)).collect()
+}
+
+/// The rows as lines. The first `words` columns align left.
+fn aligned(rows: &[Vec<Cell>], widths: &[usize], words: usize, coloured: bool) -> String {
+    let mut out = String::new();
+    for row in rows {
+        let cells = row.iter().zip(widths).enumerate();
+        let cells: Vec<String> = cells
+            .map(|(c, (cell, width))| padded(cell, *width, c < words, coloured))
+            .collect();
+        out.push_str(cells.join("  ").trim_end());
+        out.push('\n');
+    }
+    out
+}
+
+fn row(v: &VariantReport) -> [Cell; 9] {
     let dash = || "-".to_owned();
     let error = v.error.as_ref();
     let drawn = |f: &dyn Fn(&crate::measure::ErrorLadder) -> String| error.map_or_else(dash, f);
-    [
+    let cells = [
         v.name.clone(),
-        match &v.verdict {
-            Verdict::Holds => "holds",
-            Verdict::Broken { .. } => "BROKEN",
-            Verdict::NotMeasured { .. } => "not measured",
-        }
-        .to_owned(),
+        verdict(v).to_owned(),
         drawn(&|e| e.changed_pixels.to_string()),
         drawn(&|e| e.changed_depth.to_string()),
         drawn(&|e| match e.max_abs {
@@ -102,7 +121,10 @@ fn row(v: &VariantReport) -> [String; 9] {
             format!("{:.2}x [{:.2}, {:.2}]", s.median, s.low, s.high)
         }),
         v.shaded_per_pixel.map_or_else(dash, |s| format!("{s:.2}")),
-    ]
+    ];
+    let mut cells = cells.map(|text| (text, None));
+    cells[7].1 = v.speedup;
+    cells
 }
 
 /// The scene and adapter, broken contracts, and materials left alone.
@@ -124,6 +146,9 @@ pub(super) fn notes(report: &Report) -> String {
     }
     for warning in &report.warnings {
         out.push_str(&format!("Warning: {warning}.\n"));
+    }
+    for untested in &report.untested {
+        out.push_str(&format!("Untested: {untested}.\n"));
     }
     if let Some(ties) = report.depth_ties.filter(|n| *n > 0) {
         let what = match report.samples {
@@ -332,7 +357,7 @@ fn by_path(report: &Report) -> String {
 
 /// The speedups of every timed view, if there are several: a gain in one view may be a loss in
 /// another.
-fn by_view(report: &Report) -> String {
+fn by_view(report: &Report, coloured: bool) -> String {
     let [original, variants @ ..] = report.variants.as_slice() else {
         return String::new();
     };
@@ -342,11 +367,11 @@ fn by_view(report: &Report) -> String {
     if timed.len() < 2 || variants.is_empty() {
         return String::new();
     }
-    let mut rows = vec![["view".to_owned(), "shaded/px".to_owned(), "ms".to_owned()].to_vec()];
-    rows[0].extend(variants.iter().map(|v| v.name.clone()));
+    let mut rows = vec![["view", "shaded/px", "ms"].map(plain).to_vec()];
+    rows[0].extend(variants.iter().map(|v| plain(&v.name)));
     for i in timed {
         let view = &original.by_view[i];
-        let mut cells = vec![
+        let cells = [
             format!(
                 "{} {}, {}",
                 view.camera,
@@ -359,29 +384,14 @@ fn by_view(report: &Report) -> String {
                 .as_ref()
                 .map_or_else(|| "-".to_owned(), |t| format!("{:.3}", t.estimate.median)),
         ];
-        for v in variants {
-            let speedup = v.by_view.get(i).and_then(|w| w.speedup.as_ref());
-            cells.push(speedup.map_or_else(|| "-".to_owned(), |s| format!("{:.2}x", s.median)));
-        }
+        let mut cells = cells.map(|text| (text, None)).to_vec();
+        cells.extend(variants.iter().map(|v| {
+            let speedup = v.by_view.get(i).and_then(|w| w.speedup);
+            let text = speedup.map_or_else(|| "-".to_owned(), |s| format!("{:.2}x", s.median));
+            (text, speedup)
+        }));
         rows.push(cells);
     }
-    let mut out = "The original by view, and the speedup of each variant:\n\n".to_owned();
-    let columns = rows[0].len();
-    let widths: Vec<usize> = (0..columns)
-        .map(|c| rows.iter().map(|r| r[c].chars().count()).max().unwrap_or(0))
-        .collect();
-    for row in &rows {
-        let mut line = String::new();
-        for (c, (cell, width)) in row.iter().zip(&widths).enumerate() {
-            if c == 0 {
-                line.push_str(&format!("{cell:<width$}  "));
-            } else {
-                line.push_str(&format!("{cell:>width$}  "));
-            }
-        }
-        out.push_str(line.trim_end());
-        out.push('\n');
-    }
-    out.push('\n');
-    out
+    let lines = aligned(&rows, &widths(&rows), 1, coloured);
+    format!("The original by view, and the speedup of each variant:\n\n{lines}\n")
 }

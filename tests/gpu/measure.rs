@@ -295,3 +295,24 @@ fn the_bootstrap_is_seeded_and_holds_the_median() {
     );
     assert!(estimate(&[], 7).median.is_nan());
 }
+
+/// Two materials of one shader and one state have one pipeline, and a frame drawn again has none of
+/// its own.
+#[test]
+fn frames_that_share_pipelines_draw_the_same() {
+    let mut scene = planes([32, 32], 3);
+    let mut twin = scene.materials[0].clone();
+    twin.name = "twin".to_owned();
+    scene.materials.push(twin);
+    scene.draws[0].material = 1;
+    let frames = [&scene.cameras[0].frames[0]];
+    let plans: Vec<Plan> = originals(&scene).iter().map(with_prepass).collect();
+    let own = Session::new(gpu(), &scene, ShaderForm::Text).unwrap();
+    let shared = Session::sharing(gpu(), &scene, ShaderForm::Text).unwrap();
+    for order in [DrawOrder::FrontToBack, DrawOrder::BackToFront] {
+        let expected = own.pictures(&plans, &frames, order).unwrap();
+        for _ in 0..2 {
+            assert_eq!(shared.pictures(&plans, &frames, order).unwrap(), expected);
+        }
+    }
+}

@@ -265,3 +265,36 @@ fn a_step_of_a_target_of_halves_is_theirs() {
         assert_eq!(error.beyond_step, 0, "{error:?}");
     }
 }
+
+/// The report on a square whose fragments are discarded under a condition.
+fn discarding(condition: &str) -> Report {
+    let source = format!(
+        "
+struct Camera {{ view_proj: mat4x4<f32> }}
+struct Object {{ model: mat4x4<f32>, tint: vec4<f32> }}
+@group(0) @binding(0) var<uniform> camera: Camera;
+@group(1) @binding(0) var<uniform> object: Object;
+@vertex fn vs(@location(0) position: vec3<f32>) -> @builtin(position) vec4<f32> {{
+    return camera.view_proj * object.model * vec4(position, 1.0);
+}}
+@fragment fn fs(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {{
+    if {condition} {{ discard; }}
+    return vec4(at.x / 64.0, 0.5, 0.25, 1.0) * object.tint;
+}}"
+    );
+    let there = Mat4::from_translation(Vec3::new(0.0, 0.0, 0.5));
+    let drawn = draw("square", there, [1.0; 4]);
+    let scene = scene([32, 32], vec![material("leaf", &source)], vec![drawn]);
+    run(&scene, made_by(&scene, "depth-prepass"))
+}
+
+#[test]
+fn a_discard_that_no_fragment_takes_is_untested() {
+    let report = discarding("at.x < 0.0");
+    assert_eq!(
+        report.untested,
+        ["no fragment of `leaf` is discarded in any view, so that its discard is untested"]
+    );
+    assert_eq!(report.variants[1].verdict, Verdict::Holds);
+    assert_eq!(discarding("fract(at.x / 2.0) < 0.5").untested, [""; 0]);
+}

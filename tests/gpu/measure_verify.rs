@@ -177,23 +177,27 @@ fn the_table_is_aligned_and_names_what_broke() {
         without: None,
         why: "blended draws never enter the pre-pass".to_owned(),
     });
-    let text = table::render(&run(&scene, &variants, &settings).report);
+    let text = table::render(&run(&scene, &variants, &settings).report, false);
     let lines: Vec<&str> = text.lines().collect();
-    assert!(lines[0].starts_with("test, 32x32, on "), "{text}");
     assert_eq!(
-        lines[2],
+        lines[0],
+        "Nothing was timed, so nothing is known to be worth shipping. `wrong` is BROKEN: do not ship it."
+    );
+    assert!(lines[2].starts_with("test, 32x32, on "), "{text}");
+    assert_eq!(
+        lines[4],
         "variant             verdict       changed px  depths  max abs     FLIP  ms  speedup  shaded/px"
     );
     assert_eq!(
-        lines[4],
-        "original            holds                  0       0        0        0   -        -       1.00"
+        lines[6],
+        "original                                   0       0        0        0   -        -       1.00"
     );
     assert!(
-        lines[6].starts_with("wrong               BROKEN              1024    1024   "),
+        lines[8].starts_with("wrong               BROKEN              1024    1024   "),
         "{text}"
     );
     assert!(
-        lines[7].starts_with("uncompilable        not measured           -       -"),
+        lines[9].starts_with("uncompilable        not measured           -       -"),
         "{text}"
     );
     assert!(text.contains("wrong: broken at camera `front` frame 0 front to back: 1024 pixels"));
@@ -280,7 +284,7 @@ fn every_frame_of_a_path_is_compared_up_to_the_limit() {
         [(DrawOrder::FrontToBack, 5), (DrawOrder::BackToFront, 5)]
     );
     assert!(original.by_path.iter().all(|p| p.p95_ms >= p.median_ms));
-    let text = table::render(&outcome.report);
+    let text = table::render(&outcome.report, false);
     assert!(
         text.contains("95% of 5 frames of `front`, back to front, take no longer than: original "),
         "{text}"
@@ -328,7 +332,7 @@ fn every_budget_is_told_beside_what_was_measured() {
     let mut plans = measure::originals(&scene);
     plans[0].contract = within(Metric::FlipMean, 0.05).and(within(Metric::MaxAbs, 0.02));
     let outcome = run(&scene, &[variant("off", plans)], &settings);
-    let text = table::render(&outcome.report);
+    let text = table::render(&outcome.report, false);
     assert!(
         text.contains("off: an approximation, flip_mean at most 0.05 (measured 0.00000), max_abs at most 0.02 (measured 0.00000)\n"),
         "{text}"

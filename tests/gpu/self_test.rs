@@ -360,7 +360,7 @@ fn verify_names_the_fallback_and_leaves_the_verdict_to_the_picture() {
         (&failed["result"], &failed["fallback"]),
         (&"failed".into(), &"original".into())
     );
-    let text = table::render(&report);
+    let text = table::render(&report, false);
     assert!(
         text.contains("held: self-test held for 3 of 3 materials"),
         "{text}"

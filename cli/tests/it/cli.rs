@@ -151,6 +151,25 @@ fn a_refused_pass_keeps_the_original() {
     );
 }
 
+/// A stage that reads which side it draws is drawn from both.
+#[test]
+fn the_assumed_state_is_told_and_drops_no_side_that_the_shader_reads() {
+    let two_sided = "../fixtures/shaders/two-sided.wgsl";
+    for (args, told) in [
+        (&[TOON][..], "of `toon`: opaque rgba8unorm, cull back, "),
+        (
+            &[two_sided],
+            "of `two-sided`: opaque rgba8unorm, cull none, ",
+        ),
+        (&[two_sided, "--cull", "back"], "cull back, triangle-list, "),
+    ] {
+        let output = run(&[&["rewrite", "--pass", "depth-prepass"], args].concat());
+        let said = stderr(&output);
+        assert!(said.contains("note: pipeline state assumed of"), "{said}");
+        assert!(said.contains(told), "{said}");
+    }
+}
+
 #[test]
 fn without_a_pass_those_that_apply_are_named() {
     let output = run(&["rewrite", TOON]);

@@ -52,6 +52,9 @@ pub struct Report {
     /// Reasons to trust the pictures less: a single colour, or attributes that are made up.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<String>,
+    /// What the pictures leave untested, so that a verdict says less than it seems to.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub untested: Vec<String>,
     /// The original first, named [`ORIGINAL`].
     pub variants: Vec<VariantReport>,
     /// Swept recipes, whose points are among the variants.
@@ -167,6 +170,13 @@ impl Report {
         self.variants
             .iter()
             .any(|v| matches!(v.verdict, Verdict::Broken { .. }))
+    }
+
+    /// Whether there are variants, and none was measured.
+    pub fn is_unmeasured(&self) -> bool {
+        let mut variants = self.variants.iter().skip(1).peekable();
+        let is_open = |v: &VariantReport| matches!(v.verdict, Verdict::NotMeasured { .. });
+        variants.peek().is_some() && variants.all(is_open)
     }
 
     /// The JSON of record, indented, with a newline at its end.

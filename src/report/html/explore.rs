@@ -100,9 +100,11 @@ pub fn page(found: &Explored, scene: &Scene, effects: &[EffectUse]) -> Result<St
             .total_cmp(&error(b))
             .then(b.cost.total_cmp(&a.cost))
     });
+    let title = format!("{}: what accuracy costs in time", exploration.scene);
     let page = Page {
         shell: Shell {
-            title: format!("{}: what accuracy costs in time", exploration.scene),
+            headline: title.clone(),
+            title,
             about: format!(
                 "{}x{}, drawn {}, on {}. {}",
                 exploration.resolution[0],

@@ -105,9 +105,11 @@ pub fn page(
             )?
         });
     }
+    let title = format!("{}: what it calls for", decision.scene);
     let page = Page {
         shell: Shell {
-            title: format!("{}: what it calls for", decision.scene),
+            headline: title.clone(),
+            title,
             about: format!(
                 "{}x{}, on {}. {}",
                 decision.resolution[0],

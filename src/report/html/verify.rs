@@ -7,8 +7,9 @@ use super::range::{Scale, Strip};
 use super::section::{Cameras, Section, section};
 use super::words::{self, or_dash};
 use super::{Gallery, PageError, Shell, data, diff};
-use crate::measure::record::{Choice, Chosen, ORIGINAL, Pictures, Report, VariantReport};
+use crate::measure::record::{Choice, ORIGINAL, Pictures, Report, VariantReport};
 use crate::measure::{EffectUse, Variant};
+use crate::report::headline::{headline, verdict};
 use crate::report::plain::plain;
 use crate::report::{frontier, table};
 use crate::scene::Scene;
@@ -84,6 +85,7 @@ pub fn page(
     let page = Page {
         shell: Shell {
             title: format!("{}: the original and its variants", report.scene),
+            headline: headline(report),
             about: about(report),
             said: said(report),
             command: report.command.clone(),
@@ -134,7 +136,7 @@ fn about(report: &Report) -> String {
     )
 }
 
-/// The number of variants that kept their contracts, and the choice under a budget.
+/// The number of variants that kept their contracts, and warnings.
 fn said(report: &Report) -> Vec<String> {
     let drawn = || report.variants.iter().filter(|v| v.name != ORIGINAL);
     let count = |is: fn(&Verdict) -> bool| drawn().filter(|v| is(&v.verdict)).count();
@@ -158,7 +160,6 @@ fn said(report: &Report) -> Vec<String> {
         });
     }
     let mut said = vec![parts.join(", ") + "."];
-    said.extend(report.chosen.as_ref().map(Chosen::said));
     said.extend(report.warnings.iter().map(|w| format!("Warning: {w}.")));
     said
 }
@@ -172,16 +173,14 @@ fn rows(report: &Report, sections: &[Section]) -> Vec<Row> {
     let row = |v: &VariantReport| {
         let error = v.error.as_ref();
         let cost = v.cost.as_ref();
-        let (verdict, kept) = match v.verdict {
-            Verdict::Holds => ("holds", ""),
-            Verdict::Broken { .. } => ("broken", "broken"),
-            Verdict::NotMeasured { .. } => ("not measured", ""),
-        };
         Row {
             section: sections.iter().find(|s| s.name == v.name).map(|s| s.id),
             name: v.name.clone(),
-            verdict,
-            kept,
+            verdict: verdict(v),
+            kept: match v.verdict {
+                Verdict::Broken { .. } => "broken",
+                Verdict::Holds | Verdict::NotMeasured { .. } => "",
+            },
             speedup: or_dash(v.speedup, frontier::speedup),
             strip: v.speedup.as_ref().map(|s| scale.strip(s)),
             cells: vec![

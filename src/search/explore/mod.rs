@@ -84,7 +84,7 @@ pub enum SearchStage {
 
 /// How far the search is.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Progress {
+pub struct ExploreProgress {
     /// The current step.
     pub stage: SearchStage,
     /// In words.
@@ -254,7 +254,7 @@ pub fn explore(
     scene: &Scene,
     settings: &Settings,
     journal: &mut Journal,
-    progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
+    progress: &mut dyn FnMut(ExploreProgress) -> ControlFlow<()>,
 ) -> Result<Explored, Error> {
     // A frontier is about one draw order.
     let order = scene.orders.first().copied().unwrap_or(DrawOrder::AsGiven);

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
-use super::{Ended, Progress, SearchStage};
+use super::{Ended, ExploreProgress, SearchStage};
 use crate::measure::Error;
 use crate::render;
 
@@ -14,7 +14,7 @@ pub(super) struct Watch<'p> {
     pub(super) ended: Ended,
     /// Something was skipped because time was short.
     pub(super) late: bool,
-    pub(super) progress: &'p mut dyn FnMut(Progress) -> ControlFlow<()>,
+    pub(super) progress: &'p mut dyn FnMut(ExploreProgress) -> ControlFlow<()>,
 }
 
 impl Watch<'_> {
@@ -35,7 +35,7 @@ impl Watch<'_> {
     /// Reports the current step.
     pub(super) fn at(&mut self, stage: SearchStage, what: impl Into<String>) {
         let spent = self.spent();
-        let told = (self.progress)(Progress {
+        let told = (self.progress)(ExploreProgress {
             stage,
             what: what.into(),
             done: (spent.as_secs_f64() / self.time.as_secs_f64().max(1e-9)).min(1.0),

@@ -1,5 +1,7 @@
 //! Chooses plans for one view or several from measured speedups. Pure functions of numbers.
 
+use std::collections::BTreeSet;
+
 use crate::measure::Estimate;
 
 /// The least speedup that justifies a second set of shaders. Smaller gains are reported but not
@@ -9,18 +11,31 @@ pub const WORTHWHILE: f64 = 1.01;
 /// The original's time over a plan's in one view, from samples taken side by side.
 pub type Speedup = Estimate;
 
-/// Speedups by plan, then by view. `None`: not drawn, or its contract is broken. The first plan is
-/// the original with 1 everywhere.
+/// The speedups of all plans in all views.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Table(pub Vec<Vec<Option<Speedup>>>);
+pub struct Table {
+    /// Speedups by plan, then by view. `None`: not drawn, or its contract is broken. The first plan
+    /// is the original with 1 everywhere.
+    pub rows: Vec<Vec<Option<Speedup>>>,
+    /// The plans whose contract assumes that no depths tie. A tie that no view showed breaks them.
+    pub needs_no_ties: BTreeSet<usize>,
+}
 
 impl Table {
+    /// A table of plans that assume nothing of depth ties.
+    pub fn new(rows: Vec<Vec<Option<Speedup>>>) -> Self {
+        Self {
+            rows,
+            needs_no_ties: BTreeSet::new(),
+        }
+    }
+
     pub(super) fn views(&self) -> usize {
-        self.0.first().map_or(0, Vec::len)
+        self.rows.first().map_or(0, Vec::len)
     }
 
     fn at(&self, plan: usize, view: usize) -> Option<Speedup> {
-        self.0.get(plan)?.get(view).copied().flatten()
+        self.rows.get(plan)?.get(view).copied().flatten()
     }
 
     /// Whether a plan is sound: faster than the original in some of `views` (beyond noise and
@@ -55,15 +70,23 @@ impl Table {
         self.best_over(&views)
     }
 
-    /// The one plan for these views.
+    /// The one plan for these views. A plan that needs no ties has to be faster, in some view beyond
+    /// noise, than the best that does not.
     pub(super) fn best_over(&self, views: &[usize]) -> usize {
-        (0..self.0.len())
-            .filter(|plan| self.is_sound(*plan, views))
-            .min_by(|a, b| {
-                let time = |plan: usize| self.relative_time(plan, views);
-                time(*a).total_cmp(&time(*b))
-            })
-            .unwrap_or(0)
+        let time = |plan: usize| self.relative_time(plan, views);
+        let sound = |plan: &usize| self.is_sound(*plan, views);
+        let all = || (0..self.rows.len()).filter(sound);
+        let least = |a: &usize, b: &usize| time(*a).total_cmp(&time(*b));
+        let best = all().min_by(least).unwrap_or(0);
+        let robust = all().filter(|plan| !self.needs_no_ties.contains(plan));
+        match robust.min_by(least) {
+            Some(robust)
+                if robust != 0 && !views.iter().any(|v| self.is_faster(best, robust, *v)) =>
+            {
+                robust
+            }
+            _ => best,
+        }
     }
 
     /// Whether `plan` is faster than `other` in that view, their intervals apart.
@@ -97,7 +120,7 @@ mod tests {
 
     #[test]
     fn nothing_that_is_not_faster_beyond_noise() {
-        let table = Table(vec![
+        let table = Table::new(vec![
             vec![one(); 3],
             vec![about(1.015), about(0.97), about(1.5)],
             vec![about(1.0), about(0.8), about(1.7)],
@@ -111,8 +134,22 @@ mod tests {
     }
 
     #[test]
+    fn a_plan_that_needs_no_ties_has_to_win_beyond_noise() {
+        let rows = |fragile: f64| vec![vec![one()], vec![about(fragile)], vec![about(1.50)]];
+        let best = |fragile: f64| {
+            let table = Table {
+                needs_no_ties: BTreeSet::from([1]),
+                ..Table::new(rows(fragile))
+            };
+            table.best()
+        };
+        assert_eq!((best(1.52), best(1.60)), (2, 1));
+        assert_eq!(Table::new(rows(1.52)).best(), 1);
+    }
+
+    #[test]
     fn one_plan_may_gain_in_some_views_and_lose_in_none() {
-        let table = Table(vec![
+        let table = Table::new(vec![
             vec![one(); 3],
             vec![about(1.3), about(1.0), about(0.99)],
             vec![about(2.0), about(1.0), about(0.9)],

@@ -5,7 +5,7 @@ use preshade_passes::pass::Facts;
 
 use super::Error;
 use super::scene::{Settings, scout};
-use super::so_far::{Progress, SceneSoFar};
+use super::so_far::{PlanProgress, SceneSoFar};
 use super::stage::{self, Runner};
 use super::terms::Work;
 use crate::measure::View;
@@ -52,7 +52,7 @@ pub fn exhaust(
     recipes: &[Recipe],
     facts: &Facts,
     settings: &Settings<'_>,
-    progress: &mut dyn FnMut(Progress<'_>),
+    progress: &mut dyn FnMut(PlanProgress<'_>),
 ) -> Result<Exhausted, Error> {
     let scene = session.scene();
     let scouted = scout(session, recipes, facts, settings.frames_per_camera)?;
@@ -71,9 +71,9 @@ pub fn exhaust(
         let (whose, timings) = stage::time(session, &mut subjects, of, &settings.timing)?;
         clock = Some(whose);
         so_far.add(whose, view, (&subjects, &timings));
-        progress(Progress {
+        progress(PlanProgress {
             so_far: Some(&so_far),
-            ..Progress::at(
+            ..PlanProgress::at(
                 (i + 1) as f64 / scouted.views.len() as f64,
                 view.to_string(),
             )

@@ -33,11 +33,11 @@ pub use crate::measure::View;
 pub use choices::{Choices, Refused, choices};
 pub use decision::Decision;
 pub use exhaust::{Exhausted, exhaust};
-pub use model::{Model, ModelError, Origin};
+pub use model::{Model, ModelError, ModelOrigin};
 pub use policy::{Held, Hold, Policy, Rule, Switch};
 pub use regret::RegretReport;
 pub use scene::{Settings, Timed, decide};
-pub use so_far::{Progress, SceneSoFar, Unfinished};
+pub use so_far::{PlanProgress, SceneSoFar, Unfinished};
 
 /// Why nothing was decided.
 #[derive(Debug, thiserror::Error)]

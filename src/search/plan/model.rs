@@ -27,7 +27,7 @@ pub struct Observation {
 /// Where the coefficients come from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", tag = "kind")]
-pub enum Origin {
+pub enum ModelOrigin {
     /// Fitted to frames that an adapter drew.
     Fitted {
         /// Name of the adapter.
@@ -51,7 +51,7 @@ pub struct Model {
     /// Always [`SCHEMA`].
     pub schema: String,
     /// Where the coefficients come from.
-    pub origin: Origin,
+    pub origin: ModelOrigin,
     /// Nanoseconds for one unit of each term. Missing terms are 0.
     pub nanoseconds: BTreeMap<Term, f64>,
 }
@@ -81,7 +81,7 @@ impl Model {
         let solution = non_negative(&rows, Term::ALL.len());
         let mut model = Self {
             schema: SCHEMA.to_owned(),
-            origin: Origin::Nominal,
+            origin: ModelOrigin::Nominal,
             nanoseconds: Term::ALL
                 .into_iter()
                 .zip(solution)
@@ -91,7 +91,7 @@ impl Model {
         };
         let mut errors = model.errors(frames);
         errors.sort_by(f64::total_cmp);
-        model.origin = Origin::Fitted {
+        model.origin = ModelOrigin::Fitted {
             adapter: adapter.to_owned(),
             frames: frames.len(),
             median_error: significant(errors.get(errors.len() / 2).copied().unwrap_or_default()),
@@ -121,7 +121,7 @@ impl Model {
         ];
         Self {
             schema: SCHEMA.to_owned(),
-            origin: Origin::Nominal,
+            origin: ModelOrigin::Nominal,
             nanoseconds: picoseconds.map(|(t, p)| (t, p * 1e-3)).into(),
         }
     }
@@ -274,7 +274,7 @@ mod tests {
         assert!(model.nanoseconds.values().all(|ns| *ns > 0.0));
         let errors = model.errors(&frames(&TRUE, 0.0));
         assert!(errors.iter().all(|e| *e < 0.1), "{errors:?}");
-        let Origin::Fitted {
+        let ModelOrigin::Fitted {
             frames,
             median_error,
             worst_error,

@@ -294,7 +294,7 @@ mod tests {
 
     #[test]
     fn a_switch_stands_between_what_it_tells_apart() {
-        let table = Table(vec![
+        let table = Table::new(vec![
             vec![one(); 4],
             vec![about(0.9), about(2.0), about(0.95), about(3.0)],
         ]);
@@ -323,13 +323,13 @@ mod tests {
 
     #[test]
     fn no_switch_where_the_host_sees_no_difference() {
-        let table = Table(vec![vec![one(); 2], vec![about(0.8), about(1.5)]]);
+        let table = Table::new(vec![vec![one(); 2], vec![about(0.8), about(1.5)]]);
         assert_eq!(
             one_rule(&policy(&table, &alike(&[1.5, 1.5]), Hold::Switching)),
             Rule::One { plan: 0 }
         );
         // Nor where one plan is as good.
-        let table = Table(vec![
+        let table = Table::new(vec![
             vec![one(); 2],
             vec![about(1.5), about(1.5)],
             vec![about(1.5), about(1.505)],
@@ -345,7 +345,7 @@ mod tests {
         use DrawOrder::{FrontToBack, Shuffled};
         // Two cameras, each in two orders. No threshold gives the second plan exactly the one view
         // where it is best.
-        let table = Table(vec![
+        let table = Table::new(vec![
             vec![one(); 4],
             vec![about(0.91), about(1.06), about(1.08), about(0.95)],
             vec![about(0.90), about(1.16), about(0.90), about(0.93)],
@@ -372,7 +372,7 @@ mod tests {
     #[test]
     fn one_rule_where_orders_gain_nothing_apart() {
         use DrawOrder::{BackToFront, FrontToBack};
-        let table = Table(vec![vec![one(); 2], vec![about(0.9), about(1.5)]]);
+        let table = Table::new(vec![vec![one(); 2], vec![about(0.9), about(1.5)]]);
         let measures = [(FrontToBack, 1.0), (BackToFront, 2.0)]
             .map(|(order, shaded)| Measure { order, shaded });
         let rule = one_rule(&policy(&table, &measures, Hold::Switching));

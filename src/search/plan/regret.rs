@@ -192,7 +192,7 @@ impl Exhausted {
             });
             each.collect()
         };
-        Table((0..self.plans.len()).map(row).collect())
+        Table::new((0..self.plans.len()).map(row).collect())
     }
 
     fn finalists(&self, model: &Model, views: &[usize], runners: usize) -> Vec<usize> {

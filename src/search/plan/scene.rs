@@ -1,7 +1,10 @@
 //! One scene, from its files to a decision.
 
-use preshade_passes::contract::{Contract, Verdict};
+use std::collections::BTreeSet;
+
+use preshade_passes::contract::{Assumption, Contract, Verdict};
 use preshade_passes::pass::Facts;
+use preshade_passes::plan::Plan;
 
 use super::assign::{Assignment, Considered, FramePredictor, finalists};
 use super::choices::{Choices, choices};
@@ -13,7 +16,7 @@ use super::decision::{
 };
 use super::model::Model;
 use super::policy::{Hold, Measure, Rule, policy};
-use super::so_far::{Progress, SceneSoFar};
+use super::so_far::{PlanProgress, SceneSoFar};
 use super::stage::{self, Runner};
 use super::work::{Counted, DrawCounts, drawn};
 use super::{Error, reasons};
@@ -129,9 +132,9 @@ pub fn decide(
     recipes: &[Recipe],
     facts: &Facts,
     settings: &Settings<'_>,
-    progress: &mut dyn FnMut(Progress<'_>),
+    progress: &mut dyn FnMut(PlanProgress<'_>),
 ) -> Result<Decision, Error> {
-    progress(Progress::at(0.0, "counting fragments"));
+    progress(PlanProgress::at(0.0, "counting fragments"));
     let scouted = scout(session, recipes, facts, settings.frames_per_camera)?;
     let seen = scouted.seen(settings.model);
     let all = seen.frames();
@@ -152,13 +155,14 @@ pub fn decide(
     match settings.timed {
         Timed::No => {
             let (original, each) = (&frames[0].predicted, frames.iter());
-            measured.table = Table(each.map(|f| predicted_row(original, f)).collect());
+            measured.table = Table::new(each.map(|f| predicted_row(original, f)).collect());
+            measured.table.needs_no_ties = needing_no_ties(&frames, &scouted.choices);
             measured.times = vec![vec![None; scouted.views.len()]; frames.len()];
         }
         Timed::Yes => {
             for frame in &frames {
                 let name = frame.assignment.name(&scouted.choices);
-                progress(Progress::at(0.1, format!("compiling {name}")));
+                progress(PlanProgress::at(0.1, format!("compiling {name}")));
                 subjects.push(Runner::new(session, &scouted.choices, frame)?);
             }
             measure_all(
@@ -168,12 +172,13 @@ pub fn decide(
                 settings,
                 &mut measured,
                 &mut |p| {
-                    progress(Progress {
+                    progress(PlanProgress {
                         done: 0.1 + 0.6 * p.done,
                         ..p
                     });
                 },
             )?;
+            measured.table.needs_no_ties = needing_no_ties(&frames, &scouted.choices);
             refine(
                 session,
                 &mut (&mut frames, &mut subjects),
@@ -181,7 +186,7 @@ pub fn decide(
                 settings,
                 &mut measured,
                 &mut |p| {
-                    progress(Progress {
+                    progress(PlanProgress {
                         done: 0.7 + 0.3 * p.done,
                         ..p
                     });
@@ -189,10 +194,20 @@ pub fn decide(
             )?;
         }
     }
-    progress(Progress::at(1.0, "done"));
+    progress(PlanProgress::at(1.0, "done"));
     Ok(report(
         session, &scouted, settings, &frames, &subjects, measured,
     ))
+}
+
+/// The frames with a plan whose contract assumes that no depths tie.
+fn needing_no_ties(frames: &[Considered], choices: &[Choices]) -> BTreeSet<usize> {
+    let needs = |plan: &Plan| plan.contract.given().contains(&Assumption::NoDepthTies);
+    let frames = frames.iter().enumerate();
+    frames
+        .filter(|(_, f)| f.assignment.plans(choices).iter().any(needs))
+        .map(|(i, _)| i)
+        .collect()
 }
 
 /// A frame's predicted speedups, as if they were measured without noise.
@@ -217,14 +232,14 @@ fn measure_all(
     scouted: &Scouted,
     settings: &Settings<'_>,
     measured: &mut Measured,
-    progress: &mut dyn FnMut(Progress<'_>),
+    progress: &mut dyn FnMut(PlanProgress<'_>),
 ) -> Result<(), Error> {
     let mut times = vec![Vec::new(); subjects.len()];
     let mut speedups = vec![Vec::new(); subjects.len()];
     let views = &scouted.views;
     for (done, (view, frame)) in views.iter().enumerate() {
         let part = |views_done: usize| views_done as f64 / views.len() as f64;
-        progress(Progress::at(part(done), view.to_string()));
+        progress(PlanProgress::at(part(done), view.to_string()));
         if let Some(reference) = stage::compare(session, subjects, view, frame)? {
             measured.colours.look(&reference);
         }
@@ -232,9 +247,9 @@ fn measure_all(
         let (clock, timings) = stage::time(session, subjects, of, &settings.timing)?;
         measured.clock = Some(clock);
         measured.so_far.add(clock, view, (&*subjects, &timings));
-        progress(Progress {
+        progress(PlanProgress {
             so_far: Some(&measured.so_far),
-            ..Progress::at(part(done + 1), view.to_string())
+            ..PlanProgress::at(part(done + 1), view.to_string())
         });
         for (i, timing) in timings.into_iter().enumerate() {
             times[i].push(timing.as_ref().map(|t| t.time.estimate));
@@ -247,7 +262,7 @@ fn measure_all(
             speedups = vec![None; views.len()];
         }
         measured.times.push(times);
-        measured.table.0.push(speedups);
+        measured.table.rows.push(speedups);
     }
     Ok(())
 }
@@ -263,7 +278,7 @@ fn refine<'a>(
     scouted: &Scouted,
     settings: &Settings<'_>,
     measured: &mut Measured,
-    progress: &mut dyn FnMut(Progress<'_>),
+    progress: &mut dyn FnMut(PlanProgress<'_>),
 ) -> Result<(), Error> {
     if scouted.choices.len() < 2 {
         return Ok(());
@@ -299,7 +314,11 @@ fn refine<'a>(
         frames.extend(near);
         subjects.extend(lot.into_iter().skip(1));
         measured.times.extend(more.times.into_iter().skip(1));
-        measured.table.0.extend(more.table.0.into_iter().skip(1));
+        measured
+            .table
+            .rows
+            .extend(more.table.rows.into_iter().skip(1));
+        measured.table.needs_no_ties = needing_no_ties(frames, &scouted.choices);
         if measured.table.best() == best {
             return Ok(());
         }
@@ -384,7 +403,7 @@ fn plan_report(
             predicted_ms: *predicted,
             time_ms: at(&measured.times),
             // Without a clock it would be the prediction again.
-            speedup: measured.clock.and_then(|_| at(&measured.table.0)),
+            speedup: measured.clock.and_then(|_| at(&measured.table.rows)),
         }
     });
     let plans = frame.assignment.plans(&scouted.choices);
@@ -449,8 +468,24 @@ fn material(
             })
         })
         .collect();
+    let mut reasons = reasons::of(&choices.material, &recipes, &predicted, decision);
+    // The facts are about every frame of every camera.
+    let needs = |r: &String| {
+        let pick = choices
+            .position(r)
+            .and_then(|at| choices.candidates.get(at));
+        pick.is_some_and(|c| c.plan.contract.given().contains(&Assumption::NoDepthTies))
+    };
+    if choices.depth_ties == Some(0) && recipes.iter().any(needs) {
+        let views = scene.frames().count() as u64;
+        let [width, height] = scene.size.map(u64::from);
+        reasons.push(format!(
+            "it depends on depth ties: no tie seen in {} pixels of {views} views",
+            width * height * views
+        ));
+    }
     MaterialDecision {
-        reasons: reasons::of(&choices.material, &recipes, &predicted, decision),
+        reasons,
         material: choices.material.clone(),
         draws: (0..scene.draws.len())
             .filter(|d| scene.draws[*d].material == index)

@@ -73,7 +73,7 @@ pub struct PlanSoFar {
 
 /// How far a scene is.
 #[derive(Clone, Debug)]
-pub struct Progress<'a> {
+pub struct PlanProgress<'a> {
     /// Part done, 0 to 1.
     pub done: f64,
     /// The current step.
@@ -82,7 +82,7 @@ pub struct Progress<'a> {
     pub so_far: Option<&'a SceneSoFar>,
 }
 
-impl Progress<'_> {
+impl PlanProgress<'_> {
     /// Where nothing more is measured.
     pub fn at(done: f64, what: impl Into<String>) -> Self {
         Self {

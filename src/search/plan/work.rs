@@ -172,7 +172,7 @@ enum Reach {
 
 /// A pass without its program: everything for computing its work in any view.
 #[derive(Clone, Debug, PartialEq)]
-struct Shape {
+struct PassShape {
     /// Program and entry point. Equal keys let one pass stand in for another.
     key: String,
     /// Whether it runs before any main pass.
@@ -195,7 +195,7 @@ struct Shape {
 /// A material's plan, ready to be counted.
 #[derive(Clone, Debug)]
 pub struct Counting {
-    shapes: Vec<Shape>,
+    shapes: Vec<PassShape>,
     /// Whether its depth is in the scene's depth before any main pass runs.
     is_ahead: bool,
     /// Bytes of buffers that are cleared for each pixel of the frame.
@@ -225,7 +225,7 @@ impl Counting {
             .filter(|p| p.phase != Phase::Shadow)
             .map(|pass| {
                 let fragment = pass.fragment.as_deref().map(|f| cost(&pass.program, f));
-                Shape {
+                PassShape {
                     key: format!("{} {}", pass.program, pass.vertex),
                     is_early: pass.phase == Phase::Depth,
                     reach: reach(plan, pass, fragment, authored),
@@ -242,7 +242,7 @@ impl Counting {
             .compute
             .iter()
             .filter(|c| !matches!(c.when, When::Load { .. }))
-            .map(|compute| Shape {
+            .map(|compute| PassShape {
                 key: format!("{} {}", compute.program, compute.entry_point),
                 is_early: false,
                 reach: match (compute.draws, &compute.geometry) {
@@ -472,7 +472,7 @@ pub fn frame(
     Ok(work)
 }
 
-impl Shape {
+impl PassShape {
     /// The work of one pass.
     fn work(&self, drawn: &DrawCounts, fragments: &Fragments, pixels: f64) -> Work {
         let mut work = Work::default();
