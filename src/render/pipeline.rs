@@ -9,7 +9,7 @@ use preshade_passes::state::ColorTarget;
 use super::gpu::Gpu;
 use super::inputs::DrawInputs;
 use super::layout::Made;
-use super::shader::Stage;
+use super::shader::ShaderStageRef;
 use super::targets::Targets;
 use super::{Error, layout, limits, state};
 
@@ -38,7 +38,7 @@ pub(super) struct Build<'b> {
     pub shaders: &'b BTreeMap<&'b str, wgpu::ShaderModule>,
     pub plan: &'b Plan,
     pub pass: &'b GpuPass,
-    pub stages: &'b (Stage, Option<Stage>),
+    pub stages: &'b (ShaderStageRef, Option<ShaderStageRef>),
     pub frame: &'b FramePass,
     pub draw: &'b DrawInputs,
     pub made: Made<'b>,
@@ -72,7 +72,7 @@ impl Build<'_> {
         Ok(())
     }
 
-    fn shader(&self, stage: &Stage) -> Result<&wgpu::ShaderModule, Error> {
+    fn shader(&self, stage: &ShaderStageRef) -> Result<&wgpu::ShaderModule, Error> {
         self.shaders
             .get(stage.shader.as_str())
             .ok_or_else(|| self.failed(format!("there is no shader `{}`", stage.shader)))
