@@ -74,7 +74,7 @@ fn kinds_that_no_layout_serves_are_an_error() {
         let error = parse(&text).unwrap_err();
         assert_eq!(error.code(), Code::Interface);
         let said = error.render(Color::Never);
-        for part in ["`turned`", "`lit`", "group 0 binding 0", "shared.wgsl:12"] {
+        for part in ["`turned`", "`lit`", "group 0 binding 0", "shared.wgsl:11"] {
             assert!(said.contains(part), "{said}");
         }
     }

@@ -323,3 +323,29 @@ fn what_a_target_lacks_is_refused_by_name_and_the_rest_compiles() {
         "{judged:?}"
     );
 }
+
+/// `_ = t;` keeps a binding in an automatic layout.
+#[test]
+fn a_resource_that_is_only_named_stays_in_every_text() {
+    let case = with(
+        "phony",
+        TEXTURE,
+        "",
+        "_ = t; _ = s; let x = 1.0;",
+        [Read; 3],
+    );
+    let source = Source::new("phony.wgsl", &case.text);
+    let parsed = front::parse(&[source], &front::Options::default()).unwrap();
+    // Not the author's own text.
+    let module = parsed.program.module().clone();
+    let program = parsed.program.with_module(module).unwrap();
+    let state = MaterialState::default();
+    let plan = Plan::original("m", program, "vs", Some("fs"), &state);
+    let bound: Vec<u32> = plan.passes[0].bindings.iter().map(|b| b.binding).collect();
+    assert_eq!(bound, [0, 1, 2]);
+    let targets = [Target::Wgsl, Target::Spirv];
+    let files = emit::emit(&plan, &targets, &emit::Options::default()).unwrap();
+    let wgsl = String::from_utf8_lossy(&files[0].bytes).into_owned();
+    assert!(wgsl.contains("_ = t;") && wgsl.contains("_ = s;"), "{wgsl}");
+    accept::accept(&[("phony".to_owned(), files)]);
+}

@@ -14,9 +14,9 @@ use preshade_passes::reflect;
 use crate::emit::{EmitError, Target};
 use crate::wgsl::text::{self, TokenKind};
 
-/// A part of a stage that a version of GLSL may lack.
+/// A construct of a stage that a version of GLSL may lack.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Part {
+enum Construct {
     /// A builtin input or output.
     Builtin(BuiltIn),
     StorageBuffer,
@@ -34,7 +34,7 @@ enum Part {
     Words(&'static [&'static str]),
 }
 
-use Part::{Builtin, Words};
+use Construct::{Builtin, Words};
 
 const EVERY: &[Target] = &[
     Target::Glsl450,
@@ -51,17 +51,18 @@ const NOT_ES: &str = "emit GLSL 4.50, WGSL or SPIR-V";
 const NOT_GLSL: &str = "emit WGSL or SPIR-V";
 const NOT_VULKAN: &str = "emit glsl-tess, or pass it as an attribute or in a uniform buffer";
 
-/// A part, the targets that lack it, a name for it, and a remedy. `{}` in the name is the word or
-/// variable.
+/// A construct, the targets that lack it, a name for it, and a remedy. `{}` in the name is the word
+/// or variable.
 #[rustfmt::skip]
-const LACKS: &[(Part, &[Target], &str, &str)] = &[
+const LACKS: &[(Construct, &[Target], &str, &str)] = &[
     // GLSL ES 3.20, or OES_sample_variables.
     (Builtin(BuiltIn::SampleIndex), ES, "sample_index", NOT_ES),
     (Builtin(BuiltIn::SampleMask), ES, "sample_mask", NOT_ES),
     // GLSL ES 3.20.
     (Builtin(BuiltIn::PrimitiveIndex), ES, "primitive_index", NOT_ES),
     (Builtin(BuiltIn::Barycentric { perspective: true }), ES, "barycentric", NOT_ES),
-    (Builtin(BuiltIn::Barycentric { perspective: false }), ES, "barycentric_no_perspective", NOT_ES),
+    (Builtin(BuiltIn::Barycentric { perspective: false }), ES, "barycentric_no_perspective",
+        NOT_ES),
     // WebGL has WEBGL_clip_cull_distance, under another name than the one that naga requires.
     (Builtin(BuiltIn::ClipDistances), ES, "clip_distances", NOT_ES),
     // GLSL 4.60.
@@ -75,19 +76,19 @@ const LACKS: &[(Part, &[Target], &str, &str)] = &[
     (Builtin(BuiltIn::NumSubgroups), EVERY, "num_subgroups", NOT_GLSL),
     (Builtin(BuiltIn::VertexIndex), VULKAN_TESS, "the vertex index", NOT_VULKAN),
     (Builtin(BuiltIn::InstanceIndex), VULKAN_TESS, "the instance index", NOT_VULKAN),
-    (Part::Immediates, VULKAN_TESS, "immediate data", NOT_VULKAN),
-    (Part::StorageBuffer, TESS, "a storage buffer (OpenGL has them since 4.3)",
+    (Construct::Immediates, VULKAN_TESS, "immediate data", NOT_VULKAN),
+    (Construct::StorageBuffer, TESS, "a storage buffer (OpenGL has them since 4.3)",
         "emit glsl-vulkan-tess, or read a uniform buffer or a texture"),
-    (Part::BindingArray, EVERY, "the binding array `{}`", NOT_GLSL),
+    (Construct::BindingArray, EVERY, "the binding array `{}`", NOT_GLSL),
     // naga declares every depth texture as a sampler that compares.
-    (Part::DepthLoad, EVERY, "textureLoad of the depth texture `{}`",
+    (Construct::DepthLoad, EVERY, "textureLoad of the depth texture `{}`",
         "bind the depth as texture_2d<f32> (early-discard: `texture=float`)"),
-    (Part::DepthSample, EVERY, "the depth texture `{}` sampled without a comparison",
+    (Construct::DepthSample, EVERY, "the depth texture `{}` sampled without a comparison",
         "bind the depth as texture_2d<f32>"),
     // GLSL ES 3.10.
-    (Part::ForcedTest, ES, "a forced early depth test", NOT_ES),
+    (Construct::ForcedTest, ES, "a forced early depth test", NOT_ES),
     // An extension, which WebGL calls EXT_conservative_depth. glslang does not know it.
-    (Part::ConservativeTest, ES, "a conservative early depth test", NOT_ES),
+    (Construct::ConservativeTest, ES, "a conservative early depth test", NOT_ES),
     // GLSL ES 3.10.
     (Words(&["textureGather", "textureGatherOffset", "textureGatherOffsets"]), ES, "textureGather",
         NOT_ES),
@@ -105,10 +106,10 @@ pub(super) fn refuse_module(
     name: &str,
     target: Target,
 ) -> Result<(), EmitError> {
-    let lacking = |(part, lacking, ..): &&(Part, &[Target], &str, &str)| {
+    let lacking = |(construct, lacking, ..): &&(Construct, &[Target], &str, &str)| {
         lacking
             .contains(&target)
-            .then(|| found(module, info, *part))
+            .then(|| found(module, info, *construct))
             .flatten()
     };
     for row in LACKS {
@@ -121,8 +122,8 @@ pub(super) fn refuse_module(
 
 /// Refuses naga's text of a stage that uses a function that the target lacks.
 pub(super) fn refuse_words(written: &str, name: &str, target: Target) -> Result<(), EmitError> {
-    for (part, lacking, what, remedy) in LACKS {
-        let Words(words) = part else { continue };
+    for (construct, lacking, what, remedy) in LACKS {
+        let Words(words) = construct else { continue };
         let mut used = text::tokens(written).map(|(_, range)| &written[range]);
         if lacking.contains(&target)
             && let Some(word) = used.find(|w| words.contains(w))
@@ -164,8 +165,8 @@ fn refusal(what: &str, detail: &str, remedy: &str, name: &str, target: Target) -
     }
 }
 
-/// The name of the variable or builtin if the module has the part.
-fn found(module: &Module, info: &ModuleInfo, part: Part) -> Option<String> {
+/// The name of the variable or builtin if the module has the construct.
+fn found(module: &Module, info: &ModuleInfo, construct: Construct) -> Option<String> {
     let entry = module.entry_points.first()?;
     let global = |wanted: &dyn Fn(AddressSpace, &TypeInner) -> bool| {
         let mut all = module.global_variables.iter().map(|(_, g)| g);
@@ -176,22 +177,24 @@ fn found(module: &Module, info: &ModuleInfo, part: Part) -> Option<String> {
         let test = entry.early_depth_test?;
         ((test == EarlyDepthTest::Force) == forced).then(String::new)
     };
-    match part {
+    match construct {
         Builtin(wanted) => {
             let inputs = reflect::inputs(module, &entry.function).into_iter();
             let mut all = inputs.chain(reflect::outputs(module, &entry.function));
             let found = all.any(|io| io.binding == Some(Binding::BuiltIn(wanted)));
             found.then(String::new)
         }
-        Part::StorageBuffer => global(&|space, _| matches!(space, AddressSpace::Storage { .. })),
-        Part::Immediates => global(&|space, _| space == AddressSpace::Immediate),
-        Part::BindingArray => global(&|_, ty| matches!(ty, TypeInner::BindingArray { .. })),
-        Part::ForcedTest => early(true),
-        Part::ConservativeTest => early(false),
-        Part::DepthLoad | Part::DepthSample => {
+        Construct::StorageBuffer => {
+            global(&|space, _| matches!(space, AddressSpace::Storage { .. }))
+        }
+        Construct::Immediates => global(&|space, _| space == AddressSpace::Immediate),
+        Construct::BindingArray => global(&|_, ty| matches!(ty, TypeInner::BindingArray { .. })),
+        Construct::ForcedTest => early(true),
+        Construct::ConservativeTest => early(false),
+        Construct::DepthLoad | Construct::DepthSample => {
             let functions = module.functions.iter().map(|(h, f)| (f, &info[h]));
             let mut functions = functions.chain([(&entry.function, info.get_entry_point(0))]);
-            functions.find_map(|(f, info)| depth_read(module, f, info, part))
+            functions.find_map(|(f, info)| depth_read(module, f, info, construct))
         }
         Words(_) => None,
     }
@@ -202,18 +205,18 @@ fn depth_read(
     module: &Module,
     function: &Function,
     info: &FunctionInfo,
-    part: Part,
+    construct: Construct,
 ) -> Option<String> {
     function.expressions.iter().find_map(|(_, e)| {
-        let image = match (e, part) {
-            (Expression::ImageLoad { image, .. }, Part::DepthLoad)
+        let image = match (e, construct) {
+            (Expression::ImageLoad { image, .. }, Construct::DepthLoad)
             | (
                 Expression::ImageSample {
                     image,
                     depth_ref: None,
                     ..
                 },
-                Part::DepthSample,
+                Construct::DepthSample,
             ) => image,
             _ => return None,
         };
