@@ -211,7 +211,7 @@ fn measure(source: &Source) -> Result<(usize, Medians), Box<dyn std::error::Erro
             let clock = Instant::now();
             match std::hint::black_box(emit::emit(&plan, &[target], &Options::default())) {
                 Ok(_) => targets.push(target),
-                Err(emit::Error::Inexpressible { .. }) => continue,
+                Err(emit::EmitError::Inexpressible { .. }) => continue,
                 Err(error) => return Err(error.into()),
             }
             *column = ms(clock);

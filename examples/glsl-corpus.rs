@@ -317,7 +317,7 @@ fn judge(paths: &[PathBuf], include: Vec<PathBuf>, write: Option<&Path>) -> Outc
         let files = match emit::emit(&plan, &[target], &emit::Options::default()) {
             Ok(files) => files,
             // Of two languages one is enough.
-            Err(error @ emit::Error::Inexpressible { .. }) => {
+            Err(error @ emit::EmitError::Inexpressible { .. }) => {
                 last = error.to_string();
                 continue;
             }

@@ -42,7 +42,7 @@ fn install_hook() {
         panic::set_hook(Box::new(move |info| {
             let ours = CAUGHT.with_borrow_mut(|c| match c {
                 Some(message) => {
-                    *message = info.to_string().replace('\n', " ");
+                    *message = in_crate(&info.to_string().replace('\n', " "));
                     true
                 }
                 None => false,
@@ -52,6 +52,21 @@ fn install_hook() {
             }
         }));
     });
+}
+
+/// Shortens paths of the machine that built us: from the crate's folder on.
+fn in_crate(message: &str) -> String {
+    let word = |word: &str| {
+        let path = word.replace('\\', "/");
+        match path.rfind("/src/") {
+            Some(source) if path.contains(".rs") => {
+                let start = path[..source].rfind('/').map_or(0, |slash| slash + 1);
+                path[start..].to_owned()
+            }
+            _ => word.to_owned(),
+        }
+    };
+    message.split(' ').map(word).collect::<Vec<_>>().join(" ")
 }
 
 #[cfg(test)]
@@ -69,6 +84,18 @@ mod tests {
         let error = run(|| -> u32 { panic!("index {} of {}", 3, 2) }).unwrap_err();
         assert!(error.0.contains("index 3 of 2"), "{error}");
         assert!(error.0.contains("panics.rs"), "{error}");
+    }
+
+    #[test]
+    fn no_path_of_the_build_machine_is_told() {
+        let message = "panicked at /home/me/.cargo/registry/src/i-1/naga-30/src/back/a.rs:5:6: x/y";
+        let short = "panicked at naga-30/src/back/a.rs:5:6: x/y";
+        assert_eq!(in_crate(message), short);
+        assert_eq!(
+            in_crate(r"at C:\b\naga\src\a.rs:5:6:"),
+            "at naga/src/a.rs:5:6:"
+        );
+        assert_eq!(in_crate("at src/panics.rs:1:2:"), "at src/panics.rs:1:2:");
     }
 
     #[test]

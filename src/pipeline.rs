@@ -35,7 +35,7 @@ pub struct Output {
     /// The emitted shaders and `plan.json`.
     pub files: Vec<File>,
     /// One error for each target that cannot express the variant.
-    pub errors: Vec<emit::Error>,
+    pub errors: Vec<emit::EmitError>,
 }
 
 /// Parses a shader, applies `recipe` and emits the variant for each target.
@@ -168,7 +168,7 @@ pub fn run(
 
 /// Emits `plan` for each target that can express it, with one `plan.json`. Returns the files, and
 /// an error for each of the other targets.
-pub fn emit(plan: &Plan, targets: &[Target]) -> (Vec<File>, Vec<emit::Error>) {
+pub fn emit(plan: &Plan, targets: &[Target]) -> (Vec<File>, Vec<emit::EmitError>) {
     let emit = |targets: &[Target]| emit::emit(plan, targets, &emit::Options::default());
     if let Ok(files) = emit(targets) {
         return (files, Vec::new());

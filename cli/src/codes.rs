@@ -56,7 +56,7 @@ pub fn of(error: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
         };
     }
     None.or_else(|| error.downcast_ref().map(render::Error::code))
-        .or_else(|| error.downcast_ref().map(emit::Error::code))
+        .or_else(|| error.downcast_ref().map(emit::EmitError::code))
         .or_else(|| error.downcast_ref().map(lock::Mismatch::code))
         .or_else(|| error.downcast_ref().map(lock::LockError::code))
         .or_else(|| {

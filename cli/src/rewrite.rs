@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::time::Instant;
 
-use preshade::unstable::emit::{self, Target};
+use preshade::unstable::emit::{self, File, PlanFile, Target};
 use preshade::unstable::measure::validate_on;
 use preshade::unstable::passes::pass::{AnyPass, Facts, Refusal};
 use preshade::unstable::passes::plan::Plan;
@@ -242,7 +242,7 @@ impl<'a> Run<'a> {
         }
         self.times.push(std::mem::take(&mut made.times));
         let files = made.materials.iter().flat_map(|(_, files)| files);
-        let files: Vec<emit::File> = files.cloned().collect();
+        let files: Vec<File> = files.cloned().collect();
         if let Some(folder) = job.folder.as_ref().filter(|_| !files.is_empty()) {
             // The files of a job are written all or none. Other jobs are unaffected.
             if let Err(Failure(why)) = self.write(job, folder, files, &mut made) {
@@ -279,7 +279,7 @@ impl<'a> Run<'a> {
         &mut self,
         job: &'a Job,
         folder: &Path,
-        files: Vec<emit::File>,
+        files: Vec<File>,
         made: &mut Made,
     ) -> Result<(), Failure> {
         let from = job.shader.files.first();
@@ -356,12 +356,7 @@ impl<'a> Run<'a> {
 }
 
 /// Writes the files of one job, reports the changed ones, and returns their number.
-fn write(
-    folder: &Path,
-    files: Vec<emit::File>,
-    format: Format,
-    jobs: usize,
-) -> Result<usize, Failure> {
+fn write(folder: &Path, files: Vec<File>, format: Format, jobs: usize) -> Result<usize, Failure> {
     let changed = emit::write(folder, &files).map_err(|e| Failure(format!("error: {e}")))?;
     if format == Format::Human {
         for path in &changed {
@@ -460,6 +455,11 @@ fn make(
         };
         made.errors
             .extend(errors.iter().map(|e| format!("error: {e}")));
+        // Emission adds notes on its files.
+        let emitted = notes(&files);
+        let added = emitted.iter().filter(|note| !plan.notes.contains(note));
+        made.messages
+            .extend(added.map(|note| format!("note: `{}`: {note}", plan.material)));
         if recipe.steps.is_empty() && errors.is_empty() && args.out_dir.is_none() {
             made.hints.push(nothing_asked_for(original));
         }
@@ -480,7 +480,10 @@ fn make(
                 .join(" + "),
             contract: plan.contract.clone(),
             refusals,
-            notes: plan.notes.clone(),
+            notes: match emitted[..] {
+                [] => plan.notes.clone(),
+                _ => emitted,
+            },
             validation,
             validation_on,
             files: written.collect(),
@@ -488,6 +491,13 @@ fn make(
         made.materials.push((rewritten, files));
     }
     Ok(made)
+}
+
+/// The notes in the `plan.json` among `files`.
+fn notes(files: &[File]) -> Vec<String> {
+    let json = files.iter().find(|f| f.name.ends_with(".plan.json"));
+    let plan = json.and_then(|f| serde_json::from_slice::<PlanFile>(&f.bytes).ok());
+    plan.map_or_else(Vec::new, |file| file.plan.notes)
 }
 
 /// The result of a check, as a message.

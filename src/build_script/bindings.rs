@@ -67,12 +67,12 @@ struct Resource {
     name: String,
     /// `wgpu::BindingType`, as Rust.
     ty: String,
-    stages: Stages,
+    stages: StageUse,
 }
 
-/// Stages that use a binding.
+/// StageUse that use a binding.
 #[derive(Clone, Copy)]
-struct Stages {
+struct StageUse {
     vertex: bool,
     fragment: bool,
     compute: bool,
@@ -80,17 +80,17 @@ struct Stages {
 
 /// The kind of pass that has the bindings.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum PassKind {
     Raster,
     Compute,
 }
 
-impl Stages {
-    fn of(binding: &BindingUse, kind: Kind) -> Self {
+impl StageUse {
+    fn of(binding: &BindingUse, kind: PassKind) -> Self {
         Self {
             vertex: binding.visibility.vertex,
             fragment: binding.visibility.fragment,
-            compute: kind == Kind::Compute,
+            compute: kind == PassKind::Compute,
         }
     }
 
@@ -127,14 +127,17 @@ impl<'s> Shared<'s> {
         let mut used: BTreeMap<(u32, u32), BindingUse> = BTreeMap::new();
         let mut all: BTreeMap<(u32, u32), Resource> = BTreeMap::new();
         for plan in plans {
-            let raster = plan.passes.iter().map(|p| (&p.bindings, Kind::Raster));
-            let compute = plan.compute.iter().map(|c| (&c.bindings, Kind::Compute));
+            let raster = plan.passes.iter().map(|p| (&p.bindings, PassKind::Raster));
+            let compute = plan
+                .compute
+                .iter()
+                .map(|c| (&c.bindings, PassKind::Compute));
             for (bindings, kind) in raster.chain(compute) {
                 for binding in bindings {
                     if binding.source != BindingSource::Author {
                         continue;
                     }
-                    let stages = Stages::of(binding, kind);
+                    let stages = StageUse::of(binding, kind);
                     let key = (binding.group, binding.binding);
                     used.entry(key).or_insert_with(|| binding.clone());
                     let resource = all.entry(key).or_insert_with(|| Resource {
@@ -157,7 +160,7 @@ impl<'s> Shared<'s> {
 
     /// The bind groups of a pass that uses `bindings`, as Rust. If a pass uses any binding of a
     /// group, it gets the author's whole group.
-    pub(super) fn groups(&self, bindings: &[BindingUse], kind: Kind) -> String {
+    pub(super) fn groups(&self, bindings: &[BindingUse], kind: PassKind) -> String {
         let count = bindings.iter().map(|b| b.group + 1).max().unwrap_or(0);
         let groups: Vec<String> = (0..count)
             .map(|group| self.group(group, bindings, kind))
@@ -165,7 +168,7 @@ impl<'s> Shared<'s> {
         format!("&[{}]", groups.join(", "))
     }
 
-    fn group(&self, group: u32, bindings: &[BindingUse], kind: Kind) -> String {
+    fn group(&self, group: u32, bindings: &[BindingUse], kind: PassKind) -> String {
         let own: Vec<&BindingUse> = bindings.iter().filter(|b| b.group == group).collect();
         if own.is_empty() {
             return "&[]".to_owned();
@@ -173,7 +176,7 @@ impl<'s> Shared<'s> {
         let mut entries: BTreeMap<u32, String> = BTreeMap::new();
         for ((_, at), resource) in self.resources.range((group, 0)..=(group, u32::MAX)) {
             let Resource { name, ty, stages } = resource;
-            entries.insert(*at, entry(name, "Source::Author", *at, *stages, ty));
+            entries.insert(*at, entry(name, "ResourceSource::Author", *at, *stages, ty));
         }
         for binding in own {
             let ty = self.said.binding_type(binding);
@@ -181,7 +184,7 @@ impl<'s> Shared<'s> {
             let is_shared = binding.source == BindingSource::Author
                 && shared.is_some_and(|resource| resource.ty == ty);
             if !is_shared {
-                let (at, stages) = (binding.binding, Stages::of(binding, kind));
+                let (at, stages) = (binding.binding, StageUse::of(binding, kind));
                 let text = entry(&binding.name, &source(&binding.source), at, stages, &ty);
                 entries.insert(at, text);
             }
@@ -191,7 +194,7 @@ impl<'s> Shared<'s> {
     }
 }
 
-fn entry(name: &str, source: &str, binding: u32, stages: Stages, ty: &str) -> String {
+fn entry(name: &str, source: &str, binding: u32, stages: StageUse, ty: &str) -> String {
     format!(
         "Binding {{ name: {name:?}, source: {source}, entry: wgpu::BindGroupLayoutEntry {{ binding: {binding}, visibility: {}, ty: {ty}, count: None }} }}",
         stages.text()
@@ -200,9 +203,9 @@ fn entry(name: &str, source: &str, binding: u32, stages: Stages, ty: &str) -> St
 
 fn source(source: &BindingSource) -> String {
     match source {
-        BindingSource::Author => "Source::Author".to_owned(),
-        BindingSource::Attachment { name } => format!("Source::Attachment({name:?})"),
-        BindingSource::SceneColor { location } => format!("Source::SceneColor({location})"),
-        BindingSource::Geometry { part } => format!("Source::Geometry({:?})", json(part)),
+        BindingSource::Author => "ResourceSource::Author".to_owned(),
+        BindingSource::Attachment { name } => format!("ResourceSource::Attachment({name:?})"),
+        BindingSource::SceneColor { location } => format!("ResourceSource::SceneColor({location})"),
+        BindingSource::Geometry { part } => format!("ResourceSource::Geometry({:?})", json(part)),
     }
 }

@@ -9,7 +9,7 @@ use preshade_passes::plan::Plan;
 
 use super::generate::Drawn;
 use super::stamp::Trace;
-use super::{Asked, Builder, Error};
+use super::{Asked, BuildConfig, Error};
 use crate::emit::{self, File, Target};
 use crate::front;
 use crate::lock::{Inputs, Left, Lock, LockError, Locked, Mismatch};
@@ -36,7 +36,7 @@ pub(super) enum Keeping {
 /// Chooses the plans of a material: the original, its own variant, then those with names of their
 /// own.
 pub(super) fn choose(
-    builder: &Builder,
+    builder: &BuildConfig,
     name: &str,
     sources: &[front::Source],
     keeping: &Keeping,
@@ -148,7 +148,7 @@ pub(super) fn choose(
 /// Emits the plans; the original is the first. A variant that cannot be emitted is reported and
 /// replaced by the original.
 pub(super) fn made(
-    builder: &Builder,
+    builder: &BuildConfig,
     plans: Vec<(String, (Plan, Vec<String>))>,
     sources: &[front::Source],
     warnings: &mut Vec<String>,
@@ -324,7 +324,7 @@ fn one_line(text: &str) -> String {
 
 /// Emits a plan as WGSL, and for each requested target that can express it.
 fn emitted(
-    builder: &Builder,
+    builder: &BuildConfig,
     name: &str,
     plan: &Plan,
     sources: &[front::Source],

@@ -47,7 +47,7 @@ pub enum Error {
     State(String),
     /// A plan cannot be emitted as WGSL.
     #[error(transparent)]
-    Emit(#[from] emit::Error),
+    Emit(#[from] emit::EmitError),
     /// A file cannot be written.
     #[error("{}: {error}", path.display())]
     Write {

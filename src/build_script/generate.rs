@@ -459,7 +459,7 @@ fn assumed(assumed: &guard::Assumed, constants: &[Constant<'_>]) -> Result<Strin
     };
     let guard::Bounds { low, high } = assumed.bounds;
     Ok(format!(
-        "Assumed {{ name: {:?}, place: Place::{place}, ty: ScalarType::{:?}, low: {}, high: {} }}",
+        "Assumed {{ name: {:?}, place: NumberPlace::{place}, ty: ScalarType::{:?}, low: {}, high: {} }}",
         assumed.name,
         assumed.ty,
         number(low),

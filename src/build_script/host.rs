@@ -18,7 +18,7 @@ pub struct Pass {
     /// Primitive state.
     pub primitive: wgpu::PrimitiveState,
     /// Depth and stencil.
-    pub depth: Option<Depth>,
+    pub depth: Option<DepthUse>,
     /// Multisampling.
     pub multisample: wgpu::MultisampleState,
     /// Colour targets, by location.
@@ -111,7 +111,7 @@ pub enum Draws {
 
 /// The depth state of a pass.
 #[derive(Clone, Debug)]
-pub struct Depth {
+pub struct DepthUse {
     /// Name of the attachment, one of `ATTACHMENTS`.
     pub attachment: &'static str,
     /// For the pipeline.
@@ -152,14 +152,14 @@ pub struct Binding {
     /// Variable's name in the shader.
     pub name: &'static str,
     /// Where the resource comes from.
-    pub source: Source,
+    pub source: ResourceSource,
     /// For the bind group layout.
     pub entry: wgpu::BindGroupLayoutEntry,
 }
 
 /// Where a binding's resource comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Source {
+pub enum ResourceSource {
     /// The author's resource of that group and binding.
     Author,
     /// An attachment that an earlier pass wrote.
@@ -261,7 +261,7 @@ pub struct Assumed {
     /// The author's name: `material.fog_density`, `lights[1].color.x`.
     pub name: &'static str,
     /// Its source.
-    pub place: Place,
+    pub place: NumberPlace,
     /// Its type.
     pub ty: ScalarType,
     /// Smallest allowed value.
@@ -272,7 +272,7 @@ pub struct Assumed {
 
 /// Where a number comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum NumberPlace {
     /// A scalar of a uniform buffer.
     Uniform {
         /// Bind group.
@@ -326,7 +326,7 @@ impl Assumed {
         constants: &[(&str, f64)],
         bytes: impl Fn(u32, u32) -> Option<&'b [u8]>,
     ) -> bool {
-        let Place::Uniform {
+        let NumberPlace::Uniform {
             group,
             binding,
             offset,
@@ -347,7 +347,7 @@ impl Assumed {
 
     /// Whether a constant has a valid value. Holds for anything that is not a constant.
     fn holds_for(&self, constants: &[(&str, f64)]) -> bool {
-        let Place::Override { key, is_default } = self.place else {
+        let NumberPlace::Override { key, is_default } = self.place else {
             return true;
         };
         // wgpu uses the last value of a key.
@@ -723,7 +723,7 @@ impl Ops {
     }
 }
 
-impl Depth {
+impl DepthUse {
     /// For the render pass. `first`: no earlier render pass of the frame has this attachment.
     pub fn attach<'v>(
         &self,

@@ -18,7 +18,7 @@
 //!
 //! The module `lit` contains the module `original` and the variant. Each has its passes (`PASSES`,
 //! and by role `MAIN`, `PREPASS` and so on), attachments, self-test, files and its whole plan. The
-//! variant's names are also the module's own. A [`Builder::variant`] has its own module.
+//! variant's names are also the module's own. A [`BuildConfig::variant`] has its own module.
 //!
 //! A specialised variant is only valid for some values. `GUARD` lists them, `guard_holds` checks a
 //! draw's uniforms and the pipelines' constants, and `variant_for` returns the variant or the
@@ -81,21 +81,21 @@ pub use error::Error;
 
 /// The options of a build: see the module.
 #[must_use]
-pub fn configure() -> Builder {
-    Builder::default()
+pub fn configure() -> BuildConfig {
+    BuildConfig::default()
 }
 
 /// `configure().compile(shader)`.
 ///
 /// # Errors
-/// As [`Builder::compile`].
+/// As [`BuildConfig::compile`].
 pub fn compile(shader: impl AsRef<Path>) -> Result<(), Error> {
     configure().compile(shader)
 }
 
 /// The files of a material's module.
 #[derive(Clone, Debug, Default)]
-pub struct Builder {
+pub struct BuildConfig {
     passes: Vec<String>,
     variants: Vec<(String, Vec<String>)>,
     name: Option<String>,
@@ -122,7 +122,7 @@ pub struct Built {
     pub written: Vec<PathBuf>,
 }
 
-impl Builder {
+impl BuildConfig {
     /// Adds a pass to the recipe of the material's variant, in the words of the command line:
     /// `depth-prepass`, `early-discard:texture=float`. A lock with an entry for the material takes
     /// precedence.
@@ -259,7 +259,7 @@ impl Builder {
     /// Compiles a material of a vertex and a fragment file.
     ///
     /// # Errors
-    /// As [`Builder::compile`].
+    /// As [`BuildConfig::compile`].
     pub fn compile_stages(
         &self,
         vertex: impl AsRef<Path>,
@@ -320,7 +320,7 @@ impl Builder {
     /// Materials of the same name overwrite each other.
     ///
     /// # Errors
-    /// As [`Builder::compile`].
+    /// As [`BuildConfig::compile`].
     pub fn build(&self, files: &[&Path]) -> Result<Built, Error> {
         let out = self.output_folder()?;
         let name = self.material(files)?;
@@ -423,7 +423,7 @@ impl Builder {
         files: &[&Path],
         texts: Vec<String>,
         lock: &Keeping,
-    ) -> Result<Made, Error> {
+    ) -> Result<MadeModule, Error> {
         let sources: Vec<front::Source> = files
             .iter()
             .zip(texts)
@@ -436,7 +436,7 @@ impl Builder {
             wgpu: self.wgpu.as_deref(),
             said: &self.said,
         };
-        Ok(Made {
+        Ok(MadeModule {
             module: worded(name, &mut drawn, &module, &sources, &mut trace.warnings)?,
             files: drawn.into_iter().map(|d| (d.name, d.files)).collect(),
             trace,
@@ -487,7 +487,7 @@ struct Asked {
     is_default: bool,
 }
 
-struct Made {
+struct MadeModule {
     module: String,
     files: Vec<(String, Vec<File>)>,
     trace: Trace,

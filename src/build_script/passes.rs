@@ -10,7 +10,7 @@ use preshade_passes::program::Program;
 use preshade_passes::reflect;
 use preshade_passes::state::{AttachmentOps, DepthState, LoadOp};
 
-use super::bindings::{Kind, Shared};
+use super::bindings::{PassKind, Shared};
 use super::generate::{Drawn, Override, included, json, samples_are_free};
 use super::wgpu_words as words;
 
@@ -154,7 +154,7 @@ fn raster(
         words::multisample(&pass.multisample),
         targets.join(", "),
         colors.join(", "),
-        shared.groups(&pass.bindings, Kind::Raster),
+        shared.groups(&pass.bindings, PassKind::Raster),
         attributes.join(", "),
         words::features(&pass.features)?,
         words::raise_limits(&pass.limits),
@@ -235,7 +235,7 @@ fn compute(
         pass.workgroup,
         json(&pass.geometry),
         json(&pass.when),
-        shared.groups(&pass.bindings, Kind::Compute),
+        shared.groups(&pass.bindings, PassKind::Compute),
         words::features(&pass.features)?,
         words::raise_limits(&pass.limits),
         constants.fields(),
@@ -265,7 +265,7 @@ fn depth(plan: &Plan, pass: &GpuPass, depth: &DepthState) -> Result<Option<Strin
     }
     let stencil_ops = depth.stencil_ops;
     Ok(Some(format!(
-        "Depth {{ attachment: {:?}, state: {}, stencil_reference: {}, read_only: {}, clear: {clear:?}, ops: {}, stencil_ops: {} }}",
+        "DepthUse {{ attachment: {:?}, state: {}, stencil_reference: {}, read_only: {}, clear: {clear:?}, ops: {}, stencil_ops: {} }}",
         depth.attachment,
         words::depth_stencil(format, depth, pass.stencil.as_ref()),
         pass.stencil.as_ref().map_or(0, |s| s.reference),

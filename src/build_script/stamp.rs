@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use preshade_passes::program::Searched;
 use serde::{Deserialize, Serialize};
 
-use super::Builder;
+use super::BuildConfig;
 use crate::emit::{self, File};
 use crate::front;
 use crate::lock::TOOL;
@@ -55,7 +55,7 @@ impl Trace {
 /// Hash of everything that determines a build. It includes the running program: a build script that
 /// was compiled again may contain another version of preshade.
 pub(super) fn key(
-    builder: &Builder,
+    builder: &BuildConfig,
     name: &str,
     files: &[&Path],
     texts: &[String],

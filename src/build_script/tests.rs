@@ -11,7 +11,7 @@ use super::{Error, choose, generate};
 use crate::front;
 use crate::recipe::Recipe;
 
-use super::host::{Assumed, Override, Place, ScalarType, Unfit, constants_with};
+use super::host::{Assumed, NumberPlace, Override, ScalarType, Unfit, constants_with};
 
 /// A generated module's guard agrees with the plan's guard.
 #[test]
@@ -45,7 +45,7 @@ fn a_host_checks_what_the_guard_does() {
         };
         let host = Assumed {
             name: "u.n",
-            place: Place::Uniform {
+            place: NumberPlace::Uniform {
                 group,
                 binding,
                 offset,
@@ -67,7 +67,7 @@ fn a_host_checks_what_the_guard_does() {
 fn a_host_cannot_set_what_a_variant_has_decided() {
     let of = |name, key, ty, value: f64, is_default| Assumed {
         name,
-        place: Place::Override { key, is_default },
+        place: NumberPlace::Override { key, is_default },
         ty,
         low: value,
         high: value,

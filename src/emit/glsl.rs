@@ -4,6 +4,7 @@
 mod author;
 mod depth;
 mod es100;
+pub(super) mod lacks;
 mod layout;
 mod loose_uniforms;
 mod read_back;
@@ -17,11 +18,7 @@ use naga::back::glsl::{
     self, BindingMap, Options as WriterOptions, PipelineOptions, Version, Writer, WriterFlags,
 };
 use naga::proc::BoundsCheckPolicies;
-use naga::valid::ModuleInfo;
-use naga::{
-    Expression, Function, GlobalVariable, Handle, ImageClass, Module, ResourceBinding, ShaderStage,
-    TypeInner,
-};
+use naga::{GlobalVariable, Handle, ImageClass, Module, ResourceBinding, ShaderStage, TypeInner};
 use preshade_passes::budget::Budget;
 use preshade_passes::contract::Contract;
 use preshade_passes::declared::Depth;
@@ -32,27 +29,27 @@ use preshade_passes::rebuild::quad;
 use self::author::Authored;
 use self::text::Dialect;
 use super::overrides::{self, Settled};
-use super::plan_json::{Form, GlslBlock, GlslTexture, StageFile};
-use super::{ClipSpace, Error, Options, Target, reduce};
+use super::plan_json::{GlslBlock, GlslTexture, StageFile, WeakerPromise};
+use super::{ClipSpace, EmitError, Options, Target, reduce};
 use crate::wgsl::{self, text::Spelling};
 
 /// Prepares the program to be written with its author's names.
-pub(super) fn author(program: &Program, name: &str, target: Target) -> Result<Authored, Error> {
+pub(super) fn author(program: &Program, name: &str, target: Target) -> Result<Authored, EmitError> {
     // naga writes two brackets per level, and our front end limits nesting.
     let named = wgsl::deep_expressions::name_deep_expressions(program)
         .and_then(|m| program.with_module(m).ok());
     let program = named.as_ref().unwrap_or(program);
     author::prepare(program).map_err(|failed| match failed {
-        author::Failed::Layout(what) => Error::Inexpressible {
+        author::Failed::Layout(what) => EmitError::Inexpressible {
             file: name.to_owned(),
             target,
             what: format!("{what}, which neither std140 nor std430 allows"),
             remedy: "emit WGSL or SPIR-V, or declare it as vec4s".to_owned(),
         },
         author::Failed::Samplers => {
-            inexpressible(&glsl::Error::ImageMultipleSamplers, name, target)
+            lacks::inexpressible(&glsl::Error::ImageMultipleSamplers, name, target)
         }
-        author::Failed::Names(what) => Error::Writer {
+        author::Failed::Names(what) => EmitError::Writer {
             file: name.to_owned(),
             target,
             message: format!("{what} cannot be written as the author declared it"),
@@ -83,7 +80,7 @@ pub(super) fn write_named(
     name: &str,
     target: Target,
     options: &Options,
-) -> Result<(String, StageFile), Error> {
+) -> Result<(String, StageFile), EmitError> {
     let declared = authored.program.declared();
     let keeps_author_depth =
         declared.depth == Depth::OpenGl && options.glsl_clip_space == ClipSpace::AsWritten;
@@ -107,9 +104,8 @@ pub(super) fn write_named(
             texture.texture = [author.group, author.binding];
         }
     }
-    refuse_later_functions(&text, name, target)?;
     if turned && stage == ShaderStage::Vertex {
-        text = with_author_depth(&text).ok_or_else(|| Error::Writer {
+        text = with_author_depth(&text).ok_or_else(|| EmitError::Writer {
             file: name.to_owned(),
             target,
             message: "the position has an unexpected form in naga's text".to_owned(),
@@ -120,7 +116,7 @@ pub(super) fn write_named(
         _ => Dialect::Desktop,
     };
     let loose = declared.loose.map(|b| [b.group, b.binding]);
-    let unexpected = |text::Unexpected(what)| Error::Writer {
+    let unexpected = |text::Unexpected(what)| EmitError::Writer {
         file: name.to_owned(),
         target,
         message: format!("{what} has an unexpected form in naga's text"),
@@ -132,10 +128,10 @@ pub(super) fn write_named(
         true => with_own_origin(text, clip_space, name, target)?,
         false => text,
     };
-    let (text, stage_file) = match target {
+    let (text, mut stage_file) = match target {
         Target::GlslEs100 => {
             es100::rewritten(&text, stage, stage_file).map_err(|es100::Lacks(what)| {
-                Error::Inexpressible {
+                EmitError::Inexpressible {
                     file: name.to_owned(),
                     target,
                     what,
@@ -145,15 +141,11 @@ pub(super) fn write_named(
         }
         _ => (text, stage_file),
     };
-    let reads = matches!(stage, ShaderStage::Vertex | ShaderStage::Fragment);
-    match reads.then(|| read_back::difference(authored, &text, &stage_file, stage, entry)) {
-        Some(Some(difference)) => Err(Error::Differs {
-            file: name.to_owned(),
-            target,
-            difference,
-        }),
-        _ => Ok((text, stage_file)),
+    if matches!(stage, ShaderStage::Vertex | ShaderStage::Fragment) {
+        let read = read_back::read_back(authored, &text, &stage_file, stage, entry);
+        stage_file.unread = read.unread(name, target)?;
     }
+    Ok((text, stage_file))
 }
 
 /// Redeclares `gl_FragCoord` with its origin at the top, if it is used. A target drawn upside down
@@ -163,13 +155,13 @@ fn with_own_origin(
     clip_space: ClipSpace,
     name: &str,
     target: Target,
-) -> Result<String, Error> {
+) -> Result<String, EmitError> {
     let is_read = wgsl::text::tokens(&text).any(|(_, range)| &text[range] == "gl_FragCoord");
     if clip_space == ClipSpace::OpenGl || !is_read {
         return Ok(text);
     }
     if matches!(target, Target::GlslEs300 | Target::GlslEs100) {
-        return Err(Error::Inexpressible {
+        return Err(EmitError::Inexpressible {
             file: name.to_owned(),
             target,
             what: "`layout(origin_upper_left)`".to_owned(),
@@ -187,38 +179,6 @@ fn with_own_origin(
     ))
 }
 
-/// GLSL ES 3.10 functions that naga writes into 3.00.
-const LATER_FUNCTIONS: [&str; 14] = [
-    "bitCount",
-    "bitfieldExtract",
-    "bitfieldInsert",
-    "bitfieldReverse",
-    "findLSB",
-    "findMSB",
-    "frexp",
-    "imulExtended",
-    "ldexp",
-    "packSnorm4x8",
-    "packUnorm4x8",
-    "umulExtended",
-    "unpackSnorm4x8",
-    "unpackUnorm4x8",
-];
-
-fn refuse_later_functions(text: &str, name: &str, target: Target) -> Result<(), Error> {
-    let mut words = wgsl::text::tokens(text).map(|(_, range)| &text[range]);
-    let es = matches!(target, Target::GlslEs300 | Target::GlslEs100);
-    match words.find(|w| es && LATER_FUNCTIONS.contains(w)) {
-        None => Ok(()),
-        Some(function) => Err(Error::Inexpressible {
-            file: name.to_owned(),
-            target,
-            what: format!("the function {function}"),
-            remedy: "emit GLSL 4.50, WGSL or SPIR-V".to_owned(),
-        }),
-    }
-}
-
 /// Writes the text and its `plan.json` entry. `name` is the file's. Bindings are numbered as in
 /// `numbered`, which has all stages of the program.
 pub(super) fn write(
@@ -229,20 +189,20 @@ pub(super) fn write(
     name: &str,
     target: Target,
     options: &Options,
-) -> Result<(String, StageFile), Error> {
+) -> Result<(String, StageFile), EmitError> {
     // naga writes the functions of every stage into each.
-    let program = &reduce::to_stage(program, stage, entry).map_err(|invalid| Error::Writer {
-        file: name.to_owned(),
-        target,
-        message: invalid.to_string(),
-    })?;
+    let program =
+        &reduce::to_stage(program, stage, entry).map_err(|invalid| EmitError::Writer {
+            file: name.to_owned(),
+            target,
+            message: invalid.to_string(),
+        })?;
     let settled = overrides::settle(program, stage, entry, name, target)?;
     let (module, info) = match &settled {
         Some(Settled { module, info }) => (module, info),
         None => (program.module(), program.info()),
     };
-    refuse_depth_loads(module, info, stage, entry, name, target)?;
-    refuse_gathers(module, name, target)?;
+    lacks::refuse_module(module, info, name, target)?;
     let (version, binding_map) = match target {
         Target::GlslEs300 | Target::GlslEs100 => (Version::new_gles(300), BindingMap::default()),
         Target::GlslTess => (Version::Desktop(400), BindingMap::default()),
@@ -264,7 +224,7 @@ pub(super) fn write(
         entry_point: entry.to_owned(),
         multiview: None,
     };
-    let failed = |e: glsl::Error| inexpressible(&e, name, target);
+    let failed = |e: glsl::Error| lacks::inexpressible(&e, name, target);
     let mut text = String::new();
     let reflection = Writer::new(
         &mut text,
@@ -276,6 +236,7 @@ pub(super) fn write(
     )
     .and_then(|mut writer| writer.write())
     .map_err(failed)?;
+    lacks::refuse_words(&text, name, target)?;
     text = wgsl::text::exact_floats(&text, Spelling::Glsl);
 
     // A struct shared by both stages makes the fragment input invariant too. WGSL allows that, GLSL
@@ -320,11 +281,18 @@ pub(super) fn write(
     Ok((text, stage_file))
 }
 
+/// The extensions that a text requires.
+pub(super) fn extensions(text: &str) -> Vec<String> {
+    let heads = text.lines().filter_map(|l| l.strip_prefix("#extension "));
+    let names = heads.filter_map(|head| Some(head.split_once(':')?.0.trim().to_owned()));
+    names.collect()
+}
+
 /// GLSL ES 3.00 has a single kind of derivative, possibly coarse, and naga writes it for fine ones
 /// too. The quad vote of `early-discard` needs fine derivatives: with coarse ones, three lanes may
 /// exit although the fourth continues, and its derivatives are then undefined.
-pub(super) fn without_fine_derivatives(plan: &Plan) -> Option<Form> {
-    quad::vote_shields_derivatives(plan).then(|| Form {
+pub(super) fn without_fine_derivatives(plan: &Plan) -> Option<WeakerPromise> {
+    quad::vote_shields_derivatives(plan).then(|| WeakerPromise {
         // An affected lane can have any colour.
         contract: Contract::Approximate {
             budget: Budget::max_abs(1.0),
@@ -402,186 +370,6 @@ fn descriptor_map(module: &Module) -> BindingMap {
     bound.sort_by_key(|b| (b.group, b.binding));
     let slots = (0..=u8::MAX).chain(std::iter::repeat(u8::MAX));
     bound.into_iter().zip(slots).collect()
-}
-
-/// Rejects texel fetches of depth textures, which GLSL lacks. naga's own message is "WGSL
-/// `textureLoad` from depth textures is not supported".
-fn refuse_depth_loads(
-    module: &Module,
-    info: &ModuleInfo,
-    stage: ShaderStage,
-    entry: &str,
-    name: &str,
-    target: Target,
-) -> Result<(), Error> {
-    let Some(index) = module
-        .entry_points
-        .iter()
-        .position(|e| e.stage == stage && e.name == entry)
-    else {
-        return Ok(());
-    };
-    let loads = |function: &Function| {
-        function.expressions.iter().find_map(|(_, e)| match e {
-            Expression::ImageLoad { image, .. } => match function.expressions[*image] {
-                Expression::GlobalVariable(global) => Some(global),
-                _ => None,
-            },
-            _ => None,
-        })
-    };
-    let used = info.get_entry_point(index);
-    let functions = module.functions.iter().map(|(_, f)| f);
-    for function in functions.chain([&module.entry_points[index].function]) {
-        let Some(global) = loads(function) else {
-            continue;
-        };
-        let variable = &module.global_variables[global];
-        let depth = matches!(
-            module.types[variable.ty].inner,
-            TypeInner::Image {
-                class: ImageClass::Depth { .. },
-                ..
-            }
-        );
-        if depth && !used[global].is_empty() {
-            return Err(Error::Inexpressible {
-                file: name.to_owned(),
-                target,
-                what: format!(
-                    "textureLoad of the depth texture `{}`",
-                    variable.name.as_deref().unwrap_or("(unnamed)")
-                ),
-                remedy: "bind the depth as texture_2d<f32> (early-discard: `texture=float`)"
-                    .to_owned(),
-            });
-        }
-    }
-    Ok(())
-}
-
-/// Rejects `textureGather` below GLSL ES 3.10, where naga writes it anyway.
-fn refuse_gathers(module: &Module, name: &str, target: Target) -> Result<(), Error> {
-    let gathers = |function: &Function| {
-        let mut all = function.expressions.iter();
-        all.any(|(_, e)| {
-            matches!(
-                e,
-                Expression::ImageSample {
-                    gather: Some(_),
-                    ..
-                }
-            )
-        })
-    };
-    let functions = module.functions.iter().map(|(_, f)| f);
-    let mut all = functions.chain(module.entry_points.iter().map(|e| &e.function));
-    let es = matches!(target, Target::GlslEs300 | Target::GlslEs100);
-    match es && all.any(gathers) {
-        true => Err(Error::Inexpressible {
-            file: name.to_owned(),
-            target,
-            what: "textureGather".to_owned(),
-            remedy: "emit GLSL 4.50, WGSL or SPIR-V".to_owned(),
-        }),
-        false => Ok(()),
-    }
-}
-
-fn inexpressible(error: &glsl::Error, name: &str, target: Target) -> Error {
-    let (what, remedy) = match error {
-        glsl::Error::MissingFeatures(features) => (
-            in_words(*features),
-            match target {
-                Target::GlslEs300 | Target::GlslEs100 => "emit GLSL 4.50, WGSL or SPIR-V",
-                _ => "emit WGSL or SPIR-V",
-            },
-        ),
-        glsl::Error::ImageMultipleSamplers => (
-            "one texture is sampled with two samplers, but GLSL combines a texture with one"
-                .to_owned(),
-            "declare the texture twice",
-        ),
-        glsl::Error::UnsupportedExternal(function)
-            if matches!(target, Target::GlslEs300 | Target::GlslEs100) =>
-        {
-            (
-                format!("the function {function}"),
-                "emit GLSL 4.50, WGSL or SPIR-V",
-            )
-        }
-        glsl::Error::FirstSamplingNotSupported => (
-            "explicit flat interpolation from the first vertex".to_owned(),
-            "write @interpolate(flat, either)",
-        ),
-        other => {
-            return Error::Writer {
-                file: name.to_owned(),
-                target,
-                message: other.to_string(),
-            };
-        }
-    };
-    Error::Inexpressible {
-        file: name.to_owned(),
-        target,
-        what,
-        remedy: remedy.to_owned(),
-    }
-}
-
-/// Names missing features for messages.
-fn in_words(features: glsl::Features) -> String {
-    use glsl::Features as F;
-    let words = [
-        (F::BUFFER_STORAGE, "storage buffers"),
-        (F::ARRAY_OF_ARRAYS, "arrays of arrays"),
-        (F::DOUBLE_TYPE, "64-bit floats"),
-        (F::FULL_IMAGE_FORMATS, "storage textures of this format"),
-        (F::MULTISAMPLED_TEXTURES, "multisampled textures"),
-        (
-            F::MULTISAMPLED_TEXTURE_ARRAYS,
-            "arrays of multisampled textures",
-        ),
-        (F::CUBE_TEXTURES_ARRAY, "arrays of cube textures"),
-        (F::COMPUTE_SHADER, "compute shaders"),
-        (
-            F::IMAGE_LOAD_STORE,
-            "storage textures, or a forced early depth test",
-        ),
-        (F::CONSERVATIVE_DEPTH, "a conservative early depth test"),
-        (
-            F::NOPERSPECTIVE_QUALIFIER,
-            "interpolation without perspective (`linear`)",
-        ),
-        (F::SAMPLE_QUALIFIER, "interpolation at each sample"),
-        (F::CLIP_DISTANCE, "clip distances"),
-        (F::CULL_DISTANCE, "cull distances"),
-        (F::SAMPLE_VARIABLES, "sample_index or sample_mask"),
-        (F::DYNAMIC_ARRAY_SIZE, "arrays of dynamic length"),
-        (F::MULTI_VIEW, "several views"),
-        (F::TEXTURE_SAMPLES, "the number of samples of a texture"),
-        (F::TEXTURE_LEVELS, "the number of levels of a texture"),
-        (F::IMAGE_SIZE, "the size of a storage texture"),
-        (F::DUAL_SOURCE_BLENDING, "dual source blending"),
-        (
-            F::TEXTURE_SHADOW_LOD,
-            "levels of detail of shadow textures of cubes and arrays",
-        ),
-        (F::SUBGROUP_OPERATIONS, "subgroup operations"),
-        (F::TEXTURE_ATOMICS, "atomics on textures"),
-        (F::SHADER_BARYCENTRICS, "barycentric coordinates"),
-        (F::PRIMITIVE_INDEX, "primitive_index"),
-    ];
-    let named: Vec<&str> = words
-        .iter()
-        .filter(|(feature, _)| features.contains(*feature))
-        .map(|(_, word)| *word)
-        .collect();
-    match named[..] {
-        [] => "a feature of a later version".to_owned(),
-        _ => named.join(", "),
-    }
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 //! Every program is first reduced to the entry points that its passes use. We parse the written
 //! text again and compare `fingerprint`s: entry points with their attributes, inputs and outputs,
 //! bindings, struct offsets. We repair known losses of naga's writers. Any other difference is an
-//! [`Error`].
+//! [`EmitError`].
 //!
 //! | target | files |
 //! |---|---|
@@ -53,8 +53,8 @@ use crate::panics;
 
 pub use output::{is_material_name, write};
 pub use plan_json::{
-    Fallback, Form, GlslAttribute, GlslBlock, GlslTexture, GlslUniform, PassFiles, PlanFile,
-    StageFile, TessellationFiles,
+    Fallback, GlslAttribute, GlslBlock, GlslTexture, GlslUniform, PassFiles, PlanFile, StageFile,
+    TessellationFiles, WeakerPromise,
 };
 
 /// An output language.
@@ -157,7 +157,7 @@ pub struct File {
 /// A plan could not be emitted. Nothing has been written.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
-pub enum Error {
+pub enum EmitError {
     /// The target cannot express the program.
     #[error("{file}: {target} cannot express this: {what}; {remedy}")]
     Inexpressible {
@@ -212,7 +212,7 @@ pub enum Error {
     },
 }
 
-impl Error {
+impl EmitError {
     /// The stable error code.
     pub fn code(&self) -> &'static str {
         match self {
@@ -229,10 +229,10 @@ impl Error {
 /// `MATERIAL.plan.json`. Equal plans give equal bytes.
 ///
 /// # Errors
-/// The first file that cannot be written; see [`Error`]. A panic in naga becomes [`Error::Writer`].
-pub fn emit(plan: &Plan, targets: &[Target], options: &Options) -> Result<Vec<File>, Error> {
+/// The first file that cannot be written; see [`EmitError`]. A panic in naga becomes [`EmitError::Writer`].
+pub fn emit(plan: &Plan, targets: &[Target], options: &Options) -> Result<Vec<File>, EmitError> {
     panics::run(|| emit_guarded(plan, targets, options)).unwrap_or_else(|panicked| {
-        Err(Error::Writer {
+        Err(EmitError::Writer {
             file: plan.material.clone(),
             target: targets.first().copied().unwrap_or(Target::Wgsl),
             message: format!(
@@ -254,7 +254,11 @@ struct EmittedStage {
 /// The `plan.json` entry of each (program, entry point, target).
 type WrittenFiles = BTreeMap<(String, Written, Target), StageFile>;
 
-fn emit_guarded(plan: &Plan, targets: &[Target], options: &Options) -> Result<Vec<File>, Error> {
+fn emit_guarded(
+    plan: &Plan,
+    targets: &[Target],
+    options: &Options,
+) -> Result<Vec<File>, EmitError> {
     #[cfg(feature = "glsl")]
     tess::check(plan, targets)?;
     refuse_external_textures(plan, targets)?;
@@ -276,7 +280,7 @@ fn emit_guarded(plan: &Plan, targets: &[Target], options: &Options) -> Result<Ve
 }
 
 /// Rejects `texture_external`, which only WebGPU has.
-fn refuse_external_textures(plan: &Plan, targets: &[Target]) -> Result<(), Error> {
+fn refuse_external_textures(plan: &Plan, targets: &[Target]) -> Result<(), EmitError> {
     let Some(target) = targets.iter().find(|t| **t != Target::Wgsl) else {
         return Ok(());
     };
@@ -292,7 +296,7 @@ fn refuse_external_textures(plan: &Plan, targets: &[Target]) -> Result<(), Error
         })
     });
     external.map_or(Ok(()), |name| {
-        Err(Error::Inexpressible {
+        Err(EmitError::Inexpressible {
             file: plan.material.clone(),
             target: *target,
             what: format!("the external texture `{name}`"),
@@ -303,7 +307,7 @@ fn refuse_external_textures(plan: &Plan, targets: &[Target]) -> Result<(), Error
 
 /// Rejects OpenGL targets for passes that read an earlier pass's target at `gl_FragCoord` under
 /// `layout(origin_upper_left)`: OpenGL's textures start at the bottom, so the row would differ.
-fn refuse_flipped_rows(plan: &Plan, targets: &[Target]) -> Result<(), Error> {
+fn refuse_flipped_rows(plan: &Plan, targets: &[Target]) -> Result<(), EmitError> {
     let is_glsl = |t: &&Target| !matches!(t, Target::Wgsl | Target::Spirv);
     let Some(target) = targets.iter().find(is_glsl) else {
         return Ok(());
@@ -321,7 +325,7 @@ fn refuse_flipped_rows(plan: &Plan, targets: &[Target]) -> Result<(), Error> {
     });
     match meets {
         false => Ok(()),
-        true => Err(Error::Inexpressible {
+        true => Err(EmitError::Inexpressible {
             file: plan.material.clone(),
             target: *target,
             what: "`layout(origin_upper_left)` together with a texture that another pass draws"
@@ -333,7 +337,7 @@ fn refuse_flipped_rows(plan: &Plan, targets: &[Target]) -> Result<(), Error> {
 }
 
 /// Rejects OpenGL targets that would lose the author's `gl_PointSize`.
-fn refuse_lost_point_sizes(plan: &Plan, targets: &[Target]) -> Result<(), Error> {
+fn refuse_lost_point_sizes(plan: &Plan, targets: &[Target]) -> Result<(), EmitError> {
     let is_glsl = |t: &&Target| !matches!(t, Target::Wgsl | Target::Spirv);
     let Some(target) = targets.iter().find(is_glsl) else {
         return Ok(());
@@ -345,7 +349,7 @@ fn refuse_lost_point_sizes(plan: &Plan, targets: &[Target]) -> Result<(), Error>
     });
     match lost {
         false => Ok(()),
-        true => Err(Error::Inexpressible {
+        true => Err(EmitError::Inexpressible {
             file: plan.material.clone(),
             target: *target,
             what: "`gl_PointSize`, which is lost".to_owned(),
@@ -361,11 +365,11 @@ fn write_programs(
     targets: &[Target],
     options: &Options,
     files: &mut Vec<File>,
-) -> Result<WrittenFiles, Error> {
+) -> Result<WrittenFiles, EmitError> {
     let named = plan.passes.iter().map(|p| &p.program);
     let named = named.chain(plan.compute.iter().map(|c| &c.program));
     if let Some(missing) = named.into_iter().find(|p| !plan.programs.contains_key(*p)) {
-        return Err(Error::BrokenPlan {
+        return Err(EmitError::BrokenPlan {
             material: plan.material.clone(),
             what: format!("it has no program `{missing}`"),
         });
@@ -412,7 +416,7 @@ fn write_original(
     targets: &[Target],
     options: &Options,
     files: &mut Vec<File>,
-) -> Result<Fallback, Error> {
+) -> Result<Fallback, EmitError> {
     let is_shipped = |pass: &GpuPass| {
         let program = plan.programs.get(&pass.program);
         let fragment = pass.fragment.as_deref().unwrap_or_default();
@@ -510,13 +514,40 @@ fn stages(plan: &Plan, key: &str) -> Vec<EmittedStage> {
 }
 
 /// The contract of a target's files, if it is weaker than the plan's.
-fn weaker_form(plan: &Plan, target: Target) -> Option<Form> {
+fn weaker_form(plan: &Plan, target: Target) -> Option<WeakerPromise> {
     match target {
         #[cfg(feature = "glsl")]
         Target::GlslEs300 | Target::GlslEs100 => glsl::without_fine_derivatives(plan),
         _ => {
             let _ = plan;
             None
+        }
+    }
+}
+
+/// The result of reading a written file back.
+#[cfg(any(feature = "glsl", feature = "spirv"))]
+enum ReadBack {
+    /// It is the stage.
+    Same,
+    /// The reader lacks this, so only the names or numbers of the interface were compared.
+    Unread(String),
+    /// The first difference.
+    Differs(String),
+}
+
+#[cfg(any(feature = "glsl", feature = "spirv"))]
+impl ReadBack {
+    /// For [`StageFile::unread`].
+    fn unread(self, file: &str, target: Target) -> Result<Option<String>, EmitError> {
+        match self {
+            Self::Same => Ok(None),
+            Self::Unread(what) => Ok(Some(what)),
+            Self::Differs(difference) => Err(EmitError::Differs {
+                file: file.to_owned(),
+                target,
+                difference,
+            }),
         }
     }
 }
@@ -530,7 +561,7 @@ fn write_program(
     stages: &[EmittedStage],
     target: Target,
     options: &Options,
-) -> Result<Vec<Emitted>, Error> {
+) -> Result<Vec<Emitted>, EmitError> {
     match target {
         Target::Wgsl => {
             let name = format!("{}.{key}.wgsl", plan.material);
@@ -555,11 +586,7 @@ fn write_program(
             .iter()
             .map(|s| {
                 let name = format!("{}.{}.spv", s.stem, extension(s.stage));
-                let (bytes, overrides) = spirv::write(program, s.stage, &s.entry, &name)?;
-                let stage_file = StageFile {
-                    overrides,
-                    ..StageFile::new(&name, &s.entry)
-                };
+                let (bytes, stage_file) = spirv::write(program, s.stage, &s.entry, &name)?;
                 Ok((
                     File { name, bytes },
                     vec![(written_key(s.stage, &s.entry), stage_file)],
@@ -567,45 +594,62 @@ fn write_program(
             })
             .collect(),
         #[cfg(feature = "glsl")]
-        Target::Glsl450 | Target::GlslEs300 | Target::GlslEs100 => {
-            let authored = glsl::author(program, &plan.material, target)?;
-            let es = match target {
-                Target::GlslEs300 => "es.",
-                Target::GlslEs100 => "es100.",
-                _ => "",
+        _ => {
+            let mut emitted = match target {
+                Target::GlslTess | Target::GlslVulkanTess => {
+                    tess::write(plan, program, stages, target, options)?
+                }
+                _ => write_glsl(plan, program, stages, target, options)?,
             };
-            let write = |s: &EmittedStage| {
-                let name = format!("{}.{es}{}", s.stem, extension(s.stage));
-                let (text, stage_file) =
-                    glsl::write_named(&authored, s.stage, &s.entry, &name, target, options)?;
-                let bytes = text.into_bytes();
-                let stage_file = vec![(written_key(s.stage, &s.entry), stage_file)];
-                Ok((File { name, bytes }, stage_file))
-            };
-            stages.iter().map(write).collect()
-        }
-        #[cfg(feature = "glsl")]
-        Target::GlslTess | Target::GlslVulkanTess => {
-            tess::write(plan, program, stages, target, options)
+            for (file, stage_files) in &mut emitted {
+                let text = String::from_utf8_lossy(&file.bytes);
+                glsl::lacks::refuse_long_names(&text, &file.name, target)?;
+                for (_, stage_file) in stage_files {
+                    stage_file.extensions = glsl::extensions(&text);
+                }
+            }
+            Ok(emitted)
         }
         #[cfg(not(feature = "spirv"))]
-        Target::Spirv => Err(Error::NotBuilt {
+        Target::Spirv => Err(EmitError::NotBuilt {
             target,
             feature: "spirv",
         }),
         #[cfg(not(feature = "glsl"))]
-        Target::Glsl450
-        | Target::GlslEs300
-        | Target::GlslEs100
-        | Target::GlslTess
-        | Target::GlslVulkanTess => {
+        _ => {
             let _ = options;
-            Err(Error::NotBuilt {
+            Err(EmitError::NotBuilt {
                 target,
                 feature: "glsl",
             })
         }
     }
+}
+
+/// Writes each stage as GLSL, without tessellation stages.
+#[cfg(feature = "glsl")]
+fn write_glsl(
+    plan: &Plan,
+    program: &Program,
+    stages: &[EmittedStage],
+    target: Target,
+    options: &Options,
+) -> Result<Vec<Emitted>, EmitError> {
+    let authored = glsl::author(program, &plan.material, target)?;
+    let es = match target {
+        Target::GlslEs300 => "es.",
+        Target::GlslEs100 => "es100.",
+        _ => "",
+    };
+    let write = |s: &EmittedStage| {
+        let name = format!("{}.{es}{}", s.stem, extension(s.stage));
+        let (text, stage_file) =
+            glsl::write_named(&authored, s.stage, &s.entry, &name, target, options)?;
+        let bytes = text.into_bytes();
+        let stage_file = vec![(written_key(s.stage, &s.entry), stage_file)];
+        Ok((File { name, bytes }, stage_file))
+    };
+    stages.iter().map(write).collect()
 }
 
 #[cfg(any(feature = "glsl", feature = "spirv"))]

@@ -8,7 +8,7 @@ use naga::valid::ModuleInfo;
 use naga::{Expression, Literal, Module, ShaderStage};
 use preshade_passes::program::Program;
 
-use super::{Error, Target};
+use super::{EmitError, Target};
 
 /// A module without overrides.
 pub(super) struct Settled {
@@ -23,7 +23,7 @@ pub(super) fn settle(
     entry: &str,
     file: &str,
     target: Target,
-) -> Result<Option<Settled>, Error> {
+) -> Result<Option<Settled>, EmitError> {
     let module = program.module();
     if module.overrides.is_empty() {
         return Ok(None);
@@ -34,7 +34,7 @@ pub(super) fn settle(
             module: module.into_owned(),
             info: info.into_owned(),
         })),
-        Err(PipelineConstantError::MissingValue(name)) => Err(Error::Inexpressible {
+        Err(PipelineConstantError::MissingValue(name)) => Err(EmitError::Inexpressible {
             file: file.to_owned(),
             target,
             what: format!("the override `{name}` has no default"),
@@ -42,7 +42,7 @@ pub(super) fn settle(
                 "give it one in the source: this target has no overrides and uses their defaults"
                     .to_owned(),
         }),
-        Err(e) => Err(Error::Writer {
+        Err(e) => Err(EmitError::Writer {
             file: file.to_owned(),
             target,
             message: e.to_string(),

@@ -26,7 +26,7 @@ pub struct PlanFile {
     pub original: Option<Fallback>,
     /// The forms that promise less than the plan's `contract`.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
-    pub forms: BTreeMap<Target, Form>,
+    pub forms: BTreeMap<Target, WeakerPromise>,
 }
 
 /// The fallback's passes and files, which replace the plan's.
@@ -79,7 +79,7 @@ impl PlanFile {
 
 /// The promise of an emitted form that is weaker than its plan's.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Form {
+pub struct WeakerPromise {
     /// The promise in this form.
     pub contract: Contract,
     /// The limitation of the language, and a remedy.
@@ -136,6 +136,12 @@ pub struct StageFile {
     /// GLSL only: the attributes of a vertex stage.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub attributes: Vec<GlslAttribute>,
+    /// The extensions that the text requires, besides those that its version contains: GLSL only.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub extensions: Vec<String>,
+    /// What our reader lacks, if the file was not read back. `plan.json` has it as a note.
+    #[serde(skip)]
+    pub unread: Option<String>,
 }
 
 impl StageFile {
@@ -263,6 +269,17 @@ fn pass_files(plan: &Plan, written: &WrittenFiles) -> Vec<PassFiles> {
         .collect()
 }
 
+/// A note for each file that was not read back.
+fn unread(written: &WrittenFiles) -> impl Iterator<Item = String> {
+    written.values().filter_map(|stage| {
+        let lacks = stage.unread.as_ref()?;
+        Some(format!(
+            "`{}` was not read back: our reader lacks {lacks}; only its interface was compared",
+            stage.file
+        ))
+    })
+}
+
 /// The file.
 pub(super) fn file(plan: &Plan, written: &WrittenFiles, original: Option<Fallback>) -> File {
     let targets: BTreeSet<Target> = written.keys().map(|(_, _, target)| *target).collect();
@@ -273,18 +290,18 @@ pub(super) fn file(plan: &Plan, written: &WrittenFiles, original: Option<Fallbac
     let compute = plan.compute.iter();
     let compute =
         compute.map(|c| stage_files(written, &c.program, ShaderStage::Compute, &c.entry_point));
+    let mut plan = plan.clone();
+    plan.notes.extend(unread(written));
     let content = PlanFile {
-        plan: plan.clone(),
         compute_files: compute.collect(),
-        files: pass_files(plan, written),
+        files: pass_files(&plan, written),
         original,
         forms,
+        plan,
     };
+    let name = format!("{}.plan.json", content.plan.material);
     // A plan is plain data with string keys, so serialising it cannot fail.
     let mut bytes = serde_json::to_vec_pretty(&content).unwrap_or_default();
     bytes.push(b'\n');
-    File {
-        name: format!("{}.plan.json", plan.material),
-        bytes,
-    }
+    File { name, bytes }
 }

@@ -4,11 +4,15 @@ use naga::{Module, ShaderStage, compact};
 use preshade_passes::plan::Plan;
 use preshade_passes::program::Program;
 
-use super::{EmittedStage, Error};
+use super::{EmitError, EmittedStage};
 
 /// The plan's program `key` with only the entry points of `stages` and their dependencies.
-pub(super) fn reduce(plan: &Plan, key: &str, stages: &[EmittedStage]) -> Result<Program, Error> {
-    let broken = |what: String| Error::BrokenPlan {
+pub(super) fn reduce(
+    plan: &Plan,
+    key: &str,
+    stages: &[EmittedStage],
+) -> Result<Program, EmitError> {
+    let broken = |what: String| EmitError::BrokenPlan {
         material: plan.material.clone(),
         what,
     };

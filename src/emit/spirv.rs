@@ -4,23 +4,29 @@
 //! on Vulkan. There are no bounds checks on indices or loops. Integer division by zero is defined
 //! as in WGSL, and fragment depth is clamped to the viewport's range.
 
-use std::collections::BTreeMap;
-
 use naga::back::spv::{Options, PipelineOptions, WriterFlags, ZeroInitializeWorkgroupMemoryMode};
 use naga::front::spv as reader;
+use naga::valid::ModuleInfo;
 use naga::{Binding, BuiltIn, Module, ShaderStage};
 use preshade_passes::program::Program;
 use preshade_passes::reflect;
 
+mod interface;
 mod position;
+mod sample_mask;
 
 use super::overrides::{self, Settled};
 use super::partial_pointers;
-use super::{Error, Target};
+use super::plan_json::StageFile;
+use super::{EmitError, ReadBack, Target};
 use crate::wgsl::fingerprint;
 
 /// Words before the first instruction (SPIR-V 2.3).
 const HEADER: usize = 5;
+const OP_EXT_INST: u16 = 12;
+const OP_TYPE_INT: u16 = 21;
+const OP_TYPE_POINTER: u16 = 32;
+const OP_VARIABLE: u16 = 59;
 const OP_DECORATE: u16 = 71;
 const OP_MEMBER_DECORATE: u16 = 72;
 /// Opcodes of type declarations, from `OpTypeVoid`.
@@ -34,16 +40,15 @@ const OP_LOGICAL_EQUAL: u16 = 164;
 const OP_LOGICAL_OR: u16 = 166;
 const OP_LOGICAL_AND: u16 = 167;
 
-/// The little-endian bytes, and the values that replace overrides. `name` is the file's, for
-/// errors.
+/// Writes the little-endian bytes and their `plan.json` entry. `name` is the file's.
 pub(super) fn write(
     program: &Program,
     stage: ShaderStage,
     entry: &str,
     name: &str,
-) -> Result<(Vec<u8>, BTreeMap<String, f64>), Error> {
+) -> Result<(Vec<u8>, StageFile), EmitError> {
     if let Some(message) = partial_pointers::find(program) {
-        return Err(Error::Writer {
+        return Err(EmitError::Writer {
             file: name.to_owned(),
             target: Target::Spirv,
             message,
@@ -67,7 +72,7 @@ pub(super) fn write(
     };
     let mut words =
         naga::back::spv::write_vec(module, info, &options, Some(&pipeline)).map_err(|e| {
-            Error::Writer {
+            EmitError::Writer {
                 file: name.to_owned(),
                 target: Target::Spirv,
                 message: e.to_string(),
@@ -76,13 +81,21 @@ pub(super) fn write(
     if has_invariant_position(module, stage, entry) {
         words = forbid_contraction(&words);
     }
-    let bytes: Vec<u8> = words.iter().flat_map(|w| w.to_le_bytes()).collect();
-    let wanted = fingerprint::interface(module, info, stage, entry);
-    check(program, &wanted, &bytes, stage, entry, name)?;
-    Ok((
-        bytes,
-        settled.map(|s| s.values(program)).unwrap_or_default(),
-    ))
+    let read = read_back(program, (module, info), &words, stage, entry);
+    let stage_file = StageFile {
+        overrides: settled
+            .as_ref()
+            .map(|s| s.values(program))
+            .unwrap_or_default(),
+        unread: read.unread(name, Target::Spirv)?,
+        ..StageFile::new(name, entry)
+    };
+    let words = sample_mask::as_arrays(&words);
+    Ok((to_bytes(&words), stage_file))
+}
+
+fn to_bytes(words: &[u32]) -> Vec<u8> {
+    words.iter().flat_map(|w| w.to_le_bytes()).collect()
 }
 
 fn has_invariant_position(module: &Module, stage: ShaderStage, entry: &str) -> bool {
@@ -137,35 +150,48 @@ fn is_float_arithmetic(opcode: u16) -> bool {
     matches!(opcode, 127 | 129 | 131 | 133 | 136 | 140 | 141 | 142..=148)
 }
 
-/// Reads the bytes back, validates them, and compares the stage's interface.
-fn check(
+/// Compares the stage's interface with the words, and, if naga can read them, with the module that
+/// they make.
+fn read_back(
     program: &Program,
-    wanted: &[String],
-    bytes: &[u8],
+    (module, info): (&Module, &ModuleInfo),
+    words: &[u32],
     stage: ShaderStage,
     entry: &str,
-    name: &str,
-) -> Result<(), Error> {
-    let differs = |difference: String| Error::Differs {
-        file: name.to_owned(),
-        target: Target::Spirv,
-        difference,
-    };
+) -> ReadBack {
+    let wanted = fingerprint::interface(module, stage, entry);
+    let untyped = |line: &String| line.split(':').next().unwrap_or(line).to_owned();
+    let mut names: Vec<String> = wanted.iter().map(untyped).collect();
+    names.extend(fingerprint::bindings(module, info, stage, entry));
+    names.sort();
+    if let Some(difference) = fingerprint::difference(&names, &interface::lines(words)) {
+        return ReadBack::Differs(difference);
+    }
+    if let Some(what) = interface::unreadable(words) {
+        return ReadBack::Unread(what.to_owned());
+    }
     let options = reader::Options {
         adjust_coordinate_space: false,
         strict_capabilities: false,
         block_ctx_dump_prefix: None,
     };
-    let bytes = for_the_reader(bytes);
-    let read = reader::parse_u8_slice(&bytes, &options)
-        .map_err(|e| differs(format!("it does not parse: {e}")))?;
-    let read = program
-        .with_module(read)
-        .map_err(|invalid| differs(format!("it is not valid: {invalid}")))?;
-    let found = fingerprint::interface(read.module(), read.info(), stage, entry);
-    match fingerprint::difference(wanted, &found) {
-        Some(difference) => Err(differs(difference)),
-        None => Ok(()),
+    let read = match reader::parse_u8_slice(&to_bytes(&for_the_reader(words)), &options) {
+        Ok(read) => read,
+        Err(
+            e @ (reader::Error::UnsupportedInstruction(..)
+            | reader::Error::UnsupportedExtension(_)
+            | reader::Error::UnsupportedCapability(_)
+            | reader::Error::UnsupportedExtInst(_)),
+        ) => return ReadBack::Unread(e.to_string().replace("unsupported ", "the ")),
+        Err(e) => return ReadBack::Differs(format!("it does not parse: {e}")),
+    };
+    let found = match program.with_module(read) {
+        Ok(read) => fingerprint::interface(read.module(), stage, entry),
+        Err(invalid) => return ReadBack::Differs(format!("it is not valid: {invalid}")),
+    };
+    match fingerprint::difference(&wanted, &found) {
+        Some(difference) => ReadBack::Differs(difference),
+        None => ReadBack::Same,
     }
 }
 
@@ -173,11 +199,8 @@ fn check(
 /// 3.52.10) of an arrayed image drops the number of layers, so the first component replaces it.
 /// `OpLogicalAnd` and `OpLogicalOr` are read as scalar operators, so `OpLogicalEqual` replaces them
 /// for vectors.
-fn for_the_reader(bytes: &[u8]) -> Vec<u8> {
-    let mut words: Vec<u32> = bytes
-        .chunks_exact(4)
-        .map(|w| u32::from_le_bytes([w[0], w[1], w[2], w[3]]))
-        .collect();
+fn for_the_reader(words: &[u32]) -> Vec<u32> {
+    let mut words = words.to_vec();
     let mut sizes = Vec::new();
     let mut vectors = Vec::new();
     let mut patches = Vec::new();
@@ -198,7 +221,7 @@ fn for_the_reader(bytes: &[u8]) -> Vec<u8> {
     for (at, word) in patches {
         words[at] = word;
     }
-    words.iter().flat_map(|w| w.to_le_bytes()).collect()
+    words
 }
 
 #[cfg(test)]

@@ -20,15 +20,14 @@
 
 use std::collections::BTreeMap;
 
-use naga::{AddressSpace, Binding, BuiltIn, Sampling, Scalar, ScalarKind, ShaderStage, TypeInner};
+use naga::{Sampling, Scalar, ScalarKind, ShaderStage, TypeInner};
 use preshade_passes::plan::Plan;
 use preshade_passes::program::Program;
-use preshade_passes::reflect;
 use preshade_passes::tessellate::native::{self, Blend, Native, Patch, PatchVarying};
 
 use super::plan_json::StageFile;
 use super::{
-    ClipSpace, Emitted, EmittedStage, Error, File, Options, Target, TessellationStage, dedup,
+    ClipSpace, EmitError, Emitted, EmittedStage, File, Options, Target, TessellationStage, dedup,
     extension, glsl, written_key,
 };
 
@@ -36,13 +35,13 @@ use super::{
 const LEVEL: &str = "3.0";
 
 /// Rejects tessellation targets for plans without tessellation.
-pub(super) fn check(plan: &Plan, targets: &[Target]) -> Result<(), Error> {
+pub(super) fn check(plan: &Plan, targets: &[Target]) -> Result<(), EmitError> {
     let tessellated = [Target::GlslTess, Target::GlslVulkanTess];
     for target in dedup(targets) {
         if tessellated.contains(&target)
             && let Err(refusal) = native::native(plan)
         {
-            return Err(Error::Inexpressible {
+            return Err(EmitError::Inexpressible {
                 file: format!("{}.main.{}tese", plan.material, infix(target)),
                 target,
                 what: format!("a tessellation stage: {}", refusal.reason),
@@ -68,7 +67,7 @@ pub(super) fn write(
     stages: &[EmittedStage],
     target: Target,
     options: &Options,
-) -> Result<Vec<Emitted>, Error> {
+) -> Result<Vec<Emitted>, EmitError> {
     // Vulkan's clip space is the author's with y flipped by the viewport, as for SPIR-V.
     let options = match target {
         Target::GlslVulkanTess => &Options {
@@ -121,8 +120,7 @@ fn plain(
     name: &str,
     target: Target,
     options: &Options,
-) -> Result<Emitted, Error> {
-    refuse(program, stage.stage, &stage.entry, target, name)?;
+) -> Result<Emitted, EmitError> {
     let (text, stage_file) = glsl::write(
         program,
         numbered,
@@ -136,61 +134,8 @@ fn plain(
     Ok((file(name.to_owned(), text), stage_file))
 }
 
-/// Rejects features that naga writes although the version lacks them: storage buffers in GLSL 4.00;
-/// `gl_VertexID`, `gl_InstanceID` and loose uniforms in Vulkan's GLSL.
-fn refuse(
-    program: &Program,
-    stage: ShaderStage,
-    entry: &str,
-    target: Target,
-    name: &str,
-) -> Result<(), Error> {
-    let module = program.module();
-    let refuse = |what: &str, remedy: &str| {
-        Err(Error::Inexpressible {
-            file: name.to_owned(),
-            target,
-            what: what.to_owned(),
-            remedy: remedy.to_owned(),
-        })
-    };
-    let Some((index, entry)) = program.entry_point(stage, entry) else {
-        return Ok(());
-    };
-    let used = program.info().get_entry_point(index);
-    let globals = module.global_variables.iter();
-    let mut spaces = globals
-        .filter(|(handle, _)| !used[*handle].is_empty())
-        .map(|(_, g)| g.space);
-    if target == Target::GlslTess {
-        return match spaces.any(|s| matches!(s, AddressSpace::Storage { .. })) {
-            true => refuse(
-                "a storage buffer (OpenGL has them since 4.3)",
-                "emit glsl-vulkan-tess, or read a uniform buffer or a texture",
-            ),
-            false => Ok(()),
-        };
-    }
-    let remedy = "emit glsl-tess, or pass it as an attribute or in a uniform buffer";
-    for input in reflect::inputs(module, &entry.function) {
-        match input.binding {
-            Some(Binding::BuiltIn(BuiltIn::VertexIndex)) => {
-                return refuse("the vertex index", remedy);
-            }
-            Some(Binding::BuiltIn(BuiltIn::InstanceIndex)) => {
-                return refuse("the instance index", remedy);
-            }
-            _ => {}
-        }
-    }
-    match spaces.any(|s| s == AddressSpace::Immediate) {
-        true => refuse("immediate data", remedy),
-        false => Ok(()),
-    }
-}
-
 /// GLSL's name for a varying's type.
-fn type_name(ty: &TypeInner, target: Target, file: &str) -> Result<String, Error> {
+fn type_name(ty: &TypeInner, target: Target, file: &str) -> Result<String, EmitError> {
     let of = |scalar: Scalar, size: u8| match (scalar.kind, size) {
         (ScalarKind::Float, 1) => Some("float".to_owned()),
         (ScalarKind::Sint, 1) => Some("int".to_owned()),
@@ -205,7 +150,7 @@ fn type_name(ty: &TypeInner, target: Target, file: &str) -> Result<String, Error
         TypeInner::Vector { size, scalar } if scalar.width == 4 => of(*scalar, *size as u8),
         _ => None,
     };
-    name.ok_or_else(|| Error::Inexpressible {
+    name.ok_or_else(|| EmitError::Inexpressible {
         file: file.to_owned(),
         target,
         what: "a varying without 32-bit numbers".to_owned(),
@@ -253,7 +198,7 @@ fn qualifier(varying: &PatchVarying) -> String {
 }
 
 /// The control stage: passes on three corners and sets one level for all edges.
-fn control_text(patch: &Patch, target: Target, file: &str) -> Result<String, Error> {
+fn control_text(patch: &Patch, target: Target, file: &str) -> Result<String, EmitError> {
     let mut text = version(target).to_owned();
     text += "layout(vertices = 3) out;\n\n";
     text += match target {
@@ -297,9 +242,8 @@ fn evaluation_text(
     target: Target,
     options: &Options,
     file: &str,
-) -> Result<(String, StageFile), Error> {
+) -> Result<(String, StageFile), EmitError> {
     let program = &hoisted.evaluation;
-    refuse(program, ShaderStage::Vertex, entry, target, file)?;
     let (text, mut stage_file) = glsl::write(
         program,
         numbered,
@@ -309,7 +253,7 @@ fn evaluation_text(
         target,
         options,
     )?;
-    let written_otherwise = |what: &str| Error::Writer {
+    let written_otherwise = |what: &str| EmitError::Writer {
         file: file.to_owned(),
         target,
         message: format!("{what} has an unexpected form in naga's text"),

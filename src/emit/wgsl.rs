@@ -5,25 +5,25 @@ use preshade_passes::contract::Contract;
 use preshade_passes::plan::Plan;
 use preshade_passes::program::{Language, Program};
 
-use super::{Error, Target};
+use super::{EmitError, Target};
 use crate::wgsl::{self, WgslError};
 
 /// Writes a reduced program. `name` is the file's, for errors, and `header` its first lines.
-pub(super) fn write(program: &Program, name: &str, header: &str) -> Result<String, Error> {
+pub(super) fn write(program: &Program, name: &str, header: &str) -> Result<String, EmitError> {
     let (file, target) = (name.to_owned(), Target::Wgsl);
     wgsl::write(program, name, header).map_err(|error| match error {
-        WgslError::Inexpressible(what) => Error::Inexpressible {
+        WgslError::Inexpressible(what) => EmitError::Inexpressible {
             file,
             target,
             what,
             remedy: "emit SPIR-V or GLSL, or use WGSL's struct layout".to_owned(),
         },
-        WgslError::Writer(message) => Error::Writer {
+        WgslError::Writer(message) => EmitError::Writer {
             file,
             target,
             message,
         },
-        WgslError::Differs(difference) => Error::Differs {
+        WgslError::Differs(difference) => EmitError::Differs {
             file,
             target,
             difference,

@@ -1,7 +1,8 @@
 //! Chooses the entry points and checks that the stages fit together.
 
 use naga::{Binding, Module, ShaderStage, compact};
-use preshade_passes::program::SourceMap;
+use preshade_passes::plan::BindingUse;
+use preshade_passes::program::{Program, SourceMap};
 use preshade_passes::reflect;
 
 use super::Options;
@@ -271,6 +272,40 @@ pub(super) fn check_interface(
             .label_if(at(ShaderStage::Vertex, &vertex.name, Direction::Out)));
     }
     Ok(())
+}
+
+/// Checks that one bind group layout serves both stages (WebGPU 10.2).
+pub(super) fn check_bindings(program: &Program, entries: &Entries) -> Result<(), Error> {
+    let Some(fragment) = entries.fragment.as_deref() else {
+        return Ok(());
+    };
+    let stages = [
+        (ShaderStage::Vertex, entries.vertex.as_str()),
+        (ShaderStage::Fragment, fragment),
+    ];
+    let Some(both) = reflect::conflict(program, stages) else {
+        return Ok(());
+    };
+    let [vertex, fragment] = &both;
+    let error = Error::new(
+        Code::Interface,
+        format!(
+            "the vertex stage's `{}` and the fragment stage's `{}` differ in kind, but both have group {} binding {}",
+            vertex.name, fragment.name, vertex.group, vertex.binding
+        ),
+    );
+    let module = program.module();
+    let span = |binding: &BindingUse| {
+        let mut globals = module.global_variables.iter();
+        let named = globals.find(|(_, g)| {
+            let at = g.binding.map(|b| (b.group, b.binding));
+            at == Some((binding.group, binding.binding))
+                && g.name.as_deref() == Some(binding.name.as_str())
+        });
+        named.map(|(handle, _)| module.global_variables.get_span(handle))
+    };
+    let error = both.iter().fold(error, |e, b| e.label_if(span(b)));
+    Err(error.note("a pipeline binds one resource there: give one of them another number"))
 }
 
 #[cfg(test)]

@@ -358,6 +358,7 @@ fn assemble(
     let names = entry::names(&module);
     let program = Program::new(module, Arc::clone(map), language)
         .map_err(|invalid| entry::locate_invalid(Error::invalid(&invalid), &names, map))?;
+    entry::check_bindings(&program, &entries).map_err(|e| e.with_sources(map))?;
     Ok(Parsed {
         program: program.with_declared(declared),
         vertex: entries.vertex,

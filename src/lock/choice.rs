@@ -146,7 +146,7 @@ fn own<T: Clone>(all: &[T], is_own: impl Fn(&T) -> bool) -> Vec<T> {
 }
 
 /// Hash of the WGSL of a plan, in the order of its programs, as [`said`].
-fn hash_shaders(plan: &Plan) -> Result<String, emit::Error> {
+fn hash_shaders(plan: &Plan) -> Result<String, emit::EmitError> {
     let files = emit::emit(plan, &[Target::Wgsl], &emit::Options::default())?;
     let mut text = String::new();
     for file in files.iter().filter(|f| f.name.ends_with(".wgsl")) {

@@ -105,7 +105,7 @@ pub enum Mismatch {
     Shaders,
     /// The result cannot be emitted.
     #[error(transparent)]
-    Emit(#[from] emit::Error),
+    Emit(#[from] emit::EmitError),
 }
 
 impl Mismatch {

@@ -15,7 +15,7 @@ use super::inputs::SceneInputs;
 use super::layout::Made;
 use super::picture::{ColorImage, DepthImage};
 use super::pipeline::{Build, PipelineKey, blank_fragment};
-use super::shader::{Member, Variant};
+use super::shader::{PlannedPass, Variant};
 use super::subdivided::{Meshes, Subdivided, SubdivisionCost};
 use super::targets::Targets;
 use super::{Error, compute, order, readback};
@@ -634,7 +634,7 @@ impl FrameBuilder<'_, '_> {
         &mut self,
         pass: &mut PreparedPass,
         built: &mut Vec<(PipelineKey, usize)>,
-        found: &Member<'_>,
+        found: &PlannedPass<'_>,
         (material, member): (usize, usize),
         index: usize,
     ) -> Result<Option<Item>, Error> {

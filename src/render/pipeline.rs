@@ -10,7 +10,7 @@ use super::compiled::{self, Compiled, RenderKey};
 use super::gpu::Gpu;
 use super::inputs::DrawInputs;
 use super::layout::Made;
-use super::shader::Stage;
+use super::shader::ShaderStageRef;
 use super::targets::Targets;
 use super::{Error, layout, limits, state};
 
@@ -40,7 +40,7 @@ pub(super) struct Build<'b> {
     pub shaders: &'b BTreeMap<&'b str, wgpu::ShaderModule>,
     pub plan: &'b Plan,
     pub pass: &'b GpuPass,
-    pub stages: &'b (Stage, Option<Stage>),
+    pub stages: &'b (ShaderStageRef, Option<ShaderStageRef>),
     pub frame: &'b FramePass,
     pub draw: &'b DrawInputs,
     pub made: Made<'b>,
@@ -74,7 +74,7 @@ impl Build<'_> {
         Ok(())
     }
 
-    fn shader(&self, stage: &Stage) -> Result<&wgpu::ShaderModule, Error> {
+    fn shader(&self, stage: &ShaderStageRef) -> Result<&wgpu::ShaderModule, Error> {
         self.shaders
             .get(stage.shader.as_str())
             .ok_or_else(|| self.failed(format!("there is no shader `{}`", stage.shader)))

@@ -29,7 +29,7 @@ enum Shader {
 
 /// A stage of a pass: a shader's name and an entry point.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Stage {
+pub(super) struct ShaderStageRef {
     pub shader: String,
     pub entry_point: String,
 }
@@ -42,9 +42,9 @@ pub struct Variant {
     /// Shaders by the name of the emitted file, or `MATERIAL.KEY` for IR.
     shaders: BTreeMap<String, Shader>,
     /// Vertex and fragment stage of each pass of each plan.
-    stages: Vec<Vec<(Stage, Option<Stage>)>>,
+    stages: Vec<Vec<(ShaderStageRef, Option<ShaderStageRef>)>>,
     /// Stage of each compute pass of each plan.
-    compute: Vec<Vec<Stage>>,
+    compute: Vec<Vec<ShaderStageRef>>,
 }
 
 impl Variant {
@@ -147,7 +147,7 @@ impl Variant {
                 self.shaders.insert(s.file.clone(), shader);
             }
             match self.shaders.contains_key(&s.file) {
-                true => Ok(Some(Stage {
+                true => Ok(Some(ShaderStageRef {
                     shader: s.file.clone(),
                     entry_point: s.entry_point.clone(),
                 })),
@@ -186,12 +186,12 @@ impl Variant {
             let module = Shader::Ir(Box::new(program.module().clone()));
             self.shaders.insert(name(key), module);
         }
-        let compute = host.compute.iter().map(|c| Stage {
+        let compute = host.compute.iter().map(|c| ShaderStageRef {
             shader: name(&c.program),
             entry_point: c.entry_point.clone(),
         });
         self.compute.push(compute.collect());
-        let stage = |pass: &GpuPass, entry_point: &str| Stage {
+        let stage = |pass: &GpuPass, entry_point: &str| ShaderStageRef {
             shader: name(&pass.program),
             entry_point: entry_point.to_owned(),
         };
@@ -222,7 +222,7 @@ impl Variant {
     }
 
     /// Each plan with the stages of its compute passes.
-    pub(super) fn compute(&self) -> impl Iterator<Item = (&Plan, &[Stage])> {
+    pub(super) fn compute(&self) -> impl Iterator<Item = (&Plan, &[ShaderStageRef])> {
         let stages = self.compute.iter().map(Vec::as_slice);
         self.plans.iter().zip(stages)
     }
@@ -233,11 +233,11 @@ impl Variant {
     }
 
     /// Plan, pass and stages of a member of the frame.
-    pub(super) fn member(&self, material: &str, index: usize) -> Result<Member<'_>, Error> {
+    pub(super) fn member(&self, material: &str, index: usize) -> Result<PlannedPass<'_>, Error> {
         let plan = self.plans.iter().position(|p| p.material == material);
         plan.and_then(|at| {
             let plan = &self.plans[at];
-            Some(Member {
+            Some(PlannedPass {
                 plan,
                 pass: plan.passes.get(index)?,
                 stages: self.stages[at].get(index)?,
@@ -276,13 +276,13 @@ impl Variant {
 
 /// A pass of a frame.
 #[derive(Clone, Copy)]
-pub(super) struct Member<'v> {
+pub(super) struct PlannedPass<'v> {
     pub plan: &'v Plan,
     pub pass: &'v GpuPass,
-    pub stages: &'v (Stage, Option<Stage>),
+    pub stages: &'v (ShaderStageRef, Option<ShaderStageRef>),
 }
 
-impl Member<'_> {
+impl PlannedPass<'_> {
     /// An error about the plan.
     pub fn failed(&self, message: String) -> Error {
         Error::Plan {

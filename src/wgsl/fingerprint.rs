@@ -174,52 +174,62 @@ pub(crate) fn filters(
     chain
 }
 
-/// The stage interface that SPIR-V keeps, as sorted lines: inputs and outputs by location or
-/// builtin, resources by group and binding.
+/// The inputs and outputs that SPIR-V keeps, as sorted lines: a location or builtin, a colon, and
+/// a type.
 #[cfg(feature = "spirv")]
-pub(crate) fn interface(
+pub(crate) fn interface(module: &Module, stage: ShaderStage, entry: &str) -> Vec<String> {
+    let mut lines = Vec::new();
+    let mut points = module.entry_points.iter();
+    let Some(point) = points.find(|p| p.stage == stage && p.name == entry) else {
+        return lines;
+    };
+    let io = |io: &Io| match &io.binding {
+        Some(Binding::Location { location, .. }) => {
+            Some(format!("location {location}: {}", layout(module, io.ty)))
+        }
+        // naga's reader adds the builtins that glslang always declares.
+        Some(Binding::BuiltIn(naga::BuiltIn::Position { invariant })) => {
+            Some(match *invariant && stage == ShaderStage::Vertex {
+                true => "invariant position".to_owned(),
+                false => "position".to_owned(),
+            })
+        }
+        Some(Binding::BuiltIn(naga::BuiltIn::FragDepth)) => Some("depth".to_owned()),
+        _ => None,
+    };
+    let inputs = reflect::inputs(module, &point.function);
+    let outputs = reflect::outputs(module, &point.function);
+    lines.extend(
+        inputs
+            .iter()
+            .filter_map(|i| Some(format!("input {}", io(i)?))),
+    );
+    lines.extend(
+        outputs
+            .iter()
+            .filter_map(|o| Some(format!("output {}", io(o)?))),
+    );
+    lines.sort();
+    lines
+}
+
+/// The groups and bindings that an entry point uses.
+#[cfg(feature = "spirv")]
+pub(crate) fn bindings(
     module: &Module,
     info: &naga::valid::ModuleInfo,
     stage: ShaderStage,
     entry: &str,
 ) -> Vec<String> {
-    let mut lines = Vec::new();
-    for (index, point) in module.entry_points.iter().enumerate() {
-        if point.stage != stage || point.name != entry {
-            continue;
-        }
-        let io = |io: &Io| match &io.binding {
-            Some(Binding::Location { location, .. }) => {
-                Some(format!("location {location}: {}", layout(module, io.ty)))
-            }
-            // naga's reader adds the builtins that glslang always declares.
-            Some(Binding::BuiltIn(naga::BuiltIn::Position { invariant })) => {
-                let invariant = *invariant && stage == ShaderStage::Vertex;
-                Some(format!("position, invariant {invariant}"))
-            }
-            Some(Binding::BuiltIn(naga::BuiltIn::FragDepth)) => Some("depth".to_owned()),
-            _ => None,
-        };
-        let inputs = reflect::inputs(module, &point.function);
-        let outputs = reflect::outputs(module, &point.function);
-        lines.extend(
-            inputs
-                .iter()
-                .filter_map(|i| Some(format!("input {}", io(i)?))),
-        );
-        lines.extend(
-            outputs
-                .iter()
-                .filter_map(|o| Some(format!("output {}", io(o)?))),
-        );
-        for (handle, global) in module.global_variables.iter() {
-            if let Some(b) = global.binding
-                && !info.get_entry_point(index)[handle].is_empty()
-            {
-                lines.push(format!("group {} binding {}", b.group, b.binding));
-            }
-        }
-    }
-    lines.sort();
-    lines
+    let mut points = module.entry_points.iter();
+    let Some(index) = points.position(|p| p.stage == stage && p.name == entry) else {
+        return Vec::new();
+    };
+    let used = info.get_entry_point(index);
+    let globals = module.global_variables.iter();
+    globals
+        .filter(|(handle, _)| !used[*handle].is_empty())
+        .filter_map(|(_, global)| global.binding)
+        .map(|b| format!("group {} binding {}", b.group, b.binding))
+        .collect()
 }

@@ -1,12 +1,13 @@
 //! Restores parts of WGSL that naga's writer drops: `enable f16`, `diagnostic(..)`,
-//! `@early_depth_test(..)`, `@size(..)`, and author's names that end in a digit.
+//! `@early_depth_test(..)`, `@size(..)`, `_ = texture;`, and author's names that end in a digit.
 //!
 //! This relies on the writer's order: structs, functions and entry points follow their arenas, and
 //! each begins a line. If a later naga changes that, the fingerprint comparison fails.
 
 use naga::proc::Layouter;
 use naga::{
-    ConservativeDepth, EarlyDepthTest, FastHashMap, FastHashSet, Handle, Module, Type, TypeInner,
+    AddressSpace, ConservativeDepth, EarlyDepthTest, Expression, FastHashMap, FastHashSet,
+    Function, GlobalVariable, Handle, Module, Type, TypeInner,
 };
 
 use super::fingerprint::filters;
@@ -21,7 +22,9 @@ pub(crate) fn repair(module: &Module, text: &str) -> Result<String, String> {
     let attributes = function_attributes(module);
     let mut out = directives(module, text);
     let mut structs = sizes.iter();
-    let mut functions = attributes.iter();
+    let named = named_resources(module, text);
+    let mut functions = attributes.iter().zip(&named);
+    let none = Vec::new();
     let mut members: Option<std::slice::Iter<'_, Option<u32>>> = None;
     let mut lines = text.lines().peekable();
     while let Some(line) = lines.next() {
@@ -39,17 +42,19 @@ pub(crate) fn repair(module: &Module, text: &str) -> Result<String, String> {
         // Attributes precede the stage's, on their own line.
         let stage_line = line.starts_with('@') && lines.peek().is_some_and(|l| begins_function(l));
         if stage_line || begins_function(line) {
-            if let Some(attributes) = functions.next() {
-                for attribute in attributes {
-                    out.push_str(attribute);
-                    out.push('\n');
-                }
+            let (attributes, named) = functions.next().unwrap_or((&none, &none));
+            for attribute in attributes {
+                out.push_str(attribute);
+                out.push('\n');
             }
             out.push_str(line.trim_end());
             out.push('\n');
             if stage_line && let Some(line) = lines.next() {
                 out.push_str(line);
                 out.push('\n');
+            }
+            for name in named {
+                out.push_str(&format!("    _ = {name};\n"));
             }
             continue;
         }
@@ -108,6 +113,34 @@ fn function_attributes(module: &Module) -> Vec<Vec<String>> {
         attributes
     });
     functions.chain(entries).collect()
+}
+
+/// The textures and samplers that each function and then each entry point only names (`_ = t;`),
+/// which keeps them in an automatic layout. The names are those in the text.
+fn named_resources(module: &Module, text: &str) -> Vec<Vec<String>> {
+    let name = |g: &GlobalVariable| {
+        let at = g.binding?;
+        let head = format!("@group({}) @binding({})", at.group, at.binding);
+        let mut declared = text.split(head.as_str()).skip(1);
+        let (Some(rest), None) = (declared.next(), declared.next()) else {
+            return None;
+        };
+        let name = rest.trim_start().strip_prefix("var ")?.split(':').next()?;
+        Some(name.to_owned())
+    };
+    let of = |f: &Function| {
+        let named = f.named_expressions.keys();
+        let globals = named.filter_map(|e| match f.expressions[*e] {
+            Expression::GlobalVariable(g) => Some(&module.global_variables[g]),
+            _ => None,
+        });
+        let resources = globals.filter(|g| g.space == AddressSpace::Handle);
+        resources.filter_map(name).collect()
+    };
+    let functions = module.functions.iter().map(|(_, f)| of(f));
+    functions
+        .chain(module.entry_points.iter().map(|e| of(&e.function)))
+        .collect()
 }
 
 /// For each declared struct, the `@size` of each member that places the next member or the struct's

@@ -129,7 +129,7 @@ fn what_is_written_for_opengl_draws_as_the_author_s_text() {
             let files = match emit::emit(original, &[target], &emit::Options::default()) {
                 Ok(files) => files,
                 // ES 3.00 has no words for some, and says so.
-                Err(emit::Error::Inexpressible { what, .. })
+                Err(emit::EmitError::Inexpressible { what, .. })
                     if target == Target::GlslEs300 && NOT_IN_ES.contains(&what.as_str()) =>
                 {
                     continue;

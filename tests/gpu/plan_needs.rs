@@ -7,15 +7,16 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use preshade::unstable::emit::{self, PlanFile, Target};
+use preshade::unstable::front::{self, Source};
 use preshade::unstable::measure;
 use preshade::unstable::passes::pass::Facts;
 use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::state::ColorTarget;
+use preshade::unstable::passes::state::{ColorTarget, MaterialState};
 use preshade::unstable::recipe::Recipe;
 use preshade::unstable::render::{
     AdapterChoice, Error, FrameSettings, Gpu, Prepared, SceneInputs, ShaderForm, Variant,
 };
-use preshade::unstable::scene::{DrawOrder, Scene};
+use preshade::unstable::scene::{DrawOrder, Scene, synthesise};
 
 fn load(name: &str) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -105,6 +106,27 @@ fn a_device_with_what_the_plans_name_and_no_more_draws_them() {
         let needs = needs(&plans);
         draw(&scene_, &plans, &needs)
             .unwrap_or_else(|e| panic!("{scene}: {steps:?} with {needs:?}: {e}"));
+    }
+}
+
+/// The pipelines have explicit layouts, from the plans alone.
+#[test]
+fn the_layouts_of_plans_serve_two_variables_at_one_binding() {
+    let text = include_str!("../materials/shared-binding.wgsl");
+    let source = Source::new("shared-binding.wgsl", text);
+    let parsed = front::parse(&[source], &front::Options::default()).unwrap();
+    let scene = synthesise(parsed, MaterialState::default()).resized([97, 61]);
+    for steps in [
+        &[][..],
+        &["depth-prepass"],
+        &["depth-prepass:form=equal"],
+        &["early-discard"],
+    ] {
+        let plans = recipe(&scene, steps);
+        let applied = plans.iter().all(|p| p.steps.len() == steps.len());
+        assert!(applied, "{steps:?}");
+        let drawn = draw(&scene, &plans, &needs(&plans));
+        drawn.unwrap_or_else(|e| panic!("{steps:?}: {e}"));
     }
 }
 

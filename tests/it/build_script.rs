@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-use preshade::build_script::{Builder, Built, Error, configure};
+use preshade::build_script::{BuildConfig, Built, Error, configure};
 use preshade::unstable::emit::Target;
 use preshade::unstable::front::{Options, Source, parse};
 use preshade::unstable::lock::{Inputs, Lock, Locked};
@@ -29,7 +29,7 @@ impl Package {
         Self(root)
     }
 
-    fn build(&self, builder: Builder) -> Result<Built, Error> {
+    fn build(&self, builder: BuildConfig) -> Result<Built, Error> {
         let shader = self.0.join("toon.wgsl");
         builder.out_dir(self.0.join("out")).build(&[&shader])
     }
@@ -454,7 +454,7 @@ fn what_holds_for_some_values_alone_is_no_ones_default() {
     for name in ["variant", "rimless"] {
         let text = of(name);
         assert!(
-            text.contains("pub const GUARD: &[Assumed] = &[Assumed { name: \"toon.rim\", place: Place::Uniform { group: 1, binding: 0, offset: 20 }, ty: ScalarType::F32, low: 0.0, high: 0.0 }];"),
+            text.contains("pub const GUARD: &[Assumed] = &[Assumed { name: \"toon.rim\", place: NumberPlace::Uniform { group: 1, binding: 0, offset: 20 }, ty: ScalarType::F32, low: 0.0, high: 0.0 }];"),
             "{text}"
         );
         assert!(text.contains("\nstatic PASSES") && text.contains("\nstatic MAIN"));
@@ -538,11 +538,11 @@ fn constants_that_a_variant_has_decided_are_told_and_checked() {
     let module = package.module();
     let one = module.split("pub mod one {").nth(1).unwrap();
     for said in [
-        "name: \"K\", place: Place::Override { key: \"K\", is_default: false }, ty: ScalarType::F32, low: 0.75, high: 0.75",
+        "name: \"K\", place: NumberPlace::Override { key: \"K\", is_default: false }, ty: ScalarType::F32, low: 0.75, high: 0.75",
         // What follows from them needs not be said, nor what is the default.
-        "name: \"M\", place: Place::Override { key: \"M\", is_default: true }, ty: ScalarType::U32, low: 2.0, high: 2.0",
-        "name: \"FANCY\", place: Place::Override { key: \"FANCY\", is_default: true }",
-        "name: \"N\", place: Place::Override { key: \"7\", is_default: false }",
+        "name: \"M\", place: NumberPlace::Override { key: \"M\", is_default: true }, ty: ScalarType::U32, low: 2.0, high: 2.0",
+        "name: \"FANCY\", place: NumberPlace::Override { key: \"FANCY\", is_default: true }",
+        "name: \"N\", place: NumberPlace::Override { key: \"7\", is_default: false }",
         "CONSTANTS: &[(&str, f64)] = &[(\"K\", 0.75), (\"FANCY\", 0.0), (\"7\", 1.0), (\"M\", 2.0)];",
     ] {
         assert!(one.contains(said), "{said}\n{one}");
@@ -971,7 +971,7 @@ fn nothing_is_told_of_variants_that_nobody_asked_for() {
 fn generated_modules_compile_without_a_warning() {
     let package = Package::new("rustc");
     fs::write(package.0.join("sure.wgsl"), SURE).unwrap();
-    let build = |name: &str, builder: Builder| {
+    let build = |name: &str, builder: BuildConfig| {
         let builder = builder.out_dir(package.0.join("out"));
         builder.build(&[&package.0.join(name)]).unwrap()
     };
@@ -1095,7 +1095,7 @@ fn a_lock_that_no_longer_fits_ships_the_original() {
 #[test]
 fn what_ends_a_build_reads_well() {
     let package = Package::new("errors");
-    let said = |builder: Builder| format!("{:?}", package.build(builder).unwrap_err());
+    let said = |builder: BuildConfig| format!("{:?}", package.build(builder).unwrap_err());
     assert!(said(configure().pass("depth-prepas")).contains("did you mean `depth-prepass`?"));
     assert!(said(configure().variant("Early", ["shadow"])).contains("`Early`"));
     assert!(said(configure().lock(package.0.join("none.lock"))).contains("none.lock"));

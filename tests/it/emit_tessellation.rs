@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use preshade::unstable::emit::{self, ClipSpace, Error, File, PlanFile, Target};
+use preshade::unstable::emit::{self, ClipSpace, EmitError, File, PlanFile, Target};
 use preshade::unstable::passes::pass::Facts;
 use preshade::unstable::passes::plan::Plan;
 use preshade::unstable::recipe::Recipe;
@@ -106,7 +106,7 @@ fn what_was_not_hoisted_is_refused() {
     let refused = |plan: &Plan| {
         let error = emit::emit(plan, &[Target::GlslTess], &emit::Options::default()).unwrap_err();
         match error {
-            Error::Inexpressible { what, remedy, .. } => format!("{what}; {remedy}"),
+            EmitError::Inexpressible { what, remedy, .. } => format!("{what}; {remedy}"),
             other => panic!("{other}"),
         }
     };

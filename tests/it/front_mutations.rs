@@ -81,7 +81,7 @@ fn survives(sources: &[Source]) -> bool {
     );
     for target in Target::GENERAL {
         match emit::emit(&plan, &[target], &emit::Options::default()) {
-            Ok(_) | Err(emit::Error::Inexpressible { .. }) => {}
+            Ok(_) | Err(emit::EmitError::Inexpressible { .. }) => {}
             Err(e) => {
                 let texts: Vec<&str> = sources.iter().map(|s| s.text.as_str()).collect();
                 panic!("{e}\n{}", texts.join("\n----\n"));

@@ -30,5 +30,6 @@ mod scene_mesh;
 mod scene_overdraw;
 mod scene_shaders;
 mod scene_synthesise;
+mod shared_binding;
 mod snapshots;
 mod validate;

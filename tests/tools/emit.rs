@@ -371,7 +371,7 @@ fn what_a_target_cannot_say_is_told_with_a_remedy() {
     for target in [Target::Glsl450, Target::GlslEs300] {
         let error = emit::emit(&plan, &[target], &emit::Options::default()).unwrap_err();
         assert!(
-            matches!(error, emit::Error::Inexpressible { .. }),
+            matches!(error, emit::EmitError::Inexpressible { .. }),
             "{error}"
         );
         insta::assert_snapshot!(format!("depth_{target}"), error.to_string());
@@ -611,7 +611,10 @@ fn a_broken_plan_is_told_as_our_bug() {
     let mut plan = three_passes();
     plan.passes[0].vertex = "nowhere".to_owned();
     let error = emit::emit(&plan, &[Target::Wgsl], &emit::Options::default()).unwrap_err();
-    assert!(matches!(error, emit::Error::BrokenPlan { .. }), "{error}");
+    assert!(
+        matches!(error, emit::EmitError::BrokenPlan { .. }),
+        "{error}"
+    );
 }
 
 #[test]
@@ -619,7 +622,10 @@ fn a_pass_without_its_program_is_told_as_our_bug() {
     let mut plan = three_passes();
     plan.passes[0].program = "nothing".to_owned();
     let error = emit::emit(&plan, &[Target::Wgsl], &emit::Options::default()).unwrap_err();
-    assert!(matches!(error, emit::Error::BrokenPlan { .. }), "{error}");
+    assert!(
+        matches!(error, emit::EmitError::BrokenPlan { .. }),
+        "{error}"
+    );
 }
 
 #[test]

@@ -35,7 +35,7 @@ fn fixture(name: &str) -> Plan {
     original(name, &sources)
 }
 
-fn emitted(plan: &Plan) -> Result<Vec<File>, emit::Error> {
+fn emitted(plan: &Plan) -> Result<Vec<File>, emit::EmitError> {
     emit::emit(plan, &[Target::GlslEs100], &emit::Options::default())
 }
 
@@ -93,7 +93,7 @@ fn fixtures_are_accepted_or_refused_by_name() {
             }
             match emitted(&original(&name, &sources)) {
                 Ok(files) => sets.push((name, files)),
-                Err(emit::Error::Inexpressible { what, .. }) => {
+                Err(emit::EmitError::Inexpressible { what, .. }) => {
                     refused.insert(name, what);
                 }
                 Err(e) => panic!("{name}: {e}"),
@@ -260,7 +260,7 @@ fn what_the_language_lacks_is_named() {
             Source::new("a.frag", fragment),
         ];
         match emitted(&original("a", &sources)) {
-            Err(emit::Error::Inexpressible { what, .. }) => what,
+            Err(emit::EmitError::Inexpressible { what, .. }) => what,
             Err(e) => panic!("{body}: {e}"),
             Ok(files) => panic!("{body} is written:\n{}", text(&files, "frag")),
         }

@@ -106,7 +106,7 @@ fn emit_all(name: &str, parsed: &Parsed) -> Vec<File> {
     for target in Target::GENERAL {
         match emit::emit(&plan, &[target], &emit::Options::default()) {
             Ok(mut emitted) => files.append(&mut emitted),
-            Err(e @ emit::Error::Inexpressible { .. })
+            Err(e @ emit::EmitError::Inexpressible { .. })
                 if matches!(target, Target::Glsl450 | Target::GlslEs300) =>
             {
                 eprintln!("{name}: {e}");

@@ -36,7 +36,7 @@ fn emitted_for(name: &str, vertex: &str, fragment: &str, targets: &[Target]) -> 
         match emit::emit(&plan, &[*target], &emit::Options::default()) {
             Ok(emitted) => files.extend(emitted),
             // GLSL ES 3.00 has none of them.
-            Err(emit::Error::Inexpressible { what, .. })
+            Err(emit::EmitError::Inexpressible { what, .. })
                 if [
                     "arrays of arrays",
                     "textureGather",

@@ -17,3 +17,4 @@ mod example;
 mod fixtures_emit;
 mod glsl_layout;
 mod glsl_names;
+mod lacks;

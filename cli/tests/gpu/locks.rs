@@ -49,7 +49,7 @@ fn a_decision_is_kept_for_builds() {
     let names: Vec<&String> = lock.materials.keys().collect();
     assert_eq!(names, ["leaves", "stone"]);
     assert!(lock.materials["stone"].measured.is_some());
-    let build = |builder: preshade::build_script::Builder| {
+    let build = |builder: preshade::build_script::BuildConfig| {
         let builder = builder.name("stone").out_dir(tree.join("out"));
         builder
             .build(&[&tree.join("shaders/textured.wgsl")])

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use crate::core::budget::Difference;
 use crate::core::contract::Assumption;
 use crate::core::plan::{Plan, Role};
-use crate::core::program::{Location, SourceMap};
+use crate::core::program::{Location, Program, SourceMap};
 use crate::core::rasterizer::Rasterizer;
 use crate::core::refusals::{self, RefusalInfo};
 
@@ -665,7 +665,8 @@ impl<P: Pass + 'static> AnyPass for Erased<P> {
                 format!("see `preshade passes {}`", P::INFO.name),
             )]
         })?;
-        let mut outcome = P::run(plan, facts, &params)?;
+        let mut outcome =
+            P::run(plan, facts, &params).map_err(|refused| shared_binding(refused, plan))?;
         let plan = &mut outcome.plan;
         plan.contract.base_budgets_on(facts.evidence());
         for step in &mut plan.steps {
@@ -673,4 +674,47 @@ impl<P: Pass + 'static> AnyPass for Erased<P> {
         }
         Ok(outcome)
     }
+}
+
+/// Names the cause if a variant is invalid because one stage has both variables of a binding.
+fn shared_binding(mut refused: Refused, plan: &Plan) -> Refused {
+    // naga's words for it.
+    let collides = |r: &Refusal| {
+        r.code == refusals::INTERNAL.code && r.reason.contains("conflict with other resource")
+    };
+    let shared = || {
+        plan.programs
+            .values()
+            .find_map(|p| two_at_one_binding(p.module()))
+    };
+    for refusal in refused.refusals.iter_mut().filter(|r| collides(r)) {
+        if let Some((span, reason)) = shared() {
+            let remedy = refusals::SHARED_BINDING.remedy;
+            let named = Refusal::new(&refusal.pass, &refusals::SHARED_BINDING, reason, remedy);
+            let mut sources = plan.programs.values().map(Program::sources);
+            *refusal = match sources.next() {
+                Some(sources) => named.at(sources, span),
+                None => named,
+            };
+        }
+    }
+    refused
+}
+
+/// The second of two variables at one binding, and both in words.
+fn two_at_one_binding(module: &naga::Module) -> Option<(naga::Span, String)> {
+    let globals = || module.global_variables.iter();
+    globals().find_map(|(handle, global)| {
+        let at = global.binding?;
+        let (_, first) = globals().find(|(h, g)| *h < handle && g.binding == Some(at))?;
+        let name = |g: &naga::GlobalVariable| g.name.clone().unwrap_or_default();
+        let reason = format!(
+            "`{}` and `{}` both have group {} binding {}, so no stage can use both",
+            name(first),
+            name(global),
+            at.group,
+            at.binding
+        );
+        Some((module.global_variables.get_span(handle), reason))
+    })
 }

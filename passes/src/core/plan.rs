@@ -266,7 +266,8 @@ pub struct BindingUse {
     pub group: u32,
     /// `@binding`.
     pub binding: u32,
-    /// The variable's name in the emitted module.
+    /// The variable's name in the emitted module. If each stage has a variable of its own here, the
+    /// larger one's.
     pub name: String,
     /// The kind of its resource.
     pub kind: BindingKind,

@@ -197,8 +197,38 @@ fn binding_layout(
     })
 }
 
+fn buffer_size(binding: &BindingUse) -> u64 {
+    match &binding.layout {
+        Some(BindingLayout::Buffer {
+            min_binding_size, ..
+        }) => *min_binding_size,
+        _ => 0,
+    }
+}
+
+/// Two bindings at one number that no bind group layout serves, one of each stage.
+pub fn conflict(
+    program: &Program,
+    [first, second]: [(ShaderStage, &str); 2],
+) -> Option<[BindingUse; 2]> {
+    let needs = |b: &BindingUse| match &b.layout {
+        Some(BindingLayout::Buffer { ty, .. }) => Some(BindingLayout::Buffer {
+            ty: ty.clone(),
+            min_binding_size: 0,
+        }),
+        other => other.clone(),
+    };
+    let others = bindings(program, &[second], &[]);
+    bindings(program, &[first], &[]).into_iter().find_map(|b| {
+        let mut others = others.iter();
+        let other = others.find(|o| (o.group, o.binding) == (b.group, b.binding))?;
+        let differ = b.kind != other.kind || needs(&b) != needs(other);
+        differ.then(|| [b, other.clone()])
+    })
+}
+
 /// The bindings of entry points, by group and binding. Those among `known` keep their source;
-/// others are the author's.
+/// others are the author's. If two stages have a variable each at one binding, the larger counts.
 pub fn bindings(
     program: &Program,
     stages: &[(ShaderStage, &str)],
@@ -218,28 +248,32 @@ pub fn bindings(
             if info[handle] == GlobalUse::empty() {
                 continue;
             }
-            let i = match bindings
-                .iter()
-                .position(|b| (b.group, b.binding) == (at.group, at.binding))
-            {
+            let here = |b: &&BindingUse| (b.group, b.binding) == (at.group, at.binding);
+            let source = known.iter().find(here);
+            let source = source.map_or(BindingSource::Author, |b| b.source.clone());
+            let new = BindingUse {
+                group: at.group,
+                binding: at.binding,
+                name: global.name.clone().unwrap_or_default(),
+                kind,
+                visibility: Visibility::default(),
+                layout: binding_layout(module, global, &source),
+                source,
+            };
+            let i = match bindings.iter().position(|b| here(&b)) {
                 Some(i) => i,
                 None => {
-                    let source = known
-                        .iter()
-                        .find(|b| (b.group, b.binding) == (at.group, at.binding))
-                        .map_or(BindingSource::Author, |b| b.source.clone());
-                    bindings.push(BindingUse {
-                        group: at.group,
-                        binding: at.binding,
-                        name: global.name.clone().unwrap_or_default(),
-                        kind,
-                        visibility: Visibility::default(),
-                        layout: binding_layout(module, global, &source),
-                        source,
-                    });
+                    bindings.push(new.clone());
                     bindings.len() - 1
                 }
             };
+            // Each stage may have a variable of its own. The buffer must be large enough for both.
+            if buffer_size(&new) > buffer_size(&bindings[i]) {
+                bindings[i] = BindingUse {
+                    visibility: bindings[i].visibility,
+                    ..new
+                };
+            }
             match stage {
                 ShaderStage::Vertex => bindings[i].visibility.vertex = true,
                 ShaderStage::Fragment => bindings[i].visibility.fragment = true,

@@ -1,6 +1,6 @@
 // The self-test of a variant.
 
-use super::{Attachment, Color, Depth, Ops, Pass, Phase, PipelineOptions, Unfit};
+use super::{Attachment, Color, DepthUse, Ops, Pass, Phase, PipelineOptions, Unfit};
 
 /// Draws that a host runs when it loads a variant, because some guarantees depend on the driver. If
 /// the test fails, draw `original` instead.
@@ -297,7 +297,7 @@ impl Recorded {
             })
             .collect();
         let has_stencil = own.stencil_ops.map(|_| ops);
-        let depth = Depth {
+        let depth = DepthUse {
             read_only: false,
             clear: test.clear,
             ops,

@@ -461,11 +461,7 @@ impl Authored {
         let located = |io: &[reflect::Io]| -> Vec<(u32, String)> {
             let mut all = Vec::new();
             for io in io {
-                if let Some(Binding::Location {
-                    location,
-                    blend_src: None,
-                    ..
-                }) = io.binding
+                if let Some(location) = naga_location(io)
                     && all.iter().all(|(l, _)| *l != location)
                 {
                     let name = io.name.clone().unwrap_or_default();
@@ -769,6 +765,19 @@ fn first_unit(declared: &Declared, uniform: &Declaration) -> Option<u32> {
         (Declares::Sampler(_), Declares::Array(..))
     )
     .then_some(numbered.number)
+}
+
+/// The number in naga's name for an input or output with a location. The second output of dual
+/// source blending has its index there.
+pub(super) fn naga_location(io: &reflect::Io) -> Option<u32> {
+    match io.binding {
+        Some(Binding::Location {
+            blend_src: Some(index),
+            ..
+        }) => Some(index),
+        Some(Binding::Location { location, .. }) => Some(location),
+        _ => None,
+    }
 }
 
 /// Suffixes of an input with several locations: matrix columns or array elements.

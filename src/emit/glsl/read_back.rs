@@ -10,25 +10,46 @@ use naga::{
 use preshade_passes::declared::{Declared, Type as Declares};
 use preshade_passes::reflect::{self, Io};
 
-use super::author::{Authored, Word};
+use super::author::{self, Authored, Word};
+use crate::emit::ReadBack;
 use crate::emit::plan_json::StageFile;
 use crate::front::{self, Code, Color};
 use crate::wgsl::text;
 use crate::wgsl::varying::Varying;
 
-/// The first difference between the text and its stage.
-pub(super) fn difference(
+/// Names of GLSL that our front end lacks. A `*` at the end is any rest.
+const UNREAD: &[&str] = &[
+    "atomic*",
+    "imageAtomic*",
+    "subgroup*",
+    "frexp",
+    "textureGatherOffset",
+    "gl_SampleMask",
+    "gl_SampleMaskIn",
+    "gl_ClipDistance",
+    "gl_BaryCoordEXT",
+    "gl_BaryCoordNoPerspEXT",
+];
+
+/// Compares the text with its stage.
+pub(super) fn read_back(
     authored: &Authored,
     text: &str,
     stage_file: &StageFile,
     stage: ShaderStage,
     entry: &str,
-) -> Option<String> {
+) -> ReadBack {
     let (module, declared) = match front::glsl_stage(&stage_file.file, text, stage) {
         Ok(read) => read,
-        // The front end has no atomics, so such a stage is not compared.
-        Err(e) if e.code() == Code::Unsupported && has_atomics(text) => return None,
-        Err(e) => return Some(format!("it does not parse: {}", e.render(Color::Never))),
+        Err(e) => {
+            return match unread(text) {
+                Some(word) if e.code() != Code::Panic => match lost(text, stage_file) {
+                    None => ReadBack::Unread(format!("`{word}`")),
+                    Some(name) => ReadBack::Differs(format!("`{name}` is lost")),
+                },
+                _ => ReadBack::Differs(format!("it does not parse: {}", e.render(Color::Never))),
+            };
+        }
     };
     // In ES 1.00 an output only has an index: `gl_FragData[1]`.
     let outputs = match text.starts_with("#version 100") {
@@ -37,27 +58,37 @@ pub(super) fn difference(
     };
     let valid = Validator::new(ValidationFlags::all(), Capabilities::all()).validate(&module);
     if let Err(invalid) = valid {
-        return Some(format!("it is not valid: {invalid}"));
+        return ReadBack::Differs(format!("it is not valid: {invalid}"));
     }
+    let interface = || {
+        let entry = (stage, entry);
+        interface(authored, stage_file, &module, &declared, entry, outputs)
+    };
     uniforms(authored, stage_file, &declared)
         .or_else(|| blocks(authored, stage_file, &module, &declared, stage, entry))
-        .or_else(|| {
-            interface(
-                authored,
-                stage_file,
-                &module,
-                &declared,
-                (stage, entry),
-                outputs,
-            )
-        })
+        .or_else(interface)
+        .map_or(ReadBack::Same, ReadBack::Differs)
 }
 
-fn has_atomics(text: &str) -> bool {
-    text::tokens(text).any(|(_, range)| {
-        let word = &text[range];
-        word.starts_with("atomic") || word.starts_with("imageAtomic")
+/// The first word of the text that our front end lacks.
+fn unread(text: &str) -> Option<&str> {
+    let mut words = text::tokens(text).map(|(_, range)| &text[range]);
+    words.find(|word| {
+        UNREAD.iter().any(|name| match name.strip_suffix('*') {
+            Some(stem) => word.starts_with(stem),
+            None => word == name,
+        })
     })
+}
+
+/// A name that `plan.json` has and the text lacks.
+fn lost<'a>(text: &str, stage_file: &'a StageFile) -> Option<&'a str> {
+    let words: BTreeSet<&str> = text::tokens(text).map(|(_, range)| &text[range]).collect();
+    let textures = stage_file.textures.iter().map(|t| t.name.as_str());
+    let names = textures.chain(stage_file.blocks.iter().map(|b| b.block.as_str()));
+    let names = names.chain(stage_file.uniforms.iter().map(|u| u.name.as_str()));
+    let mut names = names.chain(stage_file.attributes.iter().map(|a| a.name.as_str()));
+    names.find(|name| !words.contains(name.split(['.', '[']).next().unwrap_or(name)))
 }
 
 /// The uniform that naga adds to `gl_InstanceID`, which in GLSL starts at 0 for each draw. It is 0
@@ -332,7 +363,7 @@ fn interface(
         |outputs: bool| outputs && stage == ShaderStage::Fragment && told == Outputs::Numbered;
     let named = |io: &Io| stem(io.name.as_deref().unwrap_or_default());
     let written = |io: &Io, outputs: bool| {
-        let Some(Binding::Location { location, .. }) = io.binding else {
+        let Some(location) = author::naga_location(io) else {
             return String::new();
         };
         let side = match (stage, outputs) {

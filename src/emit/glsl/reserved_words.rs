@@ -31,7 +31,8 @@ pub(super) fn is_keyword(word: &str) -> bool {
     word.starts_with("gl_") || KEYWORDS.split_whitespace().any(|w| w == word) || is_type(word)
 }
 
-/// Whether the word has the form of a vector, matrix, sampler or image type.
+/// Whether the word has the form of a vector, matrix, sampler, image or texture type. Textures are
+/// types in Vulkan's GLSL alone, which our front end reads.
 fn is_type(word: &str) -> bool {
     let digits =
         |rest: &str| !rest.is_empty() && rest.bytes().all(|b| b.is_ascii_digit() || b == b'x');
@@ -53,7 +54,7 @@ fn is_type(word: &str) -> bool {
     let is_plain = |plain: &str| {
         let after = |stem: &str| plain.strip_prefix(stem);
         ["vec", "mat"].iter().any(|s| after(s).is_some_and(digits))
-            || ["sampler", "image"]
+            || ["sampler", "image", "texture"]
                 .iter()
                 .any(|s| after(s).is_some_and(opaque))
     };

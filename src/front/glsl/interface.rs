@@ -7,11 +7,14 @@
 //! The author's locations are kept. Varyings are matched by name, or by location if both stages
 //! have one.
 
+mod bindings;
+
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 use naga::{Module, ShaderStage, Span, TypeInner};
 
-use super::stage::{GlslStage, Variable, unsupported};
+use self::bindings::explicit;
+use super::stage::{GlslStage, Qualifiers, Variable, unsupported};
 use super::ty::{GlslMember, Rules, Struct, Ty};
 use crate::front::error::{Code, Error};
 
@@ -132,10 +135,7 @@ impl Interface {
         let [first, second] = stages else {
             return Ok(());
         };
-        let slot = |q: &super::stage::Qualifiers| {
-            Some((q.number("set").unwrap_or(0), q.number("binding")?))
-        };
-        let differ = |a: &super::stage::Qualifiers, b: &super::stage::Qualifiers| matches!((slot(a), slot(b)), (Some(a), Some(b)) if a != b);
+        let differ = |a: &Qualifiers, b: &Qualifiers| matches!((explicit(a), explicit(b)), (Some(a), Some(b)) if a != b);
         for block in &mut second.blocks {
             let other = first.blocks.iter().find(|b| b.name == block.name);
             if other.is_some_and(|other| differ(&other.qualifiers, &block.qualifiers)) {
@@ -247,147 +247,6 @@ impl Interface {
         Ok(())
     }
 
-    fn bindings(&mut self, stages: &[GlslStage<'_>]) -> Result<(), Error> {
-        let mut taken: HashSet<BindingSlot> = HashSet::new();
-        // The author's bindings take precedence.
-        let explicit = |v: &super::stage::Qualifiers| {
-            let binding = v.number("binding")?;
-            Some((v.number("set").unwrap_or(0), binding))
-        };
-        // One resource per slot: the same name in both stages, or the same binding and kind.
-        let mut kinds: HashMap<BindingSlot, (usize, String)> = HashMap::new();
-        let mut claim = |stage: usize,
-                         kind: &str,
-                         slot: Option<BindingSlot>,
-                         taken: &mut HashSet<BindingSlot>| {
-            let slot = slot?;
-            match kinds.get(&slot) {
-                None => {
-                    kinds.insert(slot, (stage, kind.to_owned()));
-                    taken.insert(slot);
-                    Some(slot)
-                }
-                Some((other, of)) if *other != stage && of == kind => Some(slot),
-                Some(_) => None,
-            }
-        };
-        let mut waiting: Vec<(Waiting, u32)> = Vec::new();
-        for (at, stage) in stages.iter().enumerate() {
-            for block in &stage.blocks {
-                if block.qualifiers.says("push_constant") || self.blocks.contains_key(&block.name) {
-                    continue;
-                }
-                let set = block.qualifiers.number("set").unwrap_or(0);
-                // OpenGL numbers uniform and storage blocks separately.
-                let kind = match block.qualifiers.storage {
-                    Some(super::stage::Storage::Buffer) => "storage block",
-                    _ => "uniform block",
-                };
-                match claim(at, kind, explicit(&block.qualifiers), &mut taken) {
-                    Some(slot) => {
-                        self.blocks.insert(block.name.clone(), slot);
-                    }
-                    None => waiting.push((Waiting::Block(block.name.clone()), set)),
-                }
-            }
-            for variable in &stage.opaque {
-                if self.opaque.contains_key(&variable.name) {
-                    continue;
-                }
-                if matches!(variable.ty, Ty::Array(..)) {
-                    return Err(unsupported(
-                        format!(
-                            "`{}` is an array of textures or samplers, which WebGPU cannot bind",
-                            variable.name
-                        ),
-                        variable.place,
-                    ));
-                }
-                let set = variable.qualifiers.number("set").unwrap_or(0);
-                let kind = variable.ty.name();
-                match claim(at, &kind, explicit(&variable.qualifiers), &mut taken) {
-                    Some(slot) => {
-                        self.opaque.insert(variable.name.clone(), slot);
-                    }
-                    None => waiting.push((Waiting::Opaque(variable.name.clone()), set)),
-                }
-            }
-            for variable in &stage.uniforms {
-                let mut found = Vec::new();
-                stage
-                    .structs
-                    .samplers(&variable.ty, &variable.name, &mut found);
-                for (i, (path, combined)) in found.into_iter().enumerate() {
-                    if self.samplers.contains_key(&path) {
-                        continue;
-                    }
-                    refuse_sampler(&combined, variable)?;
-                    let texture = match path == variable.name {
-                        true => path.clone(),
-                        false => {
-                            let flat = flat(&path);
-                            self.fresh(&flat)
-                        }
-                    };
-                    let sampler = self.fresh(&format!("{texture}_sampler"));
-                    let pair = SplitSampler {
-                        combined,
-                        texture,
-                        sampler,
-                    };
-                    // Array elements have consecutive bindings, as in OpenGL.
-                    let slot = explicit(&variable.qualifiers)
-                        .map(|(s, b)| (s, b.saturating_add(i as u32)));
-                    let set = variable.qualifiers.number("set").unwrap_or(0);
-                    let texture = claim(at, &pair.combined, slot, &mut taken);
-                    self.samplers.insert(
-                        path.clone(),
-                        BoundSampler {
-                            pair,
-                            slots: [texture.unwrap_or((u32::MAX, 0)); 2],
-                            number: slot.map(|(_, number)| number),
-                        },
-                    );
-                    waiting.push((Waiting::Sampler(path), set));
-                }
-            }
-        }
-        self.place(waiting, &mut taken);
-        Ok(())
-    }
-
-    /// Gives free bindings to the resources without one of their own, each in its set.
-    fn place(&mut self, waiting: Vec<(Waiting, u32)>, taken: &mut HashSet<BindingSlot>) {
-        let mut next = |set: u32| {
-            let mut slot = (set, 0);
-            while !taken.insert(slot) {
-                slot.1 += 1;
-            }
-            slot
-        };
-        if !self.uniforms.is_empty() {
-            self.uniform_slot = next(0);
-        }
-        for (what, set) in waiting {
-            match what {
-                Waiting::Block(name) => {
-                    self.blocks.entry(name).or_insert_with(|| next(set));
-                }
-                Waiting::Opaque(name) => {
-                    self.opaque.entry(name).or_insert_with(|| next(set));
-                }
-                Waiting::Sampler(path) => {
-                    if let Some(bound) = self.samplers.get_mut(&path) {
-                        if bound.slots[0].0 == u32::MAX {
-                            bound.slots[0] = next(set);
-                        }
-                        bound.slots[1] = next(bound.slots[0].0);
-                    }
-                }
-            }
-        }
-    }
-
     fn attributes(&mut self, stages: &[GlslStage<'_>]) -> Result<(), Error> {
         if let Some(vertex) = stages.iter().find(|s| s.kind == ShaderStage::Vertex) {
             self.inputs[0] = numbered(vertex, &vertex.inputs, HashMap::new())?;
@@ -482,12 +341,6 @@ impl Interface {
         }
         Ok(())
     }
-}
-
-enum Waiting {
-    Block(String),
-    Opaque(String),
-    Sampler(String),
 }
 
 /// Whether a type contains the struct `name`.

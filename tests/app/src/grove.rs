@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use crate::leaf::{self, Attachment, Pass, Phase, PipelineOptions, Source, Unfit};
+use crate::leaf::{self, Attachment, Pass, Phase, PipelineOptions, ResourceSource, Unfit};
 
 /// Leaves, back to front, so that a pre-pass has something to save.
 const LEAVES: usize = 24;
@@ -158,7 +158,7 @@ impl Grove {
                 let views: Vec<Option<wgpu::TextureView>> = bindings
                     .iter()
                     .map(|b| match b.source {
-                        Source::Attachment(name) => attachment(name),
+                        ResourceSource::Attachment(name) => attachment(name),
                         _ => None,
                     })
                     .collect();

@@ -245,7 +245,7 @@ pub fn combination(originals: &[Plan], seed: u64, effort: &Effort) -> Tally {
             Ok(files) => {
                 *tally.files.entry(target.to_string()).or_default() += files.len() as u64;
             }
-            Err(emit::Error::Inexpressible { .. }) => {
+            Err(emit::EmitError::Inexpressible { .. }) => {
                 Tally::count(&mut tally.inexpressible, target);
             }
             Err(error) => wrong(error.to_string()),

@@ -91,10 +91,10 @@ fn parsed(sources: &[Source]) {
 pub fn emitted(plan: &Plan) {
     for target in Target::GENERAL {
         match emit::emit(plan, &[target], &emit::Options::default()) {
-            Ok(_) | Err(emit::Error::Inexpressible { .. }) => {}
+            Ok(_) | Err(emit::EmitError::Inexpressible { .. }) => {}
             // A panic or a refusal of naga's writers is told and nothing is shipped; the fuzzer is
             // after what is ours.
-            Err(emit::Error::Writer { .. }) => {}
+            Err(emit::EmitError::Writer { .. }) => {}
             Err(e) => panic!("{e}"),
         }
     }

@@ -35,7 +35,7 @@ const MOST: i64 = 65_536;
 
 /// How a function uses its variables, by name.
 #[derive(Default)]
-pub(super) struct Known {
+pub(super) struct VariableUses {
     /// The definition of each variable that is never assigned again.
     temporaries: HashMap<String, ast::Expr>,
     /// All assignments of each variable.
@@ -90,7 +90,7 @@ impl Loop {
     }
 }
 
-impl Known {
+impl VariableUses {
     pub(super) fn of(list: &[ast::Statement], functions: &HashMap<String, HashSet<usize>>) -> Self {
         let mut known = Self::default();
         for statement in list {

@@ -12,7 +12,7 @@ use super::{Es100, Result, lacks, types};
 impl Es100 {
     /// Converts a list of statements. `loop_bounds` analyses the whole list for loop counters.
     pub(super) fn statements(&mut self, list: Vec<ast::Statement>) -> Result<Vec<ast::Statement>> {
-        let known = loop_bounds::Known::of(&list, &self.functions);
+        let known = loop_bounds::VariableUses::of(&list, &self.functions);
         self.indices.clear();
         self.block(list, &known)
     }
@@ -20,7 +20,7 @@ impl Es100 {
     fn block(
         &mut self,
         list: Vec<ast::Statement>,
-        known: &loop_bounds::Known,
+        known: &loop_bounds::VariableUses,
     ) -> Result<Vec<ast::Statement>> {
         let mut out = Vec::with_capacity(list.len());
         for statement in list {
@@ -32,7 +32,7 @@ impl Es100 {
     fn one(
         &mut self,
         statement: ast::Statement,
-        known: &loop_bounds::Known,
+        known: &loop_bounds::VariableUses,
     ) -> Result<ast::Statement> {
         let mut list = self.block(vec![statement], known)?;
         Ok(match (list.pop(), list.is_empty()) {
@@ -47,7 +47,7 @@ impl Es100 {
     fn statement(
         &mut self,
         mut statement: ast::Statement,
-        known: &loop_bounds::Known,
+        known: &loop_bounds::VariableUses,
         out: &mut Vec<ast::Statement>,
     ) -> Result<()> {
         match &mut *statement {
@@ -116,7 +116,7 @@ impl Es100 {
     fn turned(
         &mut self,
         mut body: ast::Statement,
-        known: &loop_bounds::Known,
+        known: &loop_bounds::VariableUses,
         ahead: &[ast::Statement],
     ) -> Result<ast::Statement> {
         let Some(counted) = known.loop_of(&body, ahead, self.entered) else {
@@ -145,7 +145,7 @@ impl Es100 {
     }
 
     /// Records whether a temporary only uses constants and loop counters.
-    fn note_index(&mut self, head: &ast::SingleDeclaration, known: &loop_bounds::Known) {
+    fn note_index(&mut self, head: &ast::SingleDeclaration, known: &loop_bounds::VariableUses) {
         let Some(name) = &head.name else { return };
         let index = match head.initializer.as_deref() {
             Some(InitializerData::Simple(value)) if known.is_temporary(name.as_str()) => {
