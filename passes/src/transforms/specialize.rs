@@ -13,7 +13,7 @@
 //! after:   fs(normal): ..                          guard: material.fog_density = 0, material.flags = 0
 //! ```
 //!
-//! AbstractValue values are uniforms that no frame changes, attributes and textures of one value, and
+//! Known values are uniforms that no frame changes, attributes and textures of one value, and
 //! values that you set. Online partial evaluation ([`fold`]) propagates them through the stages as
 //! intervals rounded outwards ([`arithmetic`]), and removes branches that are proved never to be
 //! taken. Then both stages are sliced to their remaining outputs, which removes dead code,
@@ -559,16 +559,13 @@ fn arguments(
 
 /// The abstract value between vertices: interpolating equal values does not return them exactly.
 fn interpolated(known: &AbstractValue) -> AbstractValue {
-    match known {
-        AbstractValue::Parts(parts) => {
-            AbstractValue::Parts(parts.iter().map(interpolated).collect())
-        }
-        AbstractValue::Scalar(Scalar::Number(kind @ naga::ScalarKind::Float, x), sources) => {
-            match Scalar::number(*kind, x.rounded(Accuracy::ulps(64.0))) {
-                Some(scalar) => AbstractValue::Scalar(scalar, known::Sources::clone(sources)),
-                None => AbstractValue::Unknown,
-            }
+    known.clone().map(&|scalar, sources| match scalar {
+        Scalar::Number(kind @ naga::ScalarKind::Float, x) => {
+            let rounded = Scalar::number(kind, x.rounded(Accuracy::ulps(64.0)));
+            rounded.map_or(AbstractValue::Unknown, |s| {
+                AbstractValue::Scalar(s, sources)
+            })
         }
         _ => AbstractValue::Unknown,
-    }
+    })
 }

@@ -625,40 +625,35 @@ fn is_0(known: &AbstractValue) -> bool {
 
 /// The bool that all components equal, if it depends on an assumption.
 fn all_the_same(known: &AbstractValue) -> Option<(bool, Sources)> {
-    match known {
-        AbstractValue::Parts(parts) => {
-            let mut all = parts.iter().map(all_the_same);
-            let (first, mut sources) = all.next()??;
-            for next in all {
-                let (truth, more) = next?;
-                if truth != first {
-                    return None;
-                }
-                sources = super::known::both(&sources, &more);
-            }
-            Some((first, sources))
-        }
-        scalar => scalar
-            .assumed_truth()
-            .map(|(truth, sources)| (truth, Sources::clone(sources))),
-    }
+    common(known, &|component| {
+        let (truth, sources) = component.assumed_truth()?;
+        Some((truth, Sources::clone(sources)))
+    })
 }
 
 /// The assumptions by which all components equal this number exactly.
 fn all_numbers(known: &AbstractValue, value: f64) -> Option<Sources> {
-    match known {
-        AbstractValue::Parts(parts) => {
-            let mut sources = Sources::default();
-            for part in parts {
-                sources = super::known::both(&sources, &all_numbers(part, value)?);
-            }
-            (!parts.is_empty()).then_some(sources)
-        }
-        AbstractValue::Scalar(Scalar::Number(ScalarKind::Float, x), sources)
-            if x.number() == Some(value) =>
-        {
-            Some(Sources::clone(sources))
+    let equal = common(known, &|component| match component.scalar()? {
+        (Scalar::Number(ScalarKind::Float, x), sources) if x.number() == Some(value) => {
+            Some(((), Sources::clone(sources)))
         }
         _ => None,
-    }
+    });
+    Some(equal?.1)
+}
+
+/// What all components have in common, and the assumptions of all.
+fn common<T: PartialEq>(
+    known: &AbstractValue,
+    of: &dyn Fn(&AbstractValue) -> Option<(T, Sources)>,
+) -> Option<(T, Sources)> {
+    let AbstractValue::Parts(parts) = known else {
+        return of(known);
+    };
+    let mut all = parts.iter().map(|part| common(part, of));
+    let first = all.next()??;
+    all.try_fold(first, |(value, sources), next| {
+        let (other, more) = next?;
+        (value == other).then(|| (value, super::known::both(&sources, &more)))
+    })
 }

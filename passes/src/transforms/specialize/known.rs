@@ -172,16 +172,20 @@ impl AbstractValue {
         }
     }
 
+    /// Replaces each scalar.
+    #[must_use]
+    pub fn map(self, change: &dyn Fn(Scalar, Sources) -> Self) -> Self {
+        match self {
+            Self::Unknown => Self::Unknown,
+            Self::Scalar(scalar, sources) => change(scalar, sources),
+            Self::Parts(parts) => Self::Parts(parts.into_iter().map(|p| p.map(change)).collect()),
+        }
+    }
+
     /// The same value with more assumptions.
     #[must_use]
     pub fn resting_on(self, more: &Sources) -> Self {
-        match self {
-            Self::Unknown => Self::Unknown,
-            Self::Scalar(s, sources) => Self::Scalar(s, both(&sources, more)),
-            Self::Parts(parts) => {
-                Self::Parts(parts.into_iter().map(|p| p.resting_on(more)).collect())
-            }
-        }
+        self.map(&|scalar, sources| Self::Scalar(scalar, both(&sources, more)))
     }
 
     /// Whether any part depends on an assumption.
@@ -211,18 +215,11 @@ impl AbstractValue {
     /// Without bools and integers that depend on [`FINITE`].
     #[must_use]
     pub fn undecided_by_finite(self) -> Self {
-        match self {
-            Self::Scalar(s, sources)
-                if !matches!(s, Scalar::Number(ScalarKind::Float, _))
-                    && sources.contains(&FINITE) =>
-            {
-                Self::Unknown
-            }
-            Self::Parts(parts) => {
-                Self::Parts(parts.into_iter().map(Self::undecided_by_finite).collect())
-            }
-            other => other,
-        }
+        self.map(&|scalar, sources| match scalar {
+            Scalar::Number(ScalarKind::Float, _) => Self::Scalar(scalar, sources),
+            _ if sources.contains(&FINITE) => Self::Unknown,
+            _ => Self::Scalar(scalar, sources),
+        })
     }
 
     /// Without parts that depend on no assumption.
