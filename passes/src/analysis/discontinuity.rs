@@ -21,7 +21,7 @@ use crate::analysis::values::{Node, ValueId, Values};
 pub(crate) enum Discontinuity {
     /// The value itself has a discontinuity, of this operation.
     Own(&'static str),
-    /// This periodic operation uses the value: a small error of the value becomes a full step there.
+    /// This periodic operation uses the value: a small error becomes a full step there.
     Amplified(&'static str),
 }
 

@@ -58,7 +58,7 @@ fn what_may_overflow_stays_and_says_what_is_assumed() {
     ] {
         let reason = stays(body, Vec::new()).unwrap_or_else(|| panic!("{body} travels"));
         assert!(
-            reason.starts_with(&format!("`{operation}` may pass")),
+            reason.starts_with(&format!("`{operation}` may overflow")),
             "{reason}"
         );
         assert!(reason.contains("2^20"), "{reason}");

@@ -226,7 +226,7 @@ fn what_cannot_go_is_told() {
     };
     stays(
         "let x = level(a, uv); return x * (u.w.x * x.r) + u.w;",
-        "read elsewhere",
+        "another use",
     );
     stays("return implicit(uv) * u.w.x + u.w;", "implicit level");
     stays(
