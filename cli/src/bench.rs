@@ -383,6 +383,7 @@ fn layers(
 ) -> Scene {
     Scene {
         files: Vec::new(),
+        is_made_up: false,
         name: "handwritten".to_owned(),
         size,
         viewport: None,

@@ -18,7 +18,9 @@ use preshade::unstable::search::explore::{self, Journal, Settings};
 
 use crate::input::ShaderArgs;
 use crate::variants::VariantArgs;
-use crate::verify::{FormArg, OrderArg, check_folder, command, grouped, guesses, parse_seconds};
+use crate::verify::{
+    FormArg, OrderArg, check_budget, check_folder, command, grouped, guesses, parse_seconds,
+};
 use crate::view::ViewArgs;
 use crate::{Ending, Failure, Table, many, output};
 
@@ -144,6 +146,7 @@ fn one(args: &ExploreArgs, shader: &ShaderArgs, out: Option<&Path>) -> Result<En
     if let Some(order) = args.order {
         scene.orders = vec![DrawOrder::from(order)];
     }
+    check_budget(&scene, args.budget)?;
     if !shader.is_scene()
         && let Some(note) = guesses(&scene)
     {

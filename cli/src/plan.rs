@@ -30,7 +30,7 @@ use crate::lock::{self, Locks};
 use crate::many;
 use crate::output::{self, ProgressLine};
 use crate::rewrite::check_name;
-use crate::verify::{OrderArg, check_folder, guesses, parse_frames, parse_seconds};
+use crate::verify::{OrderArg, check_budget, check_folder, guesses, parse_frames, parse_seconds};
 use crate::view::ViewArgs;
 use crate::{Ending, Failure, Table};
 
@@ -253,6 +253,16 @@ fn one(
         p.so_far.into_iter().for_each(&mut *keep);
     })?;
     bar.finish_and_clear();
+    let planned = Planned {
+        session: &session,
+        facts: &facts,
+        decision: &decision,
+    };
+    for variant in planned.variants()? {
+        for removed in variant.plans.iter().filter_map(measure::removed_discard) {
+            output::message(&removed);
+        }
+    }
     let json = decision.to_json()?;
     let printed = match args.format {
         Table::Human => output::table(&report::decision::render(&decision)),
@@ -261,11 +271,6 @@ fn one(
     };
     let written = || -> Result<(), Failure> {
         let Some(dir) = out else { return Ok(()) };
-        let planned = Planned {
-            session: &session,
-            facts: &facts,
-            decision: &decision,
-        };
         let page = planned.page(&effects)?;
         planned.write(dir, json, page)
     };
@@ -433,7 +438,11 @@ fn prepare(
 ) -> Result<(Vec<Recipe>, Facts), Failure> {
     bar.set_message("looking for depth ties");
     let mut facts = measure::facts(session)?;
-    let recipes = decide::recipes(args.budget)?;
+    let mut recipes = decide::recipes(args.budget)?;
+    if session.scene().is_made_up {
+        // Errors measured with made-up values choose nothing.
+        recipes.retain(|recipe| !measure::leaves_a_choice(recipe));
+    }
     if !recipes.iter().any(measure::leaves_a_choice) {
         return Ok((recipes, facts));
     }
@@ -492,6 +501,7 @@ fn scene(args: &PlanArgs, path: &Path) -> Result<Scene, Failure> {
             made_up
         }
     };
+    check_budget(&scene, args.budget)?;
     scene = args.view.of(scene)?;
     if !args.order.is_empty() {
         scene.orders = args.order.iter().map(|o| DrawOrder::from(*o)).collect();

@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 use std::time::Instant;
 
 use preshade::unstable::emit::{self, File, PlanFile, Target};
-use preshade::unstable::measure::validate_on;
+use preshade::unstable::measure::{self, validate_on};
 use preshade::unstable::passes::pass::{AnyPass, Facts, Refusal};
 use preshade::unstable::passes::plan::Plan;
 use preshade::unstable::passes::validate::{Check, Effort, Verdict, validate};
@@ -391,6 +391,10 @@ fn make(
     }
     let applied = apply(&materials, recipe, args, &mut made.times);
     made.read = materials.files;
+    let removed = applied
+        .iter()
+        .filter_map(|(plan, ..)| measure::removed_discard(plan));
+    made.messages.extend(removed);
     for (original, (plan, messages, refusals)) in materials.asked.iter().zip(applied) {
         if original.passes.iter().all(|p| p.fragment.is_none()) {
             made.messages.push(format!(

@@ -171,6 +171,7 @@ pub fn run(args: &VerifyArgs) -> Result<Ending, Failure> {
         Some(axis) => axis.at(axis.values.first().copied().unwrap_or(1)),
     };
     let first = grouped(scene(args, &first)?, &sweeps)?;
+    check_budget(&first, args.budget)?;
     let shared = args.share.as_deref().and_then(Path::parent);
     for dir in args.out.as_deref().into_iter().chain(shared) {
         check_folder(dir)?;
@@ -328,6 +329,10 @@ fn told(
     // Printed before it is written: a full disk must not lose the measurements.
     let json = outcome.report.to_json()?;
     let is_worker = worker::mine().is_some();
+    let plans = variants.iter().flat_map(|v| &v.plans);
+    for removed in plans.filter_map(measure::removed_discard) {
+        output::message(&removed);
+    }
     let printed = match args.format {
         _ if is_worker => output::data(&json),
         Table::Human => output::table(&report::table::render(
@@ -432,6 +437,11 @@ fn measured(
         .iter()
         .map(|r| measure::variant(session.originals(), r, &facts))
         .collect();
+    // A made-up scene shows no time worth waiting for: its views share the seconds of one.
+    let views = match session.scene().is_made_up {
+        true => session.scene().orders.len().max(1),
+        false => 1,
+    };
     let settings = Settings {
         timed: match args.time {
             TimeArg::No => Timed::No,
@@ -440,7 +450,7 @@ fn measured(
             TimeArg::Everything => Timed::Everything,
         },
         timing: TimingSettings {
-            budget: Duration::from_secs_f64(args.seconds),
+            budget: Duration::from_secs_f64(args.seconds / views as f64),
             ..TimingSettings::default()
         },
         frames_per_camera: args.frames,
@@ -552,6 +562,18 @@ pub fn check_folder(dir: &Path) -> Result<(), Failure> {
                 there.display()
             ))
         })
+}
+
+/// Refuses a choice within an error budget if the scene's values are made up.
+pub fn check_budget(scene: &Scene, budget: Option<Budget>) -> Result<(), Failure> {
+    match (scene.is_made_up, budget) {
+        (true, Some(_)) => Err(Failure(
+            "error: --budget chooses by measured errors, and preshade made up the values of a bare \
+             shader: give a scene (docs/reference/scenes.md)"
+                .to_owned(),
+        )),
+        _ => Ok(()),
+    }
 }
 
 /// The guessed inputs of a synthesised scene.

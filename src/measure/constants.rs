@@ -23,7 +23,7 @@ pub struct Looked<'s> {
 
 /// Scalars that are constant, each with its bounds over the draws of the material: scalars of
 /// uniforms that follow neither camera nor time, and vertex attributes and textures with one value
-/// everywhere.
+/// everywhere. Values that preshade made up are left out.
 ///
 /// # Errors
 ///
@@ -177,7 +177,11 @@ fn uniforms(material: &Material, bound: &DrawBindings, changing: &[Changing]) ->
                 .buffers
                 .iter()
                 .find(|b| (b.group, b.binding) == (group, binding))?;
-            let bytes = buffer.data.bytes.get(scalar.offset as usize..)?;
+            let at = scalar.offset as usize;
+            if buffer.is_invented(&(at..at + 4)) {
+                return None;
+            }
+            let bytes = buffer.data.bytes.get(at..)?;
             let number = scalar.ty.read(*bytes.first_chunk::<4>()?);
             number.is_finite().then(|| Assumed {
                 place: scalar.place(),
@@ -193,7 +197,7 @@ fn uniforms(material: &Material, bound: &DrawBindings, changing: &[Changing]) ->
 fn attributes(pass: &GpuPass, bound: &DrawBindings) -> Vec<Assumed> {
     let mut found = Vec::new();
     for buffer in &bound.vertex_buffers {
-        for attribute in &buffer.attributes {
+        for attribute in buffer.attributes.iter().filter(|a| !a.is_invented) {
             let Some(used) = pass
                 .attributes
                 .iter()
@@ -241,7 +245,7 @@ fn attributes(pass: &GpuPass, bound: &DrawBindings) -> Vec<Assumed> {
 /// Channels of textures that are the same in every texel.
 fn textures(pass: &GpuPass, bound: &DrawBindings) -> Vec<Assumed> {
     let mut found = Vec::new();
-    for texture in &bound.textures {
+    for texture in bound.textures.iter().filter(|t| !t.is_invented) {
         let TextureContent::Image(image) = &texture.content else {
             continue;
         };

@@ -55,7 +55,9 @@ pub use on_adapter::validate_on;
 pub use ranges::ranges;
 pub use rasterizer::rasterizer;
 pub use session::Session;
-pub use shading::{CountProgram, Counter, Discarded, Shading, ShadingSummary, facts};
+pub use shading::{
+    CountProgram, Counter, Discarded, Shading, ShadingSummary, facts, removed_discard,
+};
 pub use shadow::ShadowReport;
 pub use subject::Subject;
 pub use timing::{
@@ -89,8 +91,12 @@ impl Error {
     }
 }
 
-/// The facts that a scene's files give without drawing. Values that do not fit are skipped.
+/// The facts that a scene's files give without drawing. Values that do not fit are skipped. A
+/// made-up scene gives none: a variant of a bare shader must hold for all values.
 pub fn known(scene: &crate::scene::Scene) -> preshade_passes::pass::Facts {
+    if scene.is_made_up {
+        return preshade_passes::pass::Facts::default();
+    }
     let changing = changing(scene).ok();
     let constants = changing
         .clone()

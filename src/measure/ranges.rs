@@ -16,7 +16,9 @@ use preshade_passes::reflect;
 use super::originals;
 use super::vertices::{self, Vertices};
 use crate::scene::bind::{self, DrawBindings};
-use crate::scene::{Draw, Error, Frame, Scene};
+use crate::scene::flow::StageFlow;
+use crate::scene::{Draw, Error, Frame, Material, Scene};
+use preshade_passes::graph::Graph;
 
 /// Steps of the interpreter over all vertices of a material.
 pub const MOST_STEPS: u64 = 400_000;
@@ -26,7 +28,8 @@ const LEAST_VERTICES: u64 = 500;
 const DEAREST: u64 = 8;
 
 /// The ranges of every varying and constant of the draw. If the vertex stage cannot be run, its
-/// varyings have no bounds.
+/// varyings have no bounds. Values that preshade made up, and varyings that depend on one, have
+/// none either.
 ///
 /// # Errors
 ///
@@ -48,6 +51,7 @@ pub fn ranges(scene: &Scene) -> Result<Vec<SourceRange>, Error> {
         let mut ends = Ends::default();
         let most = MOST_STEPS / draws.len().max(1) as u64;
         let mut seen = Coverage::All;
+        let mut unknown = BTreeSet::new();
         for draw in draws {
             let mut before = BTreeMap::new();
             let mut stage = None;
@@ -69,6 +73,9 @@ pub fn ranges(scene: &Scene) -> Result<Vec<SourceRange>, Error> {
                     }
                 };
                 ends.add_buffers(module, bound, &mut before);
+                if i == 0 {
+                    unknown.extend(invented(material, entry, bound));
+                }
                 let is_seen = match &stage {
                     None => true,
                     Some(Ok(Sample { every, .. })) => i.is_multiple_of(*every),
@@ -104,6 +111,8 @@ pub fn ranges(scene: &Scene) -> Result<Vec<SourceRange>, Error> {
         }
         let outputs = reflect::outputs(module, &point.function);
         ends.settle(seen, outputs.iter().filter_map(|o| o.binding.as_ref()));
+        let unbounded = unknown.into_iter().map(|source| (source, ANYTHING));
+        ends.0.extend(unbounded);
         found.extend(ends.0.into_iter().map(|(source, [low, high])| SourceRange {
             material: material.name.clone(),
             source,
@@ -294,6 +303,95 @@ impl Ends {
                 (*low, *high) = ((*low - more).max(f32::MIN), (*high + more).min(f32::MAX));
             }
         }
+    }
+}
+
+/// The varyings of a vertex stage, and the buffer members, that depend on a value that preshade
+/// made up.
+fn invented(material: &Material, entry: usize, bound: &DrawBindings) -> BTreeSet<Source> {
+    let module = material.program.module();
+    let attributes = bound.vertex_buffers.iter().flat_map(|b| &b.attributes);
+    let attributes: BTreeSet<u32> = attributes
+        .filter(|a| a.is_invented)
+        .map(|a| a.location)
+        .collect();
+    let mut members: BTreeSet<Source> = BTreeSet::new();
+    for (_, global) in module.global_variables.iter() {
+        let Some(at) = global.binding else { continue };
+        let is_it = |b: &&bind::BufferBinding| (b.group, b.binding) == (at.group, at.binding);
+        let Some(buffer) = bound.buffers.iter().find(is_it) else {
+            continue;
+        };
+        let source = |member| Source::Buffer {
+            group: at.group,
+            binding: at.binding,
+            member,
+        };
+        match &module.types[global.ty].inner {
+            TypeInner::Struct { members: all, .. } => {
+                let ends = all.iter().skip(1).map(|m| m.offset as usize);
+                let ends = ends.chain([buffer.data.bytes.len()]);
+                let invented = all
+                    .iter()
+                    .zip(ends)
+                    .filter(|(m, end)| buffer.is_invented(&(m.offset as usize..*end)));
+                members.extend(invented.map(|(m, _)| source(m.name.clone())));
+            }
+            _ if buffer.invented.is_empty() => {}
+            _ => {
+                members.insert(source(None));
+            }
+        }
+    }
+    if attributes.is_empty() && members.is_empty() {
+        return members;
+    }
+    let graph = Graph::build(&material.program);
+    let outputs = reflect::outputs(module, &module.entry_points[entry].function);
+    let Some(flow) = StageFlow::new(&graph, entry) else {
+        let locations = outputs.iter().filter_map(|o| location(o.binding.as_ref()));
+        members.extend(locations.map(|location| Source::Varying { location }));
+        return members;
+    };
+    let is_invented = |value: usize| {
+        if let Some(input) = flow.input(value) {
+            let io = flow.values.inputs.get(input);
+            let at = io.and_then(|io| location(io.binding.as_ref()));
+            return at.is_some_and(|at| attributes.contains(&at));
+        }
+        let Some(read) = flow.read(value) else {
+            return false;
+        };
+        let global = &module.global_variables[read.global];
+        let Some(at) = global.binding else {
+            return false;
+        };
+        let member = match (&module.types[global.ty].inner, read.members.first()) {
+            (TypeInner::Struct { members, .. }, Some(m)) => members[*m as usize].name.clone(),
+            _ => None,
+        };
+        members.contains(&Source::Buffer {
+            group: at.group,
+            binding: at.binding,
+            member,
+        })
+    };
+    let mut varyings = Vec::new();
+    for (binding, value) in flow.values.outputs() {
+        if let Some(location) = location(binding.as_ref())
+            && flow.behind(value).into_iter().any(is_invented)
+        {
+            varyings.push(Source::Varying { location });
+        }
+    }
+    members.extend(varyings);
+    members
+}
+
+fn location(binding: Option<&naga::Binding>) -> Option<u32> {
+    match binding {
+        Some(naga::Binding::Location { location, .. }) => Some(*location),
+        _ => None,
     }
 }
 

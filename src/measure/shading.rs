@@ -271,14 +271,40 @@ pub fn facts(session: &Session<'_>) -> Result<Facts, Error> {
 
 /// Whether a material's main pass may discard.
 pub(super) fn discards(plan: &Plan) -> bool {
-    let pass = plan.main().and_then(|p| Some((p, plan.program(p)?)));
-    pass.is_some_and(|(pass, program)| {
-        let fragment = pass.fragment.as_deref();
-        let entry = fragment.and_then(|f| program.entry_point(naga::ShaderStage::Fragment, f));
-        entry.is_some_and(|(index, _)| {
-            Graph::build(program).may_discard(FunctionId::EntryPoint(index))
-        })
-    })
+    plan.main().is_some_and(|pass| may_discard(plan, pass))
+}
+
+fn may_discard(plan: &Plan, pass: &GpuPass) -> bool {
+    let Some(program) = plan.program(pass) else {
+        return false;
+    };
+    let fragment = pass.fragment.as_deref();
+    let entry = fragment.and_then(|f| program.entry_point(naga::ShaderStage::Fragment, f));
+    entry.is_some_and(|(index, _)| Graph::build(program).may_discard(FunctionId::EntryPoint(index)))
+}
+
+/// Most values of a guard that a message lists.
+const LISTED: usize = 6;
+
+/// A message for a variant whose guard removed the material's last discard.
+pub fn removed_discard(plan: &Plan) -> Option<String> {
+    let guard = plan.guard.as_ref().filter(|g| !g.values.is_empty())?;
+    let original = plan.original.as_deref()?;
+    if !discards(original) || plan.passes.iter().any(|pass| may_discard(plan, pass)) {
+        return None;
+    }
+    let mut values: Vec<String> = guard.values.iter().map(ToString::to_string).collect();
+    let more = values.len().saturating_sub(LISTED);
+    values.truncate(LISTED);
+    if more > 0 {
+        values.push(format!("{more} more"));
+    }
+    Some(format!(
+        "warning: `{}`: this variant discards no fragment, and the original does. It is right only \
+         for the given values: {}",
+        plan.material,
+        values.join(", ")
+    ))
 }
 
 /// Vertices of the scene's draws per shaded fragment in the first frame of every camera, each index

@@ -8,6 +8,7 @@
 //! Nothing here depends on the plan. Two variants of a material get the same bytes and the same
 //! [`Data::id`]s, so a renderer uploads each once.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use naga::{AddressSpace, ImageClass, ImageDimension, ScalarKind, ShaderStage, TypeInner};
@@ -15,7 +16,7 @@ use preshade_passes::plan::{BindingKind, BindingSource, BindingUse, GpuPass};
 use preshade_passes::state::CompareFunction;
 
 use super::layout::{self, Leaf};
-use super::semantic::{Known, normalise};
+use super::semantic::{SemanticValue, normalise};
 use super::{
     Draw, Error, Frame, Image, Material, Sampler, Scene, Value, material, range, value_path,
 };
@@ -28,9 +29,9 @@ pub(super) use held::uniforms;
 
 pub use guessed::{Guess, Guessed, guessed};
 
-use guessed::Origin;
+use guessed::ValueOrigin;
 use streams::Streams;
-pub(super) use streams::unknown_stream;
+pub(super) use streams::{is_instance_data, known_stream, stream_component, unknown_stream};
 
 /// Bytes and a hash of them. Equal bytes have equal ids, so a renderer needs one GPU buffer for
 /// each id.
@@ -75,6 +76,16 @@ pub struct BufferBinding {
     pub data: Data,
     /// How often it changes.
     pub rate: Rate,
+    /// The bytes that preshade made up, in order.
+    pub invented: Vec<Range<usize>>,
+}
+
+impl BufferBinding {
+    /// Whether preshade made up one of these bytes.
+    pub fn is_invented(&self, bytes: &Range<usize>) -> bool {
+        let overlaps = |r: &Range<usize>| r.start < bytes.end && bytes.start < r.end;
+        self.invented.iter().any(overlaps)
+    }
 }
 
 /// The content of a texture binding.
@@ -113,6 +124,8 @@ pub struct TextureBinding {
     pub sample_type: wgpu::TextureSampleType,
     /// A `texture_multisampled_*`.
     pub multisampled: bool,
+    /// Whether preshade made up the content.
+    pub is_invented: bool,
 }
 
 /// A sampler.
@@ -135,6 +148,8 @@ pub struct VertexAttribute {
     pub format: wgpu::VertexFormat,
     /// Offset in bytes.
     pub offset: u64,
+    /// Whether preshade made up the values.
+    pub is_invented: bool,
 }
 
 /// All attributes of one step mode, interleaved. The buffer holds every attribute of the author's
@@ -242,8 +257,9 @@ pub fn draw(
             }
             BindingKind::Sampler | BindingKind::ComparisonSampler => {}
             BindingKind::Texture | BindingKind::DepthTexture | BindingKind::StorageTexture => {
-                out.textures
-                    .push(texture(material, binding, name, &module.types[ty].inner)?);
+                let mut bound = texture(material, binding, name, &module.types[ty].inner)?;
+                bound.is_invented |= scene.is_made_up;
+                out.textures.push(bound);
             }
             BindingKind::AccelerationStructure => {
                 return Err(Error::new(format!(
@@ -356,9 +372,9 @@ fn runtime_length(
 
 /// Called for each scalar, vector and matrix that the scene does not set, with the origin and the
 /// numbers.
-type Observer<'o> = &'o mut dyn FnMut(&Leaf<'_>, Origin, &[f64; 16]);
+type Observer<'o> = &'o mut dyn FnMut(&Leaf<'_>, ValueOrigin, &[f64; 16]);
 
-fn ignore(_: &Leaf<'_>, _: Origin, _: &[f64; 16]) {}
+fn ignore(_: &Leaf<'_>, _: ValueOrigin, _: &[f64; 16]) {}
 
 fn authored(pass: &GpuPass) -> impl Iterator<Item = &BindingUse> {
     pass.bindings
@@ -403,11 +419,12 @@ fn buffer(
     };
     let dynamic = runtime_length(material, streams, draw, name, ty)?;
     let mut rate = Rate::Draw;
+    let mut invented: Vec<Range<usize>> = Vec::new();
     let mut leaf = |leaf: &Leaf<'_>| -> Result<[f64; 16], Error> {
         if leaf.semantic.is_none()
             && let Some(numbers) = streams.element(name, ty, leaf)
         {
-            observe(leaf, Origin::Mesh, &numbers);
+            observe(leaf, ValueOrigin::Mesh, &numbers);
             return Ok(numbers);
         }
         let named = leaf.named();
@@ -425,8 +442,8 @@ fn buffer(
                         rate = Rate::Frame;
                     }
                     let origin = match forced {
-                        true => Origin::Said,
-                        false => Origin::Convention(semantic),
+                        true => ValueOrigin::Said,
+                        false => ValueOrigin::Convention(semantic),
                     };
                     observe(leaf, origin, &numbers);
                     return Ok(numbers);
@@ -442,33 +459,44 @@ fn buffer(
                 None => {}
             }
         }
+        // Padding has no value to make up.
+        if !is_padding(leaf) {
+            match invented.last_mut() {
+                Some(last) if last.end == leaf.bytes.start => last.end = leaf.bytes.end,
+                _ => invented.push(leaf.bytes.clone()),
+            }
+        }
         let numbers = plausible(leaf);
-        observe(leaf, Origin::MadeUp, &numbers);
+        observe(leaf, ValueOrigin::MadeUp, &numbers);
         Ok(numbers)
     };
     let bytes = layout::pack(module, name, ty, dynamic, given, &mut leaf)
         .map_err(|e| e.within(&format!("material `{}`", material.name)))?;
+    if scene.is_made_up {
+        invented = std::iter::once(0..bytes.len()).collect();
+    }
     Ok(BufferBinding {
         group: binding.group,
         binding: binding.binding,
         kind: binding.kind,
         data: Data::new(bytes),
         rate,
+        invented,
     })
 }
 
 /// A known value cut to a leaf's shape; `None` where one is a matrix and the other is not.
-fn fit(known: Known, leaf: &Leaf<'_>) -> Option<[f64; 16]> {
+fn fit(known: SemanticValue, leaf: &Leaf<'_>) -> Option<[f64; 16]> {
     let mut out = [0.0; 16];
     match known {
-        Known::Matrix(m) if leaf.columns > 1 => {
+        SemanticValue::Matrix(m) if leaf.columns > 1 => {
             for c in 0..leaf.columns as usize {
                 for r in 0..leaf.rows as usize {
                     out[c * leaf.rows as usize + r] = f64::from(m.col(c)[r]);
                 }
             }
         }
-        Known::Vector(v) if leaf.columns == 1 => {
+        SemanticValue::Vector(v) if leaf.columns == 1 => {
             for (r, n) in out.iter_mut().enumerate().take(leaf.rows as usize) {
                 *n = f64::from(v[r]);
             }
@@ -495,7 +523,13 @@ fn hash01(name: &str, index: usize, component: usize) -> f64 {
 }
 
 /// Prefixes of names that mean padding.
-pub(super) const PADDING: [&str; 5] = ["pad", "unused", "reserved", "dummy", "filler"];
+const PADDING: [&str; 5] = ["pad", "unused", "reserved", "dummy", "filler"];
+
+/// Whether a member only fills up space, by its name.
+fn is_padding(leaf: &Leaf<'_>) -> bool {
+    let name = normalise(leaf.name());
+    PADDING.iter().any(|p| name.starts_with(p))
+}
 
 /// A value for a member with an unknown name: identity matrices, unit directions, positions around
 /// the origin, colours, counts of 1, and otherwise numbers in 0.25..0.75.
@@ -521,7 +555,7 @@ fn plausible(leaf: &Leaf<'_>) -> [f64; 16] {
             () if c == 3 => 1.0,
             () if name.contains("direction") || name.ends_with("dir") => h(c) - 0.5,
             () if name.contains("pos") && rows > 1 => 8.0 * h(c) - if c == 1 { 0.0 } else { 4.0 },
-            () if PADDING.iter().any(|p| name.starts_with(p)) => 0.0,
+            () if is_padding(leaf) => 0.0,
             () if name.contains("shininess")
                 || name.ends_with("exponent")
                 || name.starts_with("spec") && name.ends_with("power") =>
@@ -653,6 +687,7 @@ fn texture(
         view,
         sample_type,
         multisampled,
+        is_invented: !material.textures.contains_key(name),
     })
 }
 

@@ -16,13 +16,13 @@ use crate::regular;
 pub struct Error {
     message: String,
     help: Option<String>,
-    place: Option<Box<Place>>,
+    place: Option<Box<TextPlace>>,
     detail: Option<String>,
     subject: Option<String>,
 }
 
 #[derive(Clone, Debug)]
-struct Place {
+struct TextPlace {
     file: String,
     text: String,
     range: Range<usize>,
@@ -78,7 +78,7 @@ impl Error {
     #[must_use]
     pub(crate) fn at(mut self, file: &str, text: &str, range: Range<usize>) -> Self {
         self.place.get_or_insert_with(|| {
-            Box::new(Place {
+            Box::new(TextPlace {
                 file: file.to_owned(),
                 text: text.to_owned(),
                 range,

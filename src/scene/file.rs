@@ -26,7 +26,7 @@ pub(super) struct SceneFile {
     pub viewport: Option<Spanned<[u32; 4]>>,
     pub samples: Option<Spanned<u32>>,
     #[serde(default)]
-    pub depth: Depth,
+    pub depth: DepthEntry,
     #[serde(default = "sky")]
     pub clear: [f64; 4],
     pub targets: Option<Spanned<Vec<String>>>,
@@ -52,7 +52,7 @@ fn sky() -> [f64; 4] {
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub(super) struct Depth {
+pub(super) struct DepthEntry {
     pub format: DepthFormat,
     pub direction: DepthDirection,
 }
@@ -263,7 +263,7 @@ pub(super) struct DrawEntry {
     pub rotate: [f32; 3],
     pub scale: Option<Scale>,
     pub field: Option<Spanned<Field>>,
-    pub range: Option<Spanned<Range>>,
+    pub range: Option<Spanned<RangeEntry>>,
     pub morph_weights: Option<Vec<f32>>,
     #[serde(default)]
     pub values: BTreeMap<String, Spanned<RawValue>>,
@@ -272,7 +272,7 @@ pub(super) struct DrawEntry {
 /// The part of a mesh and of a field that is drawn.
 #[derive(Clone, Copy, Debug, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub(super) struct Range {
+pub(super) struct RangeEntry {
     pub first: u32,
     pub count: Option<u32>,
     pub base_vertex: i32,
@@ -305,12 +305,12 @@ pub(super) struct CameraEntry {
 #[serde(deny_unknown_fields)]
 pub(super) struct PathEntry {
     pub frames: u32,
-    pub keys: Vec<Key>,
+    pub keys: Vec<PathKey>,
 }
 
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Key {
+pub(super) struct PathKey {
     pub eye: Option<[f32; 3]>,
     pub target: Option<[f32; 3]>,
     /// Alternative to eye and target.

@@ -2,6 +2,7 @@
 //! vector and matrix.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 use naga::{ArraySize, Handle, Module, ScalarKind, Type, TypeInner, VectorSize};
 
@@ -21,6 +22,8 @@ pub(crate) struct Leaf<'a> {
     pub kind: ScalarKind,
     /// The semantic that the author's values name.
     pub semantic: Option<Semantic>,
+    /// Its bytes in the variable.
+    pub bytes: Range<usize>,
 }
 
 impl Leaf<'_> {
@@ -51,14 +54,10 @@ impl Leaf<'_> {
     /// The conventional meaning of the name, qualified by the struct's name (`camera.position`) or
     /// alone.
     pub fn named(&self) -> Option<Semantic> {
-        let mut names = self.path.iter().rev().filter_map(|s| match s {
+        Semantic::of_path(self.path.iter().rev().filter_map(|s| match s {
             Segment::Name(n) => Some(*n),
             Segment::Index(_) => None,
-        });
-        let (own, around) = (names.next()?, names.next());
-        around
-            .and_then(|a| Semantic::from_name(&format!("{a}_{own}")))
-            .or_else(|| Semantic::from_name(own))
+        }))
     }
 }
 
@@ -148,10 +147,13 @@ fn size_of(module: &Module, ty: Handle<Type>, dynamic: usize) -> usize {
             })
             .max(*span as usize)
         }
-        inner => leaf_shape(inner).map_or(0, |(c, r, s)| {
-            (c as usize - 1) * column_stride(r, s) + r as usize * s.width as usize
-        }),
+        inner => leaf_shape(inner).map_or(0, leaf_size),
     }
+}
+
+/// Size in bytes of a scalar, vector or matrix.
+fn leaf_size((columns, rows, scalar): (u32, u32, naga::Scalar)) -> usize {
+    (columns as usize - 1) * column_stride(rows, scalar) + rows as usize * scalar.width as usize
 }
 
 /// Bytes from one matrix column to the next (WGSL section 13.4.1). Columns of three occupy the
@@ -305,6 +307,7 @@ impl<'a> Packer<'a> {
                     rows,
                     kind: scalar.kind,
                     semantic: self.semantic,
+                    bytes: offset..offset + leaf_size((columns, rows, scalar)),
                 })?;
                 self.leaf_bytes(offset, columns, rows, scalar, &numbers);
             }

@@ -74,7 +74,7 @@ pub fn read(
     nested(text, access.limits.nesting)?;
     let folder = Folder::of(path, access)?;
     let name = path.display().to_string();
-    let source = Source { name: &name, text };
+    let source = SceneText { name: &name, text };
     let file: SceneFile = toml::from_str(text).map_err(|e| source.toml_error(&e))?;
     numbers::check(text).map_err(|(e, range)| source.at(e, range))?;
     let stem = path.file_stem().map(|s| s.to_string_lossy().into_owned());
@@ -111,12 +111,12 @@ fn nested(text: &str, most: u64) -> Result<(), Error> {
 
 /// The scene file's text, for error messages.
 #[derive(Clone, Copy)]
-pub(super) struct Source<'a> {
+pub(super) struct SceneText<'a> {
     name: &'a str,
     text: &'a str,
 }
 
-impl Source<'_> {
+impl SceneText<'_> {
     pub(super) fn at(&self, error: Error, range: Range<usize>) -> Error {
         error.at(self.name, self.text, range)
     }
@@ -149,7 +149,7 @@ impl Source<'_> {
 }
 
 struct Loader<'a> {
-    source: Source<'a>,
+    source: SceneText<'a>,
     folder: Folder,
     file: SceneFile,
     variables: Variables,
@@ -208,6 +208,7 @@ impl Loader<'_> {
             },
             light,
             files: self.folder.files(),
+            is_made_up: false,
         };
         scene.cameras = self.cameras(scene.aspect())?;
         self.check_values(&scene)?;
@@ -753,7 +754,7 @@ impl Looks {
 }
 
 /// The instance streams of a field's copies.
-fn instance_streams(places: &[meshes::Place]) -> BTreeMap<String, Stream> {
+fn instance_streams(places: &[meshes::FieldCopy]) -> BTreeMap<String, Stream> {
     let stream = |name: &str, components: u32, data: Vec<f32>| {
         (name.to_owned(), Stream::Float { components, data })
     };

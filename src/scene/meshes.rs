@@ -7,7 +7,7 @@ use glam::{Mat4, Quat, Vec3};
 use toml::Spanned;
 
 use super::file::{Field, FieldOrder, MeshEntry, Part};
-use super::load::{SCENE_BYTES, Source, transform};
+use super::load::{SCENE_BYTES, SceneText, transform};
 use super::mesh::{self, Rigged};
 use super::noise::{hash, random};
 use super::place::Folder;
@@ -15,7 +15,7 @@ use super::{Error, Mesh, Variables, size};
 use crate::limits::Limits;
 
 /// One copy of a field.
-pub(super) struct Place {
+pub(super) struct FieldCopy {
     pub transform: Mat4,
     /// A tint near white.
     pub color: [f32; 4],
@@ -73,7 +73,7 @@ impl Grid {
         }
     }
 
-    fn place(&self, field: &Field, at: u32) -> Place {
+    fn place(&self, field: &Field, at: u32) -> FieldCopy {
         let [nx, ny, nz] = self.count;
         let (x, y, z) = (at % nx, at / nx % ny, at / nx / ny);
         let r = |channel: u32| random(at, channel, field.seed);
@@ -86,7 +86,7 @@ impl Grid {
         let place = cell * self.spacing + jitter * self.jitter;
         let scale = field.scale[0] + (field.scale[1] - field.scale[0]) * r(3);
         let turn = (field.turn * (r(4) * 2.0 - 1.0)).to_radians();
-        Place {
+        FieldCopy {
             transform: Mat4::from_scale_rotation_translation(
                 Vec3::splat(scale),
                 Quat::from_rotation_y(turn),
@@ -109,7 +109,7 @@ pub(super) fn field(
     field: &Field,
     variables: &Variables,
     limits: &Limits,
-) -> Result<Vec<Place>, Error> {
+) -> Result<Vec<FieldCopy>, Error> {
     let grid = Grid::new(field, variables, limits)?;
     let mut numbers: Vec<u32> = (0..grid.copies as u32).collect();
     match field.order.order(variables)? {
@@ -126,14 +126,14 @@ pub(super) fn field(
 /// All meshes by name. The textures already use `bytes`. A merged mesh may name meshes that follow
 /// it; cycles are errors.
 pub(super) fn build(
-    source: &Source<'_>,
+    source: &SceneText<'_>,
     folder: &Folder,
     variables: &Variables,
     entries: &BTreeMap<String, Spanned<MeshEntry>>,
     limits: &Limits,
     bytes: u64,
 ) -> Result<Vec<Rigged>, Error> {
-    let builder = Builder {
+    let builder = SceneMeshes {
         source,
         folder,
         variables,
@@ -149,8 +149,8 @@ pub(super) fn build(
     Ok(done.into_values().collect())
 }
 
-struct Builder<'a> {
-    source: &'a Source<'a>,
+struct SceneMeshes<'a> {
+    source: &'a SceneText<'a>,
     folder: &'a Folder,
     variables: &'a Variables,
     entries: &'a BTreeMap<String, Spanned<MeshEntry>>,
@@ -161,7 +161,7 @@ struct Builder<'a> {
     bytes: Cell<u64>,
 }
 
-impl Builder<'_> {
+impl SceneMeshes<'_> {
     /// Counts vertices against the limit before they are created.
     fn take(&self, vertices: u64) -> Result<(), Error> {
         let all = self.vertices.get().saturating_add(vertices);

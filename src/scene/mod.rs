@@ -4,8 +4,10 @@
 //! generated or read and every texture decoded. [`bind`] turns one draw of it into the bytes that a
 //! GPU pass of a plan needs.
 
+mod discards;
 mod error;
 mod file;
+pub(crate) mod flow;
 mod layout;
 mod light;
 mod load;
@@ -14,7 +16,9 @@ mod meshes;
 mod noise;
 mod numbers;
 mod place;
+mod pulled;
 mod range;
+mod roles;
 mod semantic;
 mod setup;
 mod size;
@@ -95,6 +99,9 @@ pub struct Scene {
     /// Full paths of the files that the scene was read from, without the scene file. Empty for a
     /// made-up scene.
     pub files: Vec<std::path::PathBuf>,
+    /// Whether preshade made up the whole scene for a bare shader. No contract depends on its
+    /// values.
+    pub is_made_up: bool,
 }
 
 /// Order of the opaque draws of a frame.

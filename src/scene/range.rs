@@ -1,6 +1,6 @@
 //! The range of a mesh, and of a field's copies, that a draw uses.
 
-use super::file::Range;
+use super::file::RangeEntry;
 use super::{Draw, DrawRange, Error, Mesh};
 use crate::limits::Limits;
 
@@ -11,13 +11,13 @@ use crate::limits::Limits;
 /// As [`check`], or the range of copies starts or ends beyond the last one, or has too many
 /// instances.
 pub(super) fn take(
-    entry: Range,
+    entry: RangeEntry,
     mesh: &Mesh,
     draw: &mut Draw,
     copies: Option<u32>,
     limits: &Limits,
 ) -> Result<(), Error> {
-    let Range {
+    let RangeEntry {
         first,
         count,
         base_vertex,

@@ -38,7 +38,7 @@ pub enum Semantic {
 
 /// A semantic's value: a matrix, or up to four components.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Known {
+pub(crate) enum SemanticValue {
     Matrix(Mat4),
     Vector(Vec4),
 }
@@ -70,6 +70,8 @@ const NAMES: &[(&str, Semantic)] = &[
     ("localtoworld", Semantic::Model),
     ("worldfromlocal", Semantic::Model),
     ("normalmatrix", Semantic::NormalMatrix),
+    ("normal", Semantic::NormalMatrix),
+    ("modelnormal", Semantic::NormalMatrix),
     ("inversetransposemodel", Semantic::NormalMatrix),
     ("modelview", Semantic::ModelView),
     ("modelviewmatrix", Semantic::ModelView),
@@ -199,6 +201,15 @@ impl Semantic {
         })
     }
 
+    /// The meaning of a path, from its last name to its first: `camera.position` together, or its
+    /// last name alone.
+    pub(crate) fn of_path<'n>(mut names: impl Iterator<Item = &'n str>) -> Option<Self> {
+        let (own, around) = (names.next()?, names.next());
+        around
+            .and_then(|a| Self::from_name(&format!("{a}_{own}")))
+            .or_else(|| Self::from_name(own))
+    }
+
     /// The primary name.
     pub(crate) fn name(self) -> &'static str {
         NAMES
@@ -246,8 +257,8 @@ impl Semantic {
         frame: &Frame,
         index: usize,
         components: usize,
-    ) -> Known {
-        use Known::{Matrix, Vector};
+    ) -> SemanticValue {
+        use SemanticValue::{Matrix, Vector};
         let xyz = |v: Vec3, w: f32| Vector(v.extend(w));
         let model = draw.transform;
         let vertex_count = scene.meshes.get(draw.mesh).map_or(0, |m| m.vertex_count);

@@ -3,18 +3,21 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::Arc;
 
 use glam::{Mat4, Vec3};
-use naga::{ArraySize, BinaryOperator, BuiltIn, Expression, Literal, ShaderStage, TypeInner};
+use naga::{ArraySize, BinaryOperator, Expression, Literal, ShaderStage, TypeInner};
 use preshade_passes::program::Program;
 use preshade_passes::state::{MaterialState, Topology};
 
+use super::bind::known_stream;
 use super::camera::{Pose, Range};
 use super::mesh::{Cuboid, Morph, Plane, Skin, Sphere, Vertices, WireSphere};
 use super::noise::random;
+use super::roles::Roles;
 use super::semantic::normalise;
-use super::{Camera, Draw, DrawOrder, DrawRange, Light, Material, Mesh, Scene, Stream, material};
+use super::{
+    Camera, Draw, DrawOrder, DrawRange, Light, Material, Mesh, Scene, Stream, Value, material, mesh,
+};
 use crate::front::Parsed;
 
 /// A scene for a material of which only shader and state are known: a floor, boxes and spheres in
@@ -40,36 +43,9 @@ pub fn synthesise(parsed: Parsed, state: MaterialState) -> Scene {
         .unwrap_or_else(|| "material".to_owned());
     let size = [640, 360];
     let aspect = size[0] as f32 / size[1] as f32;
-    let wants = Wants::of(&parsed);
-    let meshes = meshes(&wants, state.primitive.topology);
-    let joints: Vec<Arc<[Mat4]>> = if wants.skin {
-        let pose = |m: &Mesh| Skin::default().apply(&mut m.clone()).into();
-        meshes.iter().map(pose).collect()
-    } else {
-        Vec::new()
-    };
-    let mut draws = Vec::new();
-    for (mesh, transform) in places(&wants, meshes.len()) {
-        draws.push(Draw {
-            name: format!("{}#{}", meshes[mesh].name, draws.len()),
-            mesh,
-            material: 0,
-            transform,
-            range: DrawRange::default(),
-            instances: 1,
-            instance_streams: BTreeMap::new(),
-            joints: joints.get(mesh).cloned().unwrap_or_else(|| [].into()),
-            morph_weights: if wants.morph {
-                vec![0.6, 0.4]
-            } else {
-                Vec::new()
-            },
-            values: BTreeMap::new(),
-        });
-    }
-    if wants.instances {
-        instance(&mut draws);
-    }
+    let roles = Roles::of(&parsed);
+    let wants = Wants::of(&parsed, &roles);
+    let (meshes, draws) = objects(&parsed, &state, &wants, &roles);
     let pose = Pose {
         eye: Vec3::new(2.2, 2.6, 7.0),
         target: Vec3::new(0.0, 0.8, 0.0),
@@ -100,10 +76,10 @@ pub fn synthesise(parsed: Parsed, state: MaterialState) -> Scene {
             fragment: parsed.fragment,
             defines: BTreeMap::new(),
             state,
-            values: BTreeMap::new(),
-            textures: BTreeMap::new(),
+            values: roles.values,
+            textures: roles.textures,
             samplers: BTreeMap::new(),
-            attributes: BTreeMap::new(),
+            attributes: roles.attributes,
         }],
         meshes,
         draws,
@@ -114,7 +90,83 @@ pub fn synthesise(parsed: Parsed, state: MaterialState) -> Scene {
         ],
         light: Light::default(),
         files: Vec::new(),
+        is_made_up: true,
     }
+}
+
+/// Meshes, and draws of them that do not share a place.
+fn objects(
+    parsed: &Parsed,
+    state: &MaterialState,
+    wants: &Wants,
+    roles: &Roles,
+) -> (Vec<Mesh>, Vec<Draw>) {
+    let module = parsed.program.module();
+    let shapes = shapes(wants, state.primitive.topology);
+    let mut meshes: Vec<Mesh> = Vec::new();
+    let mut draws = Vec::new();
+    // Without a matrix of each object, the vertices themselves have to be elsewhere.
+    let is_moved = !roles.is_placed && !wants.instances;
+    for (shape, transform) in places(wants, shapes.len(), is_moved) {
+        let transform_of_draw = if is_moved { Mat4::IDENTITY } else { transform };
+        let mut built = shapes[shape].clone();
+        let joints: Vec<Mat4> = match wants.skin {
+            true => Skin::default().apply(&mut built),
+            false => Vec::new(),
+        };
+        if is_moved {
+            built = mesh::transformed(built, transform);
+        }
+        if roles.pulled.is_some() {
+            built = mesh::unindexed(built);
+        }
+        let pulled = roles.pulled.as_ref().map(|p| p.values(module, &built));
+        let known = meshes
+            .iter()
+            .position(|m| !is_moved && m.name == built.name);
+        let index = known.unwrap_or(meshes.len());
+        draws.push(Draw {
+            name: format!("{}#{}", built.name, draws.len()),
+            mesh: index,
+            material: 0,
+            transform: transform_of_draw,
+            range: DrawRange::default(),
+            instances: 1,
+            instance_streams: BTreeMap::new(),
+            joints: joints.into(),
+            morph_weights: if wants.morph {
+                vec![0.6, 0.4]
+            } else {
+                Vec::new()
+            },
+            values: pulled.unwrap_or_default(),
+        });
+        if known.is_none() {
+            meshes.push(built);
+        }
+    }
+    if wants.instances {
+        instance(&mut draws);
+    }
+    for draw in &mut draws {
+        let Some(Stream::Float { data, .. }) = draw.instance_streams.get("instance_transform")
+        else {
+            continue;
+        };
+        for read in &roles.instance_matrices {
+            let TypeInner::Matrix { columns, rows, .. } = module.types[read.ty].inner else {
+                continue;
+            };
+            for (i, matrix) in data.as_chunks::<16>().0.iter().enumerate() {
+                let columns = matrix.as_chunks::<4>().0.iter().take(columns as usize);
+                let numbers =
+                    columns.flat_map(|c| c[..rows as usize].iter().map(|n| f64::from(*n)));
+                let value = Value::Numbers(numbers.collect());
+                draw.values.insert(read.text_at(module, Some(i)), value);
+            }
+        }
+    }
+    (meshes, draws)
 }
 
 /// The mesh data that a program needs.
@@ -129,29 +181,23 @@ struct Wants {
 }
 
 impl Wants {
-    fn of(parsed: &Parsed) -> Self {
+    fn of(parsed: &Parsed, roles: &Roles) -> Self {
         let program = &parsed.program;
         let module = program.module();
         let mut wants = Self {
-            data: false,
+            data: roles.has_mesh,
             own_vertices: 0,
-            instances: false,
+            instances: roles.is_instanced || roles.uses_instance && !roles.is_placed,
             skin: false,
             morph: false,
         };
         if let Some((_, entry)) = program.entry_point(ShaderStage::Vertex, &parsed.vertex) {
             for io in preshade_passes::reflect::inputs(module, &entry.function) {
-                let name = normalise(io.name.as_deref().unwrap_or(""));
-                match io.binding {
-                    Some(naga::Binding::BuiltIn(BuiltIn::InstanceIndex)) => wants.instances = true,
-                    Some(naga::Binding::Location { .. }) => {
-                        wants.data = true;
-                        wants.instances |=
-                            name.starts_with("instance") || name.starts_with("model");
-                        wants.skin |= name.contains("joint") || name.contains("bone");
-                        wants.morph |= name.starts_with("morph");
-                    }
-                    _ => {}
+                let name = io.name.as_deref().unwrap_or("");
+                if let Some(naga::Binding::Location { .. }) = io.binding {
+                    wants.data = true;
+                    wants.skin |= known_stream(name) == Some("joints");
+                    wants.morph |= known_stream(name) == Some("morph");
                 }
             }
         }
@@ -205,7 +251,8 @@ fn own_vertices(program: &Program) -> u32 {
     most.unwrap_or(3).max(3).next_multiple_of(3)
 }
 
-fn meshes(wants: &Wants, topology: Topology) -> Vec<Mesh> {
+/// The shapes of the objects.
+fn shapes(wants: &Wants, topology: Topology) -> Vec<Mesh> {
     let mut meshes = if !wants.data {
         vec![
             Vertices {
@@ -238,9 +285,6 @@ fn meshes(wants: &Wants, topology: Topology) -> Vec<Mesh> {
     };
     for mesh in &mut meshes {
         paint(mesh);
-        if wants.skin {
-            Skin::default().apply(mesh);
-        }
         if wants.morph {
             Morph::default().apply(mesh);
         }
@@ -279,9 +323,9 @@ fn paint(mesh: &mut Mesh) {
     mesh.streams.insert("color".to_owned(), painted);
 }
 
-/// The mesh and transform of each object. A shader that generates its own vertices gets three
-/// places, in case it reads a matrix.
-fn places(wants: &Wants, meshes: usize) -> Vec<(usize, Mat4)> {
+/// The shape and transform of each object. A shader that generates its own vertices gets three
+/// places if it reads a matrix of each object.
+fn places(wants: &Wants, meshes: usize, is_moved: bool) -> Vec<(usize, Mat4)> {
     let row = |z: f32, count: usize, width: f32| {
         (0..count).map(move |i| {
             let x = (i as f32 - (count - 1) as f32 * 0.5) * width + 0.3 * z;
@@ -292,7 +336,11 @@ fn places(wants: &Wants, meshes: usize) -> Vec<(usize, Mat4)> {
         .chain(row(-0.6, 3, 2.2))
         .chain(row(-3.2, 4, 2.1));
     if meshes == 1 {
-        let count = if wants.data { 9 } else { 3 };
+        let count = match (wants.data, is_moved) {
+            (true, _) => 9,
+            (false, true) => 1,
+            (false, false) => 3,
+        };
         return objects
             .take(count)
             .map(|p| (0, Mat4::from_translation(p)))

@@ -104,10 +104,10 @@ pub(super) fn without_indices(path: &str) -> String {
 }
 
 /// A member with its indices.
-type Step<'a> = (&'a str, Vec<usize>);
+type PathStep<'a> = (&'a str, Vec<usize>);
 
 /// The members of a path; `None` if an index is not a canonical number.
-fn steps(path: &str) -> Option<Vec<Step<'_>>> {
+fn steps(path: &str) -> Option<Vec<PathStep<'_>>> {
     let steps = members(path)?;
     let names: Vec<&str> = steps.iter().map(|(name, _)| *name).collect();
     let written = steps.iter().map(|(name, indices)| {
@@ -118,7 +118,7 @@ fn steps(path: &str) -> Option<Vec<Step<'_>>> {
     (is_itself && names.join(".") == without_indices(path)).then_some(steps)
 }
 
-fn members(path: &str) -> Option<Vec<Step<'_>>> {
+fn members(path: &str) -> Option<Vec<PathStep<'_>>> {
     path.split('.')
         .map(|member| {
             let (name, indices) = member.split_once('[').unwrap_or((member, ""));
@@ -138,7 +138,7 @@ fn check_indices(
     module: &Module,
     name: &str,
     ty: Handle<Type>,
-    steps: &[Step<'_>],
+    steps: &[PathStep<'_>],
     length: Option<usize>,
 ) -> Result<(), (String, &'static str)> {
     let has_any = steps.iter().any(|(_, indices)| !indices.is_empty());

@@ -211,6 +211,7 @@ fn drawn(parsed: front::Parsed, size: [u32; 2]) -> ColorImage {
     };
     let scene = Scene {
         files: Vec::new(),
+        is_made_up: false,
         name: "words".to_owned(),
         size,
         viewport: None,

@@ -35,9 +35,13 @@ fn file(changes: &[(&str, &str)]) -> String {
 }
 
 fn load(text: &str) -> Result<u32, String> {
+    load_mesh(text, None)
+}
+
+fn load_mesh(text: &str, mesh: Option<&str>) -> Result<u32, String> {
     let gltf = Gltf {
         file: "a.gltf".to_owned(),
-        mesh: None,
+        mesh: mesh.map(str::to_owned),
     };
     let read = |_: &str| Ok(text.as_bytes().to_vec());
     let rigged = gltf.load("a", &read).map_err(|e| e.to_string())?;
@@ -114,6 +118,22 @@ fn what_lies_about_its_data_is_an_error() {
         assert!(said.contains(told), "{changes:?}: {said}");
     }
     assert_eq!(load(&file(&[(shape, &sparse("4", "0"))])), Ok(4));
+}
+
+#[test]
+fn a_mesh_that_no_node_draws_is_not_suggested_for_itself() {
+    let meshes = r#""meshes": [{ "#;
+    let canopy = r#""meshes": [{ "name": "Trunk", "primitives": [{ "attributes": { "POSITION": 0 } }] }, { "name": "Canopy", "#;
+    let text = file(&[(meshes, canopy)]);
+    assert_eq!(load_mesh(&text, Some("Trunk")), Ok(4));
+    let said = load_mesh(&text, Some("Canopy")).unwrap_err();
+    assert!(
+        said.contains("no node of its default scene has the mesh `Canopy`"),
+        "{said}"
+    );
+    assert!(!said.contains("did you mean"), "{said}");
+    let said = load_mesh(&text, Some("Trunc")).unwrap_err();
+    assert!(said.contains("did you mean `Trunk`?"), "{said}");
 }
 
 #[test]

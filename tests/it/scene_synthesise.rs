@@ -190,3 +190,290 @@ fn values_of_an_unnamed_block_are_found() {
     let bytes = &bound(&scene)[0].buffers[0].data.bytes;
     assert_eq!(bytes[16..20], 6_f32.to_le_bytes());
 }
+
+/// The floats of a buffer in one draw.
+fn floats(draw: &DrawBindings, group: u32, binding: u32) -> Vec<f32> {
+    let is_it = |b: &&bind::BufferBinding| (b.group, b.binding) == (group, binding);
+    let buffer = draw.buffers.iter().find(is_it).unwrap();
+    let words = buffer.data.bytes.as_chunks::<4>().0.iter();
+    words.map(|w| f32::from_le_bytes(*w)).collect()
+}
+
+/// An alpha-tested leaf without a single telling name.
+const NAMELESS: &str = "
+struct A { a: mat4x4<f32>, b: vec4<f32> }
+struct B { c: vec4<f32>, d: f32, e: u32 }
+@group(0) @binding(0) var<uniform> f: A;
+@group(0) @binding(1) var<uniform> g: B;
+@group(0) @binding(2) var h: texture_2d<f32>;
+@group(0) @binding(3) var i: sampler;
+struct C { @builtin(position) j: vec4<f32>, @location(0) k: vec2<f32>, @location(1) l: vec3<f32> }
+fn m(n: vec3<f32>) -> vec4<f32> { return f.a * vec4(n, 1.0); }
+@vertex fn vs(@location(0) o: vec2<f32>, @location(1) p: vec3<f32>, @location(2) q: vec3<f32>) -> C {
+    var r: C;
+    r.j = m(q + p * sin(f.b.x) * 0.1);
+    r.k = o;
+    r.l = p;
+    return r;
+}
+@fragment fn fs(s: C) -> @location(0) vec4<f32> {
+    let t = textureSample(h, i, s.k) * g.c;
+    if (g.e & 4u) != 0u {
+        if t.a < g.d { discard; }
+    }
+    return vec4(t.rgb * normalize(s.l), t.a);
+}";
+
+#[test]
+fn dataflow_tells_a_leafs_inputs_whatever_their_names() {
+    let scene = written(&[("nameless.wgsl", NAMELESS)]);
+    let material = &scene.materials[0];
+    let stream = |name: &str| material.attributes[name].as_str();
+    assert_eq!(
+        [stream("q"), stream("o"), stream("p")],
+        ["position", "uv", "normal"]
+    );
+    let value = |path: &str| material.values.get(path);
+    let numbers = |n: f64| Some(scene::Value::Numbers(vec![n]));
+    assert_eq!(
+        value("f.a"),
+        Some(&scene::Value::Semantic("mvp".to_owned()))
+    );
+    assert_eq!(value("g.d").cloned(), numbers(0.5));
+    assert_eq!(value("g.e").cloned(), numbers(4.0));
+    // The discard sees both kinds of fragments.
+    let alphas: Vec<u8> = material.textures["h"].levels[0]
+        .iter()
+        .skip(3)
+        .step_by(4)
+        .copied()
+        .collect();
+    let holes = alphas.iter().filter(|a| **a < 128).count();
+    assert!(
+        holes * 10 > alphas.len() && holes * 10 < alphas.len() * 9,
+        "{holes}"
+    );
+    // The one matrix takes each object to its own place.
+    let draws = bound(&scene);
+    let frame = &scene.cameras[0].frames[0];
+    let expected = frame.projection * frame.view * scene.draws[3].transform;
+    assert_eq!(floats(&draws[3], 0, 0)[..16], expected.to_cols_array());
+    assert_ne!(floats(&draws[3], 0, 0)[..16], floats(&draws[4], 0, 0)[..16]);
+    let said: Vec<String> = bind::guessed(&scene)
+        .iter()
+        .map(|g| format!("{} {}", g.name, g.guess))
+        .collect();
+    assert!(said.contains(&"g.d made up: 0.5".to_owned()), "{said:?}");
+    assert!(
+        said.iter()
+            .any(|s| s.starts_with("f.a $") && s.ends_with("by its use")),
+        "{said:?}"
+    );
+}
+
+/// Centres of the draws' positions, as the vertex buffers hold them.
+fn centres(scene: &Scene) -> Vec<[i32; 3]> {
+    let centre = |d: &scene::Draw| {
+        let [low, high] = scene.meshes[d.mesh].bounds;
+        let centre = d.transform.transform_point3((low + high) * 0.5);
+        centre.to_array().map(|c| (c * 100.0) as i32)
+    };
+    scene.draws.iter().map(centre).collect()
+}
+
+#[test]
+fn objects_without_a_matrix_of_their_own_do_not_share_a_place() {
+    let scene = written(&[(
+        "world.wgsl",
+        "@group(0) @binding(0) var<uniform> view_proj: mat4x4f;
+@vertex fn vs(@location(0) position: vec3f) -> @builtin(position) vec4f { return view_proj * vec4f(position, 1.0); }
+@fragment fn fs() -> @location(0) vec4f { return vec4f(1.0, 0.5, 0.2, 1.0); }",
+    )]);
+    assert!(
+        scene
+            .draws
+            .iter()
+            .all(|d| d.transform == glam::Mat4::IDENTITY)
+    );
+    let mut all = centres(&scene);
+    let count = all.len();
+    assert!(count >= 9);
+    all.sort_unstable();
+    all.dedup();
+    assert_eq!(all.len(), count);
+    // With a matrix of its own, meshes are shared.
+    let placed = scene::synthesise(parse(&["shaders/textured.wgsl"]), MaterialState::default());
+    assert_eq!(placed.meshes.len(), 3);
+}
+
+#[test]
+fn three_matrices_are_projection_view_and_model() {
+    let scene = written(&[(
+        "three.wgsl",
+        "struct M { x: mat4x4f, y: mat4x4f, z: mat4x4f }
+@group(0) @binding(0) var<uniform> m: M;
+@vertex fn vs(@location(0) spot: vec3f) -> @builtin(position) vec4f {
+    let world = m.z * vec4f(spot, 1.0);
+    return (m.y * m.x) * world;
+}
+@fragment fn fs() -> @location(0) vec4f { return vec4f(1.0); }",
+    )]);
+    let frame = &scene.cameras[0].frames[0];
+    let got = floats(&bound(&scene)[2], 0, 0);
+    assert_eq!(got[..16], frame.view.to_cols_array());
+    assert_eq!(got[16..32], frame.projection.to_cols_array());
+    assert_eq!(got[32..48], scene.draws[2].transform.to_cols_array());
+}
+
+#[test]
+fn matrices_of_normals_are_normal_matrices() {
+    let scene = written(&[(
+        "normals.wgsl",
+        "struct Model { model: mat4x4f, normal: mat4x4f }
+@group(0) @binding(0) var<uniform> model: Model;
+@group(0) @binding(1) var<uniform> view_proj: mat4x4f;
+@group(0) @binding(2) var<uniform> turned: mat3x3f;
+struct Out { @builtin(position) at: vec4f, @location(0) n: vec3f }
+@vertex fn vs(@location(0) position: vec3f, @location(1) normal: vec3f) -> Out {
+    let first = (model.normal * vec4f(normal, 0.0)).xyz;
+    return Out(view_proj * (model.model * vec4f(position, 1.0)), first + turned * normal);
+}
+@fragment fn fs(o: Out) -> @location(0) vec4f { return vec4f(o.n, 1.0); }",
+    )]);
+    let expected = scene.draws[4].transform.inverse().transpose();
+    let draw = &bound(&scene)[4];
+    assert_eq!(floats(draw, 0, 0)[16..32], expected.to_cols_array());
+    let three = floats(draw, 0, 2);
+    assert_eq!(three[4..7], expected.y_axis.truncate().to_array());
+}
+
+#[test]
+fn joints_that_are_matrices_are_the_pose() {
+    let scene = written(&[(
+        "skinned.wgsl",
+        "@group(0) @binding(0) var<uniform> view_proj: mat4x4f;
+@group(0) @binding(1) var<storage, read> joints: array<mat4x4f>;
+@vertex fn vs(@location(0) position: vec3f, @location(1) skinIndex: vec4u, @location(2) skinWeight: vec4f) -> @builtin(position) vec4f {
+    let bent = joints[skinIndex.x] * skinWeight.x + joints[skinIndex.y] * skinWeight.y;
+    return view_proj * (bent * vec4f(position, 1.0));
+}
+@fragment fn fs() -> @location(0) vec4f { return vec4f(1.0); }",
+    )]);
+    let pose = &scene.draws[1].joints;
+    let expected: Vec<f32> = pose.iter().flat_map(|m| m.to_cols_array()).collect();
+    assert!(pose.len() > 1);
+    assert_eq!(floats(&bound(&scene)[1], 0, 1), expected);
+    let guessed = bind::guessed(&scene);
+    assert!(
+        guessed
+            .iter()
+            .all(|g| g.guess != bind::Guess::AttributeSynthesised),
+        "{guessed:?}"
+    );
+}
+
+#[test]
+fn a_buffer_of_vertices_holds_a_mesh_whatever_its_name() {
+    let scene = written(&[(
+        "pulled.wgsl",
+        "struct Corner { tint: vec4f, spot: vec3f, st: vec2f }
+@group(0) @binding(0) var<uniform> view_proj: mat4x4f;
+@group(0) @binding(1) var<storage, read> corners: array<Corner>;
+@vertex fn vs(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f {
+    return view_proj * vec4f(corners[i].spot, 1.0);
+}
+@fragment fn fs() -> @location(0) vec4f { return vec4f(1.0); }",
+    )]);
+    let draws = bound(&scene);
+    assert!(draws.len() >= 9);
+    let at = |draw: &DrawBindings| -> Vec<[i32; 3]> {
+        let numbers = floats(draw, 0, 1);
+        assert_eq!(numbers.len(), 12 * draw.vertex_count as usize);
+        let corners = numbers.as_chunks::<12>().0.iter();
+        corners
+            .map(|c| [c[4], c[5], c[6]].map(|n| (n * 1e3) as i32))
+            .collect()
+    };
+    let mut first = at(&draws[1]);
+    assert_ne!(first, at(&draws[2]));
+    first.sort_unstable();
+    first.dedup();
+    assert!(first.len() > 20, "{}", first.len());
+}
+
+/// Only what a scene file says becomes a fact: no texture, flag or colour that it leaves out.
+#[test]
+fn values_that_a_scene_leaves_out_are_no_facts() {
+    use preshade::unstable::measure;
+    let folder = std::env::temp_dir().join(format!("preshade-left-out-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    std::fs::write(folder.join("leaf.wgsl"), NAMELESS).unwrap();
+    let text = "[materials.leaf]
+shader = \"leaf.wgsl\"
+values = { \"f.a\" = \"$view_proj\", \"f.b\" = [1, 2, 3, 4], \"g.d\" = 0.25 }
+attributes = { q = \"position\", p = \"normal\" }
+[meshes.box.box]
+[[draws]]
+mesh = \"box\"
+material = \"leaf\"
+[[cameras]]
+eye = [0, 0, 3]
+target = [0, 0, 0]
+";
+    let scene = scene::read(
+        text,
+        &folder.join("scene.toml"),
+        &scene::Variables::new(),
+        scene::Access::default(),
+    );
+    let scene = scene.unwrap_or_else(|e| panic!("{e}"));
+    let constants = measure::constants(&scene).unwrap();
+    let names: Vec<&str> = constants.iter().map(|c| c.value.name.as_str()).collect();
+    assert_eq!(names, ["f.b.x", "f.b.y", "f.b.z", "f.b.w", "g.d"]);
+    let facts = measure::known(&scene);
+    let bounds = |wanted: &str| {
+        let is_it = |s: &&preshade::unstable::passes::pass::SourceRange| {
+            format!("{:?}", s.source).contains(wanted)
+        };
+        facts.ranges.iter().find(is_it).map(|s| [s.low, s.high])
+    };
+    assert_eq!(bounds("\"d\""), Some([0.25; 2]));
+    // The colour and the texture coordinates are made up, the normal is the box's.
+    assert_eq!(bounds("\"c\""), Some([f32::MIN, f32::MAX]));
+    assert_eq!(
+        bounds("Varying { location: 0 }"),
+        Some([f32::MIN, f32::MAX])
+    );
+    assert_eq!(bounds("Varying { location: 1 }"), Some([-1.0, 1.0]));
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+#[test]
+fn nothing_of_a_bare_shader_is_a_fact() {
+    use preshade::unstable::measure;
+    use preshade::unstable::passes::pass::Facts;
+    let scene = written(&[("nameless.wgsl", NAMELESS)]);
+    assert_eq!(measure::known(&scene), Facts::default());
+    assert!(measure::constants(&scene).unwrap().is_empty());
+}
+
+/// A variant without the discard of its original must say so, with the values that it is for.
+#[test]
+fn a_removed_discard_is_reported_with_its_values() {
+    use preshade::unstable::measure;
+    let plan = written(&[("nameless.wgsl", NAMELESS)]).materials[0].plan();
+    let apply = |recipe: &str| {
+        let recipe = preshade::Recipe::parse_list(recipe).unwrap();
+        recipe.apply(&plan, &preshade::Facts::default())
+    };
+    let bare = apply("specialize");
+    assert!(bare.is_err(), "nothing is given, so nothing is constant");
+    let without = apply("specialize:set=g.e=0").unwrap();
+    let said = measure::removed_discard(&without).unwrap();
+    assert!(
+        said.contains("discards no fragment") && said.contains("g.e = 0"),
+        "{said}"
+    );
+    let with = apply("specialize:set=g.e=4").unwrap();
+    assert_eq!(measure::removed_discard(&with), None);
+}

@@ -3,14 +3,14 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::super::{Scene, Semantic};
+use super::super::{Scene, Semantic, Value};
 use super::streams::Streams;
-use super::{BindingKind, PADDING, authored, buffer, normalise, variable};
+use super::{BindingKind, authored, buffer, is_padding, variable};
 use crate::scene::layout::Leaf;
 
 /// The origin of a scalar, vector or matrix, if the scene does not give its numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Origin {
+pub(super) enum ValueOrigin {
     /// The scene names a semantic: `"$view_proj"`.
     Said,
     /// The mesh or the draw's instances: a vertex-pulling or instance buffer.
@@ -42,6 +42,11 @@ pub enum Guess {
         /// The semantic in scene file syntax: `$viewproj`.
         value: String,
     },
+    /// A uniform or buffer member whose purpose is known by the dataflow.
+    UniformByUse {
+        /// The semantic in scene file syntax: `$mvp`.
+        value: String,
+    },
     /// A uniform or buffer member with an unknown name.
     UniformMadeUp {
         /// Its numbers; for an array, those of element 0.
@@ -59,6 +64,7 @@ impl std::fmt::Display for Guess {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::UniformByName { value } => write!(f, "{value}, by its name"),
+            Self::UniformByUse { value } => write!(f, "{value}, by its use"),
             Self::UniformMadeUp { numbers } if is_identity(numbers) => f.write_str("the identity"),
             Self::UniformMadeUp { numbers } => {
                 let numbers: Vec<String> = numbers
@@ -116,24 +122,29 @@ pub fn guessed(scene: &Scene) -> Vec<Guessed> {
         for binding in authored(&pass) {
             match binding.kind {
                 BindingKind::Uniform | BindingKind::StorageRead | BindingKind::StorageReadWrite => {
-                    let mut observe = |leaf: &Leaf<'_>, origin: Origin, numbers: &[f64; 16]| {
-                        let count = (leaf.columns * leaf.rows) as usize;
-                        let name = normalise(leaf.name());
-                        if PADDING.iter().any(|p| name.starts_with(p)) {
-                            return;
-                        }
-                        let guess = match origin {
-                            Origin::Said => return,
-                            Origin::Mesh => Guess::BufferFromMesh,
-                            Origin::Convention(semantic) => Guess::UniformByName {
-                                value: format!("${}", semantic.name()),
-                            },
-                            Origin::MadeUp => Guess::UniformMadeUp {
-                                numbers: numbers[..count].to_vec(),
-                            },
+                    let mut observe =
+                        |leaf: &Leaf<'_>, origin: ValueOrigin, numbers: &[f64; 16]| {
+                            let count = (leaf.columns * leaf.rows) as usize;
+                            if is_padding(leaf) {
+                                return;
+                            }
+                            let guess = match origin {
+                                ValueOrigin::Said => match leaf.semantic {
+                                    Some(semantic) if scene.is_made_up => Guess::UniformByUse {
+                                        value: format!("${}", semantic.name()),
+                                    },
+                                    _ => return,
+                                },
+                                ValueOrigin::Mesh => Guess::BufferFromMesh,
+                                ValueOrigin::Convention(semantic) => Guess::UniformByName {
+                                    value: format!("${}", semantic.name()),
+                                },
+                                ValueOrigin::MadeUp => Guess::UniformMadeUp {
+                                    numbers: numbers[..count].to_vec(),
+                                },
+                            };
+                            push(leaf.text(), guess);
                         };
-                        push(leaf.text(), guess);
-                    };
                     // Binding errors are reported when the scene is drawn.
                     let _ = buffer(
                         scene,
@@ -147,12 +158,25 @@ pub fn guessed(scene: &Scene) -> Vec<Guessed> {
                 }
                 BindingKind::Texture | BindingKind::DepthTexture => {
                     if let Ok((name, _)) = variable(material, binding)
-                        && !material.textures.contains_key(name)
+                        && (scene.is_made_up || !material.textures.contains_key(name))
                     {
                         textures.push(name.to_owned());
                     }
                 }
                 _ => {}
+            }
+        }
+        // The scene of a bare shader sets some values itself.
+        if scene.is_made_up {
+            for (name, value) in &material.values {
+                if let Value::Numbers(numbers) = value {
+                    let numbers = numbers.clone();
+                    push(name.clone(), Guess::UniformMadeUp { numbers });
+                }
+            }
+            for name in draw.values.keys() {
+                let array = name.split('[').next().unwrap_or(name);
+                push(array.to_owned(), Guess::BufferFromMesh);
             }
         }
         for name in textures {

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::super::{Draw, Error, Frame, Material, Scene, Value};
-use super::guessed::Origin;
+use super::guessed::ValueOrigin;
 use super::streams::Streams;
 use super::{BindingKind, authored, buffer};
 use crate::scene::layout::Leaf;
@@ -36,7 +36,7 @@ pub(in super::super) fn uniforms(
                     .is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
             })
         };
-        let mut keep = |leaf: &Leaf<'_>, _: Origin, numbers: &[f64; 16]| {
+        let mut keep = |leaf: &Leaf<'_>, _: ValueOrigin, numbers: &[f64; 16]| {
             if listed(&leaf.text()) {
                 let count = (leaf.columns * leaf.rows) as usize;
                 let numbers = numbers[..count].to_vec();

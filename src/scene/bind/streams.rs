@@ -40,10 +40,12 @@ const ALIASES: &[(&str, &str)] = &[
     ("color0", "color"),
     ("vertexcolor", "color"),
     ("joints", "joints"),
+    ("skinindex", "joints"),
     ("joints0", "joints"),
     ("jointindices", "joints"),
     ("boneindices", "joints"),
     ("weights", "weights"),
+    ("skinweight", "weights"),
     ("weights0", "weights"),
     ("jointweights", "weights"),
     ("boneweights", "weights"),
@@ -80,7 +82,7 @@ const INSTANCE_BUFFERS: &[&str] = &[
 
 /// The source of an attribute.
 #[derive(Clone, Debug, PartialEq)]
-enum Source {
+enum AttributeSource {
     Vertex(String),
     Instance(String),
     InstanceColumn(usize),
@@ -88,7 +90,7 @@ enum Source {
     Synthesised,
 }
 
-/// A [`Source`] resolved to its data.
+/// A [`AttributeSource`] resolved to its data.
 enum Found<'a> {
     /// A stream of the mesh or of the instances.
     Stream(Option<&'a Stream>),
@@ -104,14 +106,16 @@ struct Attribute {
     name: String,
     components: u32,
     kind: ScalarKind,
-    source: Source,
+    source: AttributeSource,
 }
 
 impl Attribute {
     fn by_instance(&self) -> bool {
         matches!(
             self.source,
-            Source::Instance(_) | Source::InstanceColumn(_) | Source::InstanceOffset
+            AttributeSource::Instance(_)
+                | AttributeSource::InstanceColumn(_)
+                | AttributeSource::InstanceOffset
         )
     }
 }
@@ -121,6 +125,8 @@ pub(super) struct Streams<'a> {
     material: &'a Material,
     draw: &'a Draw,
     mesh: &'a Mesh,
+    /// Whether preshade made up the scene.
+    is_made_up: bool,
     attributes: Vec<Attribute>,
     /// Instance to world, or to model space if the program multiplies by the model matrix itself.
     instances: Vec<Mat4>,
@@ -178,6 +184,7 @@ impl<'a> Streams<'a> {
             material,
             draw,
             mesh,
+            is_made_up: scene.is_made_up,
             attributes,
             instances: given.into_iter().map(|m: Mat4| outer * m).collect(),
             placed: outer,
@@ -208,6 +215,7 @@ impl<'a> Streams<'a> {
                         location: a.location,
                         format: format(a)?,
                         offset,
+                        is_invented: self.is_made_up || a.source == AttributeSource::Synthesised,
                     });
                 }
                 offset += u64::from(a.components) * 4;
@@ -246,11 +254,11 @@ impl<'a> Streams<'a> {
     /// Resolves the source of an attribute.
     fn found(&self, a: &Attribute) -> Found<'_> {
         match &a.source {
-            Source::Vertex(name) => Found::Stream(self.mesh.streams.get(name)),
-            Source::Instance(name) => Found::Stream(self.draw.instance_streams.get(name)),
-            Source::InstanceColumn(column) => Found::Column(*column),
-            Source::InstanceOffset => Found::Column(3),
-            Source::Synthesised => {
+            AttributeSource::Vertex(name) => Found::Stream(self.mesh.streams.get(name)),
+            AttributeSource::Instance(name) => Found::Stream(self.draw.instance_streams.get(name)),
+            AttributeSource::InstanceColumn(column) => Found::Column(*column),
+            AttributeSource::InstanceOffset => Found::Column(3),
+            AttributeSource::Synthesised => {
                 Found::Same([0, 1, 2, 3].map(|c| synthesised_attribute(&a.name, c)))
             }
         }
@@ -267,7 +275,7 @@ impl<'a> Streams<'a> {
 
     /// Attributes that neither the mesh nor the draw provides.
     pub(super) fn synthesised(&self) -> impl Iterator<Item = &str> {
-        let missing = |a: &&Attribute| a.source == Source::Synthesised;
+        let missing = |a: &&Attribute| a.source == AttributeSource::Synthesised;
         self.attributes
             .iter()
             .filter(missing)
@@ -349,7 +357,7 @@ impl<'a> Streams<'a> {
                 .as_ref()
                 .map_or(self.mesh.vertex_count as usize, Vec::len);
         }
-        if let Some(stream) = alias(&normal) {
+        if let Some(stream) = alias(&normal).filter(|_| !is_of_matrices(module, element)) {
             let (components, count) = self.mesh.streams.get(stream).map_or((1, 0), |s| match s {
                 Stream::Float { components, data } => (*components as usize, data.len()),
                 Stream::Uint { components, data } => (*components as usize, data.len()),
@@ -386,6 +394,7 @@ impl<'a> Streams<'a> {
     ) -> Option<[f64; 16]> {
         layout::runtime_array(self.material.program.module(), ty)?;
         let i = leaf.index?;
+        let is_matrix = leaf.columns > 1;
         let mut out = [0.0; 16];
         let rows = leaf.rows as usize;
         if is_index_buffer(variable) {
@@ -399,6 +408,8 @@ impl<'a> Streams<'a> {
                 .then(|| alias(&member))
                 .flatten()
         });
+        // No mesh has matrices: `joints` of matrices are the pose.
+        let stream = stream.filter(|_| !is_matrix);
         if let Some(name) = stream {
             let stream = self.mesh.streams.get(name);
             for (c, n) in out.iter_mut().enumerate().take(rows) {
@@ -433,7 +444,7 @@ impl<'a> Streams<'a> {
             }
             return Some(out);
         }
-        if leaf.columns > 1 {
+        if is_matrix {
             let matrix = if Semantic::from_name(leaf.name()) == Some(Semantic::NormalMatrix) {
                 self.instance(i).inverse().transpose()
             } else {
@@ -464,8 +475,35 @@ fn instances_held(draw: &Draw) -> usize {
     draw.range.first_instance as usize + draw.instances.max(1) as usize
 }
 
+/// The stream that an attribute or a buffer holds by its name.
+pub(in crate::scene) fn known_stream(name: &str) -> Option<&'static str> {
+    let normal = normalise(name);
+    let morph = normal.starts_with("morph").then_some("morph");
+    alias(&normal).or(morph)
+}
+
+/// Whether an attribute or a buffer holds data of instances, by its name.
+pub(in crate::scene) fn is_instance_data(name: &str) -> bool {
+    let normal = normalise(name);
+    instance_part(&normal).is_some()
+        || INSTANCE_BUFFERS.contains(&normal.as_str())
+        || normal.starts_with("instance")
+}
+
 fn alias(normal: &str) -> Option<&'static str> {
     ALIASES.iter().find(|(a, _)| *a == normal).map(|(_, s)| *s)
+}
+
+/// Whether the elements of an array are matrices, alone or in a struct of one member.
+fn is_of_matrices(module: &naga::Module, element: Handle<Type>) -> bool {
+    match &module.types[element].inner {
+        naga::TypeInner::Matrix { .. } => true,
+        naga::TypeInner::Struct { members, .. } => match members.as_slice() {
+            [only] => is_of_matrices(module, only.ty),
+            _ => false,
+        },
+        _ => false,
+    }
 }
 
 fn is_index_buffer(name: &str) -> bool {
@@ -498,19 +536,40 @@ fn reads_model(material: &Material) -> bool {
         })
 }
 
-fn source(material: &Material, mesh: &Mesh, draw: &Draw, name: &str) -> Source {
+fn source(material: &Material, mesh: &Mesh, draw: &Draw, name: &str) -> AttributeSource {
     if let Some(given) = material.attributes.get(name) {
         if mesh.streams.contains_key(given) {
-            return Source::Vertex(given.clone());
+            return AttributeSource::Vertex(given.clone());
         }
         if draw.instance_streams.contains_key(given) {
-            return Source::Instance(given.clone());
+            return AttributeSource::Instance(given.clone());
         }
     }
     let normal = normalise(material.attributes.get(name).map_or(name, String::as_str));
+    if let Some(part) = instance_part(&normal) {
+        return part;
+    }
+    if let Some(given) = draw
+        .instance_streams
+        .keys()
+        .find(|n| normalise(n) == normal)
+    {
+        return AttributeSource::Instance(given.clone());
+    }
+    if let Some(own) = mesh.streams.keys().find(|n| normalise(n) == normal) {
+        return AttributeSource::Vertex(own.clone());
+    }
+    match alias(&normal).filter(|s| mesh.streams.contains_key(*s)) {
+        Some(stream) => AttributeSource::Vertex(stream.to_owned()),
+        None => AttributeSource::Synthesised,
+    }
+}
+
+/// The part of an instance's matrix that an attribute is, by its normalised name.
+fn instance_part(normal: &str) -> Option<AttributeSource> {
     let (stem, digit) = match normal.char_indices().last() {
         Some((at, c @ '0'..='3')) => (&normal[..at], c as usize - '0' as usize),
-        _ => (normal.as_str(), 0),
+        _ => (normal, 0),
     };
     let stem = stem
         .strip_suffix("column")
@@ -518,28 +577,12 @@ fn source(material: &Material, mesh: &Mesh, draw: &Draw, name: &str) -> Source {
         .or_else(|| stem.strip_suffix("row"))
         .unwrap_or(stem);
     if INSTANCE_MATRICES.contains(&stem) && stem.len() < normal.len() {
-        return Source::InstanceColumn(digit);
+        return Some(AttributeSource::InstanceColumn(digit));
     }
-    if matches!(
-        normal.as_str(),
-        "instanceoffset" | "instanceposition" | "instancetranslation"
-    ) {
-        return Source::InstanceOffset;
-    }
-    if let Some(given) = draw
-        .instance_streams
-        .keys()
-        .find(|n| normalise(n) == normal)
-    {
-        return Source::Instance(given.clone());
-    }
-    if let Some(own) = mesh.streams.keys().find(|n| normalise(n) == normal) {
-        return Source::Vertex(own.clone());
-    }
-    match alias(&normal).filter(|s| mesh.streams.contains_key(*s)) {
-        Some(stream) => Source::Vertex(stream.to_owned()),
-        None => Source::Synthesised,
-    }
+    let offsets = ["instanceoffset", "instanceposition", "instancetranslation"];
+    offsets
+        .contains(&normal)
+        .then_some(AttributeSource::InstanceOffset)
 }
 
 /// The first attribute whose stream the material names wrongly: neither the draw nor its mesh has
@@ -559,7 +602,8 @@ pub(in crate::scene) fn unknown_stream<'m>(
     let mut named = material.attributes.iter();
     named
         .find(|(attribute, stream)| {
-            source(material, mesh, draw, attribute) == Source::Synthesised && means_nothing(stream)
+            source(material, mesh, draw, attribute) == AttributeSource::Synthesised
+                && means_nothing(stream)
         })
         .map(|(attribute, stream)| (attribute.as_str(), stream.as_str()))
 }
@@ -584,7 +628,7 @@ fn synthesised_attribute(name: &str, component: usize) -> f64 {
 
 /// A component of a stream. As in WebGPU's vertex fetch, a missing fourth component is 1 and other
 /// missing components are 0.
-fn stream_component(stream: Option<&Stream>, i: usize, c: usize) -> f64 {
+pub(in crate::scene) fn stream_component(stream: Option<&Stream>, i: usize, c: usize) -> f64 {
     let missing = if c == 3 { 1.0 } else { 0.0 };
     match stream {
         Some(Stream::Float { components, data }) if c < *components as usize => data

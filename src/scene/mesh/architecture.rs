@@ -5,7 +5,7 @@ use std::f32::consts::{PI, TAU};
 use glam::{Vec2, Vec3};
 use serde::Deserialize;
 
-use super::{Builder, Cuboid};
+use super::{Cuboid, MeshBuilder};
 use crate::scene::Mesh;
 
 /// A closed flight of stairs that climbs towards -z: x is centred, y starts at 0, z runs from 0 to
@@ -40,7 +40,7 @@ impl Default for Stairs {
 impl Stairs {
     /// The mesh.
     pub fn mesh(self, name: &str) -> Mesh {
-        let mut b = Builder::default();
+        let mut b = MeshBuilder::default();
         let steps = self.steps.clamp(1, 1000);
         let (w, k) = (self.width * 0.5, self.tiling);
         // Derive positions from step numbers only, so that adjacent faces share them bit for bit.
@@ -131,7 +131,7 @@ impl Default for Arch {
 impl Arch {
     /// The mesh.
     pub fn mesh(self, name: &str) -> Mesh {
-        let mut b = Builder::default();
+        let mut b = MeshBuilder::default();
         let n = self.segments.clamp(2, 4096);
         let (inner, outer, d) = (
             self.width * 0.5,
@@ -239,7 +239,7 @@ const GAP: f32 = 0.01;
 impl Column {
     /// The mesh.
     pub fn mesh(self, name: &str) -> Mesh {
-        let mut b = Builder::default();
+        let mut b = MeshBuilder::default();
         let slab = self.radius * 0.4;
         let radius = |turn: f32| {
             let flute = (turn * self.flutes as f32 * 0.5).sin().abs();
@@ -313,7 +313,7 @@ impl Default for Curtain {
 impl Curtain {
     /// The mesh.
     pub fn mesh(self, name: &str) -> Mesh {
-        let mut b = Builder::default();
+        let mut b = MeshBuilder::default();
         let [w, h] = self.size;
         let waves = TAU * self.folds;
         b.patch(self.segments, |s, t| {

@@ -5,7 +5,7 @@ use std::f32::consts::PI;
 use glam::{Vec2, Vec3};
 use serde::Deserialize;
 
-use super::Builder;
+use super::MeshBuilder;
 use crate::scene::Mesh;
 
 /// Upright cards that intersect in the y axis at equal angles and stand on the ground. Uvs run from
@@ -34,7 +34,7 @@ impl Default for Cards {
 impl Cards {
     /// The mesh.
     pub fn mesh(self, name: &str) -> Mesh {
-        let mut builder = Builder::default();
+        let mut builder = MeshBuilder::default();
         let [width, height] = self.size;
         for card in 0..self.count.max(1) {
             let turn = PI * card as f32 / self.count.max(1) as f32;

@@ -9,7 +9,7 @@ use gltf::buffer::Source;
 use serde::Deserialize;
 
 use super::accessors::{self, Cost};
-use super::{Builder, bounds, merged, positions, transformed};
+use super::{MeshBuilder, bounds, merged, positions, transformed};
 use crate::panics;
 use crate::scene::{Error, Mesh, Stream};
 
@@ -238,9 +238,15 @@ impl Gltf {
                 .help("name one mesh with `mesh`"));
         }
         if parts.is_empty() {
-            let names: Vec<&str> = gltf.meshes().filter_map(|m| m.name()).collect();
-            let wanted = self.mesh.as_deref().unwrap_or("");
-            return Err(wrong(format!("there is no mesh `{wanted}`")).suggest(wanted, names));
+            let Some(wanted) = self.mesh.as_deref() else {
+                return Err(wrong("no node of its default scene has a mesh".to_owned()));
+            };
+            let drawn = nodes.iter().filter_map(|n| n.mesh()?.name());
+            let what = match gltf.meshes().any(|m| self.is_wanted(&m)) {
+                true => format!("no node of its default scene has the mesh `{wanted}`"),
+                false => format!("there is no mesh `{wanted}`"),
+            };
+            return Err(wrong(what).suggest(wanted, drawn));
         }
         Ok(Rigged {
             mesh: merged(name, parts),
@@ -270,7 +276,7 @@ fn read_primitive(primitive: &gltf::Primitive<'_>, buffers: &[Cow<'_, [u8]>]) ->
         None => vec![glam::Vec2::ZERO; count],
     };
     // The builder generates tangents; the file's own replace them below.
-    let mut b = Builder::default();
+    let mut b = MeshBuilder::default();
     for (i, place) in places.iter().enumerate() {
         b.vertex(*place, *normals.get(i)?, *uvs.get(i)?);
     }

@@ -28,14 +28,14 @@ pub use teapot::Teapot;
 
 /// Collects vertices and triangles.
 #[derive(Clone, Debug, Default)]
-pub struct Builder {
+pub struct MeshBuilder {
     positions: Vec<Vec3>,
     normals: Vec<Vec3>,
     uvs: Vec<Vec2>,
     indices: Vec<u32>,
 }
 
-impl Builder {
+impl MeshBuilder {
     /// Adds a vertex and returns its index.
     pub fn vertex(&mut self, position: Vec3, normal: Vec3, uv: Vec2) -> u32 {
         self.positions.push(position);
@@ -186,6 +186,32 @@ pub fn transformed(mut mesh: Mesh, transform: Mat4) -> Mesh {
     mesh
 }
 
+/// The mesh with a vertex for every index.
+#[must_use]
+pub(in crate::scene) fn unindexed(mut mesh: Mesh) -> Mesh {
+    let Some(indices) = mesh.indices.take() else {
+        return mesh;
+    };
+    fn spread<T: Copy>(data: &[T], components: u32, indices: &[u32]) -> Vec<T> {
+        let size = components as usize;
+        let vertex = |i: &u32| data.get(*i as usize * size..(*i as usize + 1) * size);
+        indices
+            .iter()
+            .filter_map(vertex)
+            .flatten()
+            .copied()
+            .collect()
+    }
+    for stream in mesh.streams.values_mut() {
+        match stream {
+            Stream::Float { components, data } => *data = spread(data, *components, &indices),
+            Stream::Uint { components, data } => *data = spread(data, *components, &indices),
+        }
+    }
+    mesh.vertex_count = indices.len() as u32;
+    mesh
+}
+
 /// The positions of a mesh; empty without that stream.
 pub fn positions(mesh: &Mesh) -> impl Iterator<Item = Vec3> {
     let data: &[f32] = match mesh.streams.get("position") {
@@ -202,7 +228,7 @@ pub fn positions(mesh: &Mesh) -> impl Iterator<Item = Vec3> {
 pub fn merged(name: &str, parts: Vec<Mesh>) -> Mesh {
     let mut parts = parts.into_iter();
     let Some(mut all) = parts.next() else {
-        return Builder::default().build(name);
+        return MeshBuilder::default().build(name);
     };
     all.name = name.to_owned();
     let in_order = |m: &Mesh| (0..m.vertex_count).collect::<Vec<u32>>();

@@ -5,7 +5,7 @@ use std::f32::consts::{PI, TAU};
 use glam::{Vec2, Vec3};
 use serde::Deserialize;
 
-use super::Builder;
+use super::MeshBuilder;
 use crate::scene::Mesh;
 
 /// A box around the origin. Its uvs are in world units, so that a texture has the same size on
@@ -33,7 +33,7 @@ impl Default for Cuboid {
 
 impl Cuboid {
     /// Adds the box to a mesh, centred at `center`.
-    pub fn add(self, builder: &mut Builder, center: Vec3) {
+    pub fn add(self, builder: &mut MeshBuilder, center: Vec3) {
         let half = Vec3::from(self.size) * 0.5;
         // Normal, direction of u, direction of v; u x v is the normal.
         for (n, u, v) in [
@@ -59,7 +59,7 @@ impl Cuboid {
 
     /// The mesh.
     pub fn mesh(self, name: &str) -> Mesh {
-        let mut builder = Builder::default();
+        let mut builder = MeshBuilder::default();
         self.add(&mut builder, Vec3::ZERO);
         builder.build(name)
     }
@@ -90,7 +90,7 @@ impl Default for Plane {
 impl Plane {
     /// The mesh.
     pub fn mesh(self, name: &str) -> Mesh {
-        let mut builder = Builder::default();
+        let mut builder = MeshBuilder::default();
         let [w, d] = self.size;
         builder.patch(self.segments, |s, t| {
             let p = Vec3::new((s - 0.5) * w, 0.0, (0.5 - t) * d);
@@ -131,7 +131,7 @@ impl Default for Sphere {
 impl Sphere {
     /// The mesh.
     pub fn mesh(self, name: &str) -> Mesh {
-        let mut builder = Builder::default();
+        let mut builder = MeshBuilder::default();
         builder.patch([self.segments.max(3), self.rings.max(2)], |s, t| {
             // The two columns of the seam and the points of each pole must be equal bit for bit.
             let turn = if s == 1.0 { 0.0 } else { s * TAU };

@@ -4,7 +4,7 @@
 use glam::{Vec2, Vec3};
 use serde::Deserialize;
 
-use super::{Builder, transformed};
+use super::{MeshBuilder, transformed};
 use crate::scene::Mesh;
 
 /// The teapot on y = 0 with its spout towards +x.
@@ -91,7 +91,7 @@ enum Rows {
 impl Teapot {
     /// The mesh.
     pub fn mesh(self, name: &str) -> Mesh {
-        let mut b = Builder::default();
+        let mut b = MeshBuilder::default();
         let [round, along] = self.segments.map(|n| n.clamp(1, 256));
         for (patch, rows) in patches() {
             let cells = match rows {

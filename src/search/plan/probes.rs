@@ -242,6 +242,7 @@ fn scene(probe: &Probe, finest: u32, size: [u32; 2]) -> Result<Scene, Error> {
     Ok(Scene {
         name: "probe".to_owned(),
         files: Vec::new(),
+        is_made_up: false,
         size,
         viewport: None,
         depth_format: state.depth_format,
