@@ -186,7 +186,7 @@ pub fn run(args: &RewriteArgs, config: Option<&Path>) -> Result<Ending, Failure>
         times: Vec::new(),
         errors: Vec::new(),
         sum: Sum::default(),
-        assumed: BTreeMap::new(),
+        assumed: Vec::new(),
         taken: BTreeMap::new(),
     };
     for (job, made) in jobs.iter().zip(made) {
@@ -206,8 +206,8 @@ struct Run<'a> {
     times: Vec<Times>,
     errors: Vec<String>,
     sum: Sum,
-    /// The materials of each assumed pipeline state.
-    assumed: BTreeMap<String, Vec<String>>,
+    /// Notes about assumed pipeline state.
+    assumed: Vec<String>,
     /// Written files, each with the first file of its job.
     taken: BTreeMap<PathBuf, &'a Path>,
 }
@@ -230,9 +230,7 @@ impl<'a> Run<'a> {
         for message in &made.messages {
             output::message(&self.named(message, job));
         }
-        for (state, material) in made.assumed.drain(..) {
-            self.assumed.entry(state).or_default().push(material);
-        }
+        self.assumed.append(&mut made.assumed);
         self.sum.failed += usize::from(!made.errors.is_empty());
         for error in &made.errors {
             let error = self.named(error, job);
@@ -328,14 +326,11 @@ impl<'a> Run<'a> {
                 errors: self.errors.clone(),
             })?;
         }
-        for (state, materials) in &self.assumed {
-            let of = match &materials[..] {
-                [material] => format!("`{material}`"),
-                materials => output::count(materials.len(), "material"),
-            };
-            output::message(&format!(
-                "note: pipeline state assumed of {of}: {state} (--state FILE or its flags say otherwise)"
-            ));
+        let nowhere = self.args.out.is_none() && self.args.out_dir.is_none();
+        let is_written = self.sum.written > 0 || (nowhere && self.errors.is_empty());
+        // Of several jobs the sum is printed.
+        if self.jobs == 1 && is_written && self.args.format == Format::Human {
+            self.assumed.iter().for_each(|note| output::message(note));
         }
         if self.args.time_passes {
             output::message(&Times::table(self.times.iter()));
@@ -385,8 +380,13 @@ fn make(
     }
     let is_given = job.shader.state.state.is_some() || job.shader.is_scene();
     if !is_given && !recipe.steps.is_empty() {
-        let assumed = materials.asked.iter();
-        let assumed = assumed.filter_map(|p| Some((described(p)?, p.material.clone())));
+        let assumed = materials.asked.iter().filter_map(|plan| {
+            Some(format!(
+                "note: pipeline state assumed of `{}`: {} (--state FILE or its flags say otherwise)",
+                plan.material,
+                described(plan)?
+            ))
+        });
         made.assumed.extend(assumed);
     }
     let applied = apply(&materials, recipe, args, &mut made.times);

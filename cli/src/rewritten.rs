@@ -71,8 +71,8 @@ pub struct Made {
     pub materials: Vec<(Rewritten, Vec<emit::File>)>,
     pub read: Vec<PathBuf>,
     pub messages: Vec<String>,
-    /// The pipeline states that nothing says, each with its material.
-    pub assumed: Vec<(String, String)>,
+    /// Notes about pipeline state that nothing says.
+    pub assumed: Vec<String>,
     /// Printed after everything is written.
     pub hints: Vec<String>,
     pub errors: Vec<String>,

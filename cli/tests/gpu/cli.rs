@@ -26,7 +26,8 @@ fn what_a_bare_shader_was_given_is_told() {
         ],
     );
     let said = stderr(&output);
-    assert_eq!(output.status.code(), Some(0), "{said}");
+    // In so small a picture the noise has one level, by which no fragment is discarded: not measured.
+    assert!(matches!(output.status.code(), Some(0 | 3)), "{said}");
     assert!(
         said.starts_with("note: a scene was made up for `toon`, with these inputs guessed"),
         "{said}"

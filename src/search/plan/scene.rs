@@ -480,8 +480,9 @@ fn material(
         let views = scene.frames().count() as u64;
         let [width, height] = scene.size.map(u64::from);
         reasons.push(format!(
-            "it depends on depth ties: no tie seen in {} pixels of {views} views",
-            width * height * views
+            "it depends on depth ties: no tie seen in {} pixels of {views} view{}",
+            width * height * views,
+            if views == 1 { "" } else { "s" }
         ));
     }
     MaterialDecision {
