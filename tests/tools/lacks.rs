@@ -152,7 +152,7 @@ fn depths_and_targets() -> Vec<Case> {
             "enable dual_source_blending;\n",
             "@location(0) @blend_src(0) c: vec4<f32>, @location(0) @blend_src(1) d: vec4<f32>",
             "fn fs(v: V) -> O { return O(vec4<f32>(v.uv, 0.0, 1.0), vec4<f32>(u.a));",
-            [Read, Read, Refused("dual source blending")],
+            [Read, Read, Read],
         ),
     ]
 }
