@@ -72,7 +72,7 @@ fn builtins() -> Vec<Case> {
 @fragment fn fs(v: V) -> @location(0) vec4<f32> {{ return vec4<f32>(v.uv, 0.0, 1.0); }}\n"
     );
     let mask = "@location(0) c: vec4<f32>, @builtin(sample_mask) m: u32";
-    let es = Refused("sample_mask");
+    let mask_of_glsl = Refused("sample_mask");
     vec![
         input(
             "sample_index",
@@ -96,7 +96,7 @@ fn builtins() -> Vec<Case> {
             "sample_mask in",
             "sample_mask) b: u32",
             "",
-            [Read, Unread, es],
+            [Read, mask_of_glsl, mask_of_glsl],
         ),
         input(
             "subgroup_size",
@@ -109,14 +109,14 @@ fn builtins() -> Vec<Case> {
             "",
             mask,
             "fn fs(v: V) -> O { if (v.uv.x < 0.1) { return O(vec4<f32>(1.0), 3u); } return O(vec4<f32>(v.uv, u.a, u.b), u.m);",
-            [Read, Unread, es],
+            [Read, mask_of_glsl, mask_of_glsl],
         ),
         writes(
             "sample_mask in and out",
             "",
             mask,
             "fn fs(v: V, @builtin(sample_mask) b: u32) -> O { return O(vec4<f32>(v.uv, u.a, u.b), b & u.m);",
-            [Read, Unread, es],
+            [Read, mask_of_glsl, mask_of_glsl],
         ),
         Case {
             name: "clip_distances",
@@ -152,7 +152,7 @@ fn depths_and_targets() -> Vec<Case> {
             "enable dual_source_blending;\n",
             "@location(0) @blend_src(0) c: vec4<f32>, @location(0) @blend_src(1) d: vec4<f32>",
             "fn fs(v: V) -> O { return O(vec4<f32>(v.uv, 0.0, 1.0), vec4<f32>(u.a));",
-            [Read, Read, Refused("dual source blending")],
+            [Read, Read, Read],
         ),
     ]
 }

@@ -57,7 +57,8 @@ const NOT_VULKAN: &str = "emit glsl-tess, or pass it as an attribute or in a uni
 const LACKS: &[(Construct, &[Target], &str, &str)] = &[
     // GLSL ES 3.20, or OES_sample_variables.
     (Builtin(BuiltIn::SampleIndex), ES, "sample_index", NOT_ES),
-    (Builtin(BuiltIn::SampleMask), ES, "sample_mask", NOT_ES),
+    // GLSL has arrays, which naga writes as scalars.
+    (Builtin(BuiltIn::SampleMask), EVERY, "sample_mask", NOT_GLSL),
     // GLSL ES 3.20.
     (Builtin(BuiltIn::PrimitiveIndex), ES, "primitive_index", NOT_ES),
     (Builtin(BuiltIn::Barycentric { perspective: true }), ES, "barycentric", NOT_ES),

@@ -24,8 +24,6 @@ const UNREAD: &[&str] = &[
     "subgroup*",
     "frexp",
     "textureGatherOffset",
-    "gl_SampleMask",
-    "gl_SampleMaskIn",
     "gl_ClipDistance",
     "gl_BaryCoordEXT",
     "gl_BaryCoordNoPerspEXT",
