@@ -32,7 +32,7 @@ impl Scene {
     ///
     /// # Errors
     /// The file or a file that it names cannot be read, or is invalid.
-    pub fn load(path: &Path) -> Result<Self, scene::Error> {
+    pub fn load(path: &Path) -> Result<Self, scene::SceneError> {
         scene::load(path)
     }
 }

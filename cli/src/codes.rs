@@ -39,14 +39,14 @@ pub fn all() -> BTreeMap<&'static str, String> {
 /// The code of an error that has one.
 pub fn of(error: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
     use preshade::unstable::search::plan as decide;
-    if let Some(error) = error.downcast_ref::<decide::Error>() {
+    if let Some(error) = error.downcast_ref::<decide::PlanError>() {
         return match error {
-            decide::Error::Measure(error) => of(error),
-            decide::Error::Render(error) => of(error),
-            decide::Error::Counting { .. }
-            | decide::Error::Probe(_)
-            | decide::Error::Recipe(_)
-            | decide::Error::NoView(_) => None,
+            decide::PlanError::Measure(error) => of(error),
+            decide::PlanError::Render(error) => of(error),
+            decide::PlanError::Counting { .. }
+            | decide::PlanError::Probe(_)
+            | decide::PlanError::Recipe(_)
+            | decide::PlanError::NoView(_) => None,
         };
     }
     if let Some(error) = error.downcast_ref::<measure::Error>() {
@@ -62,7 +62,7 @@ pub fn of(error: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
         .or_else(|| {
             error
                 .downcast_ref()
-                .map(|_: &scene::Error| scene::Error::CODE)
+                .map(|_: &scene::SceneError| scene::SceneError::CODE)
         })
 }
 

@@ -364,6 +364,24 @@ fn write(folder: &Path, files: Vec<File>, format: Format, jobs: usize) -> Result
     Ok(changed.len())
 }
 
+/// A warning about the budget of a variant that nothing measures.
+fn unmeasured(plan: &Plan) -> Option<String> {
+    let budgets = plan.contract.budgets();
+    if budgets.is_empty() {
+        return None;
+    }
+    let off: Vec<String> = budgets
+        .iter()
+        .map(|b| format!("{} ({})", b.limit, b.metric))
+        .collect();
+    Some(format!(
+        "warning: `{}` is an approximation that may be off by {}, and `rewrite` measures nothing: \
+         `preshade verify` reports whether the budget holds, and which recipe to pass to `rewrite`",
+        plan.material,
+        off.join(" and ")
+    ))
+}
+
 /// Reads, rewrites and emits the materials of one job.
 fn make(
     job: &Job,
@@ -403,19 +421,7 @@ fn make(
             ));
         }
         made.messages.extend(messages);
-        let budgets = plan.contract.budgets();
-        if !budgets.is_empty() {
-            let off: Vec<String> = budgets
-                .iter()
-                .map(|b| format!("{} ({})", b.limit, b.metric))
-                .collect();
-            made.messages.push(format!(
-                "warning: `{}` is an approximation, allowed to be off by {}, and nothing is measured here: `preshade verify` tells whether it keeps \
-                 that, and what to pass to `rewrite` for the choice it measured",
-                plan.material,
-                off.join(" and ")
-            ));
-        }
+        made.messages.extend(unmeasured(&plan));
         for note in &plan.notes {
             made.messages
                 .push(format!("note: `{}`: {note}", plan.material));

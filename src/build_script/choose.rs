@@ -9,7 +9,7 @@ use preshade_passes::plan::Plan;
 
 use super::generate::Drawn;
 use super::stamp::Trace;
-use super::{Asked, BuildConfig, Error};
+use super::{Asked, BuildConfig, BuildError};
 use crate::emit::{self, File, Target};
 use crate::front;
 use crate::lock::{Inputs, Left, Lock, LockError, Locked, Mismatch};
@@ -41,7 +41,7 @@ pub(super) fn choose(
     sources: &[front::Source],
     keeping: &Keeping,
     trace: &mut Trace,
-) -> Result<Vec<Drawn>, Error> {
+) -> Result<Vec<Drawn>, BuildError> {
     let Asked {
         own,
         named,
@@ -65,7 +65,7 @@ pub(super) fn choose(
     let state = match (&builder.state, &left, keeping) {
         (Some(state), ..) => state.clone(),
         (None, Some(Left { state: None, .. }), Keeping::Foreign(error, _)) => {
-            return Err(Error::State(error.to_string()));
+            return Err(BuildError::State(error.to_string()));
         }
         (None, left, _) => left
             .as_ref()
@@ -152,7 +152,7 @@ pub(super) fn made(
     plans: Vec<(String, (Plan, Vec<String>))>,
     sources: &[front::Source],
     warnings: &mut Vec<String>,
-) -> Result<Vec<Drawn>, Error> {
+) -> Result<Vec<Drawn>, BuildError> {
     let mut all: Vec<Drawn> = Vec::new();
     for (name, (plan, left_out)) in plans {
         let made = emitted(builder, &name, &plan, sources, warnings);
@@ -202,7 +202,7 @@ fn parse(
     sources: &[front::Source],
     options: &front::Options,
     left: Option<&Left>,
-) -> Result<front::Parsed, Error> {
+) -> Result<front::Parsed, BuildError> {
     if let Some(left) = left {
         let as_locked = front::Options {
             vertex: options.vertex.clone().or(left.vertex.clone()),
@@ -213,7 +213,7 @@ fn parse(
             return Ok(parsed);
         }
     }
-    front::parse(sources, options).map_err(Error::Shader)
+    front::parse(sources, options).map_err(BuildError::Shader)
 }
 
 /// What a build may depend on.
@@ -329,14 +329,14 @@ fn emitted(
     plan: &Plan,
     sources: &[front::Source],
     warnings: &mut Vec<String>,
-) -> Result<Vec<File>, Error> {
+) -> Result<Vec<File>, BuildError> {
     let options = emit::Options::default();
     let mut targets = vec![Target::Wgsl];
     targets.extend(builder.targets.iter().filter(|t| **t != Target::Wgsl));
     // All at once. Only if that fails, one by one, to name the target.
     match emit::emit(plan, &targets, &options) {
         Ok(files) => Ok(files),
-        Err(error) if targets == [Target::Wgsl] => Err(Error::Emit(error)),
+        Err(error) if targets == [Target::Wgsl] => Err(BuildError::Emit(error)),
         Err(_) => {
             targets.retain(|target| match emit::emit(plan, &[*target], &options) {
                 Err(error) if *target != Target::Wgsl => {

@@ -13,7 +13,7 @@ use crate::recipe::RecipeError;
 /// prints it.
 #[derive(thiserror::Error)]
 #[non_exhaustive]
-pub enum Error {
+pub enum BuildError {
     /// A file cannot be read.
     #[error("{}: {error}", path.display())]
     Read {
@@ -83,7 +83,7 @@ pub enum Error {
     NoOutDir,
 }
 
-impl fmt::Debug for Error {
+impl fmt::Debug for BuildError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{self}")
     }

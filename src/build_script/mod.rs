@@ -3,7 +3,7 @@
 //!
 //! ```no_run
 //! // build.rs
-//! fn main() -> Result<(), preshade::build_script::Error> {
+//! fn main() -> Result<(), preshade::build_script::BuildError> {
 //!     preshade::configure().pass("depth-prepass").compile("shaders/lit.wgsl")
 //! }
 //! ```
@@ -77,7 +77,7 @@ use choose::Keeping;
 use generate::Drawn;
 use stamp::Trace;
 
-pub use error::Error;
+pub use error::BuildError;
 
 /// The options of a build: see the module.
 #[must_use]
@@ -89,7 +89,7 @@ pub fn configure() -> BuildConfig {
 ///
 /// # Errors
 /// As [`BuildConfig::compile`].
-pub fn compile(shader: impl AsRef<Path>) -> Result<(), Error> {
+pub fn compile(shader: impl AsRef<Path>) -> Result<(), BuildError> {
     configure().compile(shader)
 }
 
@@ -252,7 +252,7 @@ impl BuildConfig {
     /// # Errors
     /// The shader, the lock file or a recipe cannot be read, or the files cannot be written. A
     /// refused pass is only a warning.
-    pub fn compile(&self, shader: impl AsRef<Path>) -> Result<(), Error> {
+    pub fn compile(&self, shader: impl AsRef<Path>) -> Result<(), BuildError> {
         self.tell(&[shader.as_ref()])
     }
 
@@ -264,12 +264,12 @@ impl BuildConfig {
         &self,
         vertex: impl AsRef<Path>,
         fragment: impl AsRef<Path>,
-    ) -> Result<(), Error> {
+    ) -> Result<(), BuildError> {
         self.tell(&[vertex.as_ref(), fragment.as_ref()])
     }
 
     /// Refuses a second material of the same name, since its module would overwrite the first.
-    fn claim(&self, files: &[&Path]) -> Result<(), Error> {
+    fn claim(&self, files: &[&Path]) -> Result<(), BuildError> {
         /// Modules that this process compiled, with their files and options.
         static CLAIMED: Mutex<BTreeMap<PathBuf, (String, String)>> = Mutex::new(BTreeMap::new());
         let name = self.material(files)?;
@@ -283,7 +283,7 @@ impl BuildConfig {
         let own = (second.clone(), format!("{self:?}"));
         match claimed.entry(module).or_insert_with(|| own.clone()) {
             one if *one == own => Ok(()),
-            (first, _) => Err(Error::Taken {
+            (first, _) => Err(BuildError::Taken {
                 name,
                 first: first.clone(),
                 second,
@@ -291,16 +291,16 @@ impl BuildConfig {
         }
     }
 
-    fn output_folder(&self) -> Result<PathBuf, Error> {
+    fn output_folder(&self) -> Result<PathBuf, BuildError> {
         match &self.out_dir {
             Some(folder) => Ok(folder.clone()),
             None => std::env::var_os("OUT_DIR")
                 .map(PathBuf::from)
-                .ok_or(Error::NoOutDir),
+                .ok_or(BuildError::NoOutDir),
         }
     }
 
-    fn tell(&self, files: &[&Path]) -> Result<(), Error> {
+    fn tell(&self, files: &[&Path]) -> Result<(), BuildError> {
         // Also on failure: an edited file must run the build again.
         for file in files {
             println!("cargo::rerun-if-changed={}", file.display());
@@ -321,7 +321,7 @@ impl BuildConfig {
     ///
     /// # Errors
     /// As [`BuildConfig::compile`].
-    pub fn build(&self, files: &[&Path]) -> Result<Built, Error> {
+    pub fn build(&self, files: &[&Path]) -> Result<Built, BuildError> {
         let out = self.output_folder()?;
         let name = self.material(files)?;
         let texts = files
@@ -334,7 +334,7 @@ impl BuildConfig {
             Ok(text) => Some(text),
             Err(e) if e.kind() == std::io::ErrorKind::NotFound && self.lock.is_none() => None,
             Err(error) => {
-                return Err(Error::Read {
+                return Err(BuildError::Read {
                     path: lock_path,
                     error,
                 });
@@ -364,7 +364,7 @@ impl BuildConfig {
             Some((text, Err(error @ LockError::Foreign { .. }))) => {
                 Keeping::Foreign(error, Left::of(text, &name))
             }
-            Some((_, Err(error))) => return Err(Error::Lock(error)),
+            Some((_, Err(error))) => return Err(BuildError::Lock(error)),
         };
         let made = self.make(&name, files, texts, &lock)?;
         read.extend(made.trace.included());
@@ -379,7 +379,7 @@ impl BuildConfig {
             .iter()
             .map(|(variant, files)| (folder.join(variant), files.as_slice()));
         for (folder, files) in folders.chain([(out.clone(), root.as_slice())]) {
-            let failed = |error| Error::Write {
+            let failed = |error| BuildError::Write {
                 path: folder.clone(),
                 error,
             };
@@ -389,7 +389,7 @@ impl BuildConfig {
         }
         stamp::sweep(&folder, &out, &hashes);
         // Last, so that an interrupted build is repeated.
-        stamp::write(&folder, &key, &made.trace, hashes).map_err(|error| Error::Write {
+        stamp::write(&folder, &key, &made.trace, hashes).map_err(|error| BuildError::Write {
             path: folder,
             error,
         })?;
@@ -401,7 +401,7 @@ impl BuildConfig {
         })
     }
 
-    fn material(&self, files: &[&Path]) -> Result<String, Error> {
+    fn material(&self, files: &[&Path]) -> Result<String, BuildError> {
         let stem = files.first().and_then(|f| f.file_stem());
         let stem = stem.map(|s| s.to_string_lossy().into_owned());
         let name = self.name.clone().or_else(|| {
@@ -412,7 +412,7 @@ impl BuildConfig {
         });
         match name {
             Some(name) if emit::is_material_name(&name) => Ok(name),
-            name => Err(Error::Name(name.unwrap_or_default())),
+            name => Err(BuildError::Name(name.unwrap_or_default())),
         }
     }
 
@@ -423,7 +423,7 @@ impl BuildConfig {
         files: &[&Path],
         texts: Vec<String>,
         lock: &Keeping,
-    ) -> Result<MadeModule, Error> {
+    ) -> Result<MadeModule, BuildError> {
         let sources: Vec<front::Source> = files
             .iter()
             .zip(texts)
@@ -443,7 +443,7 @@ impl BuildConfig {
         })
     }
 
-    fn recipes(&self) -> Result<Asked, Error> {
+    fn recipes(&self) -> Result<Asked, BuildError> {
         if self.passes.is_empty() && self.variants.is_empty() {
             let named = choose::BY_DEFAULT.iter().map(|(name, pass)| {
                 let recipe = Recipe::parse([pass])?;
@@ -451,7 +451,7 @@ impl BuildConfig {
             });
             return Ok(Asked {
                 own: None,
-                named: named.collect::<Result<_, Error>>()?,
+                named: named.collect::<Result<_, BuildError>>()?,
                 is_default: true,
             });
         }
@@ -462,16 +462,16 @@ impl BuildConfig {
         let mut taken = BTreeSet::new();
         let named = self.variants.iter().map(|(name, steps)| {
             if !names::is_a_modules(name) {
-                return Err(Error::Name(name.clone()));
+                return Err(BuildError::Name(name.clone()));
             }
             if !taken.insert(name) {
-                return Err(Error::Twice(name.clone()));
+                return Err(BuildError::Twice(name.clone()));
             }
             Ok((name.clone(), Recipe::parse(steps)?))
         });
         Ok(Asked {
             own,
-            named: named.collect::<Result<_, Error>>()?,
+            named: named.collect::<Result<_, BuildError>>()?,
             is_default: false,
         })
     }
@@ -500,7 +500,7 @@ fn worded(
     module: &generate::Module<'_>,
     sources: &[front::Source],
     warnings: &mut Vec<String>,
-) -> Result<String, Error> {
+) -> Result<String, BuildError> {
     loop {
         let wordless = match generate::material(name, drawn, module) {
             Ok(module) => return Ok(module),
@@ -515,7 +515,7 @@ fn worded(
                 choose::give_up(variant, original, &wordless.why, sources, warnings);
             }
             _ => {
-                return Err(Error::Module {
+                return Err(BuildError::Module {
                     file: sources.first().map_or(String::new(), |s| s.name.clone()),
                     why: wordless.why,
                 });
@@ -524,8 +524,8 @@ fn worded(
     }
 }
 
-fn read(path: &Path) -> Result<String, Error> {
-    std::fs::read_to_string(path).map_err(|error| Error::Read {
+fn read(path: &Path) -> Result<String, BuildError> {
+    std::fs::read_to_string(path).map_err(|error| BuildError::Read {
         path: path.to_owned(),
         error,
     })

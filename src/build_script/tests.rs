@@ -7,7 +7,7 @@ use preshade_passes::pass::Facts;
 use preshade_passes::plan::Plan;
 use preshade_passes::state::MaterialState;
 
-use super::{Error, choose, generate};
+use super::{BuildError, choose, generate};
 use crate::front;
 use crate::recipe::Recipe;
 
@@ -159,5 +159,5 @@ fn a_variant_that_cannot_be_made_is_the_original() {
     }
     assert!(!text.contains("Phase::Depth,"));
     let failed = choose::made(&builder, plans(&unwritable), &sources, &mut warnings);
-    assert!(matches!(failed, Err(Error::Emit(_))));
+    assert!(matches!(failed, Err(BuildError::Emit(_))));
 }

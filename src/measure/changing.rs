@@ -12,7 +12,7 @@ use preshade_passes::pass::Changing;
 
 use super::originals;
 use crate::scene::bind;
-use crate::scene::{Error, Frame, Material, Scene};
+use crate::scene::{Frame, Material, Scene, SceneError};
 
 /// The bytes of uniforms, by group and binding.
 type Buffers = BTreeMap<(u32, u32), Arc<[u8]>>;
@@ -23,7 +23,7 @@ type Buffers = BTreeMap<(u32, u32), Arc<[u8]>>;
 /// # Errors
 ///
 /// A value that does not fit its variable.
-pub fn changing(scene: &Scene) -> Result<Vec<Changing>, Error> {
+pub fn changing(scene: &Scene) -> Result<Vec<Changing>, SceneError> {
     let plans = originals(scene);
     let mut found = BTreeSet::new();
     for draw in &scene.draws {
@@ -33,7 +33,7 @@ pub fn changing(scene: &Scene) -> Result<Vec<Changing>, Error> {
             continue;
         };
         let Some(pass) = plan.main() else { continue };
-        let buffers = |frame| -> Result<Buffers, Error> {
+        let buffers = |frame| -> Result<Buffers, SceneError> {
             let of_frame = bind::frame_buffers(scene, material, pass, draw, frame)?;
             let bytes = of_frame.into_iter();
             Ok(bytes

@@ -9,7 +9,7 @@ use preshade_passes::specialize::assume::uniform_scalars;
 
 use super::{changing, originals};
 use crate::scene::bind::{self, DrawBindings, TextureContent};
-use crate::scene::{Error, Image, Material, Scene};
+use crate::scene::{Image, Material, Scene, SceneError};
 
 /// Everything that is computed once for all draws of a scene.
 pub struct Looked<'s> {
@@ -28,7 +28,7 @@ pub struct Looked<'s> {
 /// # Errors
 ///
 /// A value that does not fit its variable.
-pub fn constants(scene: &Scene) -> Result<Vec<Constant>, Error> {
+pub fn constants(scene: &Scene) -> Result<Vec<Constant>, SceneError> {
     constants_beside(scene, changing(scene)?)
 }
 
@@ -36,7 +36,7 @@ pub fn constants(scene: &Scene) -> Result<Vec<Constant>, Error> {
 pub(super) fn constants_beside(
     scene: &Scene,
     changing: Vec<Changing>,
-) -> Result<Vec<Constant>, Error> {
+) -> Result<Vec<Constant>, SceneError> {
     let looked = Looked::beside(scene, changing)?;
     let mut found = Vec::new();
     for (index, plan) in looked.plans.iter().enumerate() {
@@ -76,12 +76,12 @@ impl<'s> Looked<'s> {
     /// # Errors
     ///
     /// A value that does not fit its variable.
-    pub fn at(scene: &'s Scene) -> Result<Self, Error> {
+    pub fn at(scene: &'s Scene) -> Result<Self, SceneError> {
         Self::beside(scene, changing(scene)?)
     }
 
     /// [`Looked::at`], with the changing uniforms already known.
-    fn beside(scene: &'s Scene, changing: Vec<Changing>) -> Result<Self, Error> {
+    fn beside(scene: &'s Scene, changing: Vec<Changing>) -> Result<Self, SceneError> {
         let plans = originals(scene);
         let first = scene.frames().next().map(|(_, frame)| frame);
         let mut all = Vec::new();
@@ -107,7 +107,7 @@ impl<'s> Looked<'s> {
     ///
     /// # Errors
     /// A value that does not fit its variable.
-    pub fn of_draw(&self, draw: usize) -> Result<BTreeMap<Place, Assumed>, Error> {
+    pub fn of_draw(&self, draw: usize) -> Result<BTreeMap<Place, Assumed>, SceneError> {
         let scene = self.scene;
         let first = scene.frames().next().map(|(_, frame)| frame);
         let (Some(frame), Some(draw)) = (first, scene.draws.get(draw)) else {
@@ -131,7 +131,7 @@ impl<'s> Looked<'s> {
     /// # Errors
     ///
     /// As [`Looked::of_draw`].
-    pub fn telling(&self, draw: usize) -> Result<BTreeMap<Place, Assumed>, Error> {
+    pub fn telling(&self, draw: usize) -> Result<BTreeMap<Place, Assumed>, SceneError> {
         let mut values = self.of_draw(draw)?;
         let draw = self.scene.draws.get(draw);
         let plan = draw.and_then(|d| self.plans.get(d.material));
@@ -289,7 +289,7 @@ fn one_value(image: &Image, channel: u32) -> Option<Bounds> {
         true => ((stored + 0.055) / 1.055).powf(2.4),
         false => stored,
     };
-    // Error allowed for filtering equal texels and for decoding sRGB.
+    // SceneError allowed for filtering equal texels and for decoding sRGB.
     let slack = 1.0 / 1024.0;
     Some(match first {
         0 | 255 => Bounds::one(value),

@@ -8,7 +8,7 @@ use preshade_passes::specialize::effects::{self, CalledFor, Effect};
 use serde::Serialize;
 
 use super::constants::{Looked, as_facts};
-use crate::scene::{Error, Scene};
+use crate::scene::{Scene, SceneError};
 
 /// An effect of a material, over its draws.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -68,7 +68,7 @@ impl EffectUse {
 /// # Errors
 ///
 /// A value that does not fit its variable.
-pub fn effects(scene: &Scene) -> Result<Vec<EffectUse>, Error> {
+pub fn effects(scene: &Scene) -> Result<Vec<EffectUse>, SceneError> {
     let looked = Looked::at(scene)?;
     let mut found = Vec::new();
     for (index, plan) in looked.plans.iter().enumerate() {

@@ -10,7 +10,7 @@ use preshade_passes::specialize::{Params, Specialize, Specialized};
 
 use super::constants::{Looked, as_facts};
 use crate::recipe::Recipe;
-use crate::scene::{Error, Scene};
+use crate::scene::{Scene, SceneError};
 
 /// Default for the most groups of one material.
 pub const MOST_GROUPS: usize = 8;
@@ -19,7 +19,7 @@ pub const MOST_GROUPS: usize = 8;
 ///
 /// # Errors
 /// As [`grouped`].
-pub fn grouped_for(scene: Scene, recipe: &Recipe) -> Result<Scene, Error> {
+pub fn grouped_for(scene: Scene, recipe: &Recipe) -> Result<Scene, SceneError> {
     let Some(step) = recipe
         .steps
         .iter()
@@ -41,7 +41,7 @@ pub fn grouped_for(scene: Scene, recipe: &Recipe) -> Result<Scene, Error> {
 /// # Errors
 ///
 /// A value that does not fit its variable.
-pub fn grouped(scene: &Scene, params: &Params, most: usize) -> Result<Scene, Error> {
+pub fn grouped(scene: &Scene, params: &Params, most: usize) -> Result<Scene, SceneError> {
     let looked = Looked::at(scene)?;
     let mut out = scene.clone();
     for (index, plan) in looked.plans.iter().enumerate() {

@@ -17,7 +17,7 @@ use super::originals;
 use super::vertices::{self, Vertices};
 use crate::scene::bind::{self, DrawBindings};
 use crate::scene::flow::StageFlow;
-use crate::scene::{Draw, Error, Frame, Material, Scene};
+use crate::scene::{Draw, Frame, Material, Scene, SceneError};
 use preshade_passes::graph::Graph;
 
 /// Steps of the interpreter over all vertices of a material.
@@ -34,7 +34,7 @@ const DEAREST: u64 = 8;
 /// # Errors
 ///
 /// A value that does not fit its variable.
-pub fn ranges(scene: &Scene) -> Result<Vec<SourceRange>, Error> {
+pub fn ranges(scene: &Scene) -> Result<Vec<SourceRange>, SceneError> {
     let plans = originals(scene);
     let mut found = Vec::new();
     for (index, (material, plan)) in scene.materials.iter().zip(&plans).enumerate() {

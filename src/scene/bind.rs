@@ -18,7 +18,7 @@ use preshade_passes::state::CompareFunction;
 use super::layout::{self, Leaf};
 use super::semantic::{SemanticValue, normalise};
 use super::{
-    Draw, Error, Frame, Image, Material, Sampler, Scene, Value, material, range, value_path,
+    Draw, Frame, Image, Material, Sampler, Scene, SceneError, Value, material, range, value_path,
 };
 
 mod guessed;
@@ -224,7 +224,7 @@ pub fn draw(
     pass: &GpuPass,
     draw: &Draw,
     frame: &Frame,
-) -> Result<DrawBindings, Error> {
+) -> Result<DrawBindings, SceneError> {
     if let Some(mesh) = scene.meshes.get(draw.mesh) {
         range::check(mesh, draw)?;
     }
@@ -262,7 +262,7 @@ pub fn draw(
                 out.textures.push(bound);
             }
             BindingKind::AccelerationStructure => {
-                return Err(Error::new(format!(
+                return Err(SceneError::new(format!(
                     "material `{}`: `{name}` is an acceleration structure, which a scene cannot fill",
                     material.name
                 )));
@@ -274,11 +274,11 @@ pub fn draw(
 
 /// Refuses immediate data. An adapter accepts it only if its host declared the size, and a pass's
 /// bindings do not contain it.
-fn refuse_immediates(material: &Material) -> Result<(), Error> {
+fn refuse_immediates(material: &Material) -> Result<(), SceneError> {
     let mut globals = material.program.module().global_variables.iter();
     match globals.find(|(_, g)| g.space == AddressSpace::Immediate) {
         None => Ok(()),
-        Some((_, global)) => Err(Error::new(format!(
+        Some((_, global)) => Err(SceneError::new(format!(
             "material `{}`: `{}` is immediate data (push constants), which a scene cannot fill: to see it drawn, make it a uniform block in a copy; `rewrite` takes it as it is",
             material.name,
             global
@@ -300,7 +300,7 @@ pub fn frame_buffers(
     pass: &GpuPass,
     draw: &Draw,
     frame: &Frame,
-) -> Result<Vec<BufferBinding>, Error> {
+) -> Result<Vec<BufferBinding>, SceneError> {
     let mut bound = uniform_buffers(scene, material, pass, draw, frame)?;
     bound.retain(|b| b.rate == Rate::Frame);
     Ok(bound)
@@ -316,7 +316,7 @@ pub fn uniform_buffers(
     pass: &GpuPass,
     draw: &Draw,
     frame: &Frame,
-) -> Result<Vec<BufferBinding>, Error> {
+) -> Result<Vec<BufferBinding>, SceneError> {
     let streams = Streams::new(scene, material, draw)?;
     authored(pass)
         .filter(|b| b.kind == BindingKind::Uniform)
@@ -334,7 +334,7 @@ pub(super) fn check(
     pass: &GpuPass,
     draw: &Draw,
     frame: &Frame,
-) -> Result<(), Error> {
+) -> Result<(), SceneError> {
     frame_buffers(scene, material, pass, draw, frame)?;
     let streams = Streams::new(scene, material, draw)?;
     let mut storage = authored(pass).filter(|b| {
@@ -357,7 +357,7 @@ fn runtime_length(
     draw: &Draw,
     name: &str,
     ty: naga::Handle<naga::Type>,
-) -> Result<usize, Error> {
+) -> Result<usize, SceneError> {
     let module = material.program.module();
     let given = match draw.values.get(name).or_else(|| material.values.get(name)) {
         Some(Value::Numbers(n)) if !name.is_empty() => Some(n.len()),
@@ -386,7 +386,7 @@ fn authored(pass: &GpuPass) -> impl Iterator<Item = &BindingUse> {
 fn variable<'a>(
     material: &'a Material,
     binding: &BindingUse,
-) -> Result<(&'a str, naga::Handle<naga::Type>), Error> {
+) -> Result<(&'a str, naga::Handle<naga::Type>), SceneError> {
     let at = |g: &material::Global<'_>| (g.group, g.binding) == (binding.group, binding.binding);
     let all = || material::globals(&material.program).filter(at);
     // Several variables may share a binding if they belong to different entry points.
@@ -395,7 +395,7 @@ fn variable<'a>(
         .or_else(|| all().next())
         .map(|g| (g.name, g.ty))
         .ok_or_else(|| {
-            Error::new(format!(
+            SceneError::new(format!(
                 "material `{}` has no variable at group {} binding {}, which a pass of its plan names as the author's",
                 material.name, binding.group, binding.binding
             ))
@@ -410,7 +410,7 @@ fn buffer(
     draw: &Draw,
     frame: &Frame,
     observe: Observer<'_>,
-) -> Result<BufferBinding, Error> {
+) -> Result<BufferBinding, SceneError> {
     let (name, ty) = variable(material, binding)?;
     let module = material.program.module();
     let given = layout::Given {
@@ -420,7 +420,7 @@ fn buffer(
     let dynamic = runtime_length(material, streams, draw, name, ty)?;
     let mut rate = Rate::Draw;
     let mut invented: Vec<Range<usize>> = Vec::new();
-    let mut leaf = |leaf: &Leaf<'_>| -> Result<[f64; 16], Error> {
+    let mut leaf = |leaf: &Leaf<'_>| -> Result<[f64; 16], SceneError> {
         if leaf.semantic.is_none()
             && let Some(numbers) = streams.element(name, ty, leaf)
         {
@@ -450,7 +450,7 @@ fn buffer(
                 }
                 None if forced => {
                     let path = leaf.text();
-                    return Err(Error::new(format!(
+                    return Err(SceneError::new(format!(
                         "`${}` does not fit `{path}`: one is a matrix, the other is not",
                         semantic.name()
                     ))
@@ -594,7 +594,7 @@ fn plausible(leaf: &Leaf<'_>) -> [f64; 16] {
 ///
 /// # Errors
 /// A binding that the program does not declare.
-pub fn samplers(material: &Material, pass: &GpuPass) -> Result<Vec<SamplerBinding>, Error> {
+pub fn samplers(material: &Material, pass: &GpuPass) -> Result<Vec<SamplerBinding>, SceneError> {
     let is_sampler = |b: &&BindingUse| {
         use BindingKind::{ComparisonSampler, Sampler};
         matches!(b.kind, Sampler | ComparisonSampler)
@@ -623,14 +623,14 @@ fn texture(
     binding: &BindingUse,
     name: &str,
     inner: &TypeInner,
-) -> Result<TextureBinding, Error> {
+) -> Result<TextureBinding, SceneError> {
     let TypeInner::Image {
         dim,
         arrayed,
         class,
     } = *inner
     else {
-        return Err(Error::new(format!(
+        return Err(SceneError::new(format!(
             "material `{}`: `{name}` is an array of bindings, which a scene cannot fill",
             material.name
         )));
@@ -674,7 +674,7 @@ fn texture(
             TextureContent::Image(image()),
         ),
         ImageClass::External => {
-            return Err(Error::new(format!(
+            return Err(SceneError::new(format!(
                 "material `{}`: `{name}` is an external texture, which a scene cannot fill",
                 material.name
             )));
@@ -692,12 +692,12 @@ fn texture(
 }
 
 /// The inputs of a material's vertex entry point, with struct arguments split into members.
-fn vertex_inputs(material: &Material) -> Result<Vec<preshade_passes::reflect::Io>, Error> {
+fn vertex_inputs(material: &Material) -> Result<Vec<preshade_passes::reflect::Io>, SceneError> {
     let (_, entry) = material
         .program
         .entry_point(ShaderStage::Vertex, &material.vertex)
         .ok_or_else(|| {
-            Error::new(format!(
+            SceneError::new(format!(
                 "material `{}` has no vertex entry point `{}`",
                 material.name, material.vertex
             ))

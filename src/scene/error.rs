@@ -11,9 +11,9 @@ use super::codes;
 use crate::regular;
 
 /// The scene cannot be loaded, or a draw cannot be bound. [`Display`](std::fmt::Display) is one
-/// line; [`Error::render`] shows the place in the scene file.
+/// line; [`SceneError::render`] shows the place in the scene file.
 #[derive(Clone, Debug)]
-pub struct Error {
+pub struct SceneError {
     message: String,
     help: Option<String>,
     place: Option<Box<TextPlace>>,
@@ -28,7 +28,7 @@ struct TextPlace {
     range: Range<usize>,
 }
 
-impl Error {
+impl SceneError {
     /// The stable code. All scene errors share it.
     pub const CODE: &str = codes::SCENE.code;
 
@@ -165,7 +165,7 @@ impl Error {
     }
 }
 
-impl std::fmt::Display for Error {
+impl std::fmt::Display for SceneError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         if let (Some(place), Some(line)) = (&self.place, self.line()) {
             write!(f, "{}:{line}: ", place.file)?;
@@ -178,9 +178,9 @@ impl std::fmt::Display for Error {
     }
 }
 
-impl std::error::Error for Error {}
+impl std::error::Error for SceneError {}
 
-impl From<crate::limits::Exceeded> for Error {
+impl From<crate::limits::Exceeded> for SceneError {
     fn from(exceeded: crate::limits::Exceeded) -> Self {
         Self::new(exceeded.to_string()).help(exceeded.remedy())
     }

@@ -3,7 +3,7 @@
 use serde::Deserialize;
 
 use super::noise::{fractal, random};
-use super::{Error, Image};
+use super::{Image, SceneError};
 
 /// A generated pattern. Each is a height in `[0, 1]` and an alpha over the unit square, and tiles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
@@ -122,7 +122,7 @@ impl Recipe {
     ///
     /// # Errors
     /// When the bytes are no PNG.
-    pub fn decode(&self, name: &str, bytes: &[u8]) -> Result<Image, Error> {
+    pub fn decode(&self, name: &str, bytes: &[u8]) -> Result<Image, SceneError> {
         let limits = crate::limits::Limits::default();
         self.decode_within(name, bytes, &limits, &|_| Ok(()))
     }
@@ -134,10 +134,10 @@ impl Recipe {
         name: &str,
         bytes: &[u8],
         limits: &crate::limits::Limits,
-        hold: &dyn Fn([u32; 2]) -> Result<(), Error>,
-    ) -> Result<Image, Error> {
+        hold: &dyn Fn([u32; 2]) -> Result<(), SceneError>,
+    ) -> Result<Image, SceneError> {
         let wrong = |e: ::image::ImageError| {
-            Error::new(format!("`{name}` is not a PNG that can be read: {e}"))
+            SceneError::new(format!("`{name}` is not a PNG that can be read: {e}"))
         };
         let png = ::image::ImageFormat::Png;
         let reader = || ::image::ImageReader::with_format(std::io::Cursor::new(bytes), png);

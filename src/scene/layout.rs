@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use naga::{ArraySize, Handle, Module, ScalarKind, Type, TypeInner, VectorSize};
 
-use super::{Error, Semantic, Value};
+use super::{SceneError, Semantic, Value};
 
 /// A scalar, vector or matrix inside a variable.
 pub(crate) struct Leaf<'a> {
@@ -185,8 +185,8 @@ pub(crate) fn pack<'a>(
     ty: Handle<Type>,
     dynamic: usize,
     given: Given<'a>,
-    leaf: &'a mut dyn FnMut(&Leaf<'_>) -> Result<[f64; 16], Error>,
-) -> Result<Vec<u8>, Error> {
+    leaf: &'a mut dyn FnMut(&Leaf<'_>) -> Result<[f64; 16], SceneError>,
+) -> Result<Vec<u8>, SceneError> {
     let size = size_of(module, ty, dynamic).next_multiple_of(16).max(16);
     let mut packer = Packer {
         module,
@@ -212,7 +212,7 @@ struct Packer<'a> {
     semantic: Option<Semantic>,
     dynamic: usize,
     given: Given<'a>,
-    leaf: &'a mut dyn FnMut(&Leaf<'_>) -> Result<[f64; 16], Error>,
+    leaf: &'a mut dyn FnMut(&Leaf<'_>) -> Result<[f64; 16], SceneError>,
 }
 
 impl<'a> Packer<'a> {
@@ -236,7 +236,12 @@ impl<'a> Packer<'a> {
     }
 
     /// Writes the scene's values, and default values unless `is_filled`.
-    fn write(&mut self, ty: Handle<Type>, offset: usize, mut is_filled: bool) -> Result<(), Error> {
+    fn write(
+        &mut self,
+        ty: Handle<Type>,
+        offset: usize,
+        mut is_filled: bool,
+    ) -> Result<(), SceneError> {
         // Skip the lookup per element for large arrays without values.
         if is_filled && self.given.draw.is_empty() {
             return Ok(());
@@ -247,7 +252,7 @@ impl<'a> Packer<'a> {
             Some((Value::Numbers(numbers), by_draw)) => {
                 let wanted = scalar_count(self.module, ty, self.dynamic);
                 if numbers.len() != wanted && numbers.len() != 1 {
-                    return Err(Error::new(format!(
+                    return Err(SceneError::new(format!(
                         "`{}` holds {wanted} numbers, but {} are given",
                         join(&self.path, true),
                         numbers.len()
@@ -264,7 +269,7 @@ impl<'a> Packer<'a> {
             Some((Value::Semantic(name), _)) => {
                 is_filled = false;
                 self.semantic = Some(Semantic::from_name(name).ok_or_else(|| {
-                    Error::new(format!("unknown value `${name}`"))
+                    SceneError::new(format!("unknown value `${name}`"))
                         .suggest(name, Semantic::names())
                         .about(join(&self.path, true))
                 })?);
@@ -291,7 +296,7 @@ impl<'a> Packer<'a> {
             _ if is_filled => {}
             inner => {
                 let Some((columns, rows, scalar)) = leaf_shape(inner) else {
-                    return Err(Error::new(format!(
+                    return Err(SceneError::new(format!(
                         "`{}` is of a type that a scene cannot fill",
                         join(&self.path, true)
                     )));

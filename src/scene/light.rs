@@ -6,7 +6,7 @@ use std::ops::Range;
 use glam::{Mat4, Vec3};
 use preshade_passes::state::DepthDirection;
 
-use super::{Camera, Error, Frame, Scene, Stream, bind, file, load};
+use super::{Camera, Frame, Scene, SceneError, Stream, bind, file, load};
 use crate::limits::Limits;
 
 /// A directional light and the world-space box that its shadow map covers.
@@ -43,7 +43,7 @@ const NEAR: f32 = 1.0;
 
 /// An error and its place in the scene file.
 pub(super) struct Misplaced {
-    pub error: Error,
+    pub error: SceneError,
     pub at: Range<usize>,
 }
 
@@ -56,9 +56,9 @@ impl Light {
         let default = Self::default();
         let direction = match &entry.direction {
             None => default.direction,
-            Some(d) => Vec3::from(*d.get_ref())
-                .try_normalize()
-                .ok_or_else(|| misplaced(Error::new("the light's direction is zero"), d.span()))?,
+            Some(d) => Vec3::from(*d.get_ref()).try_normalize().ok_or_else(|| {
+                misplaced(SceneError::new("the light's direction is zero"), d.span())
+            })?,
         };
         let extent = match &entry.extent {
             None => None,
@@ -66,7 +66,7 @@ impl Light {
                 Some(Vec3::from(*e.get_ref()))
             }
             Some(e) => {
-                let error = Error::new("the light sees an empty box")
+                let error = SceneError::new("the light sees an empty box")
                     .help("`extent` is its width, height and depth, each above 0");
                 return Err(misplaced(error, e.span()));
             }
@@ -82,7 +82,7 @@ impl Light {
             }
             Some(m) => {
                 let error =
-                    Error::new(format!("a shadow map of {0}x{0} pixels", m.get_ref())).help(
+                    SceneError::new(format!("a shadow map of {0}x{0} pixels", m.get_ref())).help(
                         format!("`map` is its width and height, 1 to {}", load::MAX_SIZE),
                     );
                 return Err(misplaced(error, m.span()));
@@ -98,7 +98,7 @@ impl Light {
     }
 }
 
-fn misplaced(error: Error, at: Range<usize>) -> Box<Misplaced> {
+fn misplaced(error: SceneError, at: Range<usize>) -> Box<Misplaced> {
     Box::new(Misplaced { error, at })
 }
 
@@ -169,7 +169,7 @@ impl Scene {
         mut self,
         frame: &Frame,
         names: &BTreeMap<String, Vec<String>>,
-    ) -> Result<Self, Error> {
+    ) -> Result<Self, SceneError> {
         let mut held = Vec::new();
         for draw in &self.draws {
             let found = self

@@ -21,8 +21,8 @@ use super::image::MAX_SIDE;
 use super::mesh::Rigged;
 use super::place::Folder;
 use super::{
-    Access, Camera, Draw, DrawOrder, DrawRange, Error, Light, Material, Mesh, Scene, Stream, Value,
-    Variables, bind, error, material, meshes, numbers, range, size, value_path, variables,
+    Access, Camera, Draw, DrawOrder, DrawRange, Light, Material, Mesh, Scene, SceneError, Stream,
+    Value, Variables, bind, error, material, meshes, numbers, range, size, value_path, variables,
 };
 use crate::{front, regular};
 
@@ -39,7 +39,7 @@ pub(super) const MAX_SIZE: u32 = 8192;
 /// Anything wrong with the file, with its place: TOML syntax, an unknown key (with the nearest
 /// known one), a size of 0, a missing material, mesh or file, a path outside of the scene's root, a
 /// shader that does not compile, a value that the shader does not have.
-pub fn load(path: &Path) -> Result<Scene, Error> {
+pub fn load(path: &Path) -> Result<Scene, SceneError> {
     load_with(path, &Variables::new())
 }
 
@@ -47,7 +47,7 @@ pub fn load(path: &Path) -> Result<Scene, Error> {
 ///
 /// # Errors
 /// As [`load`], or an unknown variable.
-pub fn load_with(path: &Path, variables: &Variables) -> Result<Scene, Error> {
+pub fn load_with(path: &Path, variables: &Variables) -> Result<Scene, SceneError> {
     load_within(path, variables, Access::default())
 }
 
@@ -55,9 +55,13 @@ pub fn load_with(path: &Path, variables: &Variables) -> Result<Scene, Error> {
 ///
 /// # Errors
 /// As [`load_with`], or a limit is exceeded.
-pub fn load_within(path: &Path, variables: &Variables, access: Access) -> Result<Scene, Error> {
-    let text =
-        regular::text(path, &access.limits, "source-bytes").map_err(|e| Error::unread(path, e))?;
+pub fn load_within(
+    path: &Path,
+    variables: &Variables,
+    access: Access,
+) -> Result<Scene, SceneError> {
+    let text = regular::text(path, &access.limits, "source-bytes")
+        .map_err(|e| SceneError::unread(path, e))?;
     read(&text, path, variables, access)
 }
 
@@ -70,7 +74,7 @@ pub fn read(
     path: &Path,
     variables: &Variables,
     access: Access,
-) -> Result<Scene, Error> {
+) -> Result<Scene, SceneError> {
     nested(text, access.limits.nesting)?;
     let folder = Folder::of(path, access)?;
     let name = path.display().to_string();
@@ -92,7 +96,7 @@ pub fn read(
 
 /// Fails if brackets nest deeper than the parser's stack allows. Brackets in strings count too:
 /// scenes do not need them there.
-fn nested(text: &str, most: u64) -> Result<(), Error> {
+fn nested(text: &str, most: u64) -> Result<(), SceneError> {
     let mut open = 0_u64;
     for byte in text.bytes() {
         match byte {
@@ -101,7 +105,7 @@ fn nested(text: &str, most: u64) -> Result<(), Error> {
             _ => {}
         }
         if open > most {
-            return Err(Error::new(format!(
+            return Err(SceneError::new(format!(
                 "brackets are nested more than {most} deep"
             )));
         }
@@ -117,12 +121,12 @@ pub(super) struct SceneText<'a> {
 }
 
 impl SceneText<'_> {
-    pub(super) fn at(&self, error: Error, range: Range<usize>) -> Error {
+    pub(super) fn at(&self, error: SceneError, range: Range<usize>) -> SceneError {
         error.at(self.name, self.text, range)
     }
 
     /// toml's message, with a suggestion if it names the expected keys.
-    fn toml_error(&self, e: &toml::de::Error) -> Error {
+    fn toml_error(&self, e: &toml::de::Error) -> SceneError {
         let message = e.message().trim_end();
         let quoted: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
         let error = match (message.split_once(", expected"), quoted.as_slice()) {
@@ -137,9 +141,9 @@ impl SceneText<'_> {
                     Some(near) => format!("did you mean `{near}`?"),
                     None => format!("known are: {}", known.join(", ")),
                 };
-                Error::new(what).help(help)
+                SceneError::new(what).help(help)
             }
-            _ => Error::new(message),
+            _ => SceneError::new(message),
         };
         match e.span() {
             Some(range) => self.at(error, range),
@@ -159,9 +163,9 @@ struct Loader<'a> {
 }
 
 impl Loader<'_> {
-    fn scene(&self, stem: String) -> Result<Scene, Error> {
+    fn scene(&self, stem: String) -> Result<Scene, SceneError> {
         let f = &self.file;
-        let at = |e: Error, range: Range<usize>| self.source.at(e, range);
+        let at = |e: SceneError, range: Range<usize>| self.source.at(e, range);
         let Target {
             size,
             viewport,
@@ -215,15 +219,15 @@ impl Loader<'_> {
         Ok(scene)
     }
 
-    fn target(&self) -> Result<Target, Error> {
+    fn target(&self) -> Result<Target, SceneError> {
         let f = &self.file;
-        let at = |e: Error, range: Range<usize>| self.source.at(e, range);
+        let at = |e: SceneError, range: Range<usize>| self.source.at(e, range);
         let size = match &f.size {
             None => [640, 360],
             Some(s) if s.get_ref().iter().all(|n| (1..=MAX_SIZE).contains(n)) => *s.get_ref(),
             Some(s) => {
                 let [w, h] = s.get_ref();
-                let e = Error::new(format!("a target of {w}x{h} pixels cannot be drawn to"))
+                let e = SceneError::new(format!("a target of {w}x{h} pixels cannot be drawn to"))
                     .help(format!("width and height are 1 to {MAX_SIZE}"));
                 return Err(at(e, s.span()));
             }
@@ -235,7 +239,7 @@ impl Loader<'_> {
                 let inside =
                     |o: u32, n: u32, of: u32| n > 0 && o.checked_add(n).is_some_and(|e| e <= of);
                 if !inside(x, w, size[0]) || !inside(y, h, size[1]) {
-                    let e = Error::new(format!(
+                    let e = SceneError::new(format!(
                         "the viewport is empty or leaves the target of {}x{} pixels",
                         size[0], size[1]
                     ))
@@ -249,7 +253,7 @@ impl Loader<'_> {
             None => 1,
             Some(s) if matches!(s.get_ref(), 1 | 4) => *s.get_ref(),
             Some(s) => {
-                let e = Error::new(format!("{} samples a pixel", s.get_ref()))
+                let e = SceneError::new(format!("{} samples a pixel", s.get_ref()))
                     .help("WebGPU promises 1 and 4");
                 return Err(at(e, s.span()));
             }
@@ -271,7 +275,7 @@ impl Loader<'_> {
     }
 
     /// All draws, in the order of the file.
-    fn draws(&self, materials: &[Material], meshes: &[Rigged]) -> Result<Vec<Draw>, Error> {
+    fn draws(&self, materials: &[Material], meshes: &[Rigged]) -> Result<Vec<Draw>, SceneError> {
         let mut draws = Vec::new();
         let data = meshes
             .iter()
@@ -290,13 +294,15 @@ impl Loader<'_> {
             counted.map_err(|e| self.source.at(e, entry.span()))?;
         }
         if draws.is_empty() {
-            return Err(Error::new(format!("`{}` draws nothing", self.source.name))
-                .help("add a [[draws]] table with a mesh and a material"));
+            return Err(
+                SceneError::new(format!("`{}` draws nothing", self.source.name))
+                    .help("add a [[draws]] table with a mesh and a material"),
+            );
         }
         Ok(draws)
     }
 
-    fn cameras(&self, aspect: f32) -> Result<Vec<Camera>, Error> {
+    fn cameras(&self, aspect: f32) -> Result<Vec<Camera>, SceneError> {
         let mut cameras = Vec::new();
         let mut frames = 0_u64;
         for (i, entry) in self.file.cameras.iter().enumerate() {
@@ -305,19 +311,21 @@ impl Loader<'_> {
             let limits = &self.access.limits;
             let checked = limits.check("frames", frames, "the frames of all cameras");
             let camera = checked
-                .map_err(Error::from)
+                .map_err(SceneError::from)
                 .and_then(|()| self.camera(i, entry.get_ref(), aspect));
             cameras.push(camera.map_err(|e| self.source.at(e, entry.span()))?);
         }
         if cameras.is_empty() {
-            return Err(Error::new(format!("`{}` has no camera", self.source.name))
-                .help("add a [[cameras]] table with an eye and a target"));
+            return Err(
+                SceneError::new(format!("`{}` has no camera", self.source.name))
+                    .help("add a [[cameras]] table with an eye and a target"),
+            );
         }
         Ok(cameras)
     }
 
     /// Checks that every value fits its variable. Each error points at the value.
-    fn check_values(&self, scene: &Scene) -> Result<(), Error> {
+    fn check_values(&self, scene: &Scene) -> Result<(), SceneError> {
         let plans: Vec<Plan> = scene.materials.iter().map(Material::plan).collect();
         let mut seen = Vec::new();
         for draw in &scene.draws {
@@ -348,14 +356,21 @@ impl Loader<'_> {
         Ok(())
     }
 
-    fn material(&self, name: &str, entry: &MaterialEntry, samples: u32) -> Result<Material, Error> {
+    fn material(
+        &self,
+        name: &str,
+        entry: &MaterialEntry,
+        samples: u32,
+    ) -> Result<Material, SceneError> {
         let files: Vec<&Spanned<String>> = match (&entry.shader, &entry.vertex, &entry.fragment) {
             (Some(both), None, None) => vec![both],
             (None, Some(v), Some(f)) => vec![v, f],
             (None, Some(v), None) => vec![v],
             _ => {
-                return Err(Error::new(format!("material `{name}` names no shader"))
-                    .help("give `shader = FILE`, or `vertex = FILE` and `fragment = FILE`"));
+                return Err(
+                    SceneError::new(format!("material `{name}` names no shader"))
+                        .help("give `shader = FILE`, or `vertex = FILE` and `fragment = FILE`"),
+                );
             }
         };
         let mut texts = Vec::new();
@@ -393,7 +408,7 @@ impl Loader<'_> {
             limits: self.access.limits,
         };
         let parsed = front::parse(&texts, &options).map_err(|e| {
-            let what = Error::new(format!("the shader of material `{name}`: {e}"))
+            let what = SceneError::new(format!("the shader of material `{name}`: {e}"))
                 .detail(e.render(front::Color::Never));
             self.source.at(what, files[0].span())
         })?;
@@ -473,7 +488,7 @@ impl Loader<'_> {
     }
 
     /// Counts bytes against the limit before they are allocated.
-    fn hold(&self, bytes: u64) -> Result<(), Error> {
+    fn hold(&self, bytes: u64) -> Result<(), SceneError> {
         let all = self.held.get().saturating_add(bytes);
         self.held.set(all);
         let limits = &self.access.limits;
@@ -481,7 +496,7 @@ impl Loader<'_> {
     }
 
     /// Counts `more` draws like `draw` against the limit before they are created.
-    fn hold_draws(&self, draws: &[Draw], more: u64, draw: &Draw) -> Result<(), Error> {
+    fn hold_draws(&self, draws: &[Draw], more: u64, draw: &Draw) -> Result<(), SceneError> {
         let all = (draws.len() as u64).saturating_add(more);
         self.access
             .limits
@@ -489,24 +504,26 @@ impl Loader<'_> {
         self.hold(more.saturating_mul(size::of_draw(draw)))
     }
 
-    fn texture(&self, name: &str, recipe: &super::image::Recipe) -> Result<super::Image, Error> {
+    fn texture(
+        &self,
+        name: &str,
+        recipe: &super::image::Recipe,
+    ) -> Result<super::Image, SceneError> {
         match (&recipe.file, recipe.pattern) {
             (Some(file), None) => {
                 let (shown, bytes) = self.folder.read(file)?;
                 let hold = |size| self.hold(size::of_texels(size));
                 recipe.decode_within(&shown, &bytes, &self.access.limits, &hold)
             }
-            (None, Some(_)) if !(1..=MAX_SIDE).contains(&recipe.size) => {
-                Err(
-                    Error::new(format!("texture `{name}` of {0}x{0} texels", recipe.size)).help(
-                        format!("a generated texture is 1 to {MAX_SIDE} texels wide"),
-                    ),
-                )
-            }
-            (None, Some(_)) if !(1..=MAX_SIDE).contains(&recipe.scale) => Err(Error::new(format!(
-                "texture `{name}` with {} cells across",
-                recipe.scale
-            ))
+            (None, Some(_)) if !(1..=MAX_SIDE).contains(&recipe.size) => Err(SceneError::new(
+                format!("texture `{name}` of {0}x{0} texels", recipe.size),
+            )
+            .help(format!(
+                "a generated texture is 1 to {MAX_SIDE} texels wide"
+            ))),
+            (None, Some(_)) if !(1..=MAX_SIDE).contains(&recipe.scale) => Err(SceneError::new(
+                format!("texture `{name}` with {} cells across", recipe.scale),
+            )
             .help(format!("`scale` is 1 to {MAX_SIDE} cells"))),
             (None, Some(_)) => {
                 let (limits, side) = (&self.access.limits, recipe.size.into());
@@ -518,17 +535,22 @@ impl Loader<'_> {
                 self.hold(size::of_texels([recipe.size; 2]))?;
                 Ok(recipe.generate())
             }
-            _ => Err(Error::new(format!(
+            _ => Err(SceneError::new(format!(
                 "texture `{name}` needs either a `pattern` or a `file`"
             ))),
         }
     }
 
     /// Index of the mesh or material with this name among `names`.
-    fn find(&self, what: &str, wanted: &Spanned<String>, names: Vec<&str>) -> Result<usize, Error> {
+    fn find(
+        &self,
+        what: &str,
+        wanted: &Spanned<String>,
+        names: Vec<&str>,
+    ) -> Result<usize, SceneError> {
         let name = wanted.get_ref();
         names.iter().position(|n| n == name).ok_or_else(|| {
-            let e = Error::new(format!("there is no {what} `{name}`")).suggest(name, names);
+            let e = SceneError::new(format!("there is no {what} `{name}`")).suggest(name, names);
             self.source.at(e, wanted.span())
         })
     }
@@ -539,7 +561,7 @@ impl Loader<'_> {
         materials: &[Material],
         meshes: &[Rigged],
         draws: &mut Vec<Draw>,
-    ) -> Result<(), Error> {
+    ) -> Result<(), SceneError> {
         let mesh = meshes.iter().map(|m| m.mesh.name.as_str());
         let mesh = self.find("mesh", &entry.mesh, mesh.collect())?;
         let material = materials.iter().map(|m| m.name.as_str());
@@ -621,12 +643,12 @@ impl Loader<'_> {
     }
 
     /// Refuses unknown stream names.
-    fn streams(&self, material: &Material, mesh: &Mesh, draw: &Draw) -> Result<(), Error> {
+    fn streams(&self, material: &Material, mesh: &Mesh, draw: &Draw) -> Result<(), SceneError> {
         let Some((attribute, stream)) = unknown_stream(material, mesh, draw) else {
             return Ok(());
         };
         let known = mesh.streams.keys().chain(draw.instance_streams.keys());
-        let error = Error::new(format!(
+        let error = SceneError::new(format!(
             "mesh `{}`, which is drawn with material `{}`, has no stream `{stream}`",
             mesh.name, material.name
         ))
@@ -639,13 +661,13 @@ impl Loader<'_> {
         })
     }
 
-    fn camera(&self, index: usize, entry: &CameraEntry, aspect: f32) -> Result<Camera, Error> {
+    fn camera(&self, index: usize, entry: &CameraEntry, aspect: f32) -> Result<Camera, SceneError> {
         let range = camera::Range {
             near: entry.near,
             far: entry.far,
         };
         if !(range.near > 0.0 && range.far > range.near) {
-            return Err(Error::new(format!(
+            return Err(SceneError::new(format!(
                 "near {} and far {} bound no depth range",
                 range.near, range.far
             ))
@@ -653,7 +675,7 @@ impl Loader<'_> {
         }
         if !(entry.fov > 0.0 && entry.fov < 180.0) {
             return Err(
-                Error::new(format!("a field of view of {} degrees", entry.fov))
+                SceneError::new(format!("a field of view of {} degrees", entry.fov))
                     .help("it is vertical, above 0 and below 180"),
             );
         }
@@ -686,7 +708,10 @@ impl Loader<'_> {
                     };
                     pose(looks, k.fov, k.time)
                 });
-                camera::path(&keys.collect::<Result<Vec<Pose>, Error>>()?, path.frames)
+                camera::path(
+                    &keys.collect::<Result<Vec<Pose>, SceneError>>()?,
+                    path.frames,
+                )
             }
             Some(_) => return Err(Looks::error()),
         };
@@ -695,7 +720,7 @@ impl Loader<'_> {
             .iter()
             .any(|p| (p.target - p.eye).cross(up).length_squared() == 0.0)
         {
-            return Err(Error::new(
+            return Err(SceneError::new(
                 "a camera looks along its up direction, or nowhere",
             ));
         }
@@ -732,13 +757,13 @@ struct Looks {
 
 impl Looks {
     /// Eye and target.
-    fn points(self) -> Result<(Vec3, Vec3), Error> {
+    fn points(self) -> Result<(Vec3, Vec3), SceneError> {
         match (self.eye, self.target, self.orbit) {
             (Some(eye), Some(target), None) => Ok((eye.into(), target.into())),
             (None, None, Some(orbit)) if orbit.distance > 0.0 => {
                 Ok((orbit.eye(), orbit.target.into()))
             }
-            (None, None, Some(orbit)) => Err(Error::new(format!(
+            (None, None, Some(orbit)) => Err(SceneError::new(format!(
                 "an orbit at a distance of {}",
                 orbit.distance
             ))
@@ -747,8 +772,8 @@ impl Looks {
         }
     }
 
-    fn error() -> Error {
-        Error::new("a camera needs an eye and a target, or an orbit, or a path of them")
+    fn error() -> SceneError {
+        SceneError::new("a camera needs an eye and a target, or an orbit, or a path of them")
             .help("a path has at least 2 keys and 2 to 1000 frames")
     }
 }

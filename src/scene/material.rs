@@ -7,7 +7,7 @@ use naga::{AddressSpace, Handle, ImageDimension, Type, TypeInner};
 use preshade_passes::program::Program;
 
 use super::image::{Pattern, Recipe};
-use super::{Error, Image, Material, value_path};
+use super::{Image, Material, SceneError, value_path};
 
 /// A bound global variable.
 #[derive(Clone, Copy, Debug)]
@@ -59,7 +59,7 @@ pub(super) fn is_read(material: &Material, group: u32, binding: u32) -> bool {
 
 /// Refuses values, textures, samplers and attributes that the program does not have: each is a
 /// misspelling. The error's subject is the key.
-pub(super) fn check(material: &Material) -> Result<(), Error> {
+pub(super) fn check(material: &Material) -> Result<(), SceneError> {
     let module = material.program.module();
     let (mut textures, mut samplers) = (Vec::new(), Vec::new());
     for g in globals(&material.program) {
@@ -74,7 +74,7 @@ pub(super) fn check(material: &Material) -> Result<(), Error> {
             "the shader of material `{}` has no {what} `{name}`",
             material.name
         );
-        Err(Error::new(text).suggest(name, known).about(name))
+        Err(SceneError::new(text).suggest(name, known).about(name))
     };
     value_path::check(material, &material.values)?;
     for name in material.textures.keys() {

@@ -11,7 +11,7 @@ use super::load::{SCENE_BYTES, SceneText, transform};
 use super::mesh::{self, Rigged};
 use super::noise::{hash, random};
 use super::place::Folder;
-use super::{Error, Mesh, Variables, size};
+use super::{Mesh, SceneError, Variables, size};
 use crate::limits::Limits;
 
 /// One copy of a field.
@@ -32,7 +32,7 @@ struct Grid {
 }
 
 impl Grid {
-    fn new(field: &Field, variables: &Variables, limits: &Limits) -> Result<Self, Error> {
+    fn new(field: &Field, variables: &Variables, limits: &Limits) -> Result<Self, SceneError> {
         let jitter = Vec3::from(field.jitter);
         let grid = match (field.count, field.spacing, &field.copies, field.area) {
             (Some(count), Some(spacing), None, None) => Self {
@@ -59,7 +59,7 @@ impl Grid {
                 }
             }
             _ => {
-                return Err(Error::new(
+                return Err(SceneError::new(
                     "a field needs `count` and `spacing`, or `copies` and `area`",
                 ));
             }
@@ -68,7 +68,7 @@ impl Grid {
         let most = limits.copies.min(u32::MAX.into());
         match grid.copies {
             n if (1..=most).contains(&n) => Ok(grid),
-            total => Err(Error::new(format!("a field of {total} copies"))
+            total => Err(SceneError::new(format!("a field of {total} copies"))
                 .help(format!("1 to {most} are allowed; count is [x, y, z]"))),
         }
     }
@@ -99,7 +99,11 @@ impl Grid {
 }
 
 /// Number of copies in a field, computed before any is created.
-pub(super) fn copies(field: &Field, variables: &Variables, limits: &Limits) -> Result<u64, Error> {
+pub(super) fn copies(
+    field: &Field,
+    variables: &Variables,
+    limits: &Limits,
+) -> Result<u64, SceneError> {
     Ok(Grid::new(field, variables, limits)?.copies)
 }
 
@@ -109,7 +113,7 @@ pub(super) fn field(
     field: &Field,
     variables: &Variables,
     limits: &Limits,
-) -> Result<Vec<FieldCopy>, Error> {
+) -> Result<Vec<FieldCopy>, SceneError> {
     let grid = Grid::new(field, variables, limits)?;
     let mut numbers: Vec<u32> = (0..grid.copies as u32).collect();
     match field.order.order(variables)? {
@@ -132,7 +136,7 @@ pub(super) fn build(
     entries: &BTreeMap<String, Spanned<MeshEntry>>,
     limits: &Limits,
     bytes: u64,
-) -> Result<Vec<Rigged>, Error> {
+) -> Result<Vec<Rigged>, SceneError> {
     let builder = SceneMeshes {
         source,
         folder,
@@ -163,7 +167,7 @@ struct SceneMeshes<'a> {
 
 impl SceneMeshes<'_> {
     /// Counts vertices against the limit before they are created.
-    fn take(&self, vertices: u64) -> Result<(), Error> {
+    fn take(&self, vertices: u64) -> Result<(), SceneError> {
         let all = self.vertices.get().saturating_add(vertices);
         self.vertices.set(all);
         Ok(self
@@ -172,7 +176,7 @@ impl SceneMeshes<'_> {
     }
 
     /// Counts bytes against the limit before they are allocated.
-    fn hold(&self, bytes: u64) -> Result<(), Error> {
+    fn hold(&self, bytes: u64) -> Result<(), SceneError> {
         let all = self.bytes.get().saturating_add(bytes);
         self.bytes.set(all);
         Ok(self.limits.check("scene-bytes", all, SCENE_BYTES)?)
@@ -183,17 +187,19 @@ impl SceneMeshes<'_> {
         name: &str,
         done: &mut BTreeMap<String, Rigged>,
         inside: &mut Vec<String>,
-    ) -> Result<(), Error> {
+    ) -> Result<(), SceneError> {
         if done.contains_key(name) {
             return Ok(());
         }
         let Some(spanned) = self.entries.get(name) else {
-            return Err(Error::new(format!("there is no mesh `{name}`"))
+            return Err(SceneError::new(format!("there is no mesh `{name}`"))
                 .suggest(name, self.entries.keys().map(String::as_str)));
         };
-        let at = |e: Error| self.source.at(e, spanned.span());
+        let at = |e: SceneError| self.source.at(e, spanned.span());
         if inside.iter().any(|n| n == name) {
-            return Err(at(Error::new(format!("mesh `{name}` is merged of itself"))));
+            return Err(at(SceneError::new(format!(
+                "mesh `{name}` is merged of itself"
+            ))));
         }
         inside.push(name.to_owned());
         let entry = spanned.get_ref();
@@ -213,7 +219,9 @@ impl SceneMeshes<'_> {
             rigged.morph_weights = vec![0.5, 0.5];
         }
         if rigged.mesh.vertex_count == 0 {
-            return Err(at(Error::new(format!("mesh `{name}` has no vertices"))));
+            return Err(at(SceneError::new(format!(
+                "mesh `{name}` has no vertices"
+            ))));
         }
         done.insert(name.to_owned(), rigged);
         Ok(())
@@ -225,7 +233,7 @@ impl SceneMeshes<'_> {
         name: &str,
         entry: &MeshEntry,
         done: &BTreeMap<String, Rigged>,
-    ) -> Result<Rigged, Error> {
+    ) -> Result<Rigged, SceneError> {
         self.take(size::vertices(entry))?;
         let mut shapes: Vec<Mesh> = Vec::new();
         shapes.extend(entry.cuboid.map(|s| s.mesh(name)));
@@ -275,7 +283,7 @@ impl SceneMeshes<'_> {
         let count = rigged.len();
         match rigged.pop() {
             Some(one) if count == 1 => Ok(one),
-            _ => Err(Error::new(format!("mesh `{name}` has {count} shapes"))
+            _ => Err(SceneError::new(format!("mesh `{name}` has {count} shapes"))
                 .help("give exactly one, `box = { size = [1, 1, 1] }` say")),
         }
     }
@@ -285,9 +293,9 @@ impl SceneMeshes<'_> {
         part: &Part,
         done: &BTreeMap<String, Rigged>,
         out: &mut Vec<Mesh>,
-    ) -> Result<(), Error> {
+    ) -> Result<(), SceneError> {
         let Some(built) = done.get(part.mesh.get_ref()) else {
-            return Err(Error::new(format!(
+            return Err(SceneError::new(format!(
                 "there is no mesh `{}`",
                 part.mesh.get_ref()
             )));

@@ -32,7 +32,7 @@ pub mod codes;
 pub mod image;
 pub mod mesh;
 
-pub use error::Error;
+pub use error::SceneError;
 pub use light::Light;
 pub use load::{load, load_with, load_within, read};
 pub use semantic::Semantic;

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use toml::de::{DeTable, DeValue};
 
-use super::Error;
+use super::SceneError;
 
 /// Keys that are lengths in scene units and must be above 0.
 const LENGTHS: [&str; 8] = [
@@ -37,7 +37,7 @@ fn is_their_own(path: &[&str]) -> bool {
 ///
 /// # Errors
 /// The number and its range in the text.
-pub(super) fn check(text: &str) -> Result<(), (Error, Range<usize>)> {
+pub(super) fn check(text: &str) -> Result<(), (SceneError, Range<usize>)> {
     match DeTable::parse(text) {
         Ok(table) => in_table(table.get_ref(), &mut Vec::new()),
         // The parser has already reported this.
@@ -45,7 +45,7 @@ pub(super) fn check(text: &str) -> Result<(), (Error, Range<usize>)> {
     }
 }
 
-type Checked = Result<(), (Error, Range<usize>)>;
+type Checked = Result<(), (SceneError, Range<usize>)>;
 
 fn in_table<'a>(table: &'a DeTable<'_>, path: &mut Vec<&'a str>) -> Checked {
     for (key, value) in table {
@@ -80,7 +80,7 @@ fn in_value<'a>(value: &'a DeValue<'_>, at: Range<usize>, path: &mut Vec<&'a str
     let Some(number) = number else { return Ok(()) };
     let key = path.last().copied().unwrap_or_default();
     let wrong = |help: &str| {
-        let said = Error::new(format!("`{key}` of {number}")).help(help);
+        let said = SceneError::new(format!("`{key}` of {number}")).help(help);
         Err((said.about(key), at.clone()))
     };
     let is_endless = path.first() == Some(&"cameras") && key == "far" && number == f64::INFINITY;

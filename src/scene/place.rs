@@ -8,7 +8,7 @@ use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use super::{Access, Error};
+use super::{Access, SceneError};
 use crate::regular;
 
 /// The folder of a scene's files, and the root that they must not leave.
@@ -22,12 +22,14 @@ pub(super) struct Folder {
 }
 
 impl Folder {
-    pub(super) fn of(scene: &Path, access: Access) -> Result<Self, Error> {
+    pub(super) fn of(scene: &Path, access: Access) -> Result<Self, SceneError> {
         let base = match scene.parent() {
             Some(p) if !p.as_os_str().is_empty() => p,
             _ => Path::new("."),
         };
-        let base = base.canonicalize().map_err(|e| Error::read(base, &e))?;
+        let base = base
+            .canonicalize()
+            .map_err(|e| SceneError::read(base, &e))?;
         let root = base
             .ancestors()
             .find(|d| d.join("preshade.toml").exists() || d.join(".git").exists())
@@ -50,14 +52,14 @@ impl Folder {
     }
 
     /// The bytes of a file, and its path for messages.
-    pub(super) fn read(&self, name: &str) -> Result<(String, Vec<u8>), Error> {
+    pub(super) fn read(&self, name: &str) -> Result<(String, Vec<u8>), SceneError> {
         let path = self.base.join(name);
         let real = path.canonicalize().map_err(|e| {
-            Error::new(format!("cannot read `{name}`: {e}"))
+            SceneError::new(format!("cannot read `{name}`: {e}"))
                 .help("paths are relative to the scene file's folder")
         })?;
         if self.root().is_some_and(|root| !real.starts_with(root)) {
-            return Err(Error::new(format!(
+            return Err(SceneError::new(format!(
                 "`{name}` lies outside of the scene's root folder"
             ))
             .help(
@@ -65,7 +67,7 @@ impl Folder {
             ));
         }
         let bytes = regular::bytes(&real, &self.access.limits, "file-bytes")
-            .map_err(|e| Error::unread(Path::new(name), e))?;
+            .map_err(|e| SceneError::unread(Path::new(name), e))?;
         self.read.borrow_mut().insert(real.clone());
         let shown = real.strip_prefix(&self.root).unwrap_or(&real);
         Ok((shown.display().to_string(), bytes))
@@ -82,12 +84,12 @@ impl Folder {
     }
 
     /// Full path of a folder that the scene names.
-    pub(super) fn folder(&self, name: &Path) -> Result<PathBuf, Error> {
+    pub(super) fn folder(&self, name: &Path) -> Result<PathBuf, SceneError> {
         let real = self.base.join(name).canonicalize();
-        let real = real.map_err(|e| Error::read(name, &e))?;
+        let real = real.map_err(|e| SceneError::read(name, &e))?;
         match self.root().is_none_or(|root| real.starts_with(root)) {
             true => Ok(real),
-            false => Err(Error::new(format!(
+            false => Err(SceneError::new(format!(
                 "`{}` lies outside of the scene's root folder",
                 name.display()
             ))),
@@ -95,10 +97,10 @@ impl Folder {
     }
 
     /// [`Folder::read`], as text.
-    pub(super) fn read_text(&self, name: &str) -> Result<(String, String), Error> {
+    pub(super) fn read_text(&self, name: &str) -> Result<(String, String), SceneError> {
         let (shown, bytes) = self.read(name)?;
         let text = String::from_utf8(bytes)
-            .map_err(|_| Error::new(format!("`{name}` is not UTF-8 text")))?;
+            .map_err(|_| SceneError::new(format!("`{name}` is not UTF-8 text")))?;
         Ok((shown, text))
     }
 }

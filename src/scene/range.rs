@@ -1,7 +1,7 @@
 //! The range of a mesh, and of a field's copies, that a draw uses.
 
 use super::file::RangeEntry;
-use super::{Draw, DrawRange, Error, Mesh};
+use super::{Draw, DrawRange, Mesh, SceneError};
 use crate::limits::Limits;
 
 /// Selects the range of `mesh` and of the field's copies. Without a field (`copies` is `None`) the
@@ -16,7 +16,7 @@ pub(super) fn take(
     draw: &mut Draw,
     copies: Option<u32>,
     limits: &Limits,
-) -> Result<(), Error> {
+) -> Result<(), SceneError> {
     let RangeEntry {
         first,
         count,
@@ -41,7 +41,7 @@ pub(super) fn take(
             let taken = instances.unwrap_or(left);
             if taken > left || taken == 0 {
                 let last = u64::from(first_instance) + u64::from(taken);
-                return Err(Error::new(format!(
+                return Err(SceneError::new(format!(
                     "instances {first_instance} to {last} of a field of {copies} copies"
                 )));
             }
@@ -56,7 +56,7 @@ pub(super) fn take(
 /// # Errors
 /// The range exceeds the mesh, `base_vertex` moves an index beyond the vertices, or the instances
 /// exceed 32 bits.
-pub(super) fn check(mesh: &Mesh, draw: &Draw) -> Result<(), Error> {
+pub(super) fn check(mesh: &Mesh, draw: &Draw) -> Result<(), SceneError> {
     let DrawRange {
         first,
         count,
@@ -71,7 +71,7 @@ pub(super) fn check(mesh: &Mesh, draw: &Draw) -> Result<(), Error> {
     let there = indices.map_or(mesh.vertex_count as usize, <[u32]>::len) as u64;
     let end = count.map_or(there, |count| u64::from(first) + u64::from(count));
     if end > there || u64::from(first) > end {
-        return Err(Error::new(format!(
+        return Err(SceneError::new(format!(
             "draw `{}` takes {what} {first} to {end}, and mesh `{}` has {there}",
             draw.name, mesh.name
         )));
@@ -81,7 +81,7 @@ pub(super) fn check(mesh: &Mesh, draw: &Draw) -> Result<(), Error> {
         let moved = |i: &u32| i64::from(*i) + i64::from(base_vertex);
         let held = 0..i64::from(mesh.vertex_count);
         if let Some(wrong) = taken.iter().map(moved).find(|v| !held.contains(v)) {
-            return Err(Error::new(format!(
+            return Err(SceneError::new(format!(
                 "draw `{}` takes vertex {wrong} of mesh `{}`, which has {}",
                 draw.name, mesh.name, mesh.vertex_count
             ))
@@ -90,7 +90,7 @@ pub(super) fn check(mesh: &Mesh, draw: &Draw) -> Result<(), Error> {
     }
     match first_instance.checked_add(draw.instances) {
         Some(_) => Ok(()),
-        None => Err(Error::new(format!(
+        None => Err(SceneError::new(format!(
             "draw `{}` ends at instance {}, and an index of instances has 32 bits",
             draw.name,
             u64::from(first_instance) + u64::from(draw.instances)

@@ -7,14 +7,17 @@ use naga::{ArraySize, Handle, Module, Type, TypeInner};
 
 use super::layout;
 use super::material::globals;
-use super::{Error, Material, Value};
+use super::{Material, SceneError, Value};
 
 /// Refuses keys that name nothing in the material's program, indices beyond an array, and
 /// duplicates: none of them would have an effect.
 ///
 /// # Errors
 /// The first such key is the error's subject.
-pub(super) fn check(material: &Material, values: &BTreeMap<String, Value>) -> Result<(), Error> {
+pub(super) fn check(
+    material: &Material,
+    values: &BTreeMap<String, Value>,
+) -> Result<(), SceneError> {
     if values.is_empty() {
         return Ok(());
     }
@@ -25,7 +28,7 @@ pub(super) fn check(material: &Material, values: &BTreeMap<String, Value>) -> Re
         .collect();
     for key in values.keys() {
         if !paths.contains(&without_indices(key)) {
-            return Err(Error::new(format!(
+            return Err(SceneError::new(format!(
                 "the shader of material `{}` has no variable `{key}`",
                 material.name
             ))
@@ -33,7 +36,9 @@ pub(super) fn check(material: &Material, values: &BTreeMap<String, Value>) -> Re
             .about(key));
         }
         let wrong = |what: String, help: &str| {
-            Err(Error::new(format!("`{key}`: {what}")).help(help).about(key))
+            Err(SceneError::new(format!("`{key}`: {what}"))
+                .help(help)
+                .about(key))
         };
         let Some(steps) = steps(key) else {
             return wrong(
@@ -74,12 +79,14 @@ pub(super) fn check_length<'a>(
     ty: Handle<Type>,
     length: usize,
     keys: impl IntoIterator<Item = &'a String>,
-) -> Result<(), Error> {
+) -> Result<(), SceneError> {
     for key in keys.into_iter().filter(|k| k.contains('[')) {
         if let Some(steps) = steps(key)
             && let Err((what, help)) = check_indices(module, name, ty, &steps, Some(length))
         {
-            return Err(Error::new(format!("`{key}`: {what}")).help(help).about(key));
+            return Err(SceneError::new(format!("`{key}`: {what}"))
+                .help(help)
+                .about(key));
         }
     }
     Ok(())

@@ -6,7 +6,7 @@ use serde::Deserialize;
 use serde::de::IntoDeserializer;
 use serde::de::value::{Error as Mismatch, StrDeserializer};
 
-use super::Error;
+use super::SceneError;
 use super::file::{FieldOrder, Setting};
 
 /// The value of a scene's variable.
@@ -36,14 +36,16 @@ pub type Variables = BTreeMap<String, Variable>;
 ///
 /// # Errors
 /// The scene has no variable of that name.
-pub(super) fn set(own: &Variables, given: &Variables) -> Result<Variables, Error> {
+pub(super) fn set(own: &Variables, given: &Variables) -> Result<Variables, SceneError> {
     let mut all = own.clone();
     for (name, value) in given {
         match all.get_mut(name) {
             Some(slot) => *slot = value.clone(),
             None => {
-                return Err(Error::new(format!("the scene has no variable `{name}`"))
-                    .suggest(name, own.keys().map(String::as_str)));
+                return Err(
+                    SceneError::new(format!("the scene has no variable `{name}`"))
+                        .suggest(name, own.keys().map(String::as_str)),
+                );
             }
         }
     }
@@ -51,25 +53,25 @@ pub(super) fn set(own: &Variables, given: &Variables) -> Result<Variables, Error
 }
 
 /// A variable's value.
-fn get<'v>(variables: &'v Variables, text: &str) -> Result<&'v Variable, Error> {
+fn get<'v>(variables: &'v Variables, text: &str) -> Result<&'v Variable, SceneError> {
     let Some(name) = text.strip_prefix('$') else {
-        return Err(Error::new(format!("`{text}` is no value here"))
+        return Err(SceneError::new(format!("`{text}` is no value here"))
             .help("a variable is written with a dollar sign, \"$instances\" say"));
     };
     variables.get(name).ok_or_else(|| {
-        Error::new(format!("there is no variable `{name}`"))
+        SceneError::new(format!("there is no variable `{name}`"))
             .suggest(name, variables.keys().map(String::as_str))
     })
 }
 
 impl Setting<u32> {
     /// The number.
-    pub(super) fn number(&self, variables: &Variables) -> Result<u32, Error> {
+    pub(super) fn number(&self, variables: &Variables) -> Result<u32, SceneError> {
         match self {
             Self::Value(value) => Ok(*value),
             Self::Variable(name) => match get(variables, name)? {
                 Variable::Number(number) => Ok(*number),
-                Variable::Name(text) => Err(Error::new(format!(
+                Variable::Name(text) => Err(SceneError::new(format!(
                     "the variable `{}` is `{text}`, and a whole number is asked for",
                     name.trim_start_matches('$')
                 ))),
@@ -80,7 +82,7 @@ impl Setting<u32> {
 
 impl Setting<FieldOrder> {
     /// The order.
-    pub(super) fn order(&self, variables: &Variables) -> Result<FieldOrder, Error> {
+    pub(super) fn order(&self, variables: &Variables) -> Result<FieldOrder, SceneError> {
         let name = match self {
             Self::Value(value) => return Ok(*value),
             Self::Variable(name) => name,
@@ -88,7 +90,7 @@ impl Setting<FieldOrder> {
         let read = |text: &str| {
             let words: StrDeserializer<'_, Mismatch> = text.into_deserializer();
             FieldOrder::deserialize(words).map_err(|_| {
-                Error::new(format!("`{text}` is no order of copies"))
+                SceneError::new(format!("`{text}` is no order of copies"))
                     .help("ascending, descending and shuffled are")
             })
         };

@@ -3,7 +3,7 @@
 
 use preshade::unstable::passes::state::{ColorTarget, CullMode, MaterialState};
 
-fn main() -> Result<(), preshade::build_script::Error> {
+fn main() -> Result<(), preshade::build_script::BuildError> {
     let mut state = MaterialState::default();
     state.primitive.cull = CullMode::None;
     state.targets = vec![Some(ColorTarget::opaque("bgra8unorm"))];

@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-use preshade::build_script::{BuildConfig, Built, Error, configure};
+use preshade::build_script::{BuildConfig, BuildError, Built, configure};
 use preshade::unstable::emit::Target;
 use preshade::unstable::front::{Options, Source, parse};
 use preshade::unstable::lock::{Inputs, Lock, Locked};
@@ -29,7 +29,7 @@ impl Package {
         Self(root)
     }
 
-    fn build(&self, builder: BuildConfig) -> Result<Built, Error> {
+    fn build(&self, builder: BuildConfig) -> Result<Built, BuildError> {
         let shader = self.0.join("toon.wgsl");
         builder.out_dir(self.0.join("out")).build(&[&shader])
     }
@@ -345,7 +345,7 @@ fn a_lock_of_a_later_preshade_still_says_how_the_material_is_drawn() {
     lock["materials"]["toon"]["inputs"]["state"]["primitive"]["cull"] = "both".into();
     write(&lock);
     let error = package.build(configure()).unwrap_err();
-    assert!(matches!(error, Error::State(_)), "{error}");
+    assert!(matches!(error, BuildError::State(_)), "{error}");
     let said = configure()
         .state(MaterialState::default())
         .vertex("vs_main");
@@ -353,7 +353,10 @@ fn a_lock_of_a_later_preshade_still_says_how_the_material_is_drawn() {
     // Nor of what is no state of this material's.
     lock["materials"] = serde_json::json!([]);
     write(&lock);
-    assert!(matches!(package.build(configure()), Err(Error::State(_))));
+    assert!(matches!(
+        package.build(configure()),
+        Err(BuildError::State(_))
+    ));
     // A key of a material that a later preshade wrote is nothing to the others.
     let mut mixed = own.clone();
     let mut other = own["materials"]["toon"].clone();
@@ -608,7 +611,7 @@ fn two_materials_of_one_name_are_an_error() {
     assert!(said.contains("a/lit.wgsl") && said.contains("b/lit.wgsl"));
     let shadow = builder.clone().pass("shadow");
     let otherwise = shadow.compile(package.0.join("a/lit.wgsl")).unwrap_err();
-    assert!(matches!(otherwise, Error::Taken { .. }), "{otherwise}");
+    assert!(matches!(otherwise, BuildError::Taken { .. }), "{otherwise}");
     builder
         .name("lit_b")
         .compile(package.0.join("b/lit.wgsl"))
@@ -812,7 +815,7 @@ fn what_the_host_says_is_in_the_layouts_and_constants_are_listed() {
         configure().unfilterable(3, 0),
     ] {
         let error = package.build(builder).unwrap_err();
-        assert!(matches!(error, Error::Module { .. }), "{error}");
+        assert!(matches!(error, BuildError::Module { .. }), "{error}");
     }
 }
 
@@ -906,7 +909,7 @@ fn features_are_complete_and_what_cannot_be_said_is_refused() {
         let mut state = plain();
         state.depth_bias.slope_scale = number;
         let error = features("", one, state).unwrap_err();
-        assert!(matches!(error, Error::Module { .. }), "{error}");
+        assert!(matches!(error, BuildError::Module { .. }), "{error}");
         let said = format!("the slope scale of the depth bias is {number}");
         assert!(error.to_string().contains(&said), "{error}");
     }
@@ -931,21 +934,30 @@ fn names_that_break_a_module_or_leave_the_folder_are_refused() {
         let error = package
             .build(configure().variant(name, ["shadow"]))
             .unwrap_err();
-        assert!(matches!(&error, Error::Name(n) if n == name), "{error}");
+        assert!(
+            matches!(&error, BuildError::Name(n) if n == name),
+            "{error}"
+        );
     }
     let twice = configure()
         .variant("a", ["shadow"])
         .variant("a", ["early-discard"]);
-    assert!(matches!(package.build(twice).unwrap_err(), Error::Twice(_)));
+    assert!(matches!(
+        package.build(twice).unwrap_err(),
+        BuildError::Twice(_)
+    ));
     for name in ["..", ".", "lit.rs", "a/b", "a\\b", "a:b", "", "lit."] {
         let error = package.build(configure().name(name)).unwrap_err();
-        assert!(matches!(&error, Error::Name(n) if n == name), "{error}");
+        assert!(
+            matches!(&error, BuildError::Name(n) if n == name),
+            "{error}"
+        );
     }
     let builder = configure().out_dir(package.0.join("out"));
     let shader = package.0.join("toon.wgsl");
     builder.clone().name("grass").compile(&shader).unwrap();
     let other = builder.name("Grass").compile(&shader).unwrap_err();
-    assert!(matches!(other, Error::Taken { .. }), "{other}");
+    assert!(matches!(other, BuildError::Taken { .. }), "{other}");
 }
 
 #[test]

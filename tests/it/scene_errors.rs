@@ -38,7 +38,7 @@ fn folder(case: &str) -> PathBuf {
     root
 }
 
-fn load(case: &str, text: &str) -> Result<scene::Scene, scene::Error> {
+fn load(case: &str, text: &str) -> Result<scene::Scene, scene::SceneError> {
     let path = folder(case).join("scenes/bad.toml");
     std::fs::write(&path, text).unwrap();
     scene::load(&path)
@@ -200,7 +200,7 @@ fn cells_of_a_texture_are_counted_before_they_are_drawn() {
     }
 }
 
-fn load_strictly(case: &str, text: &str) -> Result<scene::Scene, scene::Error> {
+fn load_strictly(case: &str, text: &str) -> Result<scene::Scene, scene::SceneError> {
     let path = folder(case).join("scenes/bad.toml");
     std::fs::write(&path, text).unwrap();
     let access = scene::Access {

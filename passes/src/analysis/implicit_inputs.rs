@@ -140,7 +140,7 @@ impl<'a> ImplicitInputs<'a> {
 }
 
 /// One implicit input.
-struct Row {
+struct InputRow {
     moved_by: &'static [PassEffect],
     /// Whether and by what the stages depend on it.
     dependence: fn(&ImplicitInputs<'_>) -> Option<String>,
@@ -155,8 +155,8 @@ enum Then {
     Refuse(&'static RefusalInfo, &'static str, &'static str),
 }
 
-const TABLE: &[Row] = &[
-    Row {
+const TABLE: &[InputRow] = &[
+    InputRow {
         moved_by: &[
             PassEffect::RejectsEarly,
             PassEffect::LeavesEarly,
@@ -169,7 +169,7 @@ const TABLE: &[Row] = &[
             "compute it without subgroup operations, or leave the material as it is",
         ),
     },
-    Row {
+    InputRow {
         moved_by: &[PassEffect::Slices],
         dependence: sample_rate,
         then: Then::Refuse(
@@ -178,7 +178,7 @@ const TABLE: &[Row] = &[
             "interpolate at the centre, or draw with one sample",
         ),
     },
-    Row {
+    InputRow {
         moved_by: &[PassEffect::RejectsEarly],
         dependence: surviving_samples,
         then: Then::Refuse(
@@ -187,27 +187,27 @@ const TABLE: &[Row] = &[
             "interpolate at the centre, or take `early-discard`, whose main pass keeps its own depth",
         ),
     },
-    Row {
+    InputRow {
         moved_by: &[PassEffect::Slices],
         dependence: contraction,
         then: Then::Assume(Assumption::InvariantDiscard),
     },
-    Row {
+    InputRow {
         moved_by: &[PassEffect::Slices],
         dependence: alpha_mask,
         then: Then::Assume(Assumption::SameAlphaCoverage),
     },
-    Row {
+    InputRow {
         moved_by: &[PassEffect::Biases],
         dependence: near_plane,
         then: Then::Assume(Assumption::BeyondNearPlane),
     },
-    Row {
+    InputRow {
         moved_by: &[PassEffect::ComparesDepth],
         dependence: depth_range,
         then: Then::Assume(Assumption::WholeDepthRange),
     },
-    Row {
+    InputRow {
         moved_by: &[PassEffect::EditsVertexStage],
         dependence: vertex_text,
         then: Then::Assume(Assumption::UnchangedPosition),

@@ -83,7 +83,7 @@ impl<'a> Opaque<'a> {
     /// # Errors
     /// Every reason not to, not just the first.
     pub fn examine(plan: &'a Plan, name: &'static str) -> Result<Self, Vec<Refusal>> {
-        let mut found = Found {
+        let mut found = Examination {
             name,
             refusals: Vec::new(),
         };
@@ -133,12 +133,12 @@ impl<'a> Opaque<'a> {
 }
 
 /// The refusals found so far.
-struct Found {
+struct Examination {
     name: &'static str,
     refusals: Vec<Refusal>,
 }
 
-impl Found {
+impl Examination {
     fn refuse(&mut self, code: &RefusalInfo, reason: &str, remedy: &str) {
         let refusal = Refusal::new(self.name, code, reason, remedy);
         self.refusals.push(refusal);

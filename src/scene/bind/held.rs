@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::super::{Draw, Error, Frame, Material, Scene, Value};
+use super::super::{Draw, Frame, Material, Scene, SceneError, Value};
 use super::guessed::ValueOrigin;
 use super::streams::Streams;
 use super::{BindingKind, authored, buffer};
@@ -19,7 +19,7 @@ pub(in super::super) fn uniforms(
     draw: &Draw,
     frame: &Frame,
     names: &[String],
-) -> Result<BTreeMap<String, Value>, Error> {
+) -> Result<BTreeMap<String, Value>, SceneError> {
     let streams = Streams::new(scene, material, draw)?;
     let mut out = BTreeMap::new();
     let pass = material.plan().passes.pop();

@@ -6,7 +6,9 @@ use preshade_passes::plan::GpuPass;
 
 use super::super::layout::{self, Leaf};
 use super::super::semantic::normalise;
-use super::super::{Draw, DrawRange, Error, Material, Mesh, Scene, Semantic, Stream, material};
+use super::super::{
+    Draw, DrawRange, Material, Mesh, Scene, SceneError, Semantic, Stream, material,
+};
 use super::{Call, Data, Indices, VertexAttribute, VertexBuffer, hash01, vertex_inputs};
 
 /// Attribute names, normalised, and their streams.
@@ -140,9 +142,9 @@ impl<'a> Streams<'a> {
         scene: &'a Scene,
         material: &'a Material,
         draw: &'a Draw,
-    ) -> Result<Self, Error> {
+    ) -> Result<Self, SceneError> {
         let mesh = scene.meshes.get(draw.mesh).ok_or_else(|| {
-            Error::new(format!(
+            SceneError::new(format!(
                 "draw `{}` names mesh {} of {}",
                 draw.name,
                 draw.mesh,
@@ -197,7 +199,7 @@ impl<'a> Streams<'a> {
     }
 
     /// The interleaved buffers, with the attributes that `pass` reads.
-    pub(super) fn vertex_buffers(&self, pass: &GpuPass) -> Result<Vec<VertexBuffer>, Error> {
+    pub(super) fn vertex_buffers(&self, pass: &GpuPass) -> Result<Vec<VertexBuffer>, SceneError> {
         let mut out = Vec::new();
         for step in [wgpu::VertexStepMode::Vertex, wgpu::VertexStepMode::Instance] {
             let by_instance = step == wgpu::VertexStepMode::Instance;
@@ -641,7 +643,7 @@ pub(in crate::scene) fn stream_component(stream: Option<&Stream>, i: usize, c: u
     }
 }
 
-fn format(a: &Attribute) -> Result<wgpu::VertexFormat, Error> {
+fn format(a: &Attribute) -> Result<wgpu::VertexFormat, SceneError> {
     use wgpu::VertexFormat as F;
     Ok(match (a.kind, a.components) {
         (ScalarKind::Float, 1) => F::Float32,
@@ -657,7 +659,7 @@ fn format(a: &Attribute) -> Result<wgpu::VertexFormat, Error> {
         (ScalarKind::Sint, 3) => F::Sint32x3,
         (ScalarKind::Sint, 4) => F::Sint32x4,
         _ => {
-            return Err(Error::new(format!(
+            return Err(SceneError::new(format!(
                 "vertex attribute `{}` is of a type no vertex format has",
                 a.name
             )));

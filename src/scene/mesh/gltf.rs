@@ -11,7 +11,7 @@ use serde::Deserialize;
 use super::accessors::{self, Cost};
 use super::{MeshBuilder, bounds, merged, positions, transformed};
 use crate::panics;
-use crate::scene::{Error, Mesh, Stream};
+use crate::scene::{Mesh, SceneError, Stream};
 
 /// A part of a glTF file.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -44,8 +44,8 @@ impl Gltf {
     pub fn load(
         &self,
         name: &str,
-        read: &dyn Fn(&str) -> Result<Vec<u8>, Error>,
-    ) -> Result<Rigged, Error> {
+        read: &dyn Fn(&str) -> Result<Vec<u8>, SceneError>,
+    ) -> Result<Rigged, SceneError> {
         self.load_within(name, read, &|_, _| Ok(()))
     }
 
@@ -54,20 +54,20 @@ impl Gltf {
     pub(in crate::scene) fn load_within(
         &self,
         name: &str,
-        read: &dyn Fn(&str) -> Result<Vec<u8>, Error>,
-        take: &dyn Fn(u64, u64) -> Result<(), Error>,
-    ) -> Result<Rigged, Error> {
+        read: &dyn Fn(&str) -> Result<Vec<u8>, SceneError>,
+        take: &dyn Fn(u64, u64) -> Result<(), SceneError>,
+    ) -> Result<Rigged, SceneError> {
         // The glTF crate may panic on errors that the checks below miss.
         panics::run(|| self.loaded(name, read, take)).unwrap_or_else(|panicked| {
-            Err(Error::new(format!(
+            Err(SceneError::new(format!(
                 "`{}`: the crate that reads glTF panicked: {panicked}",
                 self.file
             )))
         })
     }
 
-    fn wrong(&self, what: impl std::fmt::Display) -> Error {
-        Error::new(format!("`{}`: {what}", self.file))
+    fn wrong(&self, what: impl std::fmt::Display) -> SceneError {
+        SceneError::new(format!("`{}`: {what}", self.file))
     }
 
     fn is_wanted(&self, mesh: &gltf::Mesh<'_>) -> bool {
@@ -79,9 +79,9 @@ impl Gltf {
     fn buffers<'g>(
         &self,
         gltf: &'g gltf::Gltf,
-        read: &dyn Fn(&str) -> Result<Vec<u8>, Error>,
-        take: &dyn Fn(u64, u64) -> Result<(), Error>,
-    ) -> Result<Vec<Cow<'g, [u8]>>, Error> {
+        read: &dyn Fn(&str) -> Result<Vec<u8>, SceneError>,
+        take: &dyn Fn(u64, u64) -> Result<(), SceneError>,
+    ) -> Result<Vec<Cow<'g, [u8]>>, SceneError> {
         let folder = match self.file.rsplit_once('/') {
             Some((folder, _)) => format!("{folder}/"),
             None => String::new(),
@@ -122,7 +122,7 @@ impl Gltf {
     fn nodes<'g>(
         &self,
         gltf: &'g gltf::Gltf,
-    ) -> Result<(Vec<gltf::Node<'g>>, BTreeMap<usize, Mat4>), Error> {
+    ) -> Result<(Vec<gltf::Node<'g>>, BTreeMap<usize, Mat4>), SceneError> {
         let mut nodes = Vec::new();
         let roots: Vec<_> = match gltf.default_scene().or_else(|| gltf.scenes().next()) {
             Some(scene) => scene.nodes().collect(),
@@ -148,8 +148,8 @@ impl Gltf {
         &self,
         nodes: &[gltf::Node<'_>],
         lengths: &[usize],
-        take: &dyn Fn(u64, u64) -> Result<(), Error>,
-    ) -> Result<(), Error> {
+        take: &dyn Fn(u64, u64) -> Result<(), SceneError>,
+    ) -> Result<(), SceneError> {
         let held: u64 = lengths.iter().map(|l| *l as u64).sum();
         let mut cost = Cost::default();
         let mut costs: BTreeMap<usize, Cost> = BTreeMap::new();
@@ -181,9 +181,9 @@ impl Gltf {
     fn loaded(
         &self,
         name: &str,
-        read: &dyn Fn(&str) -> Result<Vec<u8>, Error>,
-        take: &dyn Fn(u64, u64) -> Result<(), Error>,
-    ) -> Result<Rigged, Error> {
+        read: &dyn Fn(&str) -> Result<Vec<u8>, SceneError>,
+        take: &dyn Fn(u64, u64) -> Result<(), SceneError>,
+    ) -> Result<Rigged, SceneError> {
         let wrong = |what: String| self.wrong(what);
         let bytes = read(&self.file)?;
         let gltf =

@@ -6,7 +6,7 @@ use preshade_passes::plan::{GpuPass, Phase, Plan};
 use preshade_passes::reflect;
 use preshade_passes::state::{Blend, ColorTarget, CompareFunction};
 
-use super::Error;
+use super::PlanError;
 use super::work::{Counted, Fragments};
 use crate::render::{FrameSettings, Gpu, Prepared, SceneInputs, ShaderForm, Variant};
 use crate::scene::{DrawOrder, Frame};
@@ -40,7 +40,7 @@ impl<'a> FragmentCounter<'a> {
     ///
     /// # Errors
     /// As [`Prepared::new`]; a counting program that does not validate (a bug).
-    pub fn new(inputs: &'a SceneInputs<'a>, plans: &[Plan]) -> Result<Self, Error> {
+    pub fn new(inputs: &'a SceneInputs<'a>, plans: &[Plan]) -> Result<Self, PlanError> {
         let mut groups = Vec::new();
         for first in (0..plans.len()).step_by(CHANNELS) {
             let channels = |material: usize| {
@@ -75,7 +75,7 @@ impl<'a> FragmentCounter<'a> {
     /// # Errors
     ///
     /// As [`Prepared::draw`].
-    pub fn count(&mut self, frame: &Frame, order: DrawOrder) -> Result<Counted, Error> {
+    pub fn count(&mut self, frame: &Frame, order: DrawOrder) -> Result<Counted, PlanError> {
         let known = self.last.take().filter(|(f, _)| f == frame);
         let is_known = known.is_some();
         let mut materials = known.map_or_else(
@@ -105,7 +105,7 @@ impl<'a> FragmentCounter<'a> {
 }
 
 /// The sum of each channel over all pixels.
-fn sums(prepared: &Prepared<'_>) -> Result<[f64; CHANNELS], Error> {
+fn sums(prepared: &Prepared<'_>) -> Result<[f64; CHANNELS], PlanError> {
     let picture = prepared.render()?;
     let mut sums = [0.0; CHANNELS];
     let Some(Some(image)) = picture.colors.first() else {
@@ -120,7 +120,7 @@ fn sums(prepared: &Prepared<'_>) -> Result<[f64; CHANNELS], Error> {
 }
 
 /// The original plan drawing 1s instead of colours, to the channels of that mask.
-fn counting_plan(plan: &Plan, which: Which, channels: u8) -> Result<Plan, Error> {
+fn counting_plan(plan: &Plan, which: Which, channels: u8) -> Result<Plan, PlanError> {
     let mut out = plan.clone();
     out.passes.clear();
     for pass in &plan.passes {
@@ -134,7 +134,7 @@ fn counting_plan(plan: &Plan, which: Which, channels: u8) -> Result<Plan, Error>
             out.passes.extend(drawn.then(|| pass.clone()));
             continue;
         }
-        let program = count::program(plan, pass).map_err(|e| Error::Counting {
+        let program = count::program(plan, pass).map_err(|e| PlanError::Counting {
             material: plan.material.clone(),
             message: e.message.clone(),
         })?;

@@ -3,7 +3,7 @@
 use preshade_passes::contract::Verdict;
 use preshade_passes::pass::Facts;
 
-use super::Error;
+use super::PlanError;
 use super::scene::{Settings, scout};
 use super::so_far::{PlanProgress, SceneSoFar};
 use super::stage::{self, Runner};
@@ -53,7 +53,7 @@ pub fn exhaust(
     facts: &Facts,
     settings: &Settings<'_>,
     progress: &mut dyn FnMut(PlanProgress<'_>),
-) -> Result<Exhausted, Error> {
+) -> Result<Exhausted, PlanError> {
     let scene = session.scene();
     let scouted = scout(session, recipes, facts, settings.frames_per_camera)?;
     let frames = scouted.seen(settings.model).frames();

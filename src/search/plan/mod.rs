@@ -41,7 +41,7 @@ pub use so_far::{PlanProgress, SceneSoFar, Unfinished};
 
 /// Why nothing was decided.
 #[derive(Debug, thiserror::Error)]
-pub enum Error {
+pub enum PlanError {
     /// The original could not be drawn or timed.
     #[error(transparent)]
     Measure(#[from] crate::measure::Error),

@@ -9,7 +9,7 @@ use glam::{Mat4, Vec3};
 use preshade_passes::pass::Facts;
 use preshade_passes::state::{CullMode, MaterialState};
 
-use super::Error;
+use super::PlanError;
 use super::assign::Assignment;
 use super::choices::choices;
 use super::count::{FragmentCounter, is_software};
@@ -159,7 +159,10 @@ fn size(gpu: &Gpu) -> [u32; 2] {
 ///
 /// As [`Session::prepare`] and [`measure::time`]. A probe whose recipe the adapter cannot draw is
 /// left out.
-pub fn fit(gpu: &Gpu, progress: &mut dyn FnMut(f64)) -> Result<(Model, Vec<Observation>), Error> {
+pub fn fit(
+    gpu: &Gpu,
+    progress: &mut dyn FnMut(f64),
+) -> Result<(Model, Vec<Observation>), PlanError> {
     let mut observations = Vec::new();
     for (done, probe) in PROBES.iter().enumerate() {
         progress(done as f64 / PROBES.len() as f64);
@@ -175,7 +178,7 @@ pub fn fit(gpu: &Gpu, progress: &mut dyn FnMut(f64)) -> Result<(Model, Vec<Obser
     ))
 }
 
-fn observe(gpu: &Gpu, probe: &Probe) -> Result<Option<Observation>, Error> {
+fn observe(gpu: &Gpu, probe: &Probe) -> Result<Option<Observation>, PlanError> {
     let scene = scene(probe, finest(gpu), size(gpu))?;
     let session = Session::new(gpu, &scene, ShaderForm::Ir)?;
     let originals = session.originals();
@@ -212,7 +215,7 @@ fn observe(gpu: &Gpu, probe: &Probe) -> Result<Option<Observation>, Error> {
 }
 
 /// Layers that cover `scale` of the frame, between depth 0.1 and 0.9.
-fn scene(probe: &Probe, finest: u32, size: [u32; 2]) -> Result<Scene, Error> {
+fn scene(probe: &Probe, finest: u32, size: [u32; 2]) -> Result<Scene, PlanError> {
     let source = Source::new("probes.wgsl", include_str!("probes.wgsl"));
     let options = Options {
         vertex: Some(probe.vertex.to_owned()),
@@ -220,7 +223,7 @@ fn scene(probe: &Probe, finest: u32, size: [u32; 2]) -> Result<Scene, Error> {
         ..Options::default()
     };
     let parsed =
-        front::parse(&[source], &options).map_err(|e| Error::Probe(e.render(Color::Never)))?;
+        front::parse(&[source], &options).map_err(|e| PlanError::Probe(e.render(Color::Never)))?;
     let mut state = MaterialState::default();
     state.primitive.cull = CullMode::None;
     let cells = (probe.grid * finest / 64).max(1);

@@ -19,7 +19,7 @@ use super::policy::{Hold, Measure, Rule, policy};
 use super::so_far::{PlanProgress, SceneSoFar};
 use super::stage::{self, Runner};
 use super::work::{Counted, DrawCounts, drawn};
-use super::{Error, reasons};
+use super::{PlanError, reasons};
 use crate::measure::telling::{self, Colours};
 use crate::measure::{Clock, Estimate, Session, TimingSettings, View};
 use crate::recipe::Recipe;
@@ -76,14 +76,14 @@ pub fn scout(
     recipes: &[Recipe],
     facts: &Facts,
     frames_per_camera: usize,
-) -> Result<Scouted, Error> {
+) -> Result<Scouted, PlanError> {
     let (scene, inputs, originals) = (session.scene(), session.inputs(), session.originals());
     let views: Vec<(View, Frame)> = View::all(scene, frames_per_camera)
         .into_iter()
         .map(|(view, frame)| (view, *frame))
         .collect();
     if views.is_empty() {
-        return Err(Error::NoView(scene.name.clone()));
+        return Err(PlanError::NoView(scene.name.clone()));
     }
     let mut counter = FragmentCounter::new(inputs, originals)?;
     let mut counted = Vec::new();
@@ -133,7 +133,7 @@ pub fn decide(
     facts: &Facts,
     settings: &Settings<'_>,
     progress: &mut dyn FnMut(PlanProgress<'_>),
-) -> Result<Decision, Error> {
+) -> Result<Decision, PlanError> {
     progress(PlanProgress::at(0.0, "counting fragments"));
     let scouted = scout(session, recipes, facts, settings.frames_per_camera)?;
     let seen = scouted.seen(settings.model);
@@ -233,7 +233,7 @@ fn measure_all(
     settings: &Settings<'_>,
     measured: &mut Measured,
     progress: &mut dyn FnMut(PlanProgress<'_>),
-) -> Result<(), Error> {
+) -> Result<(), PlanError> {
     let mut times = vec![Vec::new(); subjects.len()];
     let mut speedups = vec![Vec::new(); subjects.len()];
     let views = &scouted.views;
@@ -279,7 +279,7 @@ fn refine<'a>(
     settings: &Settings<'_>,
     measured: &mut Measured,
     progress: &mut dyn FnMut(PlanProgress<'_>),
-) -> Result<(), Error> {
+) -> Result<(), PlanError> {
     if scouted.choices.len() < 2 {
         return Ok(());
     }

@@ -2,7 +2,7 @@
 
 use preshade_passes::contract::Verdict;
 
-use super::Error;
+use super::PlanError;
 use super::assign::Considered;
 use super::choices::Choices;
 use super::decision::PlanCost;
@@ -30,7 +30,7 @@ impl<'a> Runner<'a> {
         session: &'a Session<'a>,
         choices: &[Choices],
         considered: &Considered,
-    ) -> Result<Self, Error> {
+    ) -> Result<Self, PlanError> {
         let mut runner = Self {
             name: considered.assignment.name(choices),
             cost: None,
@@ -51,7 +51,7 @@ impl<'a> Runner<'a> {
     }
 
     /// Draws it no more, unless the adapter is lost.
-    fn give_up(&mut self, error: measure::Error) -> Result<(), Error> {
+    fn give_up(&mut self, error: measure::Error) -> Result<(), PlanError> {
         if error.is_lost() {
             return Err(error.into());
         }
@@ -71,7 +71,7 @@ pub fn compare(
     runners: &mut [Runner<'_>],
     view: &View,
     frame: &Frame,
-) -> Result<Option<Rendered>, Error> {
+) -> Result<Option<Rendered>, PlanError> {
     session.inputs().set_frame(frame)?;
     let [original, others @ ..] = runners else {
         return Ok(None);
@@ -104,7 +104,7 @@ pub fn time(
     runners: &mut [Runner<'_>],
     (frame, order): (&Frame, DrawOrder),
     settings: &TimingSettings,
-) -> Result<(Clock, Vec<Option<Timing>>), Error> {
+) -> Result<(Clock, Vec<Option<Timing>>), PlanError> {
     session.inputs().set_frame(frame)?;
     let mut ready = Vec::new();
     let mut standing = Vec::new();

@@ -41,7 +41,7 @@ pub fn plan_seed() -> Vec<u8> {
 }
 
 /// The scene of a text, small, so that one input costs little.
-pub fn load(text: &str) -> Result<Scene, scene::Error> {
+pub fn load(text: &str) -> Result<Scene, scene::SceneError> {
     let access = Access {
         limits: Limits::parse("strict,vertices=20k,copies=500,draws=500,texture-size=64").unwrap(),
         ..Access::default()
