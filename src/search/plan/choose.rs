@@ -70,8 +70,8 @@ impl Table {
         self.best_over(&views)
     }
 
-    /// The one plan for these views. A plan that needs no ties has to be faster, in some view beyond
-    /// noise, than the best that does not.
+    /// The one plan for these views. A plan that needs no ties has to be faster than the best that
+    /// does not, in some view beyond noise and by a worthwhile part.
     pub(super) fn best_over(&self, views: &[usize]) -> usize {
         let time = |plan: usize| self.relative_time(plan, views);
         let sound = |plan: &usize| self.is_sound(*plan, views);
@@ -80,12 +80,19 @@ impl Table {
         let best = all().min_by(least).unwrap_or(0);
         let robust = all().filter(|plan| !self.needs_no_ties.contains(plan));
         match robust.min_by(least) {
-            Some(robust)
-                if robust != 0 && !views.iter().any(|v| self.is_faster(best, robust, *v)) =>
-            {
+            Some(robust) if robust != 0 && !views.iter().any(|v| self.wins(best, robust, *v)) => {
                 robust
             }
             _ => best,
+        }
+    }
+
+    /// Whether `plan` is faster than `other` in that view, by more than a prediction or a clock can
+    /// be trusted with.
+    fn wins(&self, plan: usize, other: usize, view: usize) -> bool {
+        match (self.at(plan, view), self.at(other, view)) {
+            (Some(a), Some(b)) => a.low > WORTHWHILE * b.high,
+            _ => false,
         }
     }
 
