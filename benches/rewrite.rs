@@ -246,11 +246,15 @@ fn made(layers: usize, steps: usize) -> String {
         ));
         for i in 0..steps {
             functions.push_str(&format!(
-                "    sum += sin(q.x * {i}.5 + u.time) * cos(q.y - {f}.25);\n    q = q.yx * 1.5 + vec2<f32>(sum, {i}.0);\n"
+                "    sum += sin(q.x * {i}.5 + u.time) * cos(q.y - {f}.25);\n    q = q.yx * 1.5 + \
+                 vec2<f32>(sum, {i}.0);\n"
             ));
         }
         functions.push_str("    return sum;\n}\n");
-        calls.push_str(&format!("    color += vec3<f32>(layer_{f}(in.uv), {f}.0, 1.0) * textureSample(t, s, in.uv).rgb;\n"));
+        calls.push_str(&format!(
+            "    color += vec3<f32>(layer_{f}(in.uv), {f}.0, 1.0) * textureSample(t, s, \
+             in.uv).rgb;\n"
+        ));
     }
     format!(
         "struct Uniforms {{ view_proj: mat4x4<f32>, time: f32 }}

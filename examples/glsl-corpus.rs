@@ -168,7 +168,9 @@ fn table(folder: &Path, include: &[PathBuf], write: Option<&Path>, limit: Durati
     let hung = counted.get(&Outcome::Hung).map_or(0, Vec::len);
     println!("## {}", folder.display());
     println!(
-        "| materials | accepted | share | refused | panics | hangs | files of other stages | seconds |\n|---|---|---|---|---|---|---|---|\n| {} | {accepted} | {:.1}% | {} | {panics} | {hung} | {others} | {:.1} |\n",
+        "| materials | accepted | share | refused | panics | hangs | files of other stages | \
+         seconds |\n|---|---|---|---|---|---|---|---|\n\
+         | {} | {accepted} | {:.1}% | {} | {panics} | {hung} | {others} | {:.1} |\n",
         cases.len(),
         100.0 * accepted as f64 / cases.len().max(1) as f64,
         cases.len() - accepted - panics - hung,

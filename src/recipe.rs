@@ -58,7 +58,8 @@ pub enum RecipeError {
         nearest: Option<String>,
     },
     /// `key=value` was expected.
-    #[error("in `{text}`: expected `key=value` after the colon, found `{found}`{}", several(.word_of, .found))]
+    #[error("in `{text}`: expected `key=value` after the colon, found \
+             `{found}`{}", several(.word_of, .found))]
     Syntax {
         /// The whole step.
         text: String,
@@ -68,7 +69,8 @@ pub enum RecipeError {
         word_of: Option<String>,
     },
     /// The pass has no parameter of that name.
-    #[error("{pass} has no parameter `{name}`{}; it has: {known} (see `preshade passes {pass}`)", suggestion(.nearest))]
+    #[error("{pass} has no parameter `{name}`{}; it has: {known} (see `preshade passes \
+             {pass}`)", suggestion(.nearest))]
     UnknownParameter {
         /// Name of the pass.
         pass: &'static str,
@@ -80,7 +82,8 @@ pub enum RecipeError {
         known: String,
     },
     /// The parameter is a choice, and this is none of its words.
-    #[error("{pass}: `{name}` cannot be `{value}`{}; it is one of: {known} (see `preshade passes {pass}`)", suggestion(.nearest))]
+    #[error("{pass}: `{name}` cannot be `{value}`{}; it is one of: {known} (see `preshade passes \
+             {pass}`)", suggestion(.nearest))]
     UnknownValue {
         /// Name of the pass.
         pass: &'static str,
@@ -285,7 +288,10 @@ fn word_of(pass: &dyn AnyPass, word: &str) -> Option<String> {
 
 fn several(word_of: &Option<String>, word: &str) -> String {
     word_of.as_ref().map_or(String::new(), |name| {
-        format!("; `{word}` is a word of `{name}`: write {name}={word}, or several with slashes, {name}=../{word}")
+        format!(
+            "; `{word}` is a word of `{name}`: write {name}={word}, or several with slashes, \
+             {name}=../{word}"
+        )
     })
 }
 
@@ -377,7 +383,8 @@ impl Step {
             Some(site) if *site != outcome.change.key => Err(refuse(
                 &refusals::STALE,
                 format!(
-                    "the recipe was recorded for the slice {} of `{}`, which is no longer in the shader",
+                    "the recipe was recorded for the slice {} of `{}`, which is no longer in the \
+                     shader",
                     site.slice, site.entry_point
                 ),
                 "make the recipe anew",

@@ -125,7 +125,8 @@ pub fn explain(code: &str) -> Result<String, Failure> {
     if let Some(pass) = pass_named(bare) {
         let info = pass.info();
         return Ok(format!(
-            "{bare} is a pass: {}.\nTake it where {}.\nIt hurts {}.\n\n`preshade passes {bare}` lists its parameters.\n",
+            "{bare} is a pass: {}.\nTake it where {}.\nIt hurts {}.\n\n\
+             `preshade passes {bare}` lists its parameters.\n",
             info.summary.trim_end_matches('.'),
             info.when.trim_end_matches('.'),
             info.hurts.trim_end_matches('.')
@@ -134,7 +135,8 @@ pub fn explain(code: &str) -> Result<String, Failure> {
     let assumptions = Assumption::all();
     if let Some((name, text)) = assumptions.iter().find(|(name, _)| name == bare) {
         return Ok(format!(
-            "{name} is something that a contract takes as given.\n\n{text}\n\ndocs/reference/plan-json.md says what each asks of a host.\n"
+            "{name} is something that a contract takes as given.\n\n{text}\n\n\
+             docs/reference/plan-json.md says what each asks of a host.\n"
         ));
     }
     let codes = all().into_keys();

@@ -199,8 +199,10 @@ fn frequency_table(frequencies: &[Frequency]) -> Vec<String> {
         return Vec::new();
     }
     let mut lines = vec![
-        "\nvalues that might be interpolated, by error against saved cost; off by: how far the value itself is from its interpolation on\n\
-         the scene's triangles (NaN: somewhere it is NaN or infinite); at most: the same, proved with an adapter's roundings for the frames\n\
+        "\nvalues that might be interpolated, by error against saved cost; \
+         off by: how far the value itself is from its interpolation on\n\
+         the scene's triangles (NaN: somewhere it is NaN or infinite); \
+         at most: the same, proved with an adapter's roundings for the frames\n\
          looked at, two a camera (*: for a part of the triangles)\n  \
          saved ops  FLIP mean   max abs  NaN px  off by  at most    range  value"
             .to_owned(),
@@ -248,7 +250,8 @@ fn effect_table(effects: &[EffectUse]) -> Vec<String> {
     }
     let widest = effects.iter().map(|e| e.name.len()).max().unwrap_or(0);
     let mut lines = vec![format!(
-        "\neffects that the draws decide, by static cost\n  {:<widest$}  {:<8}  {:>6}  {:<16}  evidence",
+        "\neffects that the draws decide, by static cost\n  {:<widest$}  {:<8}  {:>6}  {:<16}  \
+         evidence",
         "effect", "stage", "ops", "called for"
     )];
     for e in effects {

@@ -407,7 +407,11 @@ impl ShaderArgs {
         let language = self.lang.map(Language::from);
         if is_stdin(path) {
             if language.is_none() {
-                return Err(Failure("error: stdin has no file name to tell its language from: give --lang wgsl or --lang glsl".to_owned()));
+                return Err(Failure(
+                    "error: stdin has no file name to tell its language from: give --lang wgsl or \
+                     --lang glsl"
+                        .to_owned(),
+                ));
             }
             let mut bytes = Vec::new();
             // One byte more than the limit, so that the parser refuses it.
@@ -438,7 +442,8 @@ impl ShaderArgs {
             .map_err(|e| unread(path, &e))?;
         let Some(name) = path.to_str().map(str::to_owned) else {
             return Err(Failure(format!(
-                "error: {}: the name is not UTF-8, and neither a rule nor a plan could say it: rename the file",
+                "error: {}: the name is not UTF-8, and neither a rule nor a plan could say it: \
+                 rename the file",
                 path.display()
             )));
         };
@@ -482,7 +487,8 @@ fn reads_facing(parsed: &front::Parsed) -> bool {
 }
 
 /// A hint for more files than a material has.
-const EACH_ITS_OWN: &str = "`preshade rewrite .. --out-dir DIR` takes each file as a material of its own, and every shader below a folder";
+const EACH_ITS_OWN: &str = "`preshade rewrite .. --out-dir DIR` takes each file as a material of \
+                            its own, and every shader below a folder";
 
 pub fn is_stdin(path: &Path) -> bool {
     path == Path::new("-")

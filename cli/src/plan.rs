@@ -37,7 +37,7 @@ use crate::{Ending, Failure, Table};
 /// Arguments of `plan`.
 #[derive(clap::Args)]
 #[command(after_help = "\
-Examples:
+                        Examples:
   preshade plan scene.toml
   preshade plan scene.toml --camera wall --order front-to-back --out chosen/
   preshade plan scene.toml --budget flip_mean=0.02 --one
@@ -48,7 +48,8 @@ Examples:
   preshade plan scenes/*.toml --exhaustive --out regret/
 
 A recipe is taken where it was measured to be faster than the original beyond noise, and by 1 % at
-least; where none is, nothing is, and the reasons are told. docs/guides/plan.md says how. With --out what is
+least; where none is, nothing is, and the reasons are told. docs/guides/plan.md says how. With \
+    --out what is
 measured is kept on the way, in plan.unfinished.json, until all of it is told.
 Of several scenes one that cannot be read or drawn is told, and the others are planned.
 Exit status 1: a plan broke its contract (it is not taken); 2: a scene came to no end.")]
@@ -145,8 +146,9 @@ pub fn run(args: &PlanArgs) -> Result<Ending, Failure> {
     }
     if args.exhaustive && (args.lock || args.time == TimeArg::No) {
         return Err(Failure(
-            "error: --exhaustive measures, and chooses nothing: it goes without --lock and --time no"
-                .to_owned(),
+            "error: --exhaustive measures, and chooses nothing: it goes without --lock and --time \
+             no"
+            .to_owned(),
         ));
     }
     if let Some(out) = &args.out {
@@ -155,7 +157,8 @@ pub fn run(args: &PlanArgs) -> Result<Ending, Failure> {
     }
     if args.lock && scenes.len() > 1 {
         return Err(Failure(
-            "error: --lock keeps one choice beside each material's shader, which scenes that share it would overwrite: plan them one after the other".to_owned(),
+            "error: --lock keeps one choice beside each material's shader, which scenes that share \
+             it would overwrite: plan them one after the other".to_owned(),
         ));
     }
     if args.lock && args.time == TimeArg::No {

@@ -400,7 +400,8 @@ fn make(
     if !is_given && !recipe.steps.is_empty() {
         let assumed = materials.asked.iter().filter_map(|plan| {
             Some(format!(
-                "note: pipeline state assumed of `{}`: {} (--state FILE or its flags say otherwise)",
+                "note: pipeline state assumed of `{}`: {} (--state FILE or its flags say \
+                 otherwise)",
                 plan.material,
                 described(plan)?
             ))
@@ -416,7 +417,8 @@ fn make(
     for (original, (plan, messages, refusals)) in materials.asked.iter().zip(applied) {
         if original.passes.iter().all(|p| p.fragment.is_none()) {
             made.messages.push(format!(
-                "note: `{}` has no fragment stage: it is taken for a material that draws depth alone; where its fragment stage is in another file, give both",
+                "note: `{}` has no fragment stage: it is taken for a material that draws depth \
+                 alone; where its fragment stage is in another file, give both",
                 original.material
             ));
         }
@@ -526,7 +528,8 @@ fn said(plan: &Plan, place: &str, check: &Check) -> String {
     );
     match check.verdict.is_broken() {
         true => format!(
-            "{line}\nnothing is written of `{}`: this is a bug in preshade, please report it with the shader",
+            "{line}\nnothing is written of `{}`: this is a bug in preshade, please report it with \
+             the shader",
             plan.material
         ),
         false => line,

@@ -247,7 +247,8 @@ fn check(state: &MaterialState) -> Result<(), Failure> {
     for target in state.targets.iter().flatten() {
         if render::state::color_format(&target.format).is_none() {
             return Err(Failure(format!(
-                "error: there is no colour format `{}` that can be drawn to and compared; in WebGPU's spelling: rgba8unorm, say",
+                "error: there is no colour format `{}` that can be drawn to and compared; \
+                 in WebGPU's spelling: rgba8unorm, say",
                 target.format
             )));
         }

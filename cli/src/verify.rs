@@ -31,11 +31,14 @@ use crate::{Ending, Failure, Table, color_on, worker};
 /// Arguments of `verify`.
 #[derive(clap::Args)]
 #[command(after_help = "\
-Examples:
+                        Examples:
   preshade verify scene.toml
-  preshade verify scene.toml --variant depth-prepass --variant early-discard:quad=lane,budget=0.02 --out report/
-  preshade verify scene.toml --pass depth-prepass:form=equal --pass early-discard --camera wall --order front-to-back
-  preshade verify scene.toml --variant hoist:budget=1,threshold=1,tessellate:level=1..8 --budget flip_mean=0.02
+  preshade verify scene.toml --variant depth-prepass --variant early-discard:quad=lane,budget=0.02 \
+      --out report/
+  preshade verify scene.toml --pass depth-prepass:form=equal --pass early-discard --camera wall \
+      --order front-to-back
+  preshade verify scene.toml --variant hoist:budget=1,threshold=1,tessellate:level=1..8 --budget \
+      flip_mean=0.02
   preshade verify grass.toml --sweep instances=50000..400000 --pass visibility-buffer
   preshade verify lit.wgsl --size 640x360 --time no      a scene is made up for a shader
 
@@ -193,7 +196,8 @@ pub fn run(args: &VerifyArgs) -> Result<Ending, Failure> {
     {
         (true, Some(_)) => {
             return Err(Failure(
-                "error: --sweep is measured in one process: it goes without `seconds` and `memory` among the limits"
+                "error: --sweep is measured in one process: it goes without `seconds` and `memory` \
+                 among the limits"
                     .to_owned(),
             ));
         }
@@ -225,7 +229,8 @@ pub fn run(args: &VerifyArgs) -> Result<Ending, Failure> {
             let outcome = match (&outcome.lost, worker::mine()) {
                 (Some(why), None) => {
                     output::message(&format!(
-                        "warning: {why}; what is missing is measured on a device of its own, in a process each"
+                        "warning: {why}; what is missing is measured on a device of its own, in a \
+                         process each"
                     ));
                     opened.abandon();
                     resumed(outcome, &recipes(&sweeps), &limits, &mut keeper)
@@ -581,7 +586,8 @@ pub fn guesses(scene: &Scene) -> Option<String> {
     let guessed = scene::bind::guessed(scene);
     let widest = guessed.iter().map(|g| g.name.len()).max()?;
     let mut lines = vec![format!(
-        "note: a scene was made up for `{}`, with these inputs guessed (a scene file says them: docs/reference/scenes.md)",
+        "note: a scene was made up for `{}`, with these inputs guessed (a scene file says them: \
+         docs/reference/scenes.md)",
         scene.name
     )];
     lines.extend(

@@ -47,12 +47,16 @@ impl Said {
         let dynamic = self.dynamic.iter().find(|at| !is(at, buffer));
         if let Some((group, binding)) = dynamic {
             return Some(format!(
-                "a dynamic offset is asked for at group {group}, binding {binding}, where the shader has no buffer"
+                "a dynamic offset is asked for at group {group}, binding {binding}, where the \
+                 shader has no buffer"
             ));
         }
         let unfilterable = self.unfilterable.iter().find(|at| !is(at, filtered));
         unfilterable.map(|(group, binding)| {
-            format!("no filtering is asked for at group {group}, binding {binding}, where the shader has no texture of floats and no sampler that filters")
+            format!(
+                "no filtering is asked for at group {group}, binding {binding}, where the shader \
+                 has no texture of floats and no sampler that filters"
+            )
         })
     }
 }
@@ -196,7 +200,8 @@ impl<'s> Shared<'s> {
 
 fn entry(name: &str, source: &str, binding: u32, stages: StageUse, ty: &str) -> String {
     format!(
-        "Binding {{ name: {name:?}, source: {source}, entry: wgpu::BindGroupLayoutEntry {{ binding: {binding}, visibility: {}, ty: {ty}, count: None }} }}",
+        "Binding {{ name: {name:?}, source: {source}, entry: wgpu::BindGroupLayoutEntry {{ \
+         binding: {binding}, visibility: {}, ty: {ty}, count: None }} }}",
         stages.text()
     )
 }

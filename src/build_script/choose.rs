@@ -109,7 +109,8 @@ pub(super) fn choose(
             let others = lock.map(|lock| lock.same_files(name, &inputs));
             if let Some([first, ..]) = others.as_deref() {
                 let why = format!(
-                    "preshade.lock says nothing of `{name}`, but of `{first}`, which is of the same file: to obey it say `.name(\"{first}\")`"
+                    "preshade.lock says nothing of `{name}`, but of `{first}`, which is of the \
+                     same file: to obey it say `.name(\"{first}\")`"
                 );
                 warnings.push(warning(sources, &why));
             }
@@ -281,13 +282,16 @@ impl Seen<'_> {
         };
         let remedy = match (name, given) {
             ("variant", _) => {
-                "`preshade plan SCENE --one --lock` measures, and keeps in preshade.lock what it chooses, which need not be this"
+                "`preshade plan SCENE --one --lock` measures, and keeps in preshade.lock what it \
+                 chooses, which need not be this"
             }
             (_, Some(Assumption::NoDepthTies)) if contract.budgets().is_empty() => {
-                "a preshade.lock of this material in which no depths tied (`preshade plan SCENE --one --lock`) would say so"
+                "a preshade.lock of this material in which no depths tied (`preshade plan SCENE \
+                 --one --lock`) would say so"
             }
             _ => {
-                "a preshade.lock keeps one recipe a material, for `variant` alone: this one `preshade rewrite` makes, and `preshade verify` measures"
+                "a preshade.lock keeps one recipe a material, for `variant` alone: this one \
+                 `preshade rewrite` makes, and `preshade verify` measures"
             }
         };
         Some(format!(

@@ -42,7 +42,8 @@ pub enum BuildError {
     Lock(#[from] LockError),
     /// The pipeline state is not given, and the lock that has it cannot be read.
     #[error(
-        "{0}; it has the pipeline state that the material is drawn with, and nothing else says it: say it by `.state(..)`, or run `preshade plan SCENE --one --lock` again"
+        "{0}; it has the pipeline state that the material is drawn with, and nothing else says it: \
+         say it by `.state(..)`, or run `preshade plan SCENE --one --lock` again"
     )]
     State(String),
     /// A plan cannot be emitted as WGSL.
@@ -60,7 +61,9 @@ pub enum BuildError {
     /// A material's name must be valid in a file name, and a variant's name must be a valid module
     /// name.
     #[error(
-        "`{0}` cannot be the name of a material (it begins a file's: no `/ \\ : * ? \" < > |`, no point at either end, no `.rs`) or of a variant (it is a module's: small letters, digits and `_`, no word of Rust's, and not `original`, `variant` or `wgpu`)"
+        "`{0}` cannot be the name of a material (it begins a file's: no `/ \\ : * ? \" < > |`, no \
+         point at either end, no `.rs`) or of a variant (it is a module's: small letters, digits \
+         and `_`, no word of Rust's, and not `original`, `variant` or `wgpu`)"
     )]
     Name(String),
     /// Two variants of a material have the same name.
@@ -68,7 +71,8 @@ pub enum BuildError {
     Twice(String),
     /// A build script compiles two materials to the same module.
     #[error(
-        "`{name}` is compiled twice, of {first} and of {second}, with other options or of other files: the module of one would take the other's place; give one of them another `name`"
+        "`{name}` is compiled twice, of {first} and of {second}, with other options or of other \
+         files: the module of one would take the other's place; give one of them another `name`"
     )]
     Taken {
         /// The material's name.

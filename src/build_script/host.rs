@@ -385,13 +385,15 @@ impl std::fmt::Display for Unfit {
                 name, low, high, ..
             }) if low == high => write!(
                 f,
-                "the variant was made for `{name}` = {low}: give that to it and to the original in `PipelineOptions::constants`, or draw the original"
+                "the variant was made for `{name}` = {low}: give that to it and to the original in \
+                 `PipelineOptions::constants`, or draw the original"
             ),
             Self::Guard(Assumed {
                 name, low, high, ..
             }) => write!(
                 f,
-                "the variant was made for `{name}` between {low} and {high}: give such a value to it and to the original in `PipelineOptions::constants`, or draw the original"
+                "the variant was made for `{name}` between {low} and {high}: give such a value to \
+                 it and to the original in `PipelineOptions::constants`, or draw the original"
             ),
         }
     }
@@ -588,7 +590,8 @@ impl Pass {
             };
             if kind(format).is_none() || kind(format) != kind(target.format) {
                 return Err(Unfit::Host(format!(
-                    "the pass `{}` was made for {:?} at location {at}, which {format:?} cannot take the place of",
+                    "the pass `{}` was made for {:?} at location {at}, which {format:?} cannot \
+                     take the place of",
                     self.role, target.format
                 )));
             }
@@ -604,7 +607,8 @@ impl Pass {
             Some(samples) if samples == built || self.phase == Phase::Shadow => Ok(built),
             Some(samples) if self.samples_are_free => Ok(samples),
             Some(samples) => Err(Unfit::Host(format!(
-                "the pass `{}` is of a variant that was made for {built} samples a pixel, not for {samples}",
+                "the pass `{}` is of a variant that was made for {built} samples a pixel, not for \
+                 {samples}",
                 self.role
             ))),
             None => Ok(built),

@@ -145,7 +145,11 @@ fn raster(
         false => json(&pass.geometry),
     };
     Ok(format!(
-        "Pass {{ role: {:?}, phase: Phase::{:?}, wgsl: {wgsl}, vertex: {:?}, fragment: {:?}, primitive: {}, depth: {depth}, multisample: {}, targets: &[{}], colors: &[{}], groups: {}, attributes: &[{}], features: {}, raise_limits: {}, draws: Draws::{draws}, geometry: {geometry:?}, view_dependent: &{:?}, immediate_size: {immediates}, {}, samples_are_free: {free} }}",
+        "Pass {{ role: {:?}, phase: Phase::{:?}, wgsl: {wgsl}, vertex: {:?}, fragment: {:?}, \
+         primitive: {}, depth: {depth}, multisample: {}, targets: &[{}], colors: &[{}], groups: \
+         {}, attributes: &[{}], features: {}, raise_limits: {}, draws: Draws::{draws}, geometry: \
+         {geometry:?}, view_dependent: &{:?}, immediate_size: {immediates}, {}, samples_are_free: \
+         {free} }}",
         pass.role.name(),
         pass.phase,
         pass.vertex,
@@ -212,7 +216,8 @@ fn no_arrays(program: Option<&Program>, bindings: &[BindingUse]) -> Result<(), S
     match bindings.iter().find(array) {
         None => Ok(()),
         Some(array) => Err(format!(
-            "`{}` is a binding array, which the generated module has no words for; `preshade rewrite` writes the shaders alone",
+            "`{}` is a binding array, which the generated module has no words for; \
+             `preshade rewrite` writes the shaders alone",
             array.name
         )),
     }
@@ -230,7 +235,8 @@ fn compute(
     let stages = [(naga::ShaderStage::Compute, pass.entry_point.as_str())];
     let immediates = program.map_or(0, |p| reflect::immediate_size(p, &stages));
     Ok(format!(
-        "Compute {{ wgsl: {wgsl}, entry_point: {:?}, workgroup: {}, geometry: {:?}, when: {:?}, groups: {}, features: {}, raise_limits: {}, immediate_size: {immediates}, {} }}",
+        "Compute {{ wgsl: {wgsl}, entry_point: {:?}, workgroup: {}, geometry: {:?}, when: {:?}, \
+         groups: {}, features: {}, raise_limits: {}, immediate_size: {immediates}, {} }}",
         pass.entry_point,
         pass.workgroup,
         json(&pass.geometry),
@@ -265,7 +271,8 @@ fn depth(plan: &Plan, pass: &GpuPass, depth: &DepthState) -> Result<Option<Strin
     }
     let stencil_ops = depth.stencil_ops;
     Ok(Some(format!(
-        "DepthUse {{ attachment: {:?}, state: {}, stencil_reference: {}, read_only: {}, clear: {clear:?}, ops: {}, stencil_ops: {} }}",
+        "DepthUse {{ attachment: {:?}, state: {}, stencil_reference: {}, read_only: {}, clear: \
+         {clear:?}, ops: {}, stencil_ops: {} }}",
         depth.attachment,
         words::depth_stencil(format, depth, pass.stencil.as_ref()),
         pass.stencil.as_ref().map_or(0, |s| s.reference),
@@ -289,7 +296,8 @@ fn attachment(attachment: &Attachment) -> String {
         false => "",
     };
     format!(
-        "Attachment {{ name: {:?}, format: {}, samples: {}, usage: wgpu::TextureUsages::RENDER_ATTACHMENT{sampled} }}",
+        "Attachment {{ name: {:?}, format: {}, samples: {}, usage: \
+         wgpu::TextureUsages::RENDER_ATTACHMENT{sampled} }}",
         attachment.name,
         words::attachment_format(&attachment.format),
         attachment.samples,
@@ -318,7 +326,8 @@ fn self_test(plan: &Plan, test: &SelfTest) -> Option<String> {
         let mut draws = Vec::new();
         for draw in &run.draws {
             draws.push(format!(
-                "TestDraw {{ pass: &{}, attachment: {:?}, compare: wgpu::CompareFunction::{:?}, write: {}, clear: {:?}, must_pass: {} }}",
+                "TestDraw {{ pass: &{}, attachment: {:?}, compare: wgpu::CompareFunction::{:?}, \
+                 write: {}, clear: {:?}, must_pass: {} }}",
                 path(draw)?,
                 draw.attachment,
                 draw.compare,

@@ -22,7 +22,9 @@ pub(super) fn primitive(p: &PrimitiveState) -> String {
         CullMode::Back => "Some(wgpu::Face::Back)",
     };
     format!(
-        "wgpu::PrimitiveState {{ topology: wgpu::PrimitiveTopology::{:?}, strip_index_format: {strip}, front_face: wgpu::FrontFace::{:?}, cull_mode: {cull}, unclipped_depth: {}, polygon_mode: wgpu::PolygonMode::Fill, conservative: false }}",
+        "wgpu::PrimitiveState {{ topology: wgpu::PrimitiveTopology::{:?}, strip_index_format: \
+         {strip}, front_face: wgpu::FrontFace::{:?}, cull_mode: {cull}, unclipped_depth: {}, \
+         polygon_mode: wgpu::PolygonMode::Fill, conservative: false }}",
         p.topology, p.front_face, p.unclipped_depth
     )
 }
@@ -42,7 +44,9 @@ pub(super) fn depth_stencil(
     stencil: Option<&StencilState>,
 ) -> String {
     let stencil = match stencil {
-        None => "wgpu::StencilState { front: wgpu::StencilFaceState::IGNORE, back: wgpu::StencilFaceState::IGNORE, read_mask: 0, write_mask: 0 }".to_owned(),
+        None => "wgpu::StencilState { front: wgpu::StencilFaceState::IGNORE, back: \
+                 wgpu::StencilFaceState::IGNORE, read_mask: 0, write_mask: 0 }"
+            .to_owned(),
         Some(s) => format!(
             "wgpu::StencilState {{ front: {}, back: {}, read_mask: {}, write_mask: {} }}",
             face(s.front),
@@ -52,7 +56,9 @@ pub(super) fn depth_stencil(
         ),
     };
     format!(
-        "wgpu::DepthStencilState {{ format: {}, depth_write_enabled: Some({}), depth_compare: Some(wgpu::CompareFunction::{:?}), stencil: {stencil}, bias: wgpu::DepthBiasState {{ constant: {}, slope_scale: {:?}, clamp: {:?} }} }}",
+        "wgpu::DepthStencilState {{ format: {}, depth_write_enabled: Some({}), depth_compare: \
+         Some(wgpu::CompareFunction::{:?}), stencil: {stencil}, bias: wgpu::DepthBiasState {{ \
+         constant: {}, slope_scale: {:?}, clamp: {:?} }} }}",
         depth_format(format),
         depth.write,
         depth.compare,
@@ -65,7 +71,8 @@ pub(super) fn depth_stencil(
 fn face(f: StencilFace) -> String {
     let operation = |o: &dyn Debug| format!("wgpu::StencilOperation::{o:?}");
     format!(
-        "wgpu::StencilFaceState {{ compare: wgpu::CompareFunction::{:?}, fail_op: {}, depth_fail_op: {}, pass_op: {} }}",
+        "wgpu::StencilFaceState {{ compare: wgpu::CompareFunction::{:?}, fail_op: {}, \
+         depth_fail_op: {}, pass_op: {} }}",
         f.compare,
         operation(&f.fail),
         operation(&f.depth_fail),
@@ -176,7 +183,8 @@ pub(super) fn color_target(target: &ColorTarget) -> String {
         .as_ref()
         .map_or("None".to_owned(), |b| format!("Some({})", blend(b)));
     format!(
-        "wgpu::ColorTargetState {{ format: {}, blend: {blend}, write_mask: wgpu::ColorWrites::from_bits_truncate({}) }}",
+        "wgpu::ColorTargetState {{ format: {}, blend: {blend}, write_mask: \
+         wgpu::ColorWrites::from_bits_truncate({}) }}",
         color_format(&target.format),
         target.write_mask
     )
@@ -185,7 +193,8 @@ pub(super) fn color_target(target: &ColorTarget) -> String {
 fn blend(b: &Blend) -> String {
     let component = |c: &BlendComponent| {
         format!(
-            "wgpu::BlendComponent {{ src_factor: wgpu::BlendFactor::{:?}, dst_factor: wgpu::BlendFactor::{:?}, operation: wgpu::BlendOperation::{:?} }}",
+            "wgpu::BlendComponent {{ src_factor: wgpu::BlendFactor::{:?}, dst_factor: \
+             wgpu::BlendFactor::{:?}, operation: wgpu::BlendOperation::{:?} }}",
             c.src, c.dst, c.operation
         )
     };
@@ -217,7 +226,9 @@ pub(super) fn binding_type(binding: &BindingUse, dynamic: bool, unfilterable: bo
                 _ => "Storage { read_only: true }",
             };
             format!(
-                "wgpu::BindingType::Buffer {{ ty: wgpu::BufferBindingType::{ty}, has_dynamic_offset: {dynamic}, min_binding_size: std::num::NonZeroU64::new({min_binding_size}) }}"
+                "wgpu::BindingType::Buffer {{ ty: wgpu::BufferBindingType::{ty}, \
+                 has_dynamic_offset: {dynamic}, min_binding_size: \
+                 std::num::NonZeroU64::new({min_binding_size}) }}"
             )
         }
         BindingLayout::Sampler { ty } => {
@@ -241,7 +252,8 @@ pub(super) fn binding_type(binding: &BindingUse, dynamic: bool, unfilterable: bo
                 _ => "Float { filterable: false }",
             };
             format!(
-                "wgpu::BindingType::Texture {{ sample_type: wgpu::TextureSampleType::{ty}, view_dimension: {}, multisampled: {multisampled} }}",
+                "wgpu::BindingType::Texture {{ sample_type: wgpu::TextureSampleType::{ty}, \
+                 view_dimension: {}, multisampled: {multisampled} }}",
                 dimension(view_dimension)
             )
         }
@@ -257,7 +269,8 @@ pub(super) fn binding_type(binding: &BindingUse, dynamic: bool, unfilterable: bo
                 _ => "ReadWrite",
             };
             format!(
-                "wgpu::BindingType::StorageTexture {{ access: wgpu::StorageTextureAccess::{access}, format: {}, view_dimension: {} }}",
+                "wgpu::BindingType::StorageTexture {{ access: \
+                 wgpu::StorageTextureAccess::{access}, format: {}, view_dimension: {} }}",
                 color_format(format),
                 dimension(view_dimension)
             )

@@ -298,8 +298,11 @@ pub(super) fn without_fine_derivatives(plan: &Plan) -> Option<WeakerPromise> {
             budget: Budget::max_abs(1.0),
             given: Vec::new(),
         },
-        why: "GLSL ES 3.00 has no fine derivatives, so a quad's vote may miss a lane and spoil its level of detail: there is no promise. Leave the pass out for this target, use early-discard:quad=lane with a budget, or measure"
-            .to_owned(),
+        why:
+            "GLSL ES 3.00 has no fine derivatives, so a quad's vote may miss a lane and spoil its \
+             level of detail: there is no promise. Leave the pass out for this target, use \
+             early-discard:quad=lane with a budget, or measure"
+                .to_owned(),
     })
 }
 

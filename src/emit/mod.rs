@@ -182,7 +182,8 @@ pub enum EmitError {
     },
     /// The written text differs from its program when read back.
     #[error(
-        "{file}: the emitted {target} does not read back as the program: {difference}; this is a bug, please report it with the shader"
+        "{file}: the emitted {target} does not read back as the program: {difference}; \
+         this is a bug, please report it with the shader"
     )]
     Differs {
         /// The file.
@@ -194,7 +195,8 @@ pub enum EmitError {
     },
     /// The plan names a missing program or entry point.
     #[error(
-        "the plan of `{material}` is broken: {what}; this is a bug, please report it with the shader"
+        "the plan of `{material}` is broken: {what}; this is a bug, please report it with the \
+         shader"
     )]
     BrokenPlan {
         /// Material.

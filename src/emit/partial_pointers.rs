@@ -21,7 +21,8 @@ pub(crate) fn find(program: &Program) -> Option<String> {
         format!("{}:{}:{}: `{text}`: ", at.file, at.line, at.column)
     });
     Some(format!(
-        "{place}a pointer to a part of a variable is passed to a function, which naga cannot write for any adapter or for SPIR-V: pass a copy and store it back, or pass the whole variable"
+        "{place}a pointer to a part of a variable is passed to a function, which naga cannot write \
+         for any adapter or for SPIR-V: pass a copy and store it back, or pass the whole variable"
     ))
 }
 

@@ -38,7 +38,8 @@ pub(super) fn choose(
             error.note("mark a function with @vertex, or add the vertex file")
         } else {
             error.note(format!(
-                "there is {}; add the vertex stage in another file or, in WGSL, as a function marked @vertex",
+                "there is {}; add the vertex stage in another file or, in WGSL, as a function \
+                 marked @vertex",
                 others.join(", ")
             ))
         });
@@ -290,7 +291,8 @@ pub(super) fn check_bindings(program: &Program, entries: &Entries) -> Result<(),
     let error = Error::new(
         Code::Interface,
         format!(
-            "the vertex stage's `{}` and the fragment stage's `{}` differ in kind, but both have group {} binding {}",
+            "the vertex stage's `{}` and the fragment stage's `{}` differ in kind, but both have \
+             group {} binding {}",
             vertex.name, fragment.name, vertex.group, vertex.binding
         ),
     );

@@ -426,7 +426,10 @@ fn check_sources(sources: &[Source]) -> Result<Language, Error> {
                 Code::UnknownLanguage,
                 format!("cannot tell the language of {}", source.name),
             )
-            .note("name it with --lang wgsl or --lang glsl, or by the extension: .wgsl, .vert or .vs, .frag or .fs"));
+            .note(
+                "name it with --lang wgsl or --lang glsl, or by the extension: .wgsl, .vert or \
+                 .vs, .frag or .fs",
+            ));
         };
         if nesting::is_blank(&source.text) {
             return Err(Error::new(Code::Empty, format!("{} is empty", source.name)));

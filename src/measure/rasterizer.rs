@@ -28,7 +28,8 @@ const NEIGHBOURS: &str = "
 @group(0) @binding(0) var flat_levels: texture_2d<f32>;
 @group(0) @binding(1) var cube_levels: texture_cube<f32>;
 @group(0) @binding(2) var trilinear: sampler;
-@vertex fn vs(@location(0) position: vec3<f32>) -> @builtin(position) vec4<f32> { return vec4(position, 1.0); }
+@vertex fn vs(@location(0) position: vec3<f32>) -> @builtin(position) vec4<f32> { \
+    return vec4(position, 1.0); }
 @fragment fn fs(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {
     let pixel = floor(at.xy);
     let product = pixel.x * pixel.y;
@@ -42,7 +43,8 @@ const NEIGHBOURS: &str = "
 /// A number interpolated over a triangle.
 const CORNERS: &str = "
 struct Out { @builtin(position) at: vec4<f32>, @location(0) value: f32 }
-@vertex fn vs(@location(0) position: vec3<f32>) -> Out { return Out(vec4(position.xy, 0.5, 1.0), position.z); }
+@vertex fn vs(@location(0) position: vec3<f32>) -> Out { \
+    return Out(vec4(position.xy, 0.5, 1.0), position.z); }
 @fragment fn fs(in: Out) -> @location(0) vec4<f32> { return vec4(in.value, 0.0, 0.0, 1.0); }";
 
 /// Draws and reads the pictures.

@@ -144,7 +144,8 @@ fn no_adapter(wanted: &Option<String>, found: &[String]) -> String {
             "no graphics adapter's name, driver or backend contains `{wanted}`; there are: {}",
             found.join(", ")
         ),
-        _ => "no graphics adapter was found; on Debian and Ubuntu `apt-get install mesa-vulkan-drivers libvulkan1` \
+        _ => "no graphics adapter was found; on Debian and Ubuntu `apt-get install \
+              mesa-vulkan-drivers libvulkan1` \
               installs one that needs no graphics card"
             .to_owned(),
     }

@@ -263,7 +263,8 @@ pub fn draw(
             }
             BindingKind::AccelerationStructure => {
                 return Err(SceneError::new(format!(
-                    "material `{}`: `{name}` is an acceleration structure, which a scene cannot fill",
+                    "material `{}`: `{name}` is an acceleration structure, which a scene cannot \
+                     fill",
                     material.name
                 )));
             }
@@ -279,7 +280,8 @@ fn refuse_immediates(material: &Material) -> Result<(), SceneError> {
     match globals.find(|(_, g)| g.space == AddressSpace::Immediate) {
         None => Ok(()),
         Some((_, global)) => Err(SceneError::new(format!(
-            "material `{}`: `{}` is immediate data (push constants), which a scene cannot fill: to see it drawn, make it a uniform block in a copy; `rewrite` takes it as it is",
+            "material `{}`: `{}` is immediate data (push constants), which a scene cannot fill: to \
+             see it drawn, make it a uniform block in a copy; `rewrite` takes it as it is",
             material.name,
             global
                 .name
@@ -396,7 +398,8 @@ fn variable<'a>(
         .map(|g| (g.name, g.ty))
         .ok_or_else(|| {
             SceneError::new(format!(
-                "material `{}` has no variable at group {} binding {}, which a pass of its plan names as the author's",
+                "material `{}` has no variable at group {} binding {}, which a pass of its plan \
+                 names as the author's",
                 material.name, binding.group, binding.binding
             ))
         })

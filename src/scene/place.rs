@@ -63,7 +63,8 @@ impl Folder {
                 "`{name}` lies outside of the scene's root folder"
             ))
             .help(
-                "the root is the nearest folder above the scene with a `preshade.toml` or a `.git`, or else its own folder; --allow-outside lets files leave it",
+                "the root is the nearest folder above the scene with a `preshade.toml` or a \
+                 `.git`, or else its own folder; --allow-outside lets files leave it",
             ));
         }
         let bytes = regular::bytes(&real, &self.access.limits, "file-bytes")

@@ -356,31 +356,68 @@ const int N = 1;
 int pick(int N) { int t[3] = int[3](2, 3, 5); return t[N]; }
 ";
     let bodies = [
-        "bool b = uv.x > 0.5 && tick() > 0.0; color = vec4(b ? 0.8 : 0.2, float(count) * 0.3, 0.0, 1.0);",
-        "bool b = uv.x > 0.5 || tick() < 0.0; color = vec4(b ? 0.8 : 0.2, float(count) * 0.3, 0.0, 1.0);",
-        "int n = 0; while (n < 5 && tick() < uv.x * 0.2) n++; color = vec4(float(n) * 0.1, float(count) * 0.1, 0.0, 1.0);",
-        "int i = 0; float s = 0.0; do { i++; if (i == 2) continue; s += 0.1; } while (i < 4 && uv.y >= 0.0); color = vec4(s, float(i) * 0.1, uv.x, 1.0);",
-        "float a[4] = float[4](0.1, 0.2, 0.3, 0.4); int i = 0; a[i++] += uv.x * 0.3; a[next()] *= 2.0; a[++i]++; color = vec4(a[0], a[1], float(i + count) * 0.1, a[2] - 1.0);",
-        "mat2 m = mat2(four()); bool same = turned(uv.x) == turned(uv.x); mat2 p = matrixCompMult(turned(uv.x), turned(uv.y)); color = vec4(m[1], same ? float(count) * 0.1 : 0.0, p[0].x);",
-        "vec3 p = vec3(uv * 3.0, 0.2); wrap(p.x, 0.5); float h = halved(p[1]) + halved(p.y); both(p.z, p.z); color = vec4(p, h);",
-        "vec2 p; split(uv.x, p.y, p.x); mat2 m = mat2(0.1); m[1].y = 0.6; m[0].xy = p; color = vec4(m[0], m[1]);",
-        "float k = 0.0; { const int N = 0; k += float(pick(N)) * 0.1; } k += float(pick(N + 1)) * 0.01; color = vec4(k, uv, 1.0);",
-        "const int M = int(0.5 * 4.0); float a[int(1.5 * 2.0)]; a[M] = 0.4; color = vec4(a[2], float(a.length()) * 0.1, 0.6 < 0.5 ? 0.1 : 0.9, float((0u - 1u) >> 31));",
-        "ivec3 i = ivec3(uv * 9.0, 7) % 3; i %= 2; float w; float f = modf(uv.x * 4.0, w); vec2 v; f += modf(uv.y * 3.0, v.y); color = vec4(vec3(i) * 0.3, f * 0.3 + v.y * 0.1 + w * 0.05);",
-        "vec2 v = uv; swap(v.x, v.y); float a[3] = float[3](0.1, 0.4, 0.7); int i = 0; swap(a[i++], a[i++]); swap(a[i], a[0]); color = vec4(v * 0.5, a[0], a[1] + a[2] * 0.1);",
-        "float a[3] = float[3](0.1, 0.4, 0.7); int i = 0; float s = sum(float(i++) * 0.2, a[i], 0.3 * float(i)); color = vec4(s, a[1], float(i) * 0.2, sum(a[2], a[2], a[2]) * 0.5);",
-        "int a[3] = int[3](2, 3, 4); int i = 1; bump(i, a[i]); bump(a[next()], a[0]); color = vec4(vec3(a[0], a[1], a[2]) * 0.1, float(count) * 0.05);",
-        "int i = 1; bump(i++, i); int j = 2; bump(j, j); color = vec4(float(i) * 0.2, float(j) * 0.1, float(count) * 0.05, uv.x);",
-        "mat2 m = mat2(0.1, 0.3, uv); turn(m[0]); turn(m[1].yx); swap(m[0].y, m[1][0]); m[1].yx *= 0.5; m[int(uv.x * 1.9)].xy += 0.1; color = vec4(m[0], m[1]);",
-        "Part p; p.a = float[2](0.2, uv.y); p.v = uv; p.on = false; p.m = mat2(0.1, 0.2, 0.3, 0.4); swap(p.a[0], p.a[1]); p.a[1] *= 2.0; turn(p.v); lit(p.on, p); turn(p.m[1]); color = vec4(p.a[0], p.v.y, p.on ? 0.9 : p.a[1], p.m[1].x + p.m[0].y);",
-        "Part p = Part(float[2](uv.x, 0.4), uv, uv.x > 0.3, mat2(0.3)), q = p; q.m[1].xy = q.v; q.m *= 0.5; q.a[0]++; p.a = q.a; color = vec4(p.a[0] - 1.0, q.m[1], p.on && !q.on ? 0.0 : 0.6);",
-        "float w; whole(w); vec2 v = uv; whole(v.y); number(w); number(v.x); color = vec4(w * 0.1, v * vec2(0.1, 1.0), 0.5);",
-        "color = vec4(kind(1) + kind(1u), kind(1.0), kind(ivec2(uv * 3.0)), kind(uv * 2.0)); color.r += kind(floatBitsToUint(uv.x)) * 0.3; color.g += near(1, 1) * 0.3; color.b *= near(uv.x, 2u); color.a *= near(uv.y, 1) + near(ivec2(1), 1);",
-        "float w = 0.6; bool b = uv.x > 0.5 && modf(uv.y * 4.0, w) > 0.5; color = vec4(w * 0.25, b ? 0.8 : 0.2, uv);",
-        "vec2 v = vec2(0.1, uv.x); float a[3] = float[3](0.1, 0.4, 0.7); int n = 0; for (swap(v.x, v.y); n < 2; n++, swap(a[0], a[n])) { if (n == 1) continue; v.y += 0.1; } swap(v.x, a[1]), turn(v); color = vec4(v, a[0], a[2]);",
-        "color = vec4(uv, 0.3, 1.0); if (uv.x > 0.5) { color.z = tick(); return; color = four(); } for (int i = 0; i < 3; i++) { if (uv.y > 0.5) { color.x = tick(); break; next(); } color.y += tick(); continue; color = four(); } { return; } color = four();",
-        "color = vec4(0.2, uv, 1.0); switch (int(uv.x * 4.0)) { case 0: { color.x = tick() * 9.0; break; } case 1: { if (uv.y > 0.5) { color.y = tick() * 6.0; break; } else { color.z = 0.9; return; } } case 2: color.x = 0.7; case 3: color.w = float(next()) * 0.3; break; color = four(); default: { { color = four(); } break; } }",
-        "float s = 0.0; for (int i = 0, j = 3; i < j || tick() > 0.9; i++) { s += 0.1; if (s > uv.x) break; } color = vec4(s, float(count) * 0.2, 0.0, 1.0);",
+        "bool b = uv.x > 0.5 && tick() > 0.0; color = vec4(b ? 0.8 : 0.2, float(count) * 0.3, 0.0, \
+         1.0);",
+        "bool b = uv.x > 0.5 || tick() < 0.0; color = vec4(b ? 0.8 : 0.2, float(count) * 0.3, 0.0, \
+         1.0);",
+        "int n = 0; while (n < 5 && tick() < uv.x * 0.2) n++; \
+         color = vec4(float(n) * 0.1, float(count) * 0.1, 0.0, 1.0);",
+        "int i = 0; float s = 0.0; do { i++; if (i == 2) continue; \
+         s += 0.1; } while (i < 4 && uv.y >= 0.0); color = vec4(s, float(i) * 0.1, uv.x, 1.0);",
+        "float a[4] = float[4](0.1, 0.2, 0.3, 0.4); int i = 0; a[i++] += uv.x * 0.3; \
+         a[next()] *= 2.0; a[++i]++; color = vec4(a[0], a[1], float(i + count) * 0.1, a[2] - 1.0);",
+        "mat2 m = mat2(four()); bool same = turned(uv.x) == turned(uv.x); \
+         mat2 p = matrixCompMult(turned(uv.x), turned(uv.y)); \
+         color = vec4(m[1], same ? float(count) * 0.1 : 0.0, p[0].x);",
+        "vec3 p = vec3(uv * 3.0, 0.2); wrap(p.x, 0.5); float h = halved(p[1]) + halved(p.y); \
+         both(p.z, p.z); color = vec4(p, h);",
+        "vec2 p; split(uv.x, p.y, p.x); mat2 m = mat2(0.1); m[1].y = 0.6; m[0].xy = p; \
+         color = vec4(m[0], m[1]);",
+        "float k = 0.0; { const int N = 0; k += float(pick(N)) * 0.1; } k += float(pick(N + 1)) * \
+         0.01; color = vec4(k, uv, 1.0);",
+        "const int M = int(0.5 * 4.0); float a[int(1.5 * 2.0)]; a[M] = 0.4; \
+         color = vec4(a[2], float(a.length()) * 0.1, 0.6 < 0.5 ? 0.1 : 0.9, float((0u - 1u) >> \
+         31));",
+        "ivec3 i = ivec3(uv * 9.0, 7) % 3; i %= 2; float w; float f = modf(uv.x * 4.0, w); vec2 v; \
+         f += modf(uv.y * 3.0, v.y); color = vec4(vec3(i) * 0.3, f * 0.3 + v.y * 0.1 + w * 0.05);",
+        "vec2 v = uv; swap(v.x, v.y); float a[3] = float[3](0.1, 0.4, 0.7); int i = 0; \
+         swap(a[i++], a[i++]); swap(a[i], a[0]); color = vec4(v * 0.5, a[0], a[1] + a[2] * 0.1);",
+        "float a[3] = float[3](0.1, 0.4, 0.7); int i = 0; \
+         float s = sum(float(i++) * 0.2, a[i], 0.3 * float(i)); \
+         color = vec4(s, a[1], float(i) * 0.2, sum(a[2], a[2], a[2]) * 0.5);",
+        "int a[3] = int[3](2, 3, 4); int i = 1; bump(i, a[i]); bump(a[next()], a[0]); \
+         color = vec4(vec3(a[0], a[1], a[2]) * 0.1, float(count) * 0.05);",
+        "int i = 1; bump(i++, i); int j = 2; bump(j, j); \
+         color = vec4(float(i) * 0.2, float(j) * 0.1, float(count) * 0.05, uv.x);",
+        "mat2 m = mat2(0.1, 0.3, uv); turn(m[0]); turn(m[1].yx); swap(m[0].y, m[1][0]); \
+         m[1].yx *= 0.5; m[int(uv.x * 1.9)].xy += 0.1; color = vec4(m[0], m[1]);",
+        "Part p; p.a = float[2](0.2, uv.y); p.v = uv; p.on = false; \
+         p.m = mat2(0.1, 0.2, 0.3, 0.4); swap(p.a[0], p.a[1]); p.a[1] *= 2.0; turn(p.v); \
+         lit(p.on, p); turn(p.m[1]); color = vec4(p.a[0], p.v.y, p.on ? 0.9 : p.a[1], p.m[1].x + \
+         p.m[0].y);",
+        "Part p = Part(float[2](uv.x, 0.4), uv, uv.x > 0.3, mat2(0.3)), q = p; q.m[1].xy = q.v; \
+         q.m *= 0.5; q.a[0]++; p.a = q.a; color = vec4(p.a[0] - 1.0, q.m[1], p.on && !q.on ? 0.0 : \
+         0.6);",
+        "float w; whole(w); vec2 v = uv; whole(v.y); number(w); number(v.x); \
+         color = vec4(w * 0.1, v * vec2(0.1, 1.0), 0.5);",
+        "color = vec4(kind(1) + kind(1u), kind(1.0), kind(ivec2(uv * 3.0)), kind(uv * 2.0)); \
+         color.r += kind(floatBitsToUint(uv.x)) * 0.3; color.g += near(1, 1) * 0.3; \
+         color.b *= near(uv.x, 2u); color.a *= near(uv.y, 1) + near(ivec2(1), 1);",
+        "float w = 0.6; bool b = uv.x > 0.5 && modf(uv.y * 4.0, w) > 0.5; \
+         color = vec4(w * 0.25, b ? 0.8 : 0.2, uv);",
+        "vec2 v = vec2(0.1, uv.x); float a[3] = float[3](0.1, 0.4, 0.7); int n = 0; \
+         for (swap(v.x, v.y); n < 2; n++, swap(a[0], a[n])) { if (n == 1) continue; \
+         v.y += 0.1; } swap(v.x, a[1]), turn(v); color = vec4(v, a[0], a[2]);",
+        "color = vec4(uv, 0.3, 1.0); if (uv.x > 0.5) { color.z = tick(); return; \
+         color = four(); } for (int i = 0; i < 3; i++) { if (uv.y > 0.5) { color.x = tick(); \
+         break; next(); } color.y += tick(); continue; color = four(); } { \
+         return; } color = four();",
+        "color = vec4(0.2, uv, 1.0); switch (int(uv.x * 4.0)) { case 0: { color.x = tick() * 9.0; \
+         break; } case 1: { if (uv.y > 0.5) { color.y = tick() * 6.0; break; } else { \
+         color.z = 0.9; return; } } case 2: color.x = 0.7; case 3: color.w = float(next()) * 0.3; \
+         break; color = four(); default: { { color = four(); } break; } }",
+        "float s = 0.0; for (int i = 0, j = 3; i < j || tick() > 0.9; i++) { s += 0.1; \
+         if (s > uv.x) break; } color = vec4(s, float(count) * 0.2, 0.0, 1.0);",
     ];
     let vertex = "#version 450
 layout(location = 0) in vec3 position;

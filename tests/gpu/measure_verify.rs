@@ -111,7 +111,8 @@ fn each_variant_gets_its_verdict_and_the_others_stand() {
     // Nothing is farther than the far plane: the frame stays empty.
     assert_eq!(
         r#where,
-        "camera `front` frame 0 back to front: 3072 pixels and 3072 depths differ, the first at 0, 0"
+        "camera `front` frame 0 back to front: 3072 pixels and 3072 depths differ, the first at 0, \
+         0"
     );
     assert_eq!(wrong.error.as_ref().unwrap().changed_pixels, 3072);
 
@@ -181,16 +182,19 @@ fn the_table_is_aligned_and_names_what_broke() {
     let lines: Vec<&str> = text.lines().collect();
     assert_eq!(
         lines[0],
-        "Nothing was timed, so nothing is known to be worth shipping. `wrong` is BROKEN: do not ship it."
+        "Nothing was timed, so nothing is known to be worth shipping. `wrong` is BROKEN: do not \
+         ship it."
     );
     assert!(lines[2].starts_with("test, 32x32, on "), "{text}");
     assert_eq!(
         lines[4],
-        "variant             verdict       changed px  depths  max abs     FLIP  ms  speedup  shaded/px"
+        "variant             verdict       changed px  depths  max abs     FLIP  ms  speedup  \
+         shaded/px"
     );
     assert_eq!(
         lines[6],
-        "original                                   0       0        0        0   -        -       1.00"
+        "original                                   0       0        0        0   -        -       \
+         1.00"
     );
     assert!(
         lines[8].starts_with("wrong               BROKEN              1024    1024   "),
@@ -334,7 +338,10 @@ fn every_budget_is_told_beside_what_was_measured() {
     let outcome = run(&scene, &[variant("off", plans)], &settings);
     let text = table::render(&outcome.report, false);
     assert!(
-        text.contains("off: an approximation, flip_mean at most 0.05 (measured 0.00000), max_abs at most 0.02 (measured 0.00000)\n"),
+        text.contains(
+            "off: an approximation, flip_mean at most 0.05 (measured 0.00000), max_abs at most \
+             0.02 (measured 0.00000)\n"
+        ),
         "{text}"
     );
 }

@@ -199,7 +199,13 @@ fn what_needs_a_scene_is_left_out_and_told() {
     let [equal, moved] = &built.warnings[..] else {
         panic!("{:?}", built.warnings);
     };
-    assert!(equal.contains("toon.wgsl: `depth-prepass:form=equal` is left out of `variant`: it rests on there being no depth ties"), "{equal}");
+    assert!(
+        equal.contains(
+            "toon.wgsl: `depth-prepass:form=equal` is left out of `variant`: it rests on there \
+             being no depth ties"
+        ),
+        "{equal}"
+    );
     assert!(
         moved.contains("is left out of `moved`: it promises no more than flip_mean at most 0.05"),
         "{moved}"
@@ -403,7 +409,10 @@ fn a_lock_of_the_same_file_by_another_name_is_told() {
         panic!("{:?}", built.warnings);
     };
     assert!(
-        warning.ends_with("preshade.lock says nothing of `cel`, but of `toon`, which is of the same file: to obey it say `.name(\"toon\")`"),
+        warning.ends_with(
+            "preshade.lock says nothing of `cel`, but of `toon`, which is of the same file: to \
+             obey it say `.name(\"toon\")`"
+        ),
         "{warning}"
     );
     // Of another file it is none of its business.
@@ -457,7 +466,11 @@ fn what_holds_for_some_values_alone_is_no_ones_default() {
     for name in ["variant", "rimless"] {
         let text = of(name);
         assert!(
-            text.contains("pub const GUARD: &[Assumed] = &[Assumed { name: \"toon.rim\", place: NumberPlace::Uniform { group: 1, binding: 0, offset: 20 }, ty: ScalarType::F32, low: 0.0, high: 0.0 }];"),
+            text.contains(
+                "pub const GUARD: &[Assumed] = &[Assumed { \
+                 name: \"toon.rim\", place: NumberPlace::Uniform { \
+                 group: 1, binding: 0, offset: 20 }, ty: ScalarType::F32, low: 0.0, high: 0.0 }];"
+            ),
             "{text}"
         );
         assert!(text.contains("\nstatic PASSES") && text.contains("\nstatic MAIN"));
@@ -482,7 +495,8 @@ override gain: f32;
 var<immediate> tint: vec4<f32>;
 @group(0) @binding(0) var<uniform> object: mat4x4<f32>;
 struct Out { @builtin(position) clip: vec4<f32>, @location(0) color: vec4<f32> }
-@vertex fn vs(@location(0) p: vec4<f32>, @location(1) c: vec4<f32>) -> Out { return Out(object * p, c); }
+@vertex fn vs(@location(0) p: vec4<f32>, @location(1) c: vec4<f32>) -> Out { \
+    return Out(object * p, c); }
 @fragment fn fs(in: Out) -> @location(0) vec4<f32> { return in.color * gain + bias * tint; }";
     fs::write(package.0.join("toon.wgsl"), text).unwrap();
     let resolved = ["visibility-buffer:form=compute"];
@@ -499,7 +513,8 @@ struct Out { @builtin(position) clip: vec4<f32>, @location(0) color: vec4<f32> }
         .filter(|c| c.contains("resolve"))
         .collect();
     for said in [
-        "immediate_size: 16, overrides: &[Override { key: \"gain\", is_needed: true }, Override { key: \"7\", is_needed: false }], unread_overrides: &[], guard: GUARD",
+        "immediate_size: 16, overrides: &[Override { key: \"gain\", is_needed: true }, Override { \
+         key: \"7\", is_needed: false }], unread_overrides: &[], guard: GUARD",
         "wgpu::Features::IMMEDIATES",
         "limits.max_immediate_size = limits.max_immediate_size.max(16)",
     ] {
@@ -541,12 +556,15 @@ fn constants_that_a_variant_has_decided_are_told_and_checked() {
     let module = package.module();
     let one = module.split("pub mod one {").nth(1).unwrap();
     for said in [
-        "name: \"K\", place: NumberPlace::Override { key: \"K\", is_default: false }, ty: ScalarType::F32, low: 0.75, high: 0.75",
+        "name: \"K\", place: NumberPlace::Override { key: \"K\", is_default: false }, ty: \
+         ScalarType::F32, low: 0.75, high: 0.75",
         // What follows from them needs not be said, nor what is the default.
-        "name: \"M\", place: NumberPlace::Override { key: \"M\", is_default: true }, ty: ScalarType::U32, low: 2.0, high: 2.0",
+        "name: \"M\", place: NumberPlace::Override { key: \"M\", is_default: true }, ty: \
+         ScalarType::U32, low: 2.0, high: 2.0",
         "name: \"FANCY\", place: NumberPlace::Override { key: \"FANCY\", is_default: true }",
         "name: \"N\", place: NumberPlace::Override { key: \"7\", is_default: false }",
-        "CONSTANTS: &[(&str, f64)] = &[(\"K\", 0.75), (\"FANCY\", 0.0), (\"7\", 1.0), (\"M\", 2.0)];",
+        "CONSTANTS: &[(&str, f64)] = &[(\"K\", 0.75), (\"FANCY\", 0.0), (\"7\", 1.0), (\"M\", \
+         2.0)];",
     ] {
         assert!(one.contains(said), "{said}\n{one}");
     }
@@ -583,7 +601,8 @@ var<private> least: f32 = 0.25;
         for line in [
             "@id(7) override N: u32 = 4u;",
             "override M: u32 = N * 2u;",
-            "override EDGE: f32 = clamp((select(-0.5f, (f32((M + 1u)) / 16f), (N > 3u)) - 0.25f), 0f, 1f);",
+            "override EDGE: f32 = clamp((select(-0.5f, (f32((M + 1u)) / 16f), (N > 3u)) - 0.25f), \
+             0f, 1f);",
             "var<private> most: f32 = EDGE * 2f;",
             "var<private> least: f32 = 0.25f;",
         ] {
@@ -625,7 +644,9 @@ fn included_files_are_read_and_told() {
     let path = |name: &str| package.0.join(name);
     let vertex =
         "#version 450\nlayout(location = 0) in vec4 p;\nvoid main() { gl_Position = p; }\n";
-    let fragment = "#version 450\n#extension GL_GOOGLE_include_directive : require\n#include \"tint.glsl\"\nlayout(location = 0) out vec4 color;\nvoid main() { color = vec4(TINT); }\n";
+    let fragment = "#version 450\n#extension GL_GOOGLE_include_directive : require\n\
+                    #include \"tint.glsl\"\nlayout(location = 0) out vec4 color;\n\
+                    void main() { color = vec4(TINT); }\n";
     fs::write(path("lit.vert"), vertex).unwrap();
     fs::write(path("lit.frag"), fragment).unwrap();
     // A macro alone: no word of the file itself is left in the program.
@@ -674,7 +695,10 @@ fn imported_modules_are_read_and_told() {
     let light = |value: &str| {
         format!("#define_import_path lib::light\nfn dim(x: f32) -> f32 {{ return x * {value}; }}\n")
     };
-    let lit = "#import lib::light\n@vertex fn vs(@location(0) p: vec4<f32>) -> @builtin(position) vec4<f32> { return p; }\n@fragment fn fs() -> @location(0) vec4<f32> { return vec4<f32>(light::dim(0.3)); }\n";
+    let lit = "#import lib::light\n@vertex fn vs(@location(0) p: vec4<f32>) -> \
+               @builtin(position) vec4<f32> { return p; }\n\
+               @fragment fn fs() -> @location(0) vec4<f32> { \
+               return vec4<f32>(light::dim(0.3)); }\n";
     fs::create_dir(path("aaa")).unwrap();
     fs::create_dir(path("target")).unwrap();
     fs::write(path("lit.wgsl"), lit).unwrap();
@@ -732,7 +756,9 @@ fn imported_modules_are_read_and_told() {
 fn wesls_modules_are_read_and_told() {
     let package = Package::new("wesl");
     let path = |name: &str| package.0.join(name);
-    let main = "import package::util::dim;\n@vertex fn vs(@location(0) p: vec4f) -> @builtin(position) vec4f { return p; }\n@fragment fn fs() -> @location(0) vec4f { return vec4f(dim(0.3)); }\n";
+    let main = "import package::util::dim;\n@vertex fn vs(@location(0) p: vec4f) -> \
+                @builtin(position) vec4f { return p; }\n@fragment fn fs() -> @location(0) vec4f { \
+                return vec4f(dim(0.3)); }\n";
     fs::write(path("lit.wesl"), main).unwrap();
     fs::write(
         path("util.wesl"),
@@ -782,7 +808,8 @@ override gain: f32;
 @group(0) @binding(1) var map: texture_2d<f32>;
 @group(0) @binding(2) var near: sampler;
 @vertex fn vs(@location(0) p: vec4<f32>) -> @builtin(position) vec4<f32> { return object * p; }
-@fragment fn fs() -> @location(0) vec4<f32> { return textureSample(map, near, vec2<f32>(bias)) * gain; }
+@fragment fn fs() -> @location(0) vec4<f32> { return textureSample(map, near, vec2<f32>(bias)) * \
+    gain; }
 ";
 
 #[test]
@@ -801,7 +828,8 @@ fn what_the_host_says_is_in_the_layouts_and_constants_are_listed() {
     assert!(module.contains("SamplerBindingType::NonFiltering"));
     assert!(module.contains("Float { filterable: false }"));
     assert!(module.contains(
-        "overrides: &[Override { key: \"gain\", is_needed: true }, Override { key: \"7\", is_needed: false }], unread_overrides: &[]"
+        "overrides: &[Override { key: \"gain\", is_needed: true }, Override { \
+         key: \"7\", is_needed: false }], unread_overrides: &[]"
     ));
     let prepass = module.split("static PREPASS: Pass").nth(1).unwrap();
     let prepass = prepass.lines().next().unwrap();
@@ -900,7 +928,8 @@ fn features_are_complete_and_what_cannot_be_said_is_refused() {
         main.contains("limits.max_immediate_size = limits.max_immediate_size.max(16)"),
         "{main}"
     );
-    let array = "enable wgpu_binding_array;\n@group(0) @binding(0) var all: binding_array<texture_2d<f32>, 4>;";
+    let array = "enable wgpu_binding_array;\n@group(0) \
+                 @binding(0) var all: binding_array<texture_2d<f32>, 4>;";
     let load = "return textureLoad(all[1], vec2<i32>(0), 0);";
     let error = features(array, load, plain()).unwrap_err().to_string();
     assert!(error.contains("`all` is a binding array"), "{error}");
@@ -915,7 +944,8 @@ fn features_are_complete_and_what_cannot_be_said_is_refused() {
     }
     // So are formats that there are not.
     let error = features("", one, state("rgba8unorm_srgb", 1)).unwrap_err();
-    let said = "no colour format `rgba8unorm_srgb` that can be drawn to, in WebGPU's spelling; did you mean `rgba8unorm-srgb`?";
+    let said = "no colour format `rgba8unorm_srgb` that can be drawn to, in WebGPU's spelling; \
+                did you mean `rgba8unorm-srgb`?";
     assert!(error.to_string().contains(said), "{error}");
 }
 
@@ -990,14 +1020,18 @@ fn generated_modules_compile_without_a_warning() {
     build("toon.wgsl", configure().variant("early", ["early-discard"]));
     let sure = configure().types("super::toon").wgpu("crate::gfx::wgpu");
     build("sure.wgsl", sure.pass("depth-prepass").dynamic_offset(0, 0));
-    let host = "#![forbid(missing_docs)]\n#![deny(warnings, unused, unreachable_pub, unused_qualifications)]\n//! A host.\n\
-        /// Where wgpu is.\npub mod gfx { pub use ::wgpu; }\n\
-        /// A material.\npub mod toon { include!(\"out/toon.rs\"); }\n\
-        mod sure { include!(\"out/sure.rs\"); }\n\
-        /// Its passes.\npub fn passes() -> usize { sure::original::PASSES.len() + sure::PASSES.len() }\n\
-        /// With what is known late.\npub fn pipeline(device: &wgpu::Device, format: wgpu::TextureFormat) -> Result<wgpu::RenderPipeline, toon::Unfit> {\n\
-        let options = toon::PipelineOptions { formats: &[Some(format)], samples: Some(4), constants: &[(\"gain\", 2.0)], ..Default::default() };\n\
-        sure::MAIN.pipeline_with(device, &[sure::INTERLEAVED], &options)\n}\n";
+    let host = "#![forbid(missing_docs)]\n#![deny(warnings, unused, unreachable_pub, \
+                unused_qualifications)]\n//! A host.\n\
+                /// Where wgpu is.\npub mod gfx { pub use ::wgpu; }\n\
+                /// A material.\npub mod toon { include!(\"out/toon.rs\"); }\n\
+                mod sure { include!(\"out/sure.rs\"); }\n\
+                /// Its passes.\npub fn passes() -> usize { \
+                sure::original::PASSES.len() + sure::PASSES.len() }\n\
+                /// With what is known late.\npub fn pipeline(device: &wgpu::Device, format: \
+                wgpu::TextureFormat) -> Result<wgpu::RenderPipeline, toon::Unfit> {\n\
+                let options = toon::PipelineOptions { formats: &[Some(format)], samples: Some(4), \
+                constants: &[(\"gain\", 2.0)], ..Default::default() };\n\
+                sure::MAIN.pipeline_with(device, &[sure::INTERLEAVED], &options)\n}\n";
     fs::write(package.0.join("host.rs"), host).unwrap();
     let deps = std::env::current_exe().unwrap();
     let deps = deps.parent().unwrap();
@@ -1037,7 +1071,8 @@ fn generated_modules_compile_without_a_warning() {
     }
     // Every lint of rustc's that is allowed where nobody says otherwise; of clippy, all there are.
     // A lint that may be forbidden is not allowed either.
-    let plain = "#![forbid(unsafe_code, missing_docs, clippy::unwrap_used, clippy::panic)]\n//! A host.\n/// A material.\npub mod toon { include!(\"out/toon.rs\"); }\n";
+    let plain = "#![forbid(unsafe_code, missing_docs, clippy::unwrap_used, clippy::panic)]\n\
+                 //! A host.\n/// A material.\npub mod toon { include!(\"out/toon.rs\"); }\n";
     fs::write(package.0.join("plain.rs"), plain).unwrap();
     let told = |args: &[&str]| {
         let ran = std::process::Command::new(&rustc).args(args).output();
@@ -1092,7 +1127,10 @@ fn a_lock_that_no_longer_fits_ships_the_original() {
         panic!("{:?}", built.warnings);
     };
     assert!(
-        warning.ends_with("toon.wgsl was edited after preshade.lock was written; run `preshade plan SCENE --one --lock` again. The original is shipped"),
+        warning.ends_with(
+            "toon.wgsl was edited after preshade.lock was written; \
+             run `preshade plan SCENE --one --lock` again. The original is shipped"
+        ),
         "{warning}"
     );
     // The state of the lock is that of a build that says none; another is a mismatch.

@@ -251,7 +251,8 @@ fn the_clip_space_goes_by_the_dialect() {
 
 #[test]
 fn an_early_return_leaves_by_the_same_way() {
-    let vertex = "attribute vec3 p; varying float v[2]; void main() { v[0] = p.x; gl_Position = vec4(p, 1.0); if (p.x > 0.0) return; v[1] = p.y; }";
+    let vertex = "attribute vec3 p; varying float v[2]; void main() { v[0] = p.x; \
+                  gl_Position = vec4(p, 1.0); if (p.x > 0.0) return; v[1] = p.y; }";
     let text = normalised_glsl(&[Source::new("a.vert", vertex)], &Options::default())
         .unwrap()
         .remove(0)
@@ -298,7 +299,8 @@ fn included_files_are_found_and_pointed_at() {
         "vec3 tint(vec3 c) {\n    return c * gl_PointCoord.x;\n}\n",
     )
     .unwrap();
-    let fragment = "precision mediump float;\n#include \"tint.glsl\"\nvoid main() { gl_FragColor = vec4(tint(vec3(1.0)), 1.0); }";
+    let fragment = "precision mediump float;\n#include \"tint.glsl\"\n\
+                    void main() { gl_FragColor = vec4(tint(vec3(1.0)), 1.0); }";
     let sources = texts(
         "attribute vec4 p; void main() { gl_Position = p; }",
         fragment,
@@ -347,7 +349,8 @@ fn macros_are_expanded_within_their_own_arguments_and_by_another_name() {
     let vertex = "attribute vec4 p; void main() { gl_Position = p; }";
     let dir = std::env::temp_dir().join(format!("preshade-rescan-{}", std::process::id()));
     std::fs::create_dir_all(&dir).unwrap();
-    let shared = "#define quad four\n#define four(a, b) vec4(a, \\\n    b, a, b)\n#define twice(x) ((x) * 2.0)\nfloat shared_one = 1.0;\n";
+    let shared = "#define quad four\n#define four(a, b) vec4(a, \\\n    b, a, b)\n\
+                  #define twice(x) ((x) * 2.0)\nfloat shared_one = 1.0;\n";
     std::fs::write(dir.join("shared.glsl"), shared).unwrap();
     let options = Options {
         include: vec![dir.clone()],
@@ -366,7 +369,8 @@ fn macros_are_expanded_within_their_own_arguments_and_by_another_name() {
         "void main() { gl_FragColor = quad(twice(1.0 + twice(twice(0.5))), shared_one); }",
     ));
     let written = given(&fragment(
-        "void main() { gl_FragColor = vec4(((1.0 + ((((0.5) * 2.0)) * 2.0)) * 2.0), shared_one, ((1.0 + ((((0.5) * 2.0)) * 2.0)) * 2.0), shared_one); }",
+        "void main() { gl_FragColor = vec4(((1.0 + ((((0.5) * 2.0)) * 2.0)) * 2.0), shared_one, \
+         ((1.0 + ((((0.5) * 2.0)) * 2.0)) * 2.0), shared_one); }",
     ));
     let plain = |text: &str| text.replace(['(', ')'], "");
     assert_eq!(plain(&called), plain(&written));
@@ -385,12 +389,34 @@ fn what_is_not_read_is_named() {
         format!("precision mediump float;\nuniform sampler2D maps[2];\nuniform int which;\n{body}")
     };
     for (name, fragment) in [
-        ("point", body("void main() {\n    gl_FragColor = vec4(gl_PointCoord, 0.0, 1.0);\n}")),
-        ("query", "#version 400\nuniform sampler2D s;\nout vec4 c;\nvoid main() {\n    c = vec4(textureQueryLod(s, vec2(0.0)), 0.0, 1.0);\n}".to_owned()),
-        ("data", body("void main() {\n    gl_FragData[which] = vec4(1.0);\n}")),
-        ("rect", "#version 150\nuniform sampler2DRect s;\nout vec4 c;\nvoid main() { c = texture(s, vec2(0.0)); }".to_owned()),
-        ("varying", body("varying vec2 uv;\nvoid main() { gl_FragColor = uv.xyxy; }")),
-        ("function", body("void main() {\n    gl_FragColor = vec4(unheard(1.0));\n}")),
+        (
+            "point",
+            body("void main() {\n    gl_FragColor = vec4(gl_PointCoord, 0.0, 1.0);\n}"),
+        ),
+        (
+            "query",
+            "#version 400\nuniform sampler2D s;\nout vec4 c;\n\
+             void main() {\n    c = vec4(textureQueryLod(s, vec2(0.0)), 0.0, 1.0);\n}"
+                .to_owned(),
+        ),
+        (
+            "data",
+            body("void main() {\n    gl_FragData[which] = vec4(1.0);\n}"),
+        ),
+        (
+            "rect",
+            "#version 150\nuniform sampler2DRect s;\nout vec4 c;\n\
+             void main() { c = texture(s, vec2(0.0)); }"
+                .to_owned(),
+        ),
+        (
+            "varying",
+            body("varying vec2 uv;\nvoid main() { gl_FragColor = uv.xyxy; }"),
+        ),
+        (
+            "function",
+            body("void main() {\n    gl_FragColor = vec4(unheard(1.0));\n}"),
+        ),
     ] {
         let (_, frame) = refused(vertex, &fragment);
         insta::assert_snapshot!(format!("refused_{name}"), frame);
@@ -399,9 +425,13 @@ fn what_is_not_read_is_named() {
 
 #[test]
 fn one_file_may_hold_both_stages() {
-    let text = "#version 450\nlayout(push_constant) uniform Push { vec4 tint; } params;\n#define TINT params.tint\n#pragma stage vertex\nlayout(location = 0) in vec4 Position;\n\
-                layout(location = 0) out vec2 uv;\nvoid main() { gl_Position = Position; uv = Position.xy; }\n#pragma stage fragment\nlayout(location = 0) in vec2 uv;\n\
-                layout(location = 0) out vec4 color;\nlayout(set = 0, binding = 2) uniform sampler2D Source;\nvoid main() { color = TINT * texture(Source, uv); }\n";
+    let text = "#version 450\nlayout(push_constant) uniform Push { vec4 tint; } params;\n\
+                #define TINT params.tint\n#pragma stage vertex\n\
+                layout(location = 0) in vec4 Position;\n\
+                layout(location = 0) out vec2 uv;\nvoid main() { gl_Position = Position; \
+                uv = Position.xy; }\n#pragma stage fragment\nlayout(location = 0) in vec2 uv;\n\
+                layout(location = 0) out vec4 color;\nlayout(set = 0, binding = 2) uniform \
+                sampler2D Source;\nvoid main() { color = TINT * texture(Source, uv); }\n";
     let parsed = parse(&[Source::new("a.slang", text)], &Options::default());
     assert_eq!(
         (parsed.vertex.as_str(), parsed.fragment.as_deref()),
@@ -504,10 +534,12 @@ void main() { c = ubo.tint * texture(map, gl_FragCoord.xy); }
 /// What blocks say of their layout is kept, or refused where naga knows no such thing.
 #[test]
 fn layouts_of_blocks_are_kept_or_refused() {
-    let vertex = "#version 450\nlayout(location = 0) in vec3 p;\nvoid main() { gl_Position = vec4(p, 1.0); }\n";
+    let vertex = "#version 450\nlayout(location = 0) in vec3 p;\n\
+                  void main() { gl_Position = vec4(p, 1.0); }\n";
     let of = |block: &str| {
         format!(
-            "#version 450\n{block}\nlayout(location = 0) out vec4 c;\nvoid main() {{ c = u.m * u.v; }}\n"
+            "#version 450\n{block}\nlayout(location = 0) out vec4 c;\n\
+             void main() {{ c = u.m * u.v; }}\n"
         )
     };
     let plain = "layout(binding = 0) uniform U { vec4 v; mat4 m; } u;";
@@ -521,7 +553,8 @@ fn layouts_of_blocks_are_kept_or_refused() {
     assert!(!text(plain).contains("transpose("));
     assert!(text(&turned).contains("transpose("), "{}", text(&turned));
     text(
-        "layout(binding = 0) uniform U { layout(offset = 0) vec4 v; layout(offset = 16) mat4 m; } u;",
+        "layout(binding = 0) uniform U { layout(offset = 0) vec4 v; \
+         layout(offset = 16) mat4 m; } u;",
     );
     for block in [
         "layout(binding = 0) uniform U { vec4 v; layout(offset = 64) mat4 m; } u;",
@@ -539,7 +572,8 @@ fn layouts_of_blocks_are_kept_or_refused() {
 /// Names that begin as types do, and offsets that no constant holds: written, and in no time.
 #[test]
 fn what_glsl_out_is_written_of() {
-    let vertex = "#version 300 es\nin vec3 p;\nout vec3 sampler2Dc;\nvoid main() { sampler2Dc = p; gl_Position = vec4(p, 1.0); }\n";
+    let vertex = "#version 300 es\nin vec3 p;\nout vec3 sampler2Dc;\n\
+                  void main() { sampler2Dc = p; gl_Position = vec4(p, 1.0); }\n";
     let fragment = "#version 300 es
 precision highp float;
 in vec3 sampler2Dc;
@@ -547,7 +581,8 @@ uniform samplerCube samplerCubeMap;
 uniform sampler2D map;
 uniform float sampler2DWeight;
 out vec4 c;
-void main() { c = texture(samplerCubeMap, sampler2Dc) + textureOffset(map, sampler2Dc.xy, ivec2(1, -1)) * sampler2DWeight + textureOffset(map, sampler2Dc.xy, ivec2(2)); }
+void main() { c = texture(samplerCubeMap, sampler2Dc) + textureOffset(map, sampler2Dc.xy, ivec2(1, \
+    -1)) * sampler2DWeight + textureOffset(map, sampler2Dc.xy, ivec2(2)); }
 ";
     for target in [Target::Glsl450, Target::GlslEs300] {
         let text = written(parse(&texts(vertex, fragment), &Options::default()), target);
@@ -563,7 +598,8 @@ void main() { c = texture(samplerCubeMap, sampler2Dc) + textureOffset(map, sampl
 /// Points whose size would be lost are no GLSL; triangles need none.
 #[test]
 fn a_size_of_points_is_not_lost_in_silence() {
-    let vertex = "#version 300 es\nin vec3 p;\nvoid main() { gl_PointSize = 9.0; gl_Position = vec4(p, 1.0); }\n";
+    let vertex = "#version 300 es\nin vec3 p;\nvoid main() { gl_PointSize = 9.0; \
+                  gl_Position = vec4(p, 1.0); }\n";
     let fragment =
         "#version 300 es\nprecision highp float;\nout vec4 c;\nvoid main() { c = vec4(1.0); }\n";
     let parsed = parse(&texts(vertex, fragment), &Options::default());

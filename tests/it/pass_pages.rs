@@ -119,7 +119,10 @@ fn promise(contract: &Contract) -> String {
 }
 
 /// The introduction of the parameters that a listing only mentions.
-const EXPERTS: &str = "\n### Expert parameters\n\nThese are for tests, for devices without a feature, and to override what was measured of the\nadapter. Leave them out: each default is measured, derived from the material, or the usual\nchoice.\n\n";
+const EXPERTS: &str = "\n### Expert parameters\n\nThese are for tests, for devices without a \
+                       feature, and to override what was measured of the\n\
+                       adapter. Leave them out: each default is measured, derived from the \
+                       material, or the usual\nchoice.\n\n";
 
 fn page(pass: &dyn AnyPass) -> String {
     let info = pass.info();

@@ -209,7 +209,8 @@ struct B { c: vec4<f32>, d: f32, e: u32 }
 @group(0) @binding(3) var i: sampler;
 struct C { @builtin(position) j: vec4<f32>, @location(0) k: vec2<f32>, @location(1) l: vec3<f32> }
 fn m(n: vec3<f32>) -> vec4<f32> { return f.a * vec4(n, 1.0); }
-@vertex fn vs(@location(0) o: vec2<f32>, @location(1) p: vec3<f32>, @location(2) q: vec3<f32>) -> C {
+@vertex fn vs(@location(0) o: vec2<f32>, @location(1) p: vec3<f32>, \
+    @location(2) q: vec3<f32>) -> C {
     var r: C;
     r.j = m(q + p * sin(f.b.x) * 0.1);
     r.k = o;
@@ -286,7 +287,8 @@ fn objects_without_a_matrix_of_their_own_do_not_share_a_place() {
     let scene = written(&[(
         "world.wgsl",
         "@group(0) @binding(0) var<uniform> view_proj: mat4x4f;
-@vertex fn vs(@location(0) position: vec3f) -> @builtin(position) vec4f { return view_proj * vec4f(position, 1.0); }
+@vertex fn vs(@location(0) position: vec3f) -> @builtin(position) vec4f { \
+    return view_proj * vec4f(position, 1.0); }
 @fragment fn fs() -> @location(0) vec4f { return vec4f(1.0, 0.5, 0.2, 1.0); }",
     )]);
     assert!(
@@ -353,7 +355,8 @@ fn joints_that_are_matrices_are_the_pose() {
         "skinned.wgsl",
         "@group(0) @binding(0) var<uniform> view_proj: mat4x4f;
 @group(0) @binding(1) var<storage, read> joints: array<mat4x4f>;
-@vertex fn vs(@location(0) position: vec3f, @location(1) skinIndex: vec4u, @location(2) skinWeight: vec4f) -> @builtin(position) vec4f {
+@vertex fn vs(@location(0) position: vec3f, @location(1) skinIndex: vec4u, \
+    @location(2) skinWeight: vec4f) -> @builtin(position) vec4f {
     let bent = joints[skinIndex.x] * skinWeight.x + joints[skinIndex.y] * skinWeight.y;
     return view_proj * (bent * vec4f(position, 1.0));
 }

@@ -140,13 +140,15 @@ const VS: &str = "@vertex fn vs() -> @builtin(position) vec4<f32> { return vec4(
 #[test]
 fn what_the_writer_loses_is_put_back() {
     let half = format!(
-        "enable f16;\n{VS}@group(0) @binding(0) var<uniform> x: f32;\n@fragment fn fs() -> @location(0) vec4<f32> {{ let h = f16(x); return vec4(f32(h * h)); }}"
+        "enable f16;\n{VS}@group(0) @binding(0) var<uniform> x: f32;\n\
+         @fragment fn fs() -> @location(0) vec4<f32> {{ let h = f16(x); return vec4(f32(h * h)); }}"
     );
     let (_, files) = emitted("half.wgsl", &half, &[Target::Wgsl]);
     assert!(text(&files, "material.main.wgsl").contains("enable f16;\n"));
 
     let early = format!(
-        "{VS}@fragment @early_depth_test(force) fn fs() -> @location(0) vec4<f32> {{ return vec4(1.0); }}"
+        "{VS}@fragment @early_depth_test(force) fn fs() -> @location(0) vec4<f32> {{ \
+         return vec4(1.0); }}"
     );
     let (_, files) = emitted("early.wgsl", &early, &[Target::Wgsl]);
     assert!(
@@ -154,10 +156,16 @@ fn what_the_writer_loses_is_put_back() {
     );
 
     let diagnostics = format!(
-        "diagnostic(off, derivative_uniformity);\n{VS}@group(0) @binding(0) var t: texture_2d<f32>;\n@group(0) @binding(1) var s: sampler;\n\
-         @fragment @diagnostic(warning, derivative_uniformity) fn fs(@location(0) uv: vec2<f32>) -> @location(0) vec4<f32> {{ return vec4(1.0); }}"
+        "diagnostic(off, derivative_uniformity);\n\
+         {VS}@group(0) @binding(0) var t: texture_2d<f32>;\n@group(0) @binding(1) var s: sampler;\n\
+         @fragment @diagnostic(warning, derivative_uniformity) fn fs(@location(0) uv: vec2<f32>) \
+         -> @location(0) vec4<f32> {{ return vec4(1.0); }}"
     )
-    .replace("@builtin(position) vec4<f32> { return vec4(0.0); }", "V { return V(vec4(0.0), vec2(0.0)); }\nstruct V { @builtin(position) p: vec4<f32>, @location(0) uv: vec2<f32> }");
+    .replace(
+        "@builtin(position) vec4<f32> { return vec4(0.0); }",
+        "V { return V(vec4(0.0), vec2(0.0)); }\nstruct V { \
+         @builtin(position) p: vec4<f32>, @location(0) uv: vec2<f32> }",
+    );
     let (name, files) = emitted("diagnostics.wgsl", &diagnostics, &[Target::Wgsl]);
     let written = text(&files, "material.main.wgsl");
     assert!(
@@ -195,7 +203,8 @@ fn a_deep_expression_can_be_read_again() {
         body.push_str(&format!("let a{i} = a{} * 0.5 + {i}.0;\n", i - 1));
     }
     let text_in = format!(
-        "struct X {{ a: f32 }}\n@group(0) @binding(0) var<uniform> x: X;\n{VS}@fragment fn fs() -> @location(0) vec4<f32> {{ {body} return vec4(a399); }}"
+        "struct X {{ a: f32 }}\n@group(0) @binding(0) var<uniform> x: X;\n\
+         {VS}@fragment fn fs() -> @location(0) vec4<f32> {{ {body} return vec4(a399); }}"
     );
     let parsed = front::parse(
         &[Source::new("deep.wgsl", &text_in)],
@@ -275,7 +284,8 @@ void main() {
 
 #[test]
 fn a_constant_under_a_word_that_wgsl_reserves_is_renamed() {
-    let vertex = "#version 450\nlayout(location=0) in vec3 p;\nvoid main() { gl_Position = vec4(p, 1.0); }\n";
+    let vertex = "#version 450\nlayout(location=0) in vec3 p;\n\
+                  void main() { gl_Position = vec4(p, 1.0); }\n";
     let fragment = "#version 450
 layout(constant_id = 3) const int type = 2;
 layout(location = 0) out vec4 color;
@@ -290,8 +300,10 @@ void main() { color = vec4(type == 1 ? 0.25 : 0.75); }
 #[test]
 fn the_number_of_layers_is_asked_for_in_every_target() {
     let layers = format!(
-        "@group(0) @binding(0) var t: texture_2d_array<f32>;\n{VS}@fragment fn fs(@builtin(position) p: vec4<f32>) -> @location(0) vec4<f32> {{ \
-         return textureLoad(t, vec2<i32>(p.xy) % vec2<i32>(textureDimensions(t)), textureNumLayers(t) - 1u, 0); }}"
+        "@group(0) @binding(0) var t: texture_2d_array<f32>;\n\
+         {VS}@fragment fn fs(@builtin(position) p: vec4<f32>) -> @location(0) vec4<f32> {{ \
+         return textureLoad(t, vec2<i32>(p.xy) % vec2<i32>(textureDimensions(t)), \
+         textureNumLayers(t) - 1u, 0); }}"
     );
     let (name, files) = emitted("layers.wgsl", &layers, &Target::GENERAL);
     accept::accept(&[(name, files)]);
@@ -299,7 +311,8 @@ fn the_number_of_layers_is_asked_for_in_every_target() {
 
 #[test]
 fn a_glsl_switch_that_falls_through_is_written_out() {
-    let vertex = "#version 450\nlayout(location=0) in vec3 p;\nvoid main() { gl_Position = vec4(p, 1.0); }\n";
+    let vertex = "#version 450\nlayout(location=0) in vec3 p;\n\
+                  void main() { gl_Position = vec4(p, 1.0); }\n";
     let fragment = "#version 450
 layout(location = 0) out vec4 color;
 layout(set = 0, binding = 0) uniform U { int mode; } u;
@@ -323,7 +336,8 @@ void main() {
 /// naga's writer numbers the function `n` as well as its local: neither takes the other's name.
 #[test]
 fn a_function_keeps_its_name_beside_a_local_that_is_called_the_same() {
-    let vertex = "#version 450\nlayout(location=0) in vec3 p;\nvoid main() { gl_Position = vec4(p, 1.0); }\n";
+    let vertex = "#version 450\nlayout(location=0) in vec3 p;\n\
+                  void main() { gl_Position = vec4(p, 1.0); }\n";
     let fragment = "#version 450
 layout(location = 0) out vec4 color;
 float hash(float n) { return fract(n * 7.5); }
@@ -341,7 +355,8 @@ void main() { color = vec4(n(gl_FragCoord.xyz)); }
 /// that naga knows of when the text is read again.
 #[test]
 fn a_case_in_braces_falls_into_nothing() {
-    let vertex = "#version 450\nlayout(location=0) in vec3 p;\nvoid main() { gl_Position = vec4(p, 1.0); }\n";
+    let vertex = "#version 450\nlayout(location=0) in vec3 p;\n\
+                  void main() { gl_Position = vec4(p, 1.0); }\n";
     let fragment = "#version 450
 layout(location = 0) out vec4 color;
 layout(set = 0, binding = 0) uniform U { int mode; float x; } u;
@@ -365,7 +380,9 @@ void main() {
 #[test]
 fn what_a_target_cannot_say_is_told_with_a_remedy() {
     let depth = format!(
-        "{VS}@group(0) @binding(0) var depth: texture_depth_2d;\n@fragment fn fs(@builtin(position) p: vec4<f32>) {{ if textureLoad(depth, vec2<i32>(p.xy), 0) < p.z {{ discard; }} }}"
+        "{VS}@group(0) @binding(0) var depth: texture_depth_2d;\n\
+         @fragment fn fs(@builtin(position) p: vec4<f32>) {{ \
+         if textureLoad(depth, vec2<i32>(p.xy), 0) < p.z {{ discard; }} }}"
     );
     let plan = plan("depth.wgsl", &depth);
     for target in [Target::Glsl450, Target::GlslEs300] {
@@ -389,7 +406,8 @@ fn what_a_target_cannot_say_is_told_with_a_remedy() {
 fn overrides_stay_in_wgsl_and_take_their_default_elsewhere() {
     let with = |init: &str| {
         format!(
-            "override level: f32{init};\n{VS}@fragment fn fs() -> @location(0) vec4<f32> {{ return vec4(level); }}"
+            "override level: f32{init};\n{VS}@fragment fn fs() -> @location(0) vec4<f32> {{ \
+             return vec4(level); }}"
         )
     };
     let (name, files) = emitted("o.wgsl", &with(" = 0.75"), &Target::GENERAL);
@@ -437,7 +455,8 @@ fn invariant_positions_are_not_contracted_in_spirv() {
     };
     let text = |attribute: &str| {
         format!(
-            "@vertex fn vs(@location(0) p: vec3<f32>) -> {attribute} @builtin(position) vec4<f32> {{ return vec4(p * 2.0 + 1.0, 1.0); }}"
+            "@vertex fn vs(@location(0) p: vec3<f32>) -> {attribute} \
+             @builtin(position) vec4<f32> {{ return vec4(p * 2.0 + 1.0, 1.0); }}"
         )
     };
     assert_eq!(decorations(&text("")), 0);
@@ -446,7 +465,8 @@ fn invariant_positions_are_not_contracted_in_spirv() {
 
     // What another output is made of is left alone: by a struct's member, through a variable, or
     // out of a function.
-    let struct_ = "struct Out { @invariant @builtin(position) clip: vec4<f32>, @location(0) light: vec4<f32> }\n";
+    let struct_ = "struct Out { @invariant @builtin(position) clip: vec4<f32>, \
+                   @location(0) light: vec4<f32> }\n";
     let of = |body: &str| {
         decorations(&format!(
             "{struct_}@vertex fn vs(@location(0) p: vec4<f32>) -> Out {{ {body} }}\n"
@@ -534,7 +554,8 @@ fn glsl_reads_like_an_authors_wgsl() {
 /// stage in a third pass.
 fn three_passes() -> Plan {
     let text = format!(
-        "{LIT}@fragment fn fs_depth(in: Varyings) {{ if textureSample(albedo, linear_sampler, in.uv0).a < 0.5 {{ discard; }} }}\nfn unused() -> f32 {{ return 1.0; }}\n"
+        "{LIT}@fragment fn fs_depth(in: Varyings) {{ if textureSample(albedo, linear_sampler, \
+         in.uv0).a < 0.5 {{ discard; }} }}\nfn unused() -> f32 {{ return 1.0; }}\n"
     );
     let options = front::Options {
         fragment: Some("fs_main".to_owned()),
@@ -671,7 +692,8 @@ fn an_untouched_program_ships_as_its_author_wrote_it() {
 #[test]
 fn a_pass_names_the_features_it_needs() {
     let half = format!(
-        "enable f16;\n{VS}@group(0) @binding(0) var<uniform> x: f32;\n@fragment fn fs() -> @location(0) vec4<f32> {{ return vec4(f32(f16(x))); }}"
+        "enable f16;\n{VS}@group(0) @binding(0) var<uniform> x: f32;\n\
+         @fragment fn fs() -> @location(0) vec4<f32> {{ return vec4(f32(f16(x))); }}"
     );
     let parsed = front::parse(
         &[Source::new("half.wgsl", &half)],

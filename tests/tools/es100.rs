@@ -116,10 +116,12 @@ fn fixtures_are_accepted_or_refused_by_name() {
 /// number each time. What is drawn so is `es100-textured`, in GL and in WebGL 1.
 #[test]
 fn a_counter_is_an_index() {
-    let vertex = "attribute vec3 position; varying vec3 local; void main() { local = position; gl_Position = vec4(position, 1.0); }";
+    let vertex = "attribute vec3 position; varying vec3 local; void main() { local = position; \
+                  gl_Position = vec4(position, 1.0); }";
     let texts = |functions: &str, body: &str| {
         let fragment = format!(
-            "precision highp float; varying vec3 local; uniform vec4 table[8]; uniform int count; {functions} void main() {{ vec4 sum = vec4(local, 1.0); {body} gl_FragColor = sum; }}"
+            "precision highp float; varying vec3 local; uniform vec4 table[8]; uniform int count; \
+             {functions} void main() {{ vec4 sum = vec4(local, 1.0); {body} gl_FragColor = sum; }}"
         );
         [
             Source::new("a.vert", vertex),
@@ -166,15 +168,18 @@ fn a_counter_is_an_index() {
         ),
         // One counter of two loops.
         (
-            "int i; for (i = 1; i < 3; i++) sum += table[i]; for (i = 4; i < 6; i++) sum += table[i];",
+            "int i; for (i = 1; i < 3; i++) sum += table[i]; for (i = 4; i < 6; \
+             i++) sum += table[i];",
             &["1 < 3", "[turn_1 + 1]", "2 < 3", "[turn_2 + 4]"],
         ),
     ] {
         assert_eq!(told("", body), wanted, "{body}");
     }
     // What one function's values are called, another's are too.
-    let functions = "vec4 a(float x) { vec4 all = vec4(0.0); for (int i = 0; i < 3; i++) all += table[i] * x; return all; }
-        vec4 b(float x) { int m = 0; if (x > 1.0) m = 5; vec4 all = vec4(0.0); for (int i = 0; i < 3; i++) all += table[i + 1] * float(m); return all; }";
+    let functions = "vec4 a(float x) { vec4 all = vec4(0.0); for (int i = 0; i < 3; \
+                     i++) all += table[i] * x; return all; }
+        vec4 b(float x) { int m = 0; if (x > 1.0) m = 5; vec4 all = vec4(0.0); for (int i = 0; \
+            i < 3; i++) all += table[i + 1] * float(m); return all; }";
     let wanted = ["1 < 4", "[turn_1]", "2 < 4", "[turn_2 + 1]"];
     assert_eq!(told(functions, "sum += a(sum.x) + b(sum.y);"), wanted);
     let refused = |functions: &str, body: &str, why: &str| {
@@ -185,7 +190,8 @@ fn a_counter_is_an_index() {
     let endless = "a loop without a constant bound on its iterations";
     // One that goes on where it was, that something else sets, or that is read behind its loop.
     for body in [
-        "int j = 0; for (int i = 0; i < 2; i++) for (; j < 4; j++) { if (sum.x > float(i)) break; sum += table[j]; }",
+        "int j = 0; for (int i = 0; i < 2; i++) for (; j < 4; j++) { if (sum.x > float(i)) break; \
+         sum += table[j]; }",
         "for (int i = 0; i < 8; i++) { int k = i; if (sum.x > 1.0) k = 0; sum += table[k]; }",
         "int i = 0; for (; i < 3; i++) sum *= 2.0; sum += table[i];",
         "for (int i = 0; i < 8; i++) sum += table[count];",
@@ -199,8 +205,10 @@ fn a_counter_is_an_index() {
     // A test that a turn may not come to ends nothing after a known number of turns; nor does one
     // of a counter that a function writes.
     for body in [
-        "for (int i = 0;; i++) { sum.x -= 1.0; if (sum.x > 0.0) continue; if (!(i < 3)) break; sum.y += 1.0; }",
-        "for (int i = 0;; i++) { if (!(i < 3)) { sum.x -= 1.0; if (sum.x > 0.0) continue; break; } sum.y += 1.0; }",
+        "for (int i = 0;; i++) { sum.x -= 1.0; if (sum.x > 0.0) continue; if (!(i < 3)) break; \
+         sum.y += 1.0; }",
+        "for (int i = 0;; i++) { if (!(i < 3)) { sum.x -= 1.0; if (sum.x > 0.0) continue; \
+         break; } sum.y += 1.0; }",
     ] {
         refused("", body, endless);
     }
@@ -217,9 +225,11 @@ fn a_counter_is_an_index() {
 fn a_counter_of_wgsl_is_an_index_where_it_is_one() {
     let emitted = |functions: &str, body: &str| {
         let text = format!(
-            "@vertex fn vs(@location(0) position: vec3<f32>) -> @builtin(position) vec4<f32> {{ return vec4(position, 1.0); }}
+            "@vertex fn vs(@location(0) position: vec3<f32>) -> @builtin(position) vec4<f32> {{ \
+             return vec4(position, 1.0); }}
 {functions}
-@fragment fn fs(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {{ var t = array<f32, 4>(at.x, at.y, 2.0, 3.0); var sum = 0.0; {body} return vec4(sum); }}"
+@fragment fn fs(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {{ \
+    var t = array<f32, 4>(at.x, at.y, 2.0, 3.0); var sum = 0.0; {body} return vec4(sum); }}"
         );
         emitted(&original("a", &[Source::new("a.wgsl", text)]))
     };
@@ -233,13 +243,16 @@ fn a_counter_of_wgsl_is_an_index_where_it_is_one() {
     for (functions, body) in [
         // A gate that is an argument.
         (
-            "fn f(loop_init: bool, x: f32) -> f32 { var sum = 0.0; var i = 0; loop { if !loop_init { i = i + 1; } if !(i < 3) { break; } sum += 1.0; if sum > x { break; } } return sum; }",
+            "fn f(loop_init: bool, x: f32) -> f32 { var sum = 0.0; var i = 0; loop { \
+             if !loop_init { i = i + 1; } if !(i < 3) { break; } sum += 1.0; if sum > x { \
+             break; } } return sum; }",
             "sum = f(at.x > 1.0, at.y);",
         ),
         // A limit that is not the counter.
         (
             "",
-            "var i = 0; let _e = i; loop { if !(_e < 3) { break; } if sum > at.x { break; } sum += 1.0; continuing { i = i + 1; } }",
+            "var i = 0; let _e = i; loop { if !(_e < 3) { break; } if sum > at.x { \
+             break; } sum += 1.0; continuing { i = i + 1; } }",
         ),
     ] {
         let error = emitted(functions, body).unwrap_err();
@@ -250,10 +263,13 @@ fn a_counter_of_wgsl_is_an_index_where_it_is_one() {
 
 #[test]
 fn what_the_language_lacks_is_named() {
-    let vertex = "#version 300 es\nin vec3 position;\nuniform int count;\nuniform float table[4];\nout vec3 local;\nvoid main() { local = position; gl_Position = vec4(position, 1.0); }\n";
+    let vertex = "#version 300 es\nin vec3 position;\nuniform int count;\nuniform float table[4];\n\
+                  out vec3 local;\nvoid main() { local = position; \
+                  gl_Position = vec4(position, 1.0); }\n";
     let refused = |declared: &str, body: &str| {
         let fragment = format!(
-            "#version 300 es\nprecision highp float;\nin vec3 local;\nuniform int count;\nuniform float table[4];\nout vec4 color;\n{declared}\nvoid main() {{ {body} }}\n"
+            "#version 300 es\nprecision highp float;\nin vec3 local;\nuniform int count;\n\
+             uniform float table[4];\nout vec4 color;\n{declared}\nvoid main() {{ {body} }}\n"
         );
         let sources = [
             Source::new("a.vert", vertex),

@@ -122,7 +122,8 @@ void main() {
     if (flipped) vNormal = -vNormal;
     vId = ivec2(gl_VertexID, 3);
     color = strength * gusts[2] + vec4(camera.eye2, 1.0);
-    gl_Position = projectionMatrix * modelViewMatrix * camera.view * instanceMatrix * vec4(position, 1.0);
+    gl_Position = projectionMatrix * modelViewMatrix * camera.view * instanceMatrix * \
+        vec4(position, 1.0);
 }
 ";
 
@@ -149,8 +150,10 @@ layout(location = 0) out vec4 outColor;
 layout(location = 1) out vec3 outNormal;
 vec4 read(sampler2D from, vec2 at) { return texture(from, at); }
 void main() {
-    vec4 sum = read(maps[1], vUv) + read(maps[2], vUv) + texture(layers[0].map, vUv + layers[1].offset);
-    sum *= texture(probe.sky, vNormal) + texture(shadowMap, vec3(vUv, 0.5)) + texture(stack, vec3(vUv, 1.0));
+    vec4 sum = read(maps[1], vUv) + read(maps[2], vUv) + texture(layers[0].map, vUv + \
+        layers[1].offset);
+    sum *= texture(probe.sky, vNormal) + texture(shadowMap, vec3(vUv, 0.5)) + texture(stack, \
+        vec3(vUv, 1.0));
     Lamp copy = lamp;
     if (channels.y && all(channels)) sum.rgb *= copy.color1 * copy.on;
     outColor = sum * color + strength + float(vId.x);
@@ -215,12 +218,14 @@ fn names_that_cannot_stay_say_so() {
         uniform vec3 texture, sum, location, sample_1;
         varying vec3 normal;
         vec3 pow2(vec3 gl) { vec3 sum = gl; return sum * gl; }
-        void main() { vec3 color_1 = color; normal = pow2(color_1) + texture + sum + sample_1; gl_Position = vec4(location, 1.0); }";
+        void main() { vec3 color_1 = color; normal = pow2(color_1) + texture + sum + sample_1; \
+            gl_Position = vec4(location, 1.0); }";
     let fragment = "precision mediump float;
         uniform sampler2D normal_1;
         uniform vec3 texture;
         varying vec3 normal;
-        void main() { vec3 sum = normal; gl_FragColor = texture2D(normal_1, sum.xy) + vec4(texture, 1.0); }";
+        void main() { vec3 sum = normal; gl_FragColor = texture2D(normal_1, sum.xy) + \
+            vec4(texture, 1.0); }";
     let files = emitted("words", vertex, fragment);
     insta::assert_snapshot!("words_es_vert", text(&files, "words.main.es.vert"));
     insta::assert_snapshot!("words_es_frag", text(&files, "words.main.es.frag"));
@@ -254,7 +259,8 @@ fn a_texture_with_several_samplers_is_a_uniform_for_each() {
 struct Varyings { @builtin(position) at: vec4<f32>, @location(0) uv: vec2<f32> }
 fn height(uv: vec2<f32>) -> f32 { return textureSampleLevel(map, linear, uv, 0.0).x; }
 @vertex fn vertex(@location(0) position: vec3<f32>) -> Varyings {
-    return Varyings(vec4(position.x, position.y + height(position.xz), position.z, 1.0), position.xy);
+    return Varyings(vec4(position.x, position.y + height(position.xz), position.z, 1.0), \
+        position.xy);
 }
 @fragment fn fragment(in: Varyings) -> @location(0) vec4<f32> {
     var sum = textureSample(map, nearest, in.uv) + textureSample(other, linear, in.uv);
@@ -292,8 +298,10 @@ fn height(uv: vec2<f32>) -> f32 { return textureSampleLevel(map, linear, uv, 0.0
 /// Each file has the functions of its own stage.
 #[test]
 fn a_stage_has_its_own_functions() {
-    let vertex = "attribute vec3 p; uniform float t; float sway(float x) { return sin(x + t); } void main() { gl_Position = vec4(p + sway(p.x), 1.0); }";
-    let fragment = "precision mediump float; uniform vec3 c; vec3 shade(vec3 x) { return x * c; } void main() { gl_FragColor = vec4(shade(vec3(0.5)), 1.0); }";
+    let vertex = "attribute vec3 p; uniform float t; float sway(float x) { \
+                  return sin(x + t); } void main() { gl_Position = vec4(p + sway(p.x), 1.0); }";
+    let fragment = "precision mediump float; uniform vec3 c; vec3 shade(vec3 x) { \
+                    return x * c; } void main() { gl_FragColor = vec4(shade(vec3(0.5)), 1.0); }";
     let files = emitted("own", vertex, fragment);
     for (file, own, other) in [
         ("own.main.es.vert", "float sway(", "shade"),
@@ -327,7 +335,8 @@ layout(std430, binding = 2) readonly buffer Lights { vec4 lights[]; };
 layout(location = 9) uniform vec4 tint;
 layout(location = 1) out vec4 color;
 void main() {
-    color = texture(map, uv) + texture(maps[1], uv) + texture(first, uv) + tints[1] + free + lights[2] + tint;
+    color = texture(map, uv) + texture(maps[1], uv) + texture(first, uv) + tints[1] + free + \
+        lights[2] + tint;
 }
 ";
 

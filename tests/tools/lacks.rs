@@ -48,7 +48,8 @@ fn with(name: &'static str, head: &str, input: &str, body: &str, said: [Said; 3]
     let (enables, declared): (Vec<&str>, Vec<&str>) =
         head.lines().partition(|l| l.starts_with("enable "));
     let text = format!(
-        "{}\n{COMMON}{VERTEX}{}\n@fragment fn fs(v: V{input}) -> @location(0) vec4<f32> {{ {body} return vec4<f32>(v.uv, 0.5, x); }}\n",
+        "{}\n{COMMON}{VERTEX}{}\n@fragment fn fs(v: V{input}) -> @location(0) vec4<f32> {{ \
+         {body} return vec4<f32>(v.uv, 0.5, x); }}\n",
         enables.join("\n"),
         declared.join("\n"),
     );
@@ -67,8 +68,10 @@ fn builtins() -> Vec<Case> {
         with(name, enables, &input, "let x = f32(b);", said)
     };
     let clip = format!(
-        "enable clip_distances;\n{COMMON}struct C {{ @builtin(position) position: vec4<f32>, @builtin(clip_distances) d: array<f32, 2>, @location(0) uv: vec2<f32> }}
-@vertex fn vs(@location(0) p: vec4<f32>) -> C {{ var c: C; c.position = u.mvp * p; c.d[0] = u.a; c.d[1] = p.x; c.uv = p.xy; return c; }}
+        "enable clip_distances;\n{COMMON}struct C {{ @builtin(position) position: vec4<f32>, \
+         @builtin(clip_distances) d: array<f32, 2>, @location(0) uv: vec2<f32> }}
+@vertex fn vs(@location(0) p: vec4<f32>) -> C {{ var c: C; c.position = u.mvp * p; c.d[0] = u.a; \
+    c.d[1] = p.x; c.uv = p.xy; return c; }}
 @fragment fn fs(v: V) -> @location(0) vec4<f32> {{ return vec4<f32>(v.uv, 0.0, 1.0); }}\n"
     );
     let mask = "@location(0) c: vec4<f32>, @builtin(sample_mask) m: u32";
@@ -108,14 +111,16 @@ fn builtins() -> Vec<Case> {
             "sample_mask out",
             "",
             mask,
-            "fn fs(v: V) -> O { if (v.uv.x < 0.1) { return O(vec4<f32>(1.0), 3u); } return O(vec4<f32>(v.uv, u.a, u.b), u.m);",
+            "fn fs(v: V) -> O { if (v.uv.x < 0.1) { return O(vec4<f32>(1.0), 3u); } return \
+             O(vec4<f32>(v.uv, u.a, u.b), u.m);",
             [Read, mask_of_glsl, mask_of_glsl],
         ),
         writes(
             "sample_mask in and out",
             "",
             mask,
-            "fn fs(v: V, @builtin(sample_mask) b: u32) -> O { return O(vec4<f32>(v.uv, u.a, u.b), b & u.m);",
+            "fn fs(v: V, @builtin(sample_mask) b: u32) -> O { \
+             return O(vec4<f32>(v.uv, u.a, u.b), b & u.m);",
             [Read, mask_of_glsl, mask_of_glsl],
         ),
         Case {
@@ -137,7 +142,8 @@ fn depths_and_targets() -> Vec<Case> {
     let depth = "@location(0) c: vec4<f32>, @builtin(frag_depth) d: f32";
     let stage = |test: &str| {
         format!(
-            "@early_depth_test({test}) fn fs(v: V) -> O {{ return O(vec4<f32>(v.uv, 0.0, 1.0), v.position.z);"
+            "@early_depth_test({test}) fn fs(v: V) -> O {{ \
+             return O(vec4<f32>(v.uv, 0.0, 1.0), v.position.z);"
         )
     };
     let early = |name: &'static str, es: &'static str| {
@@ -246,7 +252,8 @@ fn functions() -> Vec<Case> {
         ),
         with(
             "binding array",
-            "enable wgpu_binding_array;\n@group(0) @binding(1) var t: binding_array<texture_2d<f32>, 4>;\n@group(0) @binding(2) var s: sampler;\n",
+            "enable wgpu_binding_array;\n@group(0) @binding(1) var t: \
+             binding_array<texture_2d<f32>, 4>;\n@group(0) @binding(2) var s: sampler;\n",
             "",
             "let x = textureSample(t[1], s, v.uv).x;",
             [
@@ -269,7 +276,8 @@ fn functions() -> Vec<Case> {
         ),
         with(
             "texture2D member",
-            "struct W { texture2D: f32, sampler2D: f32 }\n@group(0) @binding(1) var<uniform> w: W;\n",
+            "struct W { texture2D: f32, sampler2D: f32 }\n\
+             @group(0) @binding(1) var<uniform> w: W;\n",
             "",
             "let x = w.texture2D;",
             [Read, Read, Read],

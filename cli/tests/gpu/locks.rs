@@ -101,7 +101,8 @@ fn a_decision_is_kept_beside_its_own_shader() {
     for folder in ["scenes", "assets/shaders", "oil"] {
         fs::create_dir_all(tree.join(folder)).unwrap();
     }
-    let more = "[materials.moss]\nshader = \"../assets/shaders/textured.wgsl\"\n[materials.oiled]\nshader = \"../oil/oiled.wgsl\"\n";
+    let more = "[materials.moss]\nshader = \"../assets/shaders/textured.wgsl\"\n[materials.oiled]\n\
+                shader = \"../oil/oiled.wgsl\"\n";
     let at = scene.find("[materials.stone]").unwrap();
     let scene = format!("{}{more}{}", &scene[..at], &scene[at..]);
     fs::write(tree.join("scenes/first.toml"), scene).unwrap();
@@ -119,7 +120,9 @@ fn a_decision_is_kept_beside_its_own_shader() {
     .unwrap();
     fs::write(
         tree.join("oil/oiled.wgsl"),
-        "#import tint::tinted\n@vertex fn vs(@location(0) position: vec3<f32>) -> @builtin(position) vec4<f32> { return vec4<f32>(position, 1.0); }\n@fragment fn fs() -> @location(0) vec4<f32> { return tinted(vec4<f32>(1.0)); }\n",
+        "#import tint::tinted\n@vertex fn vs(@location(0) position: vec3<f32>) -> \
+         @builtin(position) vec4<f32> { return vec4<f32>(position, 1.0); }\n\
+         @fragment fn fs() -> @location(0) vec4<f32> { return tinted(vec4<f32>(1.0)); }\n",
     )
     .unwrap();
     let args =

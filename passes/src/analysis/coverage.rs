@@ -126,17 +126,20 @@ pub fn refuse_alpha(
     match pass.targets.first() {
         Some(Some(target)) if target.attachment.is_some() => {
             return Some((
-                "colour target 0 is an attachment of the plan, which a pre-pass cannot bind as the scene's colour".to_owned(),
+                "colour target 0 is an attachment of the plan, which a pre-pass cannot bind as the \
+                 scene's colour".to_owned(),
                 "draw to the scene's colour, or test alpha by discard",
             ));
         }
         Some(Some(target)) if !ALPHA_FORMATS.contains(&target.format.as_str()) => {
             return Some((
                 format!(
-                    "colour target 0 is {}, which has no alpha or does not blend: coverage has nothing to come from",
+                    "colour target 0 is {}, which has no alpha or does not blend: coverage has \
+                     nothing to come from",
                     target.format
                 ),
-                "give target 0 a blendable format with alpha, rgba8unorm say, or test alpha by discard",
+                "give target 0 a blendable format with alpha, rgba8unorm say, or test alpha by \
+                 discard",
             ));
         }
         Some(Some(_)) => {}

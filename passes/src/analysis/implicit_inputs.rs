@@ -174,7 +174,8 @@ const TABLE: &[InputRow] = &[
         dependence: sample_rate,
         then: Then::Refuse(
             &refusals::SAMPLE_RATE,
-            "so it runs once for each sample, and the slice that decides coverage would run once for each pixel",
+            "so it runs once for each sample, and the slice that decides coverage would run once \
+             for each pixel",
             "interpolate at the centre, or draw with one sample",
         ),
     },
@@ -183,8 +184,10 @@ const TABLE: &[InputRow] = &[
         dependence: surviving_samples,
         then: Then::Refuse(
             &refusals::SURVIVING_SAMPLES,
-            "with several samples a driver may take it from the samples that pass the early depth test, which depth drawn ahead changes",
-            "interpolate at the centre, or take `early-discard`, whose main pass keeps its own depth",
+            "with several samples a driver may take it from the samples that pass the early depth \
+             test, which depth drawn ahead changes",
+            "interpolate at the centre, or take `early-discard`, whose main pass keeps its own \
+             depth",
         ),
     },
     InputRow {

@@ -238,7 +238,8 @@ impl Examination {
             self.refuse(
                 &refusals::COMPARE_DIRECTION,
                 &reason,
-                "say which way depth grows (--reversed-z, depth_direction), or compare the other way",
+                "say which way depth grows (--reversed-z, depth_direction), or compare the other \
+                 way",
             );
         }
         Some((depth, direction))
@@ -352,7 +353,11 @@ pub fn refuse_ties(name: &'static str, facts: &Facts, remedy: &str) -> Option<Re
         Refusal::new(
             name,
             &refusals::DEPTH_TIES,
-            format!("several surfaces were measured to share the nearest depth, or one to have that of the cleared buffer (pixels: {n}): once it is in the buffer all of them pass, and the last one wins"),
+            format!(
+                "several surfaces were measured to share the nearest depth, or one to have that of \
+                 the cleared buffer (pixels: {n}): once it is in the buffer all of them pass, and \
+                 the last one wins"
+            ),
             remedy,
         )
     })

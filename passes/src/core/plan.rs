@@ -774,10 +774,13 @@ fn point_size_note(is_said: bool, topology: Topology) -> Vec<String> {
     let note = match (is_said, topology) {
         (false, _) => return Vec::new(),
         (true, Topology::PointList) => {
-            "`gl_PointSize` is dropped: points come out one pixel large, for WGSL has no word for their size; draw quads in their place"
+            "`gl_PointSize` is dropped: points come out one pixel large, for WGSL has no word for \
+             their size; draw quads in their place"
         }
         (true, _) => {
-            "`gl_PointSize` is dropped: that changes no triangle and no line, and a host that draws points with the material gets them one pixel large (`--topology point-list`, or `topology` in a scene, says that it does)"
+            "`gl_PointSize` is dropped: that changes no triangle and no line, and a host that \
+             draws points with the material gets them one pixel large (`--topology point-list`, or \
+             `topology` in a scene, says that it does)"
         }
     };
     vec![note.to_owned()]

@@ -30,7 +30,8 @@ fn {function}_corner(triangle: u32, corner: u32) -> u32 {{
     let at = {variable}.first + triangle * 3u + corner;
     switch {variable}.index_bytes {{
         case 2u: {{
-            return {variable}.base_vertex + (({variable}_indices[at / 2u] >> (16u * (at % 2u))) & 0xffffu);
+            return {variable}.base_vertex + (({variable}_indices[at / 2u] >> (16u * (at % 2u))) & \
+                0xffffu);
         }}
         case 4u: {{
             return {variable}.base_vertex + {variable}_indices[at];
@@ -77,7 +78,8 @@ fn as_declared(names: Names, attributes: &[AttributeUse], group: u32, first: u32
         };
         let _ = write!(
             out,
-            "@group({group}) @binding({binding}) var<storage, read> {variable}_stream_{location}_: array<u32>;
+            "@group({group}) @binding({binding}) var<storage, read> {variable}_stream_{location}_: \
+             array<u32>;
 fn {function}_{location}_(vertex: u32, instance: u32) -> {ty} {{
     let stream = {variable}.streams[{index}];
     let first = (stream.x + select(vertex, instance, (stream.w & 256u) != 0u) * stream.y) / 4u;
@@ -107,8 +109,9 @@ fn of_any_format(names: Names, attributes: &[AttributeUse], group: u32, first: u
         let AttributeUse { location, ty, .. } = attribute;
         let kind = AttributeKind::of(attribute);
         let _ = write!(
-                &mut out,
-                "@group({group}) @binding({binding}) var<storage, read> {variable}_stream_{location}_: array<u32>;
+            &mut out,
+            "@group({group}) @binding({binding}) var<storage, read> {variable}_stream_{location}_: \
+             array<u32>;
 fn {function}_{location}_(vertex: u32, instance: u32) -> {ty} {{
     let stream = {variable}.streams[{index}];
     let at = stream.x + select(vertex, instance, (stream.w & 256u) != 0u) * stream.y;
@@ -132,10 +135,10 @@ fn {function}_{location}_(vertex: u32, instance: u32) -> {ty} {{
     return {decoder}(words, (at % 4u) * 8u, stream.z).{components};
 }}
 ",
-                binding = first + index as u32,
-                decoder = kind.decoder(names),
-                components = components(ty),
-            );
+            binding = first + index as u32,
+            decoder = kind.decoder(names),
+            components = components(ty),
+        );
     }
     out
 }
@@ -261,7 +264,8 @@ fn decode_float(names: Names) -> String {
     }
     cases.push((
         "unorm10-10-10-2",
-        "vec4<f32>(vec4<u32>(words.x, words.x >> 10u, words.x >> 20u, words.x >> 30u) & vec4<u32>(1023u)) / vec4<f32>(1023.0, 1023.0, 1023.0, 3.0)"
+        "vec4<f32>(vec4<u32>(words.x, words.x >> 10u, words.x >> 20u, words.x >> 30u) & \
+         vec4<u32>(1023u)) / vec4<f32>(1023.0, 1023.0, 1023.0, 3.0)"
             .to_owned(),
     ));
     cases.push(("unorm8x4-bgra", "unpack4x8unorm(words.x).zyxw".to_owned()));

@@ -145,8 +145,10 @@ impl Pass for DepthPrepass {
         name: "depth-prepass",
         summary: "draws the depth of opaque surfaces first, so that each pixel is shaded once",
         source: "Primozic, Implementing Depth Pre-Pass Optimization for Three.JS (2022)",
-        when: "many fragments are hidden and dear, in any order of draws; it is the first to try, since its default leaves the author's main pass as it is",
-        hurts: "where little is hidden: every vertex is transformed twice (3-5% lost in two articles' open views)",
+        when: "many fragments are hidden and dear, in any order of draws; \
+               it is the first to try, since its default leaves the author's main pass as it is",
+        hurts: "where little is hidden: every vertex is transformed twice (3-5% lost in two \
+                articles' open views)",
         reads_scene: false,
     };
 
@@ -168,8 +170,10 @@ impl Pass for DepthPrepass {
                 Use::Exact,
                 Use::Page("pages/leaf"),
                 Use::Picture {
-                    scene: "fixtures/scenes/shrine.toml --camera wall --size 256x144 --frames 1 --order front-to-back",
-                    caption: "a wall that hides a shrine: no pixel differs, and each is shaded once instead of 3.2 times",
+                    scene: "fixtures/scenes/shrine.toml --camera wall --size 256x144 --frames 1 \
+                            --order front-to-back",
+                    caption: "a wall that hides a shrine: no pixel differs, and each is shaded \
+                              once instead of 3.2 times",
                     rows: 2,
                 },
             ],
@@ -235,7 +239,8 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
                 refusals.push(Refusal::new(
                     name,
                     &refusals::DEPTH_BIAS_CLAMP,
-                    "the material clamps a depth bias of its own: both passes would be clamped to one bias, and no margin be left between them",
+                    "the material clamps a depth bias of its own: both passes would be clamped to \
+                     one bias, and no margin be left between them",
                     "take form=equal, or leave the clamp out",
                 ));
             }
@@ -276,7 +281,8 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
                 refusals.push(Refusal::new(
                     name,
                     &refusals::DEPTH_NOT_INVARIANT,
-                    "the fragment stage writes depth, and no language can mark that invariant: two pipelines may round it differently, and EQUAL would drop the pixel",
+                    "the fragment stage writes depth, and no language can mark that invariant: two \
+                     pipelines may round it differently, and EQUAL would drop the pixel",
                     "take form=biased",
                 ));
             }
@@ -309,8 +315,11 @@ fn reads_biased_depth(opaque: &Opaque) -> Option<Refusal> {
         Refusal::new(
             DepthPrepass::INFO.name,
             &shared::BIASED_POSITION,
-            "what decides whether a fragment is kept reads the z of @builtin(position), of which a depth bias is part on some APIs: the pre-pass would keep others",
-            "take form=equal, or early-discard, where both passes have one bias; or pass the depth along as a varying of its own",
+            "what decides whether a fragment is kept reads the z of \
+             @builtin(position), of which a depth bias is part on some APIs: the pre-pass would \
+             keep others",
+            "take form=equal, or early-discard, where both passes have one bias; \
+             or pass the depth along as a varying of its own",
         )
     })
 }
@@ -322,9 +331,12 @@ fn on_near_plane(opaque: &Opaque, facts: &Facts) -> Option<Refusal> {
             DepthPrepass::INFO.name,
             &refusals::NEAR_PLANE,
             format!(
-                "{reason}, where a bias pushes nothing away (float depth formats, surfaces that are clamped, triangles of no area) and the pre-pass would hide what it was drawn for"
+                "{reason}, where a bias pushes nothing away (float depth formats, surfaces that \
+                 are clamped, triangles of no area) and the pre-pass would hide what it was drawn \
+                 for"
             ),
-            "draw it without depth, in its own phase, or clipped and with a unorm depth format; or take form=equal",
+            "draw it without depth, in its own phase, or clipped and with a unorm depth format; \
+             or take form=equal",
         )
     };
     let module = opaque.program.module();
@@ -368,7 +380,8 @@ fn what(params: &Params, opaque: &Opaque) -> String {
     };
     let late = match opaque.decides.depth {
         true => {
-            "; the material writes depth, so hidden fragments still run before they are tested: take early-discard"
+            "; the material writes depth, so hidden fragments still run before they are tested: \
+             take early-discard"
         }
         false => "",
     };
@@ -434,7 +447,11 @@ fn equal(
     let drop_discard = opaque.decides.discards && facts.undiscarded_depth_ties == Some(0);
     if let (true, Some(fragment)) = (drop_discard, opaque.fragment) {
         main = place::without_discard(&main, fragment);
-        next.notes.push("no depth ties were measured, discarded fragments counted in: the main pass no longer discards, EQUAL already drops what the pre-pass discarded".to_owned());
+        next.notes.push(
+            "no depth ties were measured, discarded fragments counted in: the main pass no longer \
+             discards, EQUAL already drops what the pre-pass discarded"
+                .to_owned(),
+        );
     }
     depth_pass::replace_main(&mut next, opaque, main, name)?;
     for pass in next.passes.iter_mut().filter(|p| p.role == Role::Main) {

@@ -56,7 +56,8 @@ refusals! {
         "The discard already comes before the expensive work.",
         "Leave the material as it is.";
     TEST_COSTS_MOST = "test-costs-most":
-        "The test costs more than `share` of the other work ahead of its discard. Survivors compute \
+        "The test costs more than `share` of the other work ahead of its discard. Survivors \
+         compute \
          it twice, so moving it doesn't pay.",
         "Give a larger `share` if most fragments are discarded.";
     DISCARD_IN_FUNCTION = "discard-in-function":
@@ -95,9 +96,12 @@ impl Pass for EarlyAlpha {
     const INFO: PassInfo = PassInfo {
         name: "early-alpha",
         summary: "runs the alpha test before the expensive work of its stage",
-        source: "Weiser, Program Slicing (1981), for the test; Primozic, Speeding Up Three.JS with Depth-Based Fragment Culling (2022), for the early exit",
+        source: "Weiser, Program Slicing (1981), for the test; \
+                 Primozic, Speeding Up Three.JS with Depth-Based Fragment Culling (2022), for the \
+                 early exit",
         when: "a cut-out material (leaves, fences, hair) tests its alpha after expensive work",
-        hurts: "where few fragments are discarded: the survivors compute the test twice, and each quad votes",
+        hurts: "where few fragments are discarded: the survivors compute the test twice, and each \
+                quad votes",
         reads_scene: false,
     };
 
@@ -116,7 +120,8 @@ impl Pass for EarlyAlpha {
                 Use::Page("shaders/late-alpha"),
                 Use::Picture {
                     scene: "fixtures/scenes/late-alpha.toml --size 256x144 --frames 1",
-                    caption: "leaves that test their alpha after the light of their veins: no pixel differs",
+                    caption: "leaves that test their alpha after the light of their veins: no \
+                              pixel differs",
                     rows: 1,
                 },
             ],
@@ -214,7 +219,8 @@ impl Test {
             return Err(refuse(
                 &DISCARDED_EFFECTS,
                 format!(
-                    "the fragment stage has an effect ({}) that a discarded fragment may have before its test",
+                    "the fragment stage has an effect ({}) that a discarded fragment may have \
+                     before its test",
                     effect.name()
                 ),
                 "move the effect to a pass of its own",
@@ -416,7 +422,8 @@ mod tests {
     #[test]
     fn the_test_leaves_no_trace() {
         let body = format!(
-            "let had = calls; {WORK} calls += 1.0; if in.x < calls * 0.3 {{ discard; }} return vec4(sum, had, calls, 1.0);"
+            "let had = calls; {WORK} calls += 1.0; if in.x < calls * 0.3 {{ \
+             discard; }} return vec4(sum, had, calls, 1.0);"
         );
         let original = plan("var<private> calls: f32;", &body);
         let variant = run(&original).unwrap();
@@ -450,7 +457,8 @@ mod tests {
             let original = plan(globals, &format!("{body} return vec4(1.0);"));
             assert_eq!(run(&original).err().as_deref(), Some(code), "{body}");
         }
-        let cubes = "let test = textureSample(leaf, filtering, in) * textureSample(leaf, filtering, in.yx);";
+        let cubes = "let test = textureSample(leaf, filtering, in) * textureSample(leaf, \
+                     filtering, in.yx);";
         let body = format!("{cubes} {WORK} if test.a < 0.5 {{ discard; }} return vec4(sum);");
         let refused = run(&plan("", &body)).err();
         assert_eq!(refused.as_deref(), Some("test-costs-most"));

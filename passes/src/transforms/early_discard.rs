@@ -185,8 +185,11 @@ impl Pass for EarlyDiscard {
         name: "early-discard",
         summary: "compares with the nearest depth ahead of all work and leaves when behind it",
         source: "Primozic, Speeding Up Three.JS with Depth-Based Fragment Culling (2022)",
-        when: "the hardware's early test cannot run (a material that writes depth), or a host cannot set the depth test of its main pass; else take depth-prepass",
-        hurts: "where little is hidden (3-5% lost in the article's open views), and where the hardware's early test rejects anyway: a texture read and a vote for each fragment, for nothing",
+        when: "the hardware's early test cannot run (a material that writes depth), or a host \
+               cannot set the depth test of its main pass; else take depth-prepass",
+        hurts: "where little is hidden (3-5% lost in the article's open views), and where the \
+                hardware's early test rejects anyway: a texture read and a vote for each fragment, \
+                for nothing",
         reads_scene: false,
     };
 
@@ -208,8 +211,10 @@ impl Pass for EarlyDiscard {
                 Use::Exact,
                 Use::Page("pages/leaf"),
                 Use::Picture {
-                    scene: "fixtures/scenes/late-depth.toml --size 256x144 --frames 1 --order front-to-back",
-                    caption: "five layers that write depth, which hardware cannot test early: each pixel is shaded once instead of five times",
+                    scene: "fixtures/scenes/late-depth.toml --size 256x144 --frames 1 --order \
+                            front-to-back",
+                    caption: "five layers that write depth, which hardware cannot test early: each \
+                              pixel is shaded once instead of five times",
                     rows: 2,
                 },
             ],
@@ -322,7 +327,8 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
         refusals.push(Refusal::new(
             name,
             &refusals::DEPTH_BIAS,
-            "the material has a depth bias of its own, which a fragment stage does not see on every API: it could take itself for hidden",
+            "the material has a depth bias of its own, which a fragment stage does not see on \
+             every API: it could take itself for hidden",
             "take depth-prepass, where the hardware compares biased depths with biased depths",
         ));
     }
@@ -343,7 +349,8 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
             let refusal = Refusal::new(
                 name,
                 &refusals::DEPTH_LOOP,
-                "the depth that the material writes rests on a loop that is not seen to end, which the prologue would run a second time, without the discards that leave it",
+                "the depth that the material writes rests on a loop that is not seen to end, which \
+                 the prologue would run a second time, without the discards that leave it",
                 "count its turns by constants (for i < 32), or take depth-prepass",
             );
             refusals.push(refusal.at(opaque.program.sources(), span));
@@ -370,7 +377,8 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
             refusals.push(Refusal::new(
                 name,
                 &refusals::PACKED_MSAA,
-                "under multisampling the fragment stage packs one depth for all samples of a pixel, which is not that of each",
+                "under multisampling the fragment stage packs one depth for all samples of a \
+                 pixel, which is not that of each",
                 "take texture=depth or texture=float, which hold every sample's depth",
             ));
         }
@@ -396,10 +404,12 @@ fn what(params: &Params, opaque: &Opaque) -> String {
     };
     let hardware = match (params.attachment, opaque.decides.depth) {
         (MainAttachment::Readonly, _) => {
-            "; the depth is attached read-only too, so the hardware test already rejects and the prologue only adds its cost"
+            "; the depth is attached read-only too, so the hardware test already rejects and the \
+             prologue only adds its cost"
         }
         (MainAttachment::Own, true) => {
-            "; the material writes depth, so the hardware cannot test early and this is where it pays most"
+            "; the material writes depth, so the hardware cannot test early and this is where it \
+             pays most"
         }
         (MainAttachment::Own, false) => "",
     };
@@ -470,7 +480,10 @@ fn transform(
         given.extend([Assumption::NoDepthTies, Assumption::SameDrawOrder]);
         let test = self_test::read_only(&next, compare, &produced);
         next.self_test = self_test::with_earlier(test, next.self_test.take());
-        next.notes.push("the hardware depth test already rejects what the prologue would: it only adds its cost".to_owned());
+        next.notes.push(
+            "the hardware depth test already rejects what the prologue would: it only adds its cost"
+                .to_owned(),
+        );
     }
     if params.mode == Mode::Invert {
         next.notes
@@ -610,7 +623,8 @@ fn free_binding(
             name,
             &refusals::GROUP_LIMIT,
             format!(
-                "@group({group}) is beyond the bind groups that every WebGPU device has (maxBindGroups is 4)"
+                "@group({group}) is beyond the bind groups that every WebGPU device has \
+                 (maxBindGroups is 4)"
             ),
             "give a group of at most 3, or leave it out",
         )));

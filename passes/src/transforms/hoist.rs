@@ -92,10 +92,14 @@ impl Pass for Hoist {
 
     const INFO: PassInfo = PassInfo {
         name: HOIST,
-        summary: "moves slowly changing work of the fragment stage to the vertices, and interpolates it",
-        source: "Wang et al., Automatic Shader Simplification using Surface Signal Approximation (2014)",
-        when: "fragments compute what changes slowly over a triangle (noise, fog, light of far or large lamps), on meshes whose triangles cover many pixels",
-        hurts: "where triangles are about as small as pixels, where varyings are the bottleneck, and in the picture where a value bends within a triangle",
+        summary: "moves slowly changing work of the fragment stage to the vertices, and \
+                  interpolates it",
+        source: "Wang et al., Automatic Shader Simplification using Surface Signal Approximation \
+                 (2014)",
+        when: "fragments compute what changes slowly over a triangle (noise, fog, light of far or \
+               large lamps), on meshes whose triangles cover many pixels",
+        hurts: "where triangles are about as small as pixels, where varyings are the bottleneck, \
+                and in the picture where a value bends within a triangle",
         reads_scene: true,
     };
 
@@ -146,8 +150,10 @@ impl Pass for Hoist {
             uses: &[
                 Use::Page("pages/leaf"),
                 Use::Picture {
-                    scene: "fixtures/scenes/teapot-specular.toml --camera article --size 240x220 --frames 1",
-                    caption: "a highlight computed at the vertices: it is off where it bends within a triangle",
+                    scene: "fixtures/scenes/teapot-specular.toml --camera article --size 240x220 \
+                            --frames 1",
+                    caption: "a highlight computed at the vertices: it is off where it bends \
+                              within a triangle",
                     rows: 1,
                 },
             ],
@@ -228,7 +234,8 @@ impl<'a> HoistMaterial<'a> {
         if plan.passes.len() > 1 {
             return refuse(
                 &shared::HAS_PREPASS,
-                "another pass of the plan draws the same surface with the vertex stage that `hoist` would rebuild",
+                "another pass of the plan draws the same surface with the vertex stage that \
+                 `hoist` would rebuild",
                 "hoist first, then add the pre-pass",
             );
         }
@@ -337,7 +344,8 @@ fn unknown_values(unknown: &[String]) -> Refusal {
         Hoist::INFO.name,
         &refusals::UNKNOWN_VALUES,
         not_here(unknown),
-        "choose again with `verify`: the shader was edited, or the values belong to another material",
+        "choose again with `verify`: the shader was edited, or the values belong to another \
+         material",
     )
 }
 

@@ -57,7 +57,8 @@ impl Pass for Shadow {
         summary: "the depth-only version of the material, to be drawn under a light's view",
         source: "falls out of depth-prepass: the same slices",
         when: "a light needs a shadow map of a material that cuts out or displaces",
-        hurts: "never by itself: the main pass is untouched and the host decides which lights draw it",
+        hurts: "never by itself: the main pass is untouched and the host decides which lights draw \
+                it",
         reads_scene: false,
     };
 
@@ -74,7 +75,8 @@ impl Pass for Shadow {
             Use::Growth,
             Use::Page("pages/leaf"),
             Use::Picture {
-                scene: "fixtures/scenes/lit-room.toml --size 256x144 --frames 1 --order front-to-back",
+                scene: "fixtures/scenes/lit-room.toml --size 256x144 --frames 1 --order \
+                        front-to-back",
                 caption: "the main pass is as it was; what is new is drawn under the light alone",
                 rows: 1,
             },
@@ -124,7 +126,12 @@ impl Pass for Shadow {
             let slice = opaque.decides.slice(&opaque.graph, fragment);
             coverage::reads_rasterised_depth(opaque.program, &slice)
         }) {
-            next.notes.push("what the shadow pass discards, or writes as depth, depends on the z of @builtin(position): there that is the light's depth, on some APIs with the bias in it that the host sets".to_owned());
+            next.notes.push(
+                "what the shadow pass discards, or writes as depth, depends on the z of \
+                 @builtin(position): there that is the light's depth, on some APIs with the bias \
+                 in it that the host sets"
+                    .to_owned(),
+            );
         }
         depth_pass::finish(&mut next, "original");
         if let Some(pass) = next.passes.iter_mut().find(|p| p.role == Role::Shadow) {
@@ -147,7 +154,8 @@ fn check(plan: &Plan) -> Result<Opaque<'_>, Vec<Refusal>> {
         return Err(vec![Refusal::new(
             Shadow::INFO.name,
             &shared::ALPHA_TO_COVERAGE,
-            "coverage comes from alpha, sample by sample, and a shadow map has one sample and no colour target to take alpha from",
+            "coverage comes from alpha, sample by sample, and a shadow map has one sample and no \
+             colour target to take alpha from",
             "test alpha by discard",
         )]);
     }

@@ -90,9 +90,13 @@ impl Pass for SkipTaps {
     const INFO: PassInfo = PassInfo {
         name: "skip-taps",
         summary: "leaves out texture taps whose blend weight is next to nothing, within a budget",
-        source: "Heitz and Neyret, High-Performance By-Example Noise (2018), and Mikkelsen, Practical Real-Time Hex-Tiling (2022), for the blends; Golus, Normal Mapping for a Triplanar Shader (2017), for the branch",
-        when: "textures are blended by weights that are mostly next to 0: hex tiling, triplanar mapping, layers of a terrain",
-        hurts: "where weights are seldom small, or differ from pixel to pixel: lanes that sample wait for nobody, but those that do not wait for them",
+        source: "Heitz and Neyret, High-Performance By-Example Noise (2018), and Mikkelsen, \
+                 Practical Real-Time Hex-Tiling (2022), for the blends; \
+                 Golus, Normal Mapping for a Triplanar Shader (2017), for the branch",
+        when: "textures are blended by weights that are mostly next to 0: hex tiling, triplanar \
+               mapping, layers of a terrain",
+        hurts: "where weights are seldom small, or differ from pixel to pixel: lanes that sample \
+                wait for nobody, but those that do not wait for them",
         reads_scene: false,
     };
 
@@ -116,8 +120,10 @@ impl Pass for SkipTaps {
             uses: &[
                 Use::Page("pages/rock"),
                 Use::Picture {
-                    scene: "fixtures/scenes/terrain-triplanar.toml --camera slope --size 256x144 --frames 1",
-                    caption: "a slope between two sides of its texture: off by two steps at most where a third one was left out",
+                    scene: "fixtures/scenes/terrain-triplanar.toml --camera slope --size 256x144 \
+                            --frames 1",
+                    caption: "a slope between two sides of its texture: off by two steps at most \
+                              where a third one was left out",
                     rows: 1,
                 },
             ],
@@ -192,8 +198,10 @@ fn skipped(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
                 "set budget=0.01 (of flip_mean, or with metric=max_abs), or threshold=0",
             ),
             false => (
-                "samples at an implicit level get explicit gradients, whose level some adapters round differently, and there is no budget",
-                "set budget=0.01 (of flip_mean, or with metric=max_abs), or sample with gradients or a level",
+                "samples at an implicit level get explicit gradients, whose level some adapters \
+                 round differently, and there is no budget",
+                "set budget=0.01 (of flip_mean, or with metric=max_abs), or sample with gradients \
+                 or a level",
             ),
         };
         return Err((refuse(&shared::NO_BUDGET, reason, remedy), left).into());

@@ -83,10 +83,13 @@ impl Pass for Specialize {
 
     const INFO: PassInfo = PassInfo {
         name: "specialize",
-        summary: "leaves out what the scene's own values switch off, with a guard that says which values",
+        summary: "leaves out what the scene's own values switch off, with a guard that says which \
+                  values",
         source: "Crawford and O'Boyle, Specialization Opportunities in Graphical Workloads (2019)",
-        when: "one material serves many objects, and uniforms switch its effects on and off (engine standard materials)",
-        hurts: "where values change from frame to frame, and where many draws want many variants: each is another pipeline",
+        when: "one material serves many objects, and uniforms switch its effects on and off \
+               (engine standard materials)",
+        hurts: "where values change from frame to frame, and where many draws want many variants: \
+                each is another pipeline",
         reads_scene: true,
     };
 
@@ -103,8 +106,10 @@ impl Pass for Specialize {
                 Use::Simplify,
                 Use::Ahead(0),
                 Use::Picture {
-                    scene: "fixtures/scenes/museum.toml --size 256x144 --frames 1 --order front-to-back",
-                    caption: "one shader for all exhibits, a version for each kind: the same picture",
+                    scene: "fixtures/scenes/museum.toml --size 256x144 --frames 1 --order \
+                            front-to-back",
+                    caption: "one shader for all exhibits, a version for each kind: the same \
+                              picture",
                     rows: 1,
                 },
             ],
@@ -130,23 +135,28 @@ impl Pass for Specialize {
             uses: &[Use::Compile],
         },
         Example {
-            recipe: "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,depth-prepass:form=equal",
+            recipe: "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,\
+                     depth-prepass:form=equal",
             uses: &[Use::Compile],
         },
         Example {
-            recipe: "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,early-discard:texture=float",
+            recipe: "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,\
+                     early-discard:texture=float",
             uses: &[Use::Compile],
         },
         Example {
-            recipe: "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,hoist:budget=0.02,finite=assumed,jumps=carried",
+            recipe: "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,\
+                     hoist:budget=0.02,finite=assumed,jumps=carried",
             uses: &[Use::Compile],
         },
         Example {
-            recipe: "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,skip-taps:budget=1",
+            recipe: "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,\
+                     skip-taps:budget=1",
             uses: &[Use::Compile],
         },
         Example {
-            recipe: "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,visibility-buffer:formats=any,budget=1",
+            recipe: "specialize:set=material.flags=3+hall.fog_density=0+hall.light_count=2+morph_targets=0,\
+                     visibility-buffer:formats=any,budget=1",
             uses: &[Use::Compile],
         },
         Example {
@@ -239,10 +249,12 @@ impl Specialized {
                 match assumptions.values.is_empty() {
                     true => "no value of the material is known to be constant",
                     false => {
-                        "no branch, selection or integer depends on a value that is known to be constant"
+                        "no branch, selection or integer depends on a value that is known to be \
+                         constant"
                     }
                 },
-                "give it a scene, or values by hand (specialize:set=NAME=NUMBER); fold=rounding also folds weights of 0 and 1",
+                "give it a scene, or values by hand (specialize:set=NAME=NUMBER); \
+                 fold=rounding also folds weights of 0 and 1",
             )));
         }
         let set = assumptions.set_overrides();
@@ -319,7 +331,8 @@ impl Specialized {
         let [[vertex, less], [fragment, left]] = self.cost;
         let names: Vec<String> = self.guard.values.iter().map(ToString::to_string).collect();
         format!(
-            "with {}: a fragment costs {left:.0} ops instead of {fragment:.0}, a vertex {less:.0} instead of {vertex:.0}",
+            "with {}: a fragment costs {left:.0} ops instead of {fragment:.0}, a vertex {less:.0} \
+             instead of {vertex:.0}",
             names.join(", ")
         )
     }
@@ -390,7 +403,8 @@ fn examine(plan: &Plan) -> Result<(&GpuPass, &Program), Box<Refusal>> {
     if plan.passes.len() > 1 || !plan.compute.is_empty() || !pass.geometry.is_as_given() {
         return Err(Box::new(refusal(
             &shared::NOT_FIRST,
-            "another pass of the plan draws the same surface with copies of the stages that would change",
+            "another pass of the plan draws the same surface with copies of the stages that would \
+             change",
             "specialise first, then apply the other passes",
         )));
     }

@@ -142,10 +142,14 @@ impl Pass for Tessellate {
 
     const INFO: PassInfo = PassInfo {
         name: "tessellate",
-        summary: "divides the triangles of a hoisted material, so that hoisted values are computed at more vertices",
-        source: "Wang et al., Automatic Shader Simplification using Surface Signal Approximation (2014)",
-        when: "`hoist` gains much and its error is too large: triangles are large, and hoisted values are not linear within them",
-        hurts: "where triangles are already small: each new vertex computes the hoisted values and interpolates three corners",
+        summary: "divides the triangles of a hoisted material, so that hoisted values are computed \
+                  at more vertices",
+        source: "Wang et al., Automatic Shader Simplification using Surface Signal Approximation \
+                 (2014)",
+        when: "`hoist` gains much and its error is too large: triangles are large, and hoisted \
+               values are not linear within them",
+        hurts: "where triangles are already small: each new vertex computes the hoisted values and \
+                interpolates three corners",
         reads_scene: true,
     };
 
@@ -161,11 +165,13 @@ impl Pass for Tessellate {
             uses: &[Use::Compile],
         },
         Example {
-            recipe: "hoist:budget=0.02,finite=assumed,jumps=carried,tessellate:level=2,pattern=uniform,form=shared",
+            recipe: "hoist:budget=0.02,finite=assumed,jumps=carried,tessellate:level=2,\
+                     pattern=uniform,form=shared",
             uses: &[Use::Compile],
         },
         Example {
-            recipe: "hoist:budget=0.02,finite=assumed,jumps=carried,tessellate:level=2,depth-prepass",
+            recipe: "hoist:budget=0.02,finite=assumed,jumps=carried,tessellate:level=2,\
+                     depth-prepass",
             uses: &[Use::Compile],
         },
         Example {
@@ -181,7 +187,8 @@ impl Pass for Tessellate {
             uses: &[
                 Use::Page("pages/leaf"),
                 Use::Picture {
-                    scene: "fixtures/scenes/teapot-specular.toml --camera article --size 240x220 --frames 1",
+                    scene: "fixtures/scenes/teapot-specular.toml --camera article --size 240x220 \
+                            --frames 1",
                     caption: "the highlight of `hoist` at sixteen times the triangles: less is off",
                     rows: 1,
                 },
@@ -285,7 +292,9 @@ impl DividedMaterial<'_> {
             ),
         };
         format!(
-            "{level}: {} triangles in place of each, {} vertices, {form}; clip position and varyings are interpolated, hoisted values are computed at each{when}",
+            "{level}: {} triangles in place of each, {} vertices, {form}; \
+             clip position and varyings are interpolated, hoisted values are computed at \
+             each{when}",
             subdivision.indices.len() / 3,
             subdivision.vertices.len(),
         )

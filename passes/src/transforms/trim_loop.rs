@@ -88,10 +88,14 @@ impl Pass for TrimLoop {
 
     const INFO: PassInfo = PassInfo {
         name: "trim-loop",
-        summary: "leaves out the last iterations of loops, such as octaves of noise, within a budget",
-        source: "Pellacini, User-Configurable Automatic Shader Simplification (2005); Sitthi-Amorn et al., Genetic Programming for Shader Simplification (2011)",
-        when: "a loop over octaves, march steps or filter samples has more iterations than the scene shows",
-        hurts: "where the last iterations are visible: a sum that is not divided by its weights gets darker",
+        summary: "leaves out the last iterations of loops, such as octaves of noise, within a \
+                  budget",
+        source: "Pellacini, User-Configurable Automatic Shader Simplification (2005); \
+                 Sitthi-Amorn et al., Genetic Programming for Shader Simplification (2011)",
+        when: "a loop over octaves, march steps or filter samples has more iterations than the \
+               scene shows",
+        hurts: "where the last iterations are visible: a sum that is not divided by its weights \
+                gets darker",
         reads_scene: false,
     };
 
@@ -117,8 +121,10 @@ impl Pass for TrimLoop {
             uses: &[
                 Use::Page("pages/leaf"),
                 Use::Picture {
-                    scene: "fixtures/scenes/teapot-noise.toml --camera article --size 240x220 --frames 1",
-                    caption: "noise without its last octave: fine detail is missing everywhere, by four steps at most",
+                    scene: "fixtures/scenes/teapot-noise.toml --camera article --size 240x220 \
+                            --frames 1",
+                    caption: "noise without its last octave: fine detail is missing everywhere, by \
+                              four steps at most",
                     rows: 1,
                 },
             ],
@@ -281,7 +287,8 @@ fn found(
                 }
                 Some(c) => match series::scene_data(graph, *id, &c).filter(|_| !ebbs) {
                     Some(read) => Err(Cow::Owned(format!(
-                        "it reads `{read}` by its counter: its last iteration may be as important as its first"
+                        "it reads `{read}` by its counter: its last iteration may be as important \
+                         as its first"
                     ))),
                     None => Ok(c),
                 },

@@ -75,8 +75,12 @@ impl Pass for VisibilityBuffer {
         name: "visibility-buffer",
         summary: "draws which triangle each pixel shows, then shades each pixel once",
         source: "Burns and Hunt, The Visibility Buffer (JCGT 2013)",
-        when: "a pixel is covered many times by small triangles (grass, crowds, foliage), cut-outs keep the early test from helping, and the host can bind vertices as storage buffers; else a depth-prepass is simpler and mostly as fast",
-        hurts: "where little is hidden or vertices are expensive: each shaded pixel fetches and runs three vertices; and where neighbouring pixels show far-apart instances, whose data no cache holds",
+        when: "a pixel is covered many times by small triangles (grass, crowds, foliage), cut-outs \
+               keep the early test from helping, and the host can bind vertices as storage \
+               buffers; else a depth-prepass is simpler and mostly as fast",
+        hurts: "where little is hidden or vertices are expensive: each shaded pixel fetches and \
+                runs three vertices; and where neighbouring pixels show far-apart instances, whose \
+                data no cache holds",
         reads_scene: true,
     };
 
@@ -98,8 +102,10 @@ impl Pass for VisibilityBuffer {
             uses: &[
                 Use::Plan,
                 Use::Picture {
-                    scene: "fixtures/scenes/grass.toml --size 256x144 --frames 1 --order front-to-back --set instances=20000",
-                    caption: "a meadow: each pixel is shaded once, after it is known which blade it shows",
+                    scene: "fixtures/scenes/grass.toml --size 256x144 --frames 1 --order \
+                            front-to-back --set instances=20000",
+                    caption: "a meadow: each pixel is shaded once, after it is known which blade \
+                              it shows",
                     rows: 2,
                 },
             ],
@@ -329,7 +335,8 @@ impl<'a> SplitMaterial<'a> {
             Lists::Bins => "a resolve of the draw's pixels, sorted by instance,",
         };
         format!(
-            "an id pass of {vertex}{covers}, triangles {triangles}; {over} that {corners} the fragment stage once a pixel"
+            "an id pass of {vertex}{covers}, triangles {triangles}; \
+             {over} that {corners} the fragment stage once a pixel"
         )
     }
 
@@ -426,10 +433,12 @@ impl<'a> SplitMaterial<'a> {
         Err(Box::new(refuse(
             &refusals::TOO_MANY_VARYINGS,
             format!(
-                "the id pass has the author's varyings and the id, {} in all, which is more than the material requires of a device ({LIMIT})",
+                "the id pass has the author's varyings and the id, {} in all, which is more than \
+                 the material requires of a device ({LIMIT})",
                 asked(ids)
             ),
-            "mark the position @invariant; or set vertex=sliced, which needs only the id; or set vertex=same if your devices have the limit",
+            "mark the position @invariant; or set vertex=sliced, which needs only the id; \
+             or set vertex=same if your devices have the limit",
         )))
     }
 

@@ -14,7 +14,8 @@ use crate::common;
 fn module(body: &str) -> Module {
     let source = format!(
         "fn f(p: vec3<f32>, q: vec2<f32>) -> vec3<f32> {{ {body} }}
-@fragment fn fs(@location(0) p: vec3<f32>, @location(1) q: vec2<f32>) -> @location(0) vec4<f32> {{ return vec4(f(p, q), 1.0); }}"
+@fragment fn fs(@location(0) p: vec3<f32>, @location(1) q: vec2<f32>) -> @location(0) vec4<f32> {{ \
+    return vec4(f(p, q), 1.0); }}"
     );
     common::program(&source).module().clone()
 }
@@ -88,7 +89,8 @@ const TRIANGLE: [Corner; 3] = [
 #[test]
 fn what_is_affine_has_no_remainder() {
     let module = module(
-        "let m = mat3x3<f32>(1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0); return m * p * 0.5 + vec3(q, 1.0) / 3.0;",
+        "let m = mat3x3<f32>(1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0); \
+         return m * p * 0.5 + vec3(q, 1.0) / 3.0;",
     );
     assert_eq!(bounds(&module, TRIANGLE, 1).unwrap(), [0.0; 3]);
 }
@@ -161,7 +163,8 @@ fn with_a_constant(expression: &str, constant: f32) -> (Result<Vec<Distance>, St
     let source = format!(
         "@group(0) @binding(0) var<uniform> u: f32;
         fn f(p: vec2<f32>) -> f32 {{ {expression} }}
-        @fragment fn fs(@location(0) p: vec2<f32>) -> @location(0) vec4<f32> {{ return vec4(f(p)); }}"
+        @fragment fn fs(@location(0) p: vec2<f32>) -> @location(0) vec4<f32> {{ \
+            return vec4(f(p)); }}"
     );
     let module = common::program(&source).module().clone();
     let (_, function) = module.functions.iter().next().unwrap();
@@ -374,8 +377,10 @@ proptest! {
         for weights in lattice(4) {
             let at = between(corners, weights);
             let (shadowed, _) = shadowed(&module, at);
-            prop_assert!(found[0].contains(f64::from(shadowed[0].value)), "{text} at {at:?}: {found:?} without {shadowed:?}");
-            prop_assert!(found[0].contains(shadowed[0].truth), "{text} at {at:?}: {found:?} without {shadowed:?}");
+            prop_assert!(found[0].contains(f64::from(shadowed[0].value)), "{text} at {at:?}: \
+                {found:?} without {shadowed:?}");
+            prop_assert!(found[0].contains(shadowed[0].truth), "{text} at {at:?}: {found:?} \
+                without {shadowed:?}");
         }
     }
 
@@ -457,7 +462,8 @@ fn flips_are_counted_and_not_taken() {
             1,
         ),
         (
-            "return vec3(2.0) + refract(vec3(0.0, 0.6, -0.8), vec3(0.0, 0.0, 1.0), 2.0 - 3.0 * (p.x + 1e8 - 1e8));",
+            "return vec3(2.0) + refract(vec3(0.0, 0.6, -0.8), vec3(0.0, 0.0, 1.0), 2.0 - 3.0 * \
+             (p.x + 1e8 - 1e8));",
             1,
         ),
         (

@@ -21,7 +21,8 @@ struct Varyings {{
     @location(0) {varying} uv: vec2<f32>,
     @location(1) normal: vec3<f32>,
 }}
-@vertex fn vs(@location(0) position: vec3<f32>, @location(1) normal: vec3<f32>, @location(2) uv: vec2<f32>) -> Varyings {{
+@vertex fn vs(@location(0) position: vec3<f32>, @location(1) normal: vec3<f32>, \
+    @location(2) uv: vec2<f32>) -> Varyings {{
     return Varyings(u.mvp * vec4<f32>(position, 1.0), uv, normal);
 }}
 @fragment fn fs(in: Varyings{arguments}) -> @location(0) vec4<f32> {{

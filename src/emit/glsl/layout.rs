@@ -292,7 +292,8 @@ mod tests {
         let padded = padded_struct(text, &floats).unwrap_or_else(|Unexpected(e)| e);
         assert_eq!(
             padded,
-            "struct S {\n    float a;\n    float padding_1_0;\n    vec2 b[2];\n    float c;\n    float padding_3_0;\n    float padding_3_1;\n};"
+            "struct S {\n    float a;\n    float padding_1_0;\n    vec2 b[2];\n    float c;\n    \
+             float padding_3_0;\n    float padding_3_1;\n};"
         );
         let of = HashMap::from([("S".to_owned(), floats)]);
         assert_eq!(

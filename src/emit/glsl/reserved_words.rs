@@ -2,24 +2,49 @@
 //! of both) and built-in functions (chapter 8).
 
 /// Keywords and reserved words, except for type names that [`is_type`] recognises.
-const KEYWORDS: &str = "active asm atomic_uint attribute bool break buffer case cast centroid class coherent common const continue default demote discard do double else \
-    enum extern external false filter fixed flat float for goto half highp hvec2 hvec3 hvec4 if inline inout input in int interface invariant layout long lowp mediump \
-    namespace noinline noperspective out output packed partition patch precise precision public readonly resource restrict return sample sampler samplerShadow \
-    shared short sizeof smooth static struct subroutine superp switch template this true typedef uint uniform union \
-    unsigned using varying void volatile while writeonly main";
+const KEYWORDS: &str = "active asm atomic_uint attribute bool break buffer case cast centroid \
+                        class coherent common const continue default demote discard do double else \
+                        enum extern external false filter fixed flat float for goto half highp \
+                        hvec2 hvec3 hvec4 if inline inout input in int interface invariant layout \
+                        long lowp mediump \
+                        namespace noinline noperspective out output packed partition patch precise \
+                        precision public readonly resource restrict return sample sampler \
+                        samplerShadow \
+                        shared short sizeof smooth static struct subroutine superp switch template \
+                        this true typedef uint uniform union \
+                        unsigned using varying void volatile while writeonly main";
 
 /// Built-in functions.
-const FUNCTIONS: &str = "abs acos acosh all any asin asinh atan atanh atomicAdd atomicAnd atomicCompSwap atomicCounter atomicExchange atomicMax atomicMin atomicOr \
-    atomicXor barrier bitCount bitfieldExtract bitfieldInsert bitfieldReverse ceil clamp cos cosh cross dFdx dFdxCoarse dFdxFine dFdy dFdyCoarse dFdyFine degrees \
-    determinant distance dot equal exp exp2 faceforward findLSB findMSB floatBitsToInt floatBitsToUint floor fma fract frexp fwidth fwidthCoarse fwidthFine \
-    greaterThan greaterThanEqual groupMemoryBarrier imageAtomicAdd imageLoad imageSize imageStore imulExtended intBitsToFloat interpolateAtCentroid \
-    interpolateAtOffset interpolateAtSample inverse inversesqrt isinf isnan ldexp length lessThan lessThanEqual log log2 matrixCompMult max memoryBarrier \
-    memoryBarrierBuffer memoryBarrierImage memoryBarrierShared min mix mod modf noise1 noise2 noise3 noise4 normalize not notEqual outerProduct packDouble2x32 \
-    packHalf2x16 packSnorm2x16 packSnorm4x8 packUnorm2x16 packUnorm4x8 pow radians reflect refract round roundEven sign sin sinh smoothstep sqrt step tan tanh \
-    texelFetch texelFetchOffset texture textureGather textureGatherOffset textureGatherOffsets textureGrad textureGradOffset textureLod textureLodOffset \
-    textureOffset textureProj textureProjGrad textureProjGradOffset textureProjLod textureProjLodOffset textureProjOffset textureQueryLevels textureQueryLod \
-    textureSamples textureSize transpose trunc uaddCarry uintBitsToFloat umulExtended unpackDouble2x32 unpackHalf2x16 unpackSnorm2x16 unpackSnorm4x8 \
-    unpackUnorm2x16 unpackUnorm4x8 usubBorrow shadow1D shadow2D texture1D texture2D texture3D textureCube texture2DLod texture2DProj textureCubeLod";
+const FUNCTIONS: &str = "abs acos acosh all any asin asinh atan atanh atomicAdd atomicAnd \
+                         atomicCompSwap atomicCounter atomicExchange atomicMax atomicMin atomicOr \
+                         atomicXor barrier bitCount bitfieldExtract bitfieldInsert bitfieldReverse \
+                         ceil clamp cos cosh cross dFdx dFdxCoarse dFdxFine dFdy dFdyCoarse \
+                         dFdyFine degrees \
+                         determinant distance dot equal exp exp2 faceforward findLSB findMSB \
+                         floatBitsToInt floatBitsToUint floor fma fract frexp fwidth fwidthCoarse \
+                         fwidthFine \
+                         greaterThan greaterThanEqual groupMemoryBarrier imageAtomicAdd imageLoad \
+                         imageSize imageStore imulExtended intBitsToFloat interpolateAtCentroid \
+                         interpolateAtOffset interpolateAtSample inverse inversesqrt isinf isnan \
+                         ldexp length lessThan lessThanEqual log log2 matrixCompMult max \
+                         memoryBarrier \
+                         memoryBarrierBuffer memoryBarrierImage memoryBarrierShared min mix mod \
+                         modf noise1 noise2 noise3 noise4 normalize not notEqual outerProduct \
+                         packDouble2x32 \
+                         packHalf2x16 packSnorm2x16 packSnorm4x8 packUnorm2x16 packUnorm4x8 pow \
+                         radians reflect refract round roundEven sign sin sinh smoothstep sqrt \
+                         step tan tanh \
+                         texelFetch texelFetchOffset texture textureGather textureGatherOffset \
+                         textureGatherOffsets textureGrad textureGradOffset textureLod \
+                         textureLodOffset \
+                         textureOffset textureProj textureProjGrad textureProjGradOffset \
+                         textureProjLod textureProjLodOffset textureProjOffset textureQueryLevels \
+                         textureQueryLod \
+                         textureSamples textureSize transpose trunc uaddCarry uintBitsToFloat \
+                         umulExtended unpackDouble2x32 unpackHalf2x16 unpackSnorm2x16 \
+                         unpackSnorm4x8 \
+                         unpackUnorm2x16 unpackUnorm4x8 usubBorrow shadow1D shadow2D texture1D \
+                         texture2D texture3D textureCube texture2DLod texture2DProj textureCubeLod";
 
 /// Whether a variable of that name would hide a function or keyword.
 pub(super) fn is_reserved(word: &str) -> bool {

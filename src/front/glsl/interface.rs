@@ -219,7 +219,10 @@ impl Interface {
                             let place = of.members.first().and_then(|m| m.place);
                             return Err(Error::new(
                                 Code::Link,
-                                format!("the two stages declare the struct `{name}` of a uniform differently"),
+                                format!(
+                                    "the two stages declare the struct `{name}` of a uniform \
+                                     differently"
+                                ),
                             )
                             .label_if(place));
                         }
@@ -315,7 +318,8 @@ impl Interface {
                 return Err(Error::new(
                     Code::Interface,
                     format!(
-                        "the varying `{}` is a {} in the vertex stage and a {} in the fragment stage",
+                        "the varying `{}` is a {} in the vertex stage and a {} in the fragment \
+                         stage",
                         input.name,
                         output.ty.name(),
                         input.ty.name()

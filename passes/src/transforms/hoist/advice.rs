@@ -76,22 +76,31 @@ impl Advice {
                 "give the pass a budget (hoist:budget=0.01) if the picture may differ a little"
             }
             Self::Allow => {
-                "leave `allow` out and give a budget (hoist:budget=0.01) if the picture may differ a little"
+                "leave `allow` out and give a budget (hoist:budget=0.01) if the picture may differ \
+                 a little"
             }
             Self::Finite => {
-                "the values that would pay may be NaN or infinite at a vertex: run `preshade verify` with hoist:budget=0.01, which measures them and prints what `rewrite` may hoist; or assume that they are finite: hoist:budget=0.01,finite=assumed"
+                "the values that would pay may be NaN or infinite at a vertex: run `preshade \
+                 verify` with hoist:budget=0.01, which measures them and prints what `rewrite` may \
+                 hoist; or assume that they are finite: hoist:budget=0.01,finite=assumed"
             }
             Self::Jumps => {
-                "the values that would pay depend on a discontinuity (`preshade explain` names it): run `preshade verify` with hoist:budget=0.01, which measures them and prints what `rewrite` may hoist; or add jumps=carried to the budget, which assumes that they change slowly over a triangle, as noise does"
+                "the values that would pay depend on a discontinuity (`preshade explain` names \
+                 it): run `preshade verify` with hoist:budget=0.01, which measures them and prints \
+                 what `rewrite` may hoist; or add jumps=carried to the budget, which assumes that \
+                 they change slowly over a triangle, as noise does"
             }
             Self::Error => {
-                "allow a larger error; `preshade explain` lists the values that are not hoisted, and why"
+                "allow a larger error; `preshade explain` lists the values that are not hoisted, \
+                 and why"
             }
             Self::Choice => {
-                "choose again with `verify`: hoisting the values that `carry` names does not pay here"
+                "choose again with `verify`: hoisting the values that `carry` names does not pay \
+                 here"
             }
             Self::Nothing => {
-                "leave the material as it is: no budget would help; `preshade explain` lists the values that are not hoisted, and why"
+                "leave the material as it is: no budget would help; \
+                 `preshade explain` lists the values that are not hoisted, and why"
             }
         };
         Refusal::new(

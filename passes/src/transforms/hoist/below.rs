@@ -228,7 +228,8 @@ mod tests {
     /// Statements that each use two earlier values, some in loops.
     fn program(statements: usize) -> Program {
         let mut text = String::from(
-            "@fragment fn fs(@location(0) a: f32) -> @location(0) vec4<f32> {\nvar x = a;\nlet v0 = a * 2.0;\n",
+            "@fragment fn fs(@location(0) a: f32) -> @location(0) vec4<f32> {\nvar x = a;\n\
+             let v0 = a * 2.0;\n",
         );
         for i in 1..statements {
             let (far, near) = ((i * 7919) % i, i - 1 - (i % 5).min(i - 1));

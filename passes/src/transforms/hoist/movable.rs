@@ -135,12 +135,14 @@ impl std::fmt::Display for Missed {
             Self::Discontinuous { operation } => {
                 write!(
                     f,
-                    "`{operation}` has a discontinuity, and interpolation would give values in between"
+                    "`{operation}` has a discontinuity, and interpolation would give values in \
+                     between"
                 )
             }
             Self::Reaches { operation } => write!(
                 f,
-                "`{operation}` is applied to this value later, so a tiny interpolation error would become a full step"
+                "`{operation}` is applied to this value later, so a tiny interpolation error would \
+                 become a full step"
             ),
             Self::NotChosen => f.write_str("it is not among the chosen values"),
             Self::Measured { error } => write!(f, "hoisted alone, it causes an error of {error}"),
@@ -150,11 +152,13 @@ impl std::fmt::Display for Missed {
             Self::NotMeasured => f.write_str("its error was not measured"),
             Self::MayNotBeFinite { operation } => write!(
                 f,
-                "`{operation}` may be NaN or infinite at a vertex, which would spoil the whole triangle"
+                "`{operation}` may be NaN or infinite at a vertex, which would spoil the whole \
+                 triangle"
             ),
             Self::MayOverflow { operation } => write!(
                 f,
-                "`{operation}` may overflow `f32` at a vertex, which would spoil the whole triangle (without a scene, inputs are assumed to be below 2^20)"
+                "`{operation}` may overflow `f32` at a vertex, which would spoil the whole \
+                 triangle (without a scene, inputs are assumed to be below 2^20)"
             ),
         }
     }
@@ -416,9 +420,13 @@ fn what_pins(values: &Values<'_, '_>, pin: Option<ValueId>) -> String {
         Node::Expression(context, e, _) => {
             let expression = &values.function(*context).function.expressions[*e];
             match effect::of_expression(expression) {
-                Some(effect::Effect::Derivative) => "it depends on a derivative, which cannot be computed per vertex".to_owned(),
+                Some(effect::Effect::Derivative) => "it depends on a derivative, which cannot be \
+                    computed per vertex"
+                    .to_owned(),
                 Some(effect::Effect::ImplicitLod) => {
-                    "it depends on a texture sample at an implicit level of detail, which needs derivatives and cannot run per vertex".to_owned()
+                    "it depends on a texture sample at an implicit level of detail, which needs \
+                     derivatives and cannot run per vertex"
+                        .to_owned()
                 }
                 _ => "it depends on memory that shader invocations write".to_owned(),
             }

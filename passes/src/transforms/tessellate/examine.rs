@@ -132,7 +132,8 @@ impl<'a> DividedMaterial<'a> {
         if !matches!(hoist.contract, Contract::Approximate { .. }) {
             return Err(refuse(
                 &refusals::NOTHING_BENDS,
-                "every hoisted value is linear over a triangle, so more vertices would only cost time",
+                "every hoisted value is linear over a triangle, so more vertices would only cost \
+                 time",
                 "give `hoist` a budget, so that it moves nonlinear values too",
             ));
         }
@@ -140,7 +141,8 @@ impl<'a> DividedMaterial<'a> {
             return Err(refuse(
                 &shared::HAS_PREPASS,
                 "another pass of the plan draws the same surface without dividing it",
-                "apply `tessellate` first, then the pre-pass, which then divides triangles the same way",
+                "apply `tessellate` first, then the pre-pass, which then divides triangles the \
+                 same way",
             ));
         }
         if !pass.geometry.is_as_given() || !plan.compute.is_empty() {
@@ -172,7 +174,8 @@ impl<'a> DividedMaterial<'a> {
         let (compute, entry, _) = built.map_err(|why| match why.as_str() {
             fixed::NO_CORNERS => refuse(
                 &refusals::NO_ATTRIBUTES,
-                "the hoisted values read no vertex buffer (vertices are computed from their index), which form=static does not support",
+                "the hoisted values read no vertex buffer (vertices are computed from their \
+                 index), which form=static does not support",
                 "use form=shared",
             ),
             _ => Box::new(Refusal::bug(Tessellate::INFO.name, why)),
@@ -213,10 +216,12 @@ impl<'a> DividedMaterial<'a> {
             return Err(refuse(
                 &refusals::CHANGES,
                 format!(
-                    "the hoisted values read {}, which changes between the frames of the scene, so they cannot be computed once at load",
+                    "the hoisted values read {}, which changes between the frames of the scene, so \
+                     they cannot be computed once at load",
                     quoted(&changing)
                 ),
-                "use form=shared; or set its value in the scene (`values`), if the host never changes it",
+                "use form=shared; or set its value in the scene (`values`), if the host never \
+                 changes it",
             ));
         }
         let unknown: Vec<&Read> = reads.iter().filter(|r| !is_promised(r)).collect();
@@ -225,7 +230,8 @@ impl<'a> DividedMaterial<'a> {
             return Err(refuse(
                 &refusals::MAY_CHANGE,
                 format!(
-                    "the hoisted values read {}, and without a scene preshade cannot know whether it changes between frames",
+                    "the hoisted values read {}, and without a scene preshade cannot know whether \
+                     it changes between frames",
                     quoted(&unknown)
                 ),
                 &format!("if none of them changes, set fixed={}", names.join("+")),
@@ -248,14 +254,16 @@ impl<'a> DividedMaterial<'a> {
                 AddressSpace::Private => refuse(
                     &shared::VERTEX_STATE,
                     format!(
-                        "the vertex stage keeps state in the private variable `{name}`, and it would run several times in one invocation"
+                        "the vertex stage keeps state in the private variable `{name}`, and it \
+                         would run several times in one invocation"
                     ),
                     "make the variable local",
                 ),
                 _ => refuse(
                     &refusals::VERTEX_STORES,
                     format!(
-                        "the vertex stage writes `{name}`, and it would run more often than the material has vertices"
+                        "the vertex stage writes `{name}`, and it would run more often than the \
+                         material has vertices"
                     ),
                     "move the writes to a pass of their own",
                 ),
@@ -308,7 +316,8 @@ impl<'a> DividedMaterial<'a> {
         Err(refuse(
             &refusals::STORAGE_BUFFERS,
             format!(
-                "its {stage} stage would read {count} storage buffers, and WebGPU guarantees {STORAGE_BUFFERS} (maxStorageBuffersPerShaderStage)"
+                "its {stage} stage would read {count} storage buffers, and WebGPU guarantees \
+                 {STORAGE_BUFFERS} (maxStorageBuffersPerShaderStage)"
             ),
             "pack attributes into fewer buffers",
         ))
@@ -327,7 +336,8 @@ impl<'a> DividedMaterial<'a> {
             {
                 return Err(refuse(
                     &refusals::KNOWS_TRIANGLES,
-                    "the fragment stage reads a triangle index or barycentric coordinates, which dividing the triangle changes",
+                    "the fragment stage reads a triangle index or barycentric coordinates, which \
+                     dividing the triangle changes",
                     "pass them as varyings",
                 ));
             }

@@ -86,8 +86,10 @@ pub fn native(plan: &Plan) -> Result<Native, Box<Refusal>> {
     if !plan.steps.last().is_some_and(is_hoist) {
         return Err(refuse(
             &refusals::NOT_LAST,
-            "tessellation stages are made from the vertex stage that `hoist` built, and a later pass replaced it",
-            "put `hoist` last: the stages divide triangles themselves, at a level that the host chooses",
+            "tessellation stages are made from the vertex stage that `hoist` built, and a later \
+             pass replaced it",
+            "put `hoist` last: the stages divide triangles themselves, at a level that the host \
+             chooses",
         ));
     }
     let found = match (&plan.passes[..], &plan.compute[..]) {

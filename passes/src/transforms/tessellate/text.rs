@@ -236,7 +236,8 @@ impl Text<'_> {
     instance: u32,
 }}
 fn tessellated_weights(packed: u32) -> vec3<f32> {{
-    return vec3<f32>(vec3<u32>(packed, packed >> 8u, packed >> 16u) & vec3<u32>(255u)) / {denominator}.0;
+    return vec3<f32>(vec3<u32>(packed, packed >> 8u, packed >> 16u) & vec3<u32>(255u)) / \
+        {denominator}.0;
 }}
 "
             );
@@ -256,7 +257,8 @@ fn tessellated_weights(packed: u32) -> vec3<f32> {{
     let drawn = (instance % tessellation.batches) * {batch}u + vertex / {vertices}u;
     let triangle = min(drawn, tessellation.triangles - 1u);
     let at_first_corner = {denominator}u;
-    let packed = select(at_first_corner, tessellation_pattern[vertex % {vertices}u], drawn < tessellation.triangles);
+    let packed = select(at_first_corner, tessellation_pattern[vertex % {vertices}u], drawn < \
+        tessellation.triangles);
     let first = tessellated_corner(triangle, 0u);
     let all = vec3<u32>(first, tessellated_corner(triangle, 1u), tessellated_corner(triangle, 2u));
     let order = vec3<u32>(packed >> 24u, packed >> 26u, packed >> 28u) & vec3<u32>(3u);
@@ -292,8 +294,10 @@ fn tessellated_place(vertex: u32, instance: u32) -> TessellatedPlace {{
     let triangle = min(drawn, tessellation.triangles - 1u);
     let beyond_all_rows = 255u;
     return TessellatedPlace(
-        vec3<u32>(tessellated_corner(triangle, 0u), tessellated_corner(triangle, 1u), tessellated_corner(triangle, 2u)),
-        select(beyond_all_rows, tessellation_pattern[vertex % {vertices}u], drawn < tessellation.triangles),
+        vec3<u32>(tessellated_corner(triangle, 0u), tessellated_corner(triangle, 1u), \
+            tessellated_corner(triangle, 2u)),
+        select(beyond_all_rows, tessellation_pattern[vertex % {vertices}u], drawn < \
+            tessellation.triangles),
         tessellation.first_instance + instance / tessellation.batches,
     );
 }}
@@ -306,7 +310,8 @@ fn tessellated_place(vertex: u32, instance: u32) -> TessellatedPlace {{
                     out,
                     "fn tessellated_place(vertex: u32, instance: u32) -> TessellatedPlace {{
     let at = vertex * 4u;
-    let corners = vec3<u32>(tessellation_pattern[at], tessellation_pattern[at + 1u], tessellation_pattern[at + 2u]);
+    let corners = vec3<u32>(tessellation_pattern[at], tessellation_pattern[at + 1u], \
+        tessellation_pattern[at + 2u]);
     return TessellatedPlace(
         corners + vec3<u32>(tessellation.base_vertex),
         tessellated_weights(tessellation_pattern[at + 3u]),
@@ -346,7 +351,8 @@ fn blend(out: &mut String, width: u8) {
     };
     let _ = write!(
         out,
-        "fn tessellated_blend_{width}_(weights: vec3<f32>, swap: bool, a: {ty}, b: {ty}, c: {ty}) -> {ty} {{
+        "fn tessellated_blend_{width}_(weights: vec3<f32>, swap: bool, a: {ty}, b: {ty}, c: {ty}) \
+         -> {ty} {{
     let first = select(a, b, swap);
     let second = select(b, a, swap);
     return first + (second - first) * weights.y + (c - first) * weights.z;

@@ -84,7 +84,8 @@ impl Failed {
 pub fn remedy(info: &RefusalInfo) -> &'static str {
     match info.code {
         "gradient-in-loop" => {
-            "compute the derivative before the loop; within it, sample with explicit gradients or an explicit level"
+            "compute the derivative before the loop; within it, sample with explicit gradients or \
+             an explicit level"
         }
         "no-gradient-form" => {
             "use textureSampleCompareLevel, which samples level 0, or sample an explicit level"
@@ -342,7 +343,9 @@ fn sites(values: &Values<'_, '_>, like: &Rasterizer) -> Result<Sites, Failed> {
         {
             return Err(Failed::Refused(
                 &refusals::NO_GRADIENT_FORM,
-                "a texture is sampled at an implicit level of detail, and its type cannot be sampled with gradients".to_owned(),
+                "a texture is sampled at an implicit level of detail, and its type cannot be \
+                 sampled with gradients"
+                    .to_owned(),
                 span,
             ));
         }
@@ -548,7 +551,8 @@ impl Round {
         });
         Failed::Refused(
             &refusals::GRADIENT_OF_GRADIENT,
-            "a derivative, or an implicit level of detail, depends on another derivative, and that of the neighbours is not available".to_owned(),
+            "a derivative, or an implicit level of detail, depends on another derivative, and that \
+             of the neighbours is not available".to_owned(),
             span.unwrap_or(Span::UNDEFINED),
         )
     }

@@ -67,13 +67,16 @@ pub fn rounding(
     const MEASURE: &str = "set budget=0.02, for example, and let `verify` measure the difference";
     if let Some((operation, span)) = &reached.discontinuity {
         let reason = format!(
-            "an interpolated value reaches {operation}, which has a discontinuity: resolve and rasteriser round differently, so a pixel may change by any amount"
+            "an interpolated value reaches {operation}, which has a discontinuity: resolve and \
+             rasteriser round differently, so a pixel may change by any amount"
         );
         return Some(refuse(&refusals::DISCONTINUOUS, reason, MEASURE).at(sources, *span));
     }
     if let Some((operation, span)) = &reached.steep {
         let reason = format!(
-            "an interpolated value reaches {operation}, whose slope is unbounded at the end of its domain: resolve and rasteriser round differently, and there the difference becomes visible"
+            "an interpolated value reaches {operation}, whose slope is unbounded at the end of its \
+             domain: resolve and rasteriser round differently, and there the difference becomes \
+             visible"
         );
         let remedy =
             format!("{MEASURE}, or keep the operand away from that end (`max(.., 0.001)`)");
@@ -81,30 +84,36 @@ pub fn rounding(
     }
     let own_level = format!("{MEASURE}, or sample with explicit gradients or an explicit level");
     if let Some(span) = reached.biased {
-        let reason = "a texture sample has a level bias, and the resolve scales gradients instead: its levels differ by more than a rounding contract allows";
+        let reason = "a texture sample has a level bias, and the resolve scales gradients instead: \
+                      its levels differ by more than a rounding contract allows";
         return Some(refuse(&refusals::BIASED_SAMPLE, reason, &own_level).at(sources, span));
     }
     if let Some(span) = reached.cube {
-        let reason = "a cube texture is sampled at an implicit level, and adapters treat explicit gradients of a cube differently";
+        let reason = "a cube texture is sampled at an implicit level, and adapters treat explicit \
+                      gradients of a cube differently";
         return Some(refuse(&refusals::CUBE_SAMPLE, reason, &own_level).at(sources, span));
     }
     reached.samples.iter().find_map(|sample| {
         // An unknown sampler may be any.
         let may_be = |state: &&SamplerState| {
             let binding = (state.group, state.binding);
-            sample.sampler.is_none_or(|s| (s.group, s.binding) == binding)
+            sample
+                .sampler
+                .is_none_or(|s| (s.group, s.binding) == binding)
         };
         let mut candidates = samplers.iter().filter(may_be);
         let refusal = candidates.find_map(|state| match (state.filtered, state.anisotropy) {
             (false, _) => Some(refuse(
                 &refusals::NEAREST_SAMPLE,
-                "the scene sets `nearest` for a sampler: where coordinates or gradients round differently, it picks another texel or level",
+                "the scene sets `nearest` for a sampler: where coordinates or gradients round \
+                 differently, it picks another texel or level",
                 MEASURE,
             )),
             (true, 2..) if sample.by_gradients => Some(refuse(
                 &refusals::ANISOTROPIC_SAMPLE,
                 format!(
-                    "the scene sets an anisotropy of {}: where gradients round differently, the sampler takes another number of texels, or others",
+                    "the scene sets an anisotropy of {}: where gradients round differently, the \
+                     sampler takes another number of texels, or others",
                     state.anisotropy
                 ),
                 MEASURE,
@@ -185,7 +194,8 @@ pub fn fragment(opaque: &Opaque<'_>, colors: &Slice) -> Vec<Refusal> {
     if reads_position && opaque.depth.bias != DepthBias::default() {
         refusals.push(refuse(
             &shared::BIASED_POSITION,
-            "the fragment stage reads the position, whose depth includes the depth bias on some graphics APIs and not on others",
+            "the fragment stage reads the position, whose depth includes the depth bias on some \
+             graphics APIs and not on others",
             "remove the bias, or pass the part of the position that is needed as a varying",
         ));
     }
@@ -239,7 +249,8 @@ fn kept_state(
         .any(|(handle, _)| user(module, *handle).is_some())
     {
         true => {
-            "hand it to the functions that use it: as a parameter where they read it, as the result (or an `inout` parameter, or a pointer) where they write it"
+            "hand it to the functions that use it: as a parameter where they read it, as the \
+             result (or an `inout` parameter, or a pointer) where they write it"
         }
         false => "declare it in the entry point's own body",
     };
@@ -323,7 +334,8 @@ pub fn stored(pass: &GpuPass) -> Result<Vec<Stored>, Box<Refusal>> {
                 return Err(Box::new(refuse(
                     &refusals::TARGET_FORMAT,
                     format!(
-                        "colour target {location} is {}, which WebGPU does not guarantee as a storage texture",
+                        "colour target {location} is {}, which WebGPU does not guarantee as a \
+                         storage texture",
                         target.format
                     ),
                     "use form=fragment",
@@ -332,7 +344,10 @@ pub fn stored(pass: &GpuPass) -> Result<Vec<Stored>, Box<Refusal>> {
             if target.write_mask != 0b1111 {
                 return Err(Box::new(refuse(
                     &refusals::WRITE_MASK,
-                    format!("colour target {location} has a write mask, and a storage texture is written whole"),
+                    format!(
+                        "colour target {location} has a write mask, and a storage texture is \
+                         written whole"
+                    ),
                     "use form=fragment",
                 )));
             }

@@ -326,7 +326,9 @@ const GROW: &str = "fn visible_grow(draw: u32, groups: u32) {
 /// The first pixel of a tile that shows a draw appends the tile.
 const TILES: &str = "var<workgroup> visibility_seen: array<u32, 64>;
 @compute @workgroup_size(8, 8)
-fn cs_tiles(@builtin(global_invocation_id) pixel: vec3<u32>, @builtin(local_invocation_index) at: u32, @builtin(workgroup_id) tile: vec3<u32>, @builtin(num_workgroups) tiles: vec3<u32>) {
+fn cs_tiles(@builtin(global_invocation_id) pixel: vec3<u32>, \
+    @builtin(local_invocation_index) at: u32, @builtin(workgroup_id) tile: vec3<u32>, \
+    @builtin(num_workgroups) tiles: vec3<u32>) {
     let id = visible_pixel_id(pixel);
     var draw = 0xffffffffu;
     if (id != 0u) {
@@ -396,7 +398,8 @@ fn cs_scan(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
     }
     workgroupBarrier();
     if (is_any) {
-        visibility_instances[visibility.first_id + instance] = visibility_base + visibility_sums[at] - count;
+        visibility_instances[visibility.first_id + instance] = visibility_base + \
+            visibility_sums[at] - count;
     }
 }
 ";
@@ -425,7 +428,8 @@ const TILE: &str = "fn visible_tile(slot: u32) -> vec2<u32> {
 
 /// Two triangles: corners 0, 1, 2 and 2, 1, 3, two bits each.
 const QUADS: &str = "@vertex
-fn vs_visible(@builtin(vertex_index) vertex: u32, @builtin(instance_index) slot: u32) -> @builtin(position) vec4<f32> {
+fn vs_visible(@builtin(vertex_index) vertex: u32, @builtin(instance_index) slot: u32) -> \
+    @builtin(position) vec4<f32> {
     let corner = (3492u >> (2u * vertex)) & 3u;
     let at = vec2<f32>((visible_tile(slot) + vec2<u32>(corner & 1u, corner >> 1u)) * 8u);
     let inside = (at - visibility.viewport.xy) / visibility.viewport.zw;

@@ -158,10 +158,14 @@ mod tests {
     fn split(body: &str, params: serde_json::Value) -> String {
         let source = format!(
             "@group(0) @binding(0) var<uniform> turn: mat4x4<f32>;
-             struct Varyings {{ @builtin(position) position: vec4<f32>, @location(0) at: vec4<f32>, @location(1) @interpolate(flat) whole: f32 }}
-             fn rim(b: f32, c: f32) -> f32 {{ var gap = b * b - c; if c == 0.0 {{ gap = 1.0; }} return gap; }}
-             @vertex fn vs(@location(0) p: vec3<f32>) -> Varyings {{ return Varyings(turn * vec4(p, 1.0), turn * vec4(p, 2.0), p.x); }}
-             @fragment fn fs(in: Varyings) -> @location(0) vec4<f32> {{ {body} return vec4(shade); }}"
+             struct Varyings {{ @builtin(position) position: vec4<f32>, \
+                 @location(0) at: vec4<f32>, @location(1) @interpolate(flat) whole: f32 }}
+             fn rim(b: f32, c: f32) -> f32 {{ var gap = b * b - c; if c == 0.0 {{ \
+                 gap = 1.0; }} return gap; }}
+             @vertex fn vs(@location(0) p: vec3<f32>) -> Varyings {{ \
+                 return Varyings(turn * vec4(p, 1.0), turn * vec4(p, 2.0), p.x); }}
+             @fragment fn fs(in: Varyings) -> @location(0) vec4<f32> {{ \
+                 {body} return vec4(shade); }}"
         );
         let module = naga::front::wgsl::parse_str(&source).unwrap();
         let mut sources = SourceMap::new();
@@ -187,7 +191,8 @@ mod tests {
             "let shade = pow(max(1.0 - in.at.x, 0.0), 1.0 / 2.2);",
             "let shade = acos(dot(in.at.xy, in.at.zw));",
             "let shade = asin(clamp(in.at.x, -1.0, 1.0));",
-            "let n = vec3(in.at.xy, 0.0); let z = vec3(n.xy, sqrt(1.0 - n.x * n.x)); let shade = z.z;",
+            "let n = vec3(in.at.xy, 0.0); let z = vec3(n.xy, sqrt(1.0 - n.x * n.x)); \
+             let shade = z.z;",
             "var gap = in.at.x; gap -= in.at.y; let shade = sqrt(gap);",
         ];
         let bounded = [

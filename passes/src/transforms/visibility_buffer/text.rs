@@ -199,7 +199,8 @@ fn visible_pixel(id: vec3<u32>) -> vec4<f32> {
         };
         let _ = write!(
             out,
-            "@group({group}) @binding({binding}) var visibility_target_{location}_: texture_storage_2d<{format}, write>;
+            "@group({group}) @binding({binding}) var visibility_target_{location}_: \
+             texture_storage_2d<{format}, write>;
 fn visible_store_{location}_(id: vec3<u32>, color: vec4<f32>) {{
     textureStore(visibility_target_{location}_, vec2<i32>(id.xy), {color});
 }}
@@ -370,7 +371,8 @@ fn visible_normalised(edges: vec3<f32>) -> vec3<f32> {
 fn visible_linear(edges: vec3<f32>, a: vec4<f32>, b: vec4<f32>, c: vec4<f32>) -> vec3<f32> {
     return visible_normalised(edges * vec3<f32>(a.w, b.w, c.w));
 }
-fn visible_position(at: vec2<f32>, weights: vec3<f32>, a: vec4<f32>, b: vec4<f32>, c: vec4<f32>) -> vec4<f32> {
+fn visible_position(at: vec2<f32>, weights: vec3<f32>, a: vec4<f32>, b: vec4<f32>, c: vec4<f32>) \
+    -> vec4<f32> {
     let w = dot(weights, vec3<f32>(a.w, b.w, c.w));
     return vec4<f32>(at, dot(weights, vec3<f32>(a.z, b.z, c.z)) / w, 1.0 / w);
 }
@@ -436,6 +438,7 @@ fn visible_edges(at: vec2<f32>, a: vec4<f32>, b: vec4<f32>, c: vec4<f32>) -> vec
     if (max(farthest.x, farthest.y) > 131072.0) {
         return visible_homogeneous(at, a, b, c);
     }
-    return vec3<f32>(visible_cross(r, q), visible_cross(p, r), visible_cross(q, p)) / vec3<f32>(a.w, b.w, c.w);
+    return vec3<f32>(visible_cross(r, q), visible_cross(p, r), visible_cross(q, p)) / \
+        vec3<f32>(a.w, b.w, c.w);
 }
 ";
