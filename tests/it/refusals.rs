@@ -58,11 +58,11 @@ fn covered(change: impl FnOnce(&mut MaterialState)) -> MaterialState {
 #[test]
 fn stages_whose_alpha_covers_otherwise_than_a_slice_would() {
     let vertex = "struct V { @builtin(position) p: vec4<f32>, @location(0) \
-                  @interpolate(perspective, sample) uv: vec2<f32> }\n\
-                  @vertex fn vs(@location(0) p: vec4<f32>) -> V { return V(p, p.xy); }\n";
+                  @interpolate(perspective, sample) uv: vec2<f32>, @location(1) a: f32 }\n\
+                  @vertex fn vs(@location(0) p: vec4<f32>) -> V { return V(p, p.xy, p.z); }\n";
     let by_sample = format!(
         "{vertex}@fragment fn fs(v: V) -> @location(0) vec4<f32> {{ \
-         return vec4<f32>(v.uv, 0.0, 0.5); }}\n"
+         return vec4<f32>(v.uv, 0.0, v.a); }}\n"
     );
     let three = format!(
         "{VERTEX}@fragment fn fs() -> @location(0) vec3<f32> {{ return vec3<f32>(1.0); }}\n"
@@ -72,7 +72,7 @@ fn stages_whose_alpha_covers_otherwise_than_a_slice_would() {
          @fragment fn fs() -> O {{ return O(vec4<f32>(1.0), 1u); }}\n"
     );
     for (text, recipe, code) in [
-        (&by_sample, "depth-prepass", "alpha-to-coverage"),
+        (&by_sample, "depth-prepass", "sample-rate"),
         (&three, "depth-prepass", "alpha-to-coverage"),
         (&mask, "depth-prepass", "sample-mask"),
         // A shadow map has one sample, and no colour.
