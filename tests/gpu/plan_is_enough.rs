@@ -174,6 +174,18 @@ const INFORMATIVE: &[(&str, &str)] = &[
         "compute_files[].{}.blocks",
         "of GLSL, which the renderer does not draw",
     ),
+    (
+        "files[].vertex.{}.extensions",
+        "of GLSL, which the renderer does not draw: `lacks.rs` compiles the texts",
+    ),
+    (
+        "files[].fragment.{}.extensions",
+        "of GLSL, which the renderer does not draw: `lacks.rs` compiles the texts",
+    ),
+    (
+        "compute_files[].{}.extensions",
+        "of GLSL, which the renderer does not draw: `lacks.rs` compiles the texts",
+    ),
     ("steps", "how the plan was made"),
     ("contract", "a promise: `verify` measures it"),
     (

@@ -3,6 +3,7 @@
 
 use std::path::Path;
 
+use glam::Mat4;
 use naga::{
     BinaryOperator, Binding, BuiltIn, Expression, Literal, Module, Scalar, ShaderStage, Span, Type,
     TypeInner, VectorSize,
@@ -21,6 +22,7 @@ use preshade::unstable::render::{SceneInputs, SelfTestResult, ShaderForm, self_t
 use preshade::unstable::report::table;
 use preshade::unstable::scene::{self, Scene};
 
+use crate::render_support::scene as scene_of;
 use crate::render_support::*;
 
 const BIASED: &str = "depth-prepass";
@@ -263,7 +265,7 @@ fn a_main_pass_behind_the_depth_it_reads_fails() {
 }
 
 #[test]
-fn half_a_test_is_left_where_the_main_pass_discards_no_more() {
+fn a_pre_pass_is_compared_with_the_original_where_the_main_pass_discards_no_more() {
     let scene = load("simple");
     let facts = Facts {
         depth_ties: Some(0),
@@ -275,7 +277,7 @@ fn half_a_test_is_left_where_the_main_pass_discards_no_more() {
     let runs = |p: &Plan| (p.material.clone(), p.self_test.as_ref().unwrap().runs.len());
     let mut counts: Vec<_> = kept.plans.iter().map(runs).collect();
     counts.sort();
-    let expected = [("leaves", 1), ("marble", 2), ("tiles", 2)];
+    let expected = [("leaves", 3), ("marble", 2), ("tiles", 2)];
     assert_eq!(counts, expected.map(|(m, n)| (m.to_owned(), n)));
     let results = run(&scene, &kept);
     assert!(
@@ -286,6 +288,82 @@ fn half_a_test_is_left_where_the_main_pass_discards_no_more() {
     );
     scale_position(&mut kept, Role::Main, [1.0, 1.0, 1.0 + 1e-6, 1.0]);
     assert!(all_failed(&run(&scene, &kept)));
+}
+
+/// The pre-pass that decides coverage alone covers what the original discards.
+#[test]
+fn a_pre_pass_that_covers_more_fails() {
+    let scene = load("simple");
+    let facts = Facts {
+        depth_ties: Some(0),
+        undiscarded_depth_ties: Some(0),
+        ..Facts::default()
+    };
+    let recipe = Recipe::parse([EQUAL]).unwrap();
+    let mut whole = measure::variant(&measure::originals(&scene), &recipe, &facts);
+    whole.plans.retain(|plan| plan.material == "leaves");
+    for plan in tests(&mut whole) {
+        let prepass = plan.passes.iter_mut().find(|p| p.role == Role::Prepass);
+        prepass.unwrap().fragment = None;
+    }
+    let results = run(&scene, &whole);
+    assert!(all_failed(&results), "{results:?}");
+}
+
+/// A hoisted vertex stage is compared with the original's, also before and behind a pre-pass.
+#[test]
+fn an_edited_vertex_stage_that_moves_fails() {
+    let scene = load("instanced");
+    for then in [
+        None,
+        Some(BIASED),
+        Some(EQUAL),
+        Some("early-discard"),
+        Some(READ_ONLY),
+    ] {
+        let recipe = Recipe::parse(["hoist:allow=exact"].into_iter().chain(then)).unwrap();
+        let facts = Facts {
+            depth_ties: Some(0),
+            ..Facts::default()
+        };
+        let edited = || measure::variant(&measure::originals(&scene), &recipe, &facts);
+        let results = run(&scene, &edited());
+        assert!(
+            matches!(results[..], [SelfTestResult::Held { .. }]),
+            "{recipe}: {results:?}"
+        );
+        for factor in [1.0 + 1e-6, 1.0 - 1e-6] {
+            let mut moved = edited();
+            scale_position(&mut moved, Role::Main, [factor, factor, factor, 1.0]);
+            let results = run(&scene, &moved);
+            assert!(all_failed(&results), "{recipe} {factor}: {results:?}");
+        }
+    }
+}
+
+/// At the far plane a biased depth is clamped to what depth is cleared to, and hides nothing.
+#[test]
+fn surfaces_at_the_far_plane_hold() {
+    let source = "
+struct Camera { view_proj: mat4x4<f32> }
+struct Object { model: mat4x4<f32>, tint: vec4<f32> }
+@group(0) @binding(0) var<uniform> camera: Camera;
+@group(1) @binding(0) var<uniform> object: Object;
+struct Output { @location(0) color: vec4<f32>, @builtin(frag_depth) depth: f32 }
+@vertex fn vs(@location(0) position: vec3<f32>) -> @builtin(position) vec4<f32> {
+    return camera.view_proj * object.model * vec4(position, 1.0);
+}
+@fragment fn fs(@builtin(position) position: vec4<f32>) -> Output {
+    return Output(object.tint, select(0.5, 1.5, position.x > 16.0));
+}
+";
+    let draws = vec![draw("far", Mat4::IDENTITY, [1.0; 4])];
+    let scene = scene_of([32, 32], vec![material("far", source)], draws);
+    let results = run(&scene, &variant(&scene, BIASED));
+    assert!(
+        matches!(results[..], [SelfTestResult::Held { .. }]),
+        "{results:?}"
+    );
 }
 
 #[test]

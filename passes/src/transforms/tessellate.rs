@@ -320,6 +320,8 @@ impl DividedMaterial<'_> {
             reflect::fill(pass, &program);
         }
         next.programs.insert(self.pass.program.clone(), program);
+        // Divided triangles have other positions than the original's.
+        next.self_test = None;
         next.steps.push(Step {
             pass: Tessellate::INFO.name.to_owned(),
             site: self.key.clone(),
