@@ -122,9 +122,15 @@ fn summands(flow: &StageFlow<'_, '_>, mut work: Vec<ValueId>) -> Vec<ValueId> {
     while let Some(value) = work.pop() {
         match flow.expression(flow.through(value)) {
             _ if !seen.insert(value) => {}
-            Some((context, Expression::Binary { op, left, right }, _))
-                if matches!(op, BinaryOperator::Add | BinaryOperator::Subtract) =>
-            {
+            Some((
+                context,
+                Expression::Binary {
+                    op: BinaryOperator::Add | BinaryOperator::Subtract,
+                    left,
+                    right,
+                },
+                _,
+            )) => {
                 let sides = [*left, *right].map(|e| flow.values.named(context, e));
                 work.extend(sides.into_iter().flatten());
             }

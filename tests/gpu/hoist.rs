@@ -41,7 +41,7 @@ fn verified(scene: &Scene, recipe: &Recipe, facts: &Facts) -> VariantReport {
 }
 
 /// Scenes of which some material has work that moves without a budget.
-const UNBUDGETED: [&str; 5] = ["gbuffer", "instanced", "museum", "strata", "vertex-pulling"];
+const UNBUDGETED: [&str; 4] = ["gbuffer", "instanced", "strata", "vertex-pulling"];
 
 #[test]
 fn without_a_budget_at_most_the_last_bit_changes() {
@@ -77,7 +77,7 @@ fn an_exact_hoist_changes_no_pixel() {
         let error = report.error.unwrap();
         assert_eq!(error.changed_pixels, 0, "{name}");
     }
-    assert!(drawn >= 4, "only {drawn} scenes have anything exact");
+    assert!(drawn >= 3, "only {drawn} scenes have anything exact");
 }
 
 #[test]

@@ -31,6 +31,7 @@ use crate::analysis::values::{ContextId, Node, TooLarge, ValueId, Values};
 use crate::core::contract::Surface;
 use crate::core::plan::GpuPass;
 use crate::core::program::Program;
+use crate::graph::rate::Rate;
 use crate::graph::{FunctionGraph, FunctionId, Graph, operands};
 
 /// Depth to which we compare an operation's computation. Compilers do not see differences further
@@ -146,6 +147,8 @@ const OUTPUT: ValueId = usize::MAX;
 #[derive(Clone, Copy)]
 struct Operations<'v, 'g, 'p> {
     values: &'v Values<'g, 'p>,
+    /// Whether operations that a compiler sees through count as copies.
+    sees_modifiers: bool,
 }
 
 impl<'g, 'p> Operations<'_, 'g, 'p> {
@@ -201,6 +204,7 @@ impl<'g, 'p> Operations<'_, 'g, 'p> {
         match &value.node {
             Node::Input(_) | Node::Control(..) => Vec::new(),
             Node::Version(..) => only(),
+            Node::Expression(..) if self.sees_modifiers && self.is_modifier(id) => data().collect(),
             Node::Expression(..) => match self.whole(id).map(|(_, e)| e) {
                 Some(Expression::CallResult(_)) => only(),
                 Some(
@@ -258,46 +262,93 @@ impl<'g, 'p> Operations<'_, 'g, 'p> {
     /// into a reader. The other functions end in an instruction of their own.
     fn may_fuse(&self, id: ValueId) -> bool {
         use naga::MathFunction as F;
-        let ends_in_its_own = |fun| {
-            matches!(
-                fun,
-                F::Abs
-                    | F::Min
-                    | F::Max
-                    | F::Clamp
-                    | F::Saturate
-                    | F::Floor
-                    | F::Ceil
-                    | F::Round
-                    | F::Trunc
-                    | F::Sign
-                    | F::Step
-                    | F::Sin
-                    | F::Cos
-                    | F::Exp
-                    | F::Exp2
-                    | F::Pow
-                    | F::InverseSqrt
-                    | F::Ldexp
-            )
+        let is_own = match self.whole(id) {
+            Some((context, Expression::Math { fun, arg1, .. })) => match fun {
+                F::Floor
+                | F::Ceil
+                | F::Round
+                | F::Trunc
+                | F::Sign
+                | F::Step
+                | F::Sin
+                | F::Cos
+                | F::Exp
+                | F::Exp2
+                | F::InverseSqrt
+                | F::Ldexp => true,
+                // A compiler writes a power by a known number as products.
+                F::Pow => !arg1.is_some_and(|power| self.is_const(context, power)),
+                _ => false,
+            },
+            _ => false,
         };
-        let is_own = matches!(self.whole(id), Some((_, Expression::Math { fun, .. })) if ends_in_its_own(*fun));
         self.is_arithmetic(id) && !is_own
+    }
+
+    fn is_const(&self, context: ContextId, e: Handle<Expression>) -> bool {
+        let value = self.values.named(context, e);
+        value.is_none_or(|id| self.values.values[id].fact.rate == Rate::Const)
+    }
+
+    /// Whether a compiler may drop an operation, or move another through it: it is an input modifier
+    /// (`abs`), or one of its operands where their ranges decide.
+    fn is_modifier(&self, id: ValueId) -> bool {
+        use naga::MathFunction as F;
+        match self.whole(id) {
+            Some((_, Expression::Math { fun, .. })) => {
+                matches!(fun, F::Abs | F::Min | F::Max | F::Clamp | F::Saturate)
+            }
+            Some((_, Expression::Select { .. } | Expression::Unary { .. })) => true,
+            _ => false,
+        }
     }
 }
 
-/// Which values of a stage are computed by an operation that a compiler may fuse into a reader, as
-/// it fuses a product into a sum. If another stage computes such a value, the reader may round
-/// differently.
-pub(crate) fn fusible(values: &Values<'_, '_>) -> Vec<bool> {
-    let operations = Operations { values };
-    let is_fusible = |id: ValueId| {
-        let mut sources = operations.sources(id).into_iter();
-        let mut readers = operations.readers(id).into_iter();
-        sources.any(|source| operations.may_fuse(source))
-            && readers.any(|reader| reader != OUTPUT && operations.is_arithmetic(reader))
+/// Which values of a stage may have other bits, or give their readers other bits, if another stage
+/// computes them.
+///
+/// A compiler may fuse an operation into a reader, as it fuses a product into a sum, if it sees
+/// both. It no longer sees the readers of a value that moves; inside of the stage that computes it,
+/// it sees less readers of what the value is computed from; and it may see how an input was
+/// computed.
+pub(crate) fn unsteady(values: &Values<'_, '_>) -> Vec<bool> {
+    let operations = Operations {
+        values,
+        sees_modifiers: true,
     };
-    (0..values.values.len()).map(is_fusible).collect()
+    let all = 0..values.values.len();
+    let may_fuse: Vec<bool> = all.clone().map(|id| operations.may_fuse(id)).collect();
+    let sources: Vec<Vec<ValueId>> = all.clone().map(|id| operations.sources(id)).collect();
+    let mut shared = vec![None; values.values.len()];
+    let mut is_shared =
+        |id: ValueId| *shared[id].get_or_insert_with(|| operations.readers(id).len() > 1);
+    let mut found = vec![false; values.values.len()];
+    let mut work = Vec::new();
+    for id in all.clone().filter(|id| operations.is_arithmetic(*id)) {
+        let operands = values.values[id].operands.iter();
+        let mut read = operands.flat_map(|o| &sources[*o]);
+        let rounds_anew = |source: &ValueId| match values.values[*source].node {
+            Node::Input(_) => true,
+            _ => may_fuse[*source] && is_shared(*source),
+        };
+        if read.any(rounds_anew) {
+            work.push(id);
+        }
+    }
+    while let Some(id) = work.pop() {
+        if !std::mem::replace(&mut found[id], true) {
+            work.extend(&values.users()[id]);
+        }
+    }
+    for id in all {
+        let may = sources[id].iter().any(|source| may_fuse[*source]);
+        found[id] = found[id]
+            || may && {
+                let mut readers = operations.readers(id).into_iter();
+                readers.any(|reader| reader != OUTPUT && operations.is_arithmetic(reader))
+            };
+    }
+    found
 }
 
 /// An operation and the provider of its operand, as a compiler sees them.
@@ -331,6 +382,7 @@ impl<'g, 'p> Looked<'g, 'p> {
     fn operations(&self) -> Operations<'_, 'g, 'p> {
         Operations {
             values: &self.values,
+            sees_modifiers: false,
         }
     }
 

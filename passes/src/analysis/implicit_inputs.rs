@@ -51,10 +51,14 @@ pub enum PassEffect {
     ComparesDepth,
     /// Code joins or leaves the vertex stage; the text that computes the position stays.
     EditsVertexStage,
+    /// The vertex stage runs in other invocations than the author's.
+    RunsElsewhere,
+    /// Inputs of the fragment stage are removed.
+    RemovesInputs,
 }
 
 /// The stages of a main pass, as a pass finds them.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct ImplicitInputs<'a> {
     plan: &'a Plan,
     pass: &'a GpuPass,
@@ -63,7 +67,8 @@ pub struct ImplicitInputs<'a> {
     vertex: Option<usize>,
     fragment: Option<usize>,
     decides: Decides,
-    slice: Option<&'a Slice>,
+    /// The inputs of the fragment stage that the pass keeps, or that its slice reads.
+    kept: Option<Vec<Io>>,
 }
 
 impl<'a> ImplicitInputs<'a> {
@@ -83,14 +88,31 @@ impl<'a> ImplicitInputs<'a> {
             decides: fragment.map_or_else(Decides::default, |entry| {
                 Decides::of(graph, program, entry, pass)
             }),
-            slice: None,
+            kept: None,
         }
     }
 
     /// With the slice of the fragment stage that decides coverage and depth in another pass.
     #[must_use]
-    pub fn sliced(self, slice: Option<&'a Slice>) -> Self {
-        Self { slice, ..self }
+    pub fn sliced(self, slice: Option<&Slice>) -> Self {
+        let inputs = self.fragment_inputs();
+        let read = |slice: &Slice| {
+            let read = slice.inputs.iter().filter_map(|i| inputs.get(*i).cloned());
+            read.collect()
+        };
+        Self {
+            kept: slice.map(read),
+            ..self
+        }
+    }
+
+    /// With the program that a pass puts in place of this one.
+    #[must_use]
+    pub fn replaced_by(self, program: &Program) -> Self {
+        let fragment = self.pass.fragment.as_deref();
+        let entry = fragment.and_then(|name| program.entry_point(ShaderStage::Fragment, name));
+        let kept = entry.map(|(_, entry)| reflect::inputs(program.module(), &entry.function));
+        Self { kept, ..self }
     }
 
     /// The assumptions under which `effects` leave every result as it was.
@@ -161,6 +183,7 @@ const TABLE: &[InputRow] = &[
             PassEffect::RejectsEarly,
             PassEffect::LeavesEarly,
             PassEffect::Slices,
+            PassEffect::RunsElsewhere,
         ],
         dependence: subgroup,
         then: Then::Refuse(
@@ -170,12 +193,12 @@ const TABLE: &[InputRow] = &[
         ),
     },
     InputRow {
-        moved_by: &[PassEffect::Slices],
+        moved_by: &[PassEffect::Slices, PassEffect::RemovesInputs],
         dependence: sample_rate,
         then: Then::Refuse(
             &refusals::SAMPLE_RATE,
-            "so it runs once for each sample, and the slice that decides coverage would run once \
-             for each pixel",
+            "so it runs once for each sample, and without that input it would run once for each \
+             pixel",
             "interpolate at the centre, or draw with one sample",
         ),
     },
@@ -245,9 +268,9 @@ fn subgroup(stages: &ImplicitInputs<'_>) -> Option<String> {
 }
 
 /// What changes when a stage runs once for each sample: positions, varyings that name no sampling,
-/// and derivatives. A slice that reads flat values alone has the same result at either rate.
+/// and derivatives. A stage that reads flat values alone has the same result at either rate.
 fn sample_rate(stages: &ImplicitInputs<'_>) -> Option<String> {
-    let slice = stages.slice.filter(|_| stages.is_multisampled())?;
+    let kept = stages.kept.as_ref().filter(|_| stages.is_multisampled())?;
     let inputs = stages.fragment_inputs();
     let is_by_sample = |input: &Io| {
         matches!(
@@ -275,8 +298,7 @@ fn sample_rate(stages: &ImplicitInputs<'_>) -> Option<String> {
         )
     };
     let by_sample = inputs.iter().find(|input| is_by_sample(input))?;
-    let mut kept = slice.inputs.iter().filter_map(|i| inputs.get(*i));
-    if kept.clone().any(is_by_sample) || kept.all(is_flat) {
+    if kept.iter().any(is_by_sample) || kept.iter().all(is_flat) {
         return None;
     }
     let name = by_sample.name.as_deref().unwrap_or_default();

@@ -88,8 +88,8 @@ refusals! {
         "Decide coverage by `discard`.";
     SAMPLE_RATE = "sample-rate":
         "With several samples a stage that reads an input by sample (`sample_index`, or a varying \
-         interpolated by sample) runs once for each sample. The slice that decides coverage does \
-         not read that input. It would run once for each pixel and decide for all samples.",
+         interpolated by sample) runs once for each sample. A slice, or a specialised stage, that \
+         does not read that input would run once for each pixel.",
         "Interpolate at the centre, or draw with one sample.";
     STENCIL_TEST = "stencil-test":
         "The material is masked by stencil, whose contents at the time of a pre-pass are not \

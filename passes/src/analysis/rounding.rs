@@ -60,18 +60,17 @@ pub struct Roundings {
 }
 
 impl Roundings {
-    /// The bounds for each value that `may` move as an affine one. `fusible` are the values that a
-    /// compiler may fuse into a reader ([`crate::analysis::contraction`]): those of the draw are
-    /// rounded before their reader if they move.
+    /// The bounds for each value that `may` move as an affine one. `unsteady` are the values that a
+    /// compiler may round otherwise in another stage ([`crate::analysis::contraction`]).
     pub fn new(
         values: &Values<'_, '_>,
         known: &[SourceRange],
-        fusible: &[bool],
+        unsteady: &[bool],
         may: impl Fn(ValueId) -> bool,
     ) -> Self {
         let cycles = values.cycles();
         let ranges = AllRanges::new(values, cycles, known, f64::from(ORDINARY));
-        let slopes = Slopes::new(values, &ranges, fusible);
+        let slopes = Slopes::new(values, &ranges, unsteady);
         let errors = slopes.errors(cycles);
         let gains = slopes.gains(cycles);
         // A value without gain has no dependents.
@@ -169,7 +168,7 @@ impl Above {
 struct Slopes<'v, 'g, 'p> {
     values: &'v Values<'g, 'p>,
     ranges: &'v AllRanges,
-    fusible: &'v [bool],
+    unsteady: &'v [bool],
     /// Slopes of each value in its operands, value by value.
     steep: Vec<f64>,
     /// Start of each value's slopes in `steep`.
@@ -177,11 +176,11 @@ struct Slopes<'v, 'g, 'p> {
 }
 
 impl<'v, 'g, 'p> Slopes<'v, 'g, 'p> {
-    fn new(values: &'v Values<'g, 'p>, ranges: &'v AllRanges, fusible: &'v [bool]) -> Self {
+    fn new(values: &'v Values<'g, 'p>, ranges: &'v AllRanges, unsteady: &'v [bool]) -> Self {
         let mut this = Self {
             values,
             ranges,
-            fusible,
+            unsteady,
             steep: Vec::new(),
             start: Vec::with_capacity(values.values.len()),
         };
@@ -209,10 +208,6 @@ impl<'v, 'g, 'p> Slopes<'v, 'g, 'p> {
                 errors[id] = 0.0;
                 continue;
             }
-            if is_of_draw(self.values, id) {
-                errors[id] = self.own(id);
-                continue;
-            }
             if cycle.len() > 1 || values[id].operands.contains(&id) {
                 continue;
             }
@@ -229,7 +224,7 @@ impl<'v, 'g, 'p> Slopes<'v, 'g, 'p> {
             };
         }
         for cycle in cycles.iter().filter(|c| c.len() > 1) {
-            for id in cycle.iter().filter(|id| is_of_draw(self.values, **id)) {
+            for id in cycle.iter().filter(|id| self.is_same(**id)) {
                 errors[*id] = 0.0;
             }
         }
@@ -279,7 +274,7 @@ impl<'v, 'g, 'p> Slopes<'v, 'g, 'p> {
 
     /// Whether a value has the same bits in both stages, and in its readers.
     fn is_same(&self, id: ValueId) -> bool {
-        is_of_draw(self.values, id) && !self.fusible[id]
+        is_of_draw(self.values, id) && !self.unsteady[id]
     }
 
     /// The effect of an operation's own rounding.

@@ -5,8 +5,10 @@
 //! therefore compare which pass's fragments are nearer. A pass leaves the nearest fragment of a
 //! sample in a depth attachment, so "no fragment of the other pass is nearer" is one query.
 
+use crate::core::contract::{Contract, Surface};
 use crate::core::plan::{
     ClearValue, Plan, Role, SELF_TEST_DEPTH, SamplesPassed, SelfTest, SelfTestDraw, SelfTestRun,
+    Step,
 };
 use crate::core::state::{CompareFunction, DepthDirection};
 
@@ -88,7 +90,11 @@ pub fn equal(plan: &Plan, compare: CompareFunction, discards: MainDiscards) -> O
         ],
         MainDiscards::NoMore => {
             let mut runs = vec![lies_behind];
-            runs.extend(as_original(Role::Prepass, compare)?);
+            runs.extend(
+                as_original(plan, Role::Prepass, compare)
+                    .into_iter()
+                    .flatten(),
+            );
             runs
         }
     };
@@ -99,7 +105,11 @@ pub fn equal(plan: &Plan, compare: CompareFunction, discards: MainDiscards) -> O
 /// the original's main pass.
 pub fn identified(plan: &Plan, original: &Plan) -> Option<SelfTest> {
     let compare = original.main()?.depth.as_ref()?.compare;
-    of(plan, original, as_original(Role::Ids, compare)?.into())
+    of(
+        plan,
+        original,
+        as_original(original, Role::Ids, compare)?.into(),
+    )
 }
 
 /// The runs of an earlier step's test, after those of `test`: both must pass.
@@ -127,12 +137,19 @@ pub fn after_prepass(
 /// as [`equal`], against the original's main pass. `None` if the main pass has no depth.
 pub fn same_position(plan: &Plan) -> Option<SelfTest> {
     let compare = plan.main()?.depth.as_ref()?.compare;
-    of(plan, plan, as_original(Role::Main, compare)?.into())
+    of(plan, plan, as_original(plan, Role::Main, compare)?.into())
 }
 
 /// Neither the plan's pass of this role nor the original's main pass may have a fragment nearer than
-/// the other's nearest.
-fn as_original(role: Role, compare: CompareFunction) -> Option<[SelfTestRun; 2]> {
+/// the other's nearest. `None` if a step of `before` may round positions otherwise than the original.
+fn as_original(before: &Plan, role: Role, compare: CompareFunction) -> Option<[SelfTestRun; 2]> {
+    let is_moved = |step: &Step| match step.contract {
+        Contract::Rounding { turned, .. } => turned.is_some_and(|t| t.surface == Surface::Rounded),
+        _ => false,
+    };
+    if before.steps.iter().any(is_moved) {
+        return None;
+    }
     let nearer = nearer(compare)?;
     let name = match role {
         Role::Prepass => "the pre-pass",

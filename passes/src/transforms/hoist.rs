@@ -193,9 +193,11 @@ impl Pass for Hoist {
         let graph = Graph::build(material.program);
         let values = material.values(&graph)?;
         let found = Found::new(&values, &material, params, facts)?;
+        let inputs = ImplicitInputs::new(plan, material.pass, &graph);
+        let given = inputs.examine(Self::INFO.name, &[PassEffect::EditsVertexStage])?;
         match found.rebuild(&material) {
             Ok(program) => Ok(Outcome {
-                plan: found.plan(plan, &material, program, params),
+                plan: found.plan(plan, &material, program, params, given),
                 change: found.change(&material),
                 left: found.left,
             }),
@@ -517,6 +519,7 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         material: &HoistMaterial<'_>,
         program: Program,
         params: &Params,
+        mut given: Vec<Assumption>,
     ) -> Plan {
         let mut next = plan.clone();
         for pass in &mut next.passes {
@@ -529,9 +532,6 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
             metric: params.metric,
             limit: params.budget.unwrap_or_default(),
         };
-        let inputs = ImplicitInputs::new(plan, material.pass, self.values.graph);
-        let edits = inputs.examine(Hoist::INFO.name, &[PassEffect::EditsVertexStage]);
-        let mut given = edits.unwrap_or_default();
         if given.contains(&Assumption::UnchangedPosition) {
             next.self_test = self_test::same_position(&next);
         }

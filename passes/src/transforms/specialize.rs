@@ -38,7 +38,7 @@ use naga::{Binding, Expression, Handle, Interpolation, ShaderStage};
 use crate::analysis::contraction;
 use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
 use crate::analysis::refusals as shared;
-use crate::core::contract::{Assumption, Contract, Turned};
+use crate::core::contract::{Assumption, Contract, Surface, Turned};
 use crate::core::guard::Guard;
 use crate::core::pass::{
     Change, Example, Expected, Facts, Misnamed, Outcome, Pass, PassInfo, Refusal, Refused, Site,
@@ -52,6 +52,7 @@ use crate::core::self_test;
 use crate::evaluate::accuracy::Accuracy;
 use crate::evaluate::overrides;
 use crate::graph::{FunctionId, Graph};
+use crate::slice::{self, Criterion, OutputFilter};
 
 pub mod arithmetic;
 pub mod assume;
@@ -231,6 +232,8 @@ pub struct Specialized {
     of: String,
     /// Float operations of the original that were removed.
     roundings: BTreeSet<(FunctionId, Handle<Expression>)>,
+    /// Assumptions about what the stages depend on besides their inputs.
+    given: Vec<Assumption>,
 }
 
 impl Specialized {
@@ -290,6 +293,16 @@ impl Specialized {
             ]
         };
         let (before, after) = (costs(program), costs(&shrunk.program));
+        let mut effects = vec![PassEffect::RemovesInputs];
+        let text = |program: &Program| vertex_text(program, &pass.vertex);
+        if text(program) != text(&shrunk.program) {
+            effects.push(PassEffect::EditsVertexStage);
+        }
+        let graph = Graph::build(program);
+        let inputs = ImplicitInputs::new(plan, pass, &graph).replaced_by(&shrunk.program);
+        let given = inputs
+            .examine(Specialize::INFO.name, &effects)
+            .map_err(|refusals| Refused::from(refusals).first())?;
         Ok(Self {
             guard,
             cost: [[before[0], after[0]], [before[1], after[1]]],
@@ -301,6 +314,7 @@ impl Specialized {
             program: shrunk.program,
             of: pass.program.clone(),
             roundings: folded.roundings,
+            given,
         })
     }
 
@@ -354,14 +368,9 @@ impl Specialized {
         let exposed = before.map_or_else(Exposed::default, |(pass, program)| {
             contraction::exposed(program, &self.program, pass, &self.roundings)
         });
-        let [[vertex, less], _] = self.cost;
-        if let (0, Some((pass, program))) = (exposed.roundings, before)
-            && vertex != less
-        {
-            let graph = Graph::build(program);
-            let edits = ImplicitInputs::new(plan, pass, &graph)
-                .examine(Specialize::INFO.name, &[PassEffect::EditsVertexStage]);
-            given.extend(edits.unwrap_or_default());
+        let is_moved = exposed.decides == Some(Surface::Rounded);
+        given.extend(self.given.iter().cloned());
+        if self.given.contains(&Assumption::UnchangedPosition) && !is_moved {
             next.self_test = self_test::same_position(&next);
         }
         given.sort();
@@ -386,6 +395,14 @@ impl Specialized {
         next.programs.insert(self.of, self.program);
         next
     }
+}
+
+/// A hash of everything that a vertex stage computes.
+fn vertex_text(program: &Program, vertex: &str) -> Option<String> {
+    let graph = Graph::build(program);
+    let (entry, _) = program.entry_point(ShaderStage::Vertex, vertex)?;
+    let all = [Criterion::Output(OutputFilter::All)];
+    Some(slice::backward(&graph, entry, &all).hash(&graph))
 }
 
 fn bug(what: impl std::fmt::Display) -> Box<Refusal> {

@@ -173,6 +173,57 @@ fn a_product_that_a_sum_reads_is_not_exact() {
     assert!(compared.contains("* "), "{compared}");
 }
 
+/// A compiler sees through `abs` and a selection, writes a known power as products, sees how a
+/// varying was computed, and counts the readers that stay.
+#[test]
+fn what_a_compiler_rounds_otherwise_elsewhere_is_not_exact() {
+    let exact = hoist::Params {
+        allow: Some(Allow::Exact),
+        vertices_per_fragment: Some(0.0),
+        ..hoist::Params::default()
+    };
+    let applies = |body: &str| {
+        let source = material("@interpolate(flat, either)", "", body);
+        let done = Hoist::run(&plan(&source, |_| {}), &Facts::default(), &exact);
+        done.map_or_else(|_| String::new(), |done| done.change.what)
+    };
+    let read = |k: &str| format!("    return vec4<f32>(({k}) + in.position.x, 0.5, 0.5, 1.0);");
+    assert!(applies(&read("sin(u.a)")).contains("carries"));
+    assert!(applies(&read("floor(u.a * u.b)")).contains("carries"));
+    for body in [
+        read("abs(u.a * u.b)"),
+        read("max(u.a * u.b, 0.0)"),
+        read("pow(u.a, 2.0)"),
+        read("select(u.a * u.b, 1.0, u.b > 2.0)"),
+        read("floor(in.uv.x + u.a)"),
+        format!(
+            "    let p = u.a * u.b;\n    let q = floor(p + u.a);\n{}",
+            "    return vec4<f32>(q, p * in.position.x, 0.5, 1.0);"
+        ),
+    ] {
+        assert_eq!(applies(&body), "", "{body}");
+    }
+}
+
+/// Without its input by sample, a specialised stage would run once for each pixel.
+#[test]
+fn a_specialised_stage_keeps_the_sample_rate() {
+    let source = material(
+        UV,
+        ", @builtin(sample_index) sample: u32",
+        "    var color = in.uv.x;
+    if u.a > 0.5 { color = f32(sample); }
+    return vec4<f32>(fract(color * 8.0));",
+    );
+    let specialize = preshade_passes::pass_named("specialize").unwrap();
+    let params = serde_json::json!({ "set": "u.a=0" });
+    let run = |change: fn(&mut MaterialState)| {
+        codes(specialize.run(&plan(&source, change), &Facts::default(), &params))
+    };
+    assert_eq!(run(four_samples), ["sample-rate"]);
+    assert!(run(|_| {}).is_empty());
+}
+
 /// Code that joins a vertex stage may change how a driver compiles the position.
 #[test]
 fn an_edited_vertex_stage_is_compared_with_the_original() {

@@ -275,14 +275,14 @@ pub(super) fn judge(values: &Values<'_, '_>, precision: &Precision) -> Judged {
     let endless = endless(values);
     let iterated = iterated(values);
     let pins = pins(values);
-    let fusible = contraction::fusible(values);
+    let unsteady = contraction::unsteady(values);
     let is_rounded = |id: ValueId| match forms[id] {
         Form::Affine => true,
-        Form::Uniform => fusible[id],
+        Form::Uniform => unsteady[id],
         Form::Part | Form::Other => false,
     };
     let may = |id: ValueId| is_rounded(id) && values.values[id].fact.stages.vertex;
-    let roundings = Roundings::new(values, &precision.ranges, &fusible, may);
+    let roundings = Roundings::new(values, &precision.ranges, &unsteady, may);
     let coverage = with_operands(values, values.coverage.clone());
     let verdicts = (0..values.values.len())
         .map(|id| {
@@ -312,7 +312,7 @@ pub(super) fn judge(values: &Values<'_, '_>, precision: &Precision) -> Judged {
                 Rate::Draw | Rate::Instance | Rate::Varying(Interpolated::Flat, _) => {
                     // A compiler that fuses it into its reader rounds otherwise than one that does
                     // not see both.
-                    let class = match fusible[id] {
+                    let class = match unsteady[id] {
                         false => Class::Exact,
                         true if coverage[id] => return Err(Missed::Coverage),
                         true if roundings.of(id) <= precision.most => Class::Affine,

@@ -94,7 +94,7 @@ impl<'a, 'p> Candidates<'a, 'p> {
         let program = found
             .rebuild(material)
             .map_err(|why| Box::new(refuse(why)))?;
-        Ok(found.plan(self.stages.plan, material, program, &params))
+        Ok(found.plan(self.stages.plan, material, program, &params, Vec::new()))
     }
 
     /// The function that computes one value. `id` is [`Candidate::id`].

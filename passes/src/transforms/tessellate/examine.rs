@@ -9,14 +9,16 @@ use super::fixed::{self, Read};
 use super::refusals;
 use super::split::{self, Outputs, Split};
 use super::{DividedMaterial, MOST_EDGE_PIXELS, Params, Slots, Tessellate, refuse};
+use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
 use crate::analysis::refusals as shared;
 use crate::core::contract::Contract;
 use crate::core::geometry::{Form, Subdivision};
-use crate::core::pass::{Facts, Pass, Refusal, Site};
+use crate::core::pass::{Facts, Pass, Refusal, Refused, Site};
 use crate::core::pattern::MAX_LEVEL;
 use crate::core::plan::{BindingKind, GpuPass, HOIST, Plan, Role, Step};
 use crate::core::program::Program;
 use crate::core::reflect;
+use crate::graph::Graph;
 
 /// Storage buffers per stage that every WebGPU device supports.
 const STORAGE_BUFFERS: usize = 8;
@@ -44,6 +46,9 @@ impl<'a> DividedMaterial<'a> {
                 "start from the original plan",
             ));
         };
+        ImplicitInputs::new(plan, pass, &Graph::build(program))
+            .examine(Tessellate::INFO.name, &[PassEffect::RunsElsewhere])
+            .map_err(|refusals| Refused::from(refusals).first())?;
         let module = program.module();
         let Some(split) = split::split(module, vertex) else {
             return Err(refuse(
