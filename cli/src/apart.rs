@@ -23,7 +23,7 @@ pub fn apart(
     let mut report = measured(0, limits)
         .map_err(|why| Failure(format!("error: the original was not measured: {why}")))?;
     for (i, recipe) in recipes.iter().enumerate() {
-        let variant = variant(i, recipe, limits);
+        let variant = variant(&mut report, i, recipe, limits);
         report
             .variants
             .push(variant.unwrap_or_else(|why| not_measured(recipe, why)));
@@ -57,7 +57,7 @@ pub fn resumed(
                 original.ok_or_else(|| "its report is empty".to_owned())
             }),
             Some(n) => match recipes.get(n) {
-                Some(recipe) => variant(n, recipe, limits),
+                Some(recipe) => variant(&mut outcome.report, n, recipe, limits),
                 None => continue,
             },
         };
@@ -83,9 +83,21 @@ fn measured(variant: usize, limits: &Limits) -> Result<Report, String> {
     serde_json::from_str(&text).map_err(|e| format!("its report cannot be read: {e}"))
 }
 
-/// The variant of a recipe, beside the original.
-fn variant(index: usize, recipe: &Recipe, limits: &Limits) -> Result<VariantReport, String> {
+/// The variant of a recipe, beside the original. What its pictures leave untested becomes a part of
+/// `whole`, and is no longer a mere warning there.
+fn variant(
+    whole: &mut Report,
+    index: usize,
+    recipe: &Recipe,
+    limits: &Limits,
+) -> Result<VariantReport, String> {
     let report = measured(index + 1, limits)?;
+    whole.warnings.retain(|w| !report.untested.contains(w));
+    for untested in report.untested {
+        if !whole.untested.contains(&untested) {
+            whole.untested.push(untested);
+        }
+    }
     let variant = report.variants.into_iter().nth(1);
     variant.ok_or_else(|| format!("its report has no `{recipe}`"))
 }

@@ -1,7 +1,7 @@
 //! `preshade` at the command line. One file a subcommand; data on stdout, messages on stderr.
 //!
 //! Exit status: 0 fine (a refusal is fine: the original is kept), 1 a contract broke, 2 bad usage
-//! or input, 3 nothing was measured that a verdict could depend on.
+//! or input, 3 `verify` measured nothing that a verdict could depend on.
 
 use std::ffi::OsString;
 use std::io::IsTerminal;
@@ -69,7 +69,7 @@ Data goes to stdout, messages to stderr. A flag overrides the environment (PRESH
 --adapter; `;` separates several values), and the environment overrides preshade.toml
 (adapter = \"llvmpipe\", or [verify] and then frames = 4). --FLAG=false resets a switch.
 Exit status: 0 fine (also if a pass is refused: it is skipped), 1 a variant broke its contract, 2
-bad usage or input, 3 not measured: no verdict depends on what was drawn."
+bad usage or input, 3 (`verify` alone) not measured: no verdict depends on what was drawn."
 )]
 struct Cli {
     #[command(subcommand)]

@@ -48,7 +48,8 @@ refuses is skipped and reported.
 level=1..8 is eight variants, form=pulled/shared is two, form=all is one for each form. A range
 works for any whole number and any choice of any pass. It gets a table, a plot and rows of pictures.
 Exit status 1: a variant broke its contract. 3: not measured, because every variant is refused or
-fails, nothing is drawn, or no fragment of a material that can discard is discarded.")]
+fails, nothing is drawn, or a variant decides where a material discards and no fragment of it is
+discarded.")]
 pub struct VerifyArgs {
     #[command(flatten)]
     variants: VariantArgs,
@@ -318,10 +319,17 @@ fn swept(
     let written = write(args, files, &pictures);
     output::both(printed, shared.and(written), args.out.as_deref()).map_err(|e| keeper.named(e))?;
     keeper.done();
+    let is_open = series.points.iter().all(|p| is_open(&p.report));
     Ok(match series.is_broken() {
         true => Ending::ContractBroken,
+        false if is_open => Ending::NotMeasured,
         false => Ending::Fine,
     })
+}
+
+/// Whether no verdict can be trusted.
+fn is_open(report: &Report) -> bool {
+    report.is_unmeasured() || !report.untested.is_empty()
 }
 
 /// Prints and writes the report of one scene. `variants` is empty if other processes drew them.
@@ -372,7 +380,7 @@ fn told(
     let report = &outcome.report;
     Ok(match report.is_broken() {
         true => Ending::ContractBroken,
-        false if report.is_unmeasured() || !report.untested.is_empty() => Ending::NotMeasured,
+        false if is_open(report) => Ending::NotMeasured,
         false => Ending::Fine,
     })
 }

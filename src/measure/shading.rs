@@ -234,7 +234,8 @@ fn counted(
 }
 
 /// Measures the facts that passes need: depth ties over every frame of every camera, pixels at the
-/// near plane, vertices per fragment, and the adapter's rasteriser.
+/// near plane, vertices per fragment, and the adapter's rasteriser. That a made-up scene has no ties
+/// and no such pixels is no evidence.
 ///
 /// # Errors
 ///
@@ -258,10 +259,12 @@ pub fn facts(session: &Session<'_>) -> Result<Facts, Error> {
             None => here,
         };
     }
+    // The real scene may have what a made-up one lacks.
+    let evidence = |n: &u64| *n > 0 || !session.scene().is_made_up;
     Ok(Facts {
-        depth_ties: Some(ties),
-        undiscarded_depth_ties: Some(undiscarded),
-        near_plane_pixels: near_plane_pixels(session)?,
+        depth_ties: Some(ties).filter(evidence),
+        undiscarded_depth_ties: Some(undiscarded).filter(evidence),
+        near_plane_pixels: near_plane_pixels(session)?.filter(evidence),
         vertices_per_fragment: vertices_per_fragment(session)?,
         // Of an adapter that does not show it the usual is taken.
         rasterizer: super::rasterizer(session.gpu()).ok(),

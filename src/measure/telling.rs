@@ -3,10 +3,11 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use preshade_passes::plan::{GpuPass, Phase, Plan};
+use preshade_passes::contract::Assumption;
+use preshade_passes::plan::{GpuPass, Phase, Plan, Role};
 use preshade_passes::state::{CompareFunction, CullMode};
 
-use super::shading::discards;
+use super::shading::{discards, removed_discard};
 use super::{CountProgram, Counter, Error, Session, counting};
 use crate::render::Rendered;
 use crate::scene::bind::{Guess, Guessed};
@@ -116,12 +117,12 @@ pub(crate) fn faces_away(
     Ok(false)
 }
 
-/// The opaque materials that may discard, and of which no fragment is discarded in any of `frames`,
-/// each as a reason to trust no verdict about its discard. Materials of one shader count together.
-pub(crate) fn undiscarded(
-    session: &Session<'_>,
+/// The opaque materials that may discard, and of which no fragment is discarded in any of `frames`.
+/// Materials of one shader count together.
+pub(crate) fn undiscarded<'s>(
+    session: &'s Session<'_>,
     frames: &[(&Frame, DrawOrder)],
-) -> Result<Vec<String>, Error> {
+) -> Result<Vec<Vec<&'s str>>, Error> {
     let mut shaders: BTreeMap<Vec<&str>, Vec<&Plan>> = BTreeMap::new();
     for plan in session.originals().iter().filter(|plan| discards(plan)) {
         let main = plan.main().filter(|main| main.phase == Phase::Opaque);
@@ -139,14 +140,30 @@ pub(crate) fn undiscarded(
             is_tested = is_tested || discards_in(session, plan, frames)?;
         }
         if !is_tested {
-            let names: Vec<String> = plans.iter().map(|p| format!("`{}`", p.material)).collect();
-            found.push(format!(
-                "no fragment of {} is discarded in any view, so that its discard is untested",
-                names.join(", ")
-            ));
+            found.push(plans.iter().map(|p| p.material.as_str()).collect());
         }
     }
     Ok(found)
+}
+
+/// Why no verdict about the discard of these materials can be trusted.
+pub(crate) fn untested(materials: &[&str]) -> String {
+    let names: Vec<String> = materials.iter().map(|m| format!("`{m}`")).collect();
+    format!(
+        "no fragment of {} is discarded in any view, so that its discard is untested",
+        names.join(", ")
+    )
+}
+
+/// Whether the plan decides anew which fragments its material has: in another pass, on the
+/// assumption that a discard is repeated, or by values under which nothing is discarded.
+pub(crate) fn decides_coverage(plan: &Plan) -> bool {
+    plan.passes.iter().any(|pass| pass.role != Role::Main)
+        || plan
+            .contract
+            .given()
+            .contains(&Assumption::InvariantDiscard)
+        || removed_discard(plan).is_some()
 }
 
 /// Whether a fragment of a material is discarded in one of `frames`, whatever hides it.

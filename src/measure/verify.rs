@@ -3,10 +3,12 @@
 mod ended;
 mod measurement;
 
+use std::collections::BTreeSet;
+
 use preshade_passes::plan::Plan;
 
 use super::shading::Counter;
-use super::telling::{self, Colours, undiscarded};
+use super::telling::{self, Colours, decides_coverage, undiscarded};
 use super::{Clock, Discarded, Error, Session, TimingSettings, View, counting, shadow, time};
 use crate::measure::record::{KeptMaterial, ORIGINAL, Pictures, Report, SCHEMA, Unfinished};
 use crate::scene::{Frame, bind};
@@ -242,10 +244,27 @@ impl Run<'_, '_> {
         warnings.extend(self.colours.warning().filter(|_| !nothing));
         let frames: Vec<_> = self.views.iter().map(|(v, f)| (*f, v.order)).collect();
         // Of an empty picture the verdicts speak.
-        let untested = match nothing || self.lost.is_some() {
+        let undiscarded = match nothing || self.lost.is_some() {
             true => Vec::new(),
             false => undiscarded(self.session, &frames)?,
         };
+        let drawn = self.subjects.iter().skip(1).zip(variants);
+        let drawn = drawn.filter(|(subject, _)| subject.covered.is_some());
+        let deciding: BTreeSet<&str> = drawn
+            .flat_map(|(_, variant)| &variant.plans)
+            .filter(|plan| decides_coverage(plan))
+            .map(|plan| plan.material.as_str())
+            .collect();
+        let mut untested = Vec::new();
+        for materials in undiscarded {
+            let is_decided = materials.iter().any(|m| deciding.contains(m));
+            let list = if is_decided {
+                &mut untested
+            } else {
+                &mut warnings
+            };
+            list.push(telling::untested(&materials));
+        }
         let away = nothing
             && self.lost.is_none()
             && telling::faces_away(self.session, &frames).unwrap_or(false);

@@ -31,9 +31,6 @@ pub(super) fn verdict(v: &VariantReport) -> &'static str {
 /// interval of its speedup is above 1, and as slower if all of it is below. Of several, the one with
 /// the best mean is named; the number is its mean over the views in which it is faster.
 pub fn headline(report: &Report) -> String {
-    if let Some(why) = not_measured(report) {
-        return format!("Not measured: {why}.");
-    }
     let drawn = || report.variants.iter().filter(|v| v.name != ORIGINAL);
     let broken: Vec<String> = drawn()
         .filter(|v| matches!(v.verdict, Verdict::Broken { .. }))
@@ -44,12 +41,13 @@ pub fn headline(report: &Report) -> String {
         1 => format!(" {} is BROKEN: do not ship it.", broken[0]),
         _ => format!(" {} are BROKEN: do not ship them.", broken.join(", ")),
     };
-    let said = match &report.chosen {
-        Some(chosen) => chosen.said(),
-        None if report.clock.is_none() => {
+    let said = match (not_measured(report), &report.chosen) {
+        (Some(why), _) => format!("Not measured: {why}."),
+        (None, Some(chosen)) => chosen.said(),
+        (None, None) if report.clock.is_none() => {
             "Nothing was timed, so nothing is known to be worth shipping.".to_owned()
         }
-        None => {
+        (None, None) => {
             let worth = drawn().filter_map(|v| Some((Speedups::of(v)?, v)));
             let best = worth.max_by(|(a, _), (b, _)| a.mean.total_cmp(&b.mean));
             best.map_or_else(
@@ -185,9 +183,13 @@ mod tests {
     }
 
     fn said(variants: Vec<VariantReport>) -> String {
+        headline(&report(variants))
+    }
+
+    fn report(variants: Vec<VariantReport>) -> Report {
         let views: Vec<(&str, f64)> = vec![("wall", 1.0); 3];
         let original = variant(ORIGINAL, &views, Verdict::Holds);
-        let report = Report {
+        Report {
             schema: String::new(),
             scene: "test".to_owned(),
             resolution: [1, 1],
@@ -211,8 +213,7 @@ mod tests {
             variants: std::iter::once(original).chain(variants).collect(),
             sweeps: Vec::new(),
             chosen: None,
-        };
-        headline(&report)
+        }
     }
 
     #[test]
@@ -257,6 +258,19 @@ mod tests {
         assert_eq!(
             said(vec![refused]),
             "Not measured: every material refuses it."
+        );
+    }
+
+    #[test]
+    fn a_broken_variant_is_named_where_something_is_untested() {
+        let broken = Verdict::Broken {
+            r#where: "here".to_owned(),
+        };
+        let mut report = report(vec![variant("fast", &[("wall", 2.0)], broken)]);
+        report.untested = vec!["nothing is discarded".to_owned()];
+        assert_eq!(
+            headline(&report),
+            "Not measured: nothing is discarded. `fast` is BROKEN: do not ship it."
         );
     }
 }

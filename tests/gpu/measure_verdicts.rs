@@ -267,7 +267,7 @@ fn a_step_of_a_target_of_halves_is_theirs() {
 }
 
 /// The report on a square whose fragments are discarded under a condition.
-fn discarding(condition: &str) -> Report {
+fn discarding(condition: &str, recipe: &str) -> Report {
     let source = format!(
         "
 struct Camera {{ view_proj: mat4x4<f32> }}
@@ -285,16 +285,25 @@ struct Object {{ model: mat4x4<f32>, tint: vec4<f32> }}
     let there = Mat4::from_translation(Vec3::new(0.0, 0.0, 0.5));
     let drawn = draw("square", there, [1.0; 4]);
     let scene = scene([32, 32], vec![material("leaf", &source)], vec![drawn]);
-    run(&scene, made_by(&scene, "depth-prepass"))
+    run(&scene, made_by(&scene, recipe))
 }
 
 #[test]
 fn a_discard_that_no_fragment_takes_is_untested() {
-    let report = discarding("at.x < 0.0");
-    assert_eq!(
-        report.untested,
-        ["no fragment of `leaf` is discarded in any view, so that its discard is untested"]
+    let untested =
+        ["no fragment of `leaf` is discarded in any view, so that its discard is untested"];
+    let prepass = discarding("at.x < 0.0", "depth-prepass");
+    assert_eq!(prepass.untested, untested);
+    assert_eq!(prepass.variants[1].verdict, Verdict::Holds);
+    let tested = discarding("fract(at.x / 2.0) < 0.5", "depth-prepass");
+    assert_eq!(tested.untested, [""; 0]);
+    // A variant that keeps the discard as it is needs no fragment that takes it.
+    let kept = discarding("at.x < 0.0", "hoist");
+    assert_eq!(kept.variants[1].verdict, Verdict::Holds);
+    assert_eq!(kept.untested, [""; 0]);
+    assert!(
+        kept.warnings.contains(&untested[0].to_owned()),
+        "{:?}",
+        kept.warnings
     );
-    assert_eq!(report.variants[1].verdict, Verdict::Holds);
-    assert_eq!(discarding("fract(at.x / 2.0) < 0.5").untested, [""; 0]);
 }

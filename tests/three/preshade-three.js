@@ -475,9 +475,11 @@ export class PlannedFrame {
         const draws = run.draws.map((draw) => {
             const own = drawn.find((d) => d.pass.role === draw.role);
             const of = draw.original || !own ? { material: author } : own;
-            const attachment = draw.attachment === test.attachment.name ? test.attachment : of.attachment;
+            const isTests = draw.attachment === test.attachment.name;
+            const attachment = isTests ? test.attachment : of.attachment;
             const color = { type: host?.texture.type ?? UnsignedByteType };
-            const target = this.#attachments.target(attachment, color, ...this.#extent());
+            // A later draw of the run may sample what a pass leaves in its own attachments.
+            const target = isTests ? this.#attachments.target(attachment, color, ...this.#extent()) : this.#own(of);
             const autoClear = !cleared.has(attachment.name);
             cleared.add(attachment.name);
             const query = gl.createQuery();

@@ -28,12 +28,12 @@ pub fn biased(plan: &Plan) -> Option<SelfTest> {
         CompareFunction::GreaterEqual => CompareFunction::Greater,
         _ => return None,
     };
+    let format = plan.depth_format(&main.attachment)?;
     let step = match main.compare.direction()? {
-        DepthDirection::Forward => -plan.depth_format(&main.attachment)?.step(),
-        DepthDirection::Reversed if plan.depth_format(&main.attachment)?.may_be_float() => {
-            f32::MIN_POSITIVE
-        }
-        DepthDirection::Reversed => plan.depth_format(&main.attachment)?.step(),
+        DepthDirection::Forward => -format.step(),
+        DepthDirection::Reversed if format.is_float() => f32::MIN_POSITIVE,
+        // A format that may be a 24-bit unorm would store the smallest float as 0.
+        DepthDirection::Reversed => format.step(),
     };
     let run = SelfTestRun {
         failure:

@@ -268,8 +268,13 @@ impl Recorded {
         };
         let pipeline = pass.pipeline_of(host.device, host.buffers, Some(state), host.options)?;
         let samples = pass.samples_with(host.options)?;
-        // The colours are unused, but with other targets a driver may compile another vertex stage.
-        let target = |target: &Option<wgpu::ColorTargetState>| {
+        // The scene's colours are unused, but with other targets a driver may compile another vertex
+        // stage. A colour with a name may be sampled by a later draw.
+        let target = |(i, target): (usize, &Option<wgpu::ColorTargetState>)| {
+            let named = pass.colors.get(i).and_then(|c| c.as_ref()?.attachment);
+            if let Some(view) = named.and_then(host.view) {
+                return Some(view);
+            }
             let colour = Attachment {
                 name: "self-test",
                 format: target.as_ref()?.format,
@@ -280,7 +285,8 @@ impl Recorded {
             Some(texture.create_view(&wgpu::TextureViewDescriptor::default()))
         };
         let targets = pass.targets_with(host.options)?;
-        let colours: Vec<Option<wgpu::TextureView>> = targets.iter().map(target).collect();
+        let colours: Vec<Option<wgpu::TextureView>> =
+            targets.iter().enumerate().map(target).collect();
         let ops = Ops {
             clear_first: true,
             store: wgpu::StoreOp::Store,
@@ -289,12 +295,12 @@ impl Recorded {
             attachment: None,
             ops,
         };
+        // A packed depth, as in the frame.
+        let [r, g, b, a] = [f64::from(own.clear); 4];
+        let far = wgpu::Color { r, g, b, a };
         let colours: Vec<_> = colours
             .iter()
-            .map(|v| {
-                v.as_ref()
-                    .map(|v| colour.attach(v, true, wgpu::Color::TRANSPARENT))
-            })
+            .map(|v| v.as_ref().map(|v| colour.attach(v, true, far)))
             .collect();
         let has_stencil = own.stencil_ops.map(|_| ops);
         let depth = DepthUse {

@@ -68,6 +68,8 @@ const LACKS: &[(Construct, &[Target], &str, &str)] = &[
     (Builtin(BuiltIn::ClipDistances), ES, "clip_distances", NOT_ES),
     // GLSL 4.60.
     (Builtin(BuiltIn::DrawIndex), EVERY, "draw_index", NOT_GLSL),
+    (Builtin(BuiltIn::BaseVertex), EVERY, "base_vertex", NOT_GLSL),
+    (Builtin(BuiltIn::BaseInstance), EVERY, "base_instance", NOT_GLSL),
     // Vulkan's GLSL has it; OpenGL's extension has another name.
     (Builtin(BuiltIn::ViewIndex), EVERY, "view_index", NOT_GLSL),
     // naga requires the extension for subgroup operations only.
