@@ -1,10 +1,12 @@
 //! Operations that may return NaN or infinity for finite operands.
 
 use naga::common::wgsl::TryToWgsl;
-use naga::{BinaryOperator, Expression, Handle, Literal, MathFunction, ScalarKind};
+use naga::{BinaryOperator, Expression, Handle, Literal, MathFunction, Scalar, ScalarKind};
 
 use crate::analysis::range::AllRanges;
 use crate::analysis::values::{ValueId, Values};
+use crate::evaluate::Number as _;
+use crate::evaluate::accuracy::LARGEST_TANH;
 
 /// Name of the operation, if it may return NaN or infinity for finite operands. `ranges` are of
 /// what adapters compute ([`AllRanges::computed`]): a difference that is above 0 may be rounded to
@@ -30,6 +32,17 @@ pub fn undefined(
             }
         }
         Expression::Math { fun, arg, arg1, .. } => match fun {
+            // 0 / 0, if the edges may be the same.
+            MathFunction::SmoothStep
+                if arg1.is_none_or(|high| of(*arg).plus(of(high).negated()).least() < SMALLEST) =>
+            {
+                Some("smoothstep")
+            }
+            MathFunction::Atan2
+                if of(*arg).least() < SMALLEST && arg1.is_none_or(|x| of(x).least() < SMALLEST) =>
+            {
+                Some("atan2")
+            }
             MathFunction::Sqrt if of(*arg).low < 0.0 => Some("sqrt"),
             MathFunction::InverseSqrt if !is_positive(*arg) => Some("inverseSqrt"),
             MathFunction::Log | MathFunction::Log2 if !is_positive(*arg) => Some("log"),
@@ -81,27 +94,35 @@ pub fn overflow(values: &Values<'_, '_>, ranges: &AllRanges, id: ValueId) -> Opt
     let (context, e, _) = values.expression(id)?;
     let f = values.function(context);
     let expression = &f.function.expressions[e];
-    let is_float = f.ty(values.graph.module(), e).scalar_kind() == Some(ScalarKind::Float);
-    // Some functions square their arguments.
-    let squares = match expression {
-        Expression::Math {
-            fun: MathFunction::Length | MathFunction::Asinh,
-            arg,
-            ..
-        } => Some(ranges.operand(values, context, *arg).magnitude()),
-        Expression::Math {
-            fun: MathFunction::Distance,
-            arg,
-            arg1: Some(other),
-            ..
+    let ty = |e: Handle<Expression>| f.ty(values.graph.module(), e);
+    let is_float = ty(e).scalar_kind() == Some(ScalarKind::Float);
+    let is_f32 = |e| ty(e).scalar() == Some(Scalar::F32);
+    let of = |e| ranges.operand(values, context, e).magnitude();
+    let squares_fit = |m: f64| 4.0 * m * m < f64::from(f32::MAX);
+    // Some operations compute a larger number than their result.
+    let steps_fit = match expression {
+        Expression::Math { fun, arg, arg1, .. } => match (fun, arg1) {
+            (MathFunction::Length | MathFunction::Asinh, _) => squares_fit(of(*arg)),
+            (MathFunction::Distance, Some(other)) => squares_fit(of(*arg) + of(*other)),
+            (MathFunction::Tanh, _) => of(*arg) < LARGEST_TANH,
+            _ => true,
+        },
+        // By definition `a - b * trunc(a / b)`.
+        Expression::Binary {
+            op: BinaryOperator::Modulo,
+            left,
+            right,
         } => {
-            let of = |e| ranges.operand(values, context, e).magnitude();
-            Some(of(*arg) + of(*other))
+            let least = match is_nonzero(values, context, *right) {
+                true => SMALLEST,
+                false => 0.0,
+            };
+            let least = ranges.operand(values, context, *right).least().max(least);
+            of(*left) / least < 0.99 * f64::from(f32::MAX)
         }
-        _ => None,
+        _ => true,
     };
-    let squares_fit = squares.is_none_or(|m| 4.0 * m * m < f64::from(f32::MAX));
-    if !is_float || (fits(id) && squares_fit) {
+    if !is_float || (fits(id) && steps_fit) {
         return None;
     }
     Some(match expression {
@@ -110,8 +131,15 @@ pub fn overflow(values: &Values<'_, '_>, ranges: &AllRanges, id: ValueId) -> Opt
             BinaryOperator::Subtract => "-",
             BinaryOperator::Multiply => "*",
             BinaryOperator::Divide => "/",
+            BinaryOperator::Modulo => "%",
             _ => return None,
         },
+        // `f16` overflows at 65504, and `f64` holds more than `f32`.
+        Expression::As {
+            expr,
+            convert: Some(_),
+            ..
+        } if ![*expr, e].iter().all(|e| is_f32(*e)) => "conversion",
         Expression::Math { fun, .. } => match fun {
             MathFunction::Outer => "outer product",
             MathFunction::Exp
@@ -119,6 +147,7 @@ pub fn overflow(values: &Values<'_, '_>, ranges: &AllRanges, id: ValueId) -> Opt
             | MathFunction::Pow
             | MathFunction::Sinh
             | MathFunction::Cosh
+            | MathFunction::Tanh
             | MathFunction::Ldexp
             | MathFunction::Dot
             | MathFunction::Cross

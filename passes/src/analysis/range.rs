@@ -172,9 +172,10 @@ impl AllRanges {
         context: ContextId,
         e: Handle<Expression>,
     ) -> Interval {
-        values
-            .named(context, e)
-            .map_or(Interval::ANYTHING, |id| self.of[id])
+        match values.named(context, e) {
+            Some(id) if has_word(values, context, e) => self.of[id],
+            _ => Interval::ANYTHING,
+        }
     }
 
     /// The range of an expression's inverse. If inputs are unknown, a divisor from the draw is
@@ -221,6 +222,9 @@ impl AllRanges {
             }
             Node::Expression(context, e, path) => (*context, *e, path),
         };
+        if !has_word(values, context, e) {
+            return Interval::ANYTHING;
+        }
         let f = values.function(context);
         match &f.function.expressions[e] {
             Expression::CallResult(_) => data(),
@@ -282,7 +286,7 @@ impl AllRanges {
                 kind: ScalarKind::Float,
                 expr,
                 convert: Some(_),
-            } => match f.ty(module, *expr).scalar_kind() {
+            } if has_word(values, context, *expr) => match f.ty(module, *expr).scalar_kind() {
                 Some(ScalarKind::Uint) => Interval::new(0.0, f64::from(u32::MAX)),
                 Some(ScalarKind::Sint) => Interval::up_to(f64::from(i32::MIN).abs()),
                 Some(ScalarKind::Bool) => Interval::UNIT,
@@ -388,6 +392,14 @@ fn widened(before: Interval, found: Interval) -> Interval {
     Interval::new(low, high)
 }
 
+/// Whether its numbers have 32 bits. Rounding and overflow are those of `f32`; nothing is assumed
+/// about another width.
+fn has_word(values: &Values<'_, '_>, context: ContextId, e: Handle<Expression>) -> bool {
+    let ty = values.function(context).ty(values.graph.module(), e);
+    let scalar = ty.scalar();
+    scalar.is_none_or(|s| s.width == 4 || s.kind == ScalarKind::Bool)
+}
+
 /// Number of products in the sum for a component of a product.
 pub fn terms(left: &TypeInner, right: &TypeInner) -> u8 {
     match (left, right) {
@@ -455,8 +467,6 @@ fn initial(values: &Values<'_, '_>, context: ContextId, version: VersionId) -> O
 fn of_literal(literal: Literal) -> Interval {
     let number = match literal {
         Literal::F32(x) => f64::from(x),
-        Literal::F64(x) | Literal::AbstractFloat(x) => x,
-        Literal::F16(x) => f64::from(x),
         Literal::I32(x) => f64::from(x),
         Literal::U32(x) => f64::from(x),
         _ => return Interval::ANYTHING,

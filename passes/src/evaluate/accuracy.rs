@@ -18,6 +18,8 @@ pub struct Accuracy {
 const ULP: f64 = 1.000_001 * f32::EPSILON as f64;
 /// Least normal `f32`: what is below it may be flushed.
 pub(super) const SMALLEST: f64 = f32::MIN_POSITIVE as f64;
+/// From this magnitude of its argument on, the quotient that defines `tanh` may overflow.
+pub const LARGEST_TANH: f64 = 88.0;
 /// Largest `f32`.
 pub(super) const LARGEST: f64 = f32::MAX as f64;
 
@@ -155,13 +157,14 @@ impl Accuracy {
         if end.is_infinite() {
             return end;
         }
+        // All subnormal numbers have the unit of the least normal one.
         let part = match end == 0.0 {
             true => 0.0,
-            false => self.relative * end.abs(),
+            false => self.relative * end.abs().max(SMALLEST),
         };
         let moved = end + side * part;
         match self.absolute <= SMALLEST {
-            true if moved * side < 0.0 && moved.abs() < 2.0 * self.absolute => 0.0,
+            true if end * side < 0.0 && moved * -side < 2.0 * self.absolute => 0.0,
             true => moved,
             false => moved + side * self.absolute,
         }

@@ -6,7 +6,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use naga::{BinaryOperator, MathFunction};
 
-use super::accuracy::{Accuracy, LARGEST, SMALLEST};
+use super::accuracy::{Accuracy, LARGEST, LARGEST_TANH, SMALLEST};
 use super::number::Number;
 
 /// All numbers from `low` to `high`; either end may be infinite.
@@ -49,11 +49,14 @@ impl Interval {
         Self::new(-magnitude, magnitude)
     }
 
-    /// An input `f32`: the number, or everything from it to 0 if an adapter may flush it.
+    /// An input `f32`: the number, or everything from beside it to 0 if an adapter may flush it or
+    /// round it to another subnormal number.
     pub fn input(number: f64) -> Self {
-        match number.abs() < SMALLEST {
-            true => Self::new(number.min(0.0), number.max(0.0)),
-            false => Self::exactly(number),
+        let most = number.abs() + SUBNORMAL;
+        match number {
+            _ if number == 0.0 || number.abs() >= SMALLEST => Self::exactly(number),
+            _ if number > 0.0 => Self::new(0.0, most),
+            _ => Self::new(-most, 0.0),
         }
     }
 
@@ -112,10 +115,14 @@ impl Interval {
         }
     }
 
-    /// The exact quotients by `divisor`.
+    /// The quotients by `divisor`, rounded once; unbounded if the divisor may be 0.
     #[must_use]
     pub fn over(self, divisor: Self) -> Self {
-        self.times(divisor.inverse())
+        let quotient = |a: f64, b: f64| if b.is_infinite() { 0.0 } else { a / b };
+        match divisor.least() > 0.0 {
+            true => self.of_ends(divisor, quotient),
+            false => Self::ANYTHING,
+        }
     }
 
     /// The squares.
@@ -145,8 +152,12 @@ impl Interval {
     /// The exact products. An infinite bound only means unbounded: 0 times it is 0.
     #[must_use]
     pub fn times(self, other: Self) -> Self {
-        let product = |a: f64, b: f64| if a == 0.0 || b == 0.0 { 0.0 } else { a * b };
-        let ends = [self.low, self.high].map(|a| [other.low, other.high].map(|b| product(a, b)));
+        self.of_ends(other, |a, b| if a == 0.0 || b == 0.0 { 0.0 } else { a * b })
+    }
+
+    /// The results of a function of two numbers whose extremes are among those of the ends.
+    fn of_ends(self, other: Self, function: impl Fn(f64, f64) -> f64) -> Self {
+        let ends = [self.low, self.high].map(|a| [other.low, other.high].map(|b| function(a, b)));
         let ends = ends.as_flattened();
         let low = ends.iter().copied().fold(f64::INFINITY, f64::min);
         let high = ends.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -178,6 +189,9 @@ impl Interval {
         Self::new(low, if holds(peak) { 1.0 } else { a.max(b) })
     }
 }
+
+/// Least `f32` above 0.
+const SUBNORMAL: f64 = SMALLEST * f32::EPSILON as f64;
 
 /// What the results of operations on intervals cover.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -239,7 +253,7 @@ impl Arithmetic {
 
     fn quotient(self, a: Interval, b: Interval) -> Interval {
         let is_promised = b.least() > SMALLEST && b.magnitude() <= 2_f64.powi(126);
-        match self == Self::Adapter && !is_promised {
+        match self != Self::Real && !is_promised {
             true => Interval::ANYTHING,
             false => self.covering(&[a, b], a.over(b), Accuracy::QUOTIENT),
         }
@@ -248,11 +262,14 @@ impl Arithmetic {
     /// By definition `a - b * trunc(a / b)`. It has the dividend's sign, is no larger than the
     /// dividend, and smaller than the divisor, except for rounding.
     fn remainder(self, a: Interval, b: Interval) -> Interval {
-        let whole = self.quotient(a, b).rising(f64::trunc);
+        let quotient = self.quotient(a, b);
+        // The arithmetic of `f64` rounds it too.
+        let quotient = Interval::new(quotient.low.next_down(), quotient.high.next_up());
+        let whole = quotient.rising(f64::trunc);
         if let Some(times) = whole.number().filter(|w| w.is_finite()) {
             return self.sum(a, self.product(Interval::exactly(-times), b));
         }
-        if self == Self::Adapter && !whole.is_known() {
+        if self != Self::Real && !whole.is_known() {
             return Interval::ANYTHING;
         }
         let most = a.magnitude().min(b.magnitude());
@@ -277,7 +294,7 @@ impl Arithmetic {
             // WGSL promises nothing about these arguments.
             M::InverseSqrt if is_adapter && x.low <= SMALLEST => Interval::ANYTHING,
             M::Asin | M::Acos if is_adapter && x.magnitude() > 1.0 => Interval::ANYTHING,
-            M::Tanh if is_adapter && x.magnitude() >= 88.0 => Interval::ANYTHING,
+            M::Tanh if is_adapter && x.magnitude() >= LARGEST_TANH => Interval::ANYTHING,
             M::Pow if x.low >= 0.0 && y.low >= 0.0 => x.powers(y.low).or(x.powers(y.high)),
             M::Min => Interval::new(x.low.min(y.low), x.high.min(y.high)),
             M::Max => Interval::new(x.low.max(y.low), x.high.max(y.high)),
@@ -313,8 +330,10 @@ impl Arithmetic {
                 self.call(M::Exp2, &[exponent])?
             }
             M::Mix if self != Self::Real => {
+                // WGSL allows either formula (section 17.5).
                 let rest = difference(Interval::exactly(1.0), z);
-                self.sum(self.product(x, rest), self.product(y, z))
+                let weighted = self.sum(self.product(x, rest), self.product(y, z));
+                weighted.or(self.sum(x, self.product(difference(y, x), z)))
             }
             M::Mix if z.low >= 0.0 && z.high <= 1.0 => x.or(y),
             M::Mix => self.sum(x, self.product(difference(y, x), z)),
@@ -504,6 +523,77 @@ mod tests {
                 _ => |a, b| a % b,
             };
             holds(|with, x, y| with.binary(op, x, y).unwrap(), by);
+        }
+    }
+
+    #[test]
+    fn a_remainder_of_a_whole_quotient_may_be_0() {
+        let number = Interval::exactly(49.0);
+        for with in [Arithmetic::Real, Arithmetic::Finite, Arithmetic::Adapter] {
+            let left = with.binary(BinaryOperator::Modulo, number, number).unwrap();
+            assert!(left.contains(0.0), "{with:?}: {left:?}");
+        }
+        let one = Interval::exactly(1.0);
+        assert_eq!(number.over(number), one);
+        assert_eq!(one.over(Interval::ANYTHING), Interval::ANYTHING);
+        let more = Interval::new(1.0, f64::INFINITY);
+        assert_eq!(more.over(more), Interval::NOT_NEGATIVE);
+    }
+
+    #[test]
+    fn a_subnormal_may_be_kept_rounded_or_flushed() {
+        let least = f64::from(f32::from_bits(1));
+        for number in [1e-45, -1e-45, 1e-40] {
+            let input = Interval::input(number);
+            for possible in [0.0, number, f64::from(number as f32)] {
+                assert!(
+                    input.contains(possible),
+                    "{number}: {possible} in {input:?}"
+                );
+            }
+        }
+        assert_eq!(Interval::input(0.0), Interval::exactly(0.0));
+        // The product is below the least subnormal.
+        let (a, b) = (Interval::exactly(2e-20), Interval::exactly(5e-26));
+        for with in [Arithmetic::Finite, Arithmetic::Adapter] {
+            let product = with.binary(BinaryOperator::Multiply, a, b).unwrap();
+            assert!(
+                product.contains(0.0) && product.contains(least),
+                "{product:?}"
+            );
+            let product = with.binary(BinaryOperator::Multiply, a.negated(), b);
+            let product = product.unwrap();
+            assert!(
+                product.contains(0.0) && product.contains(-least),
+                "{product:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_mix_may_be_computed_by_either_formula() {
+        let [x, y, t] = [1e8, 1.0, 1.0].map(Interval::exactly);
+        for with in [Arithmetic::Finite, Arithmetic::Adapter] {
+            let mixed = with.call(MathFunction::Mix, &[x, y, t]).unwrap();
+            let (x, y, t) = (1e8_f32, 1_f32, 1_f32);
+            for formula in [x * (1.0 - t) + y * t, x + (y - x) * t] {
+                assert!(mixed.contains(f64::from(formula)), "{formula} in {mixed:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn nothing_is_promised_about_a_quotient_by_an_extreme_divisor() {
+        let one = Interval::exactly(1.0);
+        for divisor in [1e-39, 2_f64.powi(127)].map(Interval::exactly) {
+            for op in [BinaryOperator::Divide, BinaryOperator::Modulo] {
+                for with in [Arithmetic::Finite, Arithmetic::Adapter] {
+                    let found = with.binary(op, one, divisor).unwrap();
+                    assert_eq!(found, Interval::ANYTHING, "{with:?} {op:?}");
+                }
+                let real = Arithmetic::Real.binary(op, one, divisor).unwrap();
+                assert!(real.is_known(), "{op:?}");
+            }
         }
     }
 

@@ -10,9 +10,12 @@ use crate::common;
 /// Why `value` stays in the fragment stage that ends with it; `None` where it travels.
 fn stays(body: &str, ranges: Vec<SourceRange>) -> Option<String> {
     let source = format!(
-        "struct V {{ @builtin(position) position: vec4<f32>, @location(0) p: vec3<f32>, \
+        "enable f16;
+struct V {{ @builtin(position) position: vec4<f32>, @location(0) p: vec3<f32>, \
          @location(1) q: vec2<f32> }}
 @group(0) @binding(0) var<uniform> u: vec4<f32>;
+@group(0) @binding(1) var<uniform> h: vec2<f16>;
+@group(0) @binding(2) var<uniform> k: vec2<i32>;
 @vertex fn vs(@location(0) p: vec3<f32>) -> V {{ return V(vec4(p, 1.0), p, p.xy); }}
 @fragment fn fs(v: V) -> @location(0) vec4<f32> {{ {body} return vec4(value * sin(dpdx(v.q.x))); }}"
     );
@@ -79,6 +82,52 @@ fn what_is_seen_to_stay_in_range_travels() {
     ] {
         assert_eq!(stays(body, Vec::new()), None, "{body}");
     }
+}
+
+/// The quotients inside of these may be 0 / 0 or infinite, although the results are bounded.
+#[test]
+fn what_divides_inside_is_not_hoisted() {
+    for (reason, body) in [
+        ("`tanh` may overflow", "let value = tanh(v.p.x);"),
+        (
+            "`smoothstep` may be NaN",
+            "let value = smoothstep(u.x, u.y, v.p.x);",
+        ),
+        (
+            "`atan2` may be NaN",
+            "let value = atan2(abs(v.p.x), v.p.y);",
+        ),
+        (
+            "`%` may overflow",
+            "let value = exp2(min(v.p.x, 100.0)) % 1e-20;",
+        ),
+    ] {
+        let found = stays(body, Vec::new()).unwrap_or_else(|| panic!("{body} is hoisted"));
+        assert!(found.starts_with(reason), "{body}: {found}");
+    }
+    for body in [
+        "let value = tanh(clamp(v.p.x, -87.0, 87.0));",
+        "let value = smoothstep(0.0, 1.0, v.p.x) * sin(v.p.y);",
+        "let value = atan2(v.p.x, 2.0 + sin(v.p.y));",
+    ] {
+        assert_eq!(stays(body, Vec::new()), None, "{body}");
+    }
+}
+
+/// An `f16` overflows at 65504. Only the numbers of 32 bits have ranges.
+#[test]
+fn what_has_another_width_is_not_hoisted() {
+    for (operation, body) in [
+        ("conversion", "let value = f32(h.x) * sin(v.p.y);"),
+        ("*", "let value = f32(h.x * h.y) * sin(v.p.y);"),
+        ("conversion", "let value = f32(i64(k.x)) * sin(v.p.y);"),
+    ] {
+        let found = stays(body, Vec::new()).unwrap_or_else(|| panic!("{body} is hoisted"));
+        let expected = format!("`{operation}` may overflow");
+        assert!(found.starts_with(&expected), "{body}: {found}");
+    }
+    let body = "let value = f32(k.x) * sin(v.p.y);";
+    assert_eq!(stays(body, Vec::new()), None);
 }
 
 /// What a scene was seen to give counts before what is assumed.

@@ -112,21 +112,8 @@ pub fn math(fun: MathFunction, arguments: &[&AbstractValue]) -> AbstractValue {
     use MathFunction as M;
     match (fun, arguments) {
         (M::Abs | M::Sign | M::Saturate | M::Floor | M::Ceil | M::Trunc, _)
-        | (M::Min | M::Max | M::Clamp | M::Step, _) => {
+        | (M::Min | M::Max | M::Clamp | M::Step | M::Mix, _) => {
             AbstractValue::zip(arguments, &|s| of_components(fun, s))
-        }
-        (M::Mix, [x, y, t]) => {
-            let one = AbstractValue::constant(Scalar::float(1.0));
-            let rest = binary(BinaryOperator::Subtract, &one, t);
-            let (left, right) = (
-                binary(BinaryOperator::Multiply, x, &rest),
-                binary(BinaryOperator::Multiply, y, t),
-            );
-            let weighted = binary(BinaryOperator::Add, &left, &right);
-            // Some languages compute it this way (WGSL, section 17.5, allows either).
-            let step = binary(BinaryOperator::Subtract, y, x);
-            let step = binary(BinaryOperator::Multiply, &step, t);
-            weighted.join(&binary(BinaryOperator::Add, x, &step))
         }
         (M::Dot, [AbstractValue::Parts(x), AbstractValue::Parts(y)]) => x
             .iter()
