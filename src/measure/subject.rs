@@ -22,6 +22,8 @@ pub struct Subject<'a> {
     pub error: Option<ErrorLadder>,
     /// Materials drawn as written because their guard failed, with the failed assumption.
     pub unguarded: Vec<(usize, Assumed)>,
+    /// Whether some view was drawn with a plan that a pass made.
+    pub is_exercised: bool,
     prepared: Option<Prepared<'a>>,
     /// The materials whose guards failed last, and the frame that draws these as written.
     fallback: Option<(Vec<usize>, Prepared<'a>)>,
@@ -40,6 +42,7 @@ impl<'a> Subject<'a> {
             },
             error: None,
             unguarded: Vec::new(),
+            is_exercised: false,
             prepared: None,
             fallback: None,
         }
@@ -89,6 +92,11 @@ impl<'a> Subject<'a> {
             return Ok(None);
         };
         let failed = self.session.inputs().violated(&self.plans, frame)?;
+        let is_drawn = |i: usize, plan: &Plan| {
+            !plan.steps.is_empty() && failed.iter().all(|(index, _)| *index != i)
+        };
+        let mut plans = self.plans.iter().enumerate();
+        self.is_exercised |= plans.any(|(i, plan)| is_drawn(i, plan));
         if failed.is_empty() {
             prepared.aim(frame, order);
             return Ok(Some(prepared));

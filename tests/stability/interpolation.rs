@@ -6,7 +6,7 @@ use preshade::unstable::passes::plan::Role;
 use preshade::unstable::passes::state::DepthDirection;
 use preshade::unstable::render::{ColorImage, Rendered, ShaderForm, Variant as Host};
 
-use super::case::Expect::{Assumes, Holds, OffNearPlane, Untied};
+use super::case::Expect::{Assumes, Holds, OffNearPlane, Refused, Untied};
 use super::case::{ALL, COLORS, Case, DIRECTIONS, Expect, Red, SAMPLED, Stage, Unmet, pictures};
 use super::mutate::{Moved, Mutation, edited, moved};
 
@@ -237,7 +237,11 @@ pub const CASES: &[Case] = &[
                  every edge",
         setups: SAMPLED,
         only: "",
-        recipes: &[(BIASED, Holds), (EARLY, Holds), ("hoist", Holds)],
+        recipes: &[
+            (BIASED, Refused("surviving-samples")),
+            (EARLY, Holds),
+            ("hoist", Holds),
+        ],
         mutation: (
             "the value carried at pixels' centres, by hand",
             Mutation::Shader("centroid-naive.wgsl", Contract::exact),

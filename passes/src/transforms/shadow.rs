@@ -15,7 +15,7 @@
 //! replace the projection of the vertex stage. An alpha or a displacement that depends on the
 //! camera would follow the light.
 
-use naga::{AddressSpace, TypeInner};
+use naga::{AddressSpace, TypeInner, VectorSize};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -164,7 +164,8 @@ fn check(plan: &Plan) -> Result<Opaque<'_>, Vec<Refusal>> {
 
 /// Uniforms with camera, view, eye or projection in their name or a member's, and members of such
 /// structs that give its place or range. The name is all that a shader reveals about a matrix.
-/// `verify` takes these from the light and all others from the camera.
+/// `verify` takes these from the light and all others from the camera. If no name tells, all
+/// matrices that the pass reads count, except those of an object.
 fn view_dependent(program: &Program) -> Vec<String> {
     let module = program.module();
     let says_view = |name: &str| {
@@ -205,5 +206,40 @@ fn view_dependent(program: &Program) -> Vec<String> {
                 .map(|m| format!("{variable}.{m}")),
         );
     }
+    if found.is_empty() {
+        return matrices(module);
+    }
     found
+}
+
+/// Matrices of uniforms whose names are not those of an object. Where no name tells the camera's
+/// matrix, it is among them.
+fn matrices(module: &naga::Module) -> Vec<String> {
+    let is_of_object = |name: &str| {
+        let name = name.to_lowercase();
+        let of_object = [
+            "model", "world", "object", "local", "bone", "joint", "instance",
+        ];
+        of_object.iter().any(|w| name.contains(w))
+    };
+    let is_matrix = |ty: naga::Handle<naga::Type>| {
+        let inner = &module.types[ty].inner;
+        matches!(inner, TypeInner::Matrix { columns, rows, .. }
+            if (*columns, *rows) == (VectorSize::Quad, VectorSize::Quad))
+    };
+    let uniforms = module.global_variables.iter().map(|(_, global)| global);
+    let uniforms = uniforms.filter(|global| global.space == AddressSpace::Uniform);
+    let paths = uniforms.flat_map(|global| {
+        let variable = global.name.clone().unwrap_or_default();
+        match &module.types[global.ty].inner {
+            TypeInner::Struct { members, .. } => {
+                let matrices = members.iter().filter(|m| is_matrix(m.ty));
+                let names = matrices.filter_map(|m| m.name.as_deref());
+                names.map(|name| format!("{variable}.{name}")).collect()
+            }
+            _ if is_matrix(global.ty) => vec![variable],
+            _ => Vec::new(),
+        }
+    });
+    paths.filter(|path| !is_of_object(path)).collect()
 }

@@ -45,6 +45,12 @@ impl Measurement<'_> {
         }
     }
 
+    /// Whether guards failed in every view, so that its pictures are the original's.
+    fn is_replaced(&self) -> bool {
+        let plans = &self.subject.plans;
+        !self.subject.is_exercised && plans.iter().any(|plan| !plan.steps.is_empty())
+    }
+
     /// The verdict. `lost`: why measuring ended early. `away`: every triangle is culled.
     fn verdict(&mut self, gpu: &Gpu, lost: Option<&str>, away: bool) -> Verdict {
         let not_measured = |why: &str| Verdict::NotMeasured {
@@ -71,6 +77,11 @@ impl Measurement<'_> {
                 None if is_empty && away => not_measured(telling::FACES_AWAY),
                 None if is_empty && self.report.name != ORIGINAL => {
                     not_measured("no opaque surface is seen in any view")
+                }
+                None if drawn && self.is_replaced() => {
+                    let guards = self.report.kept.iter().find(|k| k.without.is_none());
+                    let why = guards.map_or(String::new(), |k| format!(": {}", k.why));
+                    not_measured(&format!("no view drew the variant{why}"))
                 }
                 None if is_empty && self.empty.is_some() => {
                     not_measured(self.empty.as_deref().unwrap_or_default())
