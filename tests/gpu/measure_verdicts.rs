@@ -10,7 +10,7 @@ use preshade::unstable::measure::{
 };
 use preshade::unstable::passes::contract::Verdict;
 use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::passes::state::{Blend, ColorTarget, CompareFunction};
+use preshade::unstable::passes::state::{Blend, ColorTarget, CompareFunction, MaterialState};
 use preshade::unstable::recipe::Recipe;
 use preshade::unstable::render::ShaderForm;
 use preshade::unstable::scene::{self, Scene};
@@ -297,13 +297,45 @@ fn a_discard_that_no_fragment_takes_is_untested() {
     assert_eq!(prepass.variants[1].verdict, Verdict::Holds);
     let tested = discarding("fract(at.x / 2.0) < 0.5", "depth-prepass");
     assert_eq!(tested.untested, [""; 0]);
-    // A variant that keeps the discard as it is needs no fragment that takes it.
+    // A variant that leaves the discard alone needs no fragment that takes it.
     let kept = discarding("at.x < 0.0", "hoist");
-    assert_eq!(kept.variants[1].verdict, Verdict::Holds);
     assert_eq!(kept.untested, [""; 0]);
     assert!(
         kept.warnings.contains(&untested[0].to_owned()),
         "{:?}",
         kept.warnings
     );
+}
+
+/// Leaves that do not tie in a made-up scene may tie in the real one.
+#[test]
+fn a_made_up_scene_without_ties_does_not_remove_a_discard() {
+    use preshade::unstable::front::{self, Source};
+    use preshade::unstable::scene::synthesise;
+    let text = include_str!("../app/shaders/leaf.wgsl");
+    let parsed = front::parse(
+        &[Source::new("leaf.wgsl", text)],
+        &front::Options::default(),
+    );
+    let scene = synthesise(parsed.unwrap(), MaterialState::default()).resized([64, 36]);
+    let facts = measure::facts(&Session::new(gpu(), &scene, ShaderForm::Text).unwrap()).unwrap();
+    assert_ne!(facts.depth_ties, Some(0));
+    assert_ne!(facts.undiscarded_depth_ties, Some(0));
+    assert_ne!(facts.near_plane_pixels, Some(0));
+    let recipe = Recipe::parse(["depth-prepass:form=equal"]).unwrap();
+    // Without a tie at all: what does not remove the discard is the made-up scene.
+    let facts = Facts {
+        depth_ties: None,
+        ..facts
+    };
+    let variant = measure::variant(&originals(&scene), &recipe, &facts);
+    let main = variant.plans[0].main().unwrap();
+    let wgsl = variant.plans[0].program(main).unwrap();
+    let body = &wgsl.entry_point(
+        naga::ShaderStage::Fragment,
+        main.fragment.as_deref().unwrap(),
+    );
+    let body = format!("{:?}", body.unwrap().1.function.body);
+    assert_eq!(variant.plans[0].passes.len(), 2, "{:?}", variant.kept);
+    assert!(body.contains("Kill"), "{body}");
 }

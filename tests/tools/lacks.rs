@@ -1,6 +1,7 @@
 //! Each builtin, interpolation and function that some target lacks: it is written so that other
 //! compilers take it, or refused by name. One small stage for each.
 
+use naga::{Binding, BuiltIn};
 use preshade::unstable::emit::{self, EmitError, Target};
 use preshade::unstable::front::{self, Color, Source};
 use preshade_passes::plan::Plan;
@@ -282,6 +283,14 @@ fn functions() -> Vec<Case> {
             "let x = w.texture2D;",
             [Read, Read, Read],
         ),
+        // naga gives names of builtins that the author declares another spelling.
+        with(
+            "own bitCount",
+            "fn bitCount(v: f32) -> f32 { return v * 2.0; }\n",
+            "",
+            "let x = bitCount(v.uv.x);",
+            [Read, Read, Read],
+        ),
         alpha("long name", &long, [Read, long_name, long_name]),
     ]
 }
@@ -356,4 +365,32 @@ fn a_resource_that_is_only_named_stays_in_every_text() {
     let wgsl = String::from_utf8_lossy(&files[0].bytes).into_owned();
     assert!(wgsl.contains("_ = t;") && wgsl.contains("_ = s;"), "{wgsl}");
     accept::accept(&[("phony".to_owned(), files)]);
+}
+
+/// WGSL has no word for these builtins, GLSL and SPIR-V have.
+#[test]
+fn builtins_of_a_draw_are_refused_by_glsl() {
+    for (builtin, wanted) in [
+        (BuiltIn::BaseVertex, "base_vertex"),
+        (BuiltIn::BaseInstance, "base_instance"),
+    ] {
+        let text = "@vertex fn vs(@builtin(vertex_index) i: u32) -> @builtin(position) vec4<f32> \
+                    { return vec4<f32>(f32(i)); }
+            @fragment fn fs() -> @location(0) vec4<f32> { return vec4<f32>(1.0); }";
+        let source = Source::new("draw.wgsl", text);
+        let parsed = front::parse(&[source], &front::Options::default()).unwrap();
+        let mut module = parsed.program.module().clone();
+        let stage = &mut module.entry_points[0];
+        assert_eq!(stage.name, "vs");
+        stage.function.arguments[0].binding = Some(Binding::BuiltIn(builtin));
+        let program = parsed.program.with_module(module).unwrap();
+        let state = MaterialState::default();
+        let plan = Plan::original("m", program, "vs", Some("fs"), &state);
+        for target in [Target::Glsl450, Target::GlslEs300] {
+            match emit::emit(&plan, &[target], &emit::Options::default()) {
+                Err(EmitError::Inexpressible { what, .. }) => assert_eq!(what, wanted),
+                other => panic!("{wanted} {target}: {:?}", other.map(|files| files.len())),
+            }
+        }
+    }
 }
