@@ -298,7 +298,7 @@ fn a_depfile_goes_into_a_pipe_and_has_what_is_included() {
     {
         // It must not wait for what it would write itself.
         let mut child = preshade(&tree)
-            .args(&args)
+            .args(args)
             .arg("/dev/stdout")
             .stdout(Stdio::piped())
             .stderr(Stdio::null())

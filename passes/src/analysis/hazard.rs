@@ -9,7 +9,7 @@ use crate::evaluate::Number as _;
 use crate::evaluate::accuracy::LARGEST_TANH;
 
 /// Name of the operation, if it may return NaN or infinity for finite operands. `ranges` are of
-/// what adapters compute ([`AllRanges::computed`]): a difference that is above 0 may be rounded to
+/// what adapters compute (`AllRanges::computed`): a difference that is above 0 may be rounded to
 /// 0.
 pub fn undefined(
     values: &Values<'_, '_>,

@@ -49,7 +49,7 @@ impl<'a> Opaque<'a> {
     ///
     /// # Errors
     /// An implicit input that the pass changes and no assumption covers: see
-    /// [`crate::analysis::implicit_inputs`].
+    /// `analysis::implicit_inputs`.
     pub fn assumptions(
         &self,
         plan: &Plan,

@@ -1,5 +1,5 @@
 //! The depth-only version of a material: the slice of its vertex stage to position, and of its
-//! fragment stage to coverage and depth. [`super::depth_pass`] adds it to a plan.
+//! fragment stage to coverage and depth. `rebuild::depth_pass` adds it to a plan.
 
 use naga::{BinaryOperator, Binding, BuiltIn, Expression, Literal, Module, Span, TypeInner};
 use schemars::JsonSchema;
