@@ -80,7 +80,7 @@ pub struct PlanArgs {
     /// Plans to measure beside the original.
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = parse_frames)]
     runners: usize,
-    /// Whether to measure; without, the choice is a prediction and says so.
+    /// Whether to measure; without, the choice is a prediction, and is marked as one.
     #[arg(long, value_enum, default_value_t = TimeArg::Yes)]
     time: TimeArg,
     /// Seconds to spend on timing each view.

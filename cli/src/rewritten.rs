@@ -71,7 +71,7 @@ pub struct Made {
     pub materials: Vec<(Rewritten, Vec<emit::File>)>,
     pub read: Vec<PathBuf>,
     pub messages: Vec<String>,
-    /// Notes about pipeline state that nothing says.
+    /// Notes about pipeline state that preshade assumed.
     pub assumed: Vec<String>,
     /// Printed after everything is written.
     pub hints: Vec<String>,

@@ -114,7 +114,7 @@ fn with_suggestion(message: &str) -> String {
 }
 
 impl StateArgs {
-    /// Whether nothing says which faces are culled.
+    /// Whether the user gave no culling.
     pub fn says_no_cull(&self) -> bool {
         self.cull.is_none() && self.state.is_none()
     }
