@@ -103,21 +103,7 @@ fn variant(
 }
 
 fn not_measured(recipe: &Recipe, why: String) -> VariantReport {
-    VariantReport {
-        name: recipe.to_string(),
-        recipe: recipe.to_string(),
-        contract: Contract::exact(),
-        verdict: Verdict::NotMeasured { why },
-        error: None,
-        time_ms: None,
-        speedup: None,
-        shaded_per_pixel: None,
-        cost: None,
-        shadow: None,
-        self_test: Vec::new(),
-        junctions: Vec::new(),
-        kept: Vec::new(),
-        by_path: Vec::new(),
-        by_view: Vec::new(),
-    }
+    let name = recipe.to_string();
+    let verdict = Verdict::NotMeasured { why };
+    VariantReport::new(&name, &name, Contract::exact(), verdict)
 }

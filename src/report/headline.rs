@@ -164,21 +164,8 @@ mod tests {
             shaded_per_pixel: None,
         };
         VariantReport {
-            name: name.to_owned(),
-            recipe: name.to_owned(),
-            contract: Contract::exact(),
-            verdict,
-            error: None,
-            time_ms: None,
-            speedup: None,
-            shaded_per_pixel: None,
-            cost: None,
-            shadow: None,
-            self_test: Vec::new(),
-            junctions: Vec::new(),
-            kept: Vec::new(),
-            by_path: Vec::new(),
             by_view: speedups.iter().map(view).collect(),
+            ..VariantReport::new(name, name, Contract::exact(), verdict)
         }
     }
 

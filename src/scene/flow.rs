@@ -144,6 +144,23 @@ impl<'g, 'p> StageFlow<'g, 'p> {
         }
     }
 
+    /// The operands of a product.
+    pub fn product(
+        &self,
+        value: ValueId,
+    ) -> Option<(ContextId, Handle<Expression>, Handle<Expression>)> {
+        let (context, expression, _) = self.expression(value)?;
+        let Expression::Binary {
+            op: BinaryOperator::Multiply,
+            left,
+            right,
+        } = *expression
+        else {
+            return None;
+        };
+        Some((context, left, right))
+    }
+
     /// The variable that a value loads.
     pub fn read(&self, value: ValueId) -> Option<BufferRead> {
         let (context, Expression::Load { pointer }, path) = self.expression(value)? else {

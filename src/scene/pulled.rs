@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use naga::{BinaryOperator, Expression, Handle, Module, ScalarKind, Type, TypeInner};
+use naga::{Expression, Handle, Module, ScalarKind, Type, TypeInner};
 use preshade_passes::analysis::values::ValueId;
 
 use super::bind::{known_stream, stream_component};
@@ -138,15 +138,7 @@ impl Pulled {
 
 /// The literal that an index is multiplied by.
 fn literal_factor(flow: &StageFlow<'_, '_>, value: ValueId) -> Option<usize> {
-    let (context, expression, _) = flow.expression(value)?;
-    let Expression::Binary {
-        op: BinaryOperator::Multiply,
-        left,
-        right,
-    } = *expression
-    else {
-        return None;
-    };
+    let (context, left, right) = flow.product(value)?;
     let f = flow.values.function(context).function;
     let literal = |e: Handle<Expression>| match f.expressions[e] {
         Expression::Literal(naga::Literal::U32(n)) => Some(n as usize),

@@ -350,15 +350,7 @@ fn matrices(flow: &StageFlow<'_, '_>, way: &[ValueId]) -> Vec<BufferRead> {
 
 /// The matrix and the vector of a product `matrix * vector`.
 fn product(flow: &StageFlow<'_, '_>, value: ValueId) -> Option<(ValueId, ValueId)> {
-    let (context, expression, _) = flow.expression(value)?;
-    let Expression::Binary {
-        op: BinaryOperator::Multiply,
-        left,
-        right,
-    } = *expression
-    else {
-        return None;
-    };
+    let (context, left, right) = flow.product(value)?;
     let f = flow.values.function(context);
     let ty = |e| f.ty(flow.values.graph.module(), e);
     let is_product = matches!(ty(left), TypeInner::Matrix { .. })

@@ -281,10 +281,10 @@ impl Specialized {
         }
         let shrunk =
             shrink::shrink(&program_folded, &pass.vertex, pass.fragment.as_deref()).map_err(bug)?;
-        let costs = |program: &Program| {
-            let graph = Graph::build(program);
+        let graphs = [program, &shrunk.program].map(Graph::build);
+        let costs = |graph: &Graph<'_>| {
             let of = |stage, name: Option<&str>| {
-                name.and_then(|n| program.entry_point(stage, n))
+                name.and_then(|n| graph.program().entry_point(stage, n))
                     .map_or(0.0, |(i, _)| graph.entry_cost(i))
             };
             [
@@ -292,17 +292,17 @@ impl Specialized {
                 of(ShaderStage::Fragment, pass.fragment.as_deref()),
             ]
         };
-        let (before, after) = (costs(program), costs(&shrunk.program));
+        let [before, after] = graphs.each_ref().map(costs);
         let mut effects = vec![PassEffect::RemovesInputs];
-        let text = |program: &Program| vertex_text(program, &pass.vertex);
-        if text(program) != text(&shrunk.program) {
+        let [text, rest] = graphs.each_ref().map(|g| vertex_text(g, &pass.vertex));
+        if text != rest {
             effects.push(PassEffect::EditsVertexStage);
         }
-        let graph = Graph::build(program);
-        let inputs = ImplicitInputs::new(plan, pass, &graph).replaced_by(&shrunk.program);
+        let inputs = ImplicitInputs::new(plan, pass, &graphs[0]).replaced_by(&shrunk.program);
         let given = inputs
             .examine(Specialize::INFO.name, &effects)
             .map_err(|refusals| Refused::from(refusals).first())?;
+        drop(graphs);
         Ok(Self {
             guard,
             cost: [[before[0], after[0]], [before[1], after[1]]],
@@ -398,11 +398,10 @@ impl Specialized {
 }
 
 /// A hash of everything that a vertex stage computes.
-fn vertex_text(program: &Program, vertex: &str) -> Option<String> {
-    let graph = Graph::build(program);
-    let (entry, _) = program.entry_point(ShaderStage::Vertex, vertex)?;
+fn vertex_text(graph: &Graph<'_>, vertex: &str) -> Option<String> {
+    let (entry, _) = graph.program().entry_point(ShaderStage::Vertex, vertex)?;
     let all = [Criterion::Output(OutputFilter::All)];
-    Some(slice::backward(&graph, entry, &all).hash(&graph))
+    Some(slice::backward(graph, entry, &all).hash(graph))
 }
 
 fn bug(what: impl std::fmt::Display) -> Box<Refusal> {

@@ -164,6 +164,29 @@ pub struct ViewReport {
     pub shaded_per_pixel: Option<f64>,
 }
 
+impl VariantReport {
+    /// A variant of which nothing is measured yet.
+    pub fn new(name: &str, recipe: &str, contract: Contract, verdict: Verdict) -> Self {
+        Self {
+            name: name.to_owned(),
+            recipe: recipe.to_owned(),
+            contract,
+            verdict,
+            error: None,
+            time_ms: None,
+            speedup: None,
+            shaded_per_pixel: None,
+            cost: None,
+            shadow: None,
+            self_test: Vec::new(),
+            junctions: Vec::new(),
+            kept: Vec::new(),
+            by_path: Vec::new(),
+            by_view: Vec::new(),
+        }
+    }
+}
+
 impl Report {
     /// Whether any variant broke its contract.
     pub fn is_broken(&self) -> bool {

@@ -135,21 +135,14 @@ impl<'a> Measurement<'a> {
         let mut drawn = Self {
             counter: None,
             report: VariantReport {
-                name: variant.name.clone(),
-                recipe: variant.recipe.clone(),
-                contract: subject.contract.clone(),
-                verdict: subject.verdict.clone(),
-                error: None,
-                time_ms: None,
-                speedup: None,
-                shaded_per_pixel: None,
-                cost: None,
-                shadow: None,
-                self_test: Vec::new(),
                 junctions: junctions(session.scene(), &variant.plans),
                 kept: variant.kept.clone(),
-                by_path: Vec::new(),
-                by_view: Vec::new(),
+                ..VariantReport::new(
+                    &variant.name,
+                    &variant.recipe,
+                    subject.contract.clone(),
+                    subject.verdict.clone(),
+                )
             },
             pictures: None,
             worst: None,
