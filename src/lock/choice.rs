@@ -123,7 +123,6 @@ fn about(material: &str, facts: &Facts) -> Facts {
         constants,
         frequencies: _,
         rasterizer,
-        samplers,
     } = facts;
     Facts {
         depth_ties: *depth_ties,
@@ -137,7 +136,6 @@ fn about(material: &str, facts: &Facts) -> Facts {
         constants: own(constants, |c| c.material == material),
         frequencies: Vec::new(),
         rasterizer: *rasterizer,
-        samplers: own(samplers, |s| s.material == material),
     }
 }
 

@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use preshade_passes::guard::{Assumed, Bounds, Place, ScalarType};
-use preshade_passes::pass::{Constant, Facts, SamplerState};
+use preshade_passes::pass::{Constant, Facts};
 use preshade_passes::plan::Plan;
 
 use super::inputs::hash;
@@ -151,22 +151,13 @@ fn nothing_is_kept_of_other_materials() {
             bounds: Bounds::one(0.5),
         },
     };
-    let sampler = |material: &str| SamplerState {
-        material: material.to_owned(),
-        group: 0,
-        binding: 1,
-        filtered: false,
-        anisotropy: 1,
-    };
     let facts = Facts {
         constants: vec![of("lit"), of("toon")],
-        samplers: vec![sampler("toon"), sampler("lit")],
         ..Facts::default()
     };
     let recipe = Recipe::default();
     let locked = Locked::resolve(&original(TEXT), &recipe, &facts, inputs(TEXT), None).unwrap();
     assert_eq!(locked.facts.constants, [of("lit")]);
-    assert_eq!(locked.facts.samplers, [sampler("lit")]);
 }
 
 #[test]

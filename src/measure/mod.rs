@@ -68,8 +68,6 @@ pub use variant::{counting, variant};
 pub use verify::{Settings, Timed, Variant, Verified, VerifyProgress, verify};
 pub use view::View;
 
-use crate::scene::{Filter, bind};
-
 /// Why something was not measured.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
@@ -105,28 +103,8 @@ pub fn known(scene: &crate::scene::Scene) -> preshade_passes::pass::Facts {
         changing,
         constants: constants.unwrap_or_default(),
         ranges: ranges(scene).unwrap_or_default(),
-        samplers: samplers(scene),
         ..preshade_passes::pass::Facts::default()
     }
-}
-
-/// How the samplers are set that the scene's materials are drawn with and that compare nothing.
-fn samplers(scene: &crate::scene::Scene) -> Vec<preshade_passes::pass::SamplerState> {
-    let plans = originals(scene);
-    let mut found = Vec::new();
-    for (material, plan) in scene.materials.iter().zip(&plans) {
-        let bound = plan.main().map(|pass| bind::samplers(material, pass));
-        let bound = bound.and_then(Result::ok).unwrap_or_default();
-        let filtering = bound.iter().filter(|s| s.sampler.compare.is_none());
-        found.extend(filtering.map(|s| preshade_passes::pass::SamplerState {
-            material: material.name.clone(),
-            group: s.group,
-            binding: s.binding,
-            filtered: s.sampler.filter == Filter::Linear,
-            anisotropy: s.sampler.anisotropy,
-        }));
-    }
-    found
 }
 
 /// [`known`] if a pass of `recipe` reads it, otherwise nothing.

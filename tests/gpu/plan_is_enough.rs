@@ -586,11 +586,11 @@ fn files_of(case: Case, scene: &Scene) -> (Vec<Vec<File>>, usize) {
         Case::Shared => {
             Some("hoist:budget=1,finite=assumed,jumps=carried,tessellate:level=8,form=shared")
         }
-        Case::Ids => Some("visibility-buffer"),
-        Case::Unindexed => Some("visibility-buffer:ids=unindexed,select=id"),
-        Case::Computed => Some("visibility-buffer:form=compute"),
-        Case::Tiled => Some("visibility-buffer:select=tiles"),
-        Case::Binned => Some("visibility-buffer:form=binned"),
+        Case::Ids => Some("visibility-buffer:budget=1"),
+        Case::Unindexed => Some("visibility-buffer:ids=unindexed,select=id,budget=1"),
+        Case::Computed => Some("visibility-buffer:form=compute,budget=1"),
+        Case::Tiled => Some("visibility-buffer:select=tiles,budget=1"),
+        Case::Binned => Some("visibility-buffer:form=binned,budget=1"),
         Case::Lit | Case::Sampled | Case::Glass | Case::Mask | Case::Alone => None,
     };
     let plans: Vec<Plan> = originals(scene)

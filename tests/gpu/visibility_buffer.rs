@@ -7,7 +7,7 @@ use std::sync::{Arc, OnceLock};
 use glam::{Mat4, Vec3};
 use preshade::unstable::emit::{self, Target};
 use preshade::unstable::measure::{self, Counter};
-use preshade::unstable::passes::contract::Assumption;
+use preshade::unstable::passes::contract::{Assumption, Contract, Surface, Turned};
 use preshade::unstable::passes::draw_table::Entry;
 use preshade::unstable::passes::pass::Facts;
 use preshade::unstable::passes::plan::{Plan, Role};
@@ -17,35 +17,33 @@ use preshade::unstable::recipe::Recipe;
 use preshade::unstable::render::{
     FrameSettings, Prepared, Rendered, SceneInputs, SelfTestResult, ShaderForm, Variant, self_test,
 };
-use preshade::unstable::scene::{
-    DrawOrder, Filter, Image, Material, Mesh, Sampler, Scene, Stream, Value,
-};
+use preshade::unstable::scene::{DrawOrder, Image, Material, Mesh, Scene, Stream, Value};
 
 use crate::render_support::*;
 
 /// The forms that must all draw alike.
 const FORMS: [&str; 13] = [
-    "visibility-buffer",
-    "visibility-buffer:select=id",
-    "visibility-buffer:ids=unindexed",
-    "visibility-buffer:form=compute",
-    "visibility-buffer:formats=any",
-    "visibility-buffer:words=one",
-    "visibility-buffer:words=one,ids=unindexed,form=compute",
-    "visibility-buffer:select=tiles",
-    "visibility-buffer:select=tiles,form=compute",
-    "visibility-buffer:form=binned",
-    "visibility-buffer:form=binned,words=one,ids=unindexed",
-    "visibility-buffer:vertices=kept",
-    "visibility-buffer:vertices=kept,form=compute,select=tiles,formats=any",
+    "visibility-buffer:budget=1",
+    "visibility-buffer:select=id,budget=1",
+    "visibility-buffer:ids=unindexed,budget=1",
+    "visibility-buffer:form=compute,budget=1",
+    "visibility-buffer:formats=any,budget=1",
+    "visibility-buffer:words=one,budget=1",
+    "visibility-buffer:words=one,ids=unindexed,form=compute,budget=1",
+    "visibility-buffer:select=tiles,budget=1",
+    "visibility-buffer:select=tiles,form=compute,budget=1",
+    "visibility-buffer:form=binned,budget=1",
+    "visibility-buffer:form=binned,words=one,ids=unindexed,budget=1",
+    "visibility-buffer:vertices=kept,budget=1",
+    "visibility-buffer:vertices=kept,form=compute,select=tiles,formats=any,budget=1",
 ];
 
 /// Those whose promise is about an original that marks its position `@invariant`: a driver may give
 /// another text of it other bits.
 const OF_MARKED: [&str; 3] = [
-    "visibility-buffer:vertex=sliced",
-    "visibility-buffer:vertex=sliced,invariant=as-written,ids=unindexed",
-    "visibility-buffer:invariant=add",
+    "visibility-buffer:vertex=sliced,budget=1",
+    "visibility-buffer:vertex=sliced,invariant=as-written,ids=unindexed,budget=1",
+    "visibility-buffer:invariant=add,budget=1",
 ];
 
 /// What the adapter was seen to do, as facts.
@@ -112,15 +110,6 @@ fn compared(scene: &Scene) -> Difference {
     let marked = scene.clone().with_invariant_positions();
     compared_with(&marked, &OF_MARKED.map(str::to_owned));
     compared_with(scene, &FORMS.map(str::to_owned))
-}
-
-/// The same of forms with a budget.
-fn compared_within(scene: &Scene, budget: &str) -> Difference {
-    let with = |form: &str| match form.contains(':') {
-        true => format!("{form},budget={budget}"),
-        false => format!("{form}:budget={budget}"),
-    };
-    compared_with(scene, &FORMS.map(with))
 }
 
 fn compared_with(scene: &Scene, forms: &[String]) -> Difference {
@@ -528,7 +517,7 @@ fn every_word_of_the_draw_table_is_needed() {
     let mut alike = Vec::new();
     for (word, amend, forms) in words {
         for form in forms {
-            let recipe = format!("visibility-buffer:{form}");
+            let recipe = format!("visibility-buffer:{form},budget=1");
             let right = right.entry(form).or_insert_with(|| drawn(&recipe, |_| {}));
             if drawn(&recipe, amend) == *right {
                 alike.push(format!("{word}: {form}"));
@@ -612,7 +601,7 @@ fn a_biased_sample_and_a_sample_of_a_sample() {
     let mut material = shader("dependent", TEXTURES, "", "", body);
     material.textures.insert("albedo".to_owned(), pattern());
     material.textures.insert("relief".to_owned(), pattern());
-    let difference = compared_within(&floor(material), "0.02");
+    let difference = compared(&floor(material));
     assert!(
         difference.most <= 2 && difference.colors < 128 * 96 / 20,
         "{difference:?}"
@@ -620,78 +609,40 @@ fn a_biased_sample_and_a_sample_of_a_sample() {
 }
 
 #[test]
-fn a_biased_sample_needs_a_budget() {
-    let body = "return textureSampleBias(albedo, smooth_sampler, in.uv, 1.0) * object.tint;";
-    let scene = floor(shader("biased", TEXTURES, "", "", body));
-    assert_eq!(refused(&scene), "biased-sample");
-    split(&originals(&scene)[0], "visibility-buffer:budget=0.02");
-}
-
-#[test]
-fn a_sampler_that_jumps_needs_a_budget_where_an_interpolated_value_says_where_it_samples() {
-    // By way of a function, and of a second sampler that is read at the pixel's place alone.
+fn a_sample_needs_a_budget_where_an_interpolated_value_chooses_texels() {
+    // By way of a function, and of another sample at the pixel's place alone.
     let declared = "@group(1) @binding(1) var albedo: texture_2d<f32>;
 @group(1) @binding(2) var first: sampler;
-@group(1) @binding(3) var second: sampler;
-fn fetched(by: sampler, at: vec2<f32>) -> vec4<f32> { return textureSample(albedo, by, at); }";
-    let body = "let still = textureSampleLevel(albedo, second, in.at.xy, 0.0);
-    return fetched(first, in.uv) * object.tint + still;";
-    let code = |first: Sampler, second: Sampler, recipe: &str| {
-        let mut material = shader("sampled", declared, "", "", body);
-        let samplers = [("first", first), ("second", second)];
-        let samplers = samplers.map(|(name, sampler)| (name.to_owned(), sampler));
-        material.samplers.extend(samplers);
-        let scene = floor(material);
+fn fetched(at: vec2<f32>) -> vec4<f32> { return textureSample(albedo, first, at); }";
+    let of = |body: &str, recipe: &str| {
+        let scene = floor(shader("sampled", declared, "", "", body));
         let recipe = Recipe::parse([recipe]).unwrap();
-        let plan = &originals(&scene)[0];
-        assert_eq!(recipe.apply(plan, &Facts::default()).err(), None);
-        match recipe.apply(plan, &measure::known(&scene)) {
+        match recipe.apply(&originals(&scene)[0], &Facts::default()) {
             Ok(split) => split.contract.kind().to_owned(),
-            Err(refusal) => {
-                // In the function that samples.
-                assert_eq!(refusal.location.unwrap().line, 9);
-                refusal.code
-            }
+            Err(refusal) => format!("{} {}", refusal.code, refusal.location.unwrap().line),
         }
     };
-    let filtered = Sampler::default();
-    let nearest = Sampler {
-        filter: Filter::Nearest,
-        ..filtered
-    };
-    let anisotropic = Sampler {
-        anisotropy: 8,
-        ..filtered
-    };
-    assert_eq!(code(filtered, filtered, "visibility-buffer"), "rounding");
-    for (jumps, refused) in [
-        (nearest, "nearest-sample"),
-        (anisotropic, "anisotropic-sample"),
-    ] {
-        assert_eq!(code(filtered, jumps, "visibility-buffer"), "rounding");
-        assert_eq!(code(jumps, filtered, "visibility-buffer"), refused);
-        let kept = code(jumps, filtered, "visibility-buffer:budget=0.02");
-        assert_eq!(kept, "approximate");
+    let still = "let still = textureSampleLevel(albedo, first, in.at.xy, 0.0);";
+    let sampled = [
+        ("fetched(in.uv)", 8),
+        ("textureSampleBias(albedo, first, in.uv, 1.0)", 14),
+        ("textureSampleLevel(albedo, first, in.uv, 0.0)", 14),
+        ("textureSampleGrad(albedo, first, in.uv, in.uv, in.uv)", 14),
+        // The resolve makes the gradients of its level.
+        ("textureSample(albedo, first, in.at.xy / 300.0)", 14),
+    ];
+    for (sample, line) in sampled {
+        let body = format!("{still} return still + {sample} * object.tint;");
+        assert_eq!(
+            of(&body, "visibility-buffer"),
+            format!("sample {line}"),
+            "{sample}"
+        );
+        assert_eq!(of(&body, "visibility-buffer:budget=0.05"), "approximate");
     }
-    // A level that is said has no gradients to be anisotropic along; one that is not has those that
-    // a resolve makes, wherever it samples.
-    let of = |sampler: Sampler, body: &str| {
-        let mut material = shader("sampled", declared, "", "", body);
-        material.samplers.insert("first".to_owned(), sampler);
-        let scene = floor(material);
-        let recipe = Recipe::parse(["visibility-buffer"]).unwrap();
-        let split = recipe.apply(&originals(&scene)[0], &measure::known(&scene));
-        split.map_or_else(|r| r.code, |s| s.contract.kind().to_owned())
-    };
-    let said = "return textureSampleLevel(albedo, first, in.uv, 0.0) * object.tint;";
-    assert_eq!(of(anisotropic, said), "rounding");
-    assert_eq!(of(nearest, said), "nearest-sample");
-    let at_the_pixel = "return textureSample(albedo, first, in.at.xy / 300.0) * object.tint;";
-    assert_eq!(of(filtered, at_the_pixel), "rounding");
-    assert_eq!(of(anisotropic, at_the_pixel), "anisotropic-sample");
-    assert_eq!(of(nearest, at_the_pixel), "nearest-sample");
-    let fetched = "return textureLoad(albedo, vec2<i32>(in.at.xy) % 2, 0) * object.tint;";
-    assert_eq!(of(nearest, fetched), "rounding");
+    let texel = "textureLoad(albedo, vec2<i32>(in.at.xy) % 2, 0)";
+    let body = format!("{still} return still + {texel} * object.tint;");
+    assert_eq!(of(&body, "visibility-buffer"), "rounding");
 }
 
 #[test]
@@ -711,8 +662,8 @@ fn a_cube_is_sampled_at_the_levels_that_the_adapter_takes() {
         .textures
         .insert("albedo".to_owned(), Arc::new(levels));
     let scene = floor(material);
-    assert_eq!(refused(&scene), "cube-sample");
-    let difference = compared_within(&scene, "1");
+    assert_eq!(refused(&scene), "sample");
+    let difference = compared(&scene);
     assert_eq!((difference.coverage, difference.depths), (0, 0));
     // Software takes the levels of the gradients it is given; a card (an H200, by 44 steps) has
     // levels of its own, which is why a budget is asked for.
@@ -800,7 +751,7 @@ fn more_than_ids_and_buffers_hold_is_told_before_it_is_drawn() {
     }
     let inputs = SceneInputs::new(gpu(), &scene).unwrap();
     for form in ["words=one", "form=binned"] {
-        let recipe = format!("visibility-buffer:{form}");
+        let recipe = format!("visibility-buffer:{form},budget=1");
         let plans: Vec<Plan> = originals(&scene)
             .iter()
             .map(|p| split(p, &recipe))
@@ -1106,7 +1057,7 @@ fn a_neighbour_that_moves_depth_keeps_it_from_being_split() {
     scene.materials[1].state.depth_compare =
         Some(preshade::unstable::passes::state::CompareFunction::Always);
     let plans = originals(&scene);
-    let recipe = Recipe::parse(["visibility-buffer"]).unwrap();
+    let recipe = Recipe::parse(["visibility-buffer:budget=1"]).unwrap();
     let variant = measure::variant(&plans, &recipe, &Facts::default());
     let why: Vec<&str> = variant.kept.iter().map(|k| k.why.as_str()).collect();
     assert!(why[0].contains("neighbour-moves-depth"), "{why:?}");
@@ -1120,7 +1071,10 @@ fn a_neighbour_that_writes_no_depth_keeps_it_from_being_split() {
     scene.materials[1].state.depth_write = false;
     scene.draws[0].material = 1;
     let plans = originals(&scene);
-    for (recipe, kept) in [("visibility-buffer", 2), ("depth-prepass:form=biased", 1)] {
+    for (recipe, kept) in [
+        ("visibility-buffer:budget=1", 2),
+        ("depth-prepass:form=biased", 1),
+    ] {
         let recipe = Recipe::parse([recipe]).unwrap();
         let variant = measure::variant(&plans, &recipe, seen());
         let why: Vec<&str> = variant.kept.iter().map(|k| k.why.as_str()).collect();
@@ -1137,12 +1091,24 @@ fn a_neighbour_that_writes_no_depth_keeps_it_from_being_split() {
 
 #[test]
 fn positions_are_the_authors_or_marked() {
-    let mut scene = three_draws();
+    let body = "return vec4(in.uv, 0.5, 1.0) * object.tint;";
+    let mut scene = floor(shader("plain", "", "", "", body));
     let given = |scene: &Scene, recipe: &str| {
         let plan = split(&originals(scene)[0], recipe);
         let given = plan.contract.given().to_vec();
-        let position = given.contains(&Assumption::InvariantPosition);
-        assert!(position && given.contains(&Assumption::SameDrawOrder));
+        assert!(given.contains(&Assumption::SameDrawOrder));
+        // What is not marked may be rounded otherwise.
+        let is_rounded = matches!(
+            plan.contract,
+            Contract::Rounding {
+                turned: Some(Turned {
+                    surface: Surface::Rounded,
+                    ..
+                }),
+                ..
+            }
+        );
+        assert_ne!(is_rounded, given.contains(&Assumption::InvariantPosition));
         let pass = plan.passes.iter().find(|p| p.role == Role::Ids).unwrap();
         let program = plan.program(pass).unwrap();
         let (_, entry) = program
@@ -1200,8 +1166,11 @@ fn it_is_not_split_behind_a_prepass_nor_twice() {
     let plan = &originals(&scene)[0];
     for (recipe, code) in [
         ("depth-prepass,visibility-buffer", "has-prepass"),
-        ("visibility-buffer,depth-prepass", "no-main-pass"),
-        ("visibility-buffer,visibility-buffer", "no-main-pass"),
+        ("visibility-buffer:budget=1,depth-prepass", "no-main-pass"),
+        (
+            "visibility-buffer:budget=1,visibility-buffer",
+            "no-main-pass",
+        ),
     ] {
         let recipe = Recipe::parse_list(recipe).unwrap();
         let refusal = recipe.apply(plan, &Facts::default()).unwrap_err();
@@ -1305,17 +1274,7 @@ fn a_jump_of_what_is_interpolated_needs_a_budget() {
     for what in steady {
         let split = plan(what, "visibility-buffer").unwrap();
         assert_eq!(split.contract.kind(), "rounding", "{what}");
-        let filtered = Assumption::FilteredTextures;
-        assert!(!split.contract.given().contains(&filtered), "{what}");
     }
-    let sampled = "let jumps = textureSample(albedo, smooth_sampler, in.uv).x;";
-    let split = plan(sampled, "visibility-buffer").unwrap();
-    assert!(
-        split
-            .contract
-            .given()
-            .contains(&Assumption::FilteredTextures)
-    );
 }
 
 #[test]
@@ -1422,7 +1381,7 @@ fn the_emitted_text_and_the_ir_draw_alike() {
     let scene = three_draws();
     let plans: Vec<Plan> = originals(&scene)
         .iter()
-        .map(|p| split(p, "visibility-buffer"))
+        .map(|p| split(p, "visibility-buffer:budget=1"))
         .collect();
     let [text, ir] = [ShaderForm::Text, ShaderForm::Ir]
         .map(|form| render_as(gpu(), &scene, &plans, DrawOrder::AsGiven, form));

@@ -39,10 +39,6 @@ pub enum Assumption {
     /// The vertex and the fragment stage compute the same bits from the same inputs: the compiler
     /// fuses the same multiply-adds in both.
     StagesAgree,
-    /// Textures that are sampled at interpolated coordinates, or at an implicit level, are filtered
-    /// within and between levels, with an anisotropy of 1. A nearest sampler is discontinuous, and
-    /// so is the texel count of an anisotropic one.
-    FilteredTextures,
     /// An interpolated number is within 2^-18 of the largest value at the corners of its triangle.
     /// No language guarantees this, and slivers many times as long as the screen exceed it.
     FineInterpolation,
@@ -64,9 +60,8 @@ pub enum Assumption {
     /// No visible triangle gains its area only on the rasteriser's grid. Values interpolated over a
     /// triangle without area depend on rounding errors.
     TrianglesWithArea,
-    /// From varyings and samples to the outputs, slopes are small. The last bits in which two
-    /// rasterisers differ, and the 1/256 of a texel's contrast that filter weights make of them,
-    /// stay within one step of the output. The `pow` of a highlight on a normal map may be steeper.
+    /// From varyings to the outputs, slopes are small: the last bits in which two rasterisers differ
+    /// stay within one step of the output. A material that samples textures there needs a budget.
     GentleSlopes,
     /// Varyings, constants of the draw and texels are within 4 of 0, and the draw's divisors are at
     /// least a quarter. No larger factor multiplies a rounding error.

@@ -24,7 +24,7 @@ pub struct PassInfo {
     pub when: &'static str,
     /// When it costs more than it gains.
     pub hurts: &'static str,
-    /// Whether it reads the scene's numbers and samplers in [`Facts`].
+    /// Whether it reads the scene's numbers in [`Facts`].
     pub reads_scene: bool,
 }
 
@@ -294,10 +294,6 @@ pub struct Facts {
     /// What the adapter does that no language decides; `None`: not looked at.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rasterizer: Option<Rasterizer>,
-    /// How the samplers that compare nothing are set; empty where that was not looked at, and where
-    /// there are none.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub samplers: Vec<SamplerState>,
 }
 
 impl Facts {
@@ -312,22 +308,6 @@ impl Facts {
             false => Assumption::NotMeasured,
         }
     }
-}
-
-/// How a sampler that compares nothing is set.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
-pub struct SamplerState {
-    /// Name of the material.
-    pub material: String,
-    /// `@group`.
-    pub group: u32,
-    /// `@binding`.
-    pub binding: u32,
-    /// Whether it filters between texels and between levels; else it takes the nearest of one of
-    /// them.
-    pub filtered: bool,
-    /// Largest anisotropy, 1 to 16.
-    pub anisotropy: u16,
 }
 
 /// A uniform, or a member of one, that is not the same in all frames.
@@ -488,12 +468,6 @@ impl Facts {
             near_plane_pixels: Some(0),
             ..Self::default()
         }
-    }
-
-    /// How the samplers of a material are set.
-    pub fn samplers_of(&self, material: &str) -> Vec<SamplerState> {
-        let own = self.samplers.iter().filter(|s| s.material == material);
-        own.cloned().collect()
     }
 }
 

@@ -25,20 +25,19 @@ use crate::analysis::implicit_inputs::PassEffect;
 use crate::analysis::opaque::Opaque;
 use crate::analysis::refusals as shared;
 use crate::core::budget::Budget;
-use crate::core::contract::{Assumption, Contract};
+use crate::core::contract::{Assumption, Contract, Surface, Turned};
 use crate::core::pass::{
-    Change, Example, Expected, Facts, Outcome, Pass, PassInfo, Refusal, Refused, SamplerState,
-    SiteCost, Use,
+    Change, Example, Expected, Facts, Outcome, Pass, PassInfo, Refusal, Refused, SiteCost, Use,
 };
 use crate::core::plan::{Attachment, ClearValue, GpuPass, Plan, Role, Step};
 use crate::core::rasterizer::{Corners, Rasterizer};
 use crate::core::refusals::RefusalInfo;
 use crate::core::self_test;
 use crate::graph::Graph;
-use crate::rebuild::depth_only::{self, DepthOnly, VertexStage};
+use crate::rebuild::depth_only::{self, DepthOnly, Invariance, VertexStage};
 use crate::rebuild::depth_pass;
 use crate::rebuild::place;
-use crate::slice::{self, Slice};
+use crate::slice::{self, Criterion, OutputFilter, Slice};
 
 mod build;
 mod count;
@@ -81,7 +80,7 @@ impl Pass for VisibilityBuffer {
         hurts: "where little is hidden or vertices are expensive: each shaded pixel fetches and \
                 runs three vertices; and where neighbouring pixels show far-apart instances, whose \
                 data no cache holds",
-        reads_scene: true,
+        reads_scene: false,
     };
 
     const REFUSALS: &'static [RefusalInfo] = refusals::REFUSALS;
@@ -191,7 +190,7 @@ impl Pass for VisibilityBuffer {
         let params = &params.resolved(facts)?;
         let plan = alone(plan);
         let material = SplitMaterial::examine(&plan, params)?;
-        let next = material.apply(&plan, params, &facts.samplers_of(&plan.material))?;
+        let next = material.apply(&plan, params)?;
         Ok(Outcome {
             plan: next,
             change: material.change(params),
@@ -340,12 +339,7 @@ impl<'a> SplitMaterial<'a> {
         )
     }
 
-    fn apply(
-        &self,
-        plan: &Plan,
-        params: &Params,
-        samplers: &[SamplerState],
-    ) -> Result<Plan, Box<Refusal>> {
+    fn apply(&self, plan: &Plan, params: &Params) -> Result<Plan, Box<Refusal>> {
         let bug = |why: String| Box::new(Refusal::bug(VisibilityBuffer::INFO.name, why));
         if params.budget.is_some_and(|b| !(0.0..=1.0).contains(&b)) {
             return Err(Box::new(refuse(
@@ -394,7 +388,7 @@ impl<'a> SplitMaterial<'a> {
                 .map_err(|e| bug(e.to_string()))?;
         }
         let k = self.change(params).cost.slice.ceil() as u32;
-        let reached = self.reached(&shaded, params, samplers)?;
+        let reached = self.reached(&shaded, params)?;
         let given = self.assumptions(params, &reached);
         next.steps.push(Step {
             pass: VisibilityBuffer::INFO.name.to_owned(),
@@ -404,7 +398,7 @@ impl<'a> SplitMaterial<'a> {
             contract: match params.budget {
                 None => Contract::Rounding {
                     k,
-                    turned: None,
+                    turned: self.turned(params),
                     given,
                 },
                 Some(budget) => Contract::Approximate {
@@ -444,29 +438,48 @@ impl<'a> SplitMaterial<'a> {
 
     /// The discontinuities and unbounded slopes that rounding differences reach; refused without a
     /// budget.
-    fn reached(
-        &self,
-        shaded: &Shaded<'_, '_>,
-        params: &Params,
-        samplers: &[SamplerState],
-    ) -> Result<Reached, Box<Refusal>> {
+    fn reached(&self, shaded: &Shaded<'_, '_>, params: &Params) -> Result<Reached, Box<Refusal>> {
         let values = shaded.values.as_ref();
         let values = values
             .map_err(|why| refuse(&shared::TOO_LARGE, why.to_string(), "leave it as it is"))?;
         let reached = differences::reached(values);
         let refusal = match params.budget {
             Some(_) => None,
-            None => legal::rounding(&reached, samplers, self.opaque.program.sources()),
+            None => legal::rounding(&reached, self.opaque.program.sources()),
         };
         refusal.map_or(Ok(reached), |refusal| Err(Box::new(refusal)))
+    }
+
+    /// Whether the id pass has the author's positions. The id joins the vertex stage, and a driver
+    /// then contracts other products unless the author's position is `@invariant`: an H200 moved 23
+    /// depths of displaced terrain by up to 2 ulp. The self-test is stricter than this promise,
+    /// because unsplit materials are tested against these depths.
+    fn surface(&self, params: &Params) -> Surface {
+        let is_marked = params.invariant(&self.opaque) == Invariance::Add;
+        match self.opaque.has_invariant_position() || is_marked {
+            true => Surface::Kept,
+            false => Surface::Rounded,
+        }
+    }
+
+    /// The decisions that other positions may change.
+    fn turned(&self, params: &Params) -> Option<Turned> {
+        let surface = self.surface(params);
+        let (graph, vertex) = (&self.opaque.graph, self.opaque.vertex);
+        let position = [Criterion::Output(OutputFilter::Rasterization)];
+        (surface == Surface::Rounded).then(|| {
+            let roundings = slice::backward(graph, vertex, &position).cost.ceil();
+            Turned::on(roundings as u32, surface)
+        })
     }
 
     /// The assumptions: the id pass's depths and positions equal those of the author's pass, which
     /// the original's picture has and against which unsplit materials are tested.
     fn assumptions(&self, params: &Params, reached: &Reached) -> Vec<Assumption> {
-        let mut given = params.invariant(&self.opaque).assumptions(&self.opaque);
-        let samples = !reached.samples.is_empty();
-        given.extend(samples.then_some(Assumption::FilteredTextures));
+        let mut given = match self.surface(params) {
+            Surface::Kept => params.invariant(&self.opaque).assumptions(&self.opaque),
+            Surface::Rounded => Vec::new(),
+        };
         let chosen = reached.taken.any();
         given.extend(chosen.then_some(Assumption::DerivativeNeighbours));
         if reached.interpolated {

@@ -7,13 +7,13 @@
 //! values, do not matter.
 
 use naga::{
-    Binding, BuiltIn, DerivativeControl, Expression, Handle, ImageDimension, ResourceBinding,
-    SampleLevel, Span, SwizzleComponent, TypeInner,
+    Binding, BuiltIn, DerivativeControl, Expression, ImageDimension, SampleLevel, Span,
+    SwizzleComponent, TypeInner,
 };
 
 use super::steep;
 use crate::analysis::operations;
-use crate::analysis::values::{ContextId, Node, ValueId, Values};
+use crate::analysis::values::{Node, ValueId, Values};
 use crate::core::reflect::Io;
 
 /// The places that rounding differences reach, in a fragment stage sliced to its colours.
@@ -23,33 +23,16 @@ pub struct Reached {
     pub discontinuity: Option<(&'static str, Span)>,
     /// The first operation with an unbounded slope, and its place.
     pub steep: Option<(&'static str, Span)>,
-    /// Samples whose coordinates or level have rounding differences. They are continuous if their
-    /// sampler filters.
-    pub samples: Vec<Sample>,
+    /// Place of the first sample whose coordinates or level have rounding differences. It is
+    /// continuous if its sampler filters, but texel weights are stored in steps of 1/256.
+    pub sample: Option<Span>,
     /// The stage's uses of quad neighbours that the driver chooses.
     pub taken: Taken,
     /// Whether it reads an interpolated value.
     pub interpolated: bool,
-    /// Place of the first implicit-LOD sample with a bias: a resolve scales gradients by 2 to the
-    /// bias, whereas a sampler adds the bias to the level.
-    pub biased: Option<Span>,
-    /// Place of the first implicit-LOD sample of a cube. The driver chooses gradients and face, and
-    /// treats explicit gradients differently.
-    pub cube: Option<Span>,
     /// Whether a varying has linear interpolation: for clipped triangles the driver chooses the
     /// corners.
     pub linear: bool,
-}
-
-/// A sample of a texture.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sample {
-    /// The sampler, if it is known.
-    pub sampler: Option<ResourceBinding>,
-    /// Whether gradients decide the level and the direction of anisotropic filtering.
-    pub by_gradients: bool,
-    /// Source span.
-    pub span: Span,
 }
 
 /// The stage's uses of quad neighbours, if the driver chooses them.
@@ -97,7 +80,6 @@ pub fn reached(values: &Values<'_, '_>) -> Reached {
         .filter_map(|id| Sampled::new(values, id))
         .collect();
     let implicit = || samples.iter().filter(|s| s.is_implicit());
-    let cube = implicit().find(|s| s.is_cube);
     let derives = |wanted: DerivativeControl| {
         let derives =
             |e: &Expression| matches!(e, Expression::Derivative { ctrl, .. } if *ctrl == wanted);
@@ -113,16 +95,11 @@ pub fn reached(values: &Values<'_, '_>) -> Reached {
             derivatives: derives(DerivativeControl::None),
             coarse: derives(DerivativeControl::Coarse),
             samples: implicit().any(|s| !s.is_cube),
-            cubes: cube.is_some(),
+            cubes: implicit().any(|s| s.is_cube),
         },
         interpolated: inputs
             .iter()
             .any(|i| matches!(kind(i), InputKind::Interpolated)),
-        biased: samples
-            .iter()
-            .find(|s| matches!(s.level, SampleLevel::Bias(_)))
-            .map(|s| s.sample.span),
-        cube: cube.map(|s| s.sample.span),
         linear: inputs.iter().any(is_linear),
         ..Reached::default()
     };
@@ -154,7 +131,7 @@ pub fn reached(values: &Values<'_, '_>) -> Reached {
     }
     // A resolve computes its own gradients for implicit levels.
     let differs = |s: &&Sampled<'_>| s.is_implicit() || is_rounded[s.id];
-    out.samples = samples.iter().filter(differs).map(|s| s.sample).collect();
+    out.sample = samples.iter().find(differs).map(|s| s.span);
     out.steep = steep::steep(values, &is_rounded).map(|(id, name)| {
         let span = expression(values, id).map(|(_, span)| span);
         (name, span.unwrap_or(Span::UNDEFINED))
@@ -196,7 +173,7 @@ struct Sampled<'p> {
     id: ValueId,
     level: &'p SampleLevel,
     is_cube: bool,
-    sample: Sample,
+    span: Span,
 }
 
 impl<'p> Sampled<'p> {
@@ -205,13 +182,7 @@ impl<'p> Sampled<'p> {
             return None;
         };
         let (expression, span) = expression(values, id)?;
-        let Expression::ImageSample {
-            image,
-            sampler,
-            level,
-            ..
-        } = expression
-        else {
+        let Expression::ImageSample { image, level, .. } = expression else {
             return None;
         };
         let cube = ImageDimension::Cube;
@@ -220,34 +191,13 @@ impl<'p> Sampled<'p> {
             id,
             level,
             is_cube: matches!(image, TypeInner::Image { dim, .. } if *dim == cube),
-            sample: Sample {
-                sampler: binding(values, context, *sampler),
-                by_gradients: !matches!(level, SampleLevel::Zero | SampleLevel::Exact(_)),
-                span,
-            },
+            span,
         })
     }
 
     fn is_implicit(&self) -> bool {
         matches!(self.level, SampleLevel::Auto | SampleLevel::Bias(_))
     }
-}
-
-/// The binding of an expression of a fragment stage; `None` if unknown.
-fn binding(
-    values: &Values<'_, '_>,
-    context: ContextId,
-    resource: Handle<Expression>,
-) -> Option<ResourceBinding> {
-    let Node::Expression(context, e, _) = values.values[values.named(context, resource)?].node
-    else {
-        return None;
-    };
-    let Expression::GlobalVariable(global) = values.function(context).function.expressions[e]
-    else {
-        return None;
-    };
-    values.graph.module().global_variables[global].binding
 }
 
 /// Whether only the pixel's place of a position is used.

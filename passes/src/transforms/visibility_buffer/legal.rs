@@ -9,7 +9,7 @@ use super::refusals;
 use super::refuse;
 use crate::analysis::opaque::Opaque;
 use crate::analysis::refusals as shared;
-use crate::core::pass::{Refusal, SamplerState};
+use crate::core::pass::Refusal;
 use crate::core::plan::{GpuPass, Plan};
 use crate::core::program::SourceMap;
 use crate::core::reflect;
@@ -57,14 +57,10 @@ pub fn state(plan: &Plan, pass: &GpuPass) -> Vec<Refusal> {
     refusals
 }
 
-/// Refusals if rounding differences between resolve and rasteriser may become larger: at a
-/// discontinuity or an unbounded slope. `samplers` are the material's, as far as known.
-pub fn rounding(
-    reached: &Reached,
-    samplers: &[SamplerState],
-    sources: &SourceMap,
-) -> Option<Refusal> {
-    const MEASURE: &str = "set budget=0.02, for example, and let `verify` measure the difference";
+/// Refusals if rounding differences between resolve and rasteriser may become larger than a step: at
+/// a discontinuity, at an unbounded slope, or in a texture sample.
+pub fn rounding(reached: &Reached, sources: &SourceMap) -> Option<Refusal> {
+    const MEASURE: &str = "set budget=0.05, for example, and let `verify` measure the difference";
     if let Some((operation, span)) = &reached.discontinuity {
         let reason = format!(
             "an interpolated value reaches {operation}, which has a discontinuity: resolve and \
@@ -82,46 +78,11 @@ pub fn rounding(
             format!("{MEASURE}, or keep the operand away from that end (`max(.., 0.001)`)");
         return Some(refuse(&refusals::STEEP, reason, &remedy).at(sources, *span));
     }
-    let own_level = format!("{MEASURE}, or sample with explicit gradients or an explicit level");
-    if let Some(span) = reached.biased {
-        let reason = "a texture sample has a level bias, and the resolve scales gradients instead: \
-                      its levels differ by more than a rounding contract allows";
-        return Some(refuse(&refusals::BIASED_SAMPLE, reason, &own_level).at(sources, span));
-    }
-    if let Some(span) = reached.cube {
-        let reason = "a cube texture is sampled at an implicit level, and adapters treat explicit \
-                      gradients of a cube differently";
-        return Some(refuse(&refusals::CUBE_SAMPLE, reason, &own_level).at(sources, span));
-    }
-    reached.samples.iter().find_map(|sample| {
-        // An unknown sampler may be any.
-        let may_be = |state: &&SamplerState| {
-            let binding = (state.group, state.binding);
-            sample
-                .sampler
-                .is_none_or(|s| (s.group, s.binding) == binding)
-        };
-        let mut candidates = samplers.iter().filter(may_be);
-        let refusal = candidates.find_map(|state| match (state.filtered, state.anisotropy) {
-            (false, _) => Some(refuse(
-                &refusals::NEAREST_SAMPLE,
-                "the scene sets `nearest` for a sampler: where coordinates or gradients round \
-                 differently, it picks another texel or level",
-                MEASURE,
-            )),
-            (true, 2..) if sample.by_gradients => Some(refuse(
-                &refusals::ANISOTROPIC_SAMPLE,
-                format!(
-                    "the scene sets an anisotropy of {}: where gradients round differently, the \
-                     sampler takes another number of texels, or others",
-                    state.anisotropy
-                ),
-                MEASURE,
-            )),
-            (true, _) => None,
-        })?;
-        Some(refusal.at(sources, sample.span))
-    })
+    let span = reached.sample?;
+    let reason = "a texture is sampled at interpolated coordinates or at an implicit level. \
+                  Resolve and rasteriser round both differently, so a texel's weight may differ \
+                  by 1/256, and the shading may multiply that";
+    Some(refuse(&refusals::SAMPLE, reason, MEASURE).at(sources, span))
 }
 
 /// Checks that the vertex stage can run for three corners in one invocation.

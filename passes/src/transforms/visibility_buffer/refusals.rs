@@ -3,23 +3,10 @@
 use crate::core::refusals::refusals;
 
 refusals! {
-    ANISOTROPIC_SAMPLE = "anisotropic-sample":
-        "The scene sets an anisotropy for a sampler that is read at interpolated coordinates or \
-         at an implicit level. Such a sampler takes another number of texels, or others, \
-         where the gradients round differently, and a resolve rounds them differently.",
-        "Set a budget (`budget=0.02`) and let `verify` measure it, or set an anisotropy of 1.";
-    BIASED_SAMPLE = "biased-sample":
-        "A texture sample has a level bias. The resolve scales gradients instead, and its levels \
-         round differently.",
-        "Set a budget (`budget=0.02`), or sample with explicit gradients or an explicit level.";
     CIRCULAR_GRADIENT = "circular-gradient":
         "A derivative depends on itself. `visibility-buffer` computes derivatives from the values \
          of neighbouring pixels, which it does not have here.",
         "Sample with explicit gradients or an explicit level.";
-    CUBE_SAMPLE = "cube-sample":
-        "A cube texture is sampled at an implicit level. Adapters treat explicit gradients of a \
-         cube differently.",
-        "Set a budget (`budget=0.02`), or sample with explicit gradients or an explicit level.";
     DISCONTINUOUS = "discontinuous":
         "An interpolated value reaches an operation with a discontinuity (a comparison, `floor`): \
          its last bit may change the picture.",
@@ -50,12 +37,6 @@ refusals! {
         "A multisampled pixel may show several triangles, and a visibility buffer would shade \
          only one.",
         "Draw with one sample per pixel.";
-    NEAREST_SAMPLE = "nearest-sample":
-        "The scene sets `nearest` for a sampler that is read at interpolated coordinates or at an \
-         implicit level. Where coordinates or gradients round differently, it picks another \
-         texel or level.",
-        "Set a budget (`budget=0.02`) and let `verify` measure it, set `linear`, or read whole \
-         texels (`textureLoad`) by a flat value.";
     NO_COLOR = "no-color":
         "The fragment stage writes no colour, so there is nothing to shade later.",
         "Leave the material as it is.";
@@ -63,6 +44,14 @@ refusals! {
         "A texture is sampled at an implicit level of detail, and its type cannot be sampled with \
          gradients.",
         "Sample an explicit level.";
+    SAMPLE = "sample":
+        "A texture is sampled at interpolated coordinates or at an implicit level of detail. \
+         The resolve rounds both differently than the rasteriser. GPUs store the weights of texels \
+         in steps of 1/256, so a weight may differ by one step (more if the sampler is `nearest` or \
+         anisotropic), and the shading may multiply the difference. No rounding contract can \
+         promise that a pixel stays within one step of 255.",
+        "Set the allowed difference with `budget=0.05`, for example, and let `verify` measure it. \
+         Or read whole texels (`textureLoad`) by a flat value.";
     SELECT = "select":
         "This `select` does not fit the `form`: only `form=fragment` has a depth test that tells \
          draws apart, and `form=binned` lists the pixels of each draw already.",
