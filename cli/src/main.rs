@@ -38,6 +38,7 @@ mod many;
 mod output;
 mod passes;
 mod plan;
+mod promises;
 mod rewrite;
 mod rewritten;
 mod share;

@@ -1,4 +1,4 @@
-//! Many materials in one process: groups the given files by material, and places each below
+//! Many materials with one command: groups the given files by material, and places each below
 //! `--out-dir`.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -36,6 +36,36 @@ pub enum Chosen {
 /// # Errors
 /// A folder cannot be read, or there is no shader.
 pub fn jobs(shader: &ShaderArgs, out: &Path) -> Result<Vec<Job>, Failure> {
+    gathered(shader, out, is_shader)
+}
+
+/// A job for each material and for each scene among the files of `shader` and in its folders.
+/// `None`: the files are one material, or one scene.
+///
+/// # Errors
+/// As [`jobs`].
+pub fn inputs(shader: &ShaderArgs) -> Result<Option<Vec<Job>>, Failure> {
+    let files = &shader.files;
+    let has_scene = files.iter().any(|f| is_scene(f));
+    // Two files may be the two stages of one material, whatever their names.
+    let is_one = match files.len() {
+        0 | 1 => true,
+        2 => !has_scene,
+        _ => false,
+    };
+    if is_one && !files.iter().any(|f| f.is_dir()) {
+        return Ok(None);
+    }
+    let is_input = |path: &Path| is_shader(path) || is_scene(path);
+    gathered(shader, Path::new(""), is_input).map(Some)
+}
+
+/// [`jobs`] of the files that `is_wanted` accepts in folders.
+fn gathered(
+    shader: &ShaderArgs,
+    out: &Path,
+    is_wanted: impl Fn(&Path) -> bool,
+) -> Result<Vec<Job>, Failure> {
     // By the folder below `out`, the given folder, and the name.
     type Key = (PathBuf, PathBuf, Name);
     let mut materials: BTreeMap<Key, (Chosen, Vec<PathBuf>)> = BTreeMap::new();
@@ -56,8 +86,8 @@ pub fn jobs(shader: &ShaderArgs, out: &Path) -> Result<Vec<Job>, Failure> {
             add(folder, Chosen::Given, file.clone());
             continue;
         }
-        let found =
-            found(file, out).map_err(|e| Failure(format!("error: {}: {e}", file.display())))?;
+        let found = found(file, out, &is_wanted)
+            .map_err(|e| Failure(format!("error: {}: {e}", file.display())))?;
         // Its name distinguishes it from the other given folders.
         let root = match shader.files.len() {
             1 => PathBuf::new(),
@@ -286,9 +316,13 @@ pub fn is_shader(path: &Path) -> bool {
         || (cfg!(feature = "wesl") && ending == "wesl")
 }
 
-/// The shader files below a folder, sorted, except for those below `out`, which are our own output.
+/// The wanted files below a folder, sorted, except for those below `out`, which are our own output.
 /// Links to folders outside of the tree are followed, and each folder is searched once.
-fn found(folder: &Path, out: &Path) -> std::io::Result<Vec<PathBuf>> {
+fn found(
+    folder: &Path,
+    out: &Path,
+    is_wanted: &impl Fn(&Path) -> bool,
+) -> std::io::Result<Vec<PathBuf>> {
     let root = folder.canonicalize()?;
     let mut seen = BTreeSet::from([root.clone()]);
     // It does not exist before the first run.
@@ -298,7 +332,7 @@ fn found(folder: &Path, out: &Path) -> std::io::Result<Vec<PathBuf>> {
         for entry in std::fs::read_dir(&folder)? {
             let path = entry?.path();
             if !path.is_dir() {
-                found.extend(is_shader(&path).then_some(path));
+                found.extend(is_wanted(&path).then_some(path));
                 continue;
             }
             let whole = path.canonicalize()?;

@@ -21,12 +21,13 @@ use preshade::unstable::sweep::Sweep;
 use crate::apart::{apart, resumed};
 use crate::input::ShaderArgs;
 use crate::keeper::Keeper;
+use crate::many::{self, Job};
 use crate::output::{self, ProgressLine};
 use crate::share::share;
 use crate::variable::Axis;
 use crate::variants::VariantArgs;
 use crate::view::ViewArgs;
-use crate::{Ending, Failure, Table, color_on, worker};
+use crate::{Ending, Failure, Table, color_on, promises, worker};
 
 /// Arguments of `verify`.
 #[derive(clap::Args)]
@@ -41,10 +42,13 @@ use crate::{Ending, Failure, Table, color_on, worker};
       flip_mean=0.02
   preshade verify grass.toml --sweep instances=50000..400000 --pass visibility-buffer
   preshade verify lit.wgsl --size 640x360 --time no      a scene is made up for a shader
+  preshade verify scenes/ shaders/ --every-pass --size 160x90
 
 Several --pass are one variant, \"a, then b\", as in `rewrite`. Several --variant are several
 variants. Without either, the depth passes are drawn in their main forms. A pass that a material
 refuses is skipped and reported.
+Folders, several scenes, or more than two shader files are several inputs: they are compared, not
+timed, with one line each and one for each broken promise. Two shader files are one material.
 level=1..8 is eight variants, form=pulled/shared is two, form=all is one for each form. A range
 works for any whole number and any choice of any pass. It gets a table, a plot and rows of pictures.
 Exit status 1: a variant broke its contract. 3: not measured, because every variant is refused or
@@ -53,6 +57,10 @@ discarded.")]
 pub struct VerifyArgs {
     #[command(flatten)]
     variants: VariantArgs,
+    /// Draw every recipe that a pass declares as an example, each once. One line an input tells how
+    /// many promises (a recipe on a material) hold, are refused, not measured or broken.
+    #[arg(long)]
+    pub every_pass: bool,
     /// Name the fastest variant whose error is within this in all views, and the arguments of `rewrite`
     /// for it: flip_mean, flip_p99 or max_abs.
     #[arg(long, value_name = "METRIC=NUMBER", value_parser = Budget::parse)]
@@ -75,9 +83,9 @@ pub struct VerifyArgs {
     /// Frames of each camera path to compare, evenly spaced.
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = parse_frames)]
     frames: usize,
-    /// Views to time.
-    #[arg(long, value_enum, default_value_t = TimeArg::FirstFrames)]
-    time: TimeArg,
+    /// Views to time; default: first-frames, and no for several inputs.
+    #[arg(long, value_enum)]
+    time: Option<TimeArg>,
     /// Seconds to spend on timing each view.
     #[arg(long, value_name = "SECONDS", default_value_t = 4.0, value_parser = parse_seconds)]
     seconds: f64,
@@ -92,7 +100,7 @@ pub struct VerifyArgs {
     out: Option<PathBuf>,
     /// Output form.
     #[arg(long, value_enum, default_value_t = Table::Human)]
-    format: Table,
+    pub format: Table,
     // Last: its help heading applies to the flags after it.
     #[command(flatten)]
     pub shader: ShaderArgs,
@@ -158,23 +166,89 @@ pub fn parse_seconds(text: &str) -> Result<f64, String> {
     }
 }
 
+impl VerifyArgs {
+    /// The inputs, if each gets one line. `None`: one input, with its own report.
+    fn jobs(&self) -> Result<Option<Vec<Job>>, Failure> {
+        let several = many::inputs(&self.shader)?;
+        Ok(several.or_else(|| {
+            self.every_pass.then(|| {
+                vec![Job {
+                    shader: self.shader.clone(),
+                    folder: None,
+                    chosen: many::Chosen::Given,
+                }]
+            })
+        }))
+    }
+
+    /// Refuses flags of a report.
+    fn check_many(&self) -> Result<(), Failure> {
+        let timed = self.time.is_some_and(|time| time != TimeArg::No);
+        let given = [
+            ("--budget", self.budget.is_some()),
+            ("--sweep", self.sweep.is_some()),
+            ("--share", self.share.is_some()),
+            ("--out", self.out.is_some()),
+            ("--time", timed),
+            ("--format csv", self.format == Table::Csv),
+        ];
+        match given.iter().find(|(_, given)| *given) {
+            None => Ok(()),
+            Some((flag, _)) => Err(Failure(format!(
+                "error: {flag} is for one input: several inputs, and --every-pass, print one line \
+                 each"
+            ))),
+        }
+    }
+
+    /// The form in which shaders reach the driver.
+    pub fn shader_form(&self) -> ShaderForm {
+        match self.form {
+            FormArg::Text => ShaderForm::Text,
+            FormArg::Ir => ShaderForm::Ir,
+        }
+    }
+
+    /// How to measure a scene, with these views timed.
+    pub fn settings(&self, scene: &Scene, timed: Timed) -> Settings {
+        // A made-up scene shows no time worth waiting for: its views share the seconds of one.
+        let views = match scene.is_made_up {
+            true => scene.orders.len().max(1),
+            false => 1,
+        };
+        Settings {
+            timed,
+            timing: TimingSettings {
+                budget: Duration::from_secs_f64(self.seconds / views as f64),
+                ..TimingSettings::default()
+            },
+            frames_per_camera: self.frames,
+            command: command(),
+        }
+    }
+}
+
 /// Verifies a scene or a shader.
 pub fn run(args: &VerifyArgs) -> Result<Ending, Failure> {
     if worker::mine().is_some() {
         worker::end_with_parent();
     }
     let mut sweeps = args.variants.sweeps()?;
-    if sweeps.is_empty() {
+    if sweeps.is_empty() && !args.every_pass {
         let named = examples().filter(|(_, used)| **used == Use::Verify);
         sweeps = named
             .map(|(recipe, _)| Sweep::parse_list(recipe))
             .collect::<Result<_, _>>()?;
     }
+    if let Some(jobs) = args.jobs()? {
+        args.check_many()?;
+        return promises::run(args, &jobs, &recipes(&sweeps));
+    }
     let first = match &args.sweep {
         None => Variables::new(),
         Some(axis) => axis.at(axis.values.first().copied().unwrap_or(1)),
     };
-    let first = grouped(scene(args, &first)?, &sweeps)?;
+    let first = grouped(scene(args, &args.shader, &first)?, &sweeps)?;
     check_budget(&first, args.budget)?;
     let shared = args.share.as_deref().and_then(Path::parent);
     for dir in args.out.as_deref().into_iter().chain(shared) {
@@ -253,14 +327,17 @@ pub fn run(args: &VerifyArgs) -> Result<Ending, Failure> {
 /// An open adapter.
 struct Opened(Gpu);
 
+/// Opens the requested adapter.
+pub fn open(args: &VerifyArgs) -> Result<Gpu, Failure> {
+    let choice = args.adapter.clone();
+    let choice = choice.map_or(AdapterChoice::Best, AdapterChoice::Matching);
+    let trust = args.shader.limits.limits().trust();
+    Ok(Gpu::with_trust(&choice, trust)?)
+}
+
 impl Opened {
     fn new(args: &VerifyArgs) -> Result<Self, Failure> {
-        let choice = args
-            .adapter
-            .clone()
-            .map_or(AdapterChoice::Best, AdapterChoice::Matching);
-        let trust = args.shader.limits.limits().trust();
-        Ok(Self(Gpu::with_trust(&choice, trust)?))
+        open(args).map(Self)
     }
 
     /// Leaks a lost device: closing one that hangs may hang.
@@ -286,7 +363,7 @@ fn swept(
         let (outcome, _) = match i {
             0 => measured(args, &opened.0, first, sweeps, bar, keeper)?,
             _ => {
-                let scene = grouped(scene(args, &axis.at(*value))?, sweeps)?;
+                let scene = grouped(scene(args, &args.shader, &axis.at(*value))?, sweeps)?;
                 measured(args, &opened.0, &scene, sweeps, bar, keeper)?
             }
         };
@@ -433,12 +510,8 @@ fn measured(
         None => all,
         Some(n) => all.into_iter().take(n).skip(n.max(1) - 1).collect(),
     };
-    let form = match args.form {
-        FormArg::Text => ShaderForm::Text,
-        FormArg::Ir => ShaderForm::Ir,
-    };
     bar.set_message("looking for depth ties");
-    let session = Session::new(gpu, scene, form)?;
+    let session = Session::new(gpu, scene, args.shader_form())?;
     let mut facts = measure::facts(&session).unwrap_or_else(|e| {
         bar.suspend(|| {
             output::message(&format!("warning: depth ties were not measured: {e}"));
@@ -450,25 +523,13 @@ fn measured(
         .iter()
         .map(|r| measure::variant(session.originals(), r, &facts))
         .collect();
-    // A made-up scene shows no time worth waiting for: its views share the seconds of one.
-    let views = match session.scene().is_made_up {
-        true => session.scene().orders.len().max(1),
-        false => 1,
+    let timed = match args.time {
+        Some(TimeArg::No) => Timed::No,
+        Some(TimeArg::Headline) => Timed::Headline,
+        Some(TimeArg::FirstFrames) | None => Timed::FirstFrames,
+        Some(TimeArg::Everything) => Timed::Everything,
     };
-    let settings = Settings {
-        timed: match args.time {
-            TimeArg::No => Timed::No,
-            TimeArg::Headline => Timed::Headline,
-            TimeArg::FirstFrames => Timed::FirstFrames,
-            TimeArg::Everything => Timed::Everything,
-        },
-        timing: TimingSettings {
-            budget: Duration::from_secs_f64(args.seconds / views as f64),
-            ..TimingSettings::default()
-        },
-        frames_per_camera: args.frames,
-        command: command(),
-    };
+    let settings = args.settings(session.scene(), timed);
     let mut outcome = measure::verify(&session, &variants, &settings, &mut |p| {
         bar.set_position((p.done * 1000.0) as u64);
         bar.set_message(p.what);
@@ -509,7 +570,7 @@ fn tell_sweeps(report: &mut Report, sweeps: &[Sweep]) {
 }
 
 /// Resolves recipes that leave choices to measurement.
-fn choose(
+pub fn choose(
     session: &Session<'_>,
     recipes: Vec<Recipe>,
     facts: &mut Facts,
@@ -606,9 +667,13 @@ pub fn guesses(scene: &Scene) -> Option<String> {
     Some(lines.join("\n"))
 }
 
-/// The requested scene, with the requested settings.
-fn scene(args: &VerifyArgs, variables: &Variables) -> Result<Scene, Failure> {
-    let mut scene = args.view.of(args.shader.scene_with(variables)?)?;
+/// The scene of `shader`, with the requested settings.
+pub fn scene(
+    args: &VerifyArgs,
+    shader: &ShaderArgs,
+    variables: &Variables,
+) -> Result<Scene, Failure> {
+    let mut scene = args.view.of(shader.scene_with(variables)?)?;
     if args.invariant {
         scene = scene.with_invariant_positions();
     }

@@ -15,6 +15,8 @@ mod section;
 pub mod verify;
 mod words;
 
+pub use words::contract as promise;
+
 use base64::Engine;
 
 use super::sheet;

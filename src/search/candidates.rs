@@ -17,12 +17,10 @@ pub fn recipes(budget: Option<Budget>) -> Result<Vec<Recipe>, RecipeError> {
         used.map(|(recipe, _)| recipe)
     };
     let within = budget.map(|budget| {
-        let words = format!("budget={},metric={}", budget.limit, budget.metric);
-        let most = budget.limit.to_string();
         // Passes with `MOST` only know the metric `max_abs`.
         let is_counted = move |r: &&str| !r.contains("MOST") || budget.metric == Metric::MaxAbs;
         let within = of(Use::PlanWithin).filter(is_counted);
-        within.map(move |r| r.replace("BUDGET", &words).replace("MOST", &most))
+        within.map(move |recipe| filled(recipe, budget))
     });
     // Among equally fast plans the first wins, so those that assume nothing about the scene lead.
     let mut plain: Vec<String> = of(Use::Plan).map(str::to_owned).collect();
@@ -32,4 +30,11 @@ pub fn recipes(budget: Option<Budget>) -> Result<Vec<Recipe>, RecipeError> {
         .chain(within.into_iter().flatten())
         .map(|text| Recipe::parse_list(&text))
         .collect()
+}
+
+/// The recipe of an example with this budget in the places that are left to the user.
+pub fn filled(recipe: &str, budget: Budget) -> String {
+    let words = format!("budget={},metric={}", budget.limit, budget.metric);
+    let most = budget.limit.to_string();
+    recipe.replace("BUDGET", &words).replace("MOST", &most)
 }

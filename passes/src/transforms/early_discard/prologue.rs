@@ -108,15 +108,16 @@ fn {HIDDEN}(position: vec4<f32>, depth: f32) -> bool {{
 
     /// The distance that proves a fragment hidden. It covers the format's rounding, the difference
     /// between two pipelines' positions (a few steps of the mantissa, and 1/64 pixel along the
-    /// slope: four of the rasteriser's 1/256 subpixel steps), and with MSAA the half pixel between
-    /// centre and sample. Packing adds its last digit and the rounding of four bytes, four products
-    /// and three sums.
+    /// slope: four of the rasteriser's 1/256 subpixel steps), and with MSAA one pixel along the
+    /// slope: no language says at which point of the pixel `position.z` is interpolated. Most drivers
+    /// take the centre, SwiftShader takes the first sample. Packing adds its last digit and the
+    /// rounding of four bytes, four products and three sums.
     fn tolerance_wgsl(&self) -> String {
         if let Some(fixed) = self.tolerance {
             return format!("let tolerance = f32({fixed:?});");
         }
         let pixels = if self.samples > 1 {
-            0.5 + 1.0 / 64.0
+            1.0 + 1.0 / 64.0
         } else {
             1.0 / 64.0
         };

@@ -1,0 +1,513 @@
+//! `preshade verify` of many inputs: which promises hold on this adapter, one line an input.
+//!
+//! A promise is a recipe applied to a material. Each input is measured by a process of its own, so
+//! that a crash, a hang or a lost device costs one input.
+
+use std::collections::BTreeMap;
+use std::io::IsTerminal;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use preshade::unstable::emit::{self, Target};
+use preshade::unstable::measure::record::{Report, VariantReport};
+use preshade::unstable::measure::{self, Session, Timed, Variant};
+use preshade::unstable::passes::budget::{Budget, Metric};
+use preshade::unstable::passes::contract::{Contract, Verdict};
+use preshade::unstable::passes::examples;
+use preshade::unstable::passes::pass::{Facts, Pass};
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::specialize::Specialize;
+use preshade::unstable::recipe::{Recipe, RecipeError};
+use preshade::unstable::render::{AdapterReport, Gpu};
+use preshade::unstable::report::html::promise;
+use preshade::unstable::scene::{Scene, Variables};
+use preshade::unstable::search::candidates;
+use serde::{Deserialize, Serialize};
+
+use crate::many::{Chosen, Job};
+use crate::verify::{self, VerifyArgs};
+use crate::{Ending, Failure, Table, output, worker};
+
+/// The budget in recipes that leave it to the user.
+const BUDGET: Budget = Budget {
+    metric: Metric::FlipMean,
+    limit: 0.02,
+};
+
+/// Every recipe that a pass declares, each once.
+///
+/// # Errors
+/// A declared recipe cannot be read: a bug.
+fn every_pass() -> Result<Vec<Recipe>, RecipeError> {
+    let mut all: Vec<Recipe> = Vec::new();
+    for (text, _) in examples() {
+        let recipe = Recipe::parse_list(&candidates::filled(text, BUDGET))?;
+        if !all.contains(&recipe) {
+            all.push(recipe);
+        }
+    }
+    Ok(all)
+}
+
+/// The recipes to draw.
+struct Recipes<'a> {
+    /// By the user.
+    given: &'a [Recipe],
+    /// By passes. Those whose parameters name what no material of an input has are left out.
+    declared: Vec<Recipe>,
+}
+
+/// The promises of one input.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+struct Promises {
+    /// Its files.
+    input: String,
+    /// Where it was drawn.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    adapter: Option<AdapterReport>,
+    /// Promises that every compared view keeps.
+    held: usize,
+    /// Recipes of which the material refuses a step.
+    refused: usize,
+    /// Promises that no picture could test.
+    not_measured: usize,
+    /// Reasons for `not_measured`, with the number of promises.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    why: BTreeMap<String, usize>,
+    broken: Vec<Broken>,
+    /// Why it was not drawn.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    failed: Option<String>,
+    /// It is a file in a folder that is no material.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    is_no_material: bool,
+}
+
+/// A variant that broke its promise.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Broken {
+    variant: String,
+    /// The materials that it changed.
+    materials: Vec<String>,
+    contract: Contract,
+    /// The view, and how the picture differs there.
+    r#where: String,
+    /// The worst of all views.
+    changed_pixels: u64,
+    changed_depth: u64,
+    /// `null` in JSON: infinite.
+    max_abs: Option<f64>,
+    flip_mean: f64,
+    /// The command that shows it alone.
+    command: String,
+}
+
+/// The result of a run.
+#[derive(Serialize)]
+struct Summary<'a> {
+    schema: &'static str,
+    command: String,
+    adapter: Option<&'a AdapterReport>,
+    held: usize,
+    refused: usize,
+    not_measured: usize,
+    broken: usize,
+    failed: usize,
+    inputs: &'a [Promises],
+}
+
+/// Measures each job with `given` recipes, and with `--every-pass` the declared ones.
+pub fn run(args: &VerifyArgs, jobs: &[Job], given: &[Recipe]) -> Result<Ending, Failure> {
+    let mut declared = match args.every_pass {
+        true => every_pass()?,
+        false => Vec::new(),
+    };
+    declared.retain(|recipe| !given.contains(recipe));
+    let recipes = Recipes { given, declared };
+    if let Some(n) = worker::mine() {
+        let job = n.checked_sub(1).and_then(|n| jobs.get(n));
+        let job = job.ok_or_else(|| Failure("error: there is no such input".to_owned()))?;
+        output::json(&measured(args, job, &recipes))?;
+        return Ok(Ending::Fine);
+    }
+    let told = Told::new(args, jobs);
+    let limits = args.shader.limits.limits();
+    let next = AtomicUsize::new(0);
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    std::thread::scope(|scope| {
+        for _ in 0..threads.min(jobs.len()) {
+            scope.spawn(|| {
+                loop {
+                    let index = next.fetch_add(1, Ordering::Relaxed);
+                    let Some(job) = jobs.get(index) else { break };
+                    let found = worker::run(index + 1, &limits).and_then(|text| {
+                        serde_json::from_str::<Promises>(&text)
+                            .map_err(|e| format!("its report cannot be read: {e}"))
+                    });
+                    told.add(
+                        index,
+                        found.unwrap_or_else(|why| Promises {
+                            input: named(job),
+                            failed: Some(why),
+                            ..Promises::default()
+                        }),
+                    );
+                }
+            });
+        }
+    });
+    told.end(args)
+}
+
+/// The files of a job, as in a command.
+fn named(job: &Job) -> String {
+    shell_words::join(job.shader.files.iter().map(|f| f.display().to_string()))
+}
+
+/// Results, printed in the order of the inputs as soon as all before are there.
+struct Told {
+    human: bool,
+    /// Width of the first column.
+    width: usize,
+    state: Mutex<(usize, Vec<Option<Promises>>)>,
+}
+
+impl Told {
+    fn new(args: &VerifyArgs, jobs: &[Job]) -> Self {
+        let names = jobs.iter().map(|j| named(j).chars().count());
+        let told = Self {
+            human: args.format == Table::Human,
+            width: names.max().unwrap_or(0),
+            state: Mutex::new((0, vec![None; jobs.len()])),
+        };
+        let head = told.row("input", ["held", "refused", "not measured", "broken"]);
+        told.print(&head);
+        told
+    }
+
+    fn row(&self, name: &str, counts: [&str; 4]) -> String {
+        let [held, refused, not_measured, broken] = counts;
+        let width = self.width;
+        format!("{name:<width$}  {held:>5}  {refused:>7}  {not_measured:>12}  {broken:>6}")
+    }
+
+    /// Prints a part of the table. What cannot be printed is missed by nobody.
+    fn print(&self, text: &str) {
+        if self.human {
+            let _ = output::table(text);
+        }
+    }
+
+    fn add(&self, index: usize, promises: Promises) {
+        let mut state = self.state.lock().unwrap_or_else(|e| e.into_inner());
+        let (shown, all) = &mut *state;
+        if let Some(place) = all.get_mut(index) {
+            *place = Some(promises);
+        }
+        while let Some(Some(promises)) = all.get(*shown) {
+            *shown += 1;
+            self.print(&self.lines(promises));
+            if self.human && std::io::stderr().is_terminal() {
+                output::message(&format!("{shown} of {} inputs", all.len()));
+            }
+        }
+    }
+
+    /// The line of an input, and those of its broken promises.
+    fn lines(&self, promises: &Promises) -> String {
+        if promises.is_no_material {
+            return format!("{}: no material, left out", promises.input);
+        }
+        if let Some(why) = &promises.failed {
+            return format!("{}: NOT DRAWN: {}", promises.input, why.replace('\n', " "));
+        }
+        let counts = [
+            promises.held,
+            promises.refused,
+            promises.not_measured,
+            promises.broken_promises(),
+        ]
+        .map(|n| n.to_string());
+        let mut lines = vec![self.row(&promises.input, counts.each_ref().map(String::as_str))];
+        for broken in &promises.broken {
+            lines.push(format!(
+                "  BROKEN {}: {}; worst of all views: {} pixels, {} depths, max abs {}",
+                broken.variant,
+                broken.r#where,
+                broken.changed_pixels,
+                broken.changed_depth,
+                broken
+                    .max_abs
+                    .map_or("infinite".to_owned(), |m| format!("{m:.4}")),
+            ));
+            lines.push(format!("    promised: {}", promise(&broken.contract)));
+            lines.push(format!("    {}", broken.command));
+        }
+        lines.join("\n")
+    }
+
+    fn end(self, args: &VerifyArgs) -> Result<Ending, Failure> {
+        let (_, all) = self.state.into_inner().unwrap_or_else(|e| e.into_inner());
+        let inputs: Vec<Promises> = all.into_iter().flatten().collect();
+        let sum = |of: &dyn Fn(&Promises) -> usize| inputs.iter().map(of).sum::<usize>();
+        let summary = Summary {
+            schema: "preshade.promises.v1",
+            command: verify::command(),
+            adapter: inputs.iter().find_map(|p| p.adapter.as_ref()),
+            held: sum(&|p| p.held),
+            refused: sum(&|p| p.refused),
+            not_measured: sum(&|p| p.not_measured),
+            broken: sum(&Promises::broken_promises),
+            failed: sum(&|p| usize::from(p.failed.is_some())),
+            inputs: &inputs,
+        };
+        match args.format {
+            Table::Human => output::table(&summary.line())?,
+            Table::Json | Table::Csv => output::json(&summary)?,
+        }
+        match summary.failed {
+            _ if summary.broken > 0 => Ok(Ending::ContractBroken),
+            0 if summary.held == 0 => Ok(Ending::NotMeasured),
+            0 => Ok(Ending::Fine),
+            n => Err(Failure(format!(
+                "error: {} could not be drawn",
+                output::count(n, "input")
+            ))),
+        }
+    }
+}
+
+impl Summary<'_> {
+    fn line(&self) -> String {
+        let adapter = self
+            .adapter
+            .map_or(String::new(), |a| format!(" on {} ({})", a.name, a.driver));
+        let mut why: BTreeMap<&str, usize> = BTreeMap::new();
+        for (reason, n) in self.inputs.iter().flat_map(|p| &p.why) {
+            *why.entry(reason).or_default() += n;
+        }
+        let why: Vec<String> = why
+            .into_iter()
+            .map(|(reason, n)| format!("  {n} not measured: {reason}\n"))
+            .collect();
+        format!(
+            "\n{}Promises{adapter}, each a recipe applied to a material: {} held, {} refused, {} not \
+             measured, {} broken; {} not drawn",
+            why.concat(),
+            self.held,
+            self.refused,
+            self.not_measured,
+            self.broken,
+            output::count(self.failed, "input"),
+        )
+    }
+}
+
+impl Promises {
+    fn broken_promises(&self) -> usize {
+        self.broken.iter().map(|b| b.materials.len()).sum()
+    }
+
+    /// Adds a variant and its measurement. `untested`: why no verdict of this input counts.
+    fn add(
+        &mut self,
+        variant: &Variant,
+        report: &VariantReport,
+        untested: Option<&str>,
+        command: &dyn Fn(&str) -> String,
+    ) {
+        let is_whole = |plan: &&Plan| variant.kept.iter().all(|k| k.material != plan.material);
+        let changed = variant.plans.iter().filter(|p| !p.steps.is_empty());
+        let whole = variant.plans.iter().filter(is_whole).count();
+        self.refused += variant.plans.len() - whole;
+        let why = match (&report.verdict, untested) {
+            (Verdict::Broken { r#where }, _) => {
+                let error = report.error.clone().unwrap_or_default();
+                self.refused -= changed.clone().count() - changed.clone().filter(is_whole).count();
+                self.broken.push(Broken {
+                    variant: variant.name.clone(),
+                    materials: changed.map(|p| p.material.clone()).collect(),
+                    contract: report.contract.clone(),
+                    r#where: r#where.clone(),
+                    changed_pixels: error.changed_pixels,
+                    changed_depth: error.changed_depth,
+                    max_abs: Some(error.max_abs).filter(|m| m.is_finite()),
+                    flip_mean: error.flip_mean,
+                    command: command(&variant.name),
+                });
+                return;
+            }
+            (Verdict::Holds, None) => {
+                self.held += whole;
+                return;
+            }
+            (Verdict::Holds, Some(why)) => why,
+            (Verdict::NotMeasured { why }, _) => why,
+        };
+        if whole > 0 {
+            self.not_measured += whole;
+            *self.why.entry(why.to_owned()).or_default() += whole;
+        }
+    }
+}
+
+/// Measures one job. A failure is part of the result.
+fn measured(args: &VerifyArgs, job: &Job, recipes: &Recipes<'_>) -> Promises {
+    let mut promises = Promises {
+        input: named(job),
+        ..Promises::default()
+    };
+    let result = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
+        measure_into(&mut promises, args, job, recipes)
+    }));
+    match result {
+        Ok(Ok(())) => {}
+        Ok(Err(Failure(_))) if job.chosen == Chosen::Found && job.shader.is_no_material() => {
+            promises.is_no_material = true;
+        }
+        Ok(Err(Failure(why))) => promises.failed = Some(why),
+        Err(panic) => {
+            let text = panic.downcast_ref::<String>().map(String::as_str);
+            let text = text.or_else(|| panic.downcast_ref::<&str>().copied());
+            promises.failed = Some(format!("preshade panicked: {}", text.unwrap_or_default()));
+        }
+    }
+    promises
+}
+
+fn measure_into(
+    promises: &mut Promises,
+    args: &VerifyArgs,
+    job: &Job,
+    recipes: &Recipes<'_>,
+) -> Result<(), Failure> {
+    let scene = verify::scene(args, &job.shader, &Variables::new())?;
+    let originals = measure::originals(&scene);
+    let named = |recipe: &&Recipe| recipe.check_names(&originals).is_ok();
+    for recipe in recipes.given {
+        recipe.check_names(&originals)?;
+    }
+    let declared = recipes.declared.iter().filter(named);
+    let recipes = recipes.given.iter().chain(declared);
+    let specialises = |r: &&Recipe| r.steps.iter().any(|s| s.pass == Specialize::INFO.name);
+    let (special, plain): (Vec<&Recipe>, Vec<&Recipe>) = recipes.partition(specialises);
+    let gpu = verify::open(args)?;
+    promises.adapter = Some(gpu.adapter().clone());
+    let groups = match special.is_empty() {
+        true => scene.clone(),
+        false => measure::grouped_for(scene.clone(), &all_steps(&special))?,
+    };
+    // Draws that need versions of their own are materials of their own, to `specialize` alone.
+    match groups.materials.len() == scene.materials.len() {
+        true => {
+            let all: Vec<&Recipe> = plain.into_iter().chain(special).collect();
+            measure_scene(promises, args, job, &gpu, &scene, &all)
+        }
+        false => {
+            measure_scene(promises, args, job, &gpu, &scene, &plain)?;
+            measure_scene(promises, args, job, &gpu, &groups, &special)
+        }
+    }
+}
+
+/// One recipe with the steps of all.
+fn all_steps(recipes: &[&Recipe]) -> Recipe {
+    let steps = recipes.iter().flat_map(|r| r.steps.clone());
+    Recipe {
+        steps: steps.collect(),
+    }
+}
+
+/// Measures `recipes` on a scene, and each frame that several of them draw once.
+fn measure_scene(
+    promises: &mut Promises,
+    args: &VerifyArgs,
+    job: &Job,
+    gpu: &Gpu,
+    scene: &Scene,
+    recipes: &[&Recipe],
+) -> Result<(), Failure> {
+    let bar = output::bar();
+    let session = Session::sharing(gpu, scene, args.shader_form())?;
+    let mut facts = measure::facts(&session).unwrap_or_else(|_| Facts::default());
+    let asked: Vec<String> = recipes.iter().map(ToString::to_string).collect();
+    let recipes: Vec<Recipe> = recipes.iter().map(|r| Recipe::clone(r)).collect();
+    let recipes = verify::choose(&session, recipes, &mut facts, &bar)?;
+    let variants = recipes.iter().zip(asked).map(|(recipe, name)| Variant {
+        name,
+        ..measure::variant(session.originals(), recipe, &facts)
+    });
+    let mut drawn: Vec<Variant> = Vec::new();
+    let mut by_frame: BTreeMap<String, usize> = BTreeMap::new();
+    let all: Vec<(Variant, usize)> = variants
+        .map(|variant| {
+            let frame = frame(&variant.plans).unwrap_or_else(|| variant.name.clone());
+            let index = *by_frame.entry(frame).or_insert_with(|| {
+                drawn.push(variant.clone());
+                drawn.len() - 1
+            });
+            (variant, index)
+        })
+        .collect();
+    let settings = args.settings(scene, Timed::No);
+    let outcome = measure::verify(&session, &drawn, &settings, &mut |_| {})?;
+    bar.finish_and_clear();
+    if let Some(why) = outcome.lost {
+        return Err(Failure(format!("the adapter was lost: {why}")));
+    }
+    let untested = untested(&outcome.report);
+    let command = |variant: &str| alone(args, job, variant);
+    for (variant, index) in &all {
+        if let Some(report) = outcome.report.variants.get(index + 1) {
+            promises.add(variant, report, untested.as_deref(), &command);
+        }
+    }
+    Ok(())
+}
+
+/// Why no verdict on this input counts.
+fn untested(report: &Report) -> Option<String> {
+    (!report.untested.is_empty()).then(|| report.untested.join("; "))
+}
+
+/// What is drawn of plans and what they promise, as text: equal texts need one measurement. `None`:
+/// a plan cannot be emitted.
+fn frame(plans: &[Plan]) -> Option<String> {
+    let mut text = String::new();
+    for plan in plans {
+        let plan = Plan {
+            steps: Vec::new(),
+            notes: Vec::new(),
+            original: None,
+            ..plan.clone()
+        };
+        let files = emit::emit(&plan, &[Target::Wgsl], &emit::Options::default()).ok()?;
+        for file in files {
+            text.push_str(&file.name);
+            text.push_str(&String::from_utf8_lossy(&file.bytes));
+        }
+    }
+    Some(text)
+}
+
+/// The command that draws one variant of one input, with the flags of this one.
+fn alone(args: &VerifyArgs, job: &Job, variant: &str) -> String {
+    const DROPPED: [&str; 5] = ["--variant", "--pass", "--recipe", "--format", "--time"];
+    let mut words = vec!["preshade".to_owned()];
+    let mut rest = std::env::args_os().skip(1);
+    while let Some(word) = rest.next() {
+        let text = word.to_string_lossy().into_owned();
+        let is_file = args.shader.files.iter().any(|f| f.as_os_str() == word);
+        if DROPPED.contains(&text.as_str()) {
+            rest.next();
+        } else if !is_file
+            && text != "--every-pass"
+            && !DROPPED.iter().any(|d| text.starts_with(&format!("{d}=")))
+        {
+            words.push(text);
+        }
+    }
+    words.extend(job.shader.files.iter().map(|f| f.display().to_string()));
+    words.extend(["--time", "no", "--variant", variant].map(str::to_owned));
+    shell_words::join(words)
+}
