@@ -98,16 +98,17 @@ impl Pass for VisibilityBuffer {
         },
         Example {
             recipe: "visibility-buffer:select=id",
-            uses: &[
-                Use::Plan,
-                Use::Picture {
-                    scene: "fixtures/scenes/grass.toml --size 256x144 --frames 1 --order \
+            uses: &[Use::Plan],
+        },
+        Example {
+            recipe: "visibility-buffer:budget=0.05,select=id",
+            uses: &[Use::Picture {
+                scene: "fixtures/scenes/grass.toml --size 256x144 --frames 1 --order \
                             front-to-back --set instances=20000",
-                    caption: "a meadow: each pixel is shaded once, after it is known which blade \
+                caption: "a meadow: each pixel is shaded once, after it is known which blade \
                               it shows",
-                    rows: 2,
-                },
-            ],
+                rows: 2,
+            }],
         },
         Example {
             recipe: "visibility-buffer:ids=unindexed,words=one,select=id",
@@ -162,7 +163,7 @@ impl Pass for VisibilityBuffer {
             uses: &[Use::Fuzz],
         },
         Example {
-            recipe: "visibility-buffer:budget=0.02",
+            recipe: "visibility-buffer:budget=0.05",
             uses: &[Use::Page("pages/leaf")],
         },
         Example {
