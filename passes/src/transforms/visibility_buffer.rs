@@ -92,7 +92,6 @@ impl Pass for VisibilityBuffer {
                 Use::Validate,
                 Use::Plan,
                 Use::Cover,
-                Use::Growth,
                 Use::Mutate,
             ],
         },
@@ -156,7 +155,7 @@ impl Pass for VisibilityBuffer {
         },
         Example {
             recipe: "visibility-buffer:budget=1",
-            uses: &[Use::Fuzz],
+            uses: &[Use::Fuzz, Use::Growth],
         },
         Example {
             recipe: "visibility-buffer:form=compute,budget=1",
