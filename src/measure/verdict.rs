@@ -81,37 +81,6 @@ fn rounded_too_far(k: u32, turned: Option<Turned>, error: &ErrorLadder) -> Optio
     }
 }
 
-/// The likely cause of a broken rounding contract and the budget that would have held. `None`: no
-/// budget helps.
-pub(super) fn advice(contract: &Contract, error: &ErrorLadder) -> Option<String> {
-    let given = |assumption| contract.given().contains(&assumption);
-    if given(Assumption::UnclippedLinear) {
-        return Some(
-            "its promise is about triangles that are not clipped, where they have varyings \
-         interpolated linearly (`unclipped-linear`)"
-                .to_owned(),
-        );
-    }
-    // A quarter of all there is no rounding makes, however steep.
-    const MOST: f64 = 0.25;
-    let is_small = error.nan_pixels == 0 && error.changed_depth == 0 && error.max_abs < MOST;
-    (given(Assumption::GentleSlopes) && is_small).then(|| {
-        // Half a step more than was measured, in thousandths.
-        let budget = ((error.max_abs + 0.5 / 255.0) * 1000.0).ceil() / 1000.0;
-        format!(
-            "{} of {} pixels differ by more than a step, and budget={budget} would have held: take \
-             it if slopes are steep here (`gentle-slopes`){}, else what differs is a fault",
-            error.beyond_step,
-            error.pixels,
-            if given(Assumption::UnclippedTriangles) {
-                " or triangles are clipped (`unclipped-triangles`)"
-            } else {
-                ""
-            }
-        )
-    })
-}
-
 /// Explains an empty picture of opaque `plans` by the attributes that their vertex stages read.
 pub(super) fn nothing_drawn(plans: &[Plan]) -> Option<String> {
     let main = || plans.iter().filter_map(|p| Some((p, p.main()?)));

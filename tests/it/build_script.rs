@@ -499,7 +499,7 @@ struct Out { @builtin(position) clip: vec4<f32>, @location(0) color: vec4<f32> }
     return Out(object * p, c); }
 @fragment fn fs(in: Out) -> @location(0) vec4<f32> { return in.color * gain + bias * tint; }";
     fs::write(package.0.join("toon.wgsl"), text).unwrap();
-    let resolved = ["visibility-buffer:form=compute"];
+    let resolved = ["visibility-buffer:form=compute,budget=1"];
     let built = package
         .build(configure().variant("resolved", resolved))
         .unwrap();

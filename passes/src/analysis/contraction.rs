@@ -24,7 +24,9 @@ use std::collections::hash_map::DefaultHasher;
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::hash::{Hash, Hasher};
 
-use naga::{Binding, BuiltIn, Expression, Handle, Literal, ScalarKind, ShaderStage, Statement};
+use naga::{
+    Binding, BuiltIn, Expression, Handle, Literal, ScalarKind, ShaderStage, Span, Statement,
+};
 
 use crate::analysis::operations::discontinuity;
 use crate::analysis::values::{ContextId, Node, TooLarge, ValueId, Values};
@@ -33,6 +35,7 @@ use crate::core::plan::GpuPass;
 use crate::core::program::Program;
 use crate::graph::rate::Rate;
 use crate::graph::{FunctionGraph, FunctionId, Graph, operands};
+use crate::slice::{Need, Slice};
 
 /// Depth to which we compare an operation's computation. Compilers do not see differences further
 /// down.
@@ -349,6 +352,50 @@ pub(crate) fn unsteady(values: &Values<'_, '_>) -> Vec<bool> {
             };
     }
     found
+}
+
+/// The first operation of a stage that a compiler may fuse into a reader of `slice` but not in the
+/// whole stage, or the other way round, because the slice lacks some of its readers; only if
+/// coverage or depth depends on that reader.
+pub(crate) fn fused_anew(graph: &Graph<'_>, entry: usize, slice: &Slice) -> Option<Span> {
+    let stage = Looked::new(graph, entry).ok()?;
+    let operations = stage.operations();
+    let all = &stage.values.values;
+    let mut kept: BTreeMap<FunctionId, Vec<&[Option<Need>]>> = BTreeMap::new();
+    for part in &slice.parts {
+        let expressions = kept.entry(part.function).or_default();
+        expressions.push(&part.kept.expressions);
+    }
+    let is_kept = |id: ValueId| match all[id].node {
+        Node::Expression(context, e, _) => {
+            let parts = kept.get(&stage.values.contexts[context].function);
+            let needs = |part: &&[Option<Need>]| part.get(e.index()).is_some_and(Option::is_some);
+            parts.is_some_and(|parts| parts.iter().any(needs))
+        }
+        _ => true,
+    };
+    let loses_readers = |id: ValueId| {
+        let mut readers = operations.readers(id).into_iter();
+        readers.any(|reader| reader == OUTPUT || !is_kept(reader))
+    };
+    let arithmetic = (0..all.len()).filter(|id| operations.is_arithmetic(*id) && is_kept(*id));
+    let mut found: Vec<(ValueId, ValueId)> = Vec::new();
+    for id in arithmetic {
+        let sources = all[id].operands.iter().flat_map(|o| operations.sources(*o));
+        let mut sources = sources.filter(|s| operations.may_fuse(*s));
+        found.extend(sources.find(|s| loses_readers(*s)).map(|s| (s, id)));
+    }
+    let (source, _) = found.into_iter().find(|(_, reader)| {
+        let reached = stage.reached([*reader]);
+        stage.values.coverage.iter().any(|root| reached[*root])
+    })?;
+    match all[source].node {
+        Node::Expression(context, e, _) => {
+            let function = operations.function(context).function;
+            Some(function.expressions.get_span(e))
+        }
+        _ => None,
+    }
 }
 
 /// An operation and the provider of its operand, as a compiler sees them.

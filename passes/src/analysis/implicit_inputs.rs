@@ -8,10 +8,11 @@
 //!
 //! | a stage depends on | if it | a pass changes it by | so the pass |
 //! |---|---|---|---|
-//! | the subgroup | has a subgroup operation | rejecting fragments, slicing | refuses |
+//! | the subgroup | has a subgroup operation | rejecting fragments, slicing, moving code | refuses |
 //! | the sample rate | reads an input by sample, multisampled | slicing that input away | refuses |
 //! | surviving samples | reads a centroid or the sample mask, multisampled | rejecting samples | refuses |
 //! | contraction | decides coverage or depth | slicing | assumes `invariant-discard` |
+//! | contraction | decides them by a sum of products that colours read too | drawing depth ahead by a slice | refuses |
 //! | the alpha mask | has alpha to coverage | slicing | assumes `same-alpha-coverage` |
 //! | the near plane's clamp | has depths that are clamped, or a float format | biasing depth | assumes `beyond-near-plane` |
 //! | the viewport's depth range | has depths that are clamped to it | comparing its own depth | assumes `whole-depth-range` |
@@ -22,6 +23,7 @@
 
 use naga::{Binding, BuiltIn, Interpolation, Sampling, ShaderStage};
 
+use crate::analysis::contraction;
 use crate::analysis::coverage::Decides;
 use crate::analysis::refusals;
 use crate::core::contract::Assumption;
@@ -69,6 +71,7 @@ pub struct ImplicitInputs<'a> {
     decides: Decides,
     /// The inputs of the fragment stage that the pass keeps, or that its slice reads.
     kept: Option<Vec<Io>>,
+    slice: Option<&'a Slice>,
 }
 
 impl<'a> ImplicitInputs<'a> {
@@ -89,12 +92,13 @@ impl<'a> ImplicitInputs<'a> {
                 Decides::of(graph, program, entry, pass)
             }),
             kept: None,
+            slice: None,
         }
     }
 
     /// With the slice of the fragment stage that decides coverage and depth in another pass.
     #[must_use]
-    pub fn sliced(self, slice: Option<&Slice>) -> Self {
+    pub fn sliced(self, slice: Option<&'a Slice>) -> Self {
         let inputs = self.fragment_inputs();
         let read = |slice: &Slice| {
             let read = slice.inputs.iter().filter_map(|i| inputs.get(*i).cloned());
@@ -102,6 +106,7 @@ impl<'a> ImplicitInputs<'a> {
         };
         Self {
             kept: slice.map(read),
+            slice,
             ..self
         }
     }
@@ -184,11 +189,13 @@ const TABLE: &[InputRow] = &[
             PassEffect::LeavesEarly,
             PassEffect::Slices,
             PassEffect::RunsElsewhere,
+            // Other code around an operation may change which lanes run it together.
+            PassEffect::EditsVertexStage,
         ],
         dependence: subgroup,
         then: Then::Refuse(
             &refusals::SUBGROUP,
-            "its result depends on which other fragments run, and the pass changes that",
+            "its result depends on which other lanes run with it, and the pass changes that",
             "compute it without subgroup operations, or leave the material as it is",
         ),
     },
@@ -215,8 +222,18 @@ const TABLE: &[InputRow] = &[
     },
     InputRow {
         moved_by: &[PassEffect::Slices],
-        dependence: contraction,
+        dependence: decides,
         then: Then::Assume(Assumption::InvariantDiscard),
+    },
+    InputRow {
+        moved_by: &[PassEffect::RejectsEarly, PassEffect::LeavesEarly],
+        dependence: fused_discard,
+        then: Then::Refuse(
+            &refusals::FUSED_DISCARD,
+            "a compiler may fuse it into the sum where nothing else reads it, so the slice may \
+             decide by other bits than the whole stage",
+            "compute what decides from values that the colours don't read, or pass it as a varying",
+        ),
     },
     InputRow {
         moved_by: &[PassEffect::Slices],
@@ -329,9 +346,19 @@ fn surviving_samples(stages: &ImplicitInputs<'_>) -> Option<String> {
     })
 }
 
-fn contraction(stages: &ImplicitInputs<'_>) -> Option<String> {
+fn decides(stages: &ImplicitInputs<'_>) -> Option<String> {
     let decides = stages.decides.anything();
     decides.then(|| "the fragment stage decides coverage or depth".to_owned())
+}
+
+fn fused_discard(stages: &ImplicitInputs<'_>) -> Option<String> {
+    let span = contraction::fused_anew(stages.graph, stages.fragment?, stages.slice?)?;
+    let place = stages.program.sources().locate(span);
+    let at = place.map_or_else(String::new, |place| format!(" at {place}"));
+    Some(format!(
+        "coverage or depth depends on the operation{at}, which other code of the fragment stage \
+         reads too"
+    ))
 }
 
 fn alpha_mask(stages: &ImplicitInputs<'_>) -> Option<String> {

@@ -67,17 +67,6 @@ pub(crate) enum OwnError {
     Roundings(f64, f64),
 }
 
-/// A place at which the slope has no bound.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Pole {
-    /// Name of the operation in messages.
-    pub name: &'static str,
-    /// Whether it is at 0, which only a difference approaches with a large relative error.
-    pub is_zero: bool,
-    /// Whether the ranges of the arguments include the place.
-    pub is_reached: bool,
-}
-
 /// An operation on operands in given ranges.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Operation {
@@ -87,8 +76,6 @@ pub(crate) struct Operation {
     pub slopes: Option<[f64; 3]>,
     /// Its own error.
     pub error: OwnError,
-    /// A place at which its slope has no bound.
-    pub pole: Option<Pole>,
 }
 
 impl Operation {
@@ -97,7 +84,6 @@ impl Operation {
             discontinuity: None,
             slopes,
             error: OwnError::Within(accuracy),
-            pole: None,
         }
     }
 
@@ -113,15 +99,6 @@ impl Operation {
             error: OwnError::Roundings(roundings, term),
             ..Self::within(slopes, Accuracy::EXACT)
         }
-    }
-
-    fn with_pole(self, name: &'static str, is_zero: bool, is_reached: bool) -> Self {
-        let pole = Some(Pole {
-            name,
-            is_zero,
-            is_reached,
-        });
-        Self { pole, ..self }
     }
 }
 
@@ -175,17 +152,12 @@ pub(crate) fn math(
         M::Log => bounded(x.low > 0.0, 1.0 / x.low, Accuracy::logarithm()),
         M::Log2 => bounded(x.low > 0.0, LOG2_E / x.low, Accuracy::logarithm()),
         M::Sqrt | M::InverseSqrt => {
-            let (name, power) = match fun {
-                M::Sqrt => ("the square root of a difference", -0.5),
-                _ => ("inverseSqrt of a difference", -1.5),
-            };
-            let slope = 0.5 * x.low.powf(power);
-            bounded(x.low > 0.0, slope, ulps).with_pole(name, true, x.low <= 0.0)
+            let power = if fun == M::Sqrt { -0.5 } else { -1.5 };
+            bounded(x.low > 0.0, 0.5 * x.low.powf(power), ulps)
         }
         M::Acos | M::Asin => {
-            let name = if fun == M::Acos { "acos" } else { "asin" };
             let slope = (1.0 - a * a).powf(-0.5);
-            bounded(a < 1.0, slope, Accuracy::arc(a)).with_pole(name, false, a >= 1.0)
+            bounded(a < 1.0, slope, Accuracy::arc(a))
         }
         M::Pow => {
             // The slope is known for a non-negative base and a constant exponent.
@@ -194,10 +166,7 @@ pub(crate) fn math(
             // The error decreases with the power: e 2^-e is largest at 1 / ln 2.
             let largest = magnitude.max(1.0);
             let accuracy = Accuracy::power(b, largest.log2().max(1.443), largest);
-            // An exponent of 1 or more has a bounded slope.
-            let is_reached = y.high < 1.0 && x.low <= 0.0;
-            let power = Operation::within(is_known.then_some(slopes), accuracy);
-            power.with_pole("a power of a difference", true, is_reached)
+            Operation::within(is_known.then_some(slopes), accuracy)
         }
         M::Radians => within(1_f64.to_radians(), Accuracy::ROUNDED),
         M::Degrees => within(1_f64.to_degrees(), Accuracy::ROUNDED),
@@ -266,13 +235,6 @@ fn broken_operator(op: BinaryOperator) -> Option<Break> {
         _ => return None,
     };
     Some(Break { name, at })
-}
-
-/// Whether the result of a function is one of its arguments, but for its sign.
-pub(crate) fn is_an_operand(fun: MathFunction) -> bool {
-    let operation = math(fun, [Interval::ANYTHING; 3], 1.0, f64::INFINITY);
-    operation.slopes.is_some()
-        && matches!(operation.error, OwnError::Within(accuracy) if accuracy == Accuracy::EXACT)
 }
 
 /// The discontinuity of an operation on numbers.

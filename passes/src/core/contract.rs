@@ -50,19 +50,6 @@ pub enum Assumption {
     /// snapped to its grid. It chooses as the variant's parameters name
     /// ([`crate::core::rasterizer::Corners`]).
     InterpolatedCorners,
-    /// No triangle with a screen-linear varying is clipped: the driver chooses the corners to
-    /// interpolate between.
-    UnclippedLinear,
-    /// No visible triangle is clipped. A rasteriser that snaps corners interpolates between the
-    /// clipped ones, and chooses itself whether to clip at the near plane alone or at the viewport
-    /// too.
-    UnclippedTriangles,
-    /// No visible triangle gains its area only on the rasteriser's grid. Values interpolated over a
-    /// triangle without area depend on rounding errors.
-    TrianglesWithArea,
-    /// From varyings to the outputs, slopes are small: the last bits in which two rasterisers differ
-    /// stay within one step of the output. A material that samples textures there needs a budget.
-    GentleSlopes,
     /// Varyings, constants of the draw and texels are within 4 of 0, and the draw's divisors are at
     /// least a quarter. No larger factor multiplies a rounding error.
     OrdinaryNumbers,

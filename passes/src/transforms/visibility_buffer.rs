@@ -30,7 +30,7 @@ use crate::core::pass::{
     Change, Example, Expected, Facts, Outcome, Pass, PassInfo, Refusal, Refused, SiteCost, Use,
 };
 use crate::core::plan::{Attachment, ClearValue, GpuPass, Plan, Role, Step};
-use crate::core::rasterizer::{Corners, Rasterizer};
+use crate::core::rasterizer::Rasterizer;
 use crate::core::refusals::RefusalInfo;
 use crate::core::self_test;
 use crate::graph::Graph;
@@ -53,7 +53,6 @@ mod parts;
 pub mod refusals;
 mod resolve;
 mod stage;
-mod steep;
 mod text;
 
 pub use crate::core::draw_table::{DRAWS, IDS};
@@ -88,54 +87,19 @@ impl Pass for VisibilityBuffer {
     const EXAMPLES: &'static [Example] = &[
         Example {
             recipe: "visibility-buffer",
-            uses: &[
-                Use::Validate,
-                Use::Plan,
-                Use::Cover,
-                Use::Growth,
-                Use::Mutate,
-            ],
+            uses: &[Use::Validate, Use::Plan],
         },
         Example {
-            recipe: "visibility-buffer:select=id",
-            uses: &[
-                Use::Plan,
-                Use::Picture {
-                    scene: "fixtures/scenes/grass.toml --size 256x144 --frames 1 --order \
-                            front-to-back --set instances=20000",
-                    caption: "a meadow: each pixel is shaded once, after it is known which blade \
-                              it shows",
-                    rows: 2,
-                },
-            ],
+            recipe: "visibility-buffer:budget=1",
+            uses: &[Use::Cover, Use::Fuzz, Use::Growth, Use::Mutate],
         },
         Example {
-            recipe: "visibility-buffer:ids=unindexed,words=one,select=id",
+            recipe: "visibility-buffer:form=compute,budget=1",
+            uses: &[Use::Cover, Use::Fuzz, Use::Mutate],
+        },
+        Example {
+            recipe: "visibility-buffer:ids=unindexed,words=one,select=id,budget=1",
             uses: &[Use::Mutate],
-        },
-        Example {
-            recipe: "visibility-buffer:form=compute",
-            uses: &[Use::Plan, Use::Cover, Use::Mutate],
-        },
-        Example {
-            recipe: "visibility-buffer:select=tiles",
-            uses: &[Use::Mutate],
-        },
-        Example {
-            recipe: "visibility-buffer:select=tiles,form=compute",
-            uses: &[Use::Mutate],
-        },
-        Example {
-            recipe: "visibility-buffer:form=binned",
-            uses: &[Use::Mutate],
-        },
-        Example {
-            recipe: "visibility-buffer:vertices=kept,select=id,formats=any",
-            uses: &[Use::Mutate],
-        },
-        Example {
-            recipe: "visibility-buffer:formats=any,budget=1",
-            uses: &[Use::Compile],
         },
         Example {
             recipe: "visibility-buffer:ids=unindexed,form=compute,budget=1",
@@ -143,10 +107,26 @@ impl Pass for VisibilityBuffer {
         },
         Example {
             recipe: "visibility-buffer:select=tiles,budget=1",
-            uses: &[Use::Compile],
+            uses: &[Use::Compile, Use::Mutate],
+        },
+        Example {
+            recipe: "visibility-buffer:select=tiles,form=compute,budget=1",
+            uses: &[Use::Mutate],
+        },
+        Example {
+            recipe: "visibility-buffer:form=binned,budget=1",
+            uses: &[Use::Mutate],
         },
         Example {
             recipe: "visibility-buffer:form=binned,words=one,corners=snapped,budget=1",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "visibility-buffer:vertices=kept,select=id,formats=any,budget=1",
+            uses: &[Use::Mutate],
+        },
+        Example {
+            recipe: "visibility-buffer:formats=any,budget=1",
             uses: &[Use::Compile],
         },
         Example {
@@ -154,16 +134,18 @@ impl Pass for VisibilityBuffer {
             uses: &[Use::Pictures(1)],
         },
         Example {
-            recipe: "visibility-buffer:budget=1",
-            uses: &[Use::Fuzz],
-        },
-        Example {
-            recipe: "visibility-buffer:form=compute,budget=1",
-            uses: &[Use::Fuzz],
-        },
-        Example {
-            recipe: "visibility-buffer:budget=0.02",
+            recipe: "visibility-buffer:budget=0.05",
             uses: &[Use::Page("pages/leaf")],
+        },
+        Example {
+            recipe: "visibility-buffer:select=id,budget=0.05",
+            uses: &[Use::Picture {
+                scene: "fixtures/scenes/grass.toml --size 256x144 --frames 1 --order \
+                        front-to-back --set instances=20000",
+                caption: "a meadow: each pixel is shaded once, after it is known which blade it \
+                          shows",
+                rows: 2,
+            }],
         },
         Example {
             recipe: "visibility-buffer:budget=MOST",
@@ -436,8 +418,7 @@ impl<'a> SplitMaterial<'a> {
         )))
     }
 
-    /// The discontinuities and unbounded slopes that rounding differences reach; refused without a
-    /// budget.
+    /// What rasteriser and resolve round differently; refused without a budget.
     fn reached(&self, shaded: &Shaded<'_, '_>, params: &Params) -> Result<Reached, Box<Refusal>> {
         let values = shaded.values.as_ref();
         let values = values
@@ -482,18 +463,8 @@ impl<'a> SplitMaterial<'a> {
         };
         let chosen = reached.taken.any();
         given.extend(chosen.then_some(Assumption::DerivativeNeighbours));
-        if reached.interpolated {
-            given.extend([
-                Assumption::InterpolatedCorners,
-                Assumption::TrianglesWithArea,
-            ]);
-            // Planes through the given corners do not depend on how a triangle is clipped.
-            let snaps = params.rasterizer().corners != Corners::AsGiven;
-            given.extend(snaps.then_some(Assumption::UnclippedTriangles));
-            // A budget is measured, whatever the slopes.
-            given.extend(params.budget.is_none().then_some(Assumption::GentleSlopes));
-        }
-        given.extend(reached.linear.then_some(Assumption::UnclippedLinear));
+        let interpolated = reached.interpolated;
+        given.extend(interpolated.then_some(Assumption::InterpolatedCorners));
         given.extend([
             // The resolve runs the vertex stage in another stage.
             Assumption::StagesAgree,

@@ -6,7 +6,7 @@ use preshade_passes::visibility_buffer;
 
 use super::measurement::Measurement;
 use crate::measure::record::{ORIGINAL, Pictures, VariantReport, times};
-use crate::measure::verdict::{advice, needs_invariant_original};
+use crate::measure::verdict::needs_invariant_original;
 use crate::measure::{rasterizer, telling};
 use crate::render::Gpu;
 
@@ -26,22 +26,18 @@ impl Measurement<'_> {
         }
     }
 
-    /// The verdict if its pictures break the contract, with the likely cause.
+    /// The verdict if its pictures break the contract, with a contradiction of the adapter.
     fn broken(&self, gpu: &Gpu, r#where: String) -> Verdict {
         let seen = rasterizer(gpu).ok();
         let otherwise = |plan: &Plan| visibility_buffer::contradicted(plan, seen.as_ref()?);
-        let told = match self.subject.plans.iter().find_map(otherwise) {
-            Some(otherwise) => Some(format!(
-                "it was made with {otherwise}: leave that parameter out"
-            )),
-            None => {
-                let error = self.subject.error.as_ref();
-                error.and_then(|error| advice(&self.subject.contract, error))
-            }
-        };
-        let parts = [Some(r#where), told];
+        let otherwise = self.subject.plans.iter().find_map(otherwise);
         Verdict::Broken {
-            r#where: parts.into_iter().flatten().collect::<Vec<_>>().join("; "),
+            r#where: match otherwise {
+                Some(otherwise) => {
+                    format!("{where}; it was made with {otherwise}: leave that parameter out")
+                }
+                None => r#where,
+            },
         }
     }
 

@@ -57,32 +57,13 @@ pub fn state(plan: &Plan, pass: &GpuPass) -> Vec<Refusal> {
     refusals
 }
 
-/// Refusals if rounding differences between resolve and rasteriser may become larger than a step: at
-/// a discontinuity, at an unbounded slope, or in a texture sample.
+/// The refusal of a rounding contract, if colours depend on what rasteriser and resolve round
+/// differently.
 pub fn rounding(reached: &Reached, sources: &SourceMap) -> Option<Refusal> {
-    const MEASURE: &str = "set budget=0.05, for example, and let `verify` measure the difference";
-    if let Some((operation, span)) = &reached.discontinuity {
-        let reason = format!(
-            "an interpolated value reaches {operation}, which has a discontinuity: resolve and \
-             rasteriser round differently, so a pixel may change by any amount"
-        );
-        return Some(refuse(&refusals::DISCONTINUOUS, reason, MEASURE).at(sources, *span));
-    }
-    if let Some((operation, span)) = &reached.steep {
-        let reason = format!(
-            "an interpolated value reaches {operation}, whose slope is unbounded at the end of its \
-             domain: resolve and rasteriser round differently, and there the difference becomes \
-             visible"
-        );
-        let remedy =
-            format!("{MEASURE}, or keep the operand away from that end (`max(.., 0.001)`)");
-        return Some(refuse(&refusals::STEEP, reason, &remedy).at(sources, *span));
-    }
-    let span = reached.sample?;
-    let reason = "a texture is sampled at interpolated coordinates or at an implicit level. \
-                  Resolve and rasteriser round both differently, so a texel's weight may differ \
-                  by 1/256, and the shading may multiply that";
-    Some(refuse(&refusals::SAMPLE, reason, MEASURE).at(sources, span))
+    let reason = "the colours depend on interpolated values or on an implicit level of detail. \
+                  No language defines the last bits of either, and shading may multiply them";
+    let remedy = "set budget=0.05, for example, and let `verify` measure the difference";
+    Some(refuse(&refusals::INTERPOLATED, reason, remedy).at(sources, reached.rounded?))
 }
 
 /// Checks that the vertex stage can run for three corners in one invocation.

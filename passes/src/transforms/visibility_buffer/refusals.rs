@@ -7,10 +7,6 @@ refusals! {
         "A derivative depends on itself. `visibility-buffer` computes derivatives from the values \
          of neighbouring pixels, which it does not have here.",
         "Sample with explicit gradients or an explicit level.";
-    DISCONTINUOUS = "discontinuous":
-        "An interpolated value reaches an operation with a discontinuity (a comparison, `floor`): \
-         its last bit may change the picture.",
-        "Set the allowed difference with `budget=`, and let `verify` measure it.";
     FRAGMENT_BUILTIN = "fragment-builtin":
         "`visibility-buffer` shades pixels away from the rasteriser, and one of the builtins that \
          the fragment stage reads is not reconstructed there.",
@@ -33,6 +29,12 @@ refusals! {
     HAS_OTHER_PASSES = "has-other-passes":
         "Another pass of the plan draws the same surface.",
         "Put `visibility-buffer` first, or alone, in the recipe.";
+    INTERPOLATED = "interpolated":
+        "The colours depend on interpolated values or on an implicit level of detail. The resolve \
+         computes both itself, and no language defines the last bits that a rasteriser gives them. \
+         Shading may multiply the difference: a texel's weight has steps of 1/256, a highlight is \
+         steep, a comparison is a jump.",
+        "Set the allowed difference with `budget=0.05`, for example, and let `verify` measure it.";
     MULTISAMPLED = "multisampled":
         "A multisampled pixel may show several triangles, and a visibility buffer would shade \
          only one.",
@@ -44,24 +46,10 @@ refusals! {
         "A texture is sampled at an implicit level of detail, and its type cannot be sampled with \
          gradients.",
         "Sample an explicit level.";
-    SAMPLE = "sample":
-        "A texture is sampled at interpolated coordinates or at an implicit level of detail. \
-         The resolve rounds both differently than the rasteriser. GPUs store the weights of texels \
-         in steps of 1/256, so a weight may differ by one step (more if the sampler is `nearest` or \
-         anisotropic), and the shading may multiply the difference. No rounding contract can \
-         promise that a pixel stays within one step of 255.",
-        "Set the allowed difference with `budget=0.05`, for example, and let `verify` measure it. \
-         Or read whole texels (`textureLoad`) by a flat value.";
     SELECT = "select":
         "This `select` does not fit the `form`: only `form=fragment` has a depth test that tells \
          draws apart, and `form=binned` lists the pixels of each draw already.",
         "Leave it out. `form=compute` accepts `tiles` and `id`.";
-    STEEP = "steep":
-        "An interpolated value reaches an operation whose slope is unbounded: the root of a \
-         difference that may be 0 (the rim of a ray-traced sphere, a normal's z from its x and \
-         y), or `acos` and `asin` at 1 and -1. There a rounding error becomes visible.",
-        "Set the allowed difference with `budget=`, and let `verify` measure it, or keep the \
-         operand away from there (`max(.., 0.001)`).";
     SUBDIVIDED = "subdivided":
         "`tessellate` divided the triangles, so their corners are not vertices of the mesh.",
         "Leave `tessellate` out of the recipe.";
