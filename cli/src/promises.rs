@@ -4,7 +4,6 @@
 //! that a crash, a hang or a lost device costs one input.
 
 use std::collections::BTreeMap;
-use std::io::IsTerminal;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -133,7 +132,7 @@ pub fn run(args: &VerifyArgs, jobs: &[Job], given: &[Recipe]) -> Result<Ending, 
         output::json(&measured(args, job, &recipes))?;
         return Ok(Ending::Fine);
     }
-    let told = Told::new(args, jobs);
+    let results = Results::new(args, jobs);
     let limits = args.shader.limits.limits();
     let next = AtomicUsize::new(0);
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
@@ -148,7 +147,7 @@ pub fn run(args: &VerifyArgs, jobs: &[Job], given: &[Recipe]) -> Result<Ending, 
                             serde_json::from_str::<Promises>(&text)
                                 .map_err(|e| format!("its report cannot be read: {e}"))
                         });
-                    told.add(
+                    results.add(
                         index,
                         found.unwrap_or_else(|why| Promises {
                             input: named(job),
@@ -160,7 +159,7 @@ pub fn run(args: &VerifyArgs, jobs: &[Job], given: &[Recipe]) -> Result<Ending, 
             });
         }
     });
-    told.end(args)
+    results.end(args)
 }
 
 /// The files of a job, as in a command.
@@ -169,25 +168,25 @@ fn named(job: &Job) -> String {
 }
 
 /// Results, printed in the order of the inputs as soon as all before are there.
-struct Told {
+struct Results {
     human: bool,
     /// Width of the first column.
     width: usize,
     state: Mutex<(usize, Vec<Option<Promises>>)>,
 }
 
-impl Told {
+impl Results {
     fn new(args: &VerifyArgs, jobs: &[Job]) -> Self {
         let names = jobs.iter().map(|j| named(j).chars().count());
-        let told = Self {
+        let results = Self {
             human: args.format == Table::Human,
             width: names.max().unwrap_or(0),
             state: Mutex::new((0, vec![None; jobs.len()])),
         };
         let head = ["held", "refused", "not measured", "over budget", "broken"];
-        let head = told.row("input", head);
-        told.print(&head);
-        told
+        let head = results.row("input", head);
+        results.print(&head);
+        results
     }
 
     fn row(&self, name: &str, counts: [&str; 5]) -> String {
@@ -198,7 +197,7 @@ impl Told {
         )
     }
 
-    /// Prints a part of the table. What cannot be printed is missed by nobody.
+    /// Prints a part of the table. Errors are ignored here: the summary reports a stdout that is full.
     fn print(&self, text: &str) {
         if self.human {
             let _ = output::table(text);
@@ -214,9 +213,6 @@ impl Told {
         while let Some(Some(promises)) = all.get(*shown) {
             *shown += 1;
             self.print(&self.lines(promises));
-            if self.human && std::io::stderr().is_terminal() {
-                output::message(&format!("{shown} of {} inputs", all.len()));
-            }
         }
     }
 
