@@ -475,7 +475,7 @@ fn measure_scene(
     let session = Session::sharing(gpu, scene, args.shader_form())?;
     let mut facts = measure::facts(&session).unwrap_or_else(|_| Facts::default());
     let asked: Vec<String> = recipes.iter().map(ToString::to_string).collect();
-    let recipes: Vec<Recipe> = recipes.iter().map(|r| Recipe::clone(r)).collect();
+    let recipes: Vec<Recipe> = recipes.iter().copied().cloned().collect();
     let is_kept = |r: &Recipe| given.contains(r) || measure::leaves_a_choice(r);
     let is_budget_kept: Vec<bool> = recipes.iter().map(is_kept).collect();
     let recipes = verify::choose(&session, recipes, &mut facts, &bar)?;
