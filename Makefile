@@ -1,4 +1,4 @@
-.PHONY: demo check test bench audit fuzz docs
+.PHONY: demo check test promises bench audit fuzz docs
 
 # Draws the shrine with the original and its variants, and prints the cost and gain of each. The features
 # left out read other dialects of WGSL, which the shrine does not use.
@@ -16,11 +16,17 @@ check:
 
 # Everything that CI checks: format, lints, docs, all tests. Installs missing tools on Debian and Ubuntu.
 test:
-	scripts/setup.sh vulkan gl accept three
+	scripts/setup.sh vulkan gl accept three swiftshader
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets --all-features --quiet -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --all-features --no-deps --quiet
 	scripts/test.sh
+
+# Draws every fixture through every recipe that a pass declares, on the adapter at hand, and prints broken
+# promises. PRESHADE_ADAPTER and VK_DRIVER_FILES select another adapter. 16 cores take minutes, 2 half an hour.
+promises:
+	scripts/setup.sh vulkan
+	cargo run --release -p preshade-cli -- verify fixtures --every-pass --size 160x90
 
 # Times frozen hand-written shaders beside those that preshade generates from the same entry points.
 bench:

@@ -1,10 +1,11 @@
 #!/bin/sh
 # Installs the tools that preshade needs on a bare Debian or Ubuntu machine. Leaves installed ones alone.
 #
-#   setup.sh vulkan    a Vulkan loader, and Mesa's software Vulkan (lavapipe) where no adapter is found
-#   setup.sh gl        EGL and OpenGL 4: Mesa's, in software where there is no graphics card
-#   setup.sh accept    spirv-val, glslangValidator, and Tint (npm package `webgpu`) for the acceptance tests
-#   setup.sh three     Chromium, node and npm, for the page of tests/three
+#   setup.sh vulkan       a Vulkan loader, and Mesa's software Vulkan (lavapipe) where no adapter is found
+#   setup.sh gl           EGL and OpenGL 4: Mesa's, in software where there is no graphics card
+#   setup.sh accept       spirv-val, glslangValidator, and Tint (npm package `webgpu`) for the acceptance tests
+#   setup.sh three        Chromium, node and npm, for the page of tests/three
+#   setup.sh swiftshader  SwiftShader's Vulkan, a second driver for tests: a part of Chromium's package
 set -eu
 
 have() { command -v "$1" >/dev/null 2>&1; }
@@ -57,12 +58,22 @@ three() {
     [ -n "${CHROMIUM:-}" ] || have chromium || have chromium-browser || have google-chrome || install chromium
 }
 
+swiftshader() {
+    folders="/usr/lib/chromium /usr/lib/chromium-browser /usr/lib64/chromium-browser /opt/google/chrome"
+    [ -z "${CHROMIUM:-}" ] || folders="$(dirname "$CHROMIUM") $folders"
+    for folder in $folders; do
+        [ ! -f "$folder/vk_swiftshader_icd.json" ] || return 0
+    done
+    install chromium
+}
+
 for part in "$@"; do
     case "$part" in
         vulkan) vulkan ;;
         gl) gl ;;
         accept) accept ;;
         three) three ;;
+        swiftshader) swiftshader ;;
         *) echo "setup: unknown part $part" >&2; exit 2 ;;
     esac
 done

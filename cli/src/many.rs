@@ -46,11 +46,11 @@ pub fn jobs(shader: &ShaderArgs, out: &Path) -> Result<Vec<Job>, Failure> {
 /// As [`jobs`].
 pub fn inputs(shader: &ShaderArgs) -> Result<Option<Vec<Job>>, Failure> {
     let files = &shader.files;
-    let has_scene = files.iter().any(|f| is_scene(f));
-    // Two files may be the two stages of one material, whatever their names.
+    // Two files may be the two stages of one material, whatever their names. A scene beside a shader
+    // is a mistake, which the reader names.
     let is_one = match files.len() {
         0 | 1 => true,
-        2 => !has_scene,
+        2 => !files.iter().all(|f| is_scene(f)),
         _ => false,
     };
     if is_one && !files.iter().any(|f| f.is_dir()) {

@@ -4,7 +4,6 @@
 //! that a crash, a hang or a lost device costs one input.
 
 use std::collections::BTreeMap;
-use std::io::IsTerminal;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -74,18 +73,20 @@ struct Promises {
     /// Reasons for `not_measured`, with the number of promises.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     why: BTreeMap<String, usize>,
-    broken: Vec<Broken>,
+    broken: Vec<Finding>,
+    /// Declared recipes that ask for a budget that nobody measured before, and exceed it here.
+    over_budget: Vec<Finding>,
     /// Why it was not drawn.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     failed: Option<String>,
-    /// It is a file in a folder that is no material.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    is_no_material: bool,
+    /// Why a file of a folder is left out: it is not one material.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    left_out: Option<String>,
 }
 
-/// A variant that broke its promise.
+/// A variant whose picture is not what its contract says.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-struct Broken {
+struct Finding {
     variant: String,
     /// The materials that it changed.
     materials: Vec<String>,
@@ -111,6 +112,7 @@ struct Summary<'a> {
     held: usize,
     refused: usize,
     not_measured: usize,
+    over_budget: usize,
     broken: usize,
     failed: usize,
     inputs: &'a [Promises],
@@ -130,7 +132,7 @@ pub fn run(args: &VerifyArgs, jobs: &[Job], given: &[Recipe]) -> Result<Ending, 
         output::json(&measured(args, job, &recipes))?;
         return Ok(Ending::Fine);
     }
-    let told = Told::new(args, jobs);
+    let results = Results::new(args, jobs);
     let limits = args.shader.limits.limits();
     let next = AtomicUsize::new(0);
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
@@ -140,11 +142,12 @@ pub fn run(args: &VerifyArgs, jobs: &[Job], given: &[Recipe]) -> Result<Ending, 
                 loop {
                     let index = next.fetch_add(1, Ordering::Relaxed);
                     let Some(job) = jobs.get(index) else { break };
-                    let found = worker::run(index + 1, &limits).and_then(|text| {
-                        serde_json::from_str::<Promises>(&text)
-                            .map_err(|e| format!("its report cannot be read: {e}"))
-                    });
-                    told.add(
+                    let found =
+                        worker::run(index + 1, &limits, worker::OF_AN_INPUT).and_then(|text| {
+                            serde_json::from_str::<Promises>(&text)
+                                .map_err(|e| format!("its report cannot be read: {e}"))
+                        });
+                    results.add(
                         index,
                         found.unwrap_or_else(|why| Promises {
                             input: named(job),
@@ -156,7 +159,7 @@ pub fn run(args: &VerifyArgs, jobs: &[Job], given: &[Recipe]) -> Result<Ending, 
             });
         }
     });
-    told.end(args)
+    results.end(args)
 }
 
 /// The files of a job, as in a command.
@@ -165,33 +168,36 @@ fn named(job: &Job) -> String {
 }
 
 /// Results, printed in the order of the inputs as soon as all before are there.
-struct Told {
+struct Results {
     human: bool,
     /// Width of the first column.
     width: usize,
     state: Mutex<(usize, Vec<Option<Promises>>)>,
 }
 
-impl Told {
+impl Results {
     fn new(args: &VerifyArgs, jobs: &[Job]) -> Self {
         let names = jobs.iter().map(|j| named(j).chars().count());
-        let told = Self {
+        let results = Self {
             human: args.format == Table::Human,
             width: names.max().unwrap_or(0),
             state: Mutex::new((0, vec![None; jobs.len()])),
         };
-        let head = told.row("input", ["held", "refused", "not measured", "broken"]);
-        told.print(&head);
-        told
+        let head = ["held", "refused", "not measured", "over budget", "broken"];
+        let head = results.row("input", head);
+        results.print(&head);
+        results
     }
 
-    fn row(&self, name: &str, counts: [&str; 4]) -> String {
-        let [held, refused, not_measured, broken] = counts;
+    fn row(&self, name: &str, counts: [&str; 5]) -> String {
+        let [held, refused, not_measured, over, broken] = counts;
         let width = self.width;
-        format!("{name:<width$}  {held:>5}  {refused:>7}  {not_measured:>12}  {broken:>6}")
+        format!(
+            "{name:<width$}  {held:>5}  {refused:>7}  {not_measured:>12}  {over:>11}  {broken:>6}"
+        )
     }
 
-    /// Prints a part of the table. What cannot be printed is missed by nobody.
+    /// Prints a part of the table. Errors are ignored here: the summary reports a stdout that is full.
     fn print(&self, text: &str) {
         if self.human {
             let _ = output::table(text);
@@ -207,25 +213,24 @@ impl Told {
         while let Some(Some(promises)) = all.get(*shown) {
             *shown += 1;
             self.print(&self.lines(promises));
-            if self.human && std::io::stderr().is_terminal() {
-                output::message(&format!("{shown} of {} inputs", all.len()));
-            }
         }
     }
 
     /// The line of an input, and those of its broken promises.
     fn lines(&self, promises: &Promises) -> String {
-        if promises.is_no_material {
-            return format!("{}: no material, left out", promises.input);
+        let first_line = |why: &str| why.lines().next().unwrap_or_default().to_owned();
+        if let Some(why) = &promises.left_out {
+            return format!("{}: left out: {}", promises.input, first_line(why));
         }
         if let Some(why) = &promises.failed {
-            return format!("{}: NOT DRAWN: {}", promises.input, why.replace('\n', " "));
+            return format!("{}: NOT DRAWN: {}", promises.input, first_line(why));
         }
         let counts = [
             promises.held,
             promises.refused,
             promises.not_measured,
-            promises.broken_promises(),
+            promises_of(&promises.over_budget),
+            promises_of(&promises.broken),
         ]
         .map(|n| n.to_string());
         let mut lines = vec![self.row(&promises.input, counts.each_ref().map(String::as_str))];
@@ -257,7 +262,8 @@ impl Told {
             held: sum(&|p| p.held),
             refused: sum(&|p| p.refused),
             not_measured: sum(&|p| p.not_measured),
-            broken: sum(&Promises::broken_promises),
+            over_budget: sum(&|p| promises_of(&p.over_budget)),
+            broken: sum(&|p| promises_of(&p.broken)),
             failed: sum(&|p| usize::from(p.failed.is_some())),
             inputs: &inputs,
         };
@@ -292,61 +298,93 @@ impl Summary<'_> {
             .collect();
         format!(
             "\n{}Promises{adapter}, each a recipe applied to a material: {} held, {} refused, {} not \
-             measured, {} broken; {} not drawn",
+             measured, {} over the budget of an example, {} broken; {} not drawn",
             why.concat(),
             self.held,
             self.refused,
             self.not_measured,
+            self.over_budget,
             self.broken,
             output::count(self.failed, "input"),
         )
     }
 }
 
-impl Promises {
-    fn broken_promises(&self) -> usize {
-        self.broken.iter().map(|b| b.materials.len()).sum()
-    }
+/// The number of promises: one for each changed material.
+fn promises_of(findings: &[Finding]) -> usize {
+    findings.iter().map(|f| f.materials.len()).sum()
+}
 
+/// A variant to judge.
+struct Judged {
+    variant: Variant,
+    /// Whether its budget, if it has one, is the user's, or was chosen by measurement. Otherwise an
+    /// example asks for it.
+    is_budget_kept: bool,
+    /// Its place among the variants that are drawn.
+    drawn: usize,
+}
+
+impl Promises {
     /// Adds a variant and its measurement. `untested`: why no verdict of this input counts.
     fn add(
         &mut self,
-        variant: &Variant,
+        judged: &Judged,
         report: &VariantReport,
         untested: Option<&str>,
         command: &dyn Fn(&str) -> String,
     ) {
+        let variant = &judged.variant;
         let is_whole = |plan: &&Plan| variant.kept.iter().all(|k| k.material != plan.material);
-        let changed = variant.plans.iter().filter(|p| !p.steps.is_empty());
         let whole = variant.plans.iter().filter(is_whole).count();
-        self.refused += variant.plans.len() - whole;
         let why = match (&report.verdict, untested) {
             (Verdict::Broken { r#where }, _) => {
-                let error = report.error.clone().unwrap_or_default();
-                self.refused -= changed.clone().count() - changed.clone().filter(is_whole).count();
-                self.broken.push(Broken {
-                    variant: variant.name.clone(),
-                    materials: changed.map(|p| p.material.clone()).collect(),
-                    contract: report.contract.clone(),
-                    r#where: r#where.clone(),
-                    changed_pixels: error.changed_pixels,
-                    changed_depth: error.changed_depth,
-                    max_abs: Some(error.max_abs).filter(|m| m.is_finite()),
-                    flip_mean: error.flip_mean,
-                    command: command(&variant.name),
-                });
+                let changed = variant.plans.iter().filter(|p| !p.steps.is_empty());
+                let materials: Vec<String> = changed.map(|p| p.material.clone()).collect();
+                self.refused += variant.plans.len() - materials.len();
+                let finding = Finding::new(variant, materials, r#where, report, command);
+                let is_asked = !judged.is_budget_kept && !report.contract.budgets().is_empty();
+                match is_asked {
+                    true => self.over_budget.push(finding),
+                    false => self.broken.push(finding),
+                }
                 return;
             }
-            (Verdict::Holds, None) => {
-                self.held += whole;
-                return;
-            }
-            (Verdict::Holds, Some(why)) => why,
-            (Verdict::NotMeasured { why }, _) => why,
+            (Verdict::Holds, None) => None,
+            (Verdict::Holds, Some(why)) => Some(why),
+            (Verdict::NotMeasured { why }, _) => Some(why.as_str()),
         };
-        if whole > 0 {
-            self.not_measured += whole;
-            *self.why.entry(why.to_owned()).or_default() += whole;
+        self.refused += variant.plans.len() - whole;
+        match why {
+            None => self.held += whole,
+            Some(_) if whole == 0 => {}
+            Some(why) => {
+                self.not_measured += whole;
+                *self.why.entry(why.to_owned()).or_default() += whole;
+            }
+        }
+    }
+}
+
+impl Finding {
+    fn new(
+        variant: &Variant,
+        materials: Vec<String>,
+        r#where: &str,
+        report: &VariantReport,
+        command: &dyn Fn(&str) -> String,
+    ) -> Self {
+        let error = report.error.clone().unwrap_or_default();
+        Self {
+            variant: variant.name.clone(),
+            materials,
+            contract: report.contract.clone(),
+            r#where: r#where.to_owned(),
+            changed_pixels: error.changed_pixels,
+            changed_depth: error.changed_depth,
+            max_abs: Some(error.max_abs).filter(|m| m.is_finite()),
+            flip_mean: error.flip_mean,
+            command: command(&variant.name),
         }
     }
 }
@@ -362,9 +400,7 @@ fn measured(args: &VerifyArgs, job: &Job, recipes: &Recipes<'_>) -> Promises {
     }));
     match result {
         Ok(Ok(())) => {}
-        Ok(Err(Failure(_))) if job.chosen == Chosen::Found && job.shader.is_no_material() => {
-            promises.is_no_material = true;
-        }
+        Ok(Err(Failure(why))) if is_left_out(job, &why) => promises.left_out = Some(why),
         Ok(Err(Failure(why))) => promises.failed = Some(why),
         Err(panic) => {
             let text = panic.downcast_ref::<String>().map(String::as_str);
@@ -373,6 +409,12 @@ fn measured(args: &VerifyArgs, job: &Job, recipes: &Recipes<'_>) -> Promises {
         }
     }
     promises
+}
+
+/// Whether a file of a folder is not one material: it has no entry points, or those of several.
+fn is_left_out(job: &Job, why: &str) -> bool {
+    let is_ambiguous = why.starts_with("error[ambiguous-entry-point]");
+    job.chosen == Chosen::Found && (is_ambiguous || job.shader.is_no_material())
 }
 
 fn measure_into(
@@ -384,11 +426,12 @@ fn measure_into(
     let scene = verify::scene(args, &job.shader, &Variables::new())?;
     let originals = measure::originals(&scene);
     let named = |recipe: &&Recipe| recipe.check_names(&originals).is_ok();
-    for recipe in recipes.given {
+    let given = recipes.given;
+    for recipe in given {
         recipe.check_names(&originals)?;
     }
     let declared = recipes.declared.iter().filter(named);
-    let recipes = recipes.given.iter().chain(declared);
+    let recipes = given.iter().chain(declared);
     let specialises = |r: &&Recipe| r.steps.iter().any(|s| s.pass == Specialize::INFO.name);
     let (special, plain): (Vec<&Recipe>, Vec<&Recipe>) = recipes.partition(specialises);
     let gpu = verify::open(args)?;
@@ -401,11 +444,11 @@ fn measure_into(
     match groups.materials.len() == scene.materials.len() {
         true => {
             let all: Vec<&Recipe> = plain.into_iter().chain(special).collect();
-            measure_scene(promises, args, job, &gpu, &scene, &all)
+            measure_scene(promises, args, job, &gpu, &scene, (given, &all))
         }
         false => {
-            measure_scene(promises, args, job, &gpu, &scene, &plain)?;
-            measure_scene(promises, args, job, &gpu, &groups, &special)
+            measure_scene(promises, args, job, &gpu, &scene, (given, &plain))?;
+            measure_scene(promises, args, job, &gpu, &groups, (given, &special))
         }
     }
 }
@@ -418,20 +461,23 @@ fn all_steps(recipes: &[&Recipe]) -> Recipe {
     }
 }
 
-/// Measures `recipes` on a scene, and each frame that several of them draw once.
+/// Measures `recipes`, the `given` ones among them, on a scene. A frame that several of them draw is
+/// drawn once.
 fn measure_scene(
     promises: &mut Promises,
     args: &VerifyArgs,
     job: &Job,
     gpu: &Gpu,
     scene: &Scene,
-    recipes: &[&Recipe],
+    (given, recipes): (&[Recipe], &[&Recipe]),
 ) -> Result<(), Failure> {
     let bar = output::bar();
     let session = Session::sharing(gpu, scene, args.shader_form())?;
     let mut facts = measure::facts(&session).unwrap_or_else(|_| Facts::default());
     let asked: Vec<String> = recipes.iter().map(ToString::to_string).collect();
-    let recipes: Vec<Recipe> = recipes.iter().map(|r| Recipe::clone(r)).collect();
+    let recipes: Vec<Recipe> = recipes.iter().copied().cloned().collect();
+    let is_kept = |r: &Recipe| given.contains(r) || measure::leaves_a_choice(r);
+    let is_budget_kept: Vec<bool> = recipes.iter().map(is_kept).collect();
     let recipes = verify::choose(&session, recipes, &mut facts, &bar)?;
     let variants = recipes.iter().zip(asked).map(|(recipe, name)| Variant {
         name,
@@ -439,14 +485,19 @@ fn measure_scene(
     });
     let mut drawn: Vec<Variant> = Vec::new();
     let mut by_frame: BTreeMap<String, usize> = BTreeMap::new();
-    let all: Vec<(Variant, usize)> = variants
-        .map(|variant| {
+    let all: Vec<Judged> = variants
+        .zip(is_budget_kept)
+        .map(|(variant, is_budget_kept)| {
             let frame = frame(&variant.plans).unwrap_or_else(|| variant.name.clone());
-            let index = *by_frame.entry(frame).or_insert_with(|| {
+            let drawn = *by_frame.entry(frame).or_insert_with(|| {
                 drawn.push(variant.clone());
                 drawn.len() - 1
             });
-            (variant, index)
+            Judged {
+                variant,
+                is_budget_kept,
+                drawn,
+            }
         })
         .collect();
     let settings = args.settings(scene, Timed::No);
@@ -457,9 +508,9 @@ fn measure_scene(
     }
     let untested = untested(&outcome.report);
     let command = |variant: &str| alone(args, job, variant);
-    for (variant, index) in &all {
-        if let Some(report) = outcome.report.variants.get(index + 1) {
-            promises.add(variant, report, untested.as_deref(), &command);
+    for judged in &all {
+        if let Some(report) = outcome.report.variants.get(judged.drawn + 1) {
+            promises.add(judged, report, untested.as_deref(), &command);
         }
     }
     Ok(())

@@ -1,5 +1,5 @@
-//! Measures variants in separate processes, so that a variant that hangs, crashes, loses its device
-//! or uses up its memory does not affect the others.
+//! Measures variants, or inputs, in separate processes, so that one that hangs, crashes, loses its
+//! device or uses up its memory does not affect the others.
 
 use std::io::Read;
 use std::process::{Command, Stdio};
@@ -9,15 +9,19 @@ use preshade::unstable::limits::Limits;
 
 use crate::bounded;
 
-/// Names, to the process that does it, which of the variants it measures: 0 is the original alone.
+/// Names, to the process that does it, which of the variants it measures: 0 is the original alone. Of
+/// several inputs, which of them, from 1.
 pub const VARIABLE: &str = "PRESHADE_WORKER";
 
 /// Interval of checks on a worker.
 const TICK: Duration = Duration::from_millis(20);
 
-/// Seconds before a worker counts as hung, if no limit is set. A scene's variants draw in seconds,
-/// and a submission takes 120 at most.
-const PATIENCE: u64 = 600;
+/// Seconds before the worker of a variant counts as hung, if no limit is set. A variant draws in
+/// seconds, and a submission takes 120 at most.
+pub const OF_A_VARIANT: u64 = 600;
+
+/// The same for an input, of which a worker draws a hundred variants.
+pub const OF_AN_INPUT: u64 = 3600;
 
 /// The variant that this process is to measure for another one, if it is.
 pub fn mine() -> Option<usize> {
@@ -35,21 +39,22 @@ pub fn end_with_parent() {
     });
 }
 
-/// Runs this command again for one variant, within `limits`, and returns its stdout.
+/// Runs this command again for one variant or input, within `limits` and `patience` seconds, and
+/// returns its stdout.
 ///
 /// # Errors
 ///
 /// Why it has no result, in words for a report.
-pub fn run(variant: usize, limits: &Limits) -> Result<String, String> {
-    bounded::elsewhere(|| ended(variant, limits))
+pub fn run(which: usize, limits: &Limits, patience: u64) -> Result<String, String> {
+    bounded::elsewhere(|| ended(which, limits, patience))
 }
 
-fn ended(variant: usize, limits: &Limits) -> Result<String, String> {
+fn ended(which: usize, limits: &Limits, patience: u64) -> Result<String, String> {
     let failed = |e: std::io::Error| format!("no process could be started for it: {e}");
-    let seconds = limits.seconds.min(PATIENCE);
+    let seconds = limits.seconds.min(patience);
     let mut child = Command::new(std::env::current_exe().map_err(failed)?)
         .args(std::env::args_os().skip(1))
-        .env(VARIABLE, variant.to_string())
+        .env(VARIABLE, which.to_string())
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())

@@ -1,5 +1,6 @@
 //! Tests that draw: they need a Vulkan, Metal or DirectX adapter, a software one at least, and EGL.
-//! `scripts/setup.sh vulkan gl` installs Mesa's. A test fails if it finds no adapter.
+//! `scripts/setup.sh vulkan gl swiftshader` installs Mesa's, and the second driver. A test fails if it
+//! finds no adapter.
 
 #![cfg(feature = "verify")]
 #![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
@@ -11,6 +12,8 @@ mod metamorphic_support;
 mod native;
 #[path = "../support/render_support/mod.rs"]
 mod render_support;
+#[path = "../support/swiftshader_support.rs"]
+mod swiftshader_support;
 
 mod decide;
 mod device_lost;
@@ -32,6 +35,7 @@ mod plan_is_enough;
 mod plan_mutations;
 mod plan_needs;
 mod render;
+mod second_driver;
 mod self_test;
 mod skip_taps;
 mod specialize;

@@ -1,5 +1,6 @@
 //! Tests of commands that draw: they need an adapter, and `page` and `three` also Chromium, node
-//! and npm. `scripts/setup.sh vulkan three` installs them. A test fails if something is missing.
+//! and npm. `scripts/setup.sh vulkan three swiftshader` installs them. A test fails if something is
+//! missing.
 
 #![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
 
@@ -7,6 +8,8 @@
 mod browser_support;
 #[path = "../support/hostile_support.rs"]
 mod hostile_support;
+#[path = "../../../tests/support/swiftshader_support.rs"]
+mod swiftshader_support;
 #[path = "../support/trees.rs"]
 mod trees;
 
@@ -16,5 +19,6 @@ mod kept;
 mod locks;
 mod page;
 mod plan;
+mod promises;
 mod readme;
 mod three;

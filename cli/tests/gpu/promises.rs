@@ -1,0 +1,125 @@
+//! `verify` of several inputs: one line each, on the adapter at hand and on a second driver.
+
+use std::fs;
+use std::path::Path;
+use std::process::Output;
+
+use serde_json::Value;
+
+use crate::hostile_support::{SCENE, folder, preshade, stderr};
+use crate::swiftshader_support::{VARIABLE, swiftshader};
+
+fn here() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn verify(folder: &Path, args: &[&str]) -> Output {
+    preshade(folder).arg("verify").args(args).output().unwrap()
+}
+
+/// The report of a run with this exit status.
+fn report(output: &Output, status: i32) -> Value {
+    assert_eq!(output.status.code(), Some(status), "{}", stderr(output));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+/// Scenes with what drivers do differently: samples, alpha to coverage, formats, reversed depth.
+const SCENES: [&str; 5] = ["msaa", "alpha-coverage", "d16", "reversed-z", "displaced"];
+
+#[test]
+fn exact_recipes_hold_on_swiftshader() {
+    let scenes = SCENES.map(|name| format!("../fixtures/scenes/{name}.toml"));
+    let mut args: Vec<&str> = scenes.iter().map(String::as_str).collect();
+    for recipe in [
+        "depth-prepass",
+        "depth-prepass:form=equal",
+        "early-discard",
+        "early-discard:attachment=readonly",
+        "early-alpha",
+        "specialize",
+    ] {
+        args.extend(["--variant", recipe]);
+    }
+    args.extend(["--size", "160x90", "--format", "json"]);
+    let mut command = preshade(here());
+    command.env(VARIABLE, swiftshader()).arg("verify");
+    let report = report(&command.args(&args).output().unwrap(), 0);
+    let adapter = report["adapter"]["name"].as_str().unwrap();
+    assert!(adapter.contains("SwiftShader"), "{adapter}");
+    assert_eq!(report["broken"], 0, "{report}");
+    for input in report["inputs"].as_array().unwrap() {
+        assert!(input["held"].as_u64().unwrap() > 0, "{input}");
+    }
+}
+
+#[test]
+fn every_declared_recipe_is_counted_once() {
+    let scenes = folder("every-pass", SCENE, "");
+    let report = report(
+        &verify(&scenes, &["a.toml", "--every-pass", "--format", "json"]),
+        0,
+    );
+    let count = |what: &str| report[what].as_u64().unwrap();
+    assert_eq!((count("broken"), count("failed")), (0, 0), "{report}");
+    assert!(count("held") > 10 && count("refused") > 10, "{report}");
+    // Nothing lies behind anything in it, and it has no loop: nothing is near a budget.
+    assert_eq!(count("over_budget"), 0, "{report}");
+}
+
+#[test]
+fn what_cannot_be_read_is_a_line_and_the_next_one_runs() {
+    let scenes = folder("unreadable", SCENE, "");
+    fs::write(scenes.join("b.wgsl"), "fn nothing() {}\n").unwrap();
+    fs::write(scenes.join("c.toml"), "size = [4, 4]\n").unwrap();
+    let output = verify(&scenes, &[".", "--variant", "depth-prepass"]);
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    let line = |name: &str| said.lines().find(|l| l.starts_with(name)).unwrap();
+    assert!(line("./b.wgsl").contains("left out"), "{said}");
+    assert!(line("./c.toml").contains("NOT DRAWN"), "{said}");
+    for name in ["./a.toml", "./a.wgsl"] {
+        let words: Vec<&str> = line(name).split_whitespace().collect();
+        assert_eq!(words[1..], ["1", "0", "0", "0", "0"], "{said}");
+    }
+    assert!(stderr(&output).contains("1 input could not be drawn"));
+}
+
+/// A budget that the user gives is a promise, which too small a one breaks.
+#[test]
+fn a_broken_promise_names_the_command_that_shows_it() {
+    let args = [
+        "../fixtures/pages",
+        "--variant",
+        "skip-taps:budget=0.000001,threshold=0.1",
+        "--size",
+        "64x36",
+    ];
+    let output = verify(here(), &args);
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{said}{}", stderr(&output));
+    let mut lines = said.lines().map(str::trim);
+    let command = lines.find(|l| l.starts_with("preshade verify"));
+    let words = shell_words::split(command.unwrap()).unwrap();
+    let words: Vec<&str> = words[2..].iter().map(String::as_str).collect();
+    assert!(words.contains(&"../fixtures/pages/rock.wgsl"), "{said}");
+    let alone = verify(here(), &words);
+    assert_eq!(alone.status.code(), Some(1), "{}", stderr(&alone));
+}
+
+#[test]
+fn flags_of_a_report_are_for_one_input() {
+    for flag in [
+        ["--time", "everything"],
+        ["--out", "out"],
+        ["--format", "csv"],
+    ] {
+        let args = [&["../fixtures/scenes", "--every-pass"], &flag[..]].concat();
+        let output = verify(here(), &args);
+        assert_eq!(output.status.code(), Some(2));
+        assert!(
+            stderr(&output).contains("is for one input"),
+            "{}",
+            stderr(&output)
+        );
+    }
+}
