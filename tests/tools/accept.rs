@@ -136,7 +136,8 @@ fn glslang(path: &Path) -> Command {
     command
 }
 
-fn scratch() -> PathBuf {
+/// A folder of its own for a check.
+pub fn scratch() -> PathBuf {
     static NEXT: AtomicU32 = AtomicU32::new(0);
     let n = NEXT.fetch_add(1, Ordering::Relaxed);
     Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("accept-{}-{n}", std::process::id()))

@@ -7,6 +7,8 @@
 mod accept;
 #[path = "../support/fixtures_support.rs"]
 mod fixtures_support;
+#[path = "../support/interfaces.rs"]
+mod interfaces;
 #[path = "../../passes/tests/it/uniformity_cases.rs"]
 mod uniformity_cases;
 
@@ -17,4 +19,6 @@ mod example;
 mod fixtures_emit;
 mod glsl_layout;
 mod glsl_names;
+mod interface_texts;
 mod lacks;
+mod webgl;
