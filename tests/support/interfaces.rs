@@ -3,13 +3,16 @@
 //! material.
 #![allow(dead_code)]
 
+use std::collections::HashSet;
+
 use preshade::unstable::front::{self, Color, Source};
-use preshade::unstable::passes::pass::Use;
+use preshade::unstable::passes::pass::{Facts, Refusal, Use};
 use preshade::unstable::passes::plan::Plan;
 use preshade::unstable::passes::state::{
     Blend, ColorTarget, DepthDirection, DepthFormat, MaterialState,
 };
 use preshade::unstable::passes::validate::inputs::Random;
+use preshade::unstable::recipe::Recipe;
 
 use crate::fixtures_support;
 
@@ -462,6 +465,8 @@ const STATES: &[(&str, u32, bool, bool, DepthDirection)] = &[
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Interface {
     levels: [usize; FACTORS],
+    /// Whether it is there for GLSL ES, which has all of its features.
+    pub is_for_es: bool,
 }
 
 const FACTORS: usize = 8;
@@ -487,54 +492,100 @@ pub fn recipes() -> Vec<&'static str> {
     recipes
 }
 
-/// Interfaces in which every two levels of two factors meet, and `more` at random.
+/// What no GLSL ES 3.00 has: names of levels.
+const NOT_ES: &[&str] = &[
+    "draw_index",
+    "view_index of a vertex",
+    "half attribute",
+    "clip_distances",
+    "sample",
+    "linear",
+    "linear centroid",
+    "linear sample",
+    "flat first",
+    "half",
+    "sample_index",
+    "sample_mask in",
+    "primitive_index",
+    "barycentric",
+    "barycentric_no_perspective",
+    "view_index",
+    "subgroup_size",
+    "subgroup_invocation_id",
+    "immediates",
+    "cube array",
+    "1d",
+    "multisampled",
+    "depth texels",
+    "multisampled depth",
+    "storage",
+    "written storage",
+    "storage texture",
+    "halves",
+    "less depth",
+    "greater depth",
+    "early",
+    "sample_mask",
+];
+
+/// Interfaces in which every two levels of two factors meet; so do those that GLSL ES has, in
+/// interfaces without the others. `more` are at random.
 pub fn interfaces(seed: u64, more: usize) -> Vec<Interface> {
-    let counts: [usize; FACTORS] = [
-        VERTICES.len(),
-        PASSED.len(),
-        READ.len(),
-        RESOURCES.len(),
-        WRITTEN.len(),
-        DISCARDS.len(),
-        FORMATS.len() * STATES.len(),
-        recipes().len(),
+    let named = |features: &[Feature]| features.iter().map(|f| f.name).collect::<Vec<_>>();
+    let factors: [Vec<&str>; FACTORS] = [
+        named(VERTICES),
+        named(PASSED),
+        named(READ),
+        named(RESOURCES),
+        WRITTEN.iter().map(|(name, ..)| *name).collect(),
+        DISCARDS.to_vec(),
+        vec![""; FORMATS.len() * STATES.len()],
+        recipes(),
     ];
+    let every = factors.each_ref().map(|names| (0..names.len()).collect());
+    let of_es = factors.each_ref().map(|names| {
+        let all = 0..names.len();
+        all.filter(|i| !NOT_ES.contains(&names[*i])).collect()
+    });
     let mut random = Random::new(seed, "interfaces");
-    let mut rows = covering(&counts, &mut random);
-    rows.extend((0..more).map(|_| counts.map(|count| random.below(count))));
-    rows.into_iter()
-        .map(|levels| Interface { levels })
-        .collect()
+    let mut rows = covering(&every, &mut random);
+    let of_es = covering(&of_es, &mut random);
+    rows.extend((0..more).map(|_| any(&every, &mut random)));
+    let made = |rows: Vec<_>, is_for_es| {
+        let made = rows.into_iter();
+        made.map(move |levels| Interface { levels, is_for_es })
+    };
+    made(rows, false).chain(made(of_es, true)).collect()
+}
+
+/// A level of each factor, at random.
+fn any(factors: &[Vec<usize>; FACTORS], random: &mut Random) -> [usize; FACTORS] {
+    factors
+        .each_ref()
+        .map(|levels| levels[random.below(levels.len())])
 }
 
 /// Rows in which every two levels of two factors meet. Each row begins with a pair that no earlier
 /// row has; of several random rests, it gets the one with most new pairs.
-fn covering(counts: &[usize; FACTORS], random: &mut Random) -> Vec<[usize; FACTORS]> {
+fn covering(factors: &[Vec<usize>; FACTORS], random: &mut Random) -> Vec<[usize; FACTORS]> {
     const TRIED: usize = 24;
-    let most = counts.iter().copied().max().unwrap_or(0);
-    let place = |[a, i]: [usize; 2], [b, j]: [usize; 2]| ((a * most + i) * FACTORS + b) * most + j;
-    let mut met = vec![false; FACTORS * most * FACTORS * most];
+    let mut met = HashSet::new();
     let mut rows = Vec::new();
-    for a in 0..FACTORS {
-        for b in a + 1..FACTORS {
-            for i in 0..counts[a] {
-                for j in 0..counts[b] {
-                    if met[place([a, i], [b, j])] {
-                        continue;
-                    }
-                    let tried = (0..TRIED).map(|_| {
-                        let mut row = counts.map(|count| random.below(count));
-                        (row[a], row[b]) = (i, j);
-                        let new = pairs(&row).filter(|[p, q]| !met[place(*p, *q)]);
-                        (new.count(), row)
-                    });
-                    let best = tried.max_by_key(|(new, _)| *new);
-                    let (_, row) = best.unwrap_or_default();
-                    for [p, q] in pairs(&row) {
-                        met[place(p, q)] = true;
-                    }
-                    rows.push(row);
+    for [a, b] in pairs(&std::array::from_fn(|factor| factor)) {
+        let [a, b] = [a[0], b[0]];
+        for i in &factors[a] {
+            for j in &factors[b] {
+                if met.contains(&[[a, *i], [b, *j]]) {
+                    continue;
                 }
+                let tried = (0..TRIED).map(|_| {
+                    let mut row = any(factors, random);
+                    (row[a], row[b]) = (*i, *j);
+                    (pairs(&row).filter(|pair| !met.contains(pair)).count(), row)
+                });
+                let (_, row) = tried.max_by_key(|(new, _)| *new).unwrap_or_default();
+                met.extend(pairs(&row));
+                rows.push(row);
             }
         }
     }
@@ -543,8 +594,7 @@ fn covering(counts: &[usize; FACTORS], random: &mut Random) -> Vec<[usize; FACTO
 
 /// Every two factors of a row, with their levels.
 fn pairs(row: &[usize; FACTORS]) -> impl Iterator<Item = [[usize; 2]; 2]> + '_ {
-    let all = 0..FACTORS;
-    all.flat_map(move |a| (a + 1..FACTORS).map(move |b| [[a, row[a]], [b, row[b]]]))
+    (0..FACTORS).flat_map(move |a| (a + 1..FACTORS).map(move |b| [[a, row[a]], [b, row[b]]]))
 }
 
 impl Interface {
@@ -725,5 +775,129 @@ impl Interface {
         let parsed = self.parsed();
         let (vertex, fragment) = (&parsed.vertex, parsed.fragment.as_deref());
         Plan::original("m", parsed.program, vertex, fragment, &self.state())
+    }
+}
+
+/// The plan that a recipe makes, where no tie was measured; the original for an empty one.
+///
+/// # Errors
+/// The recipe's refusal.
+pub fn varied(recipe: &str, original: &Plan) -> Result<Plan, Box<Refusal>> {
+    if recipe.is_empty() {
+        return Ok(original.clone());
+    }
+    let recipe = Recipe::parse_list(recipe).unwrap();
+    recipe.apply(original, &Facts::without_ties())
+}
+
+/// Features of a fragment stage of GLSL ES 1.00: a declaration of it, and a float.
+const ES_100: [&[[&str; 2]]; 3] = [
+    &[
+        ["", "0.25"],
+        ["varying float passed;", "passed"],
+        ["varying vec3 passed;", "passed.y"],
+        ["varying mat2 passed;", "passed[1].x"],
+        ["varying vec4 passed[2];", "passed[1].w"],
+    ],
+    &[
+        ["", "0.25"],
+        ["", "gl_FragCoord.z"],
+        ["", "(gl_FrontFacing ? 0.2 : 0.7)"],
+        [
+            "#extension GL_OES_standard_derivatives : enable",
+            "dFdx(at.x)",
+        ],
+    ],
+    &[
+        ["", "0.25"],
+        ["uniform sampler2D bound;", "texture2D(bound, at).x"],
+        [
+            "uniform samplerCube bound;",
+            "textureCube(bound, vec3(at, 0.5)).x",
+        ],
+        ["uniform sampler2D bound[2];", "texture2D(bound[1], at).x"],
+        ["uniform int bound;", "float(bound)"],
+        ["uniform bool bound;", "(bound ? 0.1 : 0.6)"],
+        ["uniform float bound[3];", "bound[2]"],
+        ["uniform mat3 bound;", "bound[1].y"],
+        [
+            "struct Bound { vec3 a; float b; }; uniform Bound bound;",
+            "bound.b",
+        ],
+    ],
+];
+
+/// A material of GLSL ES 1.00.
+#[derive(Clone, Debug)]
+pub struct Es100 {
+    /// Its vertex and its fragment stage.
+    pub texts: [String; 2],
+    /// The recipe; empty for the original.
+    pub recipe: &'static str,
+}
+
+/// Materials of GLSL ES 1.00 in which every two levels of two factors meet.
+pub fn of_es_100(seed: u64) -> Vec<Es100> {
+    let count = |n: usize| (0..n).collect::<Vec<_>>();
+    let one = || count(1);
+    let [passed, read, bound] = ES_100.map(|levels| count(levels.len()));
+    let discards = count(DISCARDS.len());
+    let factors = [
+        passed,
+        read,
+        bound,
+        discards,
+        count(2),
+        one(),
+        one(),
+        count(recipes().len()),
+    ];
+    let rows = covering(&factors, &mut Random::new(seed, "es 100"));
+    rows.into_iter().map(es_100).collect()
+}
+
+fn es_100([passed, read, bound, discard, writes_depth, _, _, recipe]: [usize; FACTORS]) -> Es100 {
+    let [passed, read, bound] = [ES_100[0][passed], ES_100[1][read], ES_100[2][bound]];
+    let assigned = match passed[0] {
+        "" => "",
+        "varying float passed;" => "passed = position.x;",
+        "varying vec3 passed;" => "passed = position;",
+        "varying mat2 passed;" => "passed = mat2(position, 1.0);",
+        _ => "passed[0] = vec4(uv, uv); passed[1] = vec4(position, 1.0);",
+    };
+    let extension = |line: &'static str| if line.starts_with('#') { line } else { "" };
+    let (depth_extension, depth) = match writes_depth {
+        0 => ("", ""),
+        _ => (
+            "#extension GL_EXT_frag_depth : enable",
+            "gl_FragDepthEXT = x;",
+        ),
+    };
+    let discard = match DISCARDS[discard] {
+        "nothing" => String::new(),
+        "uv" => "if (at.x < fog) discard;".to_owned(),
+        other => format!("if ({other}_value < fog) discard;"),
+    };
+    let vertex = format!(
+        "attribute vec3 position;\nattribute vec2 uv;\nuniform mat4 mvp;\nvarying vec2 at;\n{}\n\
+         void main() {{\n    at = uv;\n    {assigned}\n    gl_Position = mvp * vec4(position, 1.0);\n}}\n",
+        passed[0]
+    );
+    let fragment = format!(
+        "{}\n{depth_extension}\nprecision highp float;\nuniform float fog;\nvarying vec2 at;\n{}\n{}\n\
+         void main() {{\n    float passed_value = {};\n    float read_value = {};\n    \
+         float bound_value = {};\n    \
+         float x = fract(sin(at.y * fog) * 3.0 + passed_value * read_value + bound_value);\n    \
+         {discard}\n    gl_FragColor = vec4(x);\n    {depth}\n}}\n",
+        extension(read[0]),
+        passed[0],
+        bound[0],
+        passed[1],
+        read[1],
+        bound[1]
+    );
+    Es100 {
+        texts: [vertex, fragment],
+        recipe: recipes()[recipe],
     }
 }

@@ -4,13 +4,13 @@
 use std::collections::BTreeMap;
 
 use preshade::unstable::emit::{self, EmitError, File, Target};
-use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::front::{self, Color, Source};
 use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::recipe::Recipe;
+use preshade::unstable::passes::state::MaterialState;
 use rayon::prelude::*;
 
 use crate::accept;
-use crate::interfaces::{Interface, interfaces};
+use crate::interfaces::{Es100, Interface, interfaces, of_es_100, varied};
 use crate::webgl;
 
 /// What becomes of an interface in each target.
@@ -27,27 +27,21 @@ struct Made {
 fn made(interface: &Interface) -> Made {
     let mut made = Made::default();
     let label = interface.names().join(", ");
-    let original = interface.original();
-    let plan = match interface.recipe() {
-        "" => original,
-        recipe => {
-            let recipe = Recipe::parse_list(recipe).unwrap();
-            match recipe.apply(&original, &Facts::without_ties()) {
-                Ok(plan) => plan,
-                Err(refusal) if refusal.code == "internal" => {
-                    made.wrong
-                        .push(format!("{label}: {}\n{}", refusal.reason, interface.text()));
-                    return made;
-                }
-                Err(refusal) => {
-                    made.refused
-                        .push(format!("{}: {}", refusal.pass, refusal.code));
-                    return made;
-                }
-            }
+    let plan = match varied(interface.recipe(), &interface.original()) {
+        Ok(plan) => plan,
+        Err(refusal) if refusal.code == "internal" => {
+            let text = interface.text();
+            made.wrong
+                .push(format!("{label}: {}\n{text}", refusal.reason));
+            return made;
+        }
+        Err(refusal) => {
+            made.refused
+                .push(format!("{}: {}", refusal.pass, refusal.code));
+            return made;
         }
     };
-    for target in targets(&plan) {
+    for target in targets(interface, &plan) {
         match emit::emit(&plan, &[target], &emit::Options::default()) {
             Ok(_) if target == Target::Wgsl && interface.is_native() => {}
             Ok(files) => made.sets.push((format!("{label} {target}"), files)),
@@ -63,18 +57,25 @@ fn made(interface: &Interface) -> Made {
 }
 
 /// Tessellation stages are for what was hoisted, and nothing behind that.
-fn targets(plan: &Plan) -> Vec<Target> {
+fn targets(interface: &Interface, plan: &Plan) -> Vec<Target> {
     let is_hoisted = plan.steps.last().is_some_and(|s| s.pass == "hoist");
-    let is_for = |t: &Target| is_hoisted || !matches!(t, Target::GlslTess | Target::GlslVulkanTess);
+    let is_for = |t: &Target| match t {
+        Target::GlslTess | Target::GlslVulkanTess => is_hoisted && !interface.is_for_es,
+        Target::Wgsl | Target::GlslEs300 => true,
+        _ => !interface.is_for_es,
+    };
     Target::ALL.into_iter().filter(is_for).collect()
 }
 
 /// As many more at random with `PRESHADE_INTERFACES=5000`.
+fn every_interface() -> Vec<Interface> {
+    let more = std::env::var("PRESHADE_INTERFACES");
+    interfaces(1, more.ok().and_then(|n| n.parse().ok()).unwrap_or(0))
+}
+
 #[test]
 fn every_interface_compiles_or_is_refused_by_name() {
-    let more = std::env::var("PRESHADE_INTERFACES");
-    let more = more.ok().and_then(|n| n.parse().ok()).unwrap_or(0);
-    let all = interfaces(1, more);
+    let all = every_interface();
     let made: Vec<Made> = all.par_iter().map(made).collect();
     let mut sets = Vec::new();
     let mut refused = BTreeMap::<String, usize>::new();
@@ -86,8 +87,16 @@ fn every_interface_compiles_or_is_refused_by_name() {
             *refused.entry(what).or_default() += 1;
         }
     }
-    println!("{} interfaces, {} sets of files", all.len(), sets.len());
-    println!("{refused:#?}");
+    println!(
+        "{} interfaces, {} sets, {refused:#?}",
+        all.len(),
+        sets.len()
+    );
+    let mut at = std::time::Instant::now();
+    let mut lap = |what: &str| {
+        eprintln!("{what}: {:?}", at.elapsed());
+        at = std::time::Instant::now();
+    };
     assert!(
         wrong.is_empty(),
         "{} are wrong:\n{}",
@@ -95,6 +104,85 @@ fn every_interface_compiles_or_is_refused_by_name() {
         wrong.join("\n\n")
     );
     let judged = accept::accept(&sets);
+    lap("accept");
     let linked = webgl::link(&sets);
-    println!("{judged:?} {linked:?}");
+    lap("webgl");
+    let plans: Vec<_> = sets
+        .into_iter()
+        .filter(|(label, _)| label.ends_with(" wgsl"))
+        .collect();
+    let created = accept::create(&plans);
+    lap("dawn");
+    println!(
+        "{} interfaces: {judged:?}, {linked:?}, {created:?}",
+        all.len()
+    );
+    // They are not all refused.
+    assert!(
+        judged.wgsl > 200 && judged.spirv > 1000 && judged.glsl > 400,
+        "{judged:?}"
+    );
+    assert!(
+        judged.linked > 20 && linked.webgl2 > 200,
+        "{judged:?}, {linked:?}"
+    );
+    assert!(created.pipelines > 400, "{created:?}");
+}
+
+/// What WebGL 1 was given comes back in words that it takes, and that WebGL 2 takes.
+#[test]
+fn every_interface_of_webgl_1_comes_back() {
+    let all = of_es_100(1);
+    let made: Vec<Made> = all.par_iter().map(made_of_es_100).collect();
+    let wrong: Vec<&String> = made.iter().flat_map(|m| &m.wrong).collect();
+    assert!(wrong.is_empty(), "{} are wrong: {wrong:#?}", wrong.len());
+    let mut refused = BTreeMap::<&str, usize>::new();
+    for what in made.iter().flat_map(|m| &m.refused) {
+        *refused.entry(what).or_default() += 1;
+    }
+    println!("{refused:#?}");
+    let sets: Vec<_> = made.iter().flat_map(|m| m.sets.clone()).collect();
+    let judged = accept::accept(&sets);
+    let linked = webgl::link(&sets);
+    println!("{} interfaces: {judged:?}, {linked:?}", all.len());
+    assert!(linked.webgl1 > 100 && linked.webgl2 > 100, "{linked:?}");
+}
+
+fn made_of_es_100(of: &Es100) -> Made {
+    let mut made = Made::default();
+    let [vertex, fragment] = &of.texts;
+    let sources = [
+        Source::new("m.vert", vertex),
+        Source::new("m.frag", fragment),
+    ];
+    let label = format!("{}\n{vertex}\n{fragment}", of.recipe);
+    let parsed = match front::parse(&sources, &front::Options::default()) {
+        Ok(parsed) => parsed,
+        Err(e) => {
+            made.wrong
+                .push(format!("{}\n{label}", e.render(Color::Never)));
+            return made;
+        }
+    };
+    let (vertex, fragment) = (&parsed.vertex, parsed.fragment.as_deref());
+    let state = MaterialState::default();
+    let original = Plan::original("m", parsed.program, vertex, fragment, &state);
+    let plan = match varied(of.recipe, &original) {
+        Ok(plan) => plan,
+        Err(refusal) => {
+            made.refused
+                .push(format!("{}: {}", refusal.pass, refusal.code));
+            return made;
+        }
+    };
+    for target in [Target::GlslEs100, Target::GlslEs300] {
+        match emit::emit(&plan, &[target], &emit::Options::default()) {
+            Ok(files) => made.sets.push((format!("{target} {label}"), files)),
+            Err(EmitError::Inexpressible { what, .. }) => {
+                made.refused.push(format!("{target}: {what}"));
+            }
+            Err(e) => made.wrong.push(format!("{target}: {e}\n{label}")),
+        }
+    }
+    made
 }

@@ -1,5 +1,6 @@
-//! Tests that run other programs on emitted shaders: Tint, spirv-val, glslang, and cargo on the
-//! example host. `scripts/setup.sh accept` installs them. A test fails if its program is missing.
+//! Tests that run other programs on emitted shaders: Tint, Dawn, spirv-val, glslang, WebGL, and
+//! cargo on the example host. `scripts/setup.sh accept three` installs them. A test fails if its
+//! program is missing.
 
 #![cfg(all(feature = "glsl", feature = "spirv"))]
 #![allow(clippy::unwrap_used, clippy::panic, missing_docs)]

@@ -95,6 +95,8 @@ const LACKS: &[(Construct, &[Target], &str, &str)] = &[
     // GLSL 4.20, or extensions that glslang does not know; WebGL's is EXT_conservative_depth.
     (Construct::ConservativeTest, ES_AND_TESS, "a conservative early depth test", NOT_ES),
     // GLSL ES 3.10.
+    (Words(&["sampler2DMS", "isampler2DMS", "usampler2DMS"]), ES, "multisampled textures", NOT_ES),
+    // GLSL ES 3.10.
     (Words(&["textureGather", "textureGatherOffset", "textureGatherOffsets"]), ES, "textureGather",
         NOT_ES),
     (Words(&["bitCount", "bitfieldExtract", "bitfieldInsert", "bitfieldReverse", "findLSB",
