@@ -92,11 +92,6 @@ fn every_interface_compiles_or_is_refused_by_name() {
         all.len(),
         sets.len()
     );
-    let mut at = std::time::Instant::now();
-    let mut lap = |what: &str| {
-        eprintln!("{what}: {:?}", at.elapsed());
-        at = std::time::Instant::now();
-    };
     assert!(
         wrong.is_empty(),
         "{} are wrong:\n{}",
@@ -104,15 +99,12 @@ fn every_interface_compiles_or_is_refused_by_name() {
         wrong.join("\n\n")
     );
     let judged = accept::accept(&sets);
-    lap("accept");
     let linked = webgl::link(&sets);
-    lap("webgl");
     let plans: Vec<_> = sets
         .into_iter()
         .filter(|(label, _)| label.ends_with(" wgsl"))
         .collect();
     let created = accept::create(&plans);
-    lap("dawn");
     println!(
         "{} interfaces: {judged:?}, {linked:?}, {created:?}",
         all.len()
@@ -175,7 +167,7 @@ fn made_of_es_100(of: &Es100) -> Made {
             return made;
         }
     };
-    for target in [Target::GlslEs100, Target::GlslEs300] {
+    for target in [Target::GlslEs100, Target::GlslEs300, Target::Glsl450] {
         match emit::emit(&plan, &[target], &emit::Options::default()) {
             Ok(files) => made.sets.push((format!("{target} {label}"), files)),
             Err(EmitError::Inexpressible { what, .. }) => {
@@ -185,4 +177,68 @@ fn made_of_es_100(of: &Es100) -> Made {
         }
     }
     made
+}
+
+/// A judge that takes everything is none.
+#[test]
+fn the_judges_refuse_what_is_wrong() {
+    let text = include_str!("../materials/shared-binding.wgsl");
+    let parsed = front::parse(&[Source::new("m.wgsl", text)], &front::Options::default()).unwrap();
+    let (vertex, fragment) = (&parsed.vertex, parsed.fragment.as_deref());
+    let state = MaterialState::default();
+    let original = Plan::original("m", parsed.program, vertex, fragment, &state);
+    let emitted = |target| emit::emit(&original, &[target], &emit::Options::default()).unwrap();
+    // The layout of the smaller of two variables at one binding.
+    let plan = emitted(Target::Wgsl);
+    assert_eq!(
+        accept::create(&[("sound".to_owned(), plan.clone())]).pipelines,
+        1
+    );
+    let smaller = changed(
+        plan,
+        ".plan.json",
+        "\"min_binding_size\": 96",
+        "\"min_binding_size\": 64",
+    );
+    refused("minBindingSize", || {
+        accept::create(&[("m".to_owned(), smaller)]).pipelines
+    });
+    // An input of the fragment stage that the vertex stage does not write.
+    let program = emitted(Target::GlslEs300);
+    assert_eq!(
+        webgl::link(&[("sound".to_owned(), program.clone())]).webgl2,
+        1
+    );
+    let unlinked = changed(
+        program,
+        ".es.frag",
+        "smooth in",
+        "smooth in vec3 other; smooth in",
+    );
+    let unlinked = changed(
+        unlinked,
+        ".es.frag",
+        "void main() {",
+        "void main() { other.x;",
+    );
+    refused("other", || {
+        webgl::link(&[("m".to_owned(), unlinked)]).webgl2
+    });
+}
+
+/// The files with other words in one of them.
+fn changed(mut files: Vec<File>, name: &str, from: &str, to: &str) -> Vec<File> {
+    let file = files.iter_mut().find(|f| f.name.ends_with(name)).unwrap();
+    let text = String::from_utf8(std::mem::take(&mut file.bytes)).unwrap();
+    assert!(text.contains(from), "{text}");
+    file.bytes = text.replacen(from, to, 1).into_bytes();
+    files
+}
+
+/// Asserts that a judge panics, with these words.
+fn refused(words: &str, judge: impl FnOnce() -> usize) {
+    let result = std::panic::catch_unwind(std::panic::AssertUnwindSafe(judge));
+    let said = result.expect_err("it takes what is wrong");
+    let said = said.downcast_ref::<String>().unwrap();
+    assert!(said.contains(words), "{said}");
 }
