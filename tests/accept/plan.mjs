@@ -65,10 +65,16 @@ function render(plan, pass, files, folder) {
         layout: layout(pass.bindings),
         vertex: {
             ...stage(folder, files.vertex),
-            buffers: pass.attributes.map(({ location, type }) => ({
-                arrayStride: 16,
-                attributes: [{ shaderLocation: location, offset: 0, format: format(type) }],
-            })),
+            buffers: [
+                {
+                    arrayStride: 16 * pass.attributes.length,
+                    attributes: pass.attributes.map(({ location, type }, i) => ({
+                        shaderLocation: location,
+                        offset: 16 * i,
+                        format: format(type),
+                    })),
+                },
+            ],
         },
         primitive: {
             topology: primitive.topology,
