@@ -209,7 +209,8 @@ pub(super) fn write(
         Target::GlslVulkanTess => (Version::Desktop(450), descriptor_map(numbered.module())),
         _ => (Version::Desktop(450), binding_map(numbered)),
     };
-    let mut writer_flags = WriterFlags::TEXTURE_SHADOW_LOD;
+    // Without GL_EXT_texture_shadow_lod, which few drivers have: naga writes gradients of 0 instead.
+    let mut writer_flags = WriterFlags::empty();
     if options.glsl_clip_space == ClipSpace::OpenGl {
         writer_flags |= WriterFlags::ADJUST_COORDINATE_SPACE;
     }

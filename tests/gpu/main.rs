@@ -7,6 +7,8 @@
 
 #[path = "../support/fixtures_support.rs"]
 mod fixtures_support;
+#[path = "../support/interfaces.rs"]
+mod interfaces;
 #[path = "../../passes/tests/it/metamorphic_support.rs"]
 mod metamorphic_support;
 mod native;

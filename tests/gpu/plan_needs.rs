@@ -18,6 +18,8 @@ use preshade::unstable::render::{
 };
 use preshade::unstable::scene::{DrawOrder, Scene, synthesise};
 
+use crate::interfaces::{interfaces, varied};
+
 fn load(name: &str) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("fixtures/scenes")
@@ -128,6 +130,47 @@ fn the_layouts_of_plans_serve_two_variables_at_one_binding() {
         let drawn = draw(&scene, &plans, &needs(&plans));
         drawn.unwrap_or_else(|e| panic!("{steps:?}: {e}"));
     }
+}
+
+/// So do those of every builtin, interpolation, resource, target and state, in some recipe.
+#[test]
+fn the_layouts_of_plans_serve_every_interface() {
+    let (mut drawn, mut lacking, mut wrong) = (BTreeSet::new(), BTreeSet::new(), Vec::new());
+    // Every seventh: a scene and a device each.
+    for interface in interfaces(1, 0).iter().step_by(7) {
+        let scene = synthesise(interface.parsed(), interface.state()).resized([33, 21]);
+        let original = measure::originals(&scene).remove(0);
+        let plans = match varied(interface.recipe(), &original) {
+            Ok(plan) => [plan],
+            Err(_) => continue,
+        };
+        match draw(&scene, &plans, &needs(&plans)) {
+            Ok(()) => drawn.extend(interface.names()),
+            Err(Error::Unsupported { feature, .. }) => {
+                lacking.insert(feature);
+            }
+            // No device with such a feature, and no scene with immediate data.
+            Err(e) if e.to_string().contains("Unsupported features") => {
+                lacking.insert(e.to_string());
+            }
+            Err(e) if e.to_string().contains("immediate data") => {
+                lacking.insert("immediate data".to_owned());
+            }
+            Err(e) => wrong.push(format!(
+                "{:?}: {e}\n{}",
+                interface.names(),
+                interface.text()
+            )),
+        }
+    }
+    println!("drawn: {drawn:?}, lacking: {lacking:?}");
+    assert!(
+        wrong.is_empty(),
+        "{} are wrong:\n{}",
+        wrong.len(),
+        wrong.join("\n\n")
+    );
+    assert!(drawn.len() > 60, "{drawn:?}");
 }
 
 /// Three targets of sixteen bytes, and depth clipping off: more than every device has.

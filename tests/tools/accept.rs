@@ -5,7 +5,7 @@
 //! `npm ci --ignore-scripts` in `tests/accept`. A tool that is missing is a failure, never a
 //! skipped check.
 
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -64,7 +64,7 @@ pub fn accept(sets: &[(String, Vec<File>)]) -> Judged {
     let (wgsl, spirv, glsl) = (
         of(&["wgsl"]),
         of(&["spv"]),
-        of(&["vert", "tesc", "tese", "frag"]),
+        of(&["vert", "tesc", "tese", "frag", "comp"]),
     );
     let controls = of(&["tesc"]);
     let by_spirv_val = |(label, path): &&(&str, PathBuf)| {
@@ -136,14 +136,76 @@ fn glslang(path: &Path) -> Command {
     command
 }
 
-fn scratch() -> PathBuf {
+/// A folder of its own for a check.
+pub fn scratch() -> PathBuf {
     static NEXT: AtomicU32 = AtomicU32::new(0);
     let n = NEXT.fetch_add(1, Ordering::Relaxed);
     Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("accept-{}-{n}", std::process::id()))
 }
 
+/// Pipelines that Dawn created.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Created {
+    /// How many.
+    pub pipelines: usize,
+    /// Passes that need what Dawn lacks, by feature or limit.
+    pub lacking: BTreeMap<String, usize>,
+}
+
+/// Has Dawn create the pipeline of every pass with explicit layouts, from `plan.json` and the WGSL
+/// that it names alone. Panics with all that are refused.
+pub fn create(sets: &[(String, Vec<File>)]) -> Created {
+    let dir = scratch();
+    let mut plans = Vec::new();
+    for (i, (_, files)) in sets.iter().enumerate() {
+        let dir = dir.join(i.to_string());
+        std::fs::create_dir_all(&dir).unwrap();
+        for file in files {
+            std::fs::write(dir.join(&file.name), &file.bytes).unwrap();
+        }
+        let json = files.iter().find(|f| f.name.ends_with(".plan.json"));
+        plans.push(dir.join(&json.unwrap().name));
+    }
+    let paths: Vec<&Path> = plans.iter().map(PathBuf::as_path).collect();
+    let mut created = Created::default();
+    let mut refused = Vec::new();
+    for (verdict, (label, files)) in judged_by("plan.mjs", &paths).iter().zip(sets) {
+        created.pipelines += verdict["pipelines"].as_u64().unwrap() as usize;
+        for name in verdict["lacking"].as_array().unwrap() {
+            let name = name.as_str().unwrap().to_owned();
+            *created.lacking.entry(name).or_default() += 1;
+        }
+        let errors = verdict["errors"].as_array().unwrap();
+        if !errors.is_empty() {
+            let text = |f: &File| format!("{}\n{}", f.name, String::from_utf8_lossy(&f.bytes));
+            let texts: Vec<String> = files.iter().map(text).collect();
+            refused.push(format!(
+                "Dawn on {label}: {errors:#?}\n{}",
+                texts.join("\n")
+            ));
+        }
+    }
+    let all = refused.join("\n\n");
+    assert!(
+        refused.is_empty(),
+        "{} plans were refused\n\n{all}",
+        refused.len()
+    );
+    std::fs::remove_dir_all(&dir).unwrap();
+    created
+}
+
 /// Tint's errors of each file, all in one node process.
 fn tint_errors(files: &[&Path]) -> Vec<Vec<serde_json::Value>> {
+    let errors = |v: serde_json::Value| v["errors"].as_array().unwrap().clone();
+    judged_by("tint.mjs", files)
+        .into_iter()
+        .map(errors)
+        .collect()
+}
+
+/// What a script of `tests/accept` prints of each file, all in one node process.
+fn judged_by(script: &str, files: &[&Path]) -> Vec<serde_json::Value> {
     if files.is_empty() {
         return Vec::new();
     }
@@ -151,7 +213,7 @@ fn tint_errors(files: &[&Path]) -> Vec<Vec<serde_json::Value>> {
     let missing = "Tint is not installed: run `npm ci --ignore-scripts` in tests/accept";
     assert!(here.join("node_modules/webgpu").is_dir(), "{missing}");
     let mut node = Command::new("node")
-        .arg(here.join("tint.mjs"))
+        .arg(here.join(script))
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
@@ -169,16 +231,15 @@ fn tint_errors(files: &[&Path]) -> Vec<Vec<serde_json::Value>> {
     let output = node.wait_with_output().unwrap();
     assert!(
         output.status.success(),
-        "tint.mjs failed: {}",
+        "{script} failed: {}",
         String::from_utf8_lossy(&output.stderr)
     );
     let printed = String::from_utf8_lossy(&output.stdout);
     let verdicts: serde_json::Value =
         serde_json::from_str(printed.lines().last().unwrap()).unwrap();
     let verdicts = verdicts.as_array().unwrap().clone();
-    assert_eq!(verdicts.len(), files.len(), "tint.mjs judged every file");
-    let errors = |v: serde_json::Value| v["errors"].as_array().unwrap().clone();
-    verdicts.into_iter().map(errors).collect()
+    assert_eq!(verdicts.len(), files.len(), "{script} judged every file");
+    verdicts
 }
 
 /// Tint's errors of each text, the message of each.

@@ -1,5 +1,6 @@
-//! Tests that run other programs on emitted shaders: Tint, spirv-val, glslang, and cargo on the
-//! example host. `scripts/setup.sh accept` installs them. A test fails if its program is missing.
+//! Tests that run other programs on emitted shaders: Tint, Dawn, spirv-val, glslang, WebGL, and
+//! cargo on the example host. `scripts/setup.sh accept three` installs them. A test fails if its
+//! program is missing.
 
 #![cfg(all(feature = "glsl", feature = "spirv"))]
 #![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
@@ -7,6 +8,8 @@
 mod accept;
 #[path = "../support/fixtures_support.rs"]
 mod fixtures_support;
+#[path = "../support/interfaces.rs"]
+mod interfaces;
 #[path = "../../passes/tests/it/uniformity_cases.rs"]
 mod uniformity_cases;
 
@@ -17,4 +20,6 @@ mod example;
 mod fixtures_emit;
 mod glsl_layout;
 mod glsl_names;
+mod interface_texts;
 mod lacks;
+mod webgl;

@@ -1,6 +1,8 @@
 //! A transform is a pure function from a plan to a new plan, or to the reasons why it does not
 //! apply.
 
+use std::collections::HashSet;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
@@ -9,6 +11,7 @@ use crate::core::contract::Assumption;
 use crate::core::plan::{Plan, Role};
 use crate::core::program::{Location, Program, SourceMap};
 use crate::core::rasterizer::Rasterizer;
+use crate::core::reflect;
 use crate::core::refusals::{self, RefusalInfo};
 
 /// The name of a pass and its description.
@@ -639,8 +642,9 @@ impl<P: Pass + 'static> AnyPass for Erased<P> {
                 format!("see `preshade passes {}`", P::INFO.name),
             )]
         })?;
-        let mut outcome =
-            P::run(plan, facts, &params).map_err(|refused| shared_binding(refused, plan))?;
+        let mut outcome = P::run(plan, facts, &params).map_err(|refused| {
+            shared_binding(refused, plan, |apart| P::run(apart, facts, &params))
+        })?;
         let plan = &mut outcome.plan;
         plan.contract.base_budgets_on(facts.evidence());
         for step in &mut plan.steps {
@@ -650,29 +654,64 @@ impl<P: Pass + 'static> AnyPass for Erased<P> {
     }
 }
 
-/// Names the cause if a variant is invalid because one stage has both variables of a binding.
-fn shared_binding(mut refused: Refused, plan: &Plan) -> Refused {
-    // naga's words for it.
-    let collides = |r: &Refusal| {
-        r.code == refusals::INTERNAL.code && r.reason.contains("conflict with other resource")
-    };
+/// Names the cause if a variant is invalid because one stage has both variables of a binding: with
+/// the variables apart, it is valid.
+fn shared_binding(
+    mut refused: Refused,
+    plan: &Plan,
+    run: impl Fn(&Plan) -> Result<Outcome, Refused>,
+) -> Refused {
+    let is_internal = |r: &Refusal| r.code == refusals::INTERNAL.code;
+    let is_bug = |refused: &Refused| refused.refusals.iter().any(is_internal);
     let shared = || {
-        plan.programs
-            .values()
-            .find_map(|p| two_at_one_binding(p.module()))
+        let mut programs = plan.programs.values();
+        programs.find_map(|p| two_at_one_binding(p.module()))
     };
-    for refusal in refused.refusals.iter_mut().filter(|r| collides(r)) {
-        if let Some((span, reason)) = shared() {
-            let remedy = refusals::SHARED_BINDING.remedy;
-            let named = Refusal::new(&refusal.pass, &refusals::SHARED_BINDING, reason, remedy);
-            let mut sources = plan.programs.values().map(Program::sources);
-            *refusal = match sources.next() {
-                Some(sources) => named.at(sources, span),
-                None => named,
-            };
-        }
+    if !is_bug(&refused) {
+        return refused;
+    }
+    let Some((span, reason)) = shared() else {
+        return refused;
+    };
+    if run(&apart(plan)).is_err_and(|refused| is_bug(&refused)) {
+        return refused;
+    }
+    for refusal in refused.refusals.iter_mut().filter(|r| is_internal(r)) {
+        let remedy = refusals::SHARED_BINDING.remedy;
+        let code = &refusals::SHARED_BINDING;
+        let named = Refusal::new(&refusal.pass, code, reason.clone(), remedy);
+        let mut sources = plan.programs.values().map(Program::sources);
+        *refusal = match sources.next() {
+            Some(sources) => named.at(sources, span),
+            None => named,
+        };
     }
     refused
+}
+
+/// The plan with a binding of its own for each variable.
+fn apart(plan: &Plan) -> Plan {
+    let mut plan = plan.clone();
+    for program in plan.programs.values_mut() {
+        let mut module = program.module().clone();
+        let mut taken = HashSet::new();
+        for (_, global) in module.global_variables.iter_mut() {
+            if let Some(at) = &mut global.binding {
+                while !taken.insert(*at) {
+                    at.binding += 1;
+                }
+            }
+        }
+        if let Ok(separate) = program.with_module(module) {
+            *program = separate;
+        }
+    }
+    for pass in &mut plan.passes {
+        if let Some(program) = plan.programs.get(&pass.program) {
+            reflect::fill(pass, program);
+        }
+    }
+    plan
 }
 
 /// The second of two variables at one binding, and both in words.

@@ -45,6 +45,7 @@ const EVERY: &[Target] = &[
 ];
 const ES: &[Target] = &[Target::GlslEs300, Target::GlslEs100];
 const TESS: &[Target] = &[Target::GlslTess];
+const ES_AND_TESS: &[Target] = &[Target::GlslEs300, Target::GlslEs100, Target::GlslTess];
 const VULKAN_TESS: &[Target] = &[Target::GlslVulkanTess];
 
 const NOT_ES: &str = "emit GLSL 4.50, WGSL or SPIR-V";
@@ -61,9 +62,10 @@ const LACKS: &[(Construct, &[Target], &str, &str)] = &[
     (Builtin(BuiltIn::SampleMask), EVERY, "sample_mask", NOT_GLSL),
     // GLSL ES 3.20.
     (Builtin(BuiltIn::PrimitiveIndex), ES, "primitive_index", NOT_ES),
-    (Builtin(BuiltIn::Barycentric { perspective: true }), ES, "barycentric", NOT_ES),
-    (Builtin(BuiltIn::Barycentric { perspective: false }), ES, "barycentric_no_perspective",
-        NOT_ES),
+    // The extension is of GLSL 4.50.
+    (Builtin(BuiltIn::Barycentric { perspective: true }), ES_AND_TESS, "barycentric", NOT_ES),
+    (Builtin(BuiltIn::Barycentric { perspective: false }), ES_AND_TESS,
+        "barycentric_no_perspective", NOT_ES),
     // WebGL has WEBGL_clip_cull_distance, under another name than the one that naga requires.
     (Builtin(BuiltIn::ClipDistances), ES, "clip_distances", NOT_ES),
     // GLSL 4.60.
@@ -90,8 +92,10 @@ const LACKS: &[(Construct, &[Target], &str, &str)] = &[
         "bind the depth as texture_2d<f32>"),
     // GLSL ES 3.10.
     (Construct::ForcedTest, ES, "a forced early depth test", NOT_ES),
-    // An extension, which WebGL calls EXT_conservative_depth. glslang does not know it.
-    (Construct::ConservativeTest, ES, "a conservative early depth test", NOT_ES),
+    // GLSL 4.20, or extensions that glslang does not know; WebGL's is EXT_conservative_depth.
+    (Construct::ConservativeTest, ES_AND_TESS, "a conservative early depth test", NOT_ES),
+    // GLSL ES 3.10.
+    (Words(&["sampler2DMS", "isampler2DMS", "usampler2DMS"]), ES, "multisampled textures", NOT_ES),
     // GLSL ES 3.10.
     (Words(&["textureGather", "textureGatherOffset", "textureGatherOffsets"]), ES, "textureGather",
         NOT_ES),
@@ -99,6 +103,9 @@ const LACKS: &[(Construct, &[Target], &str, &str)] = &[
         "findMSB", "frexp", "imulExtended", "ldexp", "packSnorm4x8", "packUnorm4x8",
         "umulExtended", "unpackSnorm4x8", "unpackUnorm4x8"]), ES, "the function {}", NOT_ES),
     (Words(&["double"]), ES, "64-bit floats", NOT_ES),
+    // For levels and biases of shadow textures that are cubes or arrays.
+    (Words(&["GL_EXT_texture_shadow_lod"]), EVERY, "a comparison at a level of this texture",
+        NOT_GLSL),
 ];
 
 /// Refuses a module of one stage that uses what the target lacks, before naga writes it. naga would

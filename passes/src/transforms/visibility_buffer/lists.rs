@@ -16,6 +16,7 @@ use naga::ShaderStage;
 
 use super::text::{self, Slots};
 use super::{IDS, Params, Select, ShadingForm, Words};
+use crate::core::declared::Declared;
 use crate::core::geometry::{Formats, Geometry};
 use crate::core::plan::{
     BindingKind, BindingSource, BindingUse, ComputePass, Draws, FrameBuffer, FrameWords,
@@ -236,6 +237,8 @@ impl Pass {
         let linked = Linked::new(naga::Module::default(), &self.text)?;
         let module = place::retain(&linked.module, &[(ShaderStage::Compute, self.entry)]);
         let program = program.with_module(module).map_err(|e| e.to_string())?;
+        // Nothing of the author's is in it, and their numbers are those of other resources.
+        let program = program.with_declared(Declared::default());
         let geometry = |part| BindingSource::Geometry { part };
         let mut sources = match self.reads {
             Reads::IdsAndTable => vec![
