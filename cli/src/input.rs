@@ -423,7 +423,7 @@ impl ShaderArgs {
                 .map_err(|e| Failure(format!("error: stdin: {e}")))?;
             return Ok(Source {
                 name: "<stdin>".to_owned(),
-                text: utf8(bytes, "stdin")?,
+                text: text(bytes, "stdin")?,
                 language,
                 // Without an ending, the first of two files is the vertex stage.
                 stage: (self.files.len() == 2).then_some(match index {
@@ -447,7 +447,7 @@ impl ShaderArgs {
                 path.display()
             )));
         };
-        let text = utf8(bytes, &name)?;
+        let text = text(bytes, &name)?;
         Ok(Source {
             name,
             text,
@@ -503,13 +503,8 @@ pub fn unread(path: &Path, error: &regular::ReadError) -> Failure {
     Failure(format!("error: {}: {error}{remedy}", path.display()))
 }
 
-fn utf8(bytes: Vec<u8>, name: &str) -> Result<String, Failure> {
-    String::from_utf8(bytes).map_err(|e| {
-        Failure(format!(
-            "error: {name}: not UTF-8 text (byte {})",
-            e.utf8_error().valid_up_to()
-        ))
-    })
+fn text(bytes: Vec<u8>, name: &str) -> Result<String, Failure> {
+    regular::decode(bytes).map_err(|e| Failure(format!("error: {name}: {e}")))
 }
 
 fn color() -> front::Color {

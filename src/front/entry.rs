@@ -28,21 +28,7 @@ pub(super) fn choose(
         sources,
     )?
     else {
-        let others: Vec<String> = module
-            .entry_points
-            .iter()
-            .map(|e| format!("`{}` ({:?})", e.name, e.stage))
-            .collect();
-        let error = Error::new(Code::NoEntryPoint, "there is no vertex entry point");
-        return Err(if others.is_empty() {
-            error.note("mark a function with @vertex, or add the vertex file")
-        } else {
-            error.note(format!(
-                "there is {}; add the vertex stage in another file or, in WGSL, as a function \
-                 marked @vertex",
-                others.join(", ")
-            ))
-        });
+        return Err(no_vertex(module, sources));
     };
     let fragment = one(
         module,
@@ -51,6 +37,34 @@ pub(super) fn choose(
         sources,
     )?;
     Ok(Entries { vertex, fragment })
+}
+
+/// The error of a module without a vertex stage.
+fn no_vertex(module: &Module, sources: &SourceMap) -> Error {
+    let entries = || module.entry_points.iter();
+    let is_of_material = |stage| matches!(stage, ShaderStage::Vertex | ShaderStage::Fragment);
+    let other = entries().find(|e| !is_of_material(e.stage));
+    if let Some(other) = other.filter(|_| !entries().any(|e| is_of_material(e.stage))) {
+        let (name, stage) = (&other.name, stage_name(other.stage));
+        return Error::new(
+            Code::NoEntryPoint,
+            format!("{stage} shaders are not materials, and `{name}` is one"),
+        )
+        .label_if(entry_point(sources, other.stage, name))
+        .note("preshade moves work between the vertex and the fragment stage of a material");
+    }
+    let others: Vec<String> = entries()
+        .map(|e| format!("`{}` ({:?})", e.name, e.stage))
+        .collect();
+    let error = Error::new(Code::NoEntryPoint, "there is no vertex entry point");
+    match others.is_empty() {
+        true => error.note("mark a function with @vertex, or add the vertex file"),
+        false => error.note(format!(
+            "there is {}; add the vertex stage in another file or, in WGSL, as a function marked \
+             @vertex",
+            others.join(", ")
+        )),
+    }
 }
 
 fn one(

@@ -21,6 +21,8 @@ pub enum Code {
     UnknownStage,
     /// The sources do not make one material, such as two fragment files.
     Sources,
+    /// The file is in another language, or an engine completes it.
+    Foreign,
     /// The language needs a feature that this build lacks.
     Unsupported,
     /// The parser rejected the text.
@@ -51,6 +53,7 @@ impl Code {
             Self::UnknownLanguage => &codes::UNKNOWN_LANGUAGE,
             Self::UnknownStage => &codes::UNKNOWN_STAGE,
             Self::Sources => &codes::SOURCES,
+            Self::Foreign => &codes::FOREIGN,
             Self::Unsupported => &codes::UNSUPPORTED,
             Self::Parse => &codes::PARSE,
             Self::Invalid => &codes::INVALID,
