@@ -376,7 +376,11 @@ impl ShaderArgs {
         }
         front::parse(&self.sources()?, &self.options()?).map_err(|e| {
             let mut told = e.render(color());
-            if self.files.len() > 2 {
+            let two_materials = matches!(
+                e.code(),
+                front::Code::Link | front::Code::Sources | front::Code::AmbiguousEntryPoint
+            );
+            if self.files.len() > 2 || self.files.len() == 2 && two_materials {
                 told = format!("{}\n = {EACH_ITS_OWN}", told.trim_end());
             }
             Failure(told)
@@ -487,8 +491,8 @@ fn reads_facing(parsed: &front::Parsed) -> bool {
 }
 
 /// A hint for more files than a material has.
-const EACH_ITS_OWN: &str = "`preshade rewrite .. --out-dir DIR` takes each file as a material of \
-                            its own, and every shader below a folder";
+const EACH_ITS_OWN: &str = "if each file is a material of its own: `preshade rewrite .. --out-dir \
+                            DIR` takes many, and every shader below a folder";
 
 pub fn is_stdin(path: &Path) -> bool {
     path == Path::new("-")

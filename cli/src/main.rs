@@ -28,6 +28,8 @@ mod explain;
 mod explained;
 mod explore;
 mod graph;
+mod guesses;
+mod hints;
 mod input;
 mod keeper;
 mod kept;
@@ -408,13 +410,14 @@ fn read(arguments: &Arguments) -> Result<CommandLine, Failure> {
     };
     let mut command = config.apply(command_line());
     let usage = |error: clap::Error| {
+        let (error, hint) = hints::of(error);
         let text = match color_on_stderr() {
             true => error.render().ansi().to_string(),
             false => error.render().to_string(),
         };
         let from = config.explained(&error, arguments);
         let from = from.map_or(String::new(), |from| format!("\n = {from} says so"));
-        Failure(format!("{}{from}", text.trim_end()))
+        Failure(format!("{}{hint}{from}", text.trim_end()))
     };
     let matches = command
         .try_get_matches_from_mut(&arguments.words)

@@ -183,6 +183,51 @@ pub(super) fn names(module: &Module) -> Vec<(ShaderStage, String)> {
     entries.map(|e| (e.stage, e.name.clone())).collect()
 }
 
+/// A bound variable.
+pub(super) struct Bound {
+    at: naga::ResourceBinding,
+    name: String,
+    span: naga::Span,
+}
+
+/// The bound variables of a module.
+pub(super) fn bound(module: &Module) -> Vec<Bound> {
+    let globals = module.global_variables.iter();
+    let bound = globals.filter_map(|(handle, global)| {
+        Some(Bound {
+            at: global.binding?,
+            name: global.name.clone().unwrap_or_default(),
+            span: module.global_variables.get_span(handle),
+        })
+    });
+    bound.collect()
+}
+
+/// Names both variables where a stage uses two at one binding. naga labels the second alone.
+pub(super) fn name_clash(error: Error, bound: &[Bound]) -> Error {
+    if !error.message().contains("conflict with other resource") {
+        return error;
+    }
+    let labelled = |b: &&Bound| error.labels().iter().any(|l| l.span == b.span);
+    let Some(second) = bound.iter().find(labelled) else {
+        return error;
+    };
+    let same = |b: &&Bound| b.at == second.at && b.span != second.span;
+    let Some(first) = bound.iter().find(same) else {
+        return error;
+    };
+    Error::new(
+        Code::Invalid,
+        format!(
+            "one stage uses `{}` and `{}`, and both have group {} binding {}",
+            first.name, second.name, second.at.group, second.at.binding
+        ),
+    )
+    .label(second.span, "")
+    .label(first.span, "")
+    .note("give one of them another number")
+}
+
 /// Labels a validation error that names an entry point without a span.
 pub(super) fn locate_invalid(
     error: Error,

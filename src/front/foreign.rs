@@ -11,6 +11,7 @@ use naga::Span;
 
 use super::error::{Code, Error};
 use super::{Source, extension};
+use crate::wgsl::text::without_comments;
 
 /// Something that is given in place of a material in WGSL or GLSL.
 struct Foreign {
@@ -174,23 +175,6 @@ fn chunk(text: &str) -> Option<Range<usize>> {
     })
 }
 
-/// The text with blanks in place of comments.
-fn without_comments(text: &str) -> String {
-    let mut out = String::with_capacity(text.len());
-    let mut rest = text;
-    while let Some(at) = rest.find("//").into_iter().chain(rest.find("/*")).min() {
-        let end = match rest[at..].starts_with("//") {
-            true => rest[at..].find('\n'),
-            false => rest[at..].find("*/").map(|end| end + 2),
-        };
-        let end = end.map_or(rest.len(), |end| at + end);
-        out.push_str(&rest[..at]);
-        out.extend(std::iter::repeat_n(' ', end - at));
-        rest = &rest[end..];
-    }
-    out + rest
-}
-
 /// The error, or a better one if a source is recognised as something else. `bases`: where each
 /// source begins in the error's source map.
 pub(super) fn named(error: Error, sources: &[Source], bases: &[u32]) -> Error {
@@ -240,14 +224,6 @@ fn language(source: &Source) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn comments_are_blanked_in_place() {
-        let text = "a // cbuffer\nb /* SV_Target\n*/ c é // d";
-        let blank = without_comments(text);
-        assert!(!blank.contains("cbuffer") && !blank.contains("SV_Target"));
-        assert_eq!(blank.find('c'), text.rfind("c é"));
-    }
 
     #[test]
     fn a_word_is_whole() {

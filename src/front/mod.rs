@@ -364,8 +364,11 @@ fn assemble(
     let entries = entry::choose(&module, options, map)?;
     entry::check_interface(&module, &entries, map)?;
     let names = entry::names(&module);
-    let program = Program::new(module, Arc::clone(map), language)
-        .map_err(|invalid| entry::locate_invalid(Error::invalid(&invalid), &names, map))?;
+    let bound = entry::bound(&module);
+    let program = Program::new(module, Arc::clone(map), language).map_err(|invalid| {
+        let error = entry::locate_invalid(Error::invalid(&invalid), &names, map);
+        entry::name_clash(error, &bound)
+    })?;
     entry::check_bindings(&program, &entries).map_err(|e| e.with_sources(map))?;
     Ok(Parsed {
         program: program.with_declared(declared),

@@ -91,6 +91,7 @@ pub fn synthesise(parsed: Parsed, state: MaterialState) -> Scene {
         light: Light::default(),
         files: Vec::new(),
         is_made_up: true,
+        own_size: None,
     }
 }
 
