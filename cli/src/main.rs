@@ -71,7 +71,7 @@ Data goes to stdout, messages to stderr. A flag overrides the environment (PRESH
 --adapter; `;` separates several values), and the environment overrides preshade.toml
 (adapter = \"llvmpipe\", or [verify] and then frames = 4). --FLAG=false resets a switch.
 Exit status: 0 fine (also if a pass is refused: it is skipped), 1 a variant broke its contract, 2
-bad usage or input, 3 (`verify` alone) not measured: no verdict depends on what was drawn."
+bad usage or input, 3 (`verify`, `explore`) not measured: no verdict depends on what was drawn."
 )]
 struct Cli {
     #[command(subcommand)]
