@@ -84,7 +84,7 @@ pub fn brief(explained: &Explained) -> String {
         };
         match offer.saved {
             Some(saved) => format!("  {step:<widest$}  {saved}{open}"),
-            None => format!("  {step:<widest$}  {}{open}", offer.what),
+            None => format!("  {step:<widest$}  {}{open}", first_part(offer.what)),
         }
     }));
     let more = offers.iter().skip(MOST_PASSES);
@@ -116,6 +116,11 @@ pub fn brief(explained: &Explained) -> String {
     ));
     lines.push(String::new());
     lines.join("\n")
+}
+
+/// The first part of a description in several, which are separated by semicolons.
+fn first_part(text: &str) -> &str {
+    text.split("; ").next().unwrap_or(text)
 }
 
 fn listed(what: &str, names: impl Iterator<Item = String>) -> Option<String> {

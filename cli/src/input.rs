@@ -491,8 +491,8 @@ fn reads_facing(parsed: &front::Parsed) -> bool {
 }
 
 /// A hint for more files than a material has.
-const EACH_ITS_OWN: &str = "if each file is a material of its own: `preshade rewrite .. --out-dir \
-                            DIR` takes many, and every shader below a folder";
+const EACH_ITS_OWN: &str = "`preshade rewrite .. --out-dir DIR` takes each file as a material of \
+                            its own, and every shader below a folder";
 
 pub fn is_stdin(path: &Path) -> bool {
     path == Path::new("-")

@@ -184,7 +184,7 @@ impl std::fmt::Display for AdapterReport {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let has = |yes: bool| if yes { "yes" } else { "no" };
         let clock = match self.kind == "software" {
-            true => "the wall clock measures times: a software adapter has no other",
+            true => "unused, the wall clock times a software adapter",
             false => has(self.timestamps),
         };
         write!(

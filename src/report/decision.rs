@@ -49,7 +49,8 @@ pub fn render(decision: &Decision) -> String {
     }
     if decision.materials.iter().any(|m| !m.refused.is_empty()) {
         lines.push(
-            "\n`preshade --explain CODE` explains a code; --format json has every reason".to_owned(),
+            "\n`preshade --explain CODE` explains a code; --format json has every reason"
+                .to_owned(),
         );
     }
     lines.push(String::new());

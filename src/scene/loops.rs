@@ -17,7 +17,8 @@ const TURNS: f64 = 4.0;
 /// with 0.
 pub(super) fn counts(flow: &StageFlow<'_, '_>) -> BTreeMap<String, Value> {
     let module = flow.values.graph.module();
-    let carried: BTreeSet<ValueId> = flow.values.cycles().iter().flatten().copied().collect();
+    let cycles = flow.values.cycles().iter().filter(|c| c.len() > 1);
+    let carried: BTreeSet<ValueId> = cycles.flatten().copied().collect();
     let mut found = BTreeMap::new();
     for value in 0..flow.values.values.len() {
         let Some((context, Expression::Binary { op, left, right }, _)) = flow.expression(value)

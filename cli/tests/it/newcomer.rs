@@ -73,9 +73,9 @@ fn advice_works() {
 /// Bug 8: a scene is not advised to be a scene.
 #[test]
 fn a_scene_is_not_told_to_be_one() {
-    let scene = "../../../fixtures/scenes/simple.toml";
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/cmd/gpu");
-    let said = explained(&folder, &[scene, "--pass", "specialize"]);
+    let scene = "../fixtures/scenes/simple.toml";
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let said = explained(folder, &[scene, "--pass", "specialize"]);
     assert!(!said.contains("give it a scene"), "{said}");
 }
 
