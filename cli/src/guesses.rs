@@ -45,9 +45,9 @@ fn of_scene(scene: &Scene) -> Option<String> {
         return None;
     }
     let mut lines = vec![format!(
-        "note: the scene `{}` leaves inputs open, and preshade made these up; no budget and no \
-         `specialize` depends on them. To set them, change these lines and add them to the scene \
-         file:",
+        "note: the scene `{}` leaves inputs open, and preshade made these up. Errors are measured \
+         with them; `specialize` assumes none of them. To set them, change these lines and add \
+         them to the scene file:",
         scene.name
     )];
     for (material, own) in open {

@@ -58,12 +58,19 @@ pub fn render(decision: &Decision) -> String {
     lines.join("\n")
 }
 
-/// The passes that a material refuses, each with its codes. A refusal reads `pass[code]: reason`.
+/// The steps that a material refuses, each with its codes. A refusal reads `pass[code]: reason`.
 fn refused(material: &MaterialDecision) -> Option<String> {
     let mut codes: Vec<String> = Vec::new();
     for refused in &material.refused {
         let (head, _) = refused.why.split_once(": ").unwrap_or((&refused.why, ""));
-        let code = head.replace('[', " (").replace(']', ")");
+        let code = match head.split_once('[') {
+            Some((pass, code)) => {
+                let mut steps = refused.recipe.split(" + ");
+                let step = steps.find(|step| step.split(':').next() == Some(pass));
+                format!("{} ({}", step.unwrap_or(pass), code.replace(']', ")"))
+            }
+            None => head.to_owned(),
+        };
         if !codes.contains(&code) {
             codes.push(code);
         }
