@@ -161,12 +161,18 @@ pub(crate) fn switch_cost(cost: &SwitchCost) -> String {
 /// Each view with the plans that matter in it, and how much faster each is than the original. Their
 /// times are not printed: each was measured beside an original of its own.
 fn views(decision: &Decision) -> Vec<String> {
-    let mut lines = vec!["speedup by view (* drawn with, ! broke its promise)".to_owned()];
+    let predicted = match decision.clock {
+        Some(_) => "",
+        None => "predicted ",
+    };
+    let mut lines = vec![format!(
+        "{predicted}speedup by view (* drawn with, ! broke its promise)"
+    )];
     for (i, view) in decision.views.iter().enumerate() {
         let original = decision.plans.first().and_then(|p| p.by_view.get(i));
         let time = original.map_or(String::new(), |at| match &at.time_ms {
             Some(time) => format!("{:.3} ms as written", time.median),
-            None => format!("{:.3} ms as written, predicted", at.predicted_ms),
+            None => format!("{:.3} ms as written", at.predicted_ms),
         });
         lines.push(format!(
             "{}: {:.2} fragments shaded a pixel, overdraw {:.2}, {time}",
