@@ -170,9 +170,9 @@ fn views(decision: &Decision) -> Vec<String> {
     )];
     for (i, view) in decision.views.iter().enumerate() {
         let original = decision.plans.first().and_then(|p| p.by_view.get(i));
-        let time = original.map_or(String::new(), |at| match &at.time_ms {
-            Some(time) => format!("{:.3} ms as written", time.median),
-            None => format!("{:.3} ms as written", at.predicted_ms),
+        let time = original.map_or(String::new(), |at| {
+            let ms = at.time_ms.map_or(at.predicted_ms, |time| time.median);
+            format!("{ms:.3} ms as written")
         });
         lines.push(format!(
             "{}: {:.2} fragments shaded a pixel, overdraw {:.2}, {time}",
