@@ -1,7 +1,21 @@
 //! Spelling suggestions for "did you mean".
 
-/// The candidate with the most similar spelling, if one is similar enough to suggest.
+/// A shorter word is a part of too many others.
+const SHORTEST: usize = 3;
+
+/// The first candidate that a word is a part of.
+pub(crate) fn containing<'a>(word: &str, candidates: &[&'a str]) -> Option<&'a str> {
+    let mut all = candidates.iter().filter(|c| c.contains(word));
+    all.next().filter(|_| word.len() >= SHORTEST).copied()
+}
+
+/// The candidate that is meant by a misspelt word: the first that contains it, or the one with the
+/// most similar spelling, if one is similar enough to suggest.
 pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let candidates: Vec<&str> = candidates.into_iter().collect();
+    if let Some(whole) = containing(word, &candidates) {
+        return Some(whole);
+    }
     candidates
         .into_iter()
         .map(|c| (strsim::jaro_winkler(word, c), c))

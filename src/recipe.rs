@@ -40,7 +40,7 @@ pub struct Recipe {
 #[non_exhaustive]
 pub enum RecipeError {
     /// No pass has that name.
-    #[error("there is no pass `{name}`{}; the passes are: {}", suggestion(.nearest), names())]
+    #[error("there is no pass `{name}`{}; the passes are: {}", several_or(.name, .nearest), names())]
     UnknownPass {
         /// As given.
         name: String,
@@ -138,6 +138,18 @@ fn suggestion(nearest: &Option<impl fmt::Display>) -> String {
         .as_ref()
         .map(|n| format!(" (did you mean `{n}`?)"))
         .unwrap_or_default()
+}
+
+/// What an unknown pass may mean: several passes in one, or another spelling.
+fn several_or(name: &str, nearest: &Option<&'static str>) -> String {
+    let steps: Vec<&str> = name.split([',', '+']).map(str::trim).collect();
+    match steps.len() > 1 && steps.iter().all(|s| pass_named(s).is_some()) {
+        true => format!(
+            " (each pass is a step of its own: --pass {})",
+            steps.join(" --pass ")
+        ),
+        false => suggestion(nearest),
+    }
 }
 
 fn names() -> String {

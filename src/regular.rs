@@ -26,6 +26,9 @@ pub enum ReadError {
     /// It is not UTF-8 from this byte on.
     #[error("not UTF-8 text (byte {0})")]
     NoText(usize),
+    /// It is no text but this.
+    #[error("it is {0}")]
+    Binary(&'static str),
 }
 
 impl From<ReadError> for io::Error {
@@ -67,14 +70,89 @@ pub fn bytes(path: &Path, limits: &Limits, limit: &'static str) -> Result<Vec<u8
 /// # Errors
 /// [`ReadError`].
 pub fn text(path: &Path, limits: &Limits, limit: &'static str) -> Result<String, ReadError> {
-    String::from_utf8(bytes(path, limits, limit)?)
-        .map_err(|e| ReadError::NoText(e.utf8_error().valid_up_to()))
+    decode(bytes(path, limits, limit)?)
+}
+
+/// Beginnings of binary files that are given in place of a text.
+const BINARY: [(&[u8], &str); 4] = [
+    (
+        b"glTF",
+        "a glTF mesh: a scene file names it, as `gltf = { file = \"..\" }` \
+         (docs/reference/scene-geometry.md)",
+    ),
+    (
+        &[0x03, 0x02, 0x23, 0x07],
+        "SPIR-V, and preshade reads WGSL and GLSL: translate it with naga or spirv-cross",
+    ),
+    (
+        b"DXBC",
+        "a compiled HLSL shader, and preshade reads WGSL and GLSL",
+    ),
+    (b"\x89PNG", "a picture"),
+];
+
+/// The text of a file: UTF-8, or UTF-16 with a byte order mark, as Windows editors write it.
+///
+/// # Errors
+/// [`ReadError::NoText`] or [`ReadError::Binary`].
+pub fn decode(bytes: Vec<u8>) -> Result<String, ReadError> {
+    if let Some((_, what)) = BINARY.iter().find(|(start, _)| bytes.starts_with(start)) {
+        return Err(ReadError::Binary(what));
+    }
+    match bytes.as_slice() {
+        [0xff, 0xfe, rest @ ..] => return utf16(rest, u16::from_le_bytes),
+        [0xfe, 0xff, rest @ ..] => return utf16(rest, u16::from_be_bytes),
+        _ => {}
+    }
+    // Latin letters in UTF-16 are UTF-8 too, with a zero beside each.
+    let zeros = bytes.iter().filter(|b| **b == 0).count();
+    if zeros > 0 && zeros * 3 > bytes.len() {
+        return Err(ReadError::Binary(
+            "UTF-16 without a byte order mark: save it as UTF-8",
+        ));
+    }
+    String::from_utf8(bytes).map_err(|e| ReadError::NoText(e.utf8_error().valid_up_to()))
+}
+
+fn utf16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> Result<String, ReadError> {
+    let (pairs, rest) = bytes.as_chunks::<2>();
+    let units: Vec<u16> = pairs.iter().copied().map(unit).collect();
+    match String::from_utf16(&units) {
+        Ok(text) if rest.is_empty() => Ok(text),
+        _ => Err(ReadError::Binary("broken UTF-16: save it as UTF-8")),
+    }
 }
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn utf16_is_read_with_its_mark_and_named_without() {
+        let text = "fn é() {}";
+        let little = |text: &str| -> Vec<u8> {
+            let units = text.encode_utf16();
+            units.flat_map(u16::to_le_bytes).collect()
+        };
+        let big = format!("\u{feff}{text}");
+        let big = big.encode_utf16().flat_map(u16::to_be_bytes).collect();
+        for bytes in [
+            text.as_bytes().to_vec(),
+            little(&format!("\u{feff}{text}")),
+            big,
+        ] {
+            assert_eq!(decode(bytes).unwrap(), text);
+        }
+        let unmarked = decode(little(text)).unwrap_err().to_string();
+        assert!(
+            unmarked.contains("UTF-16 without a byte order mark"),
+            "{unmarked}"
+        );
+        let mut cut = little(&format!("\u{feff}{text}"));
+        cut.pop();
+        assert!(matches!(decode(cut), Err(ReadError::Binary(_))));
+    }
 
     #[test]
     fn only_files_of_some_size_are_read() {
@@ -93,6 +171,10 @@ mod tests {
         assert!(matches!(read(&path), Err(ReadError::TooLarge(_))));
         std::fs::write(&path, b"ab\xff").unwrap();
         assert!(matches!(read(&path), Err(ReadError::NoText(2))));
+        assert!(matches!(
+            decode(b"glTF\x02".to_vec()),
+            Err(ReadError::Binary(_))
+        ));
         // A sparse file of one terabyte.
         File::create(&path).unwrap().set_len(1 << 40).unwrap();
         assert!(matches!(read(&path), Err(ReadError::TooLarge(_))));

@@ -385,6 +385,7 @@ fn layers(
     Scene {
         files: Vec::new(),
         is_made_up: false,
+        own_size: None,
         name: "handwritten".to_owned(),
         size,
         viewport: None,

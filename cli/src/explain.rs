@@ -9,13 +9,14 @@ use preshade::unstable::passes::PASSES;
 use preshade::unstable::passes::graph::Graph;
 use preshade::unstable::passes::pass::{Change, Facts, Frequency, Left, Refusal};
 use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::specialize::effects::Effect;
+use preshade::unstable::passes::specialize::effects::{self, CalledFor, Effect};
 use preshade::unstable::pipeline;
 use preshade::unstable::recipe::{Recipe, Step};
 use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
 use serde::Serialize;
 
 use crate::explained;
+use crate::guesses;
 use crate::input::{Materials, ShaderArgs};
 use crate::output;
 use crate::view::ViewArgs;
@@ -262,6 +263,7 @@ fn measured(
         .clone()
         .map_or(AdapterChoice::Best, AdapterChoice::Matching);
     let gpu = Gpu::with_trust(&choice, args.shader.limits.limits().trust())?;
+    guesses::tell(&scene);
     let scene = args.view.reduced(scene, &gpu, SOFTWARE_SIZE);
     let session = Session::sharing(&gpu, &scene, ShaderForm::Text)?;
     let bar = output::bar();
@@ -297,7 +299,7 @@ fn explain(
     steps: &[Step],
     facts: &Facts,
     frame: &[Plan],
-    effects: &[EffectUse],
+    uses: &[EffectUse],
     order: Order,
 ) -> Result<Explained, Failure> {
     let mut before = plan.clone();
@@ -307,24 +309,38 @@ fn explain(
         .filter(|f| f.material == plan.material)
         .cloned()
         .collect();
+    // One name at one place is one line, that with the least error for what it saves.
     frequencies.sort_by(|a, b| {
         let key = |f: &Frequency| f.flip_mean / f.cost.max(1.0);
         key(a).total_cmp(&key(b)).then(b.cost.total_cmp(&a.cost))
     });
-    let effects: Vec<EffectUse> = effects
+    let mut named = Vec::new();
+    frequencies.retain(|f| {
+        let name = (f.name.clone(), f.location.clone());
+        let is_new = !named.contains(&name);
+        named.push(name);
+        is_new
+    });
+    let uses: Vec<EffectUse> = uses
         .iter()
         .filter(|e| e.material == plan.material)
         .cloned()
         .collect();
-    let switches = match effects.is_empty() {
-        true => preshade::unstable::passes::specialize::effects::effects(plan, facts),
+    let switches = match uses.is_empty() {
+        true => effects::effects(plan, facts),
         false => Ok(Vec::new()),
     };
+    // A condition that is known, or that no value of the host decides, is no switch.
+    let is_switch = |e: &Effect| e.called_for == CalledFor::Open && e.name != effects::UNNAMED;
     Ok(Explained {
         frequencies,
         material: plan.material.clone(),
-        effects,
-        switches: switches.unwrap_or_default(),
+        effects: uses,
+        switches: switches
+            .unwrap_or_default()
+            .into_iter()
+            .filter(is_switch)
+            .collect(),
         stages: stages(plan),
         passes: steps
             .iter()

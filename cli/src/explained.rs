@@ -19,6 +19,8 @@ struct Offer<'e> {
     step: &'e str,
     what: &'e str,
     saved: Option<&'e Saved>,
+    /// Whether nothing is known yet about its error.
+    is_approximate: bool,
 }
 
 impl<'e> Offer<'e> {
@@ -28,6 +30,7 @@ impl<'e> Offer<'e> {
             step: &pass.pass,
             what: &change.what,
             saved: pass.saved.as_ref(),
+            is_approximate: false,
         });
         let within = || {
             let of = pass.within_budget.as_ref()?;
@@ -35,6 +38,7 @@ impl<'e> Offer<'e> {
                 step: &of.step,
                 what: &of.change.what,
                 saved: of.saved.as_ref(),
+                is_approximate: true,
             })
         };
         own.or_else(within)
@@ -74,9 +78,13 @@ pub fn brief(explained: &Explained) -> String {
     let widest = widest.max().unwrap_or(0);
     lines.extend(offers.iter().take(MOST_PASSES).map(|offer| {
         let step = offer.step;
+        let open = match offer.is_approximate {
+            true => "; `verify` measures whether its error is within the budget",
+            false => "",
+        };
         match offer.saved {
-            Some(saved) => format!("  {step:<widest$}  {saved}"),
-            None => format!("  {step:<widest$}  {}", shortened(offer.what)),
+            Some(saved) => format!("  {step:<widest$}  {saved}{open}"),
+            None => format!("  {step:<widest$}  {}{open}", first_part(offer.what)),
         }
     }));
     let more = offers.iter().skip(MOST_PASSES);
@@ -110,14 +118,9 @@ pub fn brief(explained: &Explained) -> String {
     lines.join("\n")
 }
 
-/// Longest description, in characters.
-const LONGEST: usize = 100;
-
-fn shortened(text: &str) -> String {
-    match text.char_indices().nth(LONGEST) {
-        Some((end, _)) => format!("{}..", text[..end].trim_end()),
-        None => text.to_owned(),
-    }
+/// The first part of a description in several, which are separated by semicolons.
+fn first_part(text: &str) -> &str {
+    text.split("; ").next().unwrap_or(text)
 }
 
 fn listed(what: &str, names: impl Iterator<Item = String>) -> Option<String> {
@@ -180,7 +183,7 @@ pub fn all(explained: &Explained, plan: &Plan) -> String {
             ));
         }
         for r in &p.refusals {
-            lines.push(indent(&refusal(r, plan)));
+            lines.push(indent(&refusal(&without_explain(r), plan)));
         }
         if let Some(within) = &p.within_budget {
             lines.push(format!("  with {}: {}", within.step, within.change.what));
@@ -308,6 +311,18 @@ fn indent(text: &str) -> String {
         .join("\n")
 }
 
+/// The refusal without advice to run `explain`, which is running.
+fn without_explain(refusal: &Refusal) -> Refusal {
+    let (kept, _) = refusal
+        .remedy
+        .split_once("`preshade explain` lists")
+        .unwrap_or((&refusal.remedy, ""));
+    Refusal {
+        remedy: kept.trim_end_matches([';', ' ']).to_owned(),
+        ..refusal.clone()
+    }
+}
+
 /// A refusal as a note on the author's source.
 pub fn refusal(refusal: &Refusal, plan: &Plan) -> String {
     let mut files = SimpleFiles::new();
@@ -325,11 +340,15 @@ pub fn refusal(refusal: &Refusal, plan: &Plan) -> String {
             at.range.start as usize..at.range.end as usize,
         ));
     }
+    let remedy = match refusal.remedy.is_empty() {
+        true => Vec::new(),
+        false => vec![format!("to make it legal: {}", refusal.remedy)],
+    };
     let diagnostic = Diagnostic::note()
         .with_code(format!("{}/{}", refusal.pass, refusal.code))
         .with_message(format!("does not apply: {}", refusal.reason))
         .with_labels(labels)
-        .with_notes(vec![format!("to make it legal: {}", refusal.remedy)]);
+        .with_notes(remedy);
     let config = term::Config::default();
     term::emit_into_string(&config, &files, &diagnostic)
         .map_or_else(|_| refusal.to_string(), |s| s.trim_end().to_owned())

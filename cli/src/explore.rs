@@ -19,10 +19,10 @@ use preshade::unstable::search::explore::{self, Journal, Settings};
 use crate::input::ShaderArgs;
 use crate::variants::VariantArgs;
 use crate::verify::{
-    FormArg, OrderArg, check_budget, check_folder, command, grouped, guesses, parse_seconds,
+    FormArg, OrderArg, check_budget, check_folder, command, grouped, parse_seconds,
 };
 use crate::view::ViewArgs;
-use crate::{Ending, Failure, Table, many, output};
+use crate::{Ending, Failure, Table, guesses, many, output};
 
 /// Arguments of `explore`.
 #[derive(clap::Args)]
@@ -37,7 +37,7 @@ Looks at ways to shade fewer fragments and at ways to compute less in one, alone
 of them together; drops on the way what another beats in both error and time, beyond the intervals;
 verifies what is left along every camera's path. With --out what was measured is kept: the same
 command again goes on where it ended, also after Ctrl-C.
-Exit status 1: a finalist broke its contract.")]
+Exit status 1: a finalist broke its contract. 3: nothing was measured but the original.")]
 pub struct ExploreArgs {
     /// Search only as far as this error: flip_mean, flip_p99 or max_abs. It is the metric of the
     /// frontier too; default: flip_mean, without an end.
@@ -147,11 +147,6 @@ fn one(args: &ExploreArgs, shader: &ShaderArgs, out: Option<&Path>) -> Result<En
         scene.orders = vec![DrawOrder::from(order)];
     }
     check_budget(&scene, args.budget)?;
-    if !shader.is_scene()
-        && let Some(note) = guesses(&scene)
-    {
-        output::message(&note);
-    }
     let effects = measure::effects(&scene).unwrap_or_default();
     // Without a list of recipes, the search tries to specialise.
     scene = match sweeps.is_empty() {
@@ -168,6 +163,7 @@ fn one(args: &ExploreArgs, shader: &ShaderArgs, out: Option<&Path>) -> Result<En
         .clone()
         .map_or(AdapterChoice::Best, AdapterChoice::Matching);
     let gpu = Gpu::with_trust(&choice, args.shader.limits.limits().trust())?;
+    guesses::tell(&scene);
     scene = args.view.reduced(scene, &gpu, SOFTWARE_SIZE);
     let mut journal = match out {
         None => Journal::new(),
@@ -253,6 +249,7 @@ fn one(args: &ExploreArgs, shader: &ShaderArgs, out: Option<&Path>) -> Result<En
     });
     Ok(match broken {
         true => Ending::ContractBroken,
+        false if report::frontier::is_unmeasured(exploration) => Ending::NotMeasured,
         false => Ending::Fine,
     })
 }

@@ -376,7 +376,11 @@ impl ShaderArgs {
         }
         front::parse(&self.sources()?, &self.options()?).map_err(|e| {
             let mut told = e.render(color());
-            if self.files.len() > 2 {
+            let two_materials = matches!(
+                e.code(),
+                front::Code::Link | front::Code::Sources | front::Code::AmbiguousEntryPoint
+            );
+            if self.files.len() > 2 || self.files.len() == 2 && two_materials {
                 told = format!("{}\n = {EACH_ITS_OWN}", told.trim_end());
             }
             Failure(told)
@@ -423,7 +427,7 @@ impl ShaderArgs {
                 .map_err(|e| Failure(format!("error: stdin: {e}")))?;
             return Ok(Source {
                 name: "<stdin>".to_owned(),
-                text: utf8(bytes, "stdin")?,
+                text: text(bytes, "stdin")?,
                 language,
                 // Without an ending, the first of two files is the vertex stage.
                 stage: (self.files.len() == 2).then_some(match index {
@@ -447,7 +451,7 @@ impl ShaderArgs {
                 path.display()
             )));
         };
-        let text = utf8(bytes, &name)?;
+        let text = text(bytes, &name)?;
         Ok(Source {
             name,
             text,
@@ -503,13 +507,8 @@ pub fn unread(path: &Path, error: &regular::ReadError) -> Failure {
     Failure(format!("error: {}: {error}{remedy}", path.display()))
 }
 
-fn utf8(bytes: Vec<u8>, name: &str) -> Result<String, Failure> {
-    String::from_utf8(bytes).map_err(|e| {
-        Failure(format!(
-            "error: {name}: not UTF-8 text (byte {})",
-            e.utf8_error().valid_up_to()
-        ))
-    })
+fn text(bytes: Vec<u8>, name: &str) -> Result<String, Failure> {
+    regular::decode(bytes).map_err(|e| Failure(format!("error: {name}: {e}")))
 }
 
 fn color() -> front::Color {

@@ -28,6 +28,8 @@ mod explain;
 mod explained;
 mod explore;
 mod graph;
+mod guesses;
+mod hints;
 mod input;
 mod keeper;
 mod kept;
@@ -70,7 +72,7 @@ Data goes to stdout, messages to stderr. A flag overrides the environment (PRESH
 --adapter; `;` separates several values), and the environment overrides preshade.toml
 (adapter = \"llvmpipe\", or [verify] and then frames = 4). --FLAG=false resets a switch.
 Exit status: 0 fine (also if a pass is refused: it is skipped), 1 a variant broke its contract, 2
-bad usage or input, 3 (`verify` alone) not measured: no verdict depends on what was drawn."
+bad usage or input, 3 (`verify`, `explore`) not measured: no verdict depends on what was drawn."
 )]
 struct Cli {
     #[command(subcommand)]
@@ -409,13 +411,14 @@ fn read(arguments: &Arguments) -> Result<CommandLine, Failure> {
     };
     let mut command = config.apply(command_line());
     let usage = |error: clap::Error| {
+        let (error, hint) = hints::of(error);
         let text = match color_on_stderr() {
             true => error.render().ansi().to_string(),
             false => error.render().to_string(),
         };
         let from = config.explained(&error, arguments);
         let from = from.map_or(String::new(), |from| format!("\n = {from} says so"));
-        Failure(format!("{}{from}", text.trim_end()))
+        Failure(format!("{}{hint}{from}", text.trim_end()))
     };
     let matches = command
         .try_get_matches_from_mut(&arguments.words)

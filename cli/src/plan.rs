@@ -23,6 +23,7 @@ use preshade::unstable::search::plan::{
     self as decide, Decision, Exhausted, Hold, Model, RegretReport, SceneSoFar, Settings, Timed,
 };
 
+use crate::guesses;
 use crate::input::unread;
 use crate::kept::{KeptScenes, reopened};
 use crate::limits::LimitArgs;
@@ -30,7 +31,7 @@ use crate::lock::{self, Locks};
 use crate::many;
 use crate::output::{self, ProgressLine};
 use crate::rewrite::check_name;
-use crate::verify::{OrderArg, check_budget, check_folder, guesses, parse_frames, parse_seconds};
+use crate::verify::{OrderArg, check_budget, check_folder, parse_frames, parse_seconds};
 use crate::view::ViewArgs;
 use crate::{Ending, Failure, Table};
 
@@ -245,6 +246,7 @@ fn one(
         true => Some(Locks::read(&scene)?),
         false => None,
     };
+    guesses::tell(&scene);
     let effects = measure::effects(&scene).unwrap_or_default();
     let scene = grouped(args, scene)?;
     let settings = settings(args, model);
@@ -440,7 +442,7 @@ fn prepare(
     bar: &ProgressLine,
 ) -> Result<(Vec<Recipe>, Facts), Failure> {
     bar.set_message("looking for depth ties");
-    let mut facts = measure::facts(session)?;
+    let mut facts = measure::facts_for_choice(session)?;
     let mut recipes = decide::recipes(args.budget)?;
     if session.scene().is_made_up {
         // Errors measured with made-up values choose nothing.
@@ -497,11 +499,7 @@ fn scene(args: &PlanArgs, path: &Path) -> Result<Scene, Failure> {
             };
             let parsed = front::parse(&[Source::new(&name, text)], &options)
                 .map_err(|e| Failure(e.render(color)))?;
-            let made_up = scene::synthesise(parsed, MaterialState::default());
-            if let Some(note) = guesses(&made_up) {
-                output::message(&note);
-            }
-            made_up
+            scene::synthesise(parsed, MaterialState::default())
         }
     };
     check_budget(&scene, args.budget)?;

@@ -162,7 +162,7 @@ pub fn run(args: &RewriteArgs, config: Option<&Path>) -> Result<Ending, Failure>
     }
     if nowhere && args.depfile.is_some() {
         return Err(Failure(
-            "error: --depfile tells what files rest on: say with -o DIR where they are".to_owned(),
+            "error: --depfile lists what files depend on: give their folder with -o DIR".to_owned(),
         ));
     }
     for pass in &args.print_after {
@@ -425,8 +425,17 @@ fn make(
         made.messages.extend(messages);
         made.messages.extend(unmeasured(&plan));
         for note in &plan.notes {
+            // Of several materials, each has a part of the values that `carry` names.
+            let is_stale = note.starts_with("`carry` names") && materials.asked.len() == 1;
+            let (level, advice) = match is_stale {
+                true => (
+                    "warning",
+                    "; the shader was edited since: choose again with `verify`",
+                ),
+                false => ("note", ""),
+            };
             made.messages
-                .push(format!("note: `{}`: {note}", plan.material));
+                .push(format!("{level}: `{}`: {note}{advice}", plan.material));
         }
         let validation = args.validate.then(|| {
             made.times.took(u8::MAX - 1, "validate", || {

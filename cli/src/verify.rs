@@ -15,10 +15,11 @@ use preshade::unstable::passes::pass::{Facts, Use};
 use preshade::unstable::recipe::Recipe;
 use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
 use preshade::unstable::report;
-use preshade::unstable::scene::{self, DrawOrder, Scene, Variables};
+use preshade::unstable::scene::{DrawOrder, Scene, Variables};
 use preshade::unstable::sweep::Sweep;
 
 use crate::apart::{apart, resumed};
+use crate::guesses;
 use crate::input::ShaderArgs;
 use crate::keeper::Keeper;
 use crate::many::{self, Job};
@@ -254,11 +255,6 @@ pub fn run(args: &VerifyArgs) -> Result<Ending, Failure> {
     for dir in args.out.as_deref().into_iter().chain(shared) {
         check_folder(dir)?;
     }
-    if !args.shader.is_scene()
-        && let Some(note) = guesses(&first)
-    {
-        output::message(&note);
-    }
     for material in &first.materials {
         for note in material.plan().notes {
             output::message(&format!("note: `{}`: {note}", material.name));
@@ -277,13 +273,14 @@ pub fn run(args: &VerifyArgs) -> Result<Ending, Failure> {
             ));
         }
         (true, None) => {
+            guesses::tell(&first);
             let outcome = apart(&recipes(&sweeps), args.budget, &limits, &mut keeper)?;
             (outcome, Vec::new())
         }
         (false, Some(axis)) => {
             return swept(
                 args,
-                &Opened::new(args)?,
+                &Opened::new(args, &first)?,
                 &first,
                 axis,
                 &sweeps,
@@ -292,7 +289,7 @@ pub fn run(args: &VerifyArgs) -> Result<Ending, Failure> {
             );
         }
         (false, None) => {
-            let opened = Opened::new(args)?;
+            let opened = Opened::new(args, &first)?;
             let measured = measured(args, &opened.0, &first, &sweeps, &bar, &mut keeper);
             let (outcome, variants) = match measured {
                 Ok(measured) => measured,
@@ -336,8 +333,13 @@ pub fn open(args: &VerifyArgs) -> Result<Gpu, Failure> {
 }
 
 impl Opened {
-    fn new(args: &VerifyArgs) -> Result<Self, Failure> {
-        open(args).map(Self)
+    /// Opens it, and then tells what of the scene is made up.
+    fn new(args: &VerifyArgs, scene: &Scene) -> Result<Self, Failure> {
+        let gpu = open(args)?;
+        if worker::mine().is_none() {
+            guesses::tell(scene);
+        }
+        Ok(Self(gpu))
     }
 
     /// Leaks a lost device: closing one that hangs may hang.
@@ -648,23 +650,6 @@ pub fn check_budget(scene: &Scene, budget: Option<Budget>) -> Result<(), Failure
         )),
         _ => Ok(()),
     }
-}
-
-/// The guessed inputs of a synthesised scene.
-pub fn guesses(scene: &Scene) -> Option<String> {
-    let guessed = scene::bind::guessed(scene);
-    let widest = guessed.iter().map(|g| g.name.len()).max()?;
-    let mut lines = vec![format!(
-        "note: a scene was made up for `{}`, with these inputs guessed (a scene file says them: \
-         docs/reference/scenes.md)",
-        scene.name
-    )];
-    lines.extend(
-        guessed
-            .iter()
-            .map(|g| format!("  {:<widest$}  {}", g.name, g.guess)),
-    );
-    Some(lines.join("\n"))
 }
 
 /// The scene of `shader`, with the requested settings.

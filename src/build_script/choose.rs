@@ -275,9 +275,9 @@ impl Seen<'_> {
         let why = match (contract.budgets().first(), given) {
             (Some(budget), _) => format!("it promises no more than {budget}"),
             (None, Some(Assumption::NoDepthTies)) => {
-                "it rests on there being no depth ties".to_owned()
+                "it depends on there being no depth ties".to_owned()
             }
-            (None, Some(_)) => "it rests on the numbers of a scene".to_owned(),
+            (None, Some(_)) => "it depends on the numbers of a scene".to_owned(),
             (None, None) => return None,
         };
         let remedy = match (name, given) {

@@ -228,7 +228,8 @@ impl Drawn {
             let file = self.files.iter().find(|f| f.name == name);
             let text = file.map(|f| String::from_utf8_lossy(&f.bytes));
             // The emitter has read it back before.
-            let module = text.map(|text| naga::front::wgsl::parse_str(&text));
+            let module = text
+                .map(|text| naga::front::wgsl::parse_str(&crate::wgsl::subgroups::without(&text)));
             let Some(Ok(module)) = module else {
                 return Err(format!("{name} cannot be read"));
             };

@@ -17,6 +17,10 @@ refusals! {
          languages.",
         "A material is one file, or a vertex and a fragment file. `rewrite --out-dir` takes \
          many materials.";
+    FOREIGN = "foreign":
+        "The file is no material in WGSL or GLSL: it is in another language, or an engine adds \
+         what it lacks.",
+        "Translate it, or capture the text that the engine compiles. The message says how.";
     UNSUPPORTED = "unsupported":
         "The file needs a feature that this build of preshade does not have.",
         "The message names the feature. Leave it out, or install a build that has it.";

@@ -105,7 +105,10 @@ pub(super) fn stage_name(stage: ShaderStage) -> &'static str {
     match stage {
         ShaderStage::Vertex => "vertex",
         ShaderStage::Fragment => "fragment",
-        _ => "other",
+        ShaderStage::Compute => "compute",
+        ShaderStage::Task => "task",
+        ShaderStage::Mesh => "mesh",
+        _ => "ray tracing",
     }
 }
 

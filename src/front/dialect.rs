@@ -41,9 +41,16 @@ impl Dialect {
             let line = line.trim_start();
             words.iter().any(|w| line.starts_with(w)) || line.contains("#{")
         };
-        match source.text.lines().any(is_directive) {
-            true => Self::NagaOil,
-            false => Self::Plain,
+        // In WGSL, no line begins with this word.
+        let is_import = |line: &str| line.starts_with("import ");
+        match source
+            .text
+            .lines()
+            .find(|l| is_directive(l) || is_import(l))
+        {
+            Some(line) if is_import(line) => Self::Wesl,
+            Some(_) => Self::NagaOil,
+            None => Self::Plain,
         }
     }
 }
@@ -84,6 +91,40 @@ pub(super) fn not_built(source: &Source, language: &str, feature: &str) -> Error
         ),
     )
     .note(format!("build preshade with the feature `{feature}`"))
+}
+
+/// The error of an import that no file provides, labelled at the line that names it first. The
+/// source is alone in the error's source map.
+#[cfg(any(feature = "naga-oil", feature = "wesl"))]
+pub(super) fn no_module(source: &Source, module: &str, options: &Options) -> Error {
+    let package = module.split("::").next().unwrap_or(module);
+    let mut start = 0;
+    let lines = source.text.split_inclusive('\n').map(|line| {
+        start += line.len();
+        (start - line.len(), line.trim_end())
+    });
+    let names = |line: &str| line.contains("import ") && line.contains(package);
+    let at = lines.into_iter().find(|(_, line)| names(line));
+    let span = at.map(|(at, line)| naga::Span::new(at as u32, (at + line.len()) as u32));
+    let folders: Vec<String> = options
+        .include
+        .iter()
+        .map(|f| format!("`{}`", f.display()))
+        .collect();
+    let searched = match folders.is_empty() {
+        true => "searched: the file's own folder".to_owned(),
+        false => format!("searched: the file's own folder, {}", folders.join(", ")),
+    };
+    let error = Error::new(Code::Parse, format!("there is no module `{module}`"))
+        .label_if(span)
+        .note(format!("{searched}; --include DIR adds a folder"));
+    match package.starts_with("bevy") {
+        true => error.note(format!(
+            "`{package}` is a crate of Bevy: --include its folder in cargo's registry, and give \
+             the definitions of Bevy's pipeline (docs/reference/wgsl-dialects.md)"
+        )),
+        false => error,
+    }
 }
 
 /// Whether tools generated the folder: a cache (`CACHEDIR.TAG`) or a build script's `OUT_DIR`.

@@ -28,21 +28,7 @@ pub(super) fn choose(
         sources,
     )?
     else {
-        let others: Vec<String> = module
-            .entry_points
-            .iter()
-            .map(|e| format!("`{}` ({:?})", e.name, e.stage))
-            .collect();
-        let error = Error::new(Code::NoEntryPoint, "there is no vertex entry point");
-        return Err(if others.is_empty() {
-            error.note("mark a function with @vertex, or add the vertex file")
-        } else {
-            error.note(format!(
-                "there is {}; add the vertex stage in another file or, in WGSL, as a function \
-                 marked @vertex",
-                others.join(", ")
-            ))
-        });
+        return Err(no_vertex(module, sources));
     };
     let fragment = one(
         module,
@@ -51,6 +37,34 @@ pub(super) fn choose(
         sources,
     )?;
     Ok(Entries { vertex, fragment })
+}
+
+/// The error of a module without a vertex stage.
+fn no_vertex(module: &Module, sources: &SourceMap) -> Error {
+    let entries = || module.entry_points.iter();
+    let is_of_material = |stage| matches!(stage, ShaderStage::Vertex | ShaderStage::Fragment);
+    let other = entries().find(|e| !is_of_material(e.stage));
+    if let Some(other) = other.filter(|_| !entries().any(|e| is_of_material(e.stage))) {
+        let (name, stage) = (&other.name, stage_name(other.stage));
+        return Error::new(
+            Code::NoEntryPoint,
+            format!("{stage} shaders are not materials, and `{name}` is one"),
+        )
+        .label_if(entry_point(sources, other.stage, name))
+        .note("preshade moves work between the vertex and the fragment stage of a material");
+    }
+    let others: Vec<String> = entries()
+        .map(|e| format!("`{}` ({:?})", e.name, e.stage))
+        .collect();
+    let error = Error::new(Code::NoEntryPoint, "there is no vertex entry point");
+    match others.is_empty() {
+        true => error.note("mark a function with @vertex, or add the vertex file"),
+        false => error.note(format!(
+            "there is {}; add the vertex stage in another file or, in WGSL, as a function marked \
+             @vertex",
+            others.join(", ")
+        )),
+    }
 }
 
 fn one(
@@ -167,6 +181,51 @@ fn distance(a: &str, b: &str) -> usize {
 pub(super) fn names(module: &Module) -> Vec<(ShaderStage, String)> {
     let entries = module.entry_points.iter();
     entries.map(|e| (e.stage, e.name.clone())).collect()
+}
+
+/// A bound variable.
+pub(super) struct Bound {
+    at: naga::ResourceBinding,
+    name: String,
+    span: naga::Span,
+}
+
+/// The bound variables of a module.
+pub(super) fn bound(module: &Module) -> Vec<Bound> {
+    let globals = module.global_variables.iter();
+    let bound = globals.filter_map(|(handle, global)| {
+        Some(Bound {
+            at: global.binding?,
+            name: global.name.clone().unwrap_or_default(),
+            span: module.global_variables.get_span(handle),
+        })
+    });
+    bound.collect()
+}
+
+/// Names both variables where a stage uses two at one binding. naga labels the second alone.
+pub(super) fn name_clash(error: Error, bound: &[Bound]) -> Error {
+    if !error.message().contains("conflict with other resource") {
+        return error;
+    }
+    let labelled = |b: &&Bound| error.labels().iter().any(|l| l.span == b.span);
+    let Some(second) = bound.iter().find(labelled) else {
+        return error;
+    };
+    let same = |b: &&Bound| b.at == second.at && b.span != second.span;
+    let Some(first) = bound.iter().find(same) else {
+        return error;
+    };
+    Error::new(
+        Code::Invalid,
+        format!(
+            "one stage uses `{}` and `{}`, and both have group {} binding {}",
+            first.name, second.name, second.at.group, second.at.binding
+        ),
+    )
+    .label(second.span, "")
+    .label(first.span, "")
+    .note("give one of them another number")
 }
 
 /// Labels a validation error that names an entry point without a span.

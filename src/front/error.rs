@@ -21,6 +21,8 @@ pub enum Code {
     UnknownStage,
     /// The sources do not make one material, such as two fragment files.
     Sources,
+    /// The file is in another language, or an engine completes it.
+    Foreign,
     /// The language needs a feature that this build lacks.
     Unsupported,
     /// The parser rejected the text.
@@ -51,6 +53,7 @@ impl Code {
             Self::UnknownLanguage => &codes::UNKNOWN_LANGUAGE,
             Self::UnknownStage => &codes::UNKNOWN_STAGE,
             Self::Sources => &codes::SOURCES,
+            Self::Foreign => &codes::FOREIGN,
             Self::Unsupported => &codes::UNSUPPORTED,
             Self::Parse => &codes::PARSE,
             Self::Invalid => &codes::INVALID,
@@ -140,7 +143,8 @@ impl Error {
 
     /// Converts naga's validation error.
     pub(crate) fn invalid(invalid: &Invalid) -> Self {
-        let mut error = Self::new(Code::Invalid, without_handles(&invalid.message));
+        let message = in_wgsl(without_handles(&invalid.message));
+        let mut error = Self::new(Code::Invalid, message);
         for (span, text) in &invalid.labels {
             // naga labels spans with handles (`naga::ir::Expression [12]`), which mean nothing to
             // an author.
@@ -243,6 +247,69 @@ impl std::fmt::Display for Error {
 
 impl std::error::Error for Error {}
 
+/// naga's names of scalar kinds, and WGSL's.
+const SCALARS: [(&str, &str, u32); 8] = [
+    ("Float", "f16", 2),
+    ("Float", "f32", 4),
+    ("Float", "f64", 8),
+    ("Sint", "i32", 4),
+    ("Sint", "i64", 8),
+    ("Uint", "u32", 4),
+    ("Uint", "u64", 8),
+    ("Bool", "bool", 1),
+];
+
+/// naga's names of operators, and WGSL's.
+const OPERATORS: [(&str, &str); 18] = [
+    ("Add", "+"),
+    ("Subtract", "-"),
+    ("Multiply", "*"),
+    ("Divide", "/"),
+    ("Modulo", "%"),
+    ("Equal", "=="),
+    ("NotEqual", "!="),
+    ("Less", "<"),
+    ("LessEqual", "<="),
+    ("Greater", ">"),
+    ("GreaterEqual", ">="),
+    ("And", "&"),
+    ("ExclusiveOr", "^"),
+    ("InclusiveOr", "|"),
+    ("LogicalAnd", "&&"),
+    ("LogicalOr", "||"),
+    ("ShiftLeft", "<<"),
+    ("ShiftRight", ">>"),
+];
+
+/// Writes types and operators, which naga prints as Rust data, as WGSL does.
+fn in_wgsl(mut message: String) -> String {
+    const SIZES: [(&str, u32); 3] = [("Bi", 2), ("Tri", 3), ("Quad", 4)];
+    for (kind, scalar, width) in SCALARS {
+        let rust = format!("Scalar {{ kind: {kind}, width: {width} }}");
+        if !message.contains(&rust) {
+            continue;
+        }
+        message = message
+            .replace(&format!("Scalar({rust})"), scalar)
+            .replace(&rust, scalar);
+        for (size, rows) in SIZES {
+            let rust = format!("Vector {{ size: {size}, scalar: {scalar} }}");
+            message = message.replace(&rust, &format!("vec{rows}<{scalar}>"));
+            for (side, columns) in SIZES {
+                let rust = format!("Matrix {{ columns: {side}, rows: {size}, scalar: {scalar} }}");
+                message = message.replace(&rust, &format!("mat{columns}x{rows}<{scalar}>"));
+            }
+        }
+    }
+    for (rust, sign) in OPERATORS {
+        message = message.replace(
+            &format!("Operation {rust} can't work"),
+            &format!("`{sign}` can't work"),
+        );
+    }
+    message.replace("(of type ", "(")
+}
+
 /// Removes naga's handle numbers from a message: ` [43]`.
 fn without_handles(message: &str) -> String {
     let mut out = String::with_capacity(message.len());
@@ -272,4 +339,20 @@ fn printable(text: &str) -> String {
         }
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn types_and_operators_are_written_as_in_wgsl() {
+        let naga = "Operation Less can't work with [4] (of type Vector { size: Quad, scalar: \
+                    Scalar { kind: Float, width: 4 } }) and [5] (of type Scalar(Scalar { kind: \
+                    Float, width: 4 }))";
+        assert_eq!(
+            in_wgsl(without_handles(naga)),
+            "`<` can't work with (vec4<f32>) and (f32)"
+        );
+    }
 }

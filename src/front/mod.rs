@@ -15,6 +15,7 @@ mod entry;
 mod error;
 #[cfg(feature = "glsl")]
 mod fall_through;
+mod foreign;
 #[cfg(feature = "glsl")]
 mod global_parameters;
 #[cfg(feature = "glsl")]
@@ -165,7 +166,14 @@ pub struct Parsed {
 /// # Errors
 /// Any error in the text, with labels on it; see [`Code`]. A panic in naga becomes [`Code::Panic`].
 pub fn parse(sources: &[Source], options: &Options) -> Result<Parsed, Error> {
-    let translated = sources.iter().map(|source| translated(source, options));
+    let translated = sources.iter().map(|source| {
+        translated(source, options).map_err(|error| {
+            let mut map = SourceMap::new();
+            let base = map.add(&source.name, &source.text);
+            foreign::named(error, std::slice::from_ref(source), &[base])
+                .with_sources(&Arc::new(map))
+        })
+    });
     let translated = translated.collect::<Result<Vec<_>, _>>()?;
     let (plain, origins): (Vec<Cow<'_, Source>>, Vec<CompiledFrom>) =
         translated.into_iter().unzip();
@@ -182,7 +190,7 @@ pub fn parse(sources: &[Source], options: &Options) -> Result<Parsed, Error> {
         searched.for_each(|searched| map.add_searched(searched));
     }
     let (parsed, map) = parse_mapped(sources, &bases, map, options);
-    parsed.map_err(|e| e.with_sources(&map))
+    parsed.map_err(|e| foreign::named(e, sources, &bases).with_sources(&map))
 }
 
 /// Compiles naga_oil's dialect or WESL to WGSL. Other sources are returned unchanged.
@@ -356,8 +364,11 @@ fn assemble(
     let entries = entry::choose(&module, options, map)?;
     entry::check_interface(&module, &entries, map)?;
     let names = entry::names(&module);
-    let program = Program::new(module, Arc::clone(map), language)
-        .map_err(|invalid| entry::locate_invalid(Error::invalid(&invalid), &names, map))?;
+    let bound = entry::bound(&module);
+    let program = Program::new(module, Arc::clone(map), language).map_err(|invalid| {
+        let error = entry::locate_invalid(Error::invalid(&invalid), &names, map);
+        entry::name_clash(error, &bound)
+    })?;
     entry::check_bindings(&program, &entries).map_err(|e| e.with_sources(map))?;
     Ok(Parsed {
         program: program.with_declared(declared),

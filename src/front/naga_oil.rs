@@ -17,12 +17,14 @@ use std::sync::Arc;
 use naga::valid::Capabilities;
 use naga::{Module, TypeInner, compact};
 use naga_oil::compose::{
-    ComposableModuleDescriptor, Composer, ComposerError, NagaModuleDescriptor, ShaderDefValue,
-    get_preprocessor_data,
+    ComposableModuleDescriptor, Composer, ComposerError, ComposerErrorInner, NagaModuleDescriptor,
+    ShaderDefValue, get_preprocessor_data,
 };
 use preshade_passes::program::{Language, Program, Searched, Wanted};
 
-use super::dialect::{Compiled, CompiledFrom, Defined, beside, definitions, files_below, path_of};
+use super::dialect::{
+    Compiled, CompiledFrom, Defined, beside, definitions, files_below, no_module, path_of,
+};
 use super::error::{Code, Error};
 use super::{Options, Source};
 use crate::wgsl::{self, WgslError};
@@ -139,10 +141,19 @@ fn compose(source: &Source, options: &Options) -> Result<(Module, CompiledFrom),
     let made = library.composer.make_naga_module(NagaModuleDescriptor {
         source: &source.text,
         file_path: &source.name,
-        shader_defs: defines,
+        shader_defs: defines.clone(),
         ..NagaModuleDescriptor::default()
     });
-    let mut module = made.map_err(|e| library.error(&source.name, &e))?;
+    let mut module = made.map_err(|e| match &e.inner {
+        ComposerErrorInner::ImportNotFound(module, _) => no_module(source, module, options),
+        inner => {
+            let is_syntax = matches!(inner, ComposerErrorInner::WgslParseError(_));
+            match undefined(&source.text, &defines).filter(|_| is_syntax) {
+                Some(name) => not_defined(source, name),
+                None => library.error(&source.name, &e),
+            }
+        }
+    })?;
     plain_names(&mut module);
     compact::compact(&mut module, compact::KeepUnused::No);
     let origin = CompiledFrom {
@@ -151,6 +162,42 @@ fn compose(source: &Source, options: &Options) -> Result<(Module, CompiledFrom),
         searched: vec![searched],
     };
     Ok((module, origin))
+}
+
+/// The first `#{NAME}` that nothing defines, as the text of `NAME`. The composer would leave it, and
+/// the parser would complain about `#`.
+fn undefined<'t>(text: &'t str, defines: &HashMap<String, ShaderDefValue>) -> Option<&'t str> {
+    let own = |name: &str| {
+        let mut lines = text.lines();
+        lines.any(|l| {
+            l.trim_start()
+                .strip_prefix("#define ")
+                .is_some_and(|rest| rest.split_whitespace().next() == Some(name))
+        })
+    };
+    let mut uses = text
+        .split("#{")
+        .skip(1)
+        .filter_map(|rest| rest.split_once('}'));
+    let name = uses.find(|(name, _)| !defines.contains_key(*name) && !own(name));
+    name.map(|(name, _)| name)
+}
+
+/// The error of a `#{NAME}` that nothing defines.
+fn not_defined(source: &Source, name: &str) -> Error {
+    let written = format!("#{{{name}}}");
+    let at = source.text.find(&written).unwrap_or_default();
+    let span = naga::Span::new(at as u32, (at + written.len()) as u32);
+    let error = Error::new(Code::Parse, format!("`{name}` is not defined"))
+        .label(span, "")
+        .note(format!("give its value: --define {name}=3, say"));
+    match name {
+        "MATERIAL_BIND_GROUP" => error.note(
+            "Bevy's pipeline sets this and other definitions: docs/reference/wgsl-dialects.md \
+             lists them",
+        ),
+        _ => error,
+    }
 }
 
 /// Where a module's file is, nearest first.

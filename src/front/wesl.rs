@@ -12,9 +12,14 @@ use std::path::{Path, PathBuf};
 
 use preshade_passes::program::{Searched, Wanted};
 use wesl::syntax::PathOrigin;
-use wesl::{CompileOptions, EscapeMangler, Feature, Features, ModulePath, ResolveError, Resolver};
+use wesl::{
+    CompileOptions, EscapeMangler, Feature, Features, ImportError, ModulePath, ResolveError,
+    Resolver,
+};
 
-use super::dialect::{Compiled, CompiledFrom, Defined, beside, definitions, path_of, text_within};
+use super::dialect::{
+    Compiled, CompiledFrom, Defined, beside, definitions, no_module, path_of, text_within,
+};
 use super::error::{Code, Error};
 use super::{Options, Source};
 
@@ -50,6 +55,9 @@ pub(super) fn compile(source: &Source, options: &Options) -> Result<Compiled, Er
     };
     let compiled = wesl::compile_sourcemap(&path, &resolver, &EscapeMangler, &compile);
     let text = compiled.map(|c| c.to_string()).map_err(|e| {
+        if let Some(module) = missing(&e) {
+            return no_module(source, &module.to_string(), options);
+        }
         let message = without_colors(&e.to_string());
         let first = message.lines().next().unwrap_or_default();
         Error::new(Code::Parse, format!("{}: {first}", source.name)).note(message.clone())
@@ -73,6 +81,21 @@ pub(super) fn compile(source: &Source, options: &Options) -> Result<Compiled, Er
             .collect(),
     };
     Ok(Compiled { text, origin })
+}
+
+/// The module that was not found, if that is the error.
+fn missing(error: &wesl::Error) -> Option<&ModulePath> {
+    match error {
+        wesl::Error::ResolveError(e) | wesl::Error::ImportError(ImportError::ResolveError(e)) => {
+            match e {
+                ResolveError::ModuleNotFound(path, _) => Some(path),
+                ResolveError::Error(within) => missing(&within.error),
+                ResolveError::FileNotFound(..) => None,
+            }
+        }
+        wesl::Error::Error(within) => missing(&within.error),
+        _ => None,
+    }
 }
 
 fn shown(paths: &[PathBuf]) -> Vec<String> {

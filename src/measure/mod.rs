@@ -56,7 +56,8 @@ pub use ranges::ranges;
 pub use rasterizer::rasterizer;
 pub use session::Session;
 pub use shading::{
-    CountProgram, Counter, Discarded, Shading, ShadingSummary, facts, removed_discard,
+    CountProgram, Counter, Discarded, Shading, ShadingSummary, facts, facts_for_choice,
+    removed_discard,
 };
 pub use shadow::ShadowReport;
 pub use subject::Subject;

@@ -184,6 +184,7 @@ fn scene(material: Material, triangle: &[[f32; 3]; 3]) -> Scene {
     Scene {
         files: Vec::new(),
         is_made_up: false,
+        own_size: None,
         name: "rasterizer".to_owned(),
         size: [SIZE; 2],
         viewport: None,

@@ -241,6 +241,47 @@ fn counted(
 ///
 /// As [`Prepared::new`].
 pub fn facts(session: &Session<'_>) -> Result<Facts, Error> {
+    let (ties, undiscarded) = depth_ties(session)?;
+    // The real scene may have what a made-up one lacks.
+    let evidence = |n: &u64| *n > 0 || !session.scene().is_made_up;
+    Ok(Facts {
+        depth_ties: Some(ties).filter(evidence),
+        undiscarded_depth_ties: Some(undiscarded).filter(evidence),
+        near_plane_pixels: near_plane_pixels(session)?.filter(evidence),
+        vertices_per_fragment: vertices_per_fragment(session)?,
+        // Of an adapter that does not show it the usual is taken.
+        rasterizer: super::rasterizer(session.gpu()).ok(),
+        ..super::known(session.scene())
+    })
+}
+
+/// [`facts`] for a choice that is shipped: if the scene was made smaller, depth ties are counted at
+/// its own size too. A smaller picture has fewer pixels in which surfaces can tie.
+///
+/// # Errors
+/// As [`facts`].
+pub fn facts_for_choice(session: &Session<'_>) -> Result<Facts, Error> {
+    let facts = facts(session)?;
+    let scene = session.scene();
+    let pixels = |size: [u32; 2]| size.map(u64::from).iter().product::<u64>();
+    let larger = scene
+        .own_size
+        .filter(|own| pixels(*own) > pixels(scene.size));
+    let Some(own) = larger.filter(|_| !scene.is_made_up) else {
+        return Ok(facts);
+    };
+    let whole = scene.clone().resized(own);
+    let (ties, undiscarded) = depth_ties(&Session::new(session.gpu(), &whole, session.form())?)?;
+    let most = |here: Option<u64>, there: u64| here.map(|n| n.max(there));
+    Ok(Facts {
+        depth_ties: most(facts.depth_ties, ties),
+        undiscarded_depth_ties: most(facts.undiscarded_depth_ties, undiscarded),
+        ..facts
+    })
+}
+
+/// Depth ties over every frame of every camera, without and with the fragments that are discarded.
+fn depth_ties(session: &Session<'_>) -> Result<(u64, u64), Error> {
     let (inputs, plans, form) = (session.inputs(), session.originals(), session.form());
     let counter = |discarded| Counter::ties(inputs, plans, form, discarded, counting);
     let mut kept = counter(Discarded::LeftOut)?;
@@ -259,17 +300,7 @@ pub fn facts(session: &Session<'_>) -> Result<Facts, Error> {
             None => here,
         };
     }
-    // The real scene may have what a made-up one lacks.
-    let evidence = |n: &u64| *n > 0 || !session.scene().is_made_up;
-    Ok(Facts {
-        depth_ties: Some(ties).filter(evidence),
-        undiscarded_depth_ties: Some(undiscarded).filter(evidence),
-        near_plane_pixels: near_plane_pixels(session)?.filter(evidence),
-        vertices_per_fragment: vertices_per_fragment(session)?,
-        // Of an adapter that does not show it the usual is taken.
-        rasterizer: super::rasterizer(session.gpu()).ok(),
-        ..super::known(session.scene())
-    })
+    Ok((ties, undiscarded))
 }
 
 /// Whether a material's main pass may discard.

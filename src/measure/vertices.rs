@@ -186,7 +186,7 @@ fn by_location<F: Number>(
 pub fn said(stuck: Stuck) -> String {
     match stuck {
         Stuck::Undecided(_) => {
-            "what a branch or an index rests on differs within a triangle, or by a rounding"
+            "what a branch or an index depends on differs within a triangle, or by a rounding"
                 .to_owned()
         }
         Stuck::Steps => "it takes too many steps".to_owned(),

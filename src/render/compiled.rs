@@ -79,7 +79,7 @@ pub(super) fn shader(
         gpu.checked(&format!("the shader `{label}`"), || {
             gpu.shader(wgpu::ShaderModuleDescriptor {
                 label: Some(label),
-                source: wgpu::ShaderSource::Wgsl(text.into()),
+                source: wgpu::ShaderSource::Wgsl(crate::wgsl::subgroups::without(text)),
             })
         })
     };

@@ -183,6 +183,10 @@ pub fn adapters() -> Vec<AdapterReport> {
 impl std::fmt::Display for AdapterReport {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let has = |yes: bool| if yes { "yes" } else { "no" };
+        let clock = match self.kind == "software" {
+            true => "unused, the wall clock times a software adapter",
+            false => has(self.timestamps),
+        };
         write!(
             f,
             "{} ({}, {}, {})\n  GPU timestamps: {}\n  pipeline statistics: {}\n  features: {}",
@@ -190,7 +194,7 @@ impl std::fmt::Display for AdapterReport {
             self.backend,
             self.kind,
             self.driver,
-            has(self.timestamps),
+            clock,
             has(self.pipeline_statistics),
             self.features.join(", ")
         )
@@ -234,6 +238,15 @@ impl Gpu {
     /// As [`Gpu::new`].
     pub fn with_trust(choice: &AdapterChoice, trust: Trust) -> Result<Self, Error> {
         let mut gpu = Self::open(choice, |adapter| {
+            let copies = wgpu::DownlevelFlags::DEPTH_TEXTURE_AND_BUFFER_COPIES;
+            if !adapter.get_downlevel_capabilities().flags.contains(copies) {
+                let report = report(adapter);
+                return Err(Error::Unsupported {
+                    what: "comparing pictures".to_owned(),
+                    feature: "copies of depth textures, a part of WebGPU".to_owned(),
+                    adapter: format!("{} ({})", report.name, report.backend),
+                });
+            }
             Ok((adapter.features() & wanted_features(), adapter.limits()))
         })?;
         gpu.trust = trust;

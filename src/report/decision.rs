@@ -3,7 +3,7 @@
 use preshade_passes::contract::Verdict;
 
 use crate::render::order;
-use crate::search::plan::decision::{Decision, PlanReport, SwitchCost};
+use crate::search::plan::decision::{Decision, MaterialDecision, PlanReport, SwitchCost};
 use crate::search::plan::model::ModelOrigin;
 use crate::search::plan::policy::Rule;
 use crate::search::plan::reasons::ratio;
@@ -45,22 +45,40 @@ pub fn render(decision: &Decision) -> String {
                 .collect();
             lines.push(format!("  predicted time by itself: {}", each.join(", ")));
         }
-        let mut refused: Vec<(&str, Vec<&str>)> = Vec::new();
-        for r in &material.refused {
-            match refused.iter_mut().find(|(why, _)| *why == r.why) {
-                Some((_, recipes)) => recipes.push(&r.recipe),
-                None => refused.push((&r.why, vec![&r.recipe])),
-            }
-        }
-        let told = refused.into_iter();
-        lines.extend(told.map(|(why, recipes)| format!("  not {}: {why}", recipes.join(", nor "))));
+        lines.extend(refused(material));
+    }
+    if decision.materials.iter().any(|m| !m.refused.is_empty()) {
+        lines.push(
+            "\n`preshade --explain CODE` explains a code; --format json has every reason"
+                .to_owned(),
+        );
     }
     lines.push(String::new());
     lines.extend(views(decision));
     lines.join("\n")
 }
 
-/// Most predictions to print for one material.
+/// The steps that a material refuses, each with its codes. A refusal reads `pass[code]: reason`.
+fn refused(material: &MaterialDecision) -> Option<String> {
+    let mut codes: Vec<String> = Vec::new();
+    for refused in &material.refused {
+        let (head, _) = refused.why.split_once(": ").unwrap_or((&refused.why, ""));
+        let code = match head.split_once('[') {
+            Some((pass, code)) => {
+                let mut steps = refused.recipe.split(" + ");
+                let step = steps.find(|step| step.split(':').next() == Some(pass));
+                format!("{} ({}", step.unwrap_or(pass), code.replace(']', ")"))
+            }
+            None => head.to_owned(),
+        };
+        if !codes.contains(&code) {
+            codes.push(code);
+        }
+    }
+    (!codes.is_empty()).then(|| format!("  does not apply: {}", codes.join(", ")))
+}
+
+/// Most predictions of one material, and most plans of one view, to print.
 const SHOWN: usize = 5;
 
 pub(crate) fn model(decision: &Decision) -> String {
@@ -112,10 +130,10 @@ fn rule(decision: &Decision, rule: &Rule) -> Vec<String> {
     };
     match rule {
         Rule::One { plan: 0 } if decision.clock.is_none() => {
-            vec!["nothing is predicted to pay: draw every material as it is written".to_owned()]
+            vec!["Nothing is predicted to pay: draw every material as it is written.".to_owned()]
         }
         Rule::One { plan: 0 } => {
-            vec!["nothing pays: draw every material as it is written".to_owned()]
+            vec!["Nothing pays: draw every material as it is written.".to_owned()]
         }
         Rule::One { plan } => vec![format!("{predicted}draw with: {}", name(*plan))],
         Rule::Switch(switch) => vec![
@@ -140,33 +158,52 @@ pub(crate) fn switch_cost(cost: &SwitchCost) -> String {
     )
 }
 
-/// Each view with each plan: predicted, measured, and how much faster.
+/// Each view with the plans that matter in it, and how much faster each is than the original. Their
+/// times are not printed: each was measured beside an original of its own.
 fn views(decision: &Decision) -> Vec<String> {
-    let mut lines =
-        vec!["by view: predicted ms, measured ms, speedup (* drawn with, ! out)".to_owned()];
+    let predicted = match decision.clock {
+        Some(_) => "",
+        None => "predicted ",
+    };
+    let mut lines = vec![format!(
+        "{predicted}speedup by view (* drawn with, ! broke its promise)"
+    )];
     for (i, view) in decision.views.iter().enumerate() {
+        let original = decision.plans.first().and_then(|p| p.by_view.get(i));
+        let time = original.map_or(String::new(), |at| {
+            let ms = at.time_ms.map_or(at.predicted_ms, |time| time.median);
+            format!("{ms:.3} ms as written")
+        });
         lines.push(format!(
-            "{}: {:.2} shaded a pixel, overdraw {:.2}",
+            "{}: {:.2} fragments shaded a pixel, overdraw {:.2}, {time}",
             view.view, view.shaded_per_pixel, view.overdraw
         ));
-        for (number, plan) in decision.plans.iter().enumerate() {
+        let plans = decision.plans.iter().enumerate();
+        let mut shown: Vec<(usize, &PlanReport, f64, String)> = plans
+            .filter_map(|(number, plan)| {
+                let at = plan.by_view.get(i)?;
+                let predicted = original.map_or(1.0, |o| o.predicted_ms / at.predicted_ms);
+                let (factor, said) = match (&at.speedup, decision.clock) {
+                    (Some(measured), _) => (measured.median, ratio(measured)),
+                    (None, None) => (predicted, format!("{predicted:.3}x")),
+                    (None, Some(_)) if view.plan == number => (1.0, "1.000x".to_owned()),
+                    (None, Some(_)) => return None,
+                };
+                (number > 0 || view.plan == 0).then_some((number, plan, factor, said))
+            })
+            .collect();
+        shown.sort_by(|a, b| {
+            (b.0 == view.plan)
+                .cmp(&(a.0 == view.plan))
+                .then(b.2.total_cmp(&a.2))
+        });
+        for (number, plan, _, said) in shown.into_iter().take(SHOWN) {
             let mark = match (view.plan == number, is_out(plan)) {
                 (true, _) => "*",
                 (_, true) => "!",
                 _ => " ",
             };
-            let Some(at) = plan.by_view.get(i) else {
-                continue;
-            };
-            let time = at
-                .time_ms
-                .map_or("-".to_owned(), |t| format!("{:.3}", t.median));
-            let speedup = at.speedup.as_ref().map_or(String::new(), ratio);
-            let line = format!(
-                "  {mark} {:>8.3}  {time:>8}  {speedup:<22}  {}",
-                at.predicted_ms, plan.name
-            );
-            lines.push(line.trim_end().to_owned());
+            lines.push(format!("  {mark} {said:<22}  {}", plan.name));
         }
     }
     let out = decision.plans.iter().filter_map(|p| match &p.verdict {

@@ -60,6 +60,8 @@ pub fn said(found: &Exploration) -> Vec<String> {
     let gains = |p: &Point| p.speedup.is_some_and(|s| s.low > 1.0);
     let timed = on_frontier(found).any(|p| p.name != ORIGINAL && p.speedup.is_some());
     let level = timed && !on_frontier(found).any(gains);
+    let unmeasured = is_unmeasured(found)
+        .then(|| "Not measured: no candidate was drawn beside the original.".to_owned());
     let nothing = level.then(|| {
         "Nothing that was verified is faster than the original beyond noise: every interval of the \
          frontier reaches 1 or lies below."
@@ -68,7 +70,14 @@ pub fn said(found: &Exploration) -> Vec<String> {
     let chosen = found.chosen.as_ref().map(Chosen::said);
     let warnings = found.report.iter().flat_map(|r| &r.warnings);
     let warnings = warnings.map(|w| format!("Warning: {w}."));
-    nothing.into_iter().chain(chosen).chain(warnings).collect()
+    let said = unmeasured.into_iter().chain(nothing);
+    said.chain(chosen).chain(warnings).collect()
+}
+
+/// Whether no candidate was measured beside the original.
+pub fn is_unmeasured(found: &Exploration) -> bool {
+    let measured = |p: &Point| p.name != ORIGINAL && p.error.is_some();
+    !found.points.iter().any(measured)
 }
 
 /// The points that no other beats, by their error.

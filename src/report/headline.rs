@@ -1,6 +1,6 @@
 //! The sentence that a user needs: which variant to ship on this adapter, if any.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use preshade_passes::contract::{Contract, Verdict};
 
@@ -54,7 +54,7 @@ pub fn headline(report: &Report) -> String {
                 || "Nothing here is worth shipping on this adapter: ship the original.".to_owned(),
                 |(speedups, v)| {
                     let (name, picture) = (&v.name, picture(&v.contract));
-                    format!("{name}: {picture}, {}.", speedups.said())
+                    format!("{name}{}: {picture}, {}.", refused(v), speedups.said())
                 },
             )
         }
@@ -74,11 +74,46 @@ fn not_measured(report: &Report) -> Option<String> {
             })
             .collect();
         whys.extend(match all.into_iter().collect::<Vec<_>>()[..] {
-            [why] => vec![why.to_owned()],
+            [why] => vec![format!("{why}{}", shared_reason(report))],
             _ => vec!["each variant has a reason of its own, below".to_owned()],
         });
     }
     (!whys.is_empty()).then(|| whys.join("; "))
+}
+
+/// The steps of a variant that materials refuse, in brackets.
+fn refused(v: &VariantReport) -> String {
+    let mut steps: BTreeMap<&str, Vec<String>> = BTreeMap::new();
+    for kept in &v.kept {
+        if let Some(step) = &kept.without {
+            let materials = steps.entry(step).or_default();
+            materials.push(format!("`{}`", kept.material));
+        }
+    }
+    let steps = steps.iter();
+    let said: Vec<String> = steps
+        .map(|(step, materials)| format!("without {step} on {}", materials.join(", ")))
+        .collect();
+    match said.is_empty() {
+        true => String::new(),
+        false => format!(" ({})", said.join("; ")),
+    }
+}
+
+/// The reason of all refusals, if it is one: a refusal reads `pass[code]: reason; to make it legal:
+/// remedy`.
+fn shared_reason(report: &Report) -> String {
+    let kept = report.variants.iter().flat_map(|v| &v.kept);
+    let reasons: BTreeSet<&str> = kept
+        .filter_map(|k| {
+            let (_, reason) = k.why.split_once("]: ")?;
+            reason.split("; to make it legal").next()
+        })
+        .collect();
+    match reasons.into_iter().collect::<Vec<_>>()[..] {
+        [reason] => format!(": {reason}"),
+        _ => String::new(),
+    }
 }
 
 /// The speedups of a variant that is worth shipping.

@@ -186,7 +186,8 @@ impl From<crate::limits::Exceeded> for SceneError {
     }
 }
 
-/// The known name nearest to a wrong one, if at most a third of its letters differ.
+/// The known name nearest to a wrong one, if at most a third of its letters differ, or else one
+/// that contains it.
 pub(crate) fn nearest<'a>(wrong: &str, known: &[&'a str]) -> Option<&'a str> {
     known
         .iter()
@@ -194,6 +195,7 @@ pub(crate) fn nearest<'a>(wrong: &str, known: &[&'a str]) -> Option<&'a str> {
         .min()
         .filter(|(d, k)| *d * 3 <= k.chars().count().max(wrong.chars().count()))
         .map(|(_, k)| k)
+        .or_else(|| crate::nearest::containing(wrong, known))
 }
 
 /// Damerau-Levenshtein distance, restricted form: a swap of adjacent letters costs 1.

@@ -213,6 +213,7 @@ impl Loader<'_> {
             light,
             files: self.folder.files(),
             is_made_up: false,
+            own_size: None,
         };
         scene.cameras = self.cameras(scene.aspect())?;
         self.check_values(&scene)?;

@@ -108,6 +108,7 @@ pub(super) fn default_texture(name: &str, dim: ImageDimension) -> Arc<Image> {
         Arc::new(
             Recipe {
                 pattern: Some(Pattern::Bricks),
+                colors: [[0.62, 0.58, 0.54], [0.95, 0.91, 0.86]],
                 srgb: Some(true),
                 ..Recipe::default()
             }
@@ -137,6 +138,7 @@ pub(super) fn default_texture(name: &str, dim: ImageDimension) -> Arc<Image> {
         Arc::new(
             Recipe {
                 pattern: Some(Pattern::Leaf),
+                colors: [[0.42, 0.55, 0.2], [0.8, 0.92, 0.5]],
                 srgb: Some(true),
                 ..Recipe::default()
             }

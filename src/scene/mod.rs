@@ -11,6 +11,7 @@ pub(crate) mod flow;
 mod layout;
 mod light;
 mod load;
+mod loops;
 mod material;
 mod meshes;
 mod noise;
@@ -102,6 +103,8 @@ pub struct Scene {
     /// Whether preshade made up the whole scene for a bare shader. No contract depends on its
     /// values.
     pub is_made_up: bool,
+    /// The size before [`Scene::resized`], in pixels; `None`: it was not.
+    pub own_size: Option<[u32; 2]>,
 }
 
 /// Order of the opaque draws of a frame.
@@ -335,6 +338,7 @@ impl Scene {
                 *v = (u64::from(*v) * to / from.max(1)) as u32;
             }
         }
+        self.own_size.get_or_insert(self.size);
         self.size = size;
         let scale = before / self.aspect();
         for frame in self.cameras.iter_mut().flat_map(|c| &mut c.frames) {

@@ -100,8 +100,7 @@ impl Folder {
     /// [`Folder::read`], as text.
     pub(super) fn read_text(&self, name: &str) -> Result<(String, String), SceneError> {
         let (shown, bytes) = self.read(name)?;
-        let text = String::from_utf8(bytes)
-            .map_err(|_| SceneError::new(format!("`{name}` is not UTF-8 text")))?;
+        let text = regular::decode(bytes).map_err(|e| SceneError::unread(Path::new(name), e))?;
         Ok((shown, text))
     }
 }

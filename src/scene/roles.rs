@@ -15,6 +15,7 @@ use super::bind::{is_instance_data, known_stream};
 use super::discards;
 use super::flow::{BufferRead, Nearest, StageFlow};
 use super::layout::{leaf_shape, runtime_array};
+use super::loops;
 use super::pulled::Pulled;
 use super::{Image, Semantic, Value};
 use crate::front::Parsed;
@@ -61,6 +62,9 @@ impl Roles {
             Some(vertex) => this.vertices(vertex, fragment.as_ref()),
             // Without its dataflow, assume the usual matrices.
             None => this.is_placed = true,
+        }
+        for stage in vertex.iter().chain(&fragment) {
+            this.values.extend(loops::counts(stage));
         }
         if let Some(fragment) = &fragment {
             let found = discards::inputs(fragment);

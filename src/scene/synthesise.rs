@@ -63,7 +63,8 @@ pub fn synthesise(parsed: Parsed, state: MaterialState) -> Scene {
         depth_format: state.depth_format,
         depth_direction: state.depth_direction,
         samples: state.multisample.count,
-        clear_color: [0.05, 0.07, 0.1, 1.0],
+        // Neither dark nor bright, so that both dark and bright materials show.
+        clear_color: [0.3, 0.38, 0.48, 1.0],
         cameras: vec![Camera {
             name: "front".to_owned(),
             frames: vec![pose.frame(Vec3::Y, aspect, range, state.depth_direction)],
@@ -91,6 +92,7 @@ pub fn synthesise(parsed: Parsed, state: MaterialState) -> Scene {
         light: Light::default(),
         files: Vec::new(),
         is_made_up: true,
+        own_size: None,
     }
 }
 

@@ -7,6 +7,7 @@ mod initialisers;
 mod loops;
 pub(crate) mod operands;
 mod repair;
+pub(crate) mod subgroups;
 pub(crate) mod text;
 pub(crate) mod tidy;
 pub(crate) mod varying;
@@ -30,9 +31,10 @@ pub(crate) enum WgslError {
 pub(crate) fn write(program: &Program, name: &str, header: &str) -> Result<String, WgslError> {
     let (prepared, repaired) = written(program)?;
     let tidied = tidy::tidy(prepared.module(), &repaired);
-    let text = format!("{header}{tidied}");
-    check(program, &text, name)?;
-    Ok(text)
+    check(program, &format!("{header}{tidied}"), name)?;
+    let sources = program.sources().files().iter();
+    let enable = subgroups::restored(&tidied, sources.map(|f| f.text.as_str()));
+    Ok(format!("{header}{enable}{tidied}"))
 }
 
 /// The program and naga's repaired text for it.

@@ -13,7 +13,24 @@ pub(crate) enum TokenKind {
     Mark,
 }
 
-/// The tokens of `text`.
+/// The text with blanks in place of comments, as long as before.
+pub(crate) fn without_comments(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    let mut rest = text;
+    while let Some(at) = rest.find("//").into_iter().chain(rest.find("/*")).min() {
+        let end = match rest[at..].starts_with("//") {
+            true => rest[at..].find('\n'),
+            false => rest[at..].find("*/").map(|end| end + 2),
+        };
+        let end = end.map_or(rest.len(), |end| at + end);
+        out.push_str(&rest[..at]);
+        out.extend(std::iter::repeat_n(' ', end - at));
+        rest = &rest[end..];
+    }
+    out + rest
+}
+
+/// The tokens of `text`, those in comments too.
 pub(crate) fn tokens(text: &str) -> impl Iterator<Item = (TokenKind, Range<usize>)> + '_ {
     let bytes = text.as_bytes();
     let mut at = 0;

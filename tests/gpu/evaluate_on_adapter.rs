@@ -212,6 +212,7 @@ fn drawn(parsed: front::Parsed, size: [u32; 2]) -> ColorImage {
     let scene = Scene {
         files: Vec::new(),
         is_made_up: false,
+        own_size: None,
         name: "words".to_owned(),
         size,
         viewport: None,

@@ -201,7 +201,7 @@ fn what_needs_a_scene_is_left_out_and_told() {
     };
     assert!(
         equal.contains(
-            "toon.wgsl: `depth-prepass:form=equal` is left out of `variant`: it rests on there \
+            "toon.wgsl: `depth-prepass:form=equal` is left out of `variant`: it depends on there \
              being no depth ties"
         ),
         "{equal}"

@@ -42,6 +42,7 @@ fn load_mesh(text: &str, mesh: Option<&str>) -> Result<u32, String> {
     let gltf = Gltf {
         file: "a.gltf".to_owned(),
         mesh: mesh.map(str::to_owned),
+        ..Gltf::default()
     };
     let read = |_: &str| Ok(text.as_bytes().to_vec());
     let rigged = gltf.load("a", &read).map_err(|e| e.to_string())?;
@@ -121,19 +122,53 @@ fn what_lies_about_its_data_is_an_error() {
 }
 
 #[test]
-fn a_mesh_that_no_node_draws_is_not_suggested_for_itself() {
+fn a_mesh_that_no_node_draws_is_read_at_the_origin() {
     let meshes = r#""meshes": [{ "#;
     let canopy = r#""meshes": [{ "name": "Trunk", "primitives": [{ "attributes": { "POSITION": 0 } }] }, { "name": "Canopy", "#;
     let text = file(&[(meshes, canopy)]);
     assert_eq!(load_mesh(&text, Some("Trunk")), Ok(4));
-    let said = load_mesh(&text, Some("Canopy")).unwrap_err();
-    assert!(
-        said.contains("no node of its default scene has the mesh `Canopy`"),
-        "{said}"
-    );
-    assert!(!said.contains("did you mean"), "{said}");
+    assert_eq!(load_mesh(&text, Some("Canopy")), Ok(4));
     let said = load_mesh(&text, Some("Trunc")).unwrap_err();
     assert!(said.contains("did you mean `Trunk`?"), "{said}");
+}
+
+#[test]
+fn keys_select_nodes_materials_and_primitives() {
+    let node = r#""nodes": [{ "mesh": 0 }]"#;
+    let two = r#""nodes": [{ "name": "a", "mesh": 0, "children": [1] }, { "name": "b", "mesh": 0, "translation": [5, 0, 0] }]"#;
+    let primitives = r#""primitives": ["#;
+    let another = r#""primitives": [{ "attributes": { "POSITION": 0 }, "material": 0 }, "#;
+    let accessors = r#""accessors""#;
+    let materials = r#""materials": [{ "name": "Leaf" }], "accessors""#;
+    let changes = [(node, two), (primitives, another), (accessors, materials)];
+    let text = file(&changes);
+    let of = |gltf: Gltf| {
+        let gltf = Gltf {
+            file: "a.gltf".to_owned(),
+            ..gltf
+        };
+        let rigged = gltf.load("a", &|_: &str| Ok(text.as_bytes().to_vec()));
+        let mesh = rigged.map_err(|e| e.to_string())?.mesh;
+        Ok::<_, String>((mesh.vertex_count, mesh.bounds[0].x))
+    };
+    let name = |name: &str| Some(name.to_owned());
+    assert_eq!(of(Gltf::default()), Ok((16, 0.0)));
+    let node = |node: &str| Gltf {
+        node: name(node),
+        ..Gltf::default()
+    };
+    assert_eq!(of(node("a")), Ok((16, 0.0)));
+    assert_eq!(of(node("b")), Ok((8, 5.0)));
+    let leaf = Gltf {
+        material: name("Leaf"),
+        ..node("b")
+    };
+    assert_eq!(of(leaf), Ok((4, 5.0)));
+    let second = Gltf {
+        primitive: Some(1),
+        ..Gltf::default()
+    };
+    assert_eq!(of(second), Ok((8, 0.0)));
 }
 
 #[test]

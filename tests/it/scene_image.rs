@@ -107,6 +107,7 @@ fn gltf_skins_keep_the_files_pose() {
     let gltf = |mesh: Option<&str>| Gltf {
         file: "tri.glb".to_owned(),
         mesh: mesh.map(str::to_owned),
+        ..Gltf::default()
     };
     let rigged = gltf(None).load("tri", &|_| Ok(glb())).unwrap();
     let at: Vec<Vec3> = positions(&rigged.mesh).collect();

@@ -17,6 +17,7 @@ mod cli;
 mod hostile;
 mod kept;
 mod locks;
+mod newcomer;
 mod page;
 mod plan;
 mod promises;

@@ -10,4 +10,6 @@ mod trees;
 mod cli;
 mod hostile;
 mod many;
+mod newcomer;
 mod same_bytes;
+mod wrong_inputs;

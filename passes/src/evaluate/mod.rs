@@ -51,7 +51,7 @@ pub enum Stuck {
     #[error("type mismatch: {0}")]
     Type(String),
     /// A decision depends on a number that stands for several values.
-    #[error("it rests on a number that is not one: {0}")]
+    #[error("it depends on a number that is not one: {0}")]
     Undecided(String),
     /// An expression was used before its `Emit`.
     #[error("expression {0} is used before it is evaluated")]

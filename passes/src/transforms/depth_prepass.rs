@@ -145,7 +145,7 @@ impl Pass for DepthPrepass {
         name: "depth-prepass",
         summary: "draws the depth of opaque surfaces first, so that each pixel is shaded once",
         source: "Primozic, Implementing Depth Pre-Pass Optimization for Three.JS (2022)",
-        when: "many fragments are hidden and dear, in any order of draws; \
+        when: "many fragments are hidden and expensive, in any order of draws; \
                it is the first to try, since its default leaves the author's main pass as it is",
         hurts: "where little is hidden: every vertex is transformed twice (3-5% lost in two \
                 articles' open views)",

@@ -349,7 +349,7 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
             let refusal = Refusal::new(
                 name,
                 &refusals::DEPTH_LOOP,
-                "the depth that the material writes rests on a loop that is not seen to end, which \
+                "the depth that the material writes depends on a loop that may not end, which \
                  the prologue would run a second time, without the discards that leave it",
                 "count its turns by constants (for i < 32), or take depth-prepass",
             );

@@ -468,7 +468,8 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
             })
             .collect();
         format!(
-            "carries {}; a fragment costs {:.0} instead of {:.0}, a vertex {:.0} more",
+            "carries {}; with interpolation, a fragment costs {:.0} ops instead of {:.0}, a vertex \
+             {:.0} more",
             carried.join(", "),
             self.choice.after,
             self.choice.before,

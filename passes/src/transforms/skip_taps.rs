@@ -192,12 +192,16 @@ fn skipped(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
     }
     let is_implicit = terms.iter().any(|t| !t.implicit.is_empty());
     if params.budget.is_none() && (params.threshold > 0.0 || is_implicit) {
-        let (reason, remedy) = match params.threshold > 0.0 {
-            true => (
+        let (reason, remedy) = match (params.threshold > 0.0, is_implicit) {
+            (true, false) => (
                 "leaving out small terms of a sum changes the picture, and there is no budget",
                 "set budget=0.01 (of flip_mean, or with metric=max_abs), or threshold=0",
             ),
-            false => (
+            (true, true) => (
+                "leaving out small terms of a sum changes the picture, and there is no budget",
+                "set budget=0.01 (of flip_mean, or with metric=max_abs)",
+            ),
+            (false, _) => (
                 "samples at an implicit level get explicit gradients, whose level some adapters \
                  round differently, and there is no budget",
                 "set budget=0.01 (of flip_mean, or with metric=max_abs), or sample with gradients \

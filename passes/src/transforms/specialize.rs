@@ -256,8 +256,8 @@ impl Specialized {
                          constant"
                     }
                 },
-                "give it a scene, or values by hand (specialize:set=NAME=NUMBER); \
-                 fold=rounding also folds weights of 0 and 1",
+                "set values by hand (specialize:set=NAME=NUMBER), or under `values` in a scene \
+                 file; fold=rounding also folds weights of 0 and 1",
             )));
         }
         let set = assumptions.set_overrides();

@@ -181,14 +181,6 @@ fn less_turns(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
         "trim first, then apply the other passes",
         "there is nothing to trim",
     )?;
-    let Some(budget) = params.budget else {
-        let refusal = refuse(
-            &shared::NO_BUDGET,
-            "fewer iterations change the picture, and there is no budget",
-            "set budget=0.01 (of flip_mean, or with metric=max_abs)",
-        );
-        return Err(refusal.into());
-    };
     let graph = Graph::build(program);
     let meant = simplify::meant(&graph, fragment, params.of.as_deref(), TrimLoop::INFO.name)?;
     let found = found(&graph, pass, fragment, &meant, params.turns);
@@ -205,6 +197,14 @@ fn less_turns(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
         let remedy = "`preshade explain` lists the loops, and why each keeps its iterations";
         return Err((refuse(&refusals::NO_LOOP, reason, remedy), left).into());
     }
+    let Some(budget) = params.budget else {
+        let refusal = refuse(
+            &shared::NO_BUDGET,
+            "fewer iterations change the picture, and there is no budget",
+            "set budget=0.01 (of flip_mean, or with metric=max_abs)",
+        );
+        return Err((refusal, left).into());
+    };
     let module = trimmed(&graph, &chosen, params.turns);
     let bug = |e| Box::new(Refusal::bug(TrimLoop::INFO.name, e));
     let after = program.with_module(module).map_err(bug)?;

@@ -273,7 +273,7 @@ impl<'a> Pair<'a> {
                     promised[1] = match (&promised[1], of_scene) {
                         (Err(why), _) => Err(why.clone()),
                         (Ok(_), true) => {
-                            Err("how far they may be off rests on the numbers of a scene"
+                            Err("how far they may be off depends on the numbers of a scene"
                                 .to_owned())
                         }
                         (Ok(_), false) => Ok(Colors::Within(most)),

@@ -86,7 +86,8 @@ impl Files {
             other => refused(format!("{}: {other}", found.display())),
         })?;
         // Comments may have any encoding. The parser rejects invalid characters elsewhere.
-        Ok(String::from_utf8_lossy(&bytes).into_owned())
+        let lossy = || String::from_utf8_lossy(&bytes).into_owned();
+        Ok(regular::decode(bytes.clone()).unwrap_or_else(|_| lossy()))
     }
 
     /// The file's name in messages: as the author wrote it if that exists.

@@ -128,7 +128,7 @@ pub fn page(
         },
         rests: match decision.clock {
             Some(_) => {
-                "What is decided rests on what was measured; a prediction only says what is."
+                "The decision depends on measurements alone; predictions choose what is measured."
             }
             None => "Nothing was measured: what is decided is a prediction.",
         },

@@ -56,6 +56,8 @@ pub enum Guess {
     BufferFromMesh,
     /// A generated texture, chosen by name.
     TextureGenerated,
+    /// A depth texture, cleared to 1.
+    TextureCleared,
     /// A vertex attribute that the mesh does not have.
     AttributeSynthesised,
 }
@@ -75,6 +77,7 @@ impl std::fmt::Display for Guess {
             }
             Self::BufferFromMesh => f.write_str("the mesh's data"),
             Self::TextureGenerated => f.write_str("a generated texture"),
+            Self::TextureCleared => f.write_str("a depth texture, cleared to 1"),
             Self::AttributeSynthesised => f.write_str("made up: no mesh has it"),
         }
     }
@@ -157,10 +160,14 @@ pub fn guessed(scene: &Scene) -> Vec<Guessed> {
                     );
                 }
                 BindingKind::Texture | BindingKind::DepthTexture => {
+                    let guess = match binding.kind {
+                        BindingKind::DepthTexture => Guess::TextureCleared,
+                        _ => Guess::TextureGenerated,
+                    };
                     if let Ok((name, _)) = variable(material, binding)
                         && (scene.is_made_up || !material.textures.contains_key(name))
                     {
-                        textures.push(name.to_owned());
+                        textures.push((name.to_owned(), guess));
                     }
                 }
                 _ => {}
@@ -179,8 +186,8 @@ pub fn guessed(scene: &Scene) -> Vec<Guessed> {
                 push(array.to_owned(), Guess::BufferFromMesh);
             }
         }
-        for name in textures {
-            push(name, Guess::TextureGenerated);
+        for (name, guess) in textures {
+            push(name, guess);
         }
         for name in streams.synthesised() {
             push(name.to_owned(), Guess::AttributeSynthesised);

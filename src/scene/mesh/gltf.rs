@@ -1,4 +1,4 @@
-//! glTF 2.0: all primitives of a file, or of one of its meshes, merged with skin and morph targets.
+//! glTF 2.0: the primitives of a file, or of a part of it, merged with skin and morph targets.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -13,15 +13,25 @@ use super::{MeshBuilder, bounds, merged, positions, transformed};
 use crate::panics;
 use crate::scene::{Mesh, SceneError, Stream};
 
-/// A part of a glTF file.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+/// A part of a glTF file: the triangles that all given keys select, with the transforms of their
+/// nodes. Without a key, the whole default scene.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Gltf {
     /// `.gltf` or `.glb`, relative to the scene's folder.
     pub file: String,
-    /// Name of one mesh. By default, all meshes of the default scene with their nodes' transforms.
+    /// Name of one mesh, at each node that has it. A mesh that no node has is read at the origin.
     pub mesh: Option<String>,
+    /// Name of one node: what it and the nodes below it draw.
+    pub node: Option<String>,
+    /// Name of one of the file's materials: the primitives that have it.
+    pub material: Option<String>,
+    /// Number of one primitive in its mesh, from 0.
+    pub primitive: Option<usize>,
 }
+
+/// A mesh of the file, and the node that places it, if one does.
+type Placed<'g> = (gltf::Mesh<'g>, Option<gltf::Node<'g>>);
 
 /// A mesh with its pose.
 #[derive(Clone, Debug)]
@@ -75,6 +85,84 @@ impl Gltf {
         wanted.is_none_or(|m| mesh.name() == Some(m))
     }
 
+    /// The selected primitives of a mesh.
+    fn primitives<'g>(
+        &'g self,
+        mesh: &'g gltf::Mesh<'g>,
+    ) -> impl Iterator<Item = gltf::Primitive<'g>> {
+        let material = self.material.as_deref();
+        mesh.primitives().filter(move |p| {
+            self.primitive.is_none_or(|n| n == p.index())
+                && material.is_none_or(|m| p.material().name() == Some(m))
+        })
+    }
+
+    /// The selected meshes with their nodes.
+    fn placed<'g>(&self, gltf: &'g gltf::Gltf, nodes: &[gltf::Node<'g>]) -> Vec<Placed<'g>> {
+        let of_node = |n: &gltf::Node<'g>| Some((n.mesh()?, Some(n.clone())));
+        let mut placed: Vec<Placed<'g>> = nodes.iter().filter_map(of_node).collect();
+        placed.retain(|(mesh, _)| self.is_wanted(mesh));
+        if placed.is_empty() && self.mesh.is_some() && self.node.is_none() {
+            placed.extend(
+                gltf.meshes()
+                    .filter(|m| self.is_wanted(m))
+                    .map(|m| (m, None)),
+            );
+        }
+        placed
+    }
+
+    /// Why nothing is selected.
+    fn nothing(&self, gltf: &gltf::Gltf, placed: &[Placed<'_>]) -> SceneError {
+        let named = |what: &str, name: &str, all: Vec<&str>| {
+            let known = all.contains(&name);
+            (!known).then(|| {
+                self.wrong(format!("there is no {what} `{name}`"))
+                    .suggest(name, all)
+            })
+        };
+        let of =
+            |key: &Option<String>, what: &str, all: Vec<&str>| named(what, key.as_deref()?, all);
+        let missing = of(
+            &self.mesh,
+            "mesh",
+            gltf.meshes().filter_map(|m| m.name()).collect(),
+        )
+        .or_else(|| {
+            of(
+                &self.node,
+                "node",
+                gltf.nodes().filter_map(|n| n.name()).collect(),
+            )
+        })
+        .or_else(|| {
+            let all = gltf.materials().filter_map(|m| m.name()).collect();
+            of(&self.material, "material", all)
+        });
+        if let Some(missing) = missing {
+            return missing;
+        }
+        match (placed, self.node.as_deref()) {
+            ([], None) => self.wrong("no node of its default scene has a mesh"),
+            ([], Some(node)) => self.wrong(format!(
+                "neither the node `{node}` nor one below it has {}",
+                self.mesh
+                    .as_ref()
+                    .map_or("a mesh".to_owned(), |m| format!("the mesh `{m}`"))
+            )),
+            (placed, _) => {
+                let all = placed.iter().flat_map(|(mesh, _)| mesh.primitives());
+                let all = all.map(|p| {
+                    let material = p.material();
+                    format!("{} of `{}`", p.index(), material.name().unwrap_or("?"))
+                });
+                let all: Vec<String> = all.collect();
+                self.wrong("no primitive is the one that `primitive` and `material` select")
+                    .help(format!("there are: {}", all.join(", ")))
+            }
+        }
+    }
+
     /// The content of all buffers.
     fn buffers<'g>(
         &self,
@@ -118,7 +206,8 @@ impl Gltf {
         Ok(buffers)
     }
 
-    /// The nodes of the default scene in depth-first order, and their world transforms by index.
+    /// The nodes of the default scene in depth-first order, those at or below [`Gltf::node`] if it
+    /// is given; and the world transforms of all, by index.
     fn nodes<'g>(
         &self,
         gltf: &'g gltf::Gltf,
@@ -129,16 +218,21 @@ impl Gltf {
             None => gltf.nodes().collect(),
         };
         let roots = roots.into_iter().rev();
-        let mut stack: Vec<(gltf::Node<'_>, Mat4)> = roots.map(|n| (n, Mat4::IDENTITY)).collect();
+        let mut stack: Vec<(gltf::Node<'_>, Mat4, bool)> = roots
+            .map(|n| (n, Mat4::IDENTITY, self.node.is_none()))
+            .collect();
         let mut world: BTreeMap<usize, Mat4> = BTreeMap::new();
-        while let Some((node, parent)) = stack.pop() {
+        while let Some((node, parent, is_below)) = stack.pop() {
+            let is_below = is_below || node.name() == self.node.as_deref();
             let here = parent * Mat4::from_cols_array_2d(&node.transform().matrix());
             if world.insert(node.index(), here).is_some() {
                 return Err(self.wrong("a node has two parents"));
             }
-            let children: Vec<_> = node.children().map(|c| (c, here)).collect();
+            let children: Vec<_> = node.children().map(|c| (c, here, is_below)).collect();
             stack.extend(children.into_iter().rev());
-            nodes.push(node);
+            if is_below {
+                nodes.push(node);
+            }
         }
         Ok((nodes, world))
     }
@@ -146,25 +240,22 @@ impl Gltf {
     /// Checks sizes before reading: many nodes may share a mesh. `lengths` are those of the buffers.
     fn check_sizes(
         &self,
-        nodes: &[gltf::Node<'_>],
+        placed: &[Placed<'_>],
         lengths: &[usize],
         take: &dyn Fn(u64, u64) -> Result<(), SceneError>,
     ) -> Result<(), SceneError> {
         let held: u64 = lengths.iter().map(|l| *l as u64).sum();
         let mut cost = Cost::default();
         let mut costs: BTreeMap<usize, Cost> = BTreeMap::new();
-        for node in nodes {
-            let Some(mesh) = node.mesh().filter(|m| self.is_wanted(m)) else {
-                continue;
-            };
-            if let Some(skin) = node.skin() {
+        for (mesh, node) in placed {
+            if let Some(skin) = node.as_ref().and_then(gltf::Node::skin) {
                 accessors::of_skin(&skin, lengths).map_err(|e| self.wrong(e))?;
             }
             let of_mesh = match costs.get(&mesh.index()) {
                 Some(known) => *known,
                 None => {
                     let mut all = Cost::default();
-                    for primitive in mesh.primitives() {
+                    for primitive in self.primitives(mesh) {
                         let of_it = accessors::of_primitive(&primitive, lengths);
                         all = all.and(of_it.map_err(|e| self.wrong(e))?);
                     }
@@ -191,14 +282,13 @@ impl Gltf {
         let buffers = self.buffers(&gltf, read, take)?;
         let (nodes, world) = self.nodes(&gltf)?;
         let lengths: Vec<usize> = buffers.iter().map(|b| b.len()).collect();
-        self.check_sizes(&nodes, &lengths, take)?;
+        let placed = self.placed(&gltf, &nodes);
+        self.check_sizes(&placed, &lengths, take)?;
         let (mut parts, mut joints, mut weights, mut skins) =
             (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        for node in &nodes {
-            let Some(mesh) = node.mesh().filter(|m| self.is_wanted(m)) else {
-                continue;
-            };
-            if let Some(skin) = node.skin()
+        for (mesh, node) in &placed {
+            let skin = node.as_ref().and_then(gltf::Node::skin);
+            if let Some(skin) = &skin
                 && !skins.contains(&skin.index())
             {
                 skins.push(skin.index());
@@ -215,7 +305,7 @@ impl Gltf {
             if weights.is_empty() {
                 weights = mesh.weights().unwrap_or(&[]).to_vec();
             }
-            for primitive in mesh.primitives() {
+            for primitive in self.primitives(mesh) {
                 if primitive.mode() != gltf::mesh::Mode::Triangles {
                     return Err(wrong(format!(
                         "mesh `{}` draws {:?}, and only triangles are read",
@@ -227,26 +317,18 @@ impl Gltf {
                     .ok_or_else(|| wrong("a primitive without positions".into()))?;
                 // The node of a skinned mesh has no effect on its place (glTF 2.0, section
                 // 3.7.3.3).
-                parts.push(match node.skin() {
-                    Some(_) => part,
-                    None => transformed(part, world[&node.index()]),
+                parts.push(match node {
+                    Some(node) if skin.is_none() => transformed(part, world[&node.index()]),
+                    _ => part,
                 });
             }
         }
         if skins.len() > 1 {
             return Err(wrong(format!("{} skins in one draw", skins.len()))
-                .help("name one mesh with `mesh`"));
+                .help("name one mesh with `mesh`, or one node with `node`"));
         }
         if parts.is_empty() {
-            let Some(wanted) = self.mesh.as_deref() else {
-                return Err(wrong("no node of its default scene has a mesh".to_owned()));
-            };
-            let drawn = nodes.iter().filter_map(|n| n.mesh()?.name());
-            let what = match gltf.meshes().any(|m| self.is_wanted(&m)) {
-                true => format!("no node of its default scene has the mesh `{wanted}`"),
-                false => format!("there is no mesh `{wanted}`"),
-            };
-            return Err(wrong(what).suggest(wanted, drawn));
+            return Err(self.nothing(&gltf, &placed));
         }
         Ok(Rigged {
             mesh: merged(name, parts),

@@ -309,7 +309,7 @@ fn measured_facts(
     watch: &mut Watch<'_>,
 ) -> Result<Facts, Error> {
     watch.at(SearchStage::Frequencies, "looking for depth ties");
-    let mut facts = measure::facts(session)?;
+    let mut facts = measure::facts_for_choice(session)?;
     let is_open = |r: &Recipe| r.steps.iter().any(|s| s.pass == "hoist");
     if settings.recipes.is_empty() || settings.recipes.iter().any(is_open) {
         facts.frequencies = measure::frequencies(session, &facts, Detail::Choice, &mut |step| {

@@ -252,6 +252,7 @@ fn scene(probe: &Probe, finest: u32, size: [u32; 2]) -> Result<Scene, PlanError>
         name: "probe".to_owned(),
         files: Vec::new(),
         is_made_up: false,
+        own_size: None,
         size,
         viewport: None,
         depth_format: state.depth_format,

@@ -125,6 +125,7 @@ pub fn scene(size: [u32; 2], materials: Vec<Material>, draws: Vec<Draw>) -> Scen
         orders: vec![DrawOrder::FrontToBack, DrawOrder::BackToFront],
         files: Vec::new(),
         is_made_up: false,
+        own_size: None,
         light: Light {
             direction: Vec3::Y,
             color: Vec3::ONE,

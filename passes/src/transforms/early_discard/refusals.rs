@@ -11,7 +11,7 @@ refusals! {
          comparing its depth in the shader, it could take itself for hidden.",
         "Take `depth-prepass`.";
     DEPTH_LOOP = "depth-loop":
-        "The depth that the material writes rests on a loop that is not seen to end. The prologue \
+        "The depth that the material writes depends on a loop that may not end. The prologue \
          would run it a second time, ahead of the discards that may be all that leaves it.",
         "Count its turns by\n\
 constants, or take `depth-prepass`, which keeps the discards.\n\

@@ -35,6 +35,9 @@ const KNOWN: &[(&str, &[&str])] = &[
     ("morph targets", &["morph", "blendshape"]),
 ];
 
+/// The name of an effect that nothing names.
+pub const UNNAMED: &str = "unnamed";
+
 /// Whether a draw needs an effect.
 #[derive(
     Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
@@ -163,6 +166,11 @@ fn name(graph: &Graph<'_>, decision: &Decision, assumptions: &Assumptions) -> St
     let f = graph.function(decision.function);
     let mut condition = Vec::new();
     words(graph, decision.function, decision.condition, &mut condition);
+    if matches!(decision.kind, DecisionKind::Loop { .. }) {
+        // The bound has a better name than the counter.
+        let locals = || f.function.local_variables.iter();
+        condition.retain(|word| !locals().any(|(_, l)| l.name.as_ref() == Some(word)));
+    }
     let sources = decision.sources.iter();
     let assumed: Vec<String> = sources
         .filter_map(|i| assumptions.values.get(*i))
@@ -191,11 +199,10 @@ fn name(graph: &Graph<'_>, decision: &Decision, assumptions: &Assumptions) -> St
         .or_else(|| known(&function))
         // A condition that leaves the function early decides all of it.
         .or_else(|| function.first().filter(|_| decision.leaves).cloned())
-        // The count has a better name than the counter.
         .or_else(|| assumed.first().filter(|_| is_loop).cloned())
         .or_else(|| condition.last().cloned())
         .or_else(|| assumed.first().cloned())
-        .unwrap_or_else(|| "unnamed".to_owned())
+        .unwrap_or_else(|| UNNAMED.to_owned())
 }
 
 /// Identifiers in an expression: constants, members, variables and functions, the most specific

@@ -1,0 +1,233 @@
+//! Names what a file is that preshade cannot read: another language, or a part of a shader that an
+//! engine completes.
+//!
+//! A file's ending decides where no parser is tried. Where one fails, the text's own words decide.
+//! The parser's error stays as a note, because such a word may also stand in a WGSL or GLSL file
+//! with a mistake elsewhere.
+
+use std::ops::Range;
+
+use naga::Span;
+
+use super::error::{Code, Error};
+use super::{Source, extension};
+use crate::wgsl::text::without_comments;
+
+/// Something that is given in place of a material in WGSL or GLSL.
+struct Foreign {
+    /// Completes "the file is ..".
+    is: &'static str,
+    /// Endings of its files that no file of WGSL or GLSL has.
+    endings: &'static [&'static str],
+    /// Finds a word that WGSL and GLSL do not have, in text without comments. Gets the parser's
+    /// message too.
+    sign: fn(&str, &str) -> Option<Range<usize>>,
+    remedy: &'static str,
+}
+
+/// The first row that fits is named.
+const ALL: [Foreign; 11] = [
+    Foreign {
+        is: "Slang, which preshade does not read",
+        endings: &[],
+        sign: |text, _| one_of(text, &["[shader(\"", "ParameterBlock<", "__target_switch"]),
+        remedy: "translate it to WGSL with `slangc -target wgsl`",
+    },
+    Foreign {
+        is: "HLSL, which preshade does not read",
+        endings: &["hlsl", "hlsli", "fx", "fxh"],
+        sign: |text, _| {
+            let words = [
+                "cbuffer ",
+                "SV_Position",
+                "SV_POSITION",
+                "SV_Target",
+                "SV_TARGET",
+                ": register(",
+                "Texture2D<",
+                "SamplerState ",
+            ];
+            one_of(text, &words)
+        },
+        remedy: "translate it to WGSL or GLSL, for example with `slangc -target wgsl`, or with \
+                 `dxc -spirv` and `spirv-cross`",
+    },
+    Foreign {
+        is: "Metal's shading language, which preshade does not read",
+        endings: &["metal", "msl"],
+        sign: |text, _| {
+            one_of(
+                text,
+                &["metal_stdlib", "using namespace metal", "[[stage_in]]"],
+            )
+        },
+        remedy: "give the WGSL or GLSL that it was written from; spirv-cross and naga translate \
+                 these to Metal, and nothing translates Metal back",
+    },
+    Foreign {
+        is: "Unity's ShaderLab, which preshade does not read",
+        endings: &["shader", "cginc"],
+        sign: |text, _| one_of(text, &["SubShader", "CGPROGRAM", "HLSLPROGRAM"]),
+        remedy: "give the GLSL that Unity compiles it to (\"Compile and show code\", GLES3)",
+    },
+    Foreign {
+        is: "Godot's shading language, which preshade does not read",
+        endings: &["gdshader", "gdshaderinc"],
+        sign: |text, _| one_of(text, &["shader_type spatial", "shader_type canvas_item"]),
+        remedy: "give the GLSL that Godot compiles it to",
+    },
+    Foreign {
+        is: "Unreal's shader code, which preshade does not read",
+        endings: &["usf", "ush"],
+        sign: |_, _| None,
+        remedy: "give WGSL or GLSL",
+    },
+    Foreign {
+        is: "a compute, geometry, tessellation, mesh or ray tracing shader, and not a material",
+        endings: &[
+            "comp", "geom", "tesc", "tese", "mesh", "task", "rgen", "rchit", "rmiss",
+        ],
+        sign: |text, _| one_of(text, &["local_size_x"]),
+        remedy: "a material has a vertex and a fragment stage: preshade moves work between these, \
+                 and has nothing to move in other shaders",
+    },
+    Foreign {
+        is: "a mesh",
+        endings: &["glb", "gltf", "obj", "fbx", "stl", "usdz"],
+        sign: |_, _| None,
+        remedy: "write a scene file that names the mesh, the shader and a camera: \
+                 docs/reference/scenes.md (meshes are glTF)",
+    },
+    Foreign {
+        is: "a fragment shader for Shadertoy, which adds `main`, the uniforms and the vertex stage",
+        endings: &[],
+        sign: |text, _| one_of(text, &["void mainImage("]),
+        remedy: "add `uniform vec3 iResolution; uniform float iTime; out vec4 color; void main() { \
+                 mainImage(color, gl_FragCoord.xy); }`, and give a vertex stage that draws your \
+                 mesh",
+    },
+    Foreign {
+        is: "a part of three.js's GLSL: three.js adds the chunks, attributes and matrices when it \
+             draws",
+        endings: &[],
+        sign: |text, message| {
+            let of_three = |name: &&&str| message == format!("`{name}` is not declared");
+            let undeclared = || THREE.iter().find(of_three);
+            let matrix = ["projectionMatrix", "modelViewMatrix"];
+            let mut read = matrix.iter().filter(|name| word(text, name).is_some());
+            let is_three = read.any(|name| !text.contains(&format!("mat4 {name}")));
+            chunk(text).or_else(|| word(text, undeclared().filter(|_| is_three)?))
+        },
+        remedy: "capture the text that three.js compiles: docs/guides/three-js.md",
+    },
+    Foreign {
+        is: "written for push constants, and WGSL's `var<push_constant>` is now `var<immediate>`",
+        endings: &[],
+        sign: |text, _| one_of(text, &["var<push_constant>"]),
+        remedy: "write `var<immediate>`, as naga and wgpu call it now",
+    },
+];
+
+/// What three.js declares for a `ShaderMaterial`.
+const THREE: [&str; 12] = [
+    "position",
+    "normal",
+    "uv",
+    "color",
+    "tangent",
+    "modelMatrix",
+    "modelViewMatrix",
+    "projectionMatrix",
+    "viewMatrix",
+    "normalMatrix",
+    "cameraPosition",
+    "instanceMatrix",
+];
+
+/// The first of these words in the text.
+fn one_of(text: &str, words: &[&str]) -> Option<Range<usize>> {
+    let places = words.iter().filter_map(|word| {
+        let start = text.find(word)?;
+        Some(start..start + word.trim_end().len())
+    });
+    places.min_by_key(|range| range.start)
+}
+
+/// The first place where `name` is a whole word.
+fn word(text: &str, name: &str) -> Option<Range<usize>> {
+    let is_part = |c: char| c.is_ascii_alphanumeric() || c == '_';
+    let mut all = text.match_indices(name);
+    let whole = |(at, _): &(usize, &str)| {
+        !text[..*at].ends_with(is_part) && !text[at + name.len()..].starts_with(is_part)
+    };
+    let (start, _) = all.find(whole)?;
+    Some(start..start + name.len())
+}
+
+/// `#include <name>`, with a name that is no file's.
+fn chunk(text: &str) -> Option<Range<usize>> {
+    let mut all = text.match_indices("#include <");
+    all.find_map(|(start, found)| {
+        let rest = &text[start + found.len()..];
+        let name = &rest[..rest.find(['>', '\n'])?];
+        let is_chunk = !name.is_empty() && !name.contains(['.', '/']);
+        is_chunk.then(|| start..start + found.len() + name.len() + 1)
+    })
+}
+
+/// The error, or a better one if a source is recognised as something else. `bases`: where each
+/// source begins in the error's source map.
+pub(super) fn named(error: Error, sources: &[Source], bases: &[u32]) -> Error {
+    let tried = matches!(
+        error.code(),
+        Code::Parse | Code::Invalid | Code::NoEntryPoint | Code::TooDeep
+    );
+    let untried = matches!(error.code(), Code::UnknownLanguage | Code::UnknownStage);
+    let mut all = sources.iter().zip(bases);
+    let found = all.find_map(|(source, base)| {
+        let ending = extension(&source.name).map(str::to_ascii_lowercase);
+        let ends =
+            |f: &&Foreign| untried && ending.as_deref().is_some_and(|e| f.endings.contains(&e));
+        if let Some(foreign) = ALL.iter().find(ends) {
+            return Some((source, foreign, None));
+        }
+        if !tried && !untried {
+            return None;
+        }
+        let text = without_comments(&source.text);
+        ALL.iter().find_map(|foreign| {
+            let at = (foreign.sign)(&text, error.message())?;
+            let span = Span::new(base + at.start as u32, base + at.end as u32);
+            Some((source, foreign, Some(span)))
+        })
+    });
+    let Some((source, foreign, span)) = found else {
+        return error;
+    };
+    let better = Error::new(Code::Foreign, format!("{} is {}", source.name, foreign.is))
+        .label_if(span)
+        .note(foreign.remedy);
+    match tried {
+        true => better.note(format!("read as {}: {error}", language(source))),
+        false => better,
+    }
+}
+
+fn language(source: &Source) -> &'static str {
+    match source.language() {
+        Some(super::Language::Wgsl) => "WGSL",
+        Some(super::Language::Glsl) => "GLSL",
+        None => "text",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_word_is_whole() {
+        assert_eq!(word("uv2 = my_uv; uv", "uv"), Some(13..15));
+        assert_eq!(chunk("#include <a.glsl>\n#include <common>"), Some(18..35));
+    }
+}
