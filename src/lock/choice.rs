@@ -124,6 +124,7 @@ fn about(material: &str, facts: &Facts) -> Facts {
         frequencies: _,
         rasterizer,
         samplers,
+        undrawn,
     } = facts;
     Facts {
         depth_ties: *depth_ties,
@@ -138,6 +139,9 @@ fn about(material: &str, facts: &Facts) -> Facts {
         frequencies: Vec::new(),
         rasterizer: *rasterizer,
         samplers: own(samplers, |s| s.material == material),
+        undrawn: undrawn
+            .as_ref()
+            .map(|all| own(all, |u| u.material == material)),
     }
 }
 
