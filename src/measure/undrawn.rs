@@ -62,9 +62,9 @@ impl Drawn {
             let mut bound: Option<Vec<BufferBinding>> = None;
             for (_, frame) in scene.frames() {
                 let bound = match &mut bound {
-                    None => bound.insert(bind::uniform_buffers(
-                        scene, material, pass, draw, frame,
-                    )?),
+                    None => {
+                        bound.insert(bind::uniform_buffers(scene, material, pass, draw, frame)?)
+                    }
                     Some(bound) => {
                         for now in bind::frame_buffers(scene, material, pass, draw, frame)? {
                             let same = |b: &&mut BufferBinding| {
@@ -94,7 +94,9 @@ impl Drawn {
         // Of all places, those that decide something.
         for values in &seen {
             for place in &deciding {
-                let Some(value) = values.get(place) else { continue };
+                let Some(value) = values.get(place) else {
+                    continue;
+                };
                 let have = this.bounds.entry(place.clone()).or_insert(value.clone());
                 have.bounds = have.bounds.or(value.bounds);
             }
@@ -141,7 +143,11 @@ impl Drawn {
         for (id, (branch, values)) in &mut open {
             let drawn = ways(branch);
             let is_kept = |now: &Branch| {
-                branch.arms.is_none() || now.ways.iter().all(|w| drawn.contains(w) && *w != Way::Open)
+                branch.arms.is_none()
+                    || now
+                        .ways
+                        .iter()
+                        .all(|w| drawn.contains(w) && *w != Way::Open)
             };
             if decided.get(id).is_some_and(|now| !is_kept(now))
                 && let Some(first) = self.first.get(id)
@@ -158,7 +164,11 @@ impl Drawn {
                 values: values.into_values().collect(),
             });
         }
-        let line = |u: &Undrawn| u.location.as_ref().map(|at: &Location| (at.line, at.column));
+        let line = |u: &Undrawn| {
+            u.location
+                .as_ref()
+                .map(|at: &Location| (at.line, at.column))
+        };
         found.sort_by_key(line);
         found
     }

@@ -353,10 +353,12 @@ impl Uploads {
         });
         Ok(DrawInputs {
             resources,
-            immediates: Mutex::new(bound.immediates.as_ref().map_or_else(
-                || Arc::from([]),
-                |data| Arc::clone(&data.bytes),
-            )),
+            immediates: Mutex::new(
+                bound
+                    .immediates
+                    .as_ref()
+                    .map_or_else(|| Arc::from([]), |data| Arc::clone(&data.bytes)),
+            ),
             vertex_buffers,
             indices,
             vertex_count: bound.vertex_count,

@@ -2,9 +2,7 @@
 
 use std::path::Path;
 
-use preshade::unstable::measure::{
-    self, Session, Settings, Timed, TimingSettings, verify,
-};
+use preshade::unstable::measure::{self, Session, Settings, Timed, TimingSettings, verify};
 use preshade::unstable::passes::contract::Verdict;
 use preshade::unstable::passes::pass::Facts;
 use preshade::unstable::recipe::Recipe;
@@ -33,16 +31,16 @@ fn boxes() -> Scene {
     std::fs::create_dir_all(&folder).unwrap();
     std::fs::write(folder.join("preshade.toml"), "").unwrap();
     std::fs::write(folder.join("push.wgsl"), SHADER).unwrap();
-    let draw = |z: f32, tint: &str| {
+    let draw = |[x, z]: [f32; 2], tint: &str| {
         format!(
-            "[[draws]]\nmesh = \"cube\"\nmaterial = \"cubes\"\ntranslate = [0, 0, {z}]\nvalues = {{ \"push.tint\" = {tint} }}\n"
+            "[[draws]]\nmesh = \"cube\"\nmaterial = \"cubes\"\ntranslate = [{x}, 0, {z}]\nvalues = {{ \"push.tint\" = {tint} }}\n"
         )
     };
     let text = format!(
         "size = [64, 48]\n[materials.cubes]\nshader = \"push.wgsl\"\nvalues = {{ \"push.mvp\" = \"$mvp\" }}\n\
          [meshes]\ncube.box = {{ size = [1, 1, 1] }}\n{}{}[[cameras]]\neye = [0, 0.5, 4]\ntarget = [0, 0, 0]\n",
-        draw(-1.0, "[1, 0, 0, 1]"),
-        draw(1.0, "[0, 1, 0, 1]"),
+        draw([1.2, -1.0], "[1, 0, 0, 1]"),
+        draw([0.0, 1.0], "[0, 1, 0, 1]"),
     );
     let path = folder.join("scene.toml");
     std::fs::write(&path, text).unwrap();
@@ -70,16 +68,25 @@ fn each_draw_has_its_own_immediate_data() {
 fn variants_of_materials_with_immediate_data_are_verified() {
     let scene = boxes();
     let session = Session::new(gpu(), &scene, ShaderForm::Text).unwrap();
-    let variants: Vec<_> = ["depth-prepass", "early-discard", "visibility-buffer:budget=0.1"]
-        .iter()
-        .map(|recipe| {
-            let recipe = Recipe::parse([*recipe]).unwrap();
-            measure::variant(&measure::originals(&scene), &recipe, &Facts::without_ties())
-        })
-        .collect();
+    let variants: Vec<_> = [
+        "depth-prepass",
+        "early-discard",
+        "visibility-buffer:budget=0.1",
+    ]
+    .iter()
+    .map(|recipe| {
+        let recipe = Recipe::parse([*recipe]).unwrap();
+        measure::variant(&measure::originals(&scene), &recipe, &Facts::without_ties())
+    })
+    .collect();
     for variant in &variants {
         let passes = &variant.plans[0].passes;
-        assert!(passes.iter().any(|p| p.limits.get("maxImmediateSize") == Some(&80)), "{passes:?}");
+        assert!(
+            passes
+                .iter()
+                .any(|p| p.limits.get("maxImmediateSize") == Some(&80)),
+            "{passes:?}"
+        );
     }
     let settings = Settings {
         timed: Timed::No,
@@ -87,7 +94,9 @@ fn variants_of_materials_with_immediate_data_are_verified() {
         frames_per_camera: 1,
         command: String::new(),
     };
-    let report = verify(&session, &variants, &settings, &mut |_| {}).unwrap().report;
+    let report = verify(&session, &variants, &settings, &mut |_| {})
+        .unwrap()
+        .report;
     for variant in &report.variants {
         assert_eq!(variant.verdict, Verdict::Holds, "{}", variant.name);
     }

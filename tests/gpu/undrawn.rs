@@ -30,13 +30,16 @@ struct V { @builtin(position) position: vec4<f32>, @location(0) uv: vec2<f32>, @
 
 /// A plane, with `u.n` of each of its draws.
 fn drawn_with(name: &str, all: &[i32]) -> Scene {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("undrawn").join(name);
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR"))
+        .join("undrawn")
+        .join(name);
     std::fs::create_dir_all(&folder).unwrap();
     std::fs::write(folder.join("preshade.toml"), "").unwrap();
     std::fs::write(folder.join("case.wgsl"), SHADER).unwrap();
-    let mut text = "size = [96, 64]\n[materials.plane]\nshader = \"case.wgsl\"\nvalues = { \"u.n\" = 0, \
+    let mut text =
+        "size = [96, 64]\n[materials.plane]\nshader = \"case.wgsl\"\nvalues = { \"u.n\" = 0, \
                     \"u.color\" = [1, 1, 1, 1] }\n[meshes]\nfloor.plane = { size = [6, 6] }\n"
-        .to_owned();
+            .to_owned();
     for n in all {
         text.push_str(&format!(
             "[[draws]]\nmesh = \"floor\"\nmaterial = \"plane\"\nvalues = {{ \"u.n\" = {n} }}\n"
@@ -66,7 +69,9 @@ fn run(scene: &Scene, variant: &Variant) -> Report {
     };
     let session = Session::new(gpu(), scene, ShaderForm::Text).unwrap();
     let variants = std::slice::from_ref(variant);
-    verify(&session, variants, &settings, &mut |_| {}).unwrap().report
+    verify(&session, variants, &settings, &mut |_| {})
+        .unwrap()
+        .report
 }
 
 #[test]
@@ -77,19 +82,31 @@ fn a_budget_measured_on_one_side_of_a_branch_is_guarded_on_the_other() {
     let given = plan.contract.given();
     assert!(given.contains(&Assumption::MeasuredScene), "{given:?}");
     assert!(given.contains(&Assumption::ValuesOfTheGuard), "{given:?}");
-    let guard: Vec<String> = plan.guard.iter().flat_map(|g| &g.values).map(ToString::to_string).collect();
+    let guard: Vec<String> = plan
+        .guard
+        .iter()
+        .flat_map(|g| &g.values)
+        .map(ToString::to_string)
+        .collect();
     assert_eq!(guard, ["u.n = 0"]);
 
     let report = run(&drawn, &variant);
     assert_eq!(report.variants[1].verdict, Verdict::Holds);
     let note = report.warnings.iter().find(|w| w.contains("`u.n == 1`"));
-    assert!(note.is_some_and(|n| n.contains("with u.n = 0")), "{:?}", report.warnings);
+    assert!(
+        note.is_some_and(|n| n.contains("with u.n = 0")),
+        "{:?}",
+        report.warnings
+    );
 
     // The same plan in a scene with the other value: the original is drawn, and the reason said.
     let other = drawn_with("one", &[1]);
     let report = run(&other, &variant);
     let kept = &report.variants[1].kept;
-    assert!(kept.iter().any(|k| k.why.contains("u.n = 0 was assumed")), "{kept:?}");
+    assert!(
+        kept.iter().any(|k| k.why.contains("u.n = 0 was assumed")),
+        "{kept:?}"
+    );
     assert!(!report.is_broken());
 
     // Without its guard the promise is false there.
@@ -121,5 +138,9 @@ fn a_made_up_scene_leaves_its_branches_untested() {
     assert!(plan.contract.given().contains(&Assumption::NotMeasured));
     assert_eq!(plan.guard, None);
     let report = run(&made_up, &variant);
-    assert!(report.untested.iter().any(|u| u.contains("`u.n == 1`")), "{:?}", report.untested);
+    assert!(
+        report.untested.iter().any(|u| u.contains("`u.n == 1`")),
+        "{:?}",
+        report.untested
+    );
 }

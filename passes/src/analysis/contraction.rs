@@ -335,8 +335,7 @@ pub(crate) fn unsteady(values: &Values<'_, '_>) -> Vec<bool> {
     let may_fuse: Vec<bool> = all.clone().map(|id| operations.may_fuse(id)).collect();
     let sources: Vec<Vec<ValueId>> = all.clone().map(|id| operations.sources(id)).collect();
     let mut shared = vec![None; values.values.len()];
-    let mut is_shared =
-        |id: ValueId| *shared[id].get_or_insert_with(|| operations.is_shared(id));
+    let mut is_shared = |id: ValueId| *shared[id].get_or_insert_with(|| operations.is_shared(id));
     let mut found = vec![false; values.values.len()];
     let mut work = Vec::new();
     for id in all.clone().filter(|id| operations.is_arithmetic(*id)) {
@@ -358,9 +357,7 @@ pub(crate) fn unsteady(values: &Values<'_, '_>) -> Vec<bool> {
     for id in all {
         let may = sources[id].iter().any(|source| may_fuse[*source]);
         found[id] = found[id]
-            || may
-                && operations
-                    .any_reader(id, |r| r != OUTPUT && operations.is_arithmetic(r));
+            || may && operations.any_reader(id, |r| r != OUTPUT && operations.is_arithmetic(r));
     }
     found
 }

@@ -57,12 +57,17 @@ fn undrawn() -> Undrawn {
 fn with_budgets(facts: &Facts) -> Vec<(&'static str, Plan)> {
     let mut found = Vec::new();
     for (recipe, params) in [
-        ("hoist", "{\"budget\":0.1,\"finite\":\"assumed\",\"jumps\":\"carried\"}"),
+        (
+            "hoist",
+            "{\"budget\":0.1,\"finite\":\"assumed\",\"jumps\":\"carried\"}",
+        ),
         ("trim-loop", "{\"budget\":0.1}"),
     ] {
         let params = serde_json::from_str(params).unwrap();
         let outcome = pass_named(recipe).unwrap().run(&original(), facts, &params);
-        let plan = outcome.unwrap_or_else(|e| panic!("{recipe}: {}", e.first())).plan;
+        let plan = outcome
+            .unwrap_or_else(|e| panic!("{recipe}: {}", e.first()))
+            .plan;
         assert!(!plan.contract.budgets().is_empty(), "{recipe}");
         found.push((recipe, plan));
     }
@@ -98,7 +103,10 @@ fn a_budget_that_nobody_drew_says_so() {
     for facts in [read, Facts::without_ties(), Facts::default()] {
         for (recipe, plan) in with_budgets(&facts) {
             let given = plan.contract.given();
-            assert!(given.contains(&Assumption::NotMeasured), "{recipe}: {given:?}");
+            assert!(
+                given.contains(&Assumption::NotMeasured),
+                "{recipe}: {given:?}"
+            );
             assert!(!given.contains(&Assumption::MeasuredScene), "{recipe}");
             assert_eq!(plan.guard, None, "{recipe}");
         }
@@ -135,13 +143,18 @@ fn branches_go_the_way_of_the_values() {
     for (n, way) in [(1.0, Way::Arm(0)), (0.0, Way::Arm(1))] {
         let found = branches(&original(), &facts(n)).unwrap();
         let of_n: Vec<_> = found.values().filter(|b| !b.values.is_empty()).collect();
-        let [branch] = of_n[..] else { panic!("{found:?}") };
+        let [branch] = of_n[..] else {
+            panic!("{found:?}")
+        };
         assert_eq!(branch.ways, [way]);
         assert_eq!(branch.condition, "u.n == 1");
         assert_eq!(branch.location.as_ref().map(|l| l.line), Some(10));
     }
     let unknown = branches(&original(), &Facts::default()).unwrap();
-    assert!(unknown.values().any(|b| b.ways == [Way::Open]), "{unknown:?}");
+    assert!(
+        unknown.values().any(|b| b.ways == [Way::Open]),
+        "{unknown:?}"
+    );
 }
 
 /// Every recipe of every pass assumes something, or leaves the main pass alone; else it is refused
@@ -151,7 +164,9 @@ fn no_promise_assumes_nothing() {
     let mut applied = 0;
     for pass in PASSES {
         for example in pass.examples() {
-            if example.recipe.contains(',') && example.recipe.split(',').any(|p| pass_named(p).is_some()) {
+            if example.recipe.contains(',')
+                && example.recipe.split(',').any(|p| pass_named(p).is_some())
+            {
                 continue;
             }
             let (_, params) = common::step(example.recipe);

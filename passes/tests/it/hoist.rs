@@ -593,7 +593,11 @@ fn hoist_all(source: &str) -> Result<Outcome, Refused> {
 /// varying, and the vertex stage would run the loop for it.
 #[test]
 fn the_length_of_a_list_is_not_carried() {
-    for bound in ["arrayLength(&lights)", "arrayLength(&lights) - 1u", "u.count"] {
+    for bound in [
+        "arrayLength(&lights)",
+        "arrayLength(&lights) - 1u",
+        "u.count",
+    ] {
         let text = format!(
             "struct U {{ count: u32, k: f32 }}
              @group(0) @binding(0) var<uniform> u: U;
@@ -619,7 +623,10 @@ fn the_length_of_a_list_is_not_carried() {
             let vertex = vertex.split("@fragment").next().unwrap();
             assert!(!vertex.contains("loop"), "{bound}: {text}");
             let hoisted = text.split("fn ").filter(|f| f.starts_with("hoisted"));
-            assert!(hoisted.clone().all(|f| !f.contains("loop")), "{bound}: {text}");
+            assert!(
+                hoisted.clone().all(|f| !f.contains("loop")),
+                "{bound}: {text}"
+            );
         }
     }
 }

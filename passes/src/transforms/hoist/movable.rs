@@ -312,7 +312,7 @@ pub(super) fn judge(values: &Values<'_, '_>, precision: &Precision) -> Judged {
             let (interpolated, at) = match fact.rate {
                 Rate::Const => return Err(Missed::NotCarried),
                 Rate::Draw | Rate::Instance | Rate::Varying(Interpolated::Flat, _) => {
-                    if is_cheap(values, id) {
+                    if fact.rate == Rate::Draw && is_cheap(values, id) {
                         return Err(Missed::NotCarried);
                     }
                     // A compiler that fuses it into its reader rounds otherwise than one that does
