@@ -31,7 +31,7 @@ use crate::{Ending, Failure, Format, unknown};
 Examples:
   preshade rewrite lit.wgsl --pass depth-prepass                       to stdout
   preshade rewrite lit.wgsl --pass depth-prepass:form=equal --emit wgsl,spirv -o out/
-  preshade rewrite lit.vert lit.frag --pass early-discard:texture=float --emit glsl-es -o out/
+  preshade rewrite lit.vert lit.frag --pass early-discard --emit glsl-es -o out/
   preshade rewrite scene.toml --pass depth-prepass -o out/             every material of a scene
   preshade rewrite shaders/ --pass depth-prepass --out-dir out/        every shader below a folder
   preshade rewrite - --lang wgsl --pass depth-prepass < lit.wgsl

@@ -3,6 +3,7 @@
 
 mod author;
 mod depth;
+mod depth_loads;
 mod es100;
 pub(super) mod lacks;
 mod layout;
@@ -20,7 +21,7 @@ use naga::back::glsl::{
 use naga::proc::BoundsCheckPolicies;
 use naga::{GlobalVariable, Handle, ImageClass, Module, ResourceBinding, ShaderStage, TypeInner};
 use preshade_passes::budget::Budget;
-use preshade_passes::contract::Contract;
+use preshade_passes::contract::{Assumption, Contract};
 use preshade_passes::declared::Depth;
 use preshade_passes::plan::Plan;
 use preshade_passes::program::Program;
@@ -39,6 +40,8 @@ pub(super) fn author(program: &Program, name: &str, target: Target) -> Result<Au
     let named = wgsl::deep_expressions::name_deep_expressions(program)
         .and_then(|m| program.with_module(m).ok());
     let program = named.as_ref().unwrap_or(program);
+    let floats = depth_loads::as_floats(program);
+    let program = floats.as_ref().unwrap_or(program);
     author::prepare(program).map_err(|failed| match failed {
         author::Failed::Layout(what) => EmitError::Inexpressible {
             file: name.to_owned(),
@@ -297,7 +300,7 @@ pub(super) fn without_fine_derivatives(plan: &Plan) -> Option<WeakerPromise> {
         // An affected lane can have any colour.
         contract: Contract::Approximate {
             budget: Budget::max_abs(1.0),
-            given: Vec::new(),
+            given: vec![Assumption::NotMeasured],
         },
         why:
             "GLSL ES 3.00 has no fine derivatives, so a quad's vote may miss a lane and spoil its \

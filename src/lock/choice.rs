@@ -123,6 +123,7 @@ fn about(material: &str, facts: &Facts) -> Facts {
         constants,
         frequencies: _,
         rasterizer,
+        undrawn,
     } = facts;
     Facts {
         depth_ties: *depth_ties,
@@ -136,6 +137,9 @@ fn about(material: &str, facts: &Facts) -> Facts {
         constants: own(constants, |c| c.material == material),
         frequencies: Vec::new(),
         rasterizer: *rasterizer,
+        undrawn: undrawn
+            .as_ref()
+            .map(|all| own(all, |u| u.material == material)),
     }
 }
 

@@ -6,7 +6,8 @@
 //! [`error`] compares pictures, [`shading`] counts fragments and depth ties, [`timing`] times
 //! frames, [`statistics`] reads the adapter's counters, [`shadow`] draws shadow passes under the
 //! light. [`frequency`], [`mod@interpolation`] and [`bounds`] find values that can be interpolated.
-//! [`mod@changing`], [`mod@constants`] and [`mod@ranges`] read a scene's files without drawing.
+//! [`mod@changing`], [`mod@constants`], [`mod@ranges`] and [`mod@undrawn`] read a scene's files
+//! without drawing.
 //! [`mod@truth`] compares with exact arithmetic, [`mod@junctions`] finds T-junctions,
 //! [`mod@rasterizer`] tests the adapter's rasteriser, and [`on_adapter`] runs both versions on
 //! numbers. [`crossover`] finds the value of a scene's variable at which one variant overtakes
@@ -35,6 +36,7 @@ mod subject;
 pub(crate) mod telling;
 pub mod timing;
 pub mod truth;
+pub mod undrawn;
 pub mod variant;
 pub mod verdict;
 pub mod verify;
@@ -64,6 +66,7 @@ pub use subject::Subject;
 pub use timing::{
     Clock, Estimate, FEWEST_SAMPLES, FrameTime, Timing, TimingSettings, estimate, time,
 };
+pub use undrawn::undrawn;
 pub(crate) use variant::unwritten;
 pub use variant::{counting, variant};
 pub use verify::{Settings, Timed, Variant, Verified, VerifyProgress, verify};
@@ -104,6 +107,7 @@ pub fn known(scene: &crate::scene::Scene) -> preshade_passes::pass::Facts {
         changing,
         constants: constants.unwrap_or_default(),
         ranges: ranges(scene).unwrap_or_default(),
+        undrawn: undrawn(scene).ok(),
         ..preshade_passes::pass::Facts::default()
     }
 }
@@ -114,7 +118,9 @@ pub fn known_for(
     recipe: &crate::recipe::Recipe,
 ) -> preshade_passes::pass::Facts {
     let reads = |step: &crate::recipe::Step| {
-        preshade_passes::pass_named(&step.pass).is_none_or(|pass| pass.info().reads_scene)
+        let pass = preshade_passes::pass_named(&step.pass);
+        // A budget holds for the branches that the scene draws.
+        step.params.contains_key("budget") || pass.is_none_or(|pass| pass.info().reads_scene)
     };
     match recipe.steps.iter().any(reads) {
         true => known(scene),

@@ -11,7 +11,7 @@ use super::shading::{discards, removed_discard};
 use super::{CountProgram, Counter, Error, Session, counting};
 use crate::render::Rendered;
 use crate::scene::bind::{Guess, Guessed};
-use crate::scene::{DrawOrder, Frame};
+use crate::scene::{DrawOrder, Frame, Scene};
 
 /// The distinct colours, as long as they are few.
 #[derive(Clone, Debug, Default)]
@@ -153,6 +153,47 @@ pub(crate) fn untested(materials: &[&str]) -> String {
         "no fragment of {} is discarded in any view, so that its discard is untested",
         names.join(", ")
     )
+}
+
+/// Most branches that a message names.
+const BRANCHES: usize = 4;
+
+/// The branches of which the pictures show one way only, where a plan of `plans` promises a budget:
+/// the budget says nothing about the other ways. `None`: there are none.
+pub(crate) fn undrawn<'p>(scene: &Scene, plans: impl Iterator<Item = &'p Plan>) -> Option<String> {
+    let budgeted = plans.filter(|plan| !plan.contract.budgets().is_empty());
+    let budgeted: BTreeSet<&str> = budgeted.map(|plan| plan.material.as_str()).collect();
+    if budgeted.is_empty() {
+        return None;
+    }
+    let mut found = super::undrawn(scene).unwrap_or_default();
+    found.retain(|u| budgeted.contains(u.material.as_str()));
+    let each: Vec<String> = found
+        .iter()
+        .take(BRANCHES)
+        .map(|u| {
+            let at = u.location.as_ref();
+            let at = at.map_or(String::new(), |at| {
+                format!(" ({}:{}:{})", at.file, at.line, at.column)
+            });
+            let values: Vec<String> = u.values.iter().map(ToString::to_string).collect();
+            format!("`{}`{at} with {}", u.condition, values.join(", "))
+        })
+        .collect();
+    let more = match found.len().saturating_sub(BRANCHES) {
+        0 => String::new(),
+        n => format!("; and {n} more"),
+    };
+    let what = match scene.is_made_up {
+        true => "these values are made up, so a budget promises nothing",
+        false => "a budget holds for these values, and the guard lists them",
+    };
+    (!each.is_empty()).then(|| {
+        format!(
+            "no draw takes another way at {}{more}: {what}",
+            each.join("; ")
+        )
+    })
 }
 
 /// Whether the plan decides anew which fragments its material has: in another pass, on the

@@ -265,6 +265,17 @@ impl Run<'_, '_> {
             };
             list.push(telling::untested(&materials));
         }
+        let scene = self.session.scene();
+        let drawn = self.subjects.iter().skip(1).zip(variants);
+        let drawn = drawn.filter(|(subject, _)| subject.covered.is_some());
+        let plans = drawn.flat_map(|(_, variant)| &variant.plans);
+        if let Some(branches) = telling::undrawn(scene, plans) {
+            // The guard of a real scene keeps a host to what was drawn.
+            match scene.is_made_up {
+                true => untested.push(branches),
+                false => warnings.push(branches),
+            }
+        }
         let away = nothing
             && self.lost.is_none()
             && telling::faces_away(self.session, &frames).unwrap_or(false);

@@ -25,6 +25,7 @@ pub(super) struct RenderKey {
     pub vertex: StageKey,
     pub fragment: Option<StageKey>,
     pub layouts: Vec<Option<wgpu::BindGroupLayout>>,
+    pub immediates: u32,
     pub buffers: Vec<VertexLayout>,
     pub primitive: wgpu::PrimitiveState,
     pub depth_stencil: Option<wgpu::DepthStencilState>,
@@ -37,6 +38,7 @@ pub(super) struct RenderKey {
 pub(super) struct ComputeKey {
     pub stage: StageKey,
     pub layouts: Vec<Option<wgpu::BindGroupLayout>>,
+    pub immediates: u32,
 }
 
 /// Values by key. Pipeline states have no order and no hash, and a session has a few hundred.

@@ -9,7 +9,7 @@ use super::Error;
 use super::compiled::{self, Compiled, ComputeKey};
 use super::drawn::{Arguments, DrawTable};
 use super::gpu::Gpu;
-use super::inputs::SceneInputs;
+use super::inputs::{SceneInputs, immediate_size};
 use super::layout::{self, Made};
 use super::limits;
 use super::shader::Variant;
@@ -25,6 +25,8 @@ pub(super) struct PreparedCompute {
 
 struct Dispatch {
     groups: Vec<(u32, wgpu::BindGroup)>,
+    /// The draw, and the bytes of its immediate data.
+    immediates: (usize, u32),
     workgroups: Workgroups,
 }
 
@@ -65,6 +67,7 @@ pub(super) fn prepare(
             let shader = shaders
                 .get(stage.shader.as_str())
                 .ok_or_else(|| failed(format!("there is no shader `{}`", stage.shader)))?;
+            let immediates = immediate_size(&pass.limits);
             let mut pipeline = None;
             let mut dispatches = Vec::new();
             for (index, draw) in scene.draws.iter().enumerate() {
@@ -114,10 +117,12 @@ pub(super) fn prepare(
                 if pipeline.is_none() {
                     let layouts: Vec<_> = groups.iter().map(|(g, l, _)| (*g, l)).collect();
                     let module = (shader, stage.entry_point.as_str());
-                    pipeline = Some(build(gpu, inputs.compiled(), &what, module, &layouts)?);
+                    let layouts = (layouts.as_slice(), immediates);
+                    pipeline = Some(build(gpu, inputs.compiled(), &what, module, layouts)?);
                 }
                 dispatches.push(Dispatch {
                     groups: groups.into_iter().map(|(g, _, b)| (g, b)).collect(),
+                    immediates: (index, immediates),
                     workgroups,
                 });
                 if is_once {
@@ -155,19 +160,20 @@ fn build(
     compiled: Option<&Compiled>,
     what: &str,
     (module, entry_point): (&wgpu::ShaderModule, &str),
-    layouts: &[(u32, &wgpu::BindGroupLayout)],
+    (layouts, immediates): (&[(u32, &wgpu::BindGroupLayout)], u32),
 ) -> Result<wgpu::ComputePipeline, Error> {
     let device = &gpu.device;
     let by_group = layout::by_group(layouts);
     let key = || ComputeKey {
         stage: (module.clone(), entry_point.to_owned()),
         layouts: by_group.iter().map(|l| l.cloned()).collect(),
+        immediates,
     };
     let make = || {
         let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: None,
             bind_group_layouts: &by_group,
-            immediate_size: 0,
+            immediate_size: immediates,
         });
         device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some(what),
@@ -185,18 +191,20 @@ fn build(
 
 /// Encodes the passes that run at this point.
 pub(super) fn encode(
+    inputs: &SceneInputs<'_>,
     passes: &[PreparedCompute],
     then: impl Fn(&When) -> bool,
     encoder: &mut wgpu::CommandEncoder,
 ) {
-    encode_those(passes.iter().filter(|p| then(&p.when)), encoder);
+    encode_those(inputs, passes.iter().filter(|p| then(&p.when)), encoder);
 }
 
 /// Runs the passes that run once, at load.
 ///
 /// # Errors
 /// As reported by the adapter.
-pub(super) fn load(gpu: &Gpu, passes: &[PreparedCompute]) -> Result<(), Error> {
+pub(super) fn load(inputs: &SceneInputs<'_>, passes: &[PreparedCompute]) -> Result<(), Error> {
+    let gpu = inputs.gpu();
     let once = || {
         let is_once = |p: &&PreparedCompute| matches!(p.when, When::Load { .. });
         passes.iter().filter(is_once)
@@ -206,12 +214,13 @@ pub(super) fn load(gpu: &Gpu, passes: &[PreparedCompute]) -> Result<(), Error> {
     }
     gpu.checked("computing what is kept from load", || {
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        encode_those(once(), &mut encoder);
+        encode_those(inputs, once(), &mut encoder);
         gpu.queue.submit([encoder.finish()]);
     })
 }
 
 fn encode_those<'p>(
+    inputs: &SceneInputs<'_>,
     passes: impl Iterator<Item = &'p PreparedCompute>,
     encoder: &mut wgpu::CommandEncoder,
 ) {
@@ -225,6 +234,12 @@ fn encode_those<'p>(
         for dispatch in &pass.dispatches {
             for (group, bindings) in &dispatch.groups {
                 compute.set_bind_group(*group, bindings, &[]);
+            }
+            let (draw, size) = dispatch.immediates;
+            if size > 0
+                && let Some(draw) = inputs.draw(draw)
+            {
+                compute.set_immediates(0, &draw.immediates(size));
             }
             match &dispatch.workgroups {
                 Workgroups::Of([x, y]) => compute.dispatch_workgroups(*x, *y, 1),

@@ -11,7 +11,7 @@ use preshade_passes::state::StoreOp;
 
 use super::drawn::{Arguments, DrawTable};
 use super::gpu::Gpu;
-use super::inputs::SceneInputs;
+use super::inputs::{self, SceneInputs};
 use super::layout::Made;
 use super::picture::{ColorImage, DepthImage};
 use super::pipeline::{Build, PipelineKey, blank_fragment};
@@ -95,6 +95,8 @@ struct Item {
     draw: usize,
     pipeline: usize,
     groups: Vec<(u32, wgpu::BindGroup)>,
+    /// Bytes of immediate data.
+    immediates: u32,
     stencil_reference: u32,
     /// The draw's vertex buffer in each attachment slot.
     vertex_buffers: Vec<usize>,
@@ -167,7 +169,7 @@ impl<'a> Prepared<'a> {
                 message,
             })?;
         let compute = compute::prepare(inputs, variant, &shaders, &targets, &mut meshes, &table)?;
-        compute::load(inputs.gpu(), &compute)?;
+        compute::load(inputs, &compute)?;
         let mut builder = FrameBuilder {
             inputs,
             variant,
@@ -234,7 +236,7 @@ impl<'a> Prepared<'a> {
         let what = "reading computed vertices back";
         let device = &self.gpu.device;
         let mut encoder = device.create_command_encoder(&Default::default());
-        compute::encode(&self.compute, When::is_frame, &mut encoder);
+        compute::encode(self.inputs, &self.compute, When::is_frame, &mut encoder);
         let mut copies = Vec::new();
         for (draw, points, buffer) in self.meshes.computed() {
             let copy = self.gpu.checked(what, || {
@@ -270,7 +272,7 @@ impl<'a> Prepared<'a> {
     fn encode_with(&self, encoder: &mut wgpu::CommandEncoder, queries: Queries<'_>) {
         let mut done: Option<Phase> = None;
         self.table.clear(encoder);
-        compute::encode(&self.compute, When::is_frame, encoder);
+        compute::encode(self.inputs, &self.compute, When::is_frame, encoder);
         let last_color = self
             .passes
             .iter()
@@ -281,7 +283,7 @@ impl<'a> Prepared<'a> {
                 when.phase()
                     .is_some_and(|p| done.is_none_or(|done| p >= done) && p < next)
             };
-            compute::encode(&self.compute, between, encoder);
+            compute::encode(self.inputs, &self.compute, between, encoder);
             done = Some(next);
             let mut render = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: None,
@@ -311,7 +313,7 @@ impl<'a> Prepared<'a> {
             when.phase()
                 .is_some_and(|p| done.is_none_or(|done| p >= done))
         };
-        compute::encode(&self.compute, behind, encoder);
+        compute::encode(self.inputs, &self.compute, behind, encoder);
     }
 
     /// Draws the frame once and returns pairs of vertex and fragment invocations, one pair per
@@ -543,6 +545,9 @@ impl<'a> Prepared<'a> {
             for (group, bindings) in &item.groups {
                 render.set_bind_group(*group, bindings, &[]);
             }
+            if item.immediates > 0 {
+                render.set_immediates(0, &draw.immediates(item.immediates));
+            }
             for (slot, source) in item.vertex_buffers.iter().enumerate() {
                 let vertex = &draw.vertex_buffers[*source];
                 render.set_vertex_buffer(slot as u32, vertex.buffer.slice(..));
@@ -705,6 +710,7 @@ impl FrameBuilder<'_, '_> {
             draw: index,
             pipeline,
             groups: groups.into_iter().map(|(g, _, b)| (g, b)).collect(),
+            immediates: inputs::immediate_size(&gpu_pass.limits),
             stencil_reference: gpu_pass.stencil.as_ref().map_or(0, |s| s.reference),
             vertex_buffers: vertex.iter().map(|v| v.source).collect(),
             call,

@@ -56,7 +56,7 @@ impl AdapterReport {
 
 /// Features that plans often need, by WebGPU's name, or wgpu's if WebGPU has none. The adapter
 /// report lists them.
-const PLAN_FEATURES: [(&str, Features); 17] = [
+const PLAN_FEATURES: [(&str, Features); 18] = [
     ("bgra8unorm-storage", Features::BGRA8UNORM_STORAGE),
     ("clip-distances", Features::CLIP_DISTANCES),
     ("depth-clip-control", Features::DEPTH_CLIP_CONTROL),
@@ -64,6 +64,7 @@ const PLAN_FEATURES: [(&str, Features); 17] = [
     ("dual-source-blending", Features::DUAL_SOURCE_BLENDING),
     ("float32-blendable", Features::FLOAT32_BLENDABLE),
     ("float32-filterable", Features::FLOAT32_FILTERABLE),
+    ("immediates", Features::IMMEDIATES),
     ("indirect-first-instance", Features::INDIRECT_FIRST_INSTANCE),
     ("primitive-index", Features::PRIMITIVE_INDEX),
     (

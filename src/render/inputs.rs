@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 use std::num::NonZeroU64;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use preshade_passes::guard::Assumed;
 use preshade_passes::plan::{BindingKind, GpuPass, Plan};
@@ -13,7 +13,7 @@ use super::compiled::Compiled;
 use super::gpu::Gpu;
 use super::{Error, state};
 use crate::scene::bind::{self, Rate, TextureContent};
-use crate::scene::{Address, Filter, Frame, Image, Scene};
+use crate::scene::{Address, Filter, Frame, Image, Scene, SceneError};
 
 /// The resources of all draws of a scene.
 #[derive(Debug)]
@@ -31,11 +31,28 @@ pub struct SceneInputs<'a> {
 pub(super) struct DrawInputs {
     /// By group and binding.
     pub resources: BTreeMap<(u32, u32), Resource>,
+    /// Immediate data in the frame last set; empty if there is none.
+    pub immediates: Mutex<Arc<[u8]>>,
     pub vertex_buffers: Vec<VertexInput>,
     pub indices: Option<IndexInput>,
     pub vertex_count: u32,
     pub call: bind::Call,
     pub instances: u32,
+}
+
+impl DrawInputs {
+    /// The first `size` bytes of the immediate data, fewer if there are fewer.
+    pub fn immediates(&self, size: u32) -> Vec<u8> {
+        let own = self.immediates.lock();
+        let own = own.unwrap_or_else(PoisonError::into_inner);
+        own.iter().copied().take(size as usize).collect()
+    }
+}
+
+/// The bytes of immediate data that a pass reads, from its limits.
+pub(super) fn immediate_size(limits: &BTreeMap<String, u64>) -> u32 {
+    let size = limits.get("maxImmediateSize").copied().unwrap_or(0);
+    u32::try_from(size).unwrap_or(u32::MAX)
 }
 
 /// A resource and its binding type.
@@ -183,13 +200,18 @@ impl<'a> SceneInputs<'a> {
         for (draw, inputs) in self.scene.draws.iter().zip(&self.draws) {
             let material = &self.scene.materials[draw.material];
             let pass = &self.authored[draw.material];
-            let changed =
-                bind::frame_buffers(self.scene, material, pass, draw, frame).map_err(|e| {
-                    Error::Scene {
-                        draw: draw.name.clone(),
-                        message: e.to_string(),
-                    }
-                })?;
+            let failed = |e: SceneError| Error::Scene {
+                draw: draw.name.clone(),
+                message: e.to_string(),
+            };
+            let changed = bind::frame_buffers(self.scene, material, pass, draw, frame);
+            let changed = changed.map_err(failed)?;
+            if let Some(data) =
+                bind::immediates(self.scene, material, draw, frame).map_err(failed)?
+            {
+                let own = inputs.immediates.lock();
+                *own.unwrap_or_else(PoisonError::into_inner) = data.bytes;
+            }
             for b in changed {
                 if let Some(Resource::Buffer(buffer, _)) =
                     inputs.resources.get(&(b.group, b.binding))
@@ -331,6 +353,12 @@ impl Uploads {
         });
         Ok(DrawInputs {
             resources,
+            immediates: Mutex::new(
+                bound
+                    .immediates
+                    .as_ref()
+                    .map_or_else(|| Arc::from([]), |data| Arc::clone(&data.bytes)),
+            ),
             vertex_buffers,
             indices,
             vertex_count: bound.vertex_count,

@@ -8,7 +8,7 @@ use preshade_passes::state::ColorTarget;
 
 use super::compiled::{self, Compiled, RenderKey};
 use super::gpu::Gpu;
-use super::inputs::DrawInputs;
+use super::inputs::{self, DrawInputs};
 use super::layout::Made;
 use super::shader::ShaderStageRef;
 use super::targets::Targets;
@@ -254,6 +254,7 @@ impl Build<'_> {
             None => None,
         };
         let by_group = layout::by_group(layouts);
+        let immediates = inputs::immediate_size(&self.pass.limits);
         let buffers: Vec<_> = key
             .vertex
             .iter()
@@ -276,6 +277,7 @@ impl Build<'_> {
             vertex: of_stage(vertex),
             fragment: fragment.map(of_stage),
             layouts: by_group.iter().map(|l| l.cloned()).collect(),
+            immediates,
             buffers: key.vertex.clone(),
             primitive,
             depth_stencil: depth_stencil.clone(),
@@ -287,7 +289,7 @@ impl Build<'_> {
             let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
                 label: None,
                 bind_group_layouts: &by_group,
-                immediate_size: 0,
+                immediate_size: immediates,
             });
             device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
                 label: Some(&what),

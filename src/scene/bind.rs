@@ -11,7 +11,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use naga::{AddressSpace, ImageClass, ImageDimension, ScalarKind, ShaderStage, TypeInner};
+use naga::{ImageClass, ImageDimension, ScalarKind, ShaderStage, TypeInner};
 use preshade_passes::plan::{BindingKind, BindingSource, BindingUse, GpuPass};
 use preshade_passes::state::CompareFunction;
 
@@ -180,6 +180,8 @@ pub struct Indices {
 /// Everything a draw call needs except the pipeline.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DrawBindings {
+    /// Immediate data, from offset 0.
+    pub immediates: Option<Data>,
     /// Uniform and storage buffers.
     pub buffers: Vec<BufferBinding>,
     /// Textures, without those that the renderer takes from an attachment.
@@ -217,7 +219,7 @@ pub struct Call {
 ///
 /// # Errors
 /// A value does not fit its variable, a semantic is unknown, or a scene cannot fill a binding of
-/// this kind (acceleration structures, binding arrays, immediate data).
+/// this kind (acceleration structures, binding arrays).
 pub fn draw(
     scene: &Scene,
     material: &Material,
@@ -230,8 +232,8 @@ pub fn draw(
     }
     let streams = Streams::new(scene, material, draw)?;
     let module = material.program.module();
-    refuse_immediates(material)?;
     let mut out = DrawBindings {
+        immediates: immediates(scene, material, draw, frame)?,
         buffers: Vec::new(),
         textures: Vec::new(),
         samplers: samplers(material, pass)?,
@@ -273,20 +275,29 @@ pub fn draw(
     Ok(out)
 }
 
-/// Refuses immediate data. An adapter accepts it only if its host declared the size, and a pass's
-/// bindings do not contain it.
-fn refuse_immediates(material: &Material) -> Result<(), SceneError> {
-    let mut globals = material.program.module().global_variables.iter();
-    match globals.find(|(_, g)| g.space == AddressSpace::Immediate) {
-        None => Ok(()),
-        Some((_, global)) => Err(SceneError::new(format!(
-            "material `{}`: `{}` is immediate data (push constants), which a scene cannot fill: to \
-             see it drawn, make it a uniform block in a copy; `rewrite` takes it as it is",
-            material.name,
-            global
-                .name
-                .as_deref()
-                .unwrap_or("a variable without a name"),
+/// The bytes of a material's immediate data for one draw in one frame; `None` if it has none. They
+/// begin at offset 0 of the range.
+///
+/// # Errors
+/// As [`draw`], and if the program has several variables of immediate data.
+pub fn immediates(
+    scene: &Scene,
+    material: &Material,
+    draw: &Draw,
+    frame: &Frame,
+) -> Result<Option<Data>, SceneError> {
+    let variables: Vec<_> = material::immediates(&material.program).collect();
+    match variables[..] {
+        [] => Ok(None),
+        [variable] => {
+            let streams = Streams::new(scene, material, draw)?;
+            let of = (scene, material, &streams);
+            Ok(Some(packed(of, variable, draw, frame, &mut ignore)?.data))
+        }
+        [(first, _), (second, _), ..] => Err(SceneError::new(format!(
+            "material `{}`: `{first}` and `{second}` are both immediate data, which share their \
+             bytes: a scene can fill one",
+            material.name
         ))),
     }
 }
@@ -414,7 +425,33 @@ fn buffer(
     frame: &Frame,
     observe: Observer<'_>,
 ) -> Result<BufferBinding, SceneError> {
-    let (name, ty) = variable(material, binding)?;
+    let variable = variable(material, binding)?;
+    let packed = packed((scene, material, streams), variable, draw, frame, observe)?;
+    Ok(BufferBinding {
+        group: binding.group,
+        binding: binding.binding,
+        kind: binding.kind,
+        data: packed.data,
+        rate: packed.rate,
+        invented: packed.invented,
+    })
+}
+
+/// The content of a variable, as in [`BufferBinding`].
+struct Packed {
+    data: Data,
+    rate: Rate,
+    invented: Vec<Range<usize>>,
+}
+
+/// The content of a variable, given by name and type.
+fn packed(
+    (scene, material, streams): (&Scene, &Material, &Streams<'_>),
+    (name, ty): (&str, naga::Handle<naga::Type>),
+    draw: &Draw,
+    frame: &Frame,
+    observe: Observer<'_>,
+) -> Result<Packed, SceneError> {
     let module = material.program.module();
     let given = layout::Given {
         draw: &draw.values,
@@ -478,10 +515,7 @@ fn buffer(
     if scene.is_made_up {
         invented = std::iter::once(0..bytes.len()).collect();
     }
-    Ok(BufferBinding {
-        group: binding.group,
-        binding: binding.binding,
-        kind: binding.kind,
+    Ok(Packed {
         data: Data::new(bytes),
         rate,
         invented,

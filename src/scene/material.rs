@@ -41,6 +41,13 @@ pub(super) fn globals(program: &Program) -> impl Iterator<Item = Global<'_>> {
         })
 }
 
+/// The variables of immediate data, by name and type.
+pub(super) fn immediates(program: &Program) -> impl Iterator<Item = (&str, Handle<Type>)> {
+    let globals = program.module().global_variables.iter();
+    let own = globals.filter(|(_, g)| g.space == AddressSpace::Immediate);
+    own.map(|(_, g)| (g.name.as_deref().unwrap_or(""), g.ty))
+}
+
 /// Whether the vertex stage of a material uses the variable of this group and binding.
 pub(super) fn is_read(material: &Material, group: u32, binding: u32) -> bool {
     let stage = naga::ShaderStage::Vertex;

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use naga::{ArraySize, Handle, Module, Type, TypeInner};
 
 use super::layout;
-use super::material::globals;
+use super::material::{globals, immediates};
 use super::{Material, SceneError, Value};
 
 /// Refuses keys that name nothing in the material's program, indices beyond an array, and
@@ -22,9 +22,13 @@ pub(super) fn check(
         return Ok(());
     }
     let module = material.program.module();
-    let paths: Vec<String> = globals(&material.program)
-        .filter(|g| g.is_buffer)
-        .flat_map(|g| layout::paths(module, g.name, g.ty))
+    let buffers = || {
+        let bound = globals(&material.program).filter(|g| g.is_buffer);
+        let bound = bound.map(|g| (g.name, g.ty));
+        bound.chain(immediates(&material.program))
+    };
+    let paths: Vec<String> = buffers()
+        .flat_map(|(name, ty)| layout::paths(module, name, ty))
         .collect();
     for key in values.keys() {
         if !paths.contains(&without_indices(key)) {
@@ -46,8 +50,8 @@ pub(super) fn check(
                 "`lights[1].color` gives one element, `lights.color` all of them",
             );
         };
-        for global in globals(&material.program).filter(|g| g.is_buffer) {
-            if let Err((what, help)) = check_indices(module, global.name, global.ty, &steps, None) {
+        for (name, ty) in buffers() {
+            if let Err((what, help)) = check_indices(module, name, ty, &steps, None) {
                 return wrong(what, help);
             }
         }

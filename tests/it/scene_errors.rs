@@ -510,26 +510,46 @@ fn numbers_that_mean_nothing_are_told_where_they_stand() {
 }
 
 #[test]
-fn immediate_data_is_told_where_it_would_be_drawn() {
+fn immediate_data_is_named_like_a_uniform() {
     let case = folder("immediate");
     let shader = case.join("shaders/tiles.wgsl");
     let text = std::fs::read_to_string(&shader).unwrap();
-    let pushed = "var<immediate> push: vec4<f32>;\n".to_owned()
-        + &text.replace("let lit = ", "let lit = push.rgb + ");
+    let pushed = "struct Push { gain: vec3<f32>, gloss: f32 }\nvar<immediate> push: Push;\n"
+        .to_owned()
+        + &text.replace("let lit = ", "let lit = push.gain + ");
+    std::fs::write(&shader, &pushed).unwrap();
     let path = case.join("scenes/immediate.toml");
-    std::fs::write(&path, GOOD).unwrap();
-    let draw = || {
-        let scene = scene::load(&path).unwrap();
+    let drawn = |values: &str| {
+        let text = GOOD.replace("values = {", &format!("values = {{ {values}"));
+        std::fs::write(&path, text).unwrap();
+        let scene = scene::load(&path).map_err(|e| e.to_string())?;
         let plan = &preshade::unstable::measure::originals(&scene)[0];
         let (_, frame) = scene.frames().next().unwrap();
-        let pass = plan.main().unwrap();
-        scene::bind::draw(&scene, &scene.materials[0], pass, &scene.draws[0], frame).map(drop)
+        let (pass, draw) = (plan.main().unwrap(), &scene.draws[0]);
+        assert_eq!(pass.limits.get("maxImmediateSize"), Some(&16));
+        let bound = scene::bind::draw(&scene, &scene.materials[0], pass, draw, frame);
+        let guessed = scene::bind::guessed(&scene);
+        let bytes = bound.map_err(|e| e.to_string())?.immediates.unwrap().bytes;
+        let words = bytes.as_chunks::<4>().0.iter();
+        let numbers: Vec<f32> = words.map(|w| f32::from_le_bytes(*w)).collect();
+        Ok((numbers, guessed.iter().any(|g| g.name == "push.gloss")))
     };
-    draw().unwrap();
-    std::fs::write(&shader, pushed).unwrap();
-    let error = draw().unwrap_err().to_string();
+    let given: Result<_, String> = drawn("\"push.gain\" = [1, 2, 3], \"push.gloss\" = 4,");
+    assert_eq!(given, Ok((vec![1.0, 2.0, 3.0, 4.0], false)));
+    // What the scene leaves open is made up, and listed.
+    let (numbers, is_guessed) = drawn("\"push.gain\" = [1, 2, 3],").unwrap();
+    assert!(is_guessed && numbers[3] > 0.0, "{numbers:?}");
+    let misspelt = drawn("\"push.gian\" = [1, 2, 3],").unwrap_err();
+    assert!(misspelt.contains("no variable `push.gian`"), "{misspelt}");
+    // Two variables share their bytes.
+    std::fs::write(
+        &shader,
+        format!("{pushed}\nvar<immediate> other: vec4<f32>;\n"),
+    )
+    .unwrap();
+    let two = drawn("").unwrap_err();
     assert!(
-        error.contains("`push` is immediate data (push constants)"),
-        "{error}"
+        two.contains("`push` and `other` are both immediate data"),
+        "{two}"
     );
 }

@@ -378,11 +378,31 @@ void main() {
 }
 
 #[test]
+fn a_depth_texture_that_is_loaded_from_holds_floats_in_glsl() {
+    let depth = format!(
+        "{VS}@group(0) @binding(0) var depth: texture_depth_2d;\n\
+         fn far(p: vec2<i32>) -> bool {{ return textureLoad(depth, p, 0) >= 1.0; }}\n\
+         @fragment fn fs(@builtin(position) p: vec4<f32>) {{ let at = vec2<i32>(p.xy); \
+         if all(at < vec2<i32>(textureDimensions(depth))) && textureLoad(depth, at, 0) < p.z \
+         && !far(at) {{ discard; }} }}"
+    );
+    let (name, files) = emitted("depth.wgsl", &depth, &Target::GENERAL);
+    for file in ["material.main.frag", "material.main.es.frag"] {
+        let text = text(&files, file);
+        assert!(text.contains("sampler2D depth;"), "{text}");
+        assert_eq!(text.matches("texelFetch(depth, ").count(), 2, "{text}");
+    }
+    assert!(text(&files, "material.main.wgsl").contains("texture_depth_2d"));
+    accept::accept(&[(name, files)]);
+}
+
+#[test]
 fn what_a_target_cannot_say_is_told_with_a_remedy() {
     let depth = format!(
         "{VS}@group(0) @binding(0) var depth: texture_depth_2d;\n\
+         @group(0) @binding(1) var nearest: sampler;\n\
          @fragment fn fs(@builtin(position) p: vec4<f32>) {{ \
-         if textureLoad(depth, vec2<i32>(p.xy), 0) < p.z {{ discard; }} }}"
+         if textureSampleLevel(depth, nearest, p.xy, 0) < p.z {{ discard; }} }}"
     );
     let plan = plan("depth.wgsl", &depth);
     for target in [Target::Glsl450, Target::GlslEs300] {

@@ -194,22 +194,18 @@ impl<'g, 'p> Operations<'_, 'g, 'p> {
         }
     }
 
-    /// The values that this one is a copy of, wholly or in part; empty if it is not a copy or is a
+    /// The values that this one is a copy of, wholly or in part; none if it is not a copy or is a
     /// selection.
-    fn copied(&self, id: ValueId) -> Vec<ValueId> {
+    fn copied(&self, id: ValueId) -> impl Iterator<Item = ValueId> + Clone {
         let value = &self.values.values[id];
         let is_data = |o: &ValueId| !matches!(self.values.values[*o].node, Node::Control(..));
-        let data = || value.operands.iter().copied().filter(is_data);
-        let only = || match data().count() {
-            1 => data().collect(),
-            _ => Vec::new(),
-        };
-        match &value.node {
-            Node::Input(_) | Node::Control(..) => Vec::new(),
-            Node::Version(..) => only(),
-            Node::Expression(..) if self.sees_modifiers && self.is_modifier(id) => data().collect(),
+        let data = value.operands.iter().copied().filter(is_data);
+        let is_copy = match &value.node {
+            Node::Input(_) | Node::Control(..) => false,
+            Node::Version(..) => data.clone().count() == 1,
+            Node::Expression(..) if self.sees_modifiers && self.is_modifier(id) => true,
             Node::Expression(..) => match self.whole(id).map(|(_, e)| e) {
-                Some(Expression::CallResult(_)) => only(),
+                Some(Expression::CallResult(_)) => data.clone().count() == 1,
                 Some(
                     Expression::Load { .. }
                     | Expression::Compose { .. }
@@ -217,48 +213,67 @@ impl<'g, 'p> Operations<'_, 'g, 'p> {
                     | Expression::AccessIndex { .. }
                     | Expression::Swizzle { .. }
                     | Expression::Splat { .. },
-                ) => data().collect(),
-                _ => Vec::new(),
+                ) => true,
+                _ => false,
             },
-        }
+        };
+        data.take(if is_copy { usize::MAX } else { 0 })
     }
 
     /// The operand behind all copies.
     fn sources(&self, operand: ValueId) -> Vec<ValueId> {
-        let (mut found, mut seen) = (Vec::new(), BTreeSet::new());
+        let (mut found, mut seen) = (Vec::new(), Vec::new());
         let mut work = vec![operand];
         while let Some(id) = work.pop() {
-            if !seen.insert(id) || seen.len() > MOST_COPIES {
+            if seen.contains(&id) || seen.len() == MOST_COPIES {
                 continue;
             }
-            let copied = self.copied(id);
-            match copied.is_empty() {
-                true => found.push(id),
-                false => work.extend(copied),
+            seen.push(id);
+            let before = work.len();
+            work.extend(self.copied(id));
+            if work.len() == before {
+                found.push(id);
             }
         }
         found
     }
 
-    /// Readers behind all copies: operations, merges, decisions, and [`OUTPUT`].
-    fn readers(&self, id: ValueId) -> BTreeSet<ValueId> {
-        let (mut found, mut seen) = (BTreeSet::new(), BTreeSet::new());
-        let mut work = vec![id];
+    /// Whether a reader behind all copies is such a one: an operation, a merge, a decision, or
+    /// [`OUTPUT`]. `is` may see one several times.
+    fn any_reader(&self, id: ValueId, mut is: impl FnMut(ValueId) -> bool) -> bool {
+        let (mut seen, mut work) = (Vec::new(), vec![id]);
         while let Some(at) = work.pop() {
-            if self.values.roots.binary_search(&at).is_ok() {
-                found.insert(OUTPUT);
+            if self.values.roots.binary_search(&at).is_ok() && is(OUTPUT) {
+                return true;
             }
             for user in &self.values.users()[at] {
-                match self.copied(*user).contains(&at) {
-                    true if seen.insert(*user) && seen.len() <= MOST_COPIES => work.push(*user),
-                    true => {}
-                    false => {
-                        found.insert(*user);
+                if !self.copied(*user).any(|of| of == at) {
+                    if is(*user) {
+                        return true;
                     }
+                } else if seen.len() < MOST_COPIES && !seen.contains(user) {
+                    seen.push(*user);
+                    work.push(*user);
                 }
             }
         }
-        found
+        false
+    }
+
+    /// The number of readers behind all copies.
+    fn readers(&self, id: ValueId) -> usize {
+        let mut found = BTreeSet::new();
+        self.any_reader(id, |reader| {
+            found.insert(reader);
+            false
+        });
+        found.len()
+    }
+
+    /// Whether there are several readers behind all copies.
+    fn is_shared(&self, id: ValueId) -> bool {
+        let mut first = None;
+        self.any_reader(id, |reader| *first.get_or_insert(reader) != reader)
     }
 
     /// Whether the last step of an operation may be a product or a sum, which a compiler can fuse
@@ -323,8 +338,7 @@ pub(crate) fn unsteady(values: &Values<'_, '_>) -> Vec<bool> {
     let may_fuse: Vec<bool> = all.clone().map(|id| operations.may_fuse(id)).collect();
     let sources: Vec<Vec<ValueId>> = all.clone().map(|id| operations.sources(id)).collect();
     let mut shared = vec![None; values.values.len()];
-    let mut is_shared =
-        |id: ValueId| *shared[id].get_or_insert_with(|| operations.readers(id).len() > 1);
+    let mut is_shared = |id: ValueId| *shared[id].get_or_insert_with(|| operations.is_shared(id));
     let mut found = vec![false; values.values.len()];
     let mut work = Vec::new();
     for id in all.clone().filter(|id| operations.is_arithmetic(*id)) {
@@ -346,10 +360,7 @@ pub(crate) fn unsteady(values: &Values<'_, '_>) -> Vec<bool> {
     for id in all {
         let may = sources[id].iter().any(|source| may_fuse[*source]);
         found[id] = found[id]
-            || may && {
-                let mut readers = operations.readers(id).into_iter();
-                readers.any(|reader| reader != OUTPUT && operations.is_arithmetic(reader))
-            };
+            || may && operations.any_reader(id, |r| r != OUTPUT && operations.is_arithmetic(r));
     }
     found
 }
@@ -444,7 +455,7 @@ impl<'g, 'p> Looked<'g, 'p> {
                             self.hashes[source],
                             self.hashes[id],
                             self.block(source) == self.block(id),
-                            operations.readers(source).len(),
+                            operations.readers(source),
                         ),
                         // A constant may be multiplied out by itself.
                         false if self.is_constant(source) => {
@@ -593,8 +604,10 @@ impl<'g, 'p> Looked<'g, 'p> {
                     Some((_, Expression::CallResult(_) | Expression::Load { .. }))
                 ),
             };
-            match self.operations().copied(at).as_slice() {
-                [one] if is_copy => at = *one,
+            let operations = self.operations();
+            let mut copied = operations.copied(at);
+            match (copied.next(), copied.next()) {
+                (Some(one), None) if is_copy => at = one,
                 _ => break,
             }
         }

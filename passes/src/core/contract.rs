@@ -74,7 +74,8 @@ pub enum Assumption {
     /// The budget was measured with the views, values and textures of a scene. Others may differ by
     /// more.
     MeasuredScene,
-    /// Nothing was measured: the budget is the user's wish.
+    /// No picture was measured, or only pictures of a scene that preshade made up: the budget is the
+    /// user's wish.
     NotMeasured,
 }
 
@@ -268,15 +269,15 @@ impl Contract {
         }
     }
 
-    /// Adds the assumption that a budget is based on, unless it has one. Only measuring shows that a
-    /// budget holds.
-    pub(crate) fn base_budgets_on(&mut self, evidence: Assumption) {
-        if let Self::Approximate { given, .. } | Self::Budgets { given, .. } = self
-            && !given.contains(&Assumption::MeasuredScene)
-            && !given.contains(&Assumption::NotMeasured)
-        {
-            given.push(evidence);
+    /// Adds the assumptions that a budget is based on. Nothing measured is the weaker evidence.
+    pub(crate) fn base_budgets_on(&mut self, evidence: &[Assumption]) {
+        if let Self::Approximate { given, .. } | Self::Budgets { given, .. } = self {
+            given.extend(evidence.iter().cloned());
+            if given.contains(&Assumption::NotMeasured) {
+                given.retain(|a| *a != Assumption::MeasuredScene);
+            }
             given.sort();
+            given.dedup();
         }
     }
 

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use crate::core::budget::Difference;
 use crate::core::contract::Assumption;
+use crate::core::guard::{Assumed, Guard};
 use crate::core::plan::{Plan, Role};
 use crate::core::program::{Location, Program, SourceMap};
 use crate::core::rasterizer::Rasterizer;
@@ -297,20 +298,48 @@ pub struct Facts {
     /// What the adapter does that no language decides; `None`: not looked at.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rasterizer: Option<Rasterizer>,
+    /// Branches with a way that no draw took; `None`: not looked at.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub undrawn: Option<Vec<Undrawn>>,
 }
 
 impl Facts {
-    /// What a budget is based on: measurements of a scene, or nothing.
+    /// What a budget is based on: pictures of a scene, or nothing. A scene that was read and not
+    /// drawn, or that preshade made up, is nothing.
     pub fn evidence(&self) -> Assumption {
-        let is_measured = self.depth_ties.is_some()
+        let is_drawn = self.depth_ties.is_some()
             || self.vertices_per_fragment.is_some()
-            || !self.ranges.is_empty()
             || !self.frequencies.is_empty();
-        match is_measured {
+        match is_drawn && self.undrawn.is_some() {
             true => Assumption::MeasuredScene,
             false => Assumption::NotMeasured,
         }
     }
+
+    /// The values by which the draws of a material took the ways they took.
+    pub fn drawn(&self, material: &str) -> Guard {
+        let own = self.undrawn.iter().flatten();
+        let own = own.filter(|u| u.material == material);
+        let each = own.map(|u| Guard {
+            values: u.values.clone(),
+        });
+        each.fold(Guard::default(), Guard::and)
+    }
+}
+
+/// A branch, switch or loop of a draw whose condition depends on uniforms alone, and of which at
+/// least one way was not taken by any draw in any frame. Nothing is known about the picture there.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Undrawn {
+    /// Name of the material.
+    pub material: String,
+    /// The author's text of the condition.
+    pub condition: String,
+    /// Where the statement begins.
+    pub location: Option<Location>,
+    /// The values that the condition depends on, with bounds within which every draw takes a way
+    /// that was drawn.
+    pub values: Vec<Assumed>,
 }
 
 /// A uniform, or a member of one, that is not the same in all frames.
@@ -332,7 +361,7 @@ pub struct Constant {
     /// Name of the material.
     pub material: String,
     /// The number.
-    pub value: crate::core::guard::Assumed,
+    pub value: Assumed,
 }
 
 /// Where a fragment stage's numbers come from.
@@ -645,12 +674,53 @@ impl<P: Pass + 'static> AnyPass for Erased<P> {
         let mut outcome = P::run(plan, facts, &params).map_err(|refused| {
             shared_binding(refused, plan, |apart| P::run(apart, facts, &params))
         })?;
-        let plan = &mut outcome.plan;
-        plan.contract.base_budgets_on(facts.evidence());
-        for step in &mut plan.steps {
-            step.contract.base_budgets_on(facts.evidence());
+        let first = plan.steps.len();
+        hold_budgets(&mut outcome.plan, first, facts);
+        match is_founded(plan, &outcome.plan) {
+            true => Ok(outcome),
+            false => Err(vec![Refusal::bug(
+                P::INFO.name,
+                "it promises something of another shader and assumes nothing",
+            )]
+            .into()),
         }
-        Ok(outcome)
+    }
+}
+
+/// Whether each new step assumes something, or leaves the main pass as it was: then there is
+/// nothing to assume.
+fn is_founded(before: &Plan, after: &Plan) -> bool {
+    let mut new = after.steps.iter().skip(before.steps.len());
+    let is_same = || match (before.main(), after.main()) {
+        (Some(a), Some(b)) => match (before.program(a), after.program(b)) {
+            (Some(of_a), Some(of_b)) => a == b && std::ptr::eq(of_a.module(), of_b.module()),
+            _ => false,
+        },
+        _ => false,
+    };
+    new.all(|step| !step.contract.given().is_empty()) || is_same()
+}
+
+/// Bases the budgets of the steps from `first` on what was measured. The guard keeps the host to
+/// the branches that were drawn.
+fn hold_budgets(plan: &mut Plan, first: usize, facts: &Facts) {
+    let new = plan.steps.iter().skip(first);
+    if new.clone().all(|step| step.contract.budgets().is_empty()) {
+        return;
+    }
+    let drawn = facts.drawn(&plan.material);
+    let guard = plan.guard.clone().unwrap_or_default().and(drawn.clone());
+    let mut given = vec![facts.evidence()];
+    if guard.contradicted().is_some() {
+        // An earlier step assumes other values than those that were drawn.
+        given = vec![Assumption::NotMeasured];
+    } else if !drawn.values.is_empty() {
+        given.push(Assumption::ValuesOfTheGuard);
+        plan.guard = Some(guard);
+    }
+    plan.contract.base_budgets_on(&given);
+    for step in plan.steps.iter_mut().skip(first) {
+        step.contract.base_budgets_on(&given);
     }
 }
 

@@ -56,6 +56,7 @@ use crate::slice::{self, Criterion, OutputFilter};
 
 pub mod arithmetic;
 pub mod assume;
+pub mod branches;
 mod control;
 pub mod decision;
 pub mod effects;

@@ -588,3 +588,45 @@ fn hoist_all(source: &str) -> Result<Outcome, Refused> {
     };
     outcome(&original(source), &params)
 }
+
+/// The length of a list, and what little is computed from it, is cheaper in each fragment than in a
+/// varying, and the vertex stage would run the loop for it.
+#[test]
+fn the_length_of_a_list_is_not_carried() {
+    for bound in [
+        "arrayLength(&lights)",
+        "arrayLength(&lights) - 1u",
+        "u.count",
+    ] {
+        let text = format!(
+            "struct U {{ count: u32, k: f32 }}
+             @group(0) @binding(0) var<uniform> u: U;
+             @group(0) @binding(1) var<storage, read> lights: array<vec4<f32>>;
+             struct V {{ @builtin(position) position: vec4<f32>, @location(0) n: vec3<f32> }}
+             @vertex fn vs(@location(0) p: vec3<f32>) -> V {{ return V(vec4(p, 1.0), p); }}
+             @fragment fn fs(v: V) -> @location(0) vec4<f32> {{
+               var sum = vec3<f32>(0.0);
+               for (var i = 0u; i < {bound}; i++) {{
+                 sum += max(dot(normalize(v.n), lights[i].xyz), 0.0) * lights[i].w;
+               }}
+               return vec4<f32>(sum * sin(u.k) * cos(u.k), 1.0);
+             }}"
+        );
+        let plan = original(&text);
+        let done = outcome(&plan, &Params::default());
+        let moved = done.map(|done| {
+            let program = done.plan.program(done.plan.main().unwrap()).unwrap();
+            common::wgsl(program)
+        });
+        if let Ok(text) = moved {
+            let vertex = text.split("@vertex").nth(1).unwrap();
+            let vertex = vertex.split("@fragment").next().unwrap();
+            assert!(!vertex.contains("loop"), "{bound}: {text}");
+            let hoisted = text.split("fn ").filter(|f| f.starts_with("hoisted"));
+            assert!(
+                hoisted.clone().all(|f| !f.contains("loop")),
+                "{bound}: {text}"
+            );
+        }
+    }
+}

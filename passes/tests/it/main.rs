@@ -7,6 +7,7 @@ mod metamorphic_support;
 mod uniformity_cases;
 
 mod bound;
+mod budgets;
 mod contraction;
 mod effects;
 mod evaluation;

@@ -85,9 +85,11 @@ const LACKS: &[(Construct, &[Target], &str, &str)] = &[
     (Construct::StorageBuffer, TESS, "a storage buffer (OpenGL has them since 4.3)",
         "emit glsl-vulkan-tess, or read a uniform buffer or a texture"),
     (Construct::BindingArray, EVERY, "the binding array `{}`", NOT_GLSL),
-    // naga declares every depth texture as a sampler that compares.
-    (Construct::DepthLoad, EVERY, "textureLoad of the depth texture `{}`",
-        "bind the depth as texture_2d<f32> (early-discard: `texture=float`)"),
+    // naga declares every depth texture as a sampler that compares. One that is only loaded from is
+    // a texture of floats by now.
+    (Construct::DepthLoad, EVERY,
+        "textureLoad of the depth texture `{}`, which is sampled too or passed to a function",
+        "bind the depth as texture_2d<f32> too, and load from that"),
     (Construct::DepthSample, EVERY, "the depth texture `{}` sampled without a comparison",
         "bind the depth as texture_2d<f32>"),
     // GLSL ES 3.10.

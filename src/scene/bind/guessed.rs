@@ -3,9 +3,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::super::{Scene, Semantic, Value};
+use super::super::{Scene, Semantic, Value, material};
 use super::streams::Streams;
-use super::{BindingKind, authored, buffer, is_padding, variable};
+use super::{BindingKind, authored, buffer, is_padding, packed, variable};
 use crate::scene::layout::Leaf;
 
 /// The origin of a scalar, vector or matrix, if the scene does not give its numbers.
@@ -127,26 +127,9 @@ pub fn guessed(scene: &Scene) -> Vec<Guessed> {
                 BindingKind::Uniform | BindingKind::StorageRead | BindingKind::StorageReadWrite => {
                     let mut observe =
                         |leaf: &Leaf<'_>, origin: ValueOrigin, numbers: &[f64; 16]| {
-                            let count = (leaf.columns * leaf.rows) as usize;
-                            if is_padding(leaf) {
-                                return;
+                            if let Some(guess) = of_leaf(scene, leaf, origin, numbers) {
+                                push(leaf.text(), guess);
                             }
-                            let guess = match origin {
-                                ValueOrigin::Said => match leaf.semantic {
-                                    Some(semantic) if scene.is_made_up => Guess::UniformByUse {
-                                        value: format!("${}", semantic.name()),
-                                    },
-                                    _ => return,
-                                },
-                                ValueOrigin::Mesh => Guess::BufferFromMesh,
-                                ValueOrigin::Convention(semantic) => Guess::UniformByName {
-                                    value: format!("${}", semantic.name()),
-                                },
-                                ValueOrigin::MadeUp => Guess::UniformMadeUp {
-                                    numbers: numbers[..count].to_vec(),
-                                },
-                            };
-                            push(leaf.text(), guess);
                         };
                     // Binding errors are reported when the scene is drawn.
                     let _ = buffer(
@@ -173,6 +156,15 @@ pub fn guessed(scene: &Scene) -> Vec<Guessed> {
                 _ => {}
             }
         }
+        for variable in material::immediates(&material.program) {
+            let mut observe = |leaf: &Leaf<'_>, origin: ValueOrigin, numbers: &[f64; 16]| {
+                if let Some(guess) = of_leaf(scene, leaf, origin, numbers) {
+                    push(leaf.text(), guess);
+                }
+            };
+            let of = (scene, material, &streams);
+            let _ = packed(of, variable, draw, frame, &mut observe);
+        }
         // The scene of a bare shader sets some values itself.
         if scene.is_made_up {
             for (name, value) in &material.values {
@@ -194,4 +186,33 @@ pub fn guessed(scene: &Scene) -> Vec<Guessed> {
         }
     }
     out
+}
+
+/// The guess that a part of a buffer is. `None`: the scene says what it is, or nobody reads it.
+fn of_leaf(
+    scene: &Scene,
+    leaf: &Leaf<'_>,
+    origin: ValueOrigin,
+    numbers: &[f64; 16],
+) -> Option<Guess> {
+    let count = (leaf.columns * leaf.rows) as usize;
+    if is_padding(leaf) {
+        return None;
+    }
+    let named = |semantic: Semantic| format!("${}", semantic.name());
+    Some(match origin {
+        ValueOrigin::Said => match leaf.semantic {
+            Some(semantic) if scene.is_made_up => Guess::UniformByUse {
+                value: named(semantic),
+            },
+            _ => return None,
+        },
+        ValueOrigin::Mesh => Guess::BufferFromMesh,
+        ValueOrigin::Convention(semantic) => Guess::UniformByName {
+            value: named(semantic),
+        },
+        ValueOrigin::MadeUp => Guess::UniformMadeUp {
+            numbers: numbers[..count].to_vec(),
+        },
+    })
 }

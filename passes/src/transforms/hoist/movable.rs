@@ -7,6 +7,7 @@ use naga::{ScalarKind, Statement, TypeInner};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::choose;
 use super::form::{Form, forms};
 use super::iteration::iterated;
 use crate::analysis::contraction;
@@ -20,7 +21,7 @@ use crate::analysis::values::{Node, ValueId, Values};
 use crate::core::pass::SourceRange;
 use crate::graph::memory::Origin;
 use crate::graph::rate::{At, Interpolated, Rate};
-use crate::graph::{FunctionId, StmtId, counted, effect};
+use crate::graph::{FunctionId, StmtId, cost, counted, effect};
 
 /// How a value may move, from the strongest contract to the weakest.
 #[derive(
@@ -55,7 +56,8 @@ pub struct Carriage {
 )]
 #[serde(rename_all = "kebab-case", tag = "kind")]
 pub enum Missed {
-    /// No varying can hold it: a pointer, a struct, an array; or it is the same for every draw.
+    /// No varying can hold it: a pointer, a struct, an array; or it is the same for every draw; or
+    /// to compute it once costs a fragment no more than to read a varying.
     NotCarried,
     /// It is an incoming varying.
     Varying,
@@ -310,6 +312,9 @@ pub(super) fn judge(values: &Values<'_, '_>, precision: &Precision) -> Judged {
             let (interpolated, at) = match fact.rate {
                 Rate::Const => return Err(Missed::NotCarried),
                 Rate::Draw | Rate::Instance | Rate::Varying(Interpolated::Flat, _) => {
+                    if fact.rate == Rate::Draw && is_cheap(values, id) {
+                        return Err(Missed::NotCarried);
+                    }
                     // A compiler that fuses it into its reader rounds otherwise than one that does
                     // not see both.
                     let class = match unsteady[id] {
@@ -353,6 +358,39 @@ pub(super) fn judge(values: &Values<'_, '_>, precision: &Precision) -> Judged {
         unknown: Vec::new(),
     }
 }
+
+/// Whether a constant of the draw costs a fragment no more to compute once than to read from a flat
+/// varying. In a loop the cost model counts it in each iteration, but a compiler computes it ahead
+/// of the loop. To carry it, the vertex stage would run the loop (`i < arrayLength(&lights)`).
+fn is_cheap(values: &Values<'_, '_>, id: ValueId) -> bool {
+    let module = values.graph.module();
+    let Some((_, width)) = choose::shape(values, id) else {
+        return false;
+    };
+    let mut left = choose::FLAT_PRICE * f64::from(width);
+    let (mut seen, mut work) = (Vec::new(), vec![id]);
+    while let Some(id) = work.pop() {
+        if seen.contains(&id) {
+            continue;
+        }
+        seen.push(id);
+        match values.values[id].node {
+            Node::Control(..) => continue,
+            Node::Expression(context, e, _) => {
+                left -= cost::of_expression(module, values.function(context), e);
+            }
+            Node::Input(_) | Node::Version(..) => {}
+        }
+        if left < 0.0 || seen.len() > MOST_CHEAP {
+            return false;
+        }
+        work.extend(&values.values[id].operands);
+    }
+    true
+}
+
+/// Most values that a cheap one is computed from, copies included.
+const MOST_CHEAP: usize = 32;
 
 /// Scalar type of a value that a varying can hold: 32-bit scalars and vectors.
 fn carried_scalar(values: &Values<'_, '_>, id: ValueId) -> Result<ScalarKind, Missed> {
