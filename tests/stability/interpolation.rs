@@ -3,7 +3,6 @@
 
 use preshade::unstable::passes::contract::Contract;
 use preshade::unstable::passes::plan::Role;
-use preshade::unstable::passes::state::DepthDirection;
 use preshade::unstable::render::{ColorImage, Rendered, ShaderForm, Variant as Host};
 
 use super::case::Expect::{Holds, OffNearPlane, Refused, Untied};

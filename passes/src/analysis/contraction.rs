@@ -385,10 +385,8 @@ pub(crate) fn fused_anew(graph: &Graph<'_>, entry: usize, slice: &Slice) -> Opti
         }
         _ => true,
     };
-    let loses_readers = |id: ValueId| {
-        let mut readers = operations.readers(id).into_iter();
-        readers.any(|reader| reader == OUTPUT || !is_kept(reader))
-    };
+    let loses_readers =
+        |id| operations.any_reader(id, |reader| reader == OUTPUT || !is_kept(reader));
     let arithmetic = (0..all.len()).filter(|id| operations.is_arithmetic(*id) && is_kept(*id));
     let mut found: Vec<(ValueId, ValueId)> = Vec::new();
     for id in arithmetic {

@@ -354,7 +354,9 @@ fn decides(stages: &ImplicitInputs<'_>) -> Option<String> {
 fn fused_discard(stages: &ImplicitInputs<'_>) -> Option<String> {
     let span = contraction::fused_anew(stages.graph, stages.fragment?, stages.slice?)?;
     let place = stages.program.sources().locate(span);
-    let at = place.map_or_else(String::new, |place| format!(" at {place}"));
+    let at = place.map_or_else(String::new, |place| {
+        format!(" at {}:{}:{}", place.file, place.line, place.column)
+    });
     Some(format!(
         "coverage or depth depends on the operation{at}, which other code of the fragment stage \
          reads too"
