@@ -12,6 +12,7 @@ mod native;
 #[path = "../support/render_support/mod.rs"]
 mod render_support;
 
+mod adversarial;
 mod decide;
 mod device_lost;
 mod early_discard;

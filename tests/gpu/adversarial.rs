@@ -1,0 +1,139 @@
+//! The shaders of `fixtures/adversarial`, each made to break a promise, drawn through every pass:
+//! each promise holds, or the pass refuses by the code that names the cause.
+
+use std::path::{Path, PathBuf};
+
+use preshade::unstable::front::{self, Color, Options, Source};
+use preshade::unstable::measure::{self, Session, Settings, Timed, TimingSettings, record};
+use preshade::unstable::passes::contract::Verdict;
+use preshade::unstable::passes::examples;
+use preshade::unstable::passes::state::MaterialState;
+use preshade::unstable::recipe::Recipe;
+use preshade::unstable::render::{SelfTestResult, ShaderForm};
+use preshade::unstable::scene::{self, Scene};
+
+use crate::render_support::gpu;
+
+/// Who has to refuse what, and by which code: the fixture, the start of the recipe, the code.
+const REFUSED: &[(&str, &str, &str)] = &[];
+
+/// What the software adapter cannot draw, or no scene can fill. `tests/it/adversarial.rs` checks
+/// the texts.
+const NOT_DRAWN: &[&str] = &["barycentrics", "binding-array"];
+
+/// Each fixture once, or once for each of its scenes.
+fn fixtures() -> Vec<(String, Scene)> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/adversarial");
+    let mut files: Vec<PathBuf> = std::fs::read_dir(folder)
+        .unwrap()
+        .map(|e| e.unwrap().path())
+        .collect();
+    files.sort();
+    let mut found = Vec::new();
+    for path in &files {
+        let name = path.file_stem().unwrap().to_string_lossy().into_owned();
+        let has_scene = path.with_extension("toml").exists();
+        let scene = match path.extension().and_then(|e| e.to_str()) {
+            Some("toml") => scene::load(path).unwrap_or_else(|e| panic!("{}", e.render())),
+            Some("wgsl") if !has_scene => made_up(&[path]),
+            Some("vert") if !has_scene => made_up(&[path, &path.with_extension("frag")]),
+            _ => continue,
+        };
+        if !NOT_DRAWN.contains(&&*name) {
+            found.push((name, small(scene)));
+        }
+    }
+    assert!(found.len() > 40, "{}", found.len());
+    found
+}
+
+fn made_up(files: &[&Path]) -> Scene {
+    let sources: Vec<Source> = files
+        .iter()
+        .map(|path| {
+            let name = path.file_name().unwrap().to_string_lossy();
+            Source::new(name, std::fs::read_to_string(path).unwrap())
+        })
+        .collect();
+    let parsed = front::parse(&sources, &Options::default())
+        .unwrap_or_else(|e| panic!("{}", e.render(Color::Never)));
+    scene::synthesise(parsed, MaterialState::default())
+}
+
+fn small(scene: Scene) -> Scene {
+    let mut scene = scene.resized([160, 90]);
+    for camera in &mut scene.cameras {
+        camera.frames.truncate(1);
+    }
+    scene
+}
+
+/// What became of each recipe.
+fn drawn(name: &str, scene: &Scene) -> record::Report {
+    let session = Session::new(gpu(), scene, ShaderForm::Text).unwrap();
+    let facts = measure::facts(&session).unwrap_or_else(|e| panic!("{name}: {e}"));
+    let originals = measure::originals(scene);
+    let recipes = examples().map(|(recipe, _)| recipe);
+    let recipes = recipes.filter(|r| !r.contains("BUDGET") && !r.contains("MOST"));
+    let variants: Vec<_> = recipes
+        .map(|r| measure::variant(&originals, &Recipe::parse_list(r).unwrap(), &facts))
+        .collect();
+    let settings = Settings {
+        timed: Timed::No,
+        timing: TimingSettings::default(),
+        frames_per_camera: 1,
+        command: String::new(),
+    };
+    let verified = measure::verify(&session, &variants, &settings, &mut |_| {});
+    verified.unwrap_or_else(|e| panic!("{name}: {e}")).report
+}
+
+#[test]
+fn every_promise_holds_or_is_refused_by_name() {
+    let mut wrong = Vec::new();
+    let mut held = 0;
+    let mut refused = Vec::new();
+    for (name, scene) in fixtures() {
+        let started = std::time::Instant::now();
+        let report = drawn(&name, &scene);
+        for variant in &report.variants[1..] {
+            let label = format!("{name} by {}", variant.name);
+            match &variant.verdict {
+                Verdict::Holds => held += 1,
+                Verdict::Broken { r#where } => wrong.push(format!("{label}: {where}")),
+                Verdict::NotMeasured { why } if variant.kept.is_empty() => {
+                    wrong.push(format!("{label}: not measured: {why}"));
+                }
+                Verdict::NotMeasured { .. } => {}
+            }
+            for test in &variant.self_test {
+                if let SelfTestResult::Failed { failure, .. } = &test.result {
+                    wrong.push(format!(
+                        "{label}: self-test failed on a right picture: {failure}"
+                    ));
+                }
+            }
+            for kept in &variant.kept {
+                refused.push((name.clone(), variant.name.clone(), kept.why.clone()));
+            }
+        }
+        eprintln!("{name}: {:?}", started.elapsed());
+    }
+    for (name, recipe, why) in &refused {
+        let code = why.split(['[', ']']).nth(1).unwrap();
+        eprintln!("{name} | {recipe} | {code}");
+        if code == "internal" || why.contains("bug") {
+            wrong.push(format!("{name} by {recipe}: {why}"));
+        }
+    }
+    for (fixture, recipe, code) in REFUSED {
+        let named = refused.iter().any(|(name, refused, why)| {
+            name == fixture && refused.starts_with(recipe) && why.contains(&format!("[{code}]"))
+        });
+        if !named {
+            wrong.push(format!("{fixture}: {recipe} does not refuse by {code}"));
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    assert!(held > 300, "{held}");
+}
