@@ -22,6 +22,7 @@ mod explore;
 mod glsl_native;
 mod hoist;
 mod interpolation;
+mod made_up;
 mod measure;
 mod measure_shadow;
 mod measure_verdicts;

@@ -20,7 +20,7 @@ struct Varyings {
 @vertex
 fn vs(@builtin(vertex_index) v: u32, @builtin(instance_index) i: u32) -> Varyings {
     let sprite = sprites[i];
-    let unit = vec2<f32>(f32(v & 1u), f32((v >> 1u) & 1u));
+    let unit = vec2<f32>(f32((v >> 1u) & 1u), f32(v & 1u));
     let at = (sprite.corner + unit * sprite.extent) / window.pixels;
     return Varyings(vec4<f32>(at.x * 2.0 - 1.0, 1.0 - at.y * 2.0, 0.0, 1.0), sprite.paint);
 }
