@@ -31,7 +31,9 @@ pub use guessed::{Guess, Guessed, guessed};
 
 use guessed::ValueOrigin;
 use streams::Streams;
-pub(super) use streams::{is_instance_data, known_stream, stream_component, unknown_stream};
+pub(super) use streams::{
+    is_index_buffer, is_instance_data, known_stream, stream_component, unknown_stream,
+};
 
 /// Bytes and a hash of them. Equal bytes have equal ids, so a renderer needs one GPU buffer for
 /// each id.

@@ -195,13 +195,13 @@ fn pointee<'m>(module: &'m naga::Module, ty: &TypeInner) -> Option<&'m TypeInner
     }
 }
 
-/// Gives a float without a known name a number, in all its components.
+/// Gives a float a number, in all its components, whatever its name means.
 fn fill(flow: &StageFlow<'_, '_>, read: &BufferRead, number: f64, found: &mut DiscardInputs) {
     let module = flow.values.graph.module();
     let Some((1, rows, scalar)) = leaf_shape(&module.types[read.ty].inner) else {
         return;
     };
-    if scalar.kind == ScalarKind::Float && read.semantic(module).is_none() {
+    if scalar.kind == ScalarKind::Float {
         let numbers = Value::Numbers(vec![number; rows as usize]);
         found.values.entry(read.text(module)).or_insert(numbers);
     }

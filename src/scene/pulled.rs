@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use naga::{Expression, Handle, Module, ScalarKind, Type, TypeInner};
 use preshade_passes::analysis::values::ValueId;
 
-use super::bind::{known_stream, stream_component};
+use super::bind::{is_index_buffer, known_stream, stream_component};
 use super::flow::StageFlow;
 use super::layout::{leaf_shape, runtime_array, scalar_count};
 use super::roles::is_array_read;
@@ -39,9 +39,6 @@ impl Pulled {
             _ => 0,
         };
         let element = runtime_array(module, global.ty)?;
-        if known_stream(&name) == Some("position") && wrapped == 0 {
-            return None;
-        }
         let index = flow.behind(value);
         let mut indices: Vec<String> = index
             .iter()
@@ -50,6 +47,11 @@ impl Pulled {
             .collect();
         indices.sort_unstable();
         indices.dedup();
+        let is_struct = matches!(module.types[element].inner, TypeInner::Struct { .. });
+        let is_named = known_stream(&name) == Some("position") && wrapped == 0 && !is_struct;
+        if is_named && indices.iter().all(|name| is_index_buffer(name)) {
+            return None;
+        }
         let stride = index.iter().find_map(|v| literal_factor(flow, *v));
         Some(Self {
             name,

@@ -90,6 +90,9 @@ impl Roles {
             None => self.pull(flow, &near),
         };
         self.has_mesh = source.is_some();
+        if source.is_none() {
+            self.divisors(flow, *position);
+        }
         let mut taken = BTreeSet::new();
         if let Some(input) = attribute.and_then(|value| flow.input(value)) {
             taken.insert(input);
@@ -127,6 +130,45 @@ impl Roles {
         let (_, value) = found.first()?;
         self.pulled = Pulled::of(flow, *value);
         Some(*value)
+    }
+
+    /// Gives 1 to the uniforms that divide made-up numbers on their way to a position without a
+    /// mesh, such as a window's size: those numbers lie between 0 and 1, not between 0 and 1920.
+    fn divisors(&mut self, flow: &StageFlow<'_, '_>, position: ValueId) {
+        let module = flow.values.graph.module();
+        for value in flow.behind(position) {
+            let Some((context, expression, _)) = flow.expression(value) else {
+                continue;
+            };
+            let Expression::Binary {
+                op: BinaryOperator::Divide,
+                left,
+                right,
+            } = *expression
+            else {
+                continue;
+            };
+            let is_made_up = |v: &ValueId| {
+                let read = flow.read(*v);
+                read.is_some_and(|read| read.semantic(module).is_none())
+            };
+            let divided = flow.values.named(context, left);
+            if !divided.is_some_and(|v| flow.behind(v).iter().any(is_made_up)) {
+                continue;
+            }
+            let divisor = flow.values.named(context, right);
+            let Some(read) = divisor.and_then(|v| flow.read(flow.through(v))) else {
+                continue;
+            };
+            let shape = leaf_shape(&module.types[read.ty].inner);
+            let is_uniform = module.global_variables[read.global].space == AddressSpace::Uniform;
+            if let (true, Some((1, rows, scalar))) = (is_uniform, shape)
+                && scalar.kind == ScalarKind::Float
+            {
+                let numbers = Value::Numbers(vec![1.0; rows as usize]);
+                self.values.insert(read.text(module), numbers);
+            }
+        }
     }
 
     /// Gives texture coordinates to the attributes that a texture is sampled at.
@@ -168,7 +210,9 @@ impl Roles {
             inputs.sort_unstable();
             for (cost, input) in inputs {
                 let io = &flow.values.inputs[input];
-                let is_unknown = known_stream(io.name.as_deref().unwrap_or("")).is_none();
+                // Two numbers with the name of something else are texture coordinates all the same.
+                let known = known_stream(io.name.as_deref().unwrap_or(""));
+                let is_unknown = !matches!(known, Some("uv" | "uv1"));
                 if cost < MOST_INDIRECT
                     && is_unknown
                     && shape(flow, io) == Some((2, ScalarKind::Float))

@@ -17,6 +17,7 @@ mod render_support;
 #[path = "../support/swiftshader_support.rs"]
 mod swiftshader_support;
 
+mod adversarial;
 mod decide;
 mod device_lost;
 mod early_discard;
@@ -27,6 +28,7 @@ mod glsl_native;
 mod hoist;
 mod immediates;
 mod interpolation;
+mod made_up;
 mod measure;
 mod measure_shadow;
 mod measure_verdicts;

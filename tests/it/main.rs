@@ -10,6 +10,7 @@ mod fixtures_support;
 mod fuzz_support;
 mod results_support;
 
+mod adversarial;
 mod build_script;
 mod combinations;
 mod dialects;

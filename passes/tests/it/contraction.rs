@@ -2,10 +2,13 @@
 //! whichever products a compiler fuses, if it decides for each operation as the assumptions say.
 
 use std::fs;
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::Path;
 use std::sync::Arc;
 
-use naga::{BinaryOperator, Expression, Function, Handle, MathFunction, ScalarKind, TypeInner};
+use naga::{
+    BinaryOperator, Expression, Function, Handle, MathFunction, ScalarKind, Span, TypeInner,
+};
 use preshade_passes::contract::Assumption;
 use preshade_passes::pass::{Facts, Use};
 use preshade_passes::plan::Plan;
@@ -22,9 +25,26 @@ enum Driver {
     Eager,
     /// Those with a single reader: others have to be computed anyway.
     SingleReader,
+    /// A random half, by the sum's place in the author's text: the same sum wherever it is compiled.
+    Random(u64),
 }
 
-const DRIVERS: [Driver; 2] = [Driver::Eager, Driver::SingleReader];
+const DRIVERS: [Driver; 3] = [Driver::Eager, Driver::SingleReader, Driver::Random(1)];
+
+impl Driver {
+    /// Whether it fuses a product with so many readers into the sum at `span`.
+    fn fuses(self, readers: usize, span: Span) -> bool {
+        match self {
+            Self::Eager => true,
+            Self::SingleReader => readers == 1,
+            Self::Random(seed) => {
+                let mut hasher = DefaultHasher::new();
+                (seed, span.to_range()).hash(&mut hasher);
+                hasher.finish() & 1 == 1
+            }
+        }
+    }
+}
 
 /// The plan as this driver compiles it.
 fn compiled(plan: &Plan, driver: Driver) -> Plan {
@@ -76,7 +96,8 @@ fn fused(
         let candidates = [(product(left), right), (product(right), left)];
         let found = candidates.into_iter().find_map(|(product, rest)| {
             let (of, a, b) = product?;
-            let fuses = driver == Driver::Eager || readers[of.index()] == 1;
+            let span = function.expressions.get_span(sum);
+            let fuses = driver.fuses(readers[of.index()], span);
             (fuses && is_float && ty(rest) == ty(sum)).then_some((a, b, rest))
         });
         if let Some((a, b, rest)) = found {
@@ -135,64 +156,58 @@ fn is_broken_by(effort: &Effort, original: &Plan, variant: &Plan, driver: Driver
     checks.iter().any(|check| check.verdict.is_broken())
 }
 
-/// A product that moved to the vertices, and its sum that stayed: what `hoist` must not call exact.
+/// A shader of `fixtures/adversarial`.
+fn fixture(name: &str) -> String {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fixtures/adversarial");
+    fs::read_to_string(folder.join(name).with_extension("wgsl")).unwrap()
+}
+
+fn replaced(text: &str, old: &str, new: &str) -> String {
+    assert_eq!(text.matches(old).count(), 1, "{old}");
+    text.replace(old, new)
+}
+
+/// A product that moved to the vertices, and its sum that stayed: what `hoist` would make without
+/// its guard, and must not call exact.
 #[test]
 fn a_product_cut_from_its_sum_is_seen() {
-    let stages = |varying: &str, given: &str, k: &str| {
-        plan(&format!(
-            "struct Uniforms {{ mvp: mat4x4<f32>, a: f32, b: f32 }}
-@group(0) @binding(0) var<uniform> u: Uniforms;
-struct Varyings {{ @builtin(position) position: vec4<f32>, @location(0) uv: vec2<f32>{varying} }}
-@vertex fn vs(@location(0) position: vec3<f32>, @location(1) uv: vec2<f32>) -> Varyings {{
-    return Varyings(u.mvp * vec4<f32>(position, 1.0), uv{given});
-}}
-@fragment fn fs(in: Varyings) -> @location(0) vec4<f32> {{
-    return vec4<f32>(fract(({k} + in.uv.x) * 65536.0), 0.5, 0.5, 1.0);
-}}"
-        ))
+    let text = fixture("product-cut-from-sum");
+    let cut = replaced(&text, "let k = sin(u.a) * u.b;", "let k = v.k;");
+    let cut = replaced(&cut, "uv, normal)", "uv, normal, sin(u.a) * u.b)");
+    let normal = "@location(1) normal: vec3<f32>,\n}";
+    let flat = "@location(1) normal: vec3<f32>,\n@location(2) @interpolate(flat) k: f32 }";
+    let cut = plan(&replaced(&cut, normal, flat));
+    let original = plan(&text);
+    let own = applied(&original, "hoist:allow=exact,vertices-per-fragment=0").unwrap();
+    let unguarded = Plan {
+        steps: own.steps.clone(),
+        ..cut
     };
-    let original = stages("", "", "u.a * u.b");
-    let flat = ", @location(1) @interpolate(flat) k: f32";
-    let variant = stages(flat, ", u.a * u.b", "in.k");
-    let variant = Plan {
-        steps: applied(&original, "hoist:allow=exact,vertices-per-fragment=0")
-            .map_or_else(Vec::new, |p| p.steps),
-        ..variant
-    };
-    assert!(!variant.steps.is_empty());
-    for driver in DRIVERS {
-        assert!(is_broken(&original, &variant, driver), "{driver:?}");
-        let own = applied(&original, "hoist:allow=exact,vertices-per-fragment=0").unwrap();
+    for driver in [Driver::Eager, Driver::SingleReader] {
+        assert!(is_broken(&original, &unguarded, driver), "{driver:?}");
+    }
+    let random = (0..8).map(Driver::Random);
+    let seen = random.filter(|driver| is_broken(&original, &unguarded, *driver));
+    assert!(seen.count() > 1);
+    for driver in DRIVERS.into_iter().chain((0..8).map(Driver::Random)) {
         assert!(!is_broken(&original, &own, driver), "{driver:?}");
     }
 }
 
-/// The slice that decides a discard has other readers of its products than the main pass.
+/// The slice that decides a discard has other readers of its products than the main pass. Without
+/// the assumption that drivers do not mind, the promise would be false.
 #[test]
 fn a_slice_with_other_readers_is_seen() {
-    let original = plan(
-        "struct Uniforms { mvp: mat4x4<f32>, a: f32, b: f32 }
-@group(0) @binding(0) var<uniform> u: Uniforms;
-struct Varyings { @builtin(position) position: vec4<f32>, @location(0) uv: vec2<f32> }
-@vertex fn vs(@location(0) position: vec3<f32>, @location(1) uv: vec2<f32>) -> Varyings {
-    return Varyings(u.mvp * vec4<f32>(position, 1.0), uv);
-}
-@fragment fn fs(in: Varyings) -> @location(0) vec4<f32> {
-    let p = in.uv.x * u.a;
-    let q = p + in.uv.y;
-    if fract(q * 8388608.0) < 0.5 { discard; }
-    return vec4<f32>(sin(p), p, 0.5, 1.0);
-}",
-    );
+    // Random inputs are few: the discard has to depend on the last bit.
+    let text = replaced(&fixture("discard-shares-products"), "4096.0", "8388608.0");
+    let original = plan(&text);
     let variant = applied(&original, "depth-prepass").unwrap();
-    assert!(
-        variant
-            .contract
-            .given()
-            .contains(&Assumption::InvariantDiscard)
-    );
+    let given = variant.contract.given();
+    assert!(given.contains(&Assumption::InvariantDiscard));
     assert!(is_broken(&original, &variant, Driver::SingleReader));
-    assert!(!is_broken(&original, &variant, Driver::Eager));
+    for driver in [Driver::Eager, Driver::Random(1), Driver::Random(2)] {
+        assert!(!is_broken(&original, &variant, driver), "{driver:?}");
+    }
 }
 
 fn applied(plan: &Plan, recipe: &str) -> Option<Plan> {
@@ -204,13 +219,14 @@ fn applied(plan: &Plan, recipe: &str) -> Option<Plan> {
 
 #[test]
 fn exact_variants_of_the_fixtures_hold_on_drivers_that_fuse() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fixtures/shaders");
+    let fixtures = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fixtures");
+    let entries = ["shaders", "adversarial"].map(|folder| fs::read_dir(fixtures.join(folder)));
     let few = Effort {
         inputs: 4,
         ..EFFORT
     };
     let mut held = 0;
-    for entry in fs::read_dir(folder).unwrap() {
+    for entry in entries.into_iter().flat_map(Result::unwrap) {
         let path = entry.unwrap().path();
         if path.extension().is_none_or(|e| e != "wgsl") {
             continue;
@@ -241,7 +257,7 @@ fn exact_variants_of_the_fixtures_hold_on_drivers_that_fuse() {
                 .given()
                 .contains(&Assumption::InvariantDiscard);
             for driver in DRIVERS {
-                if is_exact && (same_discard || driver == Driver::Eager) {
+                if is_exact && (same_discard || driver != Driver::SingleReader) {
                     let broken = is_broken_by(&few, &original, &variant, driver);
                     assert!(!broken, "{}: {recipe}: {driver:?}", path.display());
                     held += 1;

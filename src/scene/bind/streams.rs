@@ -508,7 +508,7 @@ fn is_of_matrices(module: &naga::Module, element: Handle<Type>) -> bool {
     }
 }
 
-fn is_index_buffer(name: &str) -> bool {
+pub(in crate::scene) fn is_index_buffer(name: &str) -> bool {
     matches!(
         normalise(name).as_str(),
         "indices" | "indexbuffer" | "triangles" | "vertexindices"

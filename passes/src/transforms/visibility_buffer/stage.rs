@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use naga::{
     BinaryOperator, Binding, BuiltIn, Expression, Function, FunctionResult, Handle, Interpolation,
-    Literal, Module, Scalar, ScalarKind, Statement, Type, TypeInner, VectorSize,
+    Literal, Module, Scalar, ScalarKind, Statement, StructMember, Type, TypeInner, VectorSize,
 };
 
 use super::Select;
@@ -92,8 +92,8 @@ pub struct ResolveStage<'a> {
 pub enum Colors {
     /// The result is a colour.
     One(Colored),
-    /// They are members.
-    Members(Vec<Colored>),
+    /// They are members. `None`: the second source of a blend, which an opaque pass does not read.
+    Members(Vec<Option<Colored>>),
 }
 
 /// A colour.
@@ -124,7 +124,18 @@ pub fn colors(module: &Module, result: &FunctionResult) -> Colors {
     };
     match (&result.binding, &module.types[result.ty].inner) {
         (None, TypeInner::Struct { members, .. }) => {
-            Colors::Members(members.iter().map(|m| color(m.ty, &m.binding)).collect())
+            let is_second = |b: &Option<Binding>| {
+                matches!(
+                    b,
+                    Some(Binding::Location {
+                        blend_src: Some(1),
+                        ..
+                    })
+                )
+            };
+            let first =
+                |m: &StructMember| (!is_second(&m.binding)).then(|| color(m.ty, &m.binding));
+            Colors::Members(members.iter().map(first).collect())
         }
         (binding, _) => Colors::One(color(result.ty, binding)),
     }
@@ -210,7 +221,9 @@ impl ResolveStage<'_> {
             Colors::One(location) => vec![(*location, None)],
             Colors::Members(locations) => {
                 let members = locations.iter().zip(0..);
-                members.map(|(l, index)| (*l, Some(index))).collect()
+                members
+                    .filter_map(|(l, index)| Some(((*l)?, Some(index))))
+                    .collect()
             }
         };
         // Colours without a target are not written.
