@@ -494,12 +494,12 @@ override gain: f32;
 @id(7) override bias: f32 = 0.5;
 var<immediate> tint: vec4<f32>;
 @group(0) @binding(0) var<uniform> object: mat4x4<f32>;
-struct Out { @builtin(position) clip: vec4<f32>, @location(0) color: vec4<f32> }
+struct Out { @builtin(position) clip: vec4<f32>, @location(0) @interpolate(flat) color: vec4<f32> }
 @vertex fn vs(@location(0) p: vec4<f32>, @location(1) c: vec4<f32>) -> Out { \
     return Out(object * p, c); }
 @fragment fn fs(in: Out) -> @location(0) vec4<f32> { return in.color * gain + bias * tint; }";
     fs::write(package.0.join("toon.wgsl"), text).unwrap();
-    let resolved = ["visibility-buffer:form=compute,budget=1"];
+    let resolved = ["visibility-buffer:form=compute"];
     let built = package
         .build(configure().variant("resolved", resolved))
         .unwrap();
