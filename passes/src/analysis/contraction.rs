@@ -303,6 +303,27 @@ impl<'g, 'p> Operations<'_, 'g, 'p> {
         self.is_arithmetic(id) && !is_own
     }
 
+    fn is_product(&self, id: ValueId) -> bool {
+        use naga::BinaryOperator::Multiply;
+        let product =
+            |e: &Expression| matches!(e, Expression::Binary { op, .. } if *op == Multiply);
+        self.is_arithmetic(id) && self.whole(id).is_some_and(|(_, e)| product(e))
+    }
+
+    /// Whether an operation adds its operands, or subtracts them, before anything else.
+    fn begins_with_sum(&self, id: ValueId) -> bool {
+        use naga::BinaryOperator as B;
+        use naga::MathFunction as F;
+        let adds = |e: &Expression| match e {
+            Expression::Binary { op, .. } => matches!(op, B::Add | B::Subtract | B::Modulo),
+            Expression::Math { fun, .. } => {
+                matches!(fun, F::Fma | F::SmoothStep | F::Distance | F::Fract)
+            }
+            _ => false,
+        };
+        self.is_arithmetic(id) && self.whole(id).is_some_and(|(_, e)| adds(e))
+    }
+
     fn is_const(&self, context: ContextId, e: Handle<Expression>) -> bool {
         let value = self.values.named(context, e);
         value.is_none_or(|id| self.values.values[id].fact.rate == Rate::Const)
@@ -365,9 +386,9 @@ pub(crate) fn unsteady(values: &Values<'_, '_>) -> Vec<bool> {
     found
 }
 
-/// The first operation of a stage that a compiler may fuse into a reader of `slice` but not in the
-/// whole stage, or the other way round, because the slice lacks some of its readers; only if
-/// coverage or depth depends on that reader.
+/// The first product of a stage that a compiler may fuse into a sum of `slice` but not in the whole
+/// stage, because the slice lacks some of its readers; only if coverage or depth depends on that
+/// sum.
 pub(crate) fn fused_anew(graph: &Graph<'_>, entry: usize, slice: &Slice) -> Option<Span> {
     let stage = Looked::new(graph, entry).ok()?;
     let operations = stage.operations();
@@ -387,11 +408,11 @@ pub(crate) fn fused_anew(graph: &Graph<'_>, entry: usize, slice: &Slice) -> Opti
     };
     let loses_readers =
         |id| operations.any_reader(id, |reader| reader == OUTPUT || !is_kept(reader));
-    let arithmetic = (0..all.len()).filter(|id| operations.is_arithmetic(*id) && is_kept(*id));
+    let sums = (0..all.len()).filter(|id| operations.begins_with_sum(*id) && is_kept(*id));
     let mut found: Vec<(ValueId, ValueId)> = Vec::new();
-    for id in arithmetic {
+    for id in sums {
         let sources = all[id].operands.iter().flat_map(|o| operations.sources(*o));
-        let mut sources = sources.filter(|s| operations.may_fuse(*s));
+        let mut sources = sources.filter(|s| operations.is_product(*s));
         found.extend(sources.find(|s| loses_readers(*s)).map(|s| (s, id)));
     }
     let (source, _) = found.into_iter().find(|(_, reader)| {

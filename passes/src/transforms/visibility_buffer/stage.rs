@@ -100,8 +100,6 @@ pub enum Colors {
 #[derive(Clone, Copy)]
 pub struct Colored {
     location: u32,
-    /// Whether it is the second source of blending, which no target stores.
-    is_second: bool,
     /// Bytes per component.
     width: u8,
 }
@@ -113,13 +111,6 @@ pub fn colors(module: &Module, result: &FunctionResult) -> Colors {
             Some(Binding::Location { location, .. }) => *location,
             _ => 0,
         },
-        is_second: matches!(
-            b,
-            Some(Binding::Location {
-                blend_src: Some(1),
-                ..
-            })
-        ),
         width: module.types[ty].inner.scalar_width().unwrap_or(4),
     };
     match (&result.binding, &module.types[result.ty].inner) {
@@ -228,15 +219,9 @@ impl ResolveStage<'_> {
         };
         // Colours without a target are not written.
         let is_kept = |(location, _): &(Colored, Option<u32>)| {
-            !location.is_second && targets.iter().any(|t| t.location == location.location)
+            targets.iter().any(|t| t.location == location.location)
         };
-        for (
-            Colored {
-                location, width, ..
-            },
-            member,
-        ) in stores.into_iter().filter(is_kept)
-        {
+        for (Colored { location, width }, member) in stores.into_iter().filter(is_kept) {
             let mut color = match member {
                 None => value,
                 Some(index) => build.expression(Expression::AccessIndex { base: value, index }),
