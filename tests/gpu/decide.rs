@@ -67,7 +67,7 @@ fn a_prepass_draws_twice_and_shades_what_is_seen() {
         &[
             "depth-prepass",
             "early-discard",
-            "visibility-buffer:select=id,budget=1",
+            "visibility-buffer:budget=1,select=id",
         ],
     );
     let drawn = drawn(&scene);
@@ -103,7 +103,7 @@ fn a_prepass_draws_twice_and_shades_what_is_seen() {
     assert!(prologue.of(Term::FragmentOps) > prepass.of(Term::FragmentOps));
 
     // Each draw's resolve looks at each pixel's id.
-    let ids = of("visibility-buffer:select=id,budget=1");
+    let ids = of("visibility-buffer:budget=1,select=id");
     assert_eq!(ids.of(Term::Fragments), 4.0 * PIXELS + 4.0 * PIXELS);
 }
 

@@ -166,12 +166,7 @@ pub const CASES: &[Case] = &[
         guards: "0 / 0 in the resolve, of which a filter makes a blot",
         setups: ALL,
         only: "",
-        recipes: &[
-            (BIASED, Holds),
-            (EARLY, Holds),
-            // Values over a triangle without area are the rasteriser's alone.
-            ("visibility-buffer:budget=1", Holds),
-        ],
+        recipes: &[(BIASED, Holds), (EARLY, Holds)],
         mutation: (
             "the resolve divides by the area, whether there is one or not",
             Mutation::Own(divided),

@@ -291,6 +291,7 @@ fn a_budget_says_whether_it_was_measured() {
     assert!(given(&Facts::default()).contains(&Assumption::NotMeasured));
     let measured = Facts {
         depth_ties: Some(0),
+        undrawn: Some(Vec::new()),
         ..Facts::default()
     };
     assert!(given(&measured).contains(&Assumption::MeasuredScene));
