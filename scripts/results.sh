@@ -57,7 +57,7 @@ verify grass grass "${seen[@]}" -- "${grass[@]}"
 verify grass-sorted grass "${seen[@]}" -- "${grass[@]}" --set order=ascending
 verify grass-opaque grass-opaque "${seen[@]}" -- "${grass[@]}"
 
-hoist=hoist:budget=1,finite=assumed,threshold=1
+hoist=hoist:budget=1,finite=assumed,jumps=carried,threshold=1
 levels() { # FORM PATTERN LEVELS..
     local form=$1 pattern=$2
     shift 2

@@ -73,9 +73,14 @@ pub fn reached(values: &Values<'_, '_>) -> Reached {
                 DerivativeControl::Coarse => out.taken.coarse = true,
                 DerivativeControl::Fine => {}
             },
-            Some((Expression::ImageSample { image, level, .. }, _))
-                if matches!(level, SampleLevel::Auto | SampleLevel::Bias(_)) =>
-            {
+            Some((
+                Expression::ImageSample {
+                    image,
+                    level: SampleLevel::Auto | SampleLevel::Bias(_),
+                    ..
+                },
+                _,
+            )) => {
                 match is_cube(values, id, *image) {
                     true => out.taken.cubes = true,
                     false => out.taken.samples = true,
