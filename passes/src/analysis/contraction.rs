@@ -29,6 +29,7 @@ use naga::{
 };
 
 use crate::analysis::operations::discontinuity;
+use crate::analysis::reach::{with_operands, with_users};
 use crate::analysis::values::{ContextId, Node, TooLarge, ValueId, Values};
 use crate::core::contract::Surface;
 use crate::core::plan::GpuPass;
@@ -360,7 +361,6 @@ pub(crate) fn unsteady(values: &Values<'_, '_>) -> Vec<bool> {
     let sources: Vec<Vec<ValueId>> = all.clone().map(|id| operations.sources(id)).collect();
     let mut shared = vec![None; values.values.len()];
     let mut is_shared = |id: ValueId| *shared[id].get_or_insert_with(|| operations.is_shared(id));
-    let mut found = vec![false; values.values.len()];
     let mut work = Vec::new();
     for id in all.clone().filter(|id| operations.is_arithmetic(*id)) {
         let operands = values.values[id].operands.iter();
@@ -373,11 +373,7 @@ pub(crate) fn unsteady(values: &Values<'_, '_>) -> Vec<bool> {
             work.push(id);
         }
     }
-    while let Some(id) = work.pop() {
-        if !std::mem::replace(&mut found[id], true) {
-            work.extend(&values.users()[id]);
-        }
-    }
+    let mut found = with_users(values, work);
     for id in all {
         let may = sources[id].iter().any(|source| may_fuse[*source]);
         found[id] = found[id]
@@ -390,9 +386,12 @@ pub(crate) fn unsteady(values: &Values<'_, '_>) -> Vec<bool> {
 /// stage, because the slice lacks some of its readers; only if coverage or depth depends on that
 /// sum.
 pub(crate) fn fused_anew(graph: &Graph<'_>, entry: usize, slice: &Slice) -> Option<Span> {
-    let stage = Looked::new(graph, entry).ok()?;
-    let operations = stage.operations();
-    let all = &stage.values.values;
+    let values = Values::new(graph, entry).ok()?;
+    let operations = Operations {
+        values: &values,
+        sees_modifiers: false,
+    };
+    let all = &values.values;
     let mut kept: BTreeMap<FunctionId, Vec<&[Option<Need>]>> = BTreeMap::new();
     for part in &slice.parts {
         let expressions = kept.entry(part.function).or_default();
@@ -400,7 +399,7 @@ pub(crate) fn fused_anew(graph: &Graph<'_>, entry: usize, slice: &Slice) -> Opti
     }
     let is_kept = |id: ValueId| match all[id].node {
         Node::Expression(context, e, _) => {
-            let parts = kept.get(&stage.values.contexts[context].function);
+            let parts = kept.get(&values.contexts[context].function);
             let needs = |part: &&[Option<Need>]| part.get(e.index()).is_some_and(Option::is_some);
             parts.is_some_and(|parts| parts.iter().any(needs))
         }
@@ -408,16 +407,13 @@ pub(crate) fn fused_anew(graph: &Graph<'_>, entry: usize, slice: &Slice) -> Opti
     };
     let loses_readers =
         |id| operations.any_reader(id, |reader| reader == OUTPUT || !is_kept(reader));
-    let sums = (0..all.len()).filter(|id| operations.begins_with_sum(*id) && is_kept(*id));
-    let mut found: Vec<(ValueId, ValueId)> = Vec::new();
-    for id in sums {
+    let decides = with_operands(&values, values.coverage.clone());
+    let is_sum = |id: &ValueId| operations.begins_with_sum(*id) && is_kept(*id);
+    let mut sums = (0..all.len()).filter(|id| decides[*id]).filter(is_sum);
+    let source = sums.find_map(|id| {
         let sources = all[id].operands.iter().flat_map(|o| operations.sources(*o));
-        let mut sources = sources.filter(|s| operations.is_product(*s));
-        found.extend(sources.find(|s| loses_readers(*s)).map(|s| (s, id)));
-    }
-    let (source, _) = found.into_iter().find(|(_, reader)| {
-        let reached = stage.reached([*reader]);
-        stage.values.coverage.iter().any(|root| reached[*root])
+        let mut products = sources.filter(|source| operations.is_product(*source));
+        products.find(|product| loses_readers(*product))
     })?;
     match all[source].node {
         Node::Expression(context, e, _) => {
@@ -569,14 +565,7 @@ impl<'g, 'p> Looked<'g, 'p> {
 
     /// All dependents of these values, including themselves.
     fn reached(&self, from: impl IntoIterator<Item = ValueId>) -> Vec<bool> {
-        let mut reached = vec![false; self.values.values.len()];
-        let mut work: Vec<ValueId> = from.into_iter().collect();
-        while let Some(id) = work.pop() {
-            if !std::mem::replace(&mut reached[id], true) {
-                work.extend(&self.values.users()[id]);
-            }
-        }
-        reached
+        with_users(&self.values, from.into_iter().collect())
     }
 
     /// Whether a decision depends on the reached values: coverage, a discontinuity, a texture

@@ -20,6 +20,7 @@ use naga::{
 };
 
 use super::refusals;
+use crate::analysis::reach::with_operands;
 use crate::analysis::refusals as shared;
 use crate::analysis::values::{ContextId, Node, TooLarge, ValueId, Values};
 use crate::core::program::Program;
@@ -358,7 +359,7 @@ fn sites(values: &Values<'_, '_>, like: &Rasterizer) -> Result<Sites, Failed> {
             ));
         }
         let root = roots(expression).first().copied().unwrap_or(e);
-        if rests_on(values, *id, &all) {
+        if depends_on(values, *id, &all) {
             continue;
         }
         let neighbours = match expression {
@@ -400,21 +401,9 @@ fn sites(values: &Values<'_, '_>, like: &Rasterizer) -> Result<Sites, Failed> {
 }
 
 /// Whether a value depends on one of `others`, apart from itself.
-fn rests_on(values: &Values<'_, '_>, id: ValueId, others: &[ValueId]) -> bool {
-    let seen = below(values, values.values[id].operands.clone());
+fn depends_on(values: &Values<'_, '_>, id: ValueId, others: &[ValueId]) -> bool {
+    let seen = with_operands(values, values.values[id].operands.clone());
     others.iter().any(|o| seen[*o])
-}
-
-/// For each value, whether it is in `todo` or depends on one.
-fn below(values: &Values<'_, '_>, mut todo: Vec<ValueId>) -> Vec<bool> {
-    let mut seen = vec![false; values.values.len()];
-    while let Some(next) = todo.pop() {
-        if std::mem::replace(&mut seen[next], true) {
-            continue;
-        }
-        todo.extend(&values.values[next].operands);
-    }
-    seen
 }
 
 /// Whether a loop evaluates an expression more than once per fragment.
@@ -535,7 +524,7 @@ impl Round {
     fn of_a_gradient(&self, values: &Values<'_, '_>, read: &BTreeSet<u32>) -> Failed {
         let rests = |site: &&Site| {
             let root = values.named(site.context, site.root);
-            let seen = below(values, root.into_iter().collect());
+            let seen = with_operands(values, root.into_iter().collect());
             let is_gradient = |id: usize| match values.values[id].node {
                 Node::Input(input) => {
                     let binding = values.inputs.get(input).and_then(|i| i.binding.as_ref());
