@@ -460,17 +460,19 @@ fn prepare(
         ));
         ControlFlow::Continue(())
     })?;
-    let recipes = recipes
-        .into_iter()
-        .map(|recipe| match measure::leaves_a_choice(&recipe) {
-            true => {
-                bar.set_message(format!("choosing within the budget of {recipe}"));
-                measure::within_budget(session, &recipe, &facts)
-            }
-            false => Ok(recipe),
-        })
-        .collect::<Result<_, _>>()?;
-    Ok((recipes, facts))
+    let mut chosen = Vec::new();
+    for recipe in recipes {
+        if !measure::leaves_a_choice(&recipe) {
+            chosen.push(recipe);
+            continue;
+        }
+        bar.set_message(format!("choosing within the budget of {recipe}"));
+        match measure::within_budget(session, &recipe, &facts)? {
+            Ok(recipe) => chosen.push(recipe),
+            Err(why) => bar.suspend(|| output::message(&format!("left out {recipe}: {why}"))),
+        }
+    }
+    Ok((chosen, facts))
 }
 
 /// Reads a scene, or makes one up for a shader.

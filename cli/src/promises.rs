@@ -478,11 +478,11 @@ fn measure_scene(
     let recipes: Vec<Recipe> = recipes.iter().copied().cloned().collect();
     let is_kept = |r: &Recipe| given.contains(r) || measure::leaves_a_choice(r);
     let is_budget_kept: Vec<bool> = recipes.iter().map(is_kept).collect();
-    let recipes = verify::choose(&session, recipes, &mut facts, &bar)?;
-    let variants = recipes.iter().zip(asked).map(|(recipe, name)| Variant {
-        name,
-        ..measure::variant(session.originals(), recipe, &facts)
-    });
+    let (_, variants) = verify::choose(&session, recipes, &mut facts, &bar)?;
+    let variants = variants
+        .into_iter()
+        .zip(asked)
+        .map(|(variant, name)| Variant { name, ..variant });
     let mut drawn: Vec<Variant> = Vec::new();
     let mut by_frame: BTreeMap<String, usize> = BTreeMap::new();
     let all: Vec<Judged> = variants

@@ -520,11 +520,7 @@ fn measured(
         });
         Facts::default()
     });
-    let recipes = choose(&session, mine, &mut facts, bar)?;
-    let variants: Vec<_> = recipes
-        .iter()
-        .map(|r| measure::variant(session.originals(), r, &facts))
-        .collect();
+    let (recipes, variants) = choose(&session, mine, &mut facts, bar)?;
     let timed = match args.time {
         Some(TimeArg::No) => Timed::No,
         Some(TimeArg::Headline) => Timed::Headline,
@@ -571,45 +567,49 @@ fn tell_sweeps(report: &mut Report, sweeps: &[Sweep]) {
     }
 }
 
-/// Resolves recipes that leave choices to measurement.
+/// Resolves recipes that leave choices to measurement, and applies them.
 pub fn choose(
     session: &Session<'_>,
     recipes: Vec<Recipe>,
     facts: &mut Facts,
     bar: &ProgressLine,
-) -> Result<Vec<Recipe>, Failure> {
-    if !recipes.iter().any(measure::leaves_a_choice) {
-        return Ok(recipes);
+) -> Result<(Vec<Recipe>, Vec<Variant>), Failure> {
+    if recipes.iter().any(measure::leaves_a_choice) {
+        bar.set_message("measuring what can be interpolated");
+        facts.frequencies = measure::frequencies(session, facts, Detail::Choice, &mut |step| {
+            bar.set_position((step.done * 1000.0) as u64);
+            ControlFlow::Continue(())
+        })?;
     }
-    bar.set_message("measuring what can be interpolated");
-    facts.frequencies = measure::frequencies(session, facts, Detail::Choice, &mut |step| {
-        bar.set_position((step.done * 1000.0) as u64);
-        ControlFlow::Continue(())
-    })?;
     let originals = session.originals();
-    recipes
-        .into_iter()
-        .map(|recipe| {
-            bar.set_message(format!("choosing within the budget of {recipe}"));
-            match measure::leaves_a_choice(&recipe) {
-                true => {
-                    let chosen = measure::within_budget(session, &recipe, facts)?;
-                    let is_taken = !measure::variant(originals, &chosen, facts).is_refused();
-                    let written = measure::written_out(&chosen, facts).filter(|_| is_taken);
-                    if let Some(written) = written {
-                        bar.suspend(|| {
-                            output::message(&format!(
-                                "{recipe}: chosen by measurement; `rewrite` makes the same of {}",
-                                written.as_passes()
-                            ));
-                        });
-                    }
-                    Ok(chosen)
-                }
-                false => Ok(recipe),
+    let choices = recipes.into_iter().map(|recipe| {
+        if !measure::leaves_a_choice(&recipe) {
+            let variant = measure::variant(originals, &recipe, facts);
+            return Ok((recipe, variant));
+        }
+        bar.set_message(format!("choosing within the budget of {recipe}"));
+        let chosen = match measure::within_budget(session, &recipe, facts)? {
+            Ok(chosen) => chosen,
+            Err(why) => {
+                let variant = measure::over_budget(originals, &recipe, &why);
+                return Ok((recipe, variant));
             }
-        })
-        .collect()
+        };
+        let variant = measure::variant(originals, &chosen, facts);
+        let written = measure::written_out(&chosen, facts).filter(|_| !variant.is_refused());
+        if let Some(written) = written {
+            bar.suspend(|| {
+                output::message(&format!(
+                    "{recipe}: chosen by measurement; `rewrite` makes the same of {}",
+                    written.as_passes()
+                ));
+            });
+        }
+        Ok((chosen, variant))
+    });
+    choices
+        .collect::<Result<Vec<_>, Failure>>()
+        .map(|c| c.into_iter().unzip())
 }
 
 /// Checks before anything is drawn that the folder `dir` can be written to or created. Leaves nothing

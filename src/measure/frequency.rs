@@ -289,9 +289,34 @@ fn is_open(step: &crate::recipe::Step) -> bool {
         && !step.params.contains_key("carry")
 }
 
+/// No choice keeps the budget.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OverBudget {
+    /// The step with the budget.
+    pub step: String,
+    /// What its promise allows.
+    pub budget: Budget,
+    /// The error with the fewest values interpolated.
+    pub least: f64,
+}
+
+impl std::fmt::Display for OverBudget {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(
+            f,
+            "no choice of values keeps the budget of `{}`: with the fewest, {} is {:.5}, and a \
+             choice may use {:.5} of it",
+            self.step,
+            self.budget.metric,
+            self.least,
+            MARGIN * self.budget.limit,
+        )
+    }
+}
+
 /// The recipe with the threshold that saves most within the budget, less a margin, on frames along
 /// every path. Errors of values do not add up, so each threshold is drawn. Starts at the largest
-/// and bisects.
+/// and bisects. Not even the lowest threshold need keep it: another step may change the picture.
 ///
 /// # Errors
 ///
@@ -300,7 +325,7 @@ pub fn within_budget(
     session: &Session<'_>,
     recipe: &Recipe,
     facts: &Facts,
-) -> Result<Recipe, Error> {
+) -> Result<Result<Recipe, OverBudget>, Error> {
     let mut recipe = recipe.clone();
     let session = Session::sharing(session.gpu(), session.scene(), session.form())?;
     let plans = session.originals();
@@ -323,30 +348,44 @@ pub fn within_budget(
             .collect();
         thresholds.sort_by(f64::total_cmp);
         thresholds.dedup();
-        let keeps = |threshold: f64| -> Result<bool, Error> {
+        let error = |threshold: f64| -> Result<f64, Error> {
             let mut tried = recipe.clone();
             set(&mut tried.steps[index], threshold);
             let tried = variant(plans, &tried, facts);
+            if tried.is_refused() {
+                return Ok(0.0);
+            }
             let drawn = session.pictures(&tried.plans, &frames, DrawOrder::AsGiven)?;
             let worst = worst(&references, &drawn)?;
-            let error = params.metric.of(&worst);
-            Ok(error <= MARGIN * budget && worst.nan_pixels == 0)
+            Ok(match worst.nan_pixels {
+                0 => params.metric.of(&worst),
+                _ => f64::INFINITY,
+            })
         };
-        // `low` keeps it: with nothing approximate there is nothing to break it.
         let (mut low, mut high) = (0, thresholds.len());
-        if keeps(thresholds[high - 1])? {
-            low = high - 1;
-        }
-        while high - low > 1 {
-            let middle = low.midpoint(high);
-            match keeps(thresholds[middle])? {
-                true => low = middle,
-                false => high = middle,
+        let (mut next, mut best, mut least) = (high - 1, None, f64::INFINITY);
+        while low < high {
+            let error = error(thresholds[next])?;
+            if error <= MARGIN * budget {
+                (best, low) = (Some(next), next + 1);
+            } else {
+                (least, high) = (error, next);
             }
+            next = low.midpoint(high);
         }
-        set(&mut recipe.steps[index], shortest(&thresholds, low));
+        let Some(best) = best else {
+            return Ok(Err(OverBudget {
+                step: recipe.steps[index].to_string(),
+                budget: Budget {
+                    metric: params.metric,
+                    limit: budget,
+                },
+                least,
+            }));
+        };
+        set(&mut recipe.steps[index], shortest(&thresholds, best));
     }
-    Ok(recipe)
+    Ok(Ok(recipe))
 }
 
 /// The recipe with thresholds replaced by the values they select, so that it means the same without

@@ -4,7 +4,7 @@ use preshade_passes::count;
 use preshade_passes::pass::Facts;
 use preshade_passes::plan::{GpuPass, Plan};
 
-use super::{CountProgram, Variant};
+use super::{CountProgram, OverBudget, Variant};
 use crate::measure::record::KeptMaterial;
 use crate::pipeline::{self, Frame, Skipped};
 use crate::recipe::Recipe;
@@ -53,6 +53,20 @@ impl Variant {
     pub fn is_incomplete(&self) -> bool {
         let lacks = |p: &Plan| self.kept.iter().any(|k| k.material == p.material);
         !self.plans.is_empty() && self.plans.iter().all(lacks)
+    }
+}
+
+/// A recipe of which no choice keeps the budget: every material stays as it is.
+pub fn over_budget(originals: &[Plan], recipe: &Recipe, why: &OverBudget) -> Variant {
+    let kept = |plan: &Plan| KeptMaterial {
+        material: plan.material.clone(),
+        without: None,
+        why: format!("{why}; to make it legal: allow a larger budget, or leave out a step"),
+    };
+    Variant {
+        plans: originals.to_vec(),
+        kept: originals.iter().map(kept).collect(),
+        ..unwritten(recipe)
     }
 }
 

@@ -4,8 +4,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use naga::{
-    AddressSpace, BinaryOperator, Binding, BuiltIn, Expression, Module, ScalarKind, ShaderStage,
-    TypeInner,
+    AddressSpace, BinaryOperator, Binding, BuiltIn, Expression, MathFunction, Module, ScalarKind,
+    ShaderStage, TypeInner,
 };
 use preshade_passes::analysis::values::ValueId;
 use preshade_passes::graph::Graph;
@@ -272,12 +272,17 @@ impl Roles {
         };
         let mut found = Vec::new();
         for value in 0..flow.values.values.len() {
-            let Some((matrix, vector)) = product(flow, value) else {
+            let Some(Product {
+                vector,
+                matrix,
+                order,
+            }) = Product::of(flow, value)
+            else {
                 continue;
             };
             let near = flow.nearest(vector);
             if near.cost.iter().any(|(v, cost)| *cost < 10 && is_normal(v))
-                && let [only] = factors(flow, matrix).as_slice()
+                && let [only] = factors(flow, matrix, order).as_slice()
                 && only.semantic(module).is_none()
                 && !self.values.contains_key(&only.text(module))
             {
@@ -387,28 +392,63 @@ fn camera_of(names: &[Option<Semantic>]) -> &'static [Semantic] {
 fn matrices(flow: &StageFlow<'_, '_>, way: &[ValueId]) -> Vec<BufferRead> {
     let mut found = Vec::new();
     for (value, next) in way.iter().zip(way.iter().skip(1)) {
-        if let Some((matrix, vector)) = product(flow, *value)
-            && vector == *next
+        if let Some(product) = Product::of(flow, *value)
+            && product.vector == *next
         {
-            found.extend(factors(flow, matrix));
+            found.extend(factors(flow, product.matrix, product.order));
         }
     }
     found
 }
 
-/// The matrix and the vector of a product `matrix * vector`.
-fn product(flow: &StageFlow<'_, '_>, value: ValueId) -> Option<(ValueId, ValueId)> {
-    let (context, left, right) = flow.product(value)?;
-    let f = flow.values.function(context);
-    let ty = |e| f.ty(flow.values.graph.module(), e);
-    let is_product = matches!(ty(left), TypeInner::Matrix { .. })
-        && matches!(ty(right), TypeInner::Vector { .. });
-    let named = |e| flow.values.named(context, e);
-    is_product.then(|| Some((named(left)?, named(right)?)))?
+/// Which matrix of a product of matrices is the outermost, that is, applied last.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Outermost {
+    /// `a` of `a * b * vector`.
+    First,
+    /// `b` of `vector * a * b`.
+    Last,
 }
 
-/// The uniform matrices of a product of matrices, in order.
-fn factors(flow: &StageFlow<'_, '_>, matrix: ValueId) -> Vec<BufferRead> {
+impl Outermost {
+    /// The same of the transposed product.
+    fn turned(self) -> Self {
+        match self {
+            Self::First => Self::Last,
+            Self::Last => Self::First,
+        }
+    }
+}
+
+/// A matrix times a vector, or a vector times a matrix: naga reads a `row_major` matrix as the
+/// transpose of a column-major one.
+struct Product {
+    matrix: ValueId,
+    vector: ValueId,
+    order: Outermost,
+}
+
+impl Product {
+    fn of(flow: &StageFlow<'_, '_>, value: ValueId) -> Option<Self> {
+        let (context, left, right) = flow.product(value)?;
+        let f = flow.values.function(context);
+        let ty = |e| f.ty(flow.values.graph.module(), e);
+        let named = |e| flow.values.named(context, e);
+        let (matrix, vector, order) = match (ty(left), ty(right)) {
+            (TypeInner::Matrix { .. }, TypeInner::Vector { .. }) => (left, right, Outermost::First),
+            (TypeInner::Vector { .. }, TypeInner::Matrix { .. }) => (right, left, Outermost::Last),
+            _ => return None,
+        };
+        Some(Self {
+            matrix: named(matrix)?,
+            vector: named(vector)?,
+            order,
+        })
+    }
+}
+
+/// The uniform matrices of a product of matrices, outermost first.
+fn factors(flow: &StageFlow<'_, '_>, matrix: ValueId, order: Outermost) -> Vec<BufferRead> {
     let module = flow.values.graph.module();
     let matrix = flow.through(matrix);
     if let Some(read) = flow.read(matrix) {
@@ -421,21 +461,31 @@ fn factors(flow: &StageFlow<'_, '_>, matrix: ValueId) -> Vec<BufferRead> {
             false => Vec::new(),
         };
     }
-    let Some((
-        context,
+    let Some((context, expression, _)) = flow.expression(matrix) else {
+        return Vec::new();
+    };
+    let (mut operands, order) = match *expression {
         Expression::Binary {
             op: BinaryOperator::Multiply,
             left,
             right,
-        },
-        _,
-    )) = flow.expression(matrix)
-    else {
-        return Vec::new();
+        } => (vec![left, right], order),
+        Expression::Math {
+            fun: MathFunction::Transpose,
+            arg,
+            ..
+        } => (vec![arg], order.turned()),
+        _ => return Vec::new(),
     };
-    let both = [left, right].map(|e| flow.values.named(context, *e));
-    let both = both.into_iter().flatten().filter(|v| *v != matrix);
-    both.flat_map(|v| factors(flow, v)).collect()
+    if order == Outermost::Last {
+        operands.reverse();
+    }
+    let operands = operands.into_iter();
+    let values = operands.filter_map(|e| flow.values.named(context, e));
+    values
+        .filter(|v| *v != matrix)
+        .flat_map(|v| factors(flow, v, order))
+        .collect()
 }
 
 /// Whether a value is an element of a runtime-sized array, with scalars of these kinds.

@@ -107,6 +107,7 @@ fn a_budget_is_kept_on_frames_the_choice_was_not_made_on() {
         &open,
         &facts,
     )
+    .unwrap()
     .unwrap();
     let report = verified(&scene, &chosen, &facts);
     assert_eq!(report.verdict, Verdict::Holds, "{name}: {chosen}");
@@ -135,6 +136,7 @@ fn noise_that_bends_within_a_triangle_is_refused_with_the_number() {
         &open,
         &facts,
     )
+    .unwrap()
     .unwrap();
     let variant = measure::variant(&measure::originals(&scene), &chosen, &facts);
     let [kept] = &variant.kept[..] else {

@@ -289,27 +289,22 @@ impl<'a> Stage<'a> {
         }
     }
 
-    /// What `verify` would make of a recipe, and the facts that it rests on.
-    pub fn chosen(&self, recipe: &str) -> (Recipe, Facts) {
+    /// What `verify` would make of a recipe.
+    pub fn chosen(&self, recipe: &str) -> measure::Variant {
         let recipe = Recipe::parse_list(recipe).unwrap();
-        let mut facts = self.facts.clone();
         if !measure::leaves_a_choice(&recipe) {
-            return (recipe, facts);
+            return measure::variant(&self.originals, &recipe, &self.facts);
         }
-        let scene = self.inputs.scene();
-        let found = measure::frequencies(
-            &Session::new(gpu(), scene, ShaderForm::Text).unwrap(),
-            &facts,
-            measure::Detail::Choice,
-            &mut |_| ControlFlow::Continue(()),
-        );
+        let session = Session::new(gpu(), self.inputs.scene(), ShaderForm::Text).unwrap();
+        let mut facts = self.facts.clone();
+        let detail = measure::Detail::Choice;
+        let found =
+            measure::frequencies(&session, &facts, detail, &mut |_| ControlFlow::Continue(()));
         facts.frequencies = found.unwrap();
-        let chosen = measure::within_budget(
-            &Session::new(gpu(), scene, ShaderForm::Text).unwrap(),
-            &recipe,
-            &facts,
-        );
-        (chosen.unwrap(), facts)
+        match measure::within_budget(&session, &recipe, &facts).unwrap() {
+            Ok(chosen) => measure::variant(&self.originals, &chosen, &facts),
+            Err(why) => measure::over_budget(&self.originals, &recipe, &why),
+        }
     }
 
     /// Whether a recipe's promise is about an original whose position is marked `@invariant`.
@@ -376,8 +371,7 @@ pub fn contract(plans: &[Plan]) -> Contract {
 }
 
 fn draw(stage: &Stage<'_>, setup: Setup, recipe: &str, expect: Expect) -> Run {
-    let (chosen, facts) = stage.chosen(recipe);
-    let variant = measure::variant(&stage.originals, &chosen, &facts);
+    let variant = stage.chosen(recipe);
     let mut run = Run {
         setup: setup.to_string(),
         recipe: recipe.to_owned(),

@@ -316,8 +316,7 @@ fn self_tested(stage: &Stage<'_>) -> Red {
 
 /// What holds with a tolerance, the pre-pass two floats nearer, without one.
 fn without_tolerance(stage: &Stage<'_>) -> Red {
-    let (recipe, facts) = stage.chosen("early-discard:tolerance=0");
-    let mut plans = preshade::unstable::measure::variant(&stage.originals, &recipe, &facts).plans;
+    let mut plans = stage.chosen("early-discard:tolerance=0").plans;
     let contract = contract(&plans);
     let nearer = match stage.inputs.scene().depth_direction {
         DepthDirection::Forward => -2,
@@ -330,8 +329,7 @@ fn without_tolerance(stage: &Stage<'_>) -> Red {
 /// With the slope in the bias, what is snapped apart by 1/128 pixel stays hidden; without, it
 /// shows.
 fn without_slope(stage: &Stage<'_>) -> Red {
-    let (recipe, facts) = stage.chosen(BIASED);
-    let mut plans = preshade::unstable::measure::variant(&stage.originals, &recipe, &facts).plans;
+    let mut plans = stage.chosen(BIASED).plans;
     let contract = contract(&plans);
     moved(&mut plans, Role::Prepass, Moved::Up(1.0 / 128.0));
     if let Red::Seen { how } = judged(stage, &plans, &contract) {

@@ -388,8 +388,7 @@ fn on_near_plane(stage: &Stage<'_>) -> Red {
 /// With its guard a resolve of triangles of no area makes numbers; without, what is none. An
 /// adapter's own interpolation of the original may make either, and is not asked.
 fn divided(stage: &Stage<'_>) -> Red {
-    let (recipe, facts) = stage.chosen(AS_GIVEN);
-    let plans = preshade::unstable::measure::variant(&stage.originals, &recipe, &facts).plans;
+    let plans = stage.chosen(AS_GIVEN).plans;
     let guarded = no_numbers(stage, &Host::new(&plans, ShaderForm::Text).unwrap());
     assert_eq!(guarded, 0, "pixels are no number with the guard");
     let edits = [(

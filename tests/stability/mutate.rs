@@ -85,8 +85,7 @@ impl Mutation {
         if recipe.is_empty() {
             return Plain::Original;
         }
-        let (recipe, facts) = stage.chosen(recipe);
-        let variant = measure::variant(&stage.originals, &recipe, &facts);
+        let variant = stage.chosen(recipe);
         match variant.is_refused() {
             true if !matches!(self, Self::Recipe(..)) => Plain::Refused,
             _ => {
@@ -102,10 +101,7 @@ impl Mutation {
 
     /// Whether the judge sees what the guard is for.
     pub fn red(&self, stage: &Stage<'_>) -> Red {
-        let applied = |recipe: &str| {
-            let (recipe, facts) = stage.chosen(recipe);
-            measure::variant(&stage.originals, &recipe, &facts).plans
-        };
+        let applied = |recipe: &str| stage.chosen(recipe).plans;
         match self {
             Self::Plans(recipe, change) => {
                 let mut plans = applied(recipe);
