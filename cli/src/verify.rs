@@ -591,7 +591,7 @@ pub fn choose(
         let chosen = match measure::within_budget(session, &recipe, facts)? {
             Ok(chosen) => chosen,
             Err(why) => {
-                let variant = measure::over_budget(originals, &recipe, &why);
+                let variant = measure::refused(originals, &recipe, &why);
                 return Ok((recipe, variant));
             }
         };

@@ -6,8 +6,8 @@ use std::ops::ControlFlow;
 
 use preshade_passes::budget::{Budget, Metric};
 use preshade_passes::graph::Graph;
-use preshade_passes::hoist::{self, Candidate, Candidates, Computed, Hoist, HoistStages};
-use preshade_passes::pass::{Bound, Facts, Frequency, Pass};
+use preshade_passes::hoist::{self, Candidate, Candidates, Computed, Hoist, HoistStages, refusals};
+use preshade_passes::pass::{Bound, Facts, Frequency, Pass, Refusal};
 use preshade_passes::pass_named;
 use preshade_passes::plan::Plan;
 
@@ -289,34 +289,10 @@ fn is_open(step: &crate::recipe::Step) -> bool {
         && !step.params.contains_key("carry")
 }
 
-/// No choice keeps the budget.
-#[derive(Clone, Debug, PartialEq)]
-pub struct OverBudget {
-    /// The step with the budget.
-    pub step: String,
-    /// What its promise allows.
-    pub budget: Budget,
-    /// The error with the fewest values interpolated.
-    pub least: f64,
-}
-
-impl std::fmt::Display for OverBudget {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(
-            f,
-            "no choice of values keeps the budget of `{}`: with the fewest, {} is {:.5}, and a \
-             choice may use {:.5} of it",
-            self.step,
-            self.budget.metric,
-            self.least,
-            MARGIN * self.budget.limit,
-        )
-    }
-}
-
 /// The recipe with the threshold that saves most within the budget, less a margin, on frames along
 /// every path. Errors of values do not add up, so each threshold is drawn. Starts at the largest
-/// and bisects. Not even the lowest threshold need keep it: another step may change the picture.
+/// and bisects. Refuses if not even the lowest keeps the budget, because of another step of the
+/// recipe, say.
 ///
 /// # Errors
 ///
@@ -325,7 +301,7 @@ pub fn within_budget(
     session: &Session<'_>,
     recipe: &Recipe,
     facts: &Facts,
-) -> Result<Result<Recipe, OverBudget>, Error> {
+) -> Result<Result<Recipe, Box<Refusal>>, Error> {
     let mut recipe = recipe.clone();
     let session = Session::sharing(session.gpu(), session.scene(), session.form())?;
     let plans = session.originals();
@@ -374,14 +350,16 @@ pub fn within_budget(
             next = low.midpoint(high);
         }
         let Some(best) = best else {
-            return Ok(Err(OverBudget {
-                step: recipe.steps[index].to_string(),
-                budget: Budget {
-                    metric: params.metric,
-                    limit: budget,
-                },
-                least,
-            }));
+            let refusal = Refusal::new(
+                Hoist::INFO.name,
+                &refusals::OVER_BUDGET,
+                format!(
+                    "no choice of values keeps the budget of {budget}: the best has a {} of {least:.5}",
+                    params.metric
+                ),
+                "allow a larger budget, or leave out a step",
+            );
+            return Ok(Err(Box::new(refusal)));
         };
         set(&mut recipe.steps[index], shortest(&thresholds, best));
     }

@@ -48,8 +48,7 @@ pub use constants::constants;
 pub use effects::{EffectUse, effects};
 pub use error::{ErrorLadder, compare};
 pub use frequency::{
-    Detail, OverBudget, WORTH_A_LOOK, frequencies, leaves_a_choice, promised, within_budget,
-    written_out,
+    Detail, WORTH_A_LOOK, frequencies, leaves_a_choice, promised, within_budget, written_out,
 };
 pub use groups::{MOST_GROUPS, grouped, grouped_for};
 pub use interpolation::interpolation;
@@ -69,7 +68,7 @@ pub use timing::{
 };
 pub use undrawn::undrawn;
 pub(crate) use variant::unwritten;
-pub use variant::{counting, over_budget, variant};
+pub use variant::{counting, refused, variant};
 pub use verify::{Settings, Timed, Variant, Verified, VerifyProgress, verify};
 pub use view::View;
 

@@ -1,10 +1,10 @@
 //! A recipe on a scene: one plan a material, refusals kept beside.
 
 use preshade_passes::count;
-use preshade_passes::pass::Facts;
+use preshade_passes::pass::{Facts, Refusal};
 use preshade_passes::plan::{GpuPass, Plan};
 
-use super::{CountProgram, OverBudget, Variant};
+use super::{CountProgram, Variant};
 use crate::measure::record::KeptMaterial;
 use crate::pipeline::{self, Frame, Skipped};
 use crate::recipe::Recipe;
@@ -39,7 +39,7 @@ fn kept(skipped: &Skipped, plans: &[Plan]) -> KeptMaterial {
     KeptMaterial {
         material: material.clone(),
         without: plans.iter().any(is_changed).then(|| step.to_string()),
-        why: format!("{refusal}; to make it legal: {}", refusal.remedy),
+        why: why(refusal),
     }
 }
 
@@ -56,18 +56,22 @@ impl Variant {
     }
 }
 
-/// A recipe of which no choice keeps the budget: every material stays as it is.
-pub fn over_budget(originals: &[Plan], recipe: &Recipe, why: &OverBudget) -> Variant {
+/// A recipe that measurement refused: every material stays as it is.
+pub fn refused(originals: &[Plan], recipe: &Recipe, refusal: &Refusal) -> Variant {
     let kept = |plan: &Plan| KeptMaterial {
         material: plan.material.clone(),
         without: None,
-        why: format!("{why}; to make it legal: allow a larger budget, or leave out a step"),
+        why: why(refusal),
     };
     Variant {
         plans: originals.to_vec(),
         kept: originals.iter().map(kept).collect(),
         ..unwritten(recipe)
     }
+}
+
+fn why(refusal: &Refusal) -> String {
+    format!("{refusal}; to make it legal: {}", refusal.remedy)
 }
 
 /// A recipe that there was no time to apply: a name, and no plans.

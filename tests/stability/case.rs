@@ -303,7 +303,7 @@ impl<'a> Stage<'a> {
         facts.frequencies = found.unwrap();
         match measure::within_budget(&session, &recipe, &facts).unwrap() {
             Ok(chosen) => measure::variant(&self.originals, &chosen, &facts),
-            Err(why) => measure::over_budget(&self.originals, &recipe, &why),
+            Err(why) => measure::refused(&self.originals, &recipe, &why),
         }
     }
 

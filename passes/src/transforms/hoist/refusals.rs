@@ -21,6 +21,10 @@ refusals! {
         "The message names the one thing that would help: a budget, a measurement, \
          `finite=assumed`, `jumps=carried` or a larger error. `preshade explain` lists the values \
          that were not moved, and why.";
+    OVER_BUDGET = "over-budget":
+        "No choice of values keeps the budget in this recipe: another step changes the picture, or \
+         no value could be measured.",
+        "Allow a larger budget, or leave out a step.";
     THRESHOLD = "threshold":
         "The threshold is a number of at least 0.",
         "Leave it out to have it found.";
