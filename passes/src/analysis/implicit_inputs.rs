@@ -11,8 +11,8 @@
 //! | the subgroup | has a subgroup operation | rejecting fragments, slicing, moving code | refuses |
 //! | the sample rate | reads an input by sample, multisampled | slicing that input away | refuses |
 //! | surviving samples | reads a centroid or the sample mask, multisampled | rejecting samples | refuses |
-//! | contraction | decides coverage or depth | slicing | assumes `invariant-discard` |
-//! | contraction | decides them by a sum of products that colours read too | drawing depth ahead by a slice | refuses |
+//! | contraction | decides coverage or depth | deciding by a slice | assumes `invariant-discard` |
+//! | contraction | decides them by a sum of products that colours read too | deciding ahead by a slice | refuses |
 //! | the alpha mask | has alpha to coverage | slicing | assumes `same-alpha-coverage` |
 //! | the near plane's clamp | has depths that are clamped, or a float format | biasing depth | assumes `beyond-near-plane` |
 //! | the viewport's depth range | has depths that are clamped to it | comparing its own depth | assumes `whole-depth-range` |
@@ -221,7 +221,7 @@ const TABLE: &[InputRow] = &[
         ),
     },
     InputRow {
-        moved_by: &[PassEffect::Slices],
+        moved_by: &[PassEffect::LeavesEarly, PassEffect::Slices],
         dependence: decides,
         then: Then::Assume(Assumption::InvariantDiscard),
     },

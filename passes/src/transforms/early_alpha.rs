@@ -35,9 +35,10 @@ use naga::{
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
 use crate::analysis::refusals as shared;
 use crate::analysis::simplify::{self, Simplified};
-use crate::core::contract::{Assumption, Contract};
+use crate::core::contract::Contract;
 use crate::core::operands;
 use crate::core::pass::{Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, SiteCost, Use};
 use crate::core::plan::Plan;
@@ -142,7 +143,7 @@ fn refuse(code: &RefusalInfo, reason: impl Into<String>, remedy: &str) -> Box<Re
 }
 
 /// A material's main pass with its test first.
-fn tested_early(plan: &Plan, params: &Params) -> Result<Simplified, Box<Refusal>> {
+fn tested_early(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
     let name = EarlyAlpha::INFO.name;
     let (pass, program, fragment) = simplify::examine(
         plan,
@@ -155,17 +156,21 @@ fn tested_early(plan: &Plan, params: &Params) -> Result<Simplified, Box<Refusal>
             &shared::VOTE_NEEDS_TRIANGLES,
             "lines and points have no 2x2 quads to vote in",
             "leave the test where it is",
-        ));
+        )
+        .into());
     }
     if plan.steps.iter().any(|step| step.pass == name) {
         return Err(refuse(
             &DISCARD_FIRST,
             "the test already runs first",
             "apply early-alpha once",
-        ));
+        )
+        .into());
     }
     let graph = Graph::build(program);
     let test = Test::of(&graph, fragment, params)?;
+    let inputs = ImplicitInputs::new(plan, pass, &graph).sliced(Some(&test.slice));
+    let given = inputs.examine(name, &[PassEffect::LeavesEarly])?;
     let bug = |why: &dyn std::fmt::Display| Box::new(Refusal::bug(name, why));
     let module = test.moved(&graph).map_err(|why| bug(&why))?;
     let after = program.with_module(module).map_err(|why| bug(&why))?;
@@ -182,9 +187,7 @@ fn tested_early(plan: &Plan, params: &Params) -> Result<Simplified, Box<Refusal>
         program: after,
         of: pass.program.clone(),
         left: Vec::new(),
-        contract: Contract::Exact {
-            given: vec![Assumption::InvariantDiscard],
-        },
+        contract: Contract::Exact { given },
     })
 }
 
