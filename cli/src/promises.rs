@@ -33,6 +33,10 @@ const BUDGET: Budget = Budget {
     limit: 0.02,
 };
 
+/// Most variants to draw together. Each keeps its compiled pipelines until its last view is drawn,
+/// which are gigabytes for a large scene on a driver that runs on the CPU.
+const AT_ONCE: usize = 16;
+
 /// Every recipe that a pass declares, each once.
 ///
 /// # Errors
@@ -501,18 +505,22 @@ fn measure_scene(
         })
         .collect();
     let settings = args.settings(scene, Timed::No);
-    let outcome = measure::verify(&session, &drawn, &settings, &mut |_| {})?;
-    bar.finish_and_clear();
-    if let Some(why) = outcome.lost {
-        return Err(Failure(format!("the adapter was lost: {why}")));
-    }
-    let untested = untested(&outcome.report);
     let command = |variant: &str| alone(args, job, variant);
-    for judged in &all {
-        if let Some(report) = outcome.report.variants.get(judged.drawn + 1) {
-            promises.add(judged, report, untested.as_deref(), &command);
+    for (i, some) in drawn.chunks(AT_ONCE).enumerate() {
+        let outcome = measure::verify(&session, some, &settings, &mut |_| {})?;
+        if let Some(why) = outcome.lost {
+            return Err(Failure(format!("the adapter was lost: {why}")));
+        }
+        let untested = untested(&outcome.report);
+        // The original is first.
+        for (j, report) in outcome.report.variants.iter().skip(1).enumerate() {
+            let drawn = i * AT_ONCE + j;
+            for judged in all.iter().filter(|judged| judged.drawn == drawn) {
+                promises.add(judged, report, untested.as_deref(), &command);
+            }
         }
     }
+    bar.finish_and_clear();
     Ok(())
 }
 

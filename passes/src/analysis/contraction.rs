@@ -240,16 +240,16 @@ impl<'g, 'p> Operations<'_, 'g, 'p> {
     }
 
     /// Whether a reader behind all copies is such a one: an operation, a merge, a decision, or
-    /// [`OUTPUT`]. `is` may see one several times.
-    fn any_reader(&self, id: ValueId, mut is: impl FnMut(ValueId) -> bool) -> bool {
+    /// [`OUTPUT`]. `is` may see one several times, each time with the copy that it reads.
+    fn any_reader(&self, id: ValueId, mut is: impl FnMut(ValueId, ValueId) -> bool) -> bool {
         let (mut seen, mut work) = (Vec::new(), vec![id]);
         while let Some(at) = work.pop() {
-            if self.values.roots.binary_search(&at).is_ok() && is(OUTPUT) {
+            if self.values.roots.binary_search(&at).is_ok() && is(OUTPUT, at) {
                 return true;
             }
             for user in &self.values.users()[at] {
                 if !self.copied(*user).any(|of| of == at) {
-                    if is(*user) {
+                    if is(*user, at) {
                         return true;
                     }
                 } else if seen.len() < MOST_COPIES && !seen.contains(user) {
@@ -264,7 +264,7 @@ impl<'g, 'p> Operations<'_, 'g, 'p> {
     /// The number of readers behind all copies.
     fn readers(&self, id: ValueId) -> usize {
         let mut found = BTreeSet::new();
-        self.any_reader(id, |reader| {
+        self.any_reader(id, |reader, _| {
             found.insert(reader);
             false
         });
@@ -274,7 +274,7 @@ impl<'g, 'p> Operations<'_, 'g, 'p> {
     /// Whether there are several readers behind all copies.
     fn is_shared(&self, id: ValueId) -> bool {
         let mut first = None;
-        self.any_reader(id, |reader| *first.get_or_insert(reader) != reader)
+        self.any_reader(id, |reader, _| *first.get_or_insert(reader) != reader)
     }
 
     /// Whether the last step of an operation may be a product or a sum, which a compiler can fuse
@@ -304,25 +304,79 @@ impl<'g, 'p> Operations<'_, 'g, 'p> {
         self.is_arithmetic(id) && !is_own
     }
 
-    fn is_product(&self, id: ValueId) -> bool {
-        use naga::BinaryOperator::Multiply;
-        let product =
-            |e: &Expression| matches!(e, Expression::Binary { op, .. } if *op == Multiply);
-        self.is_arithmetic(id) && self.whole(id).is_some_and(|(_, e)| product(e))
+    /// Whether an operation reads its operand by an instruction of its own, before which a compiler
+    /// puts no product or sum.
+    fn reads_apart(&self, id: ValueId) -> bool {
+        use naga::MathFunction as F;
+        matches!(
+            self.whole(id),
+            Some((
+                _,
+                Expression::Math {
+                    fun: F::Floor | F::Ceil | F::Round | F::Trunc | F::Sign,
+                    ..
+                }
+            ))
+        )
     }
 
-    /// Whether an operation adds its operands, or subtracts them, before anything else.
-    fn begins_with_sum(&self, id: ValueId) -> bool {
-        use naga::BinaryOperator as B;
-        use naga::MathFunction as F;
-        let adds = |e: &Expression| match e {
-            Expression::Binary { op, .. } => matches!(op, B::Add | B::Subtract | B::Modulo),
-            Expression::Math { fun, .. } => {
-                matches!(fun, F::Fma | F::SmoothStep | F::Distance | F::Fract)
+    /// Structural hash of each value to [`DEPTH`], by Weisfeiler-Lehman refinement, which handles
+    /// loops.
+    fn hashed(&self) -> Vec<u64> {
+        let values = &self.values.values;
+        let tags: Vec<u64> = (0..values.len()).map(|id| self.tag(id)).collect();
+        // Copies get the hash of their source, so that removed copies leave no trace.
+        let through: Vec<ValueId> = (0..values.len()).map(|id| self.through(id)).collect();
+        let mut hashes = tags.clone();
+        for _ in 0..DEPTH {
+            let next = |id: ValueId| {
+                let mut of: Vec<u64> = values[id].operands.iter().map(|o| hashes[*o]).collect();
+                of.sort_unstable();
+                hash(&(tags[id], of))
+            };
+            let round: Vec<u64> = (0..values.len()).map(|id| next(through[id])).collect();
+            hashes = round;
+        }
+        hashes
+    }
+
+    fn through(&self, id: ValueId) -> ValueId {
+        let mut at = id;
+        for _ in 0..MOST_COPIES {
+            let is_copy = match &self.values.values[at].node {
+                Node::Version(..) => true,
+                _ => matches!(
+                    self.whole(at),
+                    Some((_, Expression::CallResult(_) | Expression::Load { .. }))
+                ),
+            };
+            let mut copied = self.copied(at);
+            match (copied.next(), copied.next()) {
+                (Some(one), None) if is_copy => at = one,
+                _ => break,
             }
-            _ => false,
-        };
-        self.is_arithmetic(id) && self.whole(id).is_some_and(|(_, e)| adds(e))
+        }
+        at
+    }
+
+    fn tag(&self, id: ValueId) -> u64 {
+        let module = self.values.graph.module();
+        match &self.values.values[id].node {
+            Node::Input(i) => {
+                let io = self.values.inputs.get(*i);
+                hash(&format!("{:?}", io.and_then(|io| io.binding.as_ref())))
+            }
+            Node::Version(..) => hash("merge"),
+            Node::Control(..) => hash("control"),
+            Node::Expression(context, e, path) => {
+                let f = self.values.function(*context);
+                let ty = match f.ty(module, *e) {
+                    naga::TypeInner::Struct { .. } | naga::TypeInner::Array { .. } => String::new(),
+                    inner => format!("{inner:?}"),
+                };
+                hash(&(written(f, module, *e), ty, path))
+            }
+        }
     }
 
     fn is_const(&self, context: ContextId, e: Handle<Expression>) -> bool {
@@ -377,26 +431,124 @@ pub(crate) fn unsteady(values: &Values<'_, '_>) -> Vec<bool> {
     for id in all {
         let may = sources[id].iter().any(|source| may_fuse[*source]);
         found[id] = found[id]
-            || may && operations.any_reader(id, |r| r != OUTPUT && operations.is_arithmetic(r));
+            || may && operations.any_reader(id, |r, _| r != OUTPUT && operations.is_arithmetic(r));
     }
     found
 }
 
-/// The first product of a stage that a compiler may fuse into a sum of `slice` but not in the whole
-/// stage, because the slice lacks some of its readers; only if coverage or depth depends on that
-/// sum.
-pub(crate) fn fused_anew(graph: &Graph<'_>, entry: usize, slice: &Slice) -> Option<Span> {
-    let values = Values::new(graph, entry).ok()?;
-    let operations = Operations {
-        values: &values,
-        sees_modifiers: false,
-    };
+/// The operations of a stage that may round otherwise where some of the stage's values are computed
+/// no longer.
+///
+/// A compiler may fuse a value into its reader, or regroup the two, if nothing else reads the value:
+/// Mesa's `is_used_once`, for one. So an operation is listed if a value that it reads loses another
+/// reader. Values of the same structure count as one, because a compiler computes them once.
+pub(crate) struct Pruned<'v, 'g, 'p> {
+    operations: Operations<'v, 'g, 'p>,
+    /// What each operation reads that may be fused into it.
+    fused: Vec<(ValueId, Vec<ValueId>)>,
+    /// All values of the same structure as one that may be fused.
+    twins: BTreeMap<u64, Vec<ValueId>>,
+    hashes: Vec<u64>,
+}
+
+impl<'v, 'g, 'p> Pruned<'v, 'g, 'p> {
+    pub(crate) fn new(values: &'v Values<'g, 'p>) -> Self {
+        let operations = Operations {
+            values,
+            sees_modifiers: true,
+        };
+        let all = 0..values.values.len();
+        let is_open =
+            |id: &ValueId| operations.may_fuse(*id) && values.values[*id].fact.rate != Rate::Const;
+        let readers = all
+            .clone()
+            .filter(|id| operations.is_arithmetic(*id) && !operations.reads_apart(*id));
+        let fused: Vec<(ValueId, Vec<ValueId>)> = readers
+            .map(|id| {
+                let operands = values.values[id].operands.iter();
+                let sources = operands.flat_map(|o| operations.sources(*o));
+                (id, sources.filter(is_open).collect::<Vec<_>>())
+            })
+            .filter(|(_, sources)| !sources.is_empty())
+            .collect();
+        let hashes = match fused.is_empty() {
+            true => Vec::new(),
+            false => operations.hashed(),
+        };
+        let mut twins: BTreeMap<u64, Vec<ValueId>> = BTreeMap::new();
+        for id in all.filter(|_| !fused.is_empty()).filter(is_open) {
+            twins.entry(hashes[id]).or_default().push(id);
+        }
+        Self {
+            operations,
+            fused,
+            twins,
+            hashes,
+        }
+    }
+
+    /// The operations among those that are kept. `is_returned`: whether the stage still returns this
+    /// value, which it returned before.
+    pub(crate) fn rounded_anew(
+        &self,
+        is_kept: impl Fn(ValueId) -> bool,
+        is_returned: impl Fn(ValueId) -> bool,
+    ) -> Vec<ValueId> {
+        let is_lost = |reader: ValueId, copy: ValueId| match reader {
+            OUTPUT => !is_returned(copy),
+            reader => !is_kept(reader),
+        };
+        let mut lost: BTreeMap<u64, bool> = BTreeMap::new();
+        let mut loses_readers = |source: &ValueId| {
+            let hash = self.hashes[*source];
+            *lost.entry(hash).or_insert_with(|| {
+                let mut twins = self.twins[&hash].iter();
+                twins.any(|twin| !is_kept(*twin) || self.operations.any_reader(*twin, is_lost))
+            })
+        };
+        let kept = self.fused.iter().filter(|(id, _)| is_kept(*id));
+        let anew = kept.filter(|(_, sources)| {
+            let mut computed = sources.iter().filter(|source| is_kept(**source));
+            computed.any(&mut loses_readers)
+        });
+        anew.map(|(id, _)| *id).collect()
+    }
+}
+
+/// The first operation of a slice that may round otherwise than in the whole stage, because the
+/// slice lacks other readers of its operands; only if coverage, depth or an output at `locations`
+/// depends on it.
+///
+/// # Errors
+/// The stage is too large to analyse.
+pub(crate) fn rounded_in_slice(
+    graph: &Graph<'_>,
+    slice: &Slice,
+    locations: &BTreeSet<u32>,
+) -> Result<Option<Span>, TooLarge> {
+    let values = Values::new(graph, slice.entry)?;
     let all = &values.values;
     let mut kept: BTreeMap<FunctionId, Vec<&[Option<Need>]>> = BTreeMap::new();
     for part in &slice.parts {
         let expressions = kept.entry(part.function).or_default();
         expressions.push(&part.kept.expressions);
     }
+    let outputs = values.outputs();
+    let decided = outputs.iter().filter(|(binding, _)| {
+        matches!(binding, Some(Binding::Location { location, .. }) if locations.contains(location))
+    });
+    let roots = values
+        .coverage
+        .iter()
+        .copied()
+        .chain(decided.map(|(_, root)| *root))
+        .collect();
+    let returned: BTreeSet<ValueId> = slice
+        .outputs
+        .iter()
+        .filter_map(|i| outputs.get(*i).map(|(_, root)| *root))
+        .collect();
+    let decides = with_operands(&values, roots);
     let is_kept = |id: ValueId| match all[id].node {
         Node::Expression(context, e, _) => {
             let parts = kept.get(&values.contexts[context].function);
@@ -405,23 +557,15 @@ pub(crate) fn fused_anew(graph: &Graph<'_>, entry: usize, slice: &Slice) -> Opti
         }
         _ => true,
     };
-    let loses_readers =
-        |id| operations.any_reader(id, |reader| reader == OUTPUT || !is_kept(reader));
-    let decides = with_operands(&values, values.coverage.clone());
-    let is_sum = |id: &ValueId| operations.begins_with_sum(*id) && is_kept(*id);
-    let mut sums = (0..all.len()).filter(|id| decides[*id]).filter(is_sum);
-    let source = sums.find_map(|id| {
-        let sources = all[id].operands.iter().flat_map(|o| operations.sources(*o));
-        let mut products = sources.filter(|source| operations.is_product(*source));
-        products.find(|product| loses_readers(*product))
-    })?;
-    match all[source].node {
+    let anew = Pruned::new(&values).rounded_anew(is_kept, |copy| returned.contains(&copy));
+    let found = anew.into_iter().find(|id| decides[*id]);
+    Ok(found.and_then(|id| match all[id].node {
         Node::Expression(context, e, _) => {
-            let function = operations.function(context).function;
+            let function = values.function(context).function;
             Some(function.expressions.get_span(e))
         }
         _ => None,
-    }
+    }))
 }
 
 /// An operation and the provider of its operand, as a compiler sees them.
@@ -442,14 +586,16 @@ impl<'g, 'p> Looked<'g, 'p> {
     fn new(graph: &'g Graph<'p>, entry: usize) -> Result<Self, TooLarge> {
         let values = Values::new(graph, entry)?;
         let (branches, blocks) = blocks(graph, FunctionId::EntryPoint(entry));
-        let mut this = Self {
+        let operations = Operations {
+            values: &values,
+            sees_modifiers: false,
+        };
+        Ok(Self {
+            hashes: operations.hashed(),
             values,
-            hashes: Vec::new(),
             branches,
             blocks,
-        };
-        this.hashes = this.hashed();
-        Ok(this)
+        })
     }
 
     fn operations(&self) -> Operations<'_, 'g, 'p> {
@@ -580,66 +726,6 @@ impl<'g, 'p> Looked<'g, 'p> {
                         matches!(e, Expression::ImageSample { .. }) || discontinuity(e).is_some()
                     })
             })
-    }
-
-    /// Structural hash of each value to [`DEPTH`], by Weisfeiler-Lehman refinement, which handles
-    /// loops.
-    fn hashed(&self) -> Vec<u64> {
-        let values = &self.values.values;
-        let tags: Vec<u64> = (0..values.len()).map(|id| self.tag(id)).collect();
-        // Copies get the hash of their source, so that removed copies leave no trace.
-        let through: Vec<ValueId> = (0..values.len()).map(|id| self.through(id)).collect();
-        let mut hashes = tags.clone();
-        for _ in 0..DEPTH {
-            let next = |id: ValueId| {
-                let mut of: Vec<u64> = values[id].operands.iter().map(|o| hashes[*o]).collect();
-                of.sort_unstable();
-                hash(&(tags[id], of))
-            };
-            let round: Vec<u64> = (0..values.len()).map(|id| next(through[id])).collect();
-            hashes = round;
-        }
-        hashes
-    }
-
-    fn through(&self, id: ValueId) -> ValueId {
-        let mut at = id;
-        for _ in 0..MOST_COPIES {
-            let is_copy = match &self.values.values[at].node {
-                Node::Version(..) => true,
-                _ => matches!(
-                    self.operations().whole(at),
-                    Some((_, Expression::CallResult(_) | Expression::Load { .. }))
-                ),
-            };
-            let operations = self.operations();
-            let mut copied = operations.copied(at);
-            match (copied.next(), copied.next()) {
-                (Some(one), None) if is_copy => at = one,
-                _ => break,
-            }
-        }
-        at
-    }
-
-    fn tag(&self, id: ValueId) -> u64 {
-        let module = self.values.graph.module();
-        match &self.values.values[id].node {
-            Node::Input(i) => {
-                let io = self.values.inputs.get(*i);
-                hash(&format!("{:?}", io.and_then(|io| io.binding.as_ref())))
-            }
-            Node::Version(..) => hash("merge"),
-            Node::Control(..) => hash("control"),
-            Node::Expression(context, e, path) => {
-                let f = self.values.function(*context);
-                let ty = match f.ty(module, *e) {
-                    naga::TypeInner::Struct { .. } | naga::TypeInner::Array { .. } => String::new(),
-                    inner => format!("{inner:?}"),
-                };
-                hash(&(written(f, module, *e), ty, path))
-            }
-        }
     }
 }
 

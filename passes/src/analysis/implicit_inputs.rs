@@ -12,7 +12,7 @@
 //! | the sample rate | reads an input by sample, multisampled | slicing that input away | refuses |
 //! | surviving samples | reads a centroid or the sample mask, multisampled | rejecting samples | refuses |
 //! | contraction | decides coverage or depth | deciding by a slice | assumes `invariant-discard` |
-//! | contraction | decides them by a sum of products that colours read too | deciding ahead by a slice | refuses |
+//! | contraction | decides them by an operation whose operand other code reads too | deciding ahead by a slice | refuses |
 //! | the alpha mask | has alpha to coverage | slicing | assumes `same-alpha-coverage` |
 //! | the near plane's clamp | has depths that are clamped, or a float format | biasing depth | assumes `beyond-near-plane` |
 //! | the viewport's depth range | has depths that are clamped to it | comparing its own depth | assumes `whole-depth-range` |
@@ -20,6 +20,8 @@
 //!
 //! The quad is missing: passes that let single lanes leave shield derivatives themselves
 //! (`rebuild::quad`, `rebuild::gradients`).
+
+use std::collections::BTreeSet;
 
 use naga::{Binding, BuiltIn, Interpolation, Sampling, ShaderStage};
 
@@ -47,12 +49,17 @@ pub enum PassEffect {
     LeavesEarly,
     /// Another pass decides coverage and depth, by a slice of the fragment stage.
     Slices,
+    /// A pass of one sample decides coverage and depth for another view, by a slice of the fragment
+    /// stage.
+    SlicesForView,
     /// Another pass draws the same depth with a bias.
     Biases,
     /// The fragment stage compares its own depth with a stored one.
     ComparesDepth,
     /// Code joins or leaves the vertex stage; the text that computes the position stays.
     EditsVertexStage,
+    /// Code joins or leaves the fragment stage.
+    EditsFragmentStage,
     /// The vertex stage runs in other invocations than the author's.
     RunsElsewhere,
     /// Inputs of the fragment stage are removed.
@@ -71,7 +78,8 @@ pub struct ImplicitInputs<'a> {
     decides: Decides,
     /// The inputs of the fragment stage that the pass keeps, or that its slice reads.
     kept: Option<Vec<Io>>,
-    slice: Option<&'a Slice>,
+    /// The slices of the fragment stage and of the vertex stage that another pass draws with.
+    slices: [Option<&'a Slice>; 2],
 }
 
 impl<'a> ImplicitInputs<'a> {
@@ -92,21 +100,22 @@ impl<'a> ImplicitInputs<'a> {
                 Decides::of(graph, program, entry, pass)
             }),
             kept: None,
-            slice: None,
+            slices: [None; 2],
         }
     }
 
-    /// With the slice of the fragment stage that decides coverage and depth in another pass.
+    /// With the slice of the fragment stage that decides coverage and depth in another pass, and the
+    /// slice of the vertex stage that it is drawn with.
     #[must_use]
-    pub fn sliced(self, slice: Option<&'a Slice>) -> Self {
+    pub fn sliced(self, fragment: Option<&'a Slice>, vertex: Option<&'a Slice>) -> Self {
         let inputs = self.fragment_inputs();
         let read = |slice: &Slice| {
             let read = slice.inputs.iter().filter_map(|i| inputs.get(*i).cloned());
             read.collect()
         };
         Self {
-            kept: slice.map(read),
-            slice,
+            kept: fragment.map(read),
+            slices: [fragment, vertex],
             ..self
         }
     }
@@ -188,15 +197,17 @@ const TABLE: &[InputRow] = &[
             PassEffect::RejectsEarly,
             PassEffect::LeavesEarly,
             PassEffect::Slices,
+            PassEffect::SlicesForView,
             PassEffect::RunsElsewhere,
             // Other code around an operation may change which lanes run it together.
             PassEffect::EditsVertexStage,
+            PassEffect::EditsFragmentStage,
         ],
         dependence: subgroup,
         then: Then::Refuse(
             &refusals::SUBGROUP,
             "its result depends on which other lanes run with it, and the pass changes that",
-            "compute it without subgroup operations, or leave the material as it is",
+            "compute it without the subgroup, or leave the material as it is",
         ),
     },
     InputRow {
@@ -221,16 +232,24 @@ const TABLE: &[InputRow] = &[
         ),
     },
     InputRow {
-        moved_by: &[PassEffect::LeavesEarly, PassEffect::Slices],
+        moved_by: &[
+            PassEffect::LeavesEarly,
+            PassEffect::Slices,
+            PassEffect::SlicesForView,
+        ],
         dependence: decides,
         then: Then::Assume(Assumption::InvariantDiscard),
     },
     InputRow {
-        moved_by: &[PassEffect::RejectsEarly, PassEffect::LeavesEarly],
+        moved_by: &[
+            PassEffect::RejectsEarly,
+            PassEffect::LeavesEarly,
+            PassEffect::SlicesForView,
+        ],
         dependence: fused_discard,
         then: Then::Refuse(
             &refusals::FUSED_DISCARD,
-            "a compiler may fuse it into the sum where nothing else reads it, so the slice may \
+            "a compiler may fuse the two where nothing else reads the operand, so the slice may \
              decide by other bits than the whole stage",
             "compute what decides from values that the colours don't read, or pass it as a varying",
         ),
@@ -258,30 +277,32 @@ const TABLE: &[InputRow] = &[
 ];
 
 fn subgroup(stages: &ImplicitInputs<'_>) -> Option<String> {
-    let has_operation = |entry: &usize| {
-        let effects = stages.graph.effects(FunctionId::EntryPoint(*entry));
-        effects.contains(&Effect::Subgroup)
-    };
     let module = stages.program.module();
-    let reads_index = |entry: &usize| {
-        let inputs = reflect::inputs(module, &module.entry_points[*entry].function);
-        inputs.iter().any(|input| {
+    stages.entry_points().find_map(|index| {
+        let entry = &module.entry_points[index];
+        let inputs = reflect::inputs(module, &entry.function);
+        let place = inputs.iter().find(|input| {
             matches!(
                 input.binding,
                 Some(Binding::BuiltIn(
                     BuiltIn::SubgroupInvocationId | BuiltIn::SubgroupSize
                 ))
             )
-        })
-    };
-    let entry = stages
-        .entry_points()
-        .find(|entry| has_operation(entry) || reads_index(entry))?;
-    let entry = &module.entry_points[entry];
-    Some(format!(
-        "`{}` exchanges values with its subgroup",
-        entry.name
-    ))
+        });
+        let effects = stages.graph.effects(FunctionId::EntryPoint(index));
+        match place {
+            _ if effects.contains(&Effect::Subgroup) => Some(format!(
+                "`{}` exchanges values with its subgroup",
+                entry.name
+            )),
+            Some(input) => Some(format!(
+                "`{}` reads `{}`, its place in the subgroup",
+                entry.name,
+                input.name.as_deref().unwrap_or_default()
+            )),
+            None => None,
+        }
+    })
 }
 
 /// What changes when a stage runs once for each sample: positions, varyings that name no sampling,
@@ -352,15 +373,36 @@ fn decides(stages: &ImplicitInputs<'_>) -> Option<String> {
 }
 
 fn fused_discard(stages: &ImplicitInputs<'_>) -> Option<String> {
-    let span = contraction::fused_anew(stages.graph, stages.fragment?, stages.slice?)?;
-    let place = stages.program.sources().locate(span);
-    let at = place.map_or_else(String::new, |place| {
-        format!(" at {}:{}:{}", place.file, place.line, place.column)
-    });
-    Some(format!(
-        "coverage or depth depends on the operation{at}, which other code of the fragment stage \
-         reads too"
-    ))
+    let [fragment, vertex] = stages.slices;
+    let fragment = fragment?;
+    let inputs = stages.kept.iter().flatten();
+    let read: BTreeSet<u32> = inputs
+        .filter_map(|input| match input.binding {
+            Some(Binding::Location { location, .. }) => Some(location),
+            _ => None,
+        })
+        .collect();
+    let varyings = vertex.map(|vertex| (vertex, read, "vertex"));
+    let slices = [(fragment, BTreeSet::new(), "fragment")]
+        .into_iter()
+        .chain(varyings);
+    for (slice, locations, stage) in slices {
+        match contraction::rounded_in_slice(stages.graph, slice, &locations) {
+            Ok(None) => {}
+            Ok(Some(span)) => {
+                let place = stages.program.sources().locate(span);
+                let at = place.map_or_else(String::new, |place| {
+                    format!(" at {}:{}:{}", place.file, place.line, place.column)
+                });
+                return Some(format!(
+                    "coverage or depth depends on the operation{at}, whose operand other code of \
+                     the {stage} stage reads too"
+                ));
+            }
+            Err(why) => return Some(format!("the {stage} stage cannot be looked at ({why})")),
+        }
+    }
+    None
 }
 
 fn alpha_mask(stages: &ImplicitInputs<'_>) -> Option<String> {

@@ -44,8 +44,8 @@ pub struct Opaque<'a> {
 }
 
 impl<'a> Opaque<'a> {
-    /// The assumptions under which `effects` leave the picture as it was. `slice` decides coverage
-    /// and depth in another pass.
+    /// The assumptions under which `effects` leave the picture as it was. The slices of the fragment
+    /// and the vertex stage decide coverage and depth in another pass.
     ///
     /// # Errors
     /// An implicit input that the pass changes and no assumption covers: see
@@ -54,10 +54,10 @@ impl<'a> Opaque<'a> {
         &self,
         plan: &Plan,
         name: &'static str,
-        slice: Option<&Slice>,
+        [fragment, vertex]: [Option<&Slice>; 2],
         effects: &[PassEffect],
     ) -> Result<Vec<Assumption>, Vec<Refusal>> {
-        let stages = ImplicitInputs::new(plan, self.pass, &self.graph).sliced(slice);
+        let stages = ImplicitInputs::new(plan, self.pass, &self.graph).sliced(fragment, vertex);
         let mut given = stages.examine(name, effects)?;
         if !channels::writes_all(self.program, self.pass) {
             given.push(Assumption::LeftChannelsUnwritten);

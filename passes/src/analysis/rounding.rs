@@ -111,9 +111,22 @@ impl Roundings {
         self.each[id]
     }
 
-    /// The bound for several values together.
-    pub fn together(&self, ids: &[ValueId]) -> f64 {
-        self.sum(ids, Above::new(self.each.len()).of(&self.users, ids))
+    /// The bound for several values together, and for operations that stay where they are but round
+    /// `anew`.
+    pub fn together(&self, ids: &[ValueId], anew: &[ValueId]) -> f64 {
+        if ids.is_empty() && anew.is_empty() {
+            return 0.0;
+        }
+        let all = [ids, anew].concat();
+        let mut above = Above::new(self.each.len()).of(&self.users, &all).to_vec();
+        let itself = anew.iter().filter(|id| !ids.contains(id));
+        above.extend(
+            itself
+                .filter(|id| !above.contains(id))
+                .copied()
+                .collect::<Vec<_>>(),
+        );
+        self.sum(ids, &above)
     }
 
     fn sum(&self, ids: &[ValueId], above: &[ValueId]) -> f64 {

@@ -6,9 +6,10 @@ use std::collections::BTreeSet;
 use naga::{ShaderStage, Span};
 use serde::Serialize;
 
+use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
 use crate::analysis::refusals;
-use crate::core::contract::Contract;
-use crate::core::pass::{Change, Left, Outcome, Refusal, Site, SiteCost};
+use crate::core::contract::{Assumption, Contract};
+use crate::core::pass::{Change, Left, Outcome, Refusal, Refused, Site, SiteCost};
 use crate::core::plan::{GpuPass, Plan, Role, Step};
 use crate::core::program::Program;
 use crate::core::reflect;
@@ -78,19 +79,31 @@ pub fn whole(graph: &Graph<'_>, entry: usize) -> Slice {
     slice::backward(graph, entry, &[Criterion::Output(OutputFilter::All)])
 }
 
-/// The main pass of a single-pass plan, its program and fragment entry point. `first` is the remedy
-/// if there are other passes, `nothing` the message if there is no fragment stage.
+/// The fragment stage that a pass changes.
+pub struct FragmentStage<'p> {
+    /// The main pass.
+    pub pass: &'p GpuPass,
+    /// The graph of its program.
+    pub graph: Graph<'p>,
+    /// Index of the entry point.
+    pub entry: usize,
+    /// The assumptions under which other code may stand in it.
+    pub given: Vec<Assumption>,
+}
+
+/// The fragment stage of a single-pass plan. `first` is the remedy if there are other passes,
+/// `nothing` the message if there is no fragment stage.
 ///
 /// # Errors
-/// There is no such pass.
+/// There is no such stage, or it depends on the code around an operation.
 pub fn examine<'p>(
     plan: &'p Plan,
-    name: &str,
+    name: &'static str,
     first: &str,
     nothing: &str,
-) -> Result<(&'p GpuPass, &'p Program, usize), Box<Refusal>> {
+) -> Result<FragmentStage<'p>, Refused> {
     let refuse =
-        |code, reason, remedy: &str| Err(Box::new(Refusal::new(name, code, reason, remedy)));
+        |code, reason, remedy: &str| Err(Box::new(Refusal::new(name, code, reason, remedy)).into());
     let Some((pass, program)) = plan.main().and_then(|p| Some((p, plan.program(p)?))) else {
         let remedy = "start from the original plan";
         return refuse(&refusals::NO_MAIN_PASS, "the plan has no main pass", remedy);
@@ -101,13 +114,19 @@ pub fn examine<'p>(
     }
     let fragment = pass.fragment.as_deref();
     let found = fragment.and_then(|f| program.entry_point(ShaderStage::Fragment, f));
-    match found {
-        Some((fragment, _)) => Ok((pass, program, fragment)),
-        None => {
-            let reason = "the material has no fragment stage";
-            refuse(&refusals::NO_FRAGMENT_STAGE, reason, nothing)
-        }
-    }
+    let Some((entry, _)) = found else {
+        let reason = "the material has no fragment stage";
+        return refuse(&refusals::NO_FRAGMENT_STAGE, reason, nothing);
+    };
+    let graph = Graph::build(program);
+    let inputs = ImplicitInputs::new(plan, pass, &graph);
+    let given = inputs.examine(name, &[PassEffect::EditsFragmentStage])?;
+    Ok(FragmentStage {
+        pass,
+        graph,
+        entry,
+        given,
+    })
 }
 
 /// The functions in `of`, joined by `+`, among the fragment stage and its callees; all of them if

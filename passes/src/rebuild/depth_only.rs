@@ -77,8 +77,10 @@ impl Invariance {
 /// The slices that make a material depth-only.
 #[derive(Clone, Debug)]
 pub struct DepthOnly {
-    /// The vertex slice; `None` keeps the whole stage.
-    vertex: Option<Slice>,
+    /// What rasterisation and the fragment slice need of the vertex stage.
+    vertex: Slice,
+    /// Whether `vertex` or the whole stage is drawn with.
+    stage: VertexStage,
     /// The fragment slice; `None` means no fragment stage.
     fragment: Option<Slice>,
     cost: SiteCost,
@@ -103,37 +105,35 @@ pub fn slice(opaque: &Opaque, stage: VertexStage) -> DepthOnly {
         .fragment
         .filter(|_| opaque.decides.anything())
         .map(|entry| opaque.decides.slice(graph, entry));
-    let vertex = match stage {
-        VertexStage::Same => None,
-        VertexStage::Sliced => {
-            let mut criteria = vec![Criterion::Output(OutputFilter::Rasterization)];
-            if let Some(fragment) = &fragment {
-                let entry = &opaque.program.module().entry_points[fragment.entry];
-                let inputs = reflect::inputs(opaque.program.module(), &entry.function);
-                criteria.extend(fragment.inputs.iter().filter_map(
-                    |i| match inputs.get(*i)?.binding {
-                        Some(Binding::Location { location, .. }) => {
-                            Some(Criterion::Output(OutputFilter::Location(location)))
-                        }
-                        _ => None,
-                    },
-                ));
+    let mut criteria = vec![Criterion::Output(OutputFilter::Rasterization)];
+    if let Some(fragment) = &fragment {
+        let entry = &opaque.program.module().entry_points[fragment.entry];
+        let inputs = reflect::inputs(opaque.program.module(), &entry.function);
+        let location = |i: &usize| match inputs.get(*i)?.binding {
+            Some(Binding::Location { location, .. }) => {
+                Some(Criterion::Output(OutputFilter::Location(location)))
             }
-            Some(slice::backward(graph, opaque.vertex, &criteria))
-        }
-    };
+            _ => None,
+        };
+        criteria.extend(fragment.inputs.iter().filter_map(location));
+    }
+    let vertex = slice::backward(graph, opaque.vertex, &criteria);
     let whole_vertex = graph.entry_cost(opaque.vertex);
     let cost = SiteCost {
-        slice: vertex.as_ref().map_or(whole_vertex, |s| s.cost)
-            + fragment.as_ref().map_or(0.0, |s| s.cost),
+        slice: match stage {
+            VertexStage::Same => whole_vertex,
+            VertexStage::Sliced => vertex.cost,
+        } + fragment.as_ref().map_or(0.0, |s| s.cost),
         whole: whole_vertex + opaque.fragment.map_or(0.0, |f| graph.entry_cost(f)),
     };
-    let span = [&fragment, &vertex]
+    let drawn = (stage == VertexStage::Sliced).then_some(&vertex);
+    let span = [fragment.as_ref(), drawn]
         .into_iter()
         .flatten()
         .find_map(|s| s.first_span(graph));
     DepthOnly {
         vertex,
+        stage,
         fragment,
         cost,
         span,
@@ -144,11 +144,15 @@ impl DepthOnly {
     /// Stable name of the code that was sliced.
     pub fn key(&self, opaque: &Opaque) -> Site {
         let graph = &opaque.graph;
-        let hash = |s: &Option<Slice>| s.as_ref().map_or("-".repeat(16), |s| s.hash(graph));
+        let hash = |s: Option<&Slice>| s.map_or("-".repeat(16), |s| s.hash(graph));
         Site {
             role: Role::Main,
             entry_point: opaque.pass.vertex.clone(),
-            slice: format!("{}{}", hash(&self.vertex), hash(&self.fragment)),
+            slice: format!(
+                "{}{}",
+                hash(self.drawn_vertex()),
+                hash(self.fragment.as_ref())
+            ),
         }
     }
 
@@ -182,7 +186,14 @@ impl DepthOnly {
         name: &'static str,
         effects: &[PassEffect],
     ) -> Result<Vec<Assumption>, Vec<Refusal>> {
-        opaque.assumptions(plan, name, self.fragment.as_ref(), effects)
+        // A driver leaves out of the whole stage too what the fragment slice does not read.
+        let slices = [self.fragment.as_ref(), Some(&self.vertex)];
+        opaque.assumptions(plan, name, slices, effects)
+    }
+
+    /// The slice that is drawn with; `None`: the whole vertex stage.
+    fn drawn_vertex(&self) -> Option<&Slice> {
+        (self.stage == VertexStage::Sliced).then_some(&self.vertex)
     }
 
     /// The step of the pass `name` with these slices.
@@ -229,7 +240,7 @@ impl DepthOnly {
             }
             name
         });
-        let Some(slice) = &self.vertex else {
+        let Some(slice) = self.drawn_vertex() else {
             if invariance == PositionInvariance::Invariant {
                 module = place::with_invariant_position(&module, opaque.vertex);
             }

@@ -37,7 +37,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
 use crate::analysis::refusals as shared;
-use crate::analysis::simplify::{self, Simplified};
+use crate::analysis::simplify::{self, FragmentStage, Simplified};
 use crate::core::contract::Contract;
 use crate::core::operands;
 use crate::core::pass::{Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, SiteCost, Use};
@@ -145,7 +145,12 @@ fn refuse(code: &RefusalInfo, reason: impl Into<String>, remedy: &str) -> Box<Re
 /// A material's main pass with its test first.
 fn tested_early(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
     let name = EarlyAlpha::INFO.name;
-    let (pass, program, fragment) = simplify::examine(
+    let FragmentStage {
+        pass,
+        graph,
+        entry: fragment,
+        ..
+    } = simplify::examine(
         plan,
         name,
         "apply early-alpha first, then the other passes",
@@ -167,10 +172,13 @@ fn tested_early(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
         )
         .into());
     }
-    let graph = Graph::build(program);
+    let program = graph.program();
     let test = Test::of(&graph, fragment, params)?;
-    let inputs = ImplicitInputs::new(plan, pass, &graph).sliced(Some(&test.slice));
-    let given = inputs.examine(name, &[PassEffect::LeavesEarly])?;
+    let inputs = ImplicitInputs::new(plan, pass, &graph).sliced(Some(&test.slice), None);
+    let given = inputs.examine(
+        name,
+        &[PassEffect::EditsFragmentStage, PassEffect::LeavesEarly],
+    )?;
     let bug = |why: &dyn std::fmt::Display| Box::new(Refusal::bug(name, why));
     let module = test.moved(&graph).map_err(|why| bug(&why))?;
     let after = program.with_module(module).map_err(|why| bug(&why))?;
@@ -215,7 +223,6 @@ impl Test {
             Effect::Store,
             Effect::ImageStore,
             Effect::Atomic,
-            Effect::Subgroup,
             Effect::Barrier,
         ];
         if let Some(effect) = shared.iter().find(|e| graph.effects(id).contains(e)) {

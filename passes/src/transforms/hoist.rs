@@ -193,16 +193,22 @@ impl Pass for Hoist {
         let graph = Graph::build(material.program);
         let values = material.values(&graph)?;
         let found = Found::new(&values, &material, params, facts)?;
-        let inputs = ImplicitInputs::new(plan, material.pass, &graph);
-        let given = inputs.examine(Self::INFO.name, &[PassEffect::EditsVertexStage])?;
-        match found.rebuild(&material) {
-            Ok(program) => Ok(Outcome {
-                plan: found.plan(plan, &material, program, params, given),
-                change: found.change(&material),
-                left: found.left,
-            }),
-            Err(why) => Err((Box::new(refuse(why)), found.left).into()),
-        }
+        let program = match found.rebuild(&material) {
+            Ok(program) => program,
+            Err(why) => return Err((Box::new(refuse(why)), found.left).into()),
+        };
+        let effects = [
+            PassEffect::EditsVertexStage,
+            PassEffect::EditsFragmentStage,
+            PassEffect::RemovesInputs,
+        ];
+        let inputs = ImplicitInputs::new(plan, material.pass, &graph).replaced_by(&program);
+        let given = inputs.examine(Self::INFO.name, &effects)?;
+        Ok(Outcome {
+            plan: found.plan(plan, &material, program, params, given),
+            change: found.change(&material),
+            left: found.left,
+        })
     }
 }
 
@@ -568,10 +574,11 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         next
     }
 
-    /// Number of operations in the hoisted values, each of which may round differently.
+    /// Number of operations that may round differently: those of the hoisted values, and those that
+    /// stay without a reader beside them.
     fn roundings(&self) -> u32 {
         let of = self.choice.carried.iter().map(|(id, _)| *id);
-        below::below(self.values, of).0.ceil() as u32
+        below::below(self.values, of).0.ceil() as u32 + self.choice.rounded_anew.len() as u32
     }
 }
 

@@ -87,7 +87,7 @@ impl Pass for Shadow {
         let opaque = check(plan)?;
         let slice = depth_only::slice(&opaque, VertexStage::Sliced);
         // A light's view promises no picture of the author's: only what it cannot draw counts.
-        slice.assumptions(&opaque, plan, Self::INFO.name, &[PassEffect::Slices])?;
+        slice.assumptions(&opaque, plan, Self::INFO.name, &[PassEffect::SlicesForView])?;
         let mut next = plan.clone();
         let placed = slice.place(&opaque, "shadow", PositionInvariance::AsWritten, None);
         // A shadow map is a frame of its own, with forward depth and one sample.

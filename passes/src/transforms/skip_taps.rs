@@ -35,7 +35,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::analysis::contraction;
 use crate::analysis::refusals as shared;
-use crate::analysis::simplify::{self, Simplified};
+use crate::analysis::simplify::{self, FragmentStage, Simplified};
 use crate::core::budget::{Budget, Metric};
 use crate::core::contract::{Assumption, Contract, Turned};
 use crate::core::pass::{Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, SiteCost, Use};
@@ -173,13 +173,18 @@ fn refuse(
 
 /// A material's main pass with its samples behind branches.
 fn skipped(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
-    let (pass, program, fragment) = simplify::examine(
+    let FragmentStage {
+        pass,
+        graph,
+        entry: fragment,
+        given,
+    } = simplify::examine(
         plan,
         SkipTaps::INFO.name,
         "skip taps first, then apply the other passes",
         "there is no tap to skip",
     )?;
-    let graph = Graph::build(program);
+    let program = graph.program();
     let meant = simplify::meant(&graph, fragment, params.of.as_deref(), SkipTaps::INFO.name)?;
     let Terms { terms, left } = find::terms(&graph, pass, fragment, &meant);
     if terms.is_empty() {
@@ -223,7 +228,7 @@ fn skipped(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
     let all = simplify::whole(&graph, fragment);
     Ok(Simplified {
         change: simplify::change(&graph, pass, &all, what, (terms[0].span, cost)),
-        contract: promised(params, pass, program, &after),
+        contract: promised(params, pass, program, &after, given),
         program: after,
         of: pass.program.clone(),
         left,
@@ -232,17 +237,23 @@ fn skipped(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
 
 /// The contract: the budget, or if only products with 0 are skipped, the rounding that a compiler
 /// may change.
-fn promised(params: &Params, pass: &GpuPass, before: &Program, after: &Program) -> Contract {
+fn promised(
+    params: &Params,
+    pass: &GpuPass,
+    before: &Program,
+    after: &Program,
+    mut given: Vec<Assumption>,
+) -> Contract {
     if let Some(budget) = params.budget {
         return Contract::Approximate {
             budget: Budget {
                 metric: params.metric,
                 limit: budget,
             },
-            given: Vec::new(),
+            given,
         };
     }
-    let mut given = vec![Assumption::SameContraction, Assumption::FiniteTaps];
+    given.extend([Assumption::SameContraction, Assumption::FiniteTaps]);
     given.sort();
     let exposed = contraction::exposed(before, after, pass, &BTreeSet::new());
     match exposed.roundings {

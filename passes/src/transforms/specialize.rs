@@ -294,7 +294,7 @@ impl Specialized {
             ]
         };
         let [before, after] = graphs.each_ref().map(costs);
-        let mut effects = vec![PassEffect::RemovesInputs];
+        let mut effects = vec![PassEffect::RemovesInputs, PassEffect::EditsFragmentStage];
         let [text, rest] = graphs.each_ref().map(|g| vertex_text(g, &pass.vertex));
         if text != rest {
             effects.push(PassEffect::EditsVertexStage);

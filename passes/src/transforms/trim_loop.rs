@@ -33,7 +33,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::analysis::coverage::Decides;
 use crate::analysis::refusals as shared;
-use crate::analysis::simplify::{self, Simplified};
+use crate::analysis::simplify::{self, FragmentStage, Simplified};
 use crate::core::budget::{Budget, Metric};
 use crate::core::contract::Contract;
 use crate::core::pass::{
@@ -175,13 +175,18 @@ type Missed = Cow<'static, str>;
 
 /// A material's main pass with fewer iterations.
 fn less_turns(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
-    let (pass, program, fragment) = simplify::examine(
+    let FragmentStage {
+        pass,
+        graph,
+        entry: fragment,
+        given,
+    } = simplify::examine(
         plan,
         TrimLoop::INFO.name,
         "trim first, then apply the other passes",
         "there is nothing to trim",
     )?;
-    let graph = Graph::build(program);
+    let program = graph.program();
     let meant = simplify::meant(&graph, fragment, params.of.as_deref(), TrimLoop::INFO.name)?;
     let found = found(&graph, pass, fragment, &meant, params.turns);
     let left = left(&graph, &found);
@@ -227,7 +232,7 @@ fn less_turns(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
                 metric: params.metric,
                 limit: budget,
             },
-            given: Vec::new(),
+            given,
         },
     })
 }

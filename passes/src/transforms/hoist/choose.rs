@@ -9,6 +9,8 @@ use super::below::below;
 use super::cut::{self, Cut, Item};
 use super::movable::{Carriage, Class, Judged, Verdict};
 use super::pack::{self, Load, VaryingSlot};
+use crate::analysis::contraction::Pruned;
+use crate::analysis::reach::with_operands;
 use crate::analysis::values::{Node, Value, ValueId, Values};
 use crate::graph::rate::Interpolated;
 
@@ -52,12 +54,15 @@ pub struct Choice {
     pub after: f64,
     /// Static cost of the additional work in the vertex stage.
     pub vertex: f64,
+    /// Operations that stay, and that a compiler may round differently without those that move.
+    pub rounded_anew: Vec<ValueId>,
 }
 
 impl Choice {
-    /// The weakest class among the moved values.
+    /// The weakest class among the moved values, and of the operations that stay.
     pub fn class(&self) -> Option<Class> {
-        self.carried.iter().map(|(_, c)| c.class).max()
+        let moved = self.carried.iter().map(|(_, c)| c.class).max();
+        moved.max((!self.rounded_anew.is_empty()).then_some(Class::Affine))
     }
 }
 
@@ -77,15 +82,27 @@ pub fn choose(
     let items = items(values, verdicts, |c| c.class <= terms.weakest);
     let mut cuts = cut::sweep(&items, &values.roots, &SWEEP)?;
     cuts.dedup_by(|a, b| a.computed == b.computed && a.carried == b.carried);
+    let pruned = Pruned::new(values);
+    let decides = with_operands(values, values.coverage.clone());
     let mut best: Option<(f64, Choice)> = None;
     for cut in &cuts {
-        let Some(choice) = cut_at(values, verdicts, &items, cut, before) else {
+        let Some(mut choice) = cut_at(values, verdicts, &items, cut, before) else {
             continue;
         };
+        choice.rounded_anew = pruned.rounded_anew(|id| cut.computed[id], |_| true);
+        let anew = &choice.rounded_anew;
+        if anew.iter().any(|id| decides[*id]) || choice.class() > Some(terms.weakest) {
+            continue;
+        }
         let affine = choice.carried.iter();
         let affine = affine.filter(|(_, c)| c.class == Class::Affine);
         let affine: Vec<ValueId> = affine.map(|(id, _)| *id).collect();
-        if !affine.is_empty() && judged.roundings.together(&affine) > most {
+        // A budget is measured with the operations that stay.
+        let anew = match choice.class() {
+            Some(Class::Smooth) => &[],
+            _ => anew.as_slice(),
+        };
+        if judged.roundings.together(&affine, anew) > most {
             continue;
         }
         let whole = choice.after + choice.vertex * terms.vertices_per_fragment;
@@ -163,6 +180,7 @@ fn cut_at(
         read,
         before,
         vertex,
+        rounded_anew: Vec::new(),
     })
 }
 
