@@ -304,20 +304,33 @@ impl<'g, 'p> Operations<'_, 'g, 'p> {
         self.is_arithmetic(id) && !is_own
     }
 
-    /// Whether an operation reads its operand by an instruction of its own, before which a compiler
-    /// puts no product or sum.
-    fn reads_apart(&self, id: ValueId) -> bool {
+    /// Whether an operation adds an operand to something, or subtracts it, before anything else. Only
+    /// there does a compiler merge the operand into it: a product into a multiply-add, a sum into a
+    /// longer sum, `mix` into either.
+    fn begins_with_sum(&self, id: ValueId) -> bool {
+        use naga::BinaryOperator as B;
         use naga::MathFunction as F;
-        matches!(
-            self.whole(id),
-            Some((
-                _,
-                Expression::Math {
-                    fun: F::Floor | F::Ceil | F::Round | F::Trunc | F::Sign,
-                    ..
-                }
-            ))
-        )
+        let adds = |e: &Expression| match e {
+            Expression::Binary { op, .. } => matches!(op, B::Add | B::Subtract | B::Modulo),
+            Expression::Math { fun, .. } => matches!(
+                fun,
+                F::Fma
+                    | F::Mix
+                    | F::SmoothStep
+                    | F::Distance
+                    | F::Fract
+                    | F::Modf
+                    | F::Reflect
+                    | F::Refract
+                    | F::Asin
+                    | F::Acos
+                    | F::Asinh
+                    | F::Acosh
+                    | F::Atanh
+            ),
+            _ => false,
+        };
+        self.is_arithmetic(id) && self.whole(id).is_some_and(|(_, e)| adds(e))
     }
 
     /// Structural hash of each value to [`DEPTH`], by Weisfeiler-Lehman refinement, which handles
@@ -439,9 +452,9 @@ pub(crate) fn unsteady(values: &Values<'_, '_>) -> Vec<bool> {
 /// The operations of a stage that may round otherwise where some of the stage's values are computed
 /// no longer.
 ///
-/// A compiler may fuse a value into its reader, or regroup the two, if nothing else reads the value:
-/// Mesa's `is_used_once`, for one. So an operation is listed if a value that it reads loses another
-/// reader. Values of the same structure count as one, because a compiler computes them once.
+/// A compiler may fuse a product into a sum, or regroup two sums, if nothing else reads the first
+/// (Mesa's `is_used_once`, for one). So a sum is listed if a product or sum that it reads loses
+/// another reader. Values of the same structure count as one, because a compiler computes them once.
 pub(crate) struct Pruned<'v, 'g, 'p> {
     operations: Operations<'v, 'g, 'p>,
     /// What each operation reads that may be fused into it.
@@ -460,9 +473,7 @@ impl<'v, 'g, 'p> Pruned<'v, 'g, 'p> {
         let all = 0..values.values.len();
         let is_open =
             |id: &ValueId| operations.may_fuse(*id) && values.values[*id].fact.rate != Rate::Const;
-        let readers = all
-            .clone()
-            .filter(|id| operations.is_arithmetic(*id) && !operations.reads_apart(*id));
+        let readers = all.clone().filter(|id| operations.begins_with_sum(*id));
         let fused: Vec<(ValueId, Vec<ValueId>)> = readers
             .map(|id| {
                 let operands = values.values[id].operands.iter();

@@ -12,7 +12,7 @@
 //! | the sample rate | reads an input by sample, multisampled | slicing that input away | refuses |
 //! | surviving samples | reads a centroid or the sample mask, multisampled | rejecting samples | refuses |
 //! | contraction | decides coverage or depth | deciding by a slice | assumes `invariant-discard` |
-//! | contraction | decides them by an operation whose operand other code reads too | deciding ahead by a slice | refuses |
+//! | contraction | decides them by a sum with a term that other code reads too | deciding ahead by a slice | refuses |
 //! | the alpha mask | has alpha to coverage | slicing | assumes `same-alpha-coverage` |
 //! | the near plane's clamp | has depths that are clamped, or a float format | biasing depth | assumes `beyond-near-plane` |
 //! | the viewport's depth range | has depths that are clamped to it | comparing its own depth | assumes `whole-depth-range` |
@@ -249,8 +249,8 @@ const TABLE: &[InputRow] = &[
         dependence: fused_discard,
         then: Then::Refuse(
             &refusals::FUSED_DISCARD,
-            "a compiler may fuse the two where nothing else reads the operand, so the slice may \
-             decide by other bits than the whole stage",
+            "a slice lacks that code, and without it a compiler may fuse the term into the sum, \
+             which rounds otherwise",
             "compute what decides from values that the colours don't read, or pass it as a varying",
         ),
     },
@@ -395,8 +395,8 @@ fn fused_discard(stages: &ImplicitInputs<'_>) -> Option<String> {
                     format!(" at {}:{}:{}", place.file, place.line, place.column)
                 });
                 return Some(format!(
-                    "coverage or depth depends on the operation{at}, whose operand other code of \
-                     the {stage} stage reads too"
+                    "coverage or depth depends on the sum{at}, and other code of the {stage} stage \
+                     reads one of its terms too"
                 ));
             }
             Err(why) => return Some(format!("the {stage} stage cannot be looked at ({why})")),

@@ -44,10 +44,10 @@ refusals! {
          longer.",
         "Move the store to a pass of its own.";
     FUSED_DISCARD = "fused-discard":
-        "A discard or a depth is computed from a sum of products, and other code of the fragment \
-         stage reads one of the products too. A compiler may fuse a product into a sum where \
-         nothing else reads it. The slice has fewer readers, so it may decide by other bits than \
-         the whole stage: on an NVIDIA H200, 13 of 57,600 depths differed.",
+        "A discard or a depth is computed from a sum, and other code of the stage reads one of its \
+         terms too. A compiler may fuse a term into a sum where nothing else reads it. The slice \
+         has fewer readers, so it may decide by other bits than the whole stage: on an NVIDIA \
+         H200, 13 of 57,600 depths differed, on llvmpipe 340 of 230,400.",
         "Compute what decides from values that the colours do not read, or pass it as a varying.";
     HALF_ATTRIBUTE = "half-attribute":
         "A vertex attribute of half precision is not decoded where it is pulled from a storage \
