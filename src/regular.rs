@@ -106,10 +106,13 @@ pub fn decode(bytes: Vec<u8>) -> Result<String, ReadError> {
     }
     // Latin letters in UTF-16 are UTF-8 too, with a zero beside each.
     let zeros = bytes.iter().filter(|b| **b == 0).count();
-    if zeros > 0 && zeros * 3 > bytes.len() {
-        return Err(ReadError::Binary(
-            "UTF-16 without a byte order mark: save it as UTF-8",
-        ));
+    if zeros * 3 > bytes.len() {
+        let (pairs, _) = bytes.as_chunks::<2>();
+        let halves = [0, 1].map(|half| pairs.iter().filter(|p| p[half] == 0).count());
+        return Err(ReadError::Binary(match halves.contains(&0) {
+            true => "UTF-16 without a byte order mark: save it as UTF-8",
+            false => "no text",
+        }));
     }
     String::from_utf8(bytes).map_err(|e| ReadError::NoText(e.utf8_error().valid_up_to()))
 }
@@ -149,6 +152,10 @@ mod tests {
             unmarked.contains("UTF-16 without a byte order mark"),
             "{unmarked}"
         );
+        // Half of an executable's bytes are 0 too, but at any place.
+        let binary = b"\x7fELF\x02\x01\x01\0\0\0\0\0\0\0\0\0\x03\0\x3e\0".to_vec();
+        let binary = decode(binary).unwrap_err().to_string();
+        assert_eq!(binary, "it is no text");
         let mut cut = little(&format!("\u{feff}{text}"));
         cut.pop();
         assert!(matches!(decode(cut), Err(ReadError::Binary(_))));

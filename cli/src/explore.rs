@@ -132,7 +132,7 @@ pub fn run(args: &ExploreArgs) -> Result<Ending, Failure> {
     match failed.is_empty() {
         true => Ok(outcome),
         false => Err(Failure(format!(
-            "error: {} of {count} scenes were not explored: {}",
+            "error: {} of {count} inputs failed: {}",
             failed.len(),
             failed.join(", ")
         ))),

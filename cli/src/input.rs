@@ -17,10 +17,11 @@ use preshade::unstable::scene::{self, Scene, Variable, Variables};
 
 use crate::Failure;
 use crate::limits::LimitArgs;
+use crate::many;
 use crate::state::StateArgs;
 
 /// A shader and its pipeline state, or a scene.
-#[derive(Clone, clap::Args)]
+#[derive(Clone, Default, clap::Args)]
 pub struct ShaderArgs {
     /// A WGSL file with both entry points, or a vertex and a fragment file, or a scene (.toml); `-`
     /// is stdin and needs --lang.
@@ -320,6 +321,7 @@ impl ShaderArgs {
             )),
             Input::Scene(scene) => Ok(scene),
             Input::Shader(parsed, state) => {
+                self.check_fragment(&parsed)?;
                 let mut scene = scene::synthesise(parsed, state);
                 if let (Some(name), Some(material)) = (&self.name, scene.materials.first_mut()) {
                     scene.name.clone_from(name);
@@ -328,6 +330,32 @@ impl ShaderArgs {
                 Ok(scene)
             }
         }
+    }
+
+    /// Refuses to draw a GLSL vertex stage without its fragment stage: nothing would be seen.
+    fn check_fragment(&self, parsed: &front::Parsed) -> Result<(), Failure> {
+        let [file] = self.files.as_slice() else {
+            return Ok(());
+        };
+        let program = &parsed.program;
+        let vertex = program.entry_point(ShaderStage::Vertex, &parsed.vertex);
+        let writes_varyings = vertex.is_some_and(|(_, entry)| {
+            let outputs = reflect::outputs(program.module(), &entry.function);
+            let mut bindings = outputs.iter().map(|io| &io.binding);
+            bindings.any(|b| matches!(b, Some(Binding::Location { .. })))
+        });
+        let is_glsl = program.language() == Language::Glsl;
+        if parsed.fragment.is_some() || !is_glsl || !writes_varyings {
+            return Ok(());
+        }
+        let its = match many::fragment_beside(file) {
+            Some(beside) => beside.display().to_string(),
+            None => "its .frag".to_owned(),
+        };
+        Err(Failure(format!(
+            "error: {} has no fragment stage: give {its} too",
+            file.display()
+        )))
     }
 
     /// Whether the input is a scene.

@@ -68,7 +68,7 @@ impl KeptScenes {
         }
         let (failed, scenes) = (self.failed.len(), self.scenes);
         let names = self.failed.join(", ");
-        let error = format!("error: {failed} of {scenes} scenes came to no end: {names}");
+        let error = format!("error: {failed} of {scenes} inputs failed: {names}");
         Err(self.keeper.named(Failure(error)))
     }
 

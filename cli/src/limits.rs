@@ -4,7 +4,7 @@ use preshade::unstable::limits::Limits;
 use preshade::unstable::scene::{Access, Outside};
 
 /// Limits on input.
-#[derive(Clone, clap::Args)]
+#[derive(Clone, Default, clap::Args)]
 pub struct LimitArgs {
     /// Refuse larger input than this: default, strict (for files from strangers; each variant then
     /// runs in a process of its own, with a time limit) or none, and NAME=NUMBER over them.

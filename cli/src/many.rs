@@ -60,6 +60,30 @@ pub fn inputs(shader: &ShaderArgs) -> Result<Option<Vec<Job>>, Failure> {
     gathered(shader, Path::new(""), is_input).map(Some)
 }
 
+/// A job for each scene and each bare shader among the files of `shader`, and for each scene in its
+/// folders, in the given order. A vertex and a fragment file are one shader if they have one name
+/// and folder, or if nothing else is given.
+///
+/// # Errors
+/// As [`scenes`].
+pub fn drawn(mut shader: ShaderArgs) -> Result<Vec<Job>, Failure> {
+    shader.files = scenes(&shader.files)?;
+    let files = shader.files.clone();
+    let is_stage = |file: &PathBuf| matches!(name(file), Name::Stages(_));
+    if files.len() == 2 && files.iter().all(is_stage) {
+        shader.files = vertex_first(files);
+        return Ok(vec![Job {
+            shader,
+            folder: None,
+            chosen: Chosen::Given,
+        }]);
+    }
+    let mut jobs = gathered(&shader, Path::new(""), is_scene)?;
+    let place = |job: &Job| files.iter().position(|f| job.shader.files.contains(f));
+    jobs.sort_by_key(place);
+    Ok(jobs)
+}
+
 /// [`jobs`] of the files that `is_wanted` accepts in folders.
 fn gathered(
     shader: &ShaderArgs,
@@ -241,6 +265,17 @@ fn name(file: &Path) -> Name {
         (false, true) => Name::Stages(format!("{}.{last}", name(Path::new(&stem)))),
         (false, false) => Name::Whole(format!("{stem}.{last}")),
     }
+}
+
+/// The fragment file of a vertex file, if it lies beside it.
+pub fn fragment_beside(vertex: &Path) -> Option<PathBuf> {
+    let own = vertex.file_name()?.to_str()?;
+    let pairs = [(".vert", ".frag"), (".vs", ".fs")];
+    let mut names = pairs.iter().map(|(of, other)| own.replace(of, other));
+    names.find_map(|name| {
+        let beside = vertex.with_file_name(&name);
+        (name != own && beside.is_file()).then_some(beside)
+    })
 }
 
 fn vertex_first(mut files: Vec<PathBuf>) -> Vec<PathBuf> {

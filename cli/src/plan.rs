@@ -6,29 +6,27 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use preshade::unstable::emit;
-use preshade::unstable::front::{self, Source};
 use preshade::unstable::measure::{self, Detail, EffectUse, Session, TimingSettings, Variant};
 use preshade::unstable::passes::budget::Budget;
 use preshade::unstable::passes::pass::Facts;
 use preshade::unstable::passes::plan::Plan;
 use preshade::unstable::passes::specialize;
-use preshade::unstable::passes::state::MaterialState;
 use preshade::unstable::recipe::Recipe;
 use preshade::unstable::regular;
 use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
 use preshade::unstable::report;
 use preshade::unstable::report::html::plan::Redrawn;
-use preshade::unstable::scene::{self, DrawOrder, Scene, Variable, Variables};
+use preshade::unstable::scene::{DrawOrder, Scene};
 use preshade::unstable::search::plan::{
     self as decide, Decision, Exhausted, Hold, Model, RegretReport, SceneSoFar, Settings, Timed,
 };
 
 use crate::guesses;
-use crate::input::unread;
+use crate::input::{ShaderArgs, unread};
 use crate::kept::{KeptScenes, reopened};
 use crate::limits::LimitArgs;
 use crate::lock::{self, Locks};
-use crate::many;
+use crate::many::{self, Job};
 use crate::output::{self, ProgressLine};
 use crate::rewrite::check_name;
 use crate::verify::{OrderArg, check_budget, check_folder, parse_frames, parse_seconds};
@@ -53,10 +51,10 @@ least; where none is, nothing is, and the reasons are told. docs/guides/plan.md 
     --out what is
 measured is kept on the way, in plan.unfinished.json, until all of it is told.
 Of several scenes one that cannot be read or drawn is told, and the others are planned.
-Exit status 1: a plan broke its contract (it is not taken); 2: a scene came to no end.")]
+Exit status 1: a plan broke its contract (it is not taken); 2: an input failed.")]
 pub struct PlanArgs {
-    /// Scenes (.toml), folders of them, or bare WGSL shaders. Of several each has a folder of its
-    /// own below --out.
+    /// Scenes (.toml), folders of them, or bare shaders: a WGSL file, or a vertex and a fragment file
+    /// of one name. Of several each has a folder of its own below --out.
     #[arg(required = true, value_name = "SCENE")]
     scenes: Vec<PathBuf>,
     /// Set a variable of the scene; may be given several times.
@@ -113,13 +111,19 @@ pub struct PlanArgs {
 impl PlanArgs {
     /// The files that it reads.
     pub fn reads(&self) -> Vec<PathBuf> {
-        let of_scene = |path: &PathBuf| {
-            let scene = scene(self, path);
-            scene.map(|s| s.files).unwrap_or_default()
-        };
-        let scenes = many::scenes(&self.scenes).unwrap_or_default();
-        let below: Vec<PathBuf> = scenes.iter().flat_map(of_scene).collect();
+        let jobs = self.jobs().unwrap_or_default();
+        let below = jobs.iter().flat_map(|job| job.shader.reads());
         self.scenes.iter().cloned().chain(below).collect()
+    }
+
+    /// The scenes and the bare shaders.
+    fn jobs(&self) -> Result<Vec<Job>, Failure> {
+        many::drawn(ShaderArgs {
+            files: self.scenes.clone(),
+            set: self.set.clone(),
+            limits: self.limits.clone(),
+            ..ShaderArgs::default()
+        })
     }
 
     /// The folders that it finds scenes in.
@@ -138,7 +142,8 @@ enum TimeArg {
 
 /// Plans a scene, or judges the planning of several.
 pub fn run(args: &PlanArgs) -> Result<Ending, Failure> {
-    let scenes = many::scenes(&args.scenes)?;
+    let jobs = args.jobs()?;
+    let scenes: Vec<PathBuf> = jobs.iter().map(path_of).collect();
     if scenes.len() > 1 && !args.exhaustive && args.format != Table::Human {
         return Err(Failure(
             "error: --format json and csv are of one scene; of several --out keeps one each"
@@ -176,23 +181,28 @@ pub fn run(args: &PlanArgs) -> Result<Ending, Failure> {
     if args.exhaustive {
         let gpu = Gpu::with_trust(&choice, args.limits.limits().trust())?;
         let kept = KeptScenes::new(args.out.as_deref(), &gpu, names.collect());
-        return exhaustive(args, &scenes, (gpu, &choice), kept, &bar);
+        return exhaustive(args, &jobs, (gpu, &choice), kept, &bar);
     }
     // Scenes that cannot be read are reported before anything is drawn. The others are planned.
-    let read = |path: &PathBuf| {
-        let scene = scene(args, path)?;
+    let read = |job: &Job| {
+        let scene = scene(args, &job.shader)?;
         let mut written = scene.materials.iter().filter(|_| args.out.is_some());
         written.try_for_each(|m| check_name(&m.name))?;
         Ok(scene)
     };
     let mut loaded: Vec<(&PathBuf, Result<Scene, Failure>)> =
-        scenes.iter().map(|path| (path, read(path))).collect();
+        scenes.iter().zip(jobs.iter().map(read)).collect();
     if let [(_, Err(Failure(why)))] = &mut loaded[..] {
         return Err(Failure(std::mem::take(why)));
     }
     let gpu = Gpu::with_trust(&choice, args.limits.limits().trust())?;
     let kept = KeptScenes::new(args.out.as_deref(), &gpu, names.collect());
     each(args, loaded, (gpu, &choice), kept, &bar)
+}
+
+/// The path that stands for a scene or a bare shader: its first file.
+fn path_of(job: &Job) -> PathBuf {
+    job.shader.files.first().cloned().unwrap_or_default()
 }
 
 /// Plans each scene, of those that could be read.
@@ -292,7 +302,7 @@ fn one(
 /// Measures everything, and holds the choices against it.
 fn exhaustive(
     args: &PlanArgs,
-    paths: &[PathBuf],
+    jobs: &[Job],
     (mut gpu, choice): (Gpu, &AdapterChoice),
     mut kept: KeptScenes,
     bar: &ProgressLine,
@@ -301,13 +311,14 @@ fn exhaustive(
     let settings = settings(args, &model);
     let mut scenes: Vec<Exhausted> = Vec::new();
     let mut failed = Vec::new();
-    for (done, path) in paths.iter().enumerate() {
+    for (done, job) in jobs.iter().enumerate() {
+        let path = path_of(job);
         let name = path.file_stem().unwrap_or_default().to_string_lossy();
         let whole = path.display().to_string();
-        bar.set_position((done * 1000 / paths.len()) as u64);
+        bar.set_position((done * 1000 / jobs.len()) as u64);
         bar.set_message(name.to_string());
         let start = Instant::now();
-        let measured = scene(args, path).and_then(|scene| {
+        let measured = scene(args, &job.shader).and_then(|scene| {
             let scene = grouped(args, scene)?;
             let session = Session::new(&gpu, &scene, ShaderForm::Text)?;
             let (recipes, facts) = prepare(args, &session, bar)?;
@@ -476,36 +487,10 @@ fn prepare(
 }
 
 /// Reads a scene, or makes one up for a shader.
-fn scene(args: &PlanArgs, path: &Path) -> Result<Scene, Failure> {
-    let mut variables = Variables::new();
-    for text in &args.set {
-        let (name, value) = text
-            .split_once('=')
-            .ok_or_else(|| Failure(format!("error: --set {text}: expected NAME=VALUE")))?;
-        variables.insert(name.trim().to_owned(), Variable::parse(value.trim()));
-    }
-    let mut scene = match path.extension().is_some_and(|e| e == "toml") {
-        true => scene::load_within(path, &variables, args.limits.access())
-            .map_err(|e| Failure(e.render()))?,
-        false => {
-            let name = path.display().to_string();
-            let text = regular::text(path, &args.limits.limits(), "source-bytes")
-                .map_err(|e| unread(path, &e))?;
-            let color = match crate::color_on_stderr() {
-                true => front::Color::Always,
-                false => front::Color::Never,
-            };
-            let options = front::Options {
-                limits: args.limits.limits(),
-                ..front::Options::default()
-            };
-            let parsed = front::parse(&[Source::new(&name, text)], &options)
-                .map_err(|e| Failure(e.render(color)))?;
-            scene::synthesise(parsed, MaterialState::default())
-        }
-    };
+fn scene(args: &PlanArgs, shader: &ShaderArgs) -> Result<Scene, Failure> {
+    let scene = shader.scene()?;
     check_budget(&scene, args.budget)?;
-    scene = args.view.of(scene)?;
+    let mut scene = args.view.of(scene)?;
     if !args.order.is_empty() {
         scene.orders = args.order.iter().map(|o| DrawOrder::from(*o)).collect();
     }

@@ -17,7 +17,7 @@ use crate::Failure;
 use crate::input::unread;
 
 /// Pipeline state, which a shader does not contain.
-#[derive(Clone, clap::Args)]
+#[derive(Clone, Default, clap::Args)]
 #[command(next_help_heading = "Pipeline state")]
 pub struct StateArgs {
     /// A TOML or JSON file with the whole state; the flags below override it.

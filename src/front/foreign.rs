@@ -25,8 +25,32 @@ struct Foreign {
     remedy: &'static str,
 }
 
+/// What postprocessing adds to an effect whose `mainImage` gets these arguments.
+macro_rules! effect_remedy {
+    ($arguments:literal) => {
+        concat!(
+            "put `uniform sampler2D inputBuffer, depthBuffer; uniform vec2 resolution, texelSize; \
+             uniform float cameraNear, cameraFar, aspect, time; in vec2 vUv; out vec4 color;` above \
+             it and `void main() { mainImage(",
+            $arguments,
+            "); }` below it, and give a vertex stage that draws a triangle over the screen"
+        )
+    };
+}
+
 /// The first row that fits is named.
-const ALL: [Foreign; 11] = [
+const ALL: [Foreign; 14] = [
+    Foreign {
+        is: "JavaScript, and preshade reads the shader alone",
+        endings: &["js", "mjs", "cjs", "jsx", "ts", "tsx"],
+        sign: |text, _| {
+            text.contains('`').then_some(())?;
+            let words = ["export default", "export const", "module.exports", "= `"];
+            one_of(text, &words)
+        },
+        remedy: "give the text between the backticks, in a file that ends in .wgsl, .vert or \
+                 .frag; where a library builds it, capture it: docs/guides/three-js.md",
+    },
     Foreign {
         is: "Slang, which preshade does not read",
         endings: &[],
@@ -99,6 +123,20 @@ const ALL: [Foreign; 11] = [
                  docs/reference/scenes.md (meshes are glTF)",
     },
     Foreign {
+        is: EFFECT,
+        endings: &[],
+        sign: |text, _| effect(text, 4),
+        remedy: effect_remedy!(
+            "texture(inputBuffer, vUv), vUv, texture(depthBuffer, vUv).r, color"
+        ),
+    },
+    Foreign {
+        is: EFFECT,
+        endings: &[],
+        sign: |text, _| effect(text, 3),
+        remedy: effect_remedy!("texture(inputBuffer, vUv), vUv, color"),
+    },
+    Foreign {
         is: "a fragment shader for Shadertoy, which adds `main`, the uniforms and the vertex stage",
         endings: &[],
         sign: |text, _| one_of(text, &["void mainImage("]),
@@ -127,6 +165,19 @@ const ALL: [Foreign; 11] = [
         remedy: "write `var<immediate>`, as naga and wgpu call it now",
     },
 ];
+
+const EFFECT: &str = "an effect of the npm package postprocessing, which adds `main`, the \
+                      uniforms and the vertex stage";
+
+/// The call of `mainImage` in an effect with so many parameters.
+fn effect(text: &str, parameters: usize) -> Option<Range<usize>> {
+    let start = text.find("void mainImage(")?;
+    let inside = &text[start..];
+    let inside = &inside[..inside.find(')')?];
+    let is_effect = inside.contains("vec4 inputColor") && inside.contains("out vec4");
+    let count = inside.split(',').count();
+    (is_effect && count == parameters).then(|| start..start + "void mainImage".len())
+}
 
 /// What three.js declares for a `ShaderMaterial`.
 const THREE: [&str; 12] = [

@@ -443,7 +443,11 @@ fn check_sources(sources: &[Source]) -> Result<Language, Error> {
             ));
         };
         if nesting::is_blank(&source.text) {
-            return Err(Error::new(Code::Empty, format!("{} is empty", source.name)));
+            let is = match source.text.trim_start_matches('\u{feff}').trim() {
+                "" => "is empty",
+                _ => "has only comments",
+            };
+            return Err(Error::new(Code::Empty, format!("{} {is}", source.name)));
         }
         languages.push(language);
     }

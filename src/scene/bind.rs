@@ -15,7 +15,8 @@ use naga::{ImageClass, ImageDimension, ScalarKind, ShaderStage, TypeInner};
 use preshade_passes::plan::{BindingKind, BindingSource, BindingUse, GpuPass};
 use preshade_passes::state::CompareFunction;
 
-use super::layout::{self, Leaf};
+use super::flow::BufferRead;
+use super::layout::{self, Leaf, Segment};
 use super::semantic::{SemanticValue, normalise};
 use super::{
     Draw, Frame, Image, Material, Sampler, Scene, SceneError, Value, material, range, value_path,
@@ -627,6 +628,27 @@ fn plausible(leaf: &Leaf<'_>) -> [f64; 16] {
         out[..3].iter_mut().for_each(|n| *n /= length);
     }
     out
+}
+
+/// The numbers that a variable of a bare shader would get by its name. `None`: the name has a
+/// conventional meaning, or the type has no numbers.
+pub(super) fn made_up(read: &BufferRead, module: &naga::Module) -> Option<Vec<f64>> {
+    let (columns, rows, scalar) = layout::leaf_shape(&module.types[read.ty].inner)?;
+    let path = read.text(module);
+    let leaf = Leaf {
+        path: &[Segment::Name(path.rsplit('.').next()?)],
+        index: None,
+        columns,
+        rows,
+        kind: scalar.kind,
+        semantic: None,
+        bytes: 0..0,
+    };
+    let numbers = plausible(&leaf);
+    match read.semantic(module) {
+        Some(_) => None,
+        None => Some(numbers[..(columns * rows) as usize].to_vec()),
+    }
 }
 
 /// The samplers that a pass of a material reads.

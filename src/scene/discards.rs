@@ -9,6 +9,7 @@ use naga::{
 };
 use preshade_passes::analysis::values::{ContextId, Node, ValueId};
 
+use super::bind::made_up;
 use super::flow::{BufferRead, StageFlow};
 use super::layout::leaf_shape;
 use super::{Image, Value, material};
@@ -93,11 +94,10 @@ fn compared(
     sides: impl Iterator<Item = ValueId>,
     found: &mut DiscardInputs,
 ) {
-    let terms: Vec<Term> = summands(flow, sides.collect())
-        .into_iter()
-        .map(|value| term(flow, value))
-        .collect();
+    let values = summands(flow, sides.collect());
+    let terms: Vec<Term> = values.iter().map(|value| term(flow, *value)).collect();
     if terms.iter().all(|t| t.textures.is_empty()) {
+        halves(flow, &values, found);
         return;
     }
     for term in &terms {
@@ -111,6 +111,25 @@ fn compared(
         }
         for (texture, channel) in &term.textures {
             pattern(flow, *texture, *channel, found);
+        }
+    }
+}
+
+/// Gives a scalar that is compared with something that varies, such as a dither pattern, a number
+/// in the middle of 0 and 1. By their names, some are 1, as an opacity is, or next to 0.
+fn halves(flow: &StageFlow<'_, '_>, terms: &[ValueId], found: &mut DiscardInputs) {
+    let module = flow.values.graph.module();
+    let is_input = |v: &ValueId| flow.input(*v).is_some();
+    if !terms.iter().any(|v| flow.behind(*v).iter().any(is_input)) {
+        return;
+    }
+    for read in terms.iter().flat_map(|value| flow.factors(*value)) {
+        let is_extreme = |n: f64| (0.0..=1.0).contains(&n) && (n - MIDDLE).abs() > MIDDLE / 2.0;
+        if read.is_uniform(module)
+            && let Some([number]) = made_up(&read, module).as_deref()
+            && is_extreme(*number)
+        {
+            fill(flow, &read, MIDDLE, found);
         }
     }
 }
@@ -198,12 +217,13 @@ fn pointee<'m>(module: &'m naga::Module, ty: &TypeInner) -> Option<&'m TypeInner
 /// Gives a float a number, in all its components, whatever its name means.
 fn fill(flow: &StageFlow<'_, '_>, read: &BufferRead, number: f64, found: &mut DiscardInputs) {
     let module = flow.values.graph.module();
-    let Some((1, rows, scalar)) = leaf_shape(&module.types[read.ty].inner) else {
+    let Some((1, _, scalar)) = leaf_shape(&module.types[read.ty].inner) else {
         return;
     };
     if scalar.kind == ScalarKind::Float {
-        let numbers = Value::Numbers(vec![number; rows as usize]);
-        found.values.entry(read.text(module)).or_insert(numbers);
+        // One number stands for all: the variable may be an array of vectors.
+        let number = Value::Numbers(vec![number]);
+        found.values.entry(read.text(module)).or_insert(number);
     }
 }
 

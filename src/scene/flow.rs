@@ -4,8 +4,8 @@ use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet, BinaryHeap};
 
 use naga::{
-    ArraySize, BinaryOperator, Expression, GlobalVariable, Handle, Module, Statement, Type,
-    TypeInner,
+    AddressSpace, ArraySize, BinaryOperator, Expression, GlobalVariable, Handle, MathFunction,
+    Module, Statement, Type, TypeInner,
 };
 use preshade_passes::analysis::values::{ContextId, Node, ValueId, Values};
 use preshade_passes::graph::Graph;
@@ -66,6 +66,12 @@ impl BufferRead {
             ty = element(module, member.ty);
         }
         text
+    }
+
+    /// Whether the host gives it, one number for the whole draw.
+    pub fn is_uniform(&self, module: &Module) -> bool {
+        let space = module.global_variables[self.global].space;
+        matches!(space, AddressSpace::Uniform | AddressSpace::Immediate)
     }
 
     /// The conventional meaning of its name.
@@ -218,6 +224,47 @@ impl<'g, 'p> StageFlow<'g, 'p> {
             }
         }
         value
+    }
+
+    /// The variables that a value is a product of. Conversions and the choice of a component change
+    /// none of them.
+    pub fn factors(&self, value: ValueId) -> Vec<BufferRead> {
+        let (mut found, mut seen) = (Vec::new(), BTreeSet::new());
+        let mut work = vec![value];
+        while let Some(value) = work.pop() {
+            let value = self.through(value);
+            if !seen.insert(value) {
+                continue;
+            }
+            if let Some(read) = self.read(value) {
+                found.push(read);
+                continue;
+            }
+            let Some((context, expression, _)) = self.expression(value) else {
+                continue;
+            };
+            let parts = match expression {
+                Expression::As { expr, .. } | Expression::Unary { expr, .. } => vec![*expr],
+                Expression::Splat { value, .. } => vec![*value],
+                Expression::AccessIndex { base, .. } => vec![*base],
+                Expression::Swizzle { vector, .. } => vec![*vector],
+                Expression::Compose { components, .. } => components.clone(),
+                Expression::Math {
+                    fun: MathFunction::Abs | MathFunction::Clamp | MathFunction::Saturate,
+                    arg,
+                    ..
+                } => vec![*arg],
+                Expression::Binary {
+                    op: BinaryOperator::Multiply,
+                    left,
+                    right,
+                } => vec![*left, *right],
+                _ => continue,
+            };
+            let parts = parts.into_iter();
+            work.extend(parts.filter_map(|e| self.values.named(context, e)));
+        }
+        found
     }
 
     fn is_condition(&self, value: ValueId) -> bool {

@@ -73,6 +73,13 @@ pub(super) fn check(material: &Material) -> Result<(), SceneError> {
         match module.types[g.ty].inner {
             _ if g.is_buffer => {}
             TypeInner::Sampler { .. } => samplers.push(g.name),
+            TypeInner::Image {
+                dim: ImageDimension::Cube,
+                ..
+            } => {
+                square(material, g.name)?;
+                textures.push(g.name);
+            }
             _ => textures.push(g.name),
         }
     }
@@ -106,6 +113,23 @@ pub(super) fn check(material: &Material) -> Result<(), SceneError> {
         }
     }
     Ok(())
+}
+
+/// Refuses a picture for a cube that is no square.
+fn square(material: &Material, texture: &str) -> Result<(), SceneError> {
+    let [width, height] = match material.textures.get(texture) {
+        Some(image) => image.size,
+        None => return Ok(()),
+    };
+    match width == height {
+        true => Ok(()),
+        false => Err(SceneError::new(format!(
+            "`{texture}` is a cube texture, which needs a square picture, and this one has \
+             {width}x{height} texels"
+        ))
+        .help("each of the six faces shows the picture: give one face, and no cross or panorama")
+        .about(texture)),
+    }
 }
 
 /// The default image of a texture. Its name decides: a normal map, a mask, noise, or a coloured

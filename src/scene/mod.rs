@@ -5,6 +5,7 @@
 //! GPU pass of a plan needs.
 
 mod discards;
+mod divisors;
 mod error;
 mod file;
 pub(crate) mod flow;

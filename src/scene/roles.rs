@@ -13,6 +13,7 @@ use preshade_passes::reflect::Io;
 
 use super::bind::{is_instance_data, known_stream};
 use super::discards;
+use super::divisors;
 use super::flow::{BufferRead, Nearest, StageFlow};
 use super::layout::{leaf_shape, runtime_array};
 use super::loops;
@@ -65,6 +66,9 @@ impl Roles {
         }
         for stage in vertex.iter().chain(&fragment) {
             this.values.extend(loops::counts(stage));
+            for (path, number) in divisors::numbers(stage) {
+                this.values.entry(path).or_insert(number);
+            }
         }
         if let Some(fragment) = &fragment {
             let found = discards::inputs(fragment);
@@ -136,37 +140,22 @@ impl Roles {
     /// mesh, such as a window's size: those numbers lie between 0 and 1, not between 0 and 1920.
     fn divisors(&mut self, flow: &StageFlow<'_, '_>, position: ValueId) {
         let module = flow.values.graph.module();
-        for value in flow.behind(position) {
-            let Some((context, expression, _)) = flow.expression(value) else {
-                continue;
-            };
-            let Expression::Binary {
-                op: BinaryOperator::Divide,
-                left,
-                right,
-            } = *expression
-            else {
-                continue;
-            };
-            let is_made_up = |v: &ValueId| {
-                let read = flow.read(*v);
-                read.is_some_and(|read| read.semantic(module).is_none())
-            };
-            let divided = flow.values.named(context, left);
+        let is_made_up = |v: &ValueId| {
+            let read = flow.read(*v);
+            read.is_some_and(|read| read.semantic(module).is_none())
+        };
+        for division in divisors::divisions(flow, flow.behind(position)) {
+            let divided = division.divided;
             if !divided.is_some_and(|v| flow.behind(v).iter().any(is_made_up)) {
                 continue;
             }
-            let divisor = flow.values.named(context, right);
-            let Some(read) = divisor.and_then(|v| flow.read(flow.through(v))) else {
-                continue;
-            };
-            let shape = leaf_shape(&module.types[read.ty].inner);
-            let is_uniform = module.global_variables[read.global].space == AddressSpace::Uniform;
-            if let (true, Some((1, rows, scalar))) = (is_uniform, shape)
-                && scalar.kind == ScalarKind::Float
-            {
-                let numbers = Value::Numbers(vec![1.0; rows as usize]);
-                self.values.insert(read.text(module), numbers);
+            for read in division.by {
+                if let Some((1, _, scalar)) = leaf_shape(&module.types[read.ty].inner)
+                    && scalar.kind == ScalarKind::Float
+                {
+                    let number = Value::Numbers(vec![1.0]);
+                    self.values.insert(read.text(module), number);
+                }
             }
         }
     }

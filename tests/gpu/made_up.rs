@@ -46,6 +46,28 @@ fn something_is_seen_of_every_material() {
     assert!(empty.is_empty(), "{}", empty.join("\n"));
 }
 
+/// With an opacity of 1, a dither pattern would discard nothing.
+#[test]
+fn a_dithered_opacity_discards_some_fragments() {
+    let text = "
+struct M { fade: f32, opacity: f32 }
+@group(0) @binding(0) var<uniform> view_proj: mat4x4<f32>;
+@group(0) @binding(1) var<uniform> m: M;
+fn dither(p: vec2<f32>) -> f32 {
+    return fract(52.9829189 * fract(dot(p, vec2(0.06711056, 0.00583715))));
+}
+@vertex fn vs(@location(0) position: vec3<f32>) -> @builtin(position) vec4<f32> {
+    return view_proj * vec4(position, 1.0);
+}
+@fragment fn fs(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {
+    if dither(at.xy) > m.opacity { discard; }
+    return vec4(0.5);
+}
+";
+    let report = drawn("fade.wgsl", text.to_owned());
+    assert!(report.untested.is_empty(), "{:?}", report.untested);
+}
+
 /// An alpha-tested leaf, with a name for each thing that a name could tell.
 const LEAF: &str = "
 struct Frame { @matrix: mat4x4<f32>, @plain: vec4<f32> }

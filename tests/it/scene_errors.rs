@@ -67,6 +67,47 @@ fn unknown_keys_are_told_with_the_nearest_known_one() {
 }
 
 #[test]
+fn a_cube_wants_a_square_picture() {
+    let root = folder("cube");
+    let shader = "@group(0) @binding(0) var sky: texture_cube<f32>;
+@group(0) @binding(1) var s: sampler;
+@vertex fn vs(@location(0) position: vec3f) -> @builtin(position) vec4f { \
+                  return vec4f(position, 1.0); }
+@fragment fn fs(@builtin(position) p: vec4f) -> @location(0) vec4f { \
+                  return textureSample(sky, s, p.xyz); }
+";
+    std::fs::write(root.join("shaders/sky.wgsl"), shader).unwrap();
+    let of = |width: u32| {
+        let mut png = Vec::new();
+        let texels = vec![255_u8; (width * 2 * 4) as usize];
+        image::write_buffer_with_format(
+            &mut std::io::Cursor::new(&mut png),
+            &texels,
+            width,
+            2,
+            image::ColorType::Rgba8,
+            image::ImageFormat::Png,
+        )
+        .unwrap();
+        std::fs::write(root.join("scenes/sky.png"), png).unwrap();
+        let text = GOOD
+            .replace("tiles.wgsl", "sky.wgsl")
+            .replace(
+                "textures.albedo = { pattern = \"checker\", size = 16 }",
+                "textures.sky = { file = \"sky.png\" }",
+            )
+            .replace("values = { \"light.ambient\" = [0.2, 0.2, 0.2] }\n", "");
+        let path = root.join("scenes/bad.toml");
+        std::fs::write(&path, text).unwrap();
+        scene::load(&path)
+    };
+    assert_eq!(of(2).unwrap().materials[0].textures["sky"].size, [2, 2]);
+    let told = of(4).unwrap_err().render();
+    let told = told.replace(&root.display().to_string(), "ROOT");
+    insta::assert_snapshot!(told.trim_end());
+}
+
+#[test]
 fn names_that_lead_nowhere_are_told() {
     insta::assert_snapshot!(refusal("mesh", "mesh = \"cube\"", "mesh = \"cub\""));
     insta::assert_snapshot!(refusal(

@@ -264,12 +264,102 @@ fn dataflow_tells_a_leafs_inputs_whatever_their_names() {
         .iter()
         .map(|g| format!("{} {}", g.name, g.guess))
         .collect();
-    assert!(said.contains(&"g.d made up: 0.5".to_owned()), "{said:?}");
+    assert!(said.contains(&"g.d 0.5, by its use".to_owned()), "{said:?}");
     assert!(
         said.iter()
             .any(|s| s.starts_with("f.a $") && s.ends_with("by its use")),
         "{said:?}"
     );
+}
+
+/// The uniforms of a fragment stage, each with how it was guessed.
+fn guesses_for(members: &str, body: &str) -> Vec<String> {
+    let scene = written(&[(
+        "m.wgsl",
+        &format!(
+            "struct M {{ {members} }}
+@group(0) @binding(0) var<uniform> view_proj: mat4x4<f32>;
+@group(0) @binding(1) var<uniform> m: M;
+struct V {{ @builtin(position) at: vec4<f32>, @location(0) uv: vec2<f32> }}
+@vertex fn vs(@location(0) position: vec3<f32>, @location(1) uv: vec2<f32>) -> V {{ \
+    return V(view_proj * vec4(position, 1.0), uv); }}
+fn parts(n: i32) -> f32 {{ return f32(n); }}
+@fragment fn fs(in: V) -> @location(0) vec4<f32> {{ {body} }}
+"
+        ),
+    )]);
+    bound(&scene);
+    let said = bind::guessed(&scene).into_iter();
+    said.filter(|g| g.name.starts_with("m."))
+        .map(|g| format!("{} {}", g.name, g.guess))
+        .collect()
+}
+
+#[test]
+fn no_divisor_is_0() {
+    let said = guesses_for(
+        "bands: i32, levels: vec2<u32>, cells: i32, density: f32, detail: f32, steps: i32, \
+         displacement: array<vec4<f32>, 2>, resolution: vec2<f32>, mode: i32",
+        "let d = floor(in.uv.x * parts(m.bands)) / parts(m.bands);
+         let l = in.uv / vec2<f32>(m.levels);
+         let c = in.uv.y / (2.0 * f32(m.cells) * m.density);
+         let e = in.uv / m.detail + in.at.xy / m.resolution + in.uv % m.displacement[1].xy;
+         let s = i32(in.at.x) % m.steps + m.mode;
+         return vec4(d + c, l + e, f32(s));",
+    );
+    let by_use: Vec<&str> = said
+        .iter()
+        .filter_map(|line| line.strip_suffix(", by its use"))
+        .collect();
+    assert_eq!(
+        by_use,
+        [
+            "m.bands 4",
+            "m.cells 4",
+            "m.density 1",
+            "m.displacement 1",
+            "m.levels 4",
+            "m.steps 4",
+        ]
+    );
+    assert!(said.contains(&"m.mode made up: 0".to_owned()), "{said:?}");
+    assert!(
+        said.iter().any(|s| s.starts_with("m.detail made up: 0.")),
+        "{said:?}"
+    );
+}
+
+#[test]
+fn an_opacity_that_a_dither_pattern_discards_by_is_between_0_and_1() {
+    let dithered = |opacity: &str| {
+        let body = format!(
+            "if fract(in.at.x * 0.37 + in.at.y * 0.11) > {opacity} {{ discard; }}
+             return vec4(m.tint, 1.0);"
+        );
+        guesses_for("tint: vec3<f32>, opacity: f32, threshold: f32", &body)
+    };
+    let half = "m.opacity 0.5, by its use".to_owned();
+    for direct in [
+        "m.opacity",
+        "(1.0 - m.opacity)",
+        "saturate(2.0 * m.opacity)",
+    ] {
+        let said = dithered(direct);
+        assert!(said.contains(&half), "{direct}: {said:?}");
+    }
+    // Its name gives a number by which some fragments are discarded.
+    let said = dithered("m.threshold");
+    assert!(
+        said.contains(&"m.threshold made up: 0.5".to_owned()),
+        "{said:?}"
+    );
+    // Nothing varies: all fragments are discarded, or none.
+    let said = guesses_for(
+        "opacity: f32",
+        "if m.opacity <= 0.0 { discard; }
+         return vec4(in.uv, 0.0, m.opacity);",
+    );
+    assert_eq!(said, ["m.opacity made up: 1"]);
 }
 
 /// Centres of the draws' positions, as the vertex buffers hold them.

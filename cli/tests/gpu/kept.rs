@@ -124,7 +124,7 @@ fn a_scene_that_is_no_good_takes_no_other_with_it() {
         assert_eq!(output.status.code(), Some(2), "{told}");
         assert!(told.contains("scenes/0.toml: "), "{told}");
         assert!(told.contains("not-there.wgsl"), "{told}");
-        assert!(told.contains("1 of 2 scenes"), "{told}");
+        assert!(told.contains("1 of 2 inputs failed"), "{told}");
         assert!(scenes.join(file).is_file(), "{told}");
     }
 }

@@ -42,6 +42,40 @@ struct V { @builtin(position) p: vec4f, @location(0) uv: vec2f }
 }
 ";
 
+/// A vertex and a fragment file are one input of `plan`, alone and among others.
+#[test]
+fn a_pair_of_files_is_planned_as_one() {
+    let vertex = "#version 300 es
+in vec3 position; in vec3 normal; out vec3 n; uniform mat4 modelViewProjection;
+void main() { n = normal; gl_Position = modelViewProjection * vec4(position, 1.0); }
+";
+    let fragment = "#version 300 es
+precision highp float; in vec3 n; out vec4 color; uniform int bands;
+void main() { color = vec4(floor(n * float(bands)) / float(bands), 1.0); }
+";
+    let files = [
+        ("toon.vert", vertex),
+        ("toon.frag", fragment),
+        ("leaf.wgsl", LEAF),
+        ("broken.wgsl", "fn"),
+    ];
+    let folder = here("pair", &files);
+    let size = ["--time", "no", "--size", "64x36"];
+    let plan = |given: &[&str]| run(&folder, &[&["plan"], given, &size].concat());
+    let alone = plan(&["toon.vert", "toon.frag"]);
+    assert_eq!(alone.status.code(), Some(0), "{}", stderr(&alone));
+    let told = stderr(&alone);
+    assert!(told.contains("uniforms.bands"), "{told}");
+    assert!(told.contains("4, by its use"), "{told}");
+    let three = plan(&["toon.vert", "leaf.wgsl", "toon.frag", "broken.wgsl"]);
+    let told = stderr(&three);
+    assert_eq!(three.status.code(), Some(2), "{told}");
+    assert!(
+        told.ends_with("error: 1 of 3 inputs failed: broken.wgsl\n"),
+        "{told}"
+    );
+}
+
 /// Bugs 1 and 10: nothing that preshade made up removes the alpha test; and no time stands beside
 /// a speedup of another pair.
 #[test]

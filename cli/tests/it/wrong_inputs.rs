@@ -56,6 +56,39 @@ const CASES: &[Case] = &[
         &["for Shadertoy", "void main()"],
     ),
     (
+        "effect.frag",
+        "void mainImage(const in vec4 inputColor, const in vec2 uv, out vec4 outputColor) { \
+         outputColor = inputColor; }",
+        &[
+            "npm package postprocessing",
+            "mainImage(texture(inputBuffer, vUv), vUv, color)",
+        ],
+    ),
+    (
+        "depth.frag",
+        "void mainImage(const in vec4 inputColor, const in vec2 uv, const in float depth, out vec4 \
+         outputColor) { outputColor = inputColor * depth; }",
+        &[
+            "npm package postprocessing",
+            "texture(depthBuffer, vUv).r, color)",
+        ],
+    ),
+    (
+        "phong.glsl.js",
+        "export default /* glsl */`\nvoid main() { gl_Position = vec4(0.0); }\n`;\n",
+        &["is JavaScript", "between the backticks"],
+    ),
+    (
+        "phong.vert",
+        "export default /* glsl */`\nvoid main() { gl_Position = vec4(0.0); }\n`;\n",
+        &["is JavaScript", "between the backticks"],
+    ),
+    (
+        "lost.frag",
+        "#include \"noise.glsl\"\nvoid main() {}",
+        &["there is no file noise.glsl", "--include DIR"],
+    ),
+    (
         "chunk.frag",
         "void main() { gl_FragColor = vec4(1.0);\n#include <tonemapping_fragment>\n}",
         &["three.js", "docs/guides/three-js.md"],
@@ -138,6 +171,45 @@ fn what_is_no_material_is_named() {
     }
 }
 
+/// An effect with what the message adds is a material.
+#[test]
+fn the_main_for_an_effect_compiles() {
+    let vertex = "#version 300 es\nin vec3 position; out vec2 vUv;\n\
+                  void main() { vUv = position.xy; gl_Position = vec4(position, 1.0); }\n";
+    for (file, effect, _) in CASES
+        .iter()
+        .filter(|(_, text, _)| text.contains("inputColor"))
+    {
+        let effect = effect.as_bytes();
+        let folder = here("effect", &[(file, effect), ("a.vert", vertex.as_bytes())]);
+        let told = refused(&folder, &["explain", file]);
+        let (_, remedy) = told.split_once("put `").unwrap();
+        let [above, _, below, ..] = remedy.split('`').collect::<Vec<_>>()[..] else {
+            panic!("{told}");
+        };
+        let effect = String::from_utf8_lossy(effect);
+        let text = format!("{above}\n{effect}\n{below}\n");
+        fs::write(folder.join(file), text).unwrap();
+        accepted(&folder, &["explain", "a.vert", file]);
+    }
+}
+
+#[test]
+fn a_vertex_file_alone_is_not_drawn() {
+    let vertex = "#version 300 es\nin vec3 position; out vec2 v;\n\
+                  void main() { v = position.xy; gl_Position = vec4(position, 1.0); }\n";
+    let folder = here("alone", &[("bricks.vert", vertex.as_bytes())]);
+    let said = "error: bricks.vert has no fragment stage: give ";
+    for command in ["verify", "plan", "explore"] {
+        let told = refused(&folder, &[command, "bricks.vert"]);
+        assert_eq!(told.trim_end(), format!("{said}its .frag too"));
+    }
+    fs::write(folder.join("bricks.frag"), "").unwrap();
+    let told = refused(&folder, &["verify", "bricks.vert"]);
+    assert_eq!(told.trim_end(), format!("{said}bricks.frag too"));
+    accepted(&folder, &["explain", "bricks.vert"]);
+}
+
 #[test]
 fn a_comment_makes_no_file_foreign() {
     let text = "// cbuffer, SV_Target and void mainImage( of the HLSL that this was\n@fragment fn";
@@ -154,7 +226,13 @@ fn utf16_is_read_and_binary_files_are_named() {
         let text = format!("{mark}{shader}");
         text.encode_utf16().flat_map(u16::to_le_bytes).collect()
     };
-    let files: [(&str, &[u8]); 4] = [
+    let files: [(&str, &[u8]); 7] = [
+        (
+            "elf.wgsl",
+            b"\x7fELF\x02\x01\x01\0\0\0\0\0\0\0\0\0\x03\0\x3e\0",
+        ),
+        ("note.wgsl", b"// later\n/* much later */\n"),
+        ("empty.wgsl", b"\xef\xbb\xbf\n"),
         ("marked.wgsl", &units("\u{feff}")),
         ("unmarked.wgsl", &units("")),
         ("a.glb", b"glTF\x02\0\0\0\xff\xfe"),
@@ -170,6 +248,9 @@ fn utf16_is_read_and_binary_files_are_named() {
         (["explain", "a.glb"], "a glTF mesh: a scene file names it"),
         (["plan", "a.glb"], "a glTF mesh: a scene file names it"),
         (["explain", "a.spv"], "SPIR-V"),
+        (["explain", "elf.wgsl"], "it is no text"),
+        (["explain", "note.wgsl"], "note.wgsl has only comments"),
+        (["explain", "empty.wgsl"], "empty.wgsl is empty"),
     ] {
         let told = refused(&folder, &args);
         assert!(told.contains(said), "{args:?}: {told}");

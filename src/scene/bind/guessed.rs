@@ -44,7 +44,7 @@ pub enum Guess {
     },
     /// A uniform or buffer member whose purpose is known by the dataflow.
     UniformByUse {
-        /// The semantic in scene file syntax: `$mvp`.
+        /// The semantic in scene file syntax, `$mvp`, or the numbers.
         value: String,
     },
     /// A uniform or buffer member with an unknown name.
@@ -68,19 +68,20 @@ impl std::fmt::Display for Guess {
             Self::UniformByName { value } => write!(f, "{value}, by its name"),
             Self::UniformByUse { value } => write!(f, "{value}, by its use"),
             Self::UniformMadeUp { numbers } if is_identity(numbers) => f.write_str("the identity"),
-            Self::UniformMadeUp { numbers } => {
-                let numbers: Vec<String> = numbers
-                    .iter()
-                    .map(|n| ((n * 1e3).round() / 1e3).to_string())
-                    .collect();
-                write!(f, "made up: {}", numbers.join(", "))
-            }
+            Self::UniformMadeUp { numbers } => write!(f, "made up: {}", listed(numbers)),
             Self::BufferFromMesh => f.write_str("the mesh's data"),
             Self::TextureGenerated => f.write_str("a generated texture"),
             Self::TextureCleared => f.write_str("a depth texture, cleared to 1"),
             Self::AttributeSynthesised => f.write_str("made up: no mesh has it"),
         }
     }
+}
+
+/// Numbers as a note shows them.
+fn listed(numbers: &[f64]) -> String {
+    let rounded = numbers.iter().map(|n| (n * 1e3).round() / 1e3);
+    let texts: Vec<String> = rounded.map(|n| n.to_string()).collect();
+    texts.join(", ")
 }
 
 /// Whether the numbers are an identity matrix of at least 2 by 2.
@@ -165,12 +166,12 @@ pub fn guessed(scene: &Scene) -> Vec<Guessed> {
             let of = (scene, material, &streams);
             let _ = packed(of, variable, draw, frame, &mut observe);
         }
-        // The scene of a bare shader sets some values itself.
+        // The scene of a bare shader sets some values itself, by the dataflow.
         if scene.is_made_up {
             for (name, value) in &material.values {
                 if let Value::Numbers(numbers) = value {
-                    let numbers = numbers.clone();
-                    push(name.clone(), Guess::UniformMadeUp { numbers });
+                    let value = listed(numbers);
+                    push(name.clone(), Guess::UniformByUse { value });
                 }
             }
             for name in draw.values.keys() {

@@ -634,7 +634,7 @@ impl Preprocessor<'_> {
         let asked: Vec<PathBuf> = beside.iter().map(|f| f.join(&name)).collect();
         let told = |e: &std::io::Error| {
             self.stop(e.to_string(), place)
-                .note("included files are searched beside the file, then in the include paths")
+                .note("searched: beside the file, then the include folders; --include DIR adds one")
         };
         let mut first = None;
         let hit = asked.iter().find_map(|path| match self.files.find(path) {
