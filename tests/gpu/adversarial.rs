@@ -42,7 +42,11 @@ const REFUSED: &[(&str, &str, &str)] = &[
         "depth-prepass:form=equal",
         "depth-not-invariant",
     ),
-    ("draw-sum-shared-with-fract", "hoist:allow=rounding", "nothing-pays"),
+    (
+        "draw-sum-shared-with-fract",
+        "hoist:allow=rounding",
+        "nothing-pays",
+    ),
     ("linear-clipped", "visibility-buffer", "interpolated"),
     ("quad-swap", "depth-prepass", "subgroup"),
     ("quad-swap", "early-discard", "subgroup"),
@@ -83,8 +87,16 @@ const REFUSED: &[(&str, &str, &str)] = &[
         "early-discard:attachment",
         "readonly-depth-writer",
     ),
-    ("varying-shared-with-discard", "depth-prepass", "fused-discard"),
-    ("varying-shared-with-discard", "early-discard", "fused-discard"),
+    (
+        "varying-shared-with-discard",
+        "depth-prepass",
+        "fused-discard",
+    ),
+    (
+        "varying-shared-with-discard",
+        "early-discard",
+        "fused-discard",
+    ),
 ];
 
 /// Right pictures whose self-test fails, so that a host draws the original: the test's draws reject

@@ -399,7 +399,12 @@ fn fused_discard(stages: &ImplicitInputs<'_>) -> Option<String> {
                      reads one of its terms too"
                 ));
             }
-            Err(why) => return Some(format!("the {stage} stage cannot be looked at ({why})")),
+            Err(why) => {
+                return Some(format!(
+                    "coverage or depth may depend on a sum with a term that other code reads too \
+                     ({why})"
+                ));
+            }
         }
     }
     None
