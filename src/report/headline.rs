@@ -65,7 +65,10 @@ pub fn headline(report: &Report) -> String {
 /// Why the pictures say nothing about any variant. `None`: they do.
 fn not_measured(report: &Report) -> Option<String> {
     let mut whys = report.untested.clone();
-    if report.is_unmeasured() {
+    // Nothing else matters on an adapter that does not repeat itself.
+    if let (true, Some(why)) = (report.is_unmeasured(), report.unrepeated()) {
+        whys.insert(0, why);
+    } else if report.is_unmeasured() {
         let variants = report.variants.iter().filter(|v| v.name != ORIGINAL);
         let all: BTreeSet<&str> = variants
             .filter_map(|v| match &v.verdict {
