@@ -187,13 +187,41 @@ enum Order {
     Chained,
 }
 
+/// Every pass, with its own defaults.
+fn every_step() -> Result<Vec<Step>, Failure> {
+    let steps = PASSES.iter().map(|p| Step::parse(p.info().name));
+    Ok(steps.collect::<Result<_, _>>()?)
+}
+
+/// The step with the largest static saving that is none of the passes in `drawn`, in words. `None`:
+/// none saves enough to be worth a look.
+pub fn largest_saving(shader: &ShaderArgs, drawn: &[&str]) -> Result<Option<String>, Failure> {
+    let steps = every_step()?;
+    let materials = shader.plans(&Recipe {
+        steps: steps.clone(),
+    })?;
+    let mut best: Option<(String, f64)> = None;
+    for plan in &materials.asked {
+        let (known, frame) = (&materials.known, &materials.frame);
+        let explained = explain(plan, &steps, known, frame, &[], Order::Apart)?;
+        let Some((step, share)) = explained::largest(&explained, drawn) else {
+            continue;
+        };
+        if best.as_ref().is_none_or(|(_, most)| share > *most) {
+            let step = match materials.asked.len() {
+                1 => step,
+                _ => format!("{step} of `{}`", plan.material),
+            };
+            best = Some((step, share));
+        }
+    }
+    Ok(best.map(|(step, _)| step))
+}
+
 /// Explains a material, or every material of a scene.
 pub fn run(args: &ExplainArgs) -> Result<Ending, Failure> {
     let steps = if args.passes.is_empty() {
-        PASSES
-            .iter()
-            .map(|p| Step::parse(p.info().name))
-            .collect::<Result<Vec<_>, _>>()?
+        every_step()?
     } else {
         args.passes
             .iter()

@@ -48,6 +48,9 @@ pub struct Report {
     pub clock: Option<Clock>,
     /// Depth ties over every view, in samples. `None`: not measured.
     pub depth_ties: Option<u64>,
+    /// Whether preshade made the scene up, around a bare shader.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub made_up: bool,
     /// Inputs that the scene does not give: filled by convention, or made up.
     pub assumed: Vec<Guessed>,
     /// Reasons to trust the pictures less: a single colour, or attributes that are made up.
@@ -56,6 +59,10 @@ pub struct Report {
     /// What the pictures leave untested, so that no verdict counts.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub untested: Vec<String>,
+    /// The recipe with the largest static saving among those that nobody asked for and that were not
+    /// drawn, and what it saves. `None`: something that was drawn pays, or nothing saves enough.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub not_drawn: Option<String>,
     /// The original first, named [`ORIGINAL`].
     pub variants: Vec<VariantReport>,
     /// Swept recipes, whose points are among the variants.
@@ -217,7 +224,7 @@ impl Report {
     }
 
     /// Takes back the verdicts of some variants.
-    pub(super) fn void(&mut self, why: &str, is_void: impl Fn(&VariantReport) -> bool) {
+    pub(crate) fn void(&mut self, why: &str, is_void: impl Fn(&VariantReport) -> bool) {
         for variant in self.variants.iter_mut().filter(|v| is_void(v)) {
             variant.verdict = Verdict::NotMeasured {
                 why: why.to_owned(),
