@@ -458,3 +458,61 @@ fn stages(plan: &Plan) -> Vec<StageCost> {
     }
     stages
 }
+
+#[cfg(test)]
+mod tests {
+    use preshade::unstable::passes::pass::{Site, SiteCost};
+    use preshade::unstable::passes::plan::Role;
+
+    use super::*;
+
+    fn pass(name: &str, ops: f64) -> PassExplained {
+        PassExplained {
+            pass: name.to_owned(),
+            summary: "",
+            hurts: "",
+            source: "",
+            sites: vec![Change {
+                key: Site {
+                    role: Role::Main,
+                    entry_point: "fs".to_owned(),
+                    slice: String::new(),
+                },
+                what: String::new(),
+                location: None,
+                cost: SiteCost::default(),
+            }],
+            saved: Some(Saved {
+                stage: "fragment",
+                ops,
+                of: 100.0,
+            }),
+            within_budget: None,
+            refusals: Vec::new(),
+            left: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn the_largest_saving_that_was_not_drawn_is_told() {
+        let explained = Explained {
+            material: "m".to_owned(),
+            stages: Vec::new(),
+            effects: Vec::new(),
+            switches: Vec::new(),
+            passes: vec![
+                pass("hoist", 20.0),
+                pass("early-alpha", 40.0),
+                pass("b", 4.0),
+            ],
+            frequencies: Vec::new(),
+        };
+        let told = |drawn: &[&str]| explained::largest(&explained, drawn).map(|(step, _)| step);
+        assert_eq!(
+            told(&["early-alpha"]).as_deref(),
+            Some("hoist, which saves 20 of 100 ops of the fragment stage (20 %)")
+        );
+        // Less than 5 % is no hint.
+        assert_eq!(told(&["early-alpha", "hoist"]), None);
+    }
+}
