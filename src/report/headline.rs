@@ -431,9 +431,10 @@ mod tests {
     fn an_original_that_does_not_repeat_itself_is_said_first() {
         let mut report = report(vec![variant("a", &[("wall", 1.5)], Verdict::Holds)]);
         report.untested = vec!["nothing is discarded".to_owned()];
-        let mut error = ErrorLadder::default();
-        error.changed_pixels = 96;
-        report.variants[0].error = Some(error);
+        report.variants[0].error = Some(ErrorLadder {
+            changed_pixels: 96,
+            ..ErrorLadder::default()
+        });
         let why = report.unrepeated().unwrap_or_default();
         report.void(&why, |_| true);
         assert_eq!(
