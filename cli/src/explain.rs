@@ -187,13 +187,41 @@ enum Order {
     Chained,
 }
 
+/// Every pass, with its own defaults.
+fn every_step() -> Result<Vec<Step>, Failure> {
+    let steps = PASSES.iter().map(|p| Step::parse(p.info().name));
+    Ok(steps.collect::<Result<_, _>>()?)
+}
+
+/// The step with the largest static saving that is none of the passes in `drawn`, in words. `None`:
+/// none saves enough to be worth a look.
+pub fn largest_saving(shader: &ShaderArgs, drawn: &[&str]) -> Result<Option<String>, Failure> {
+    let steps = every_step()?;
+    let materials = shader.plans(&Recipe {
+        steps: steps.clone(),
+    })?;
+    let mut best: Option<(String, f64)> = None;
+    for plan in &materials.asked {
+        let (known, frame) = (&materials.known, &materials.frame);
+        let explained = explain(plan, &steps, known, frame, &[], Order::Apart)?;
+        let Some((step, share)) = explained::largest(&explained, drawn) else {
+            continue;
+        };
+        if best.as_ref().is_none_or(|(_, most)| share > *most) {
+            let step = match materials.asked.len() {
+                1 => step,
+                _ => format!("{step} of `{}`", plan.material),
+            };
+            best = Some((step, share));
+        }
+    }
+    Ok(best.map(|(step, _)| step))
+}
+
 /// Explains a material, or every material of a scene.
 pub fn run(args: &ExplainArgs) -> Result<Ending, Failure> {
     let steps = if args.passes.is_empty() {
-        PASSES
-            .iter()
-            .map(|p| Step::parse(p.info().name))
-            .collect::<Result<Vec<_>, _>>()?
+        every_step()?
     } else {
         args.passes
             .iter()
@@ -429,4 +457,62 @@ fn stages(plan: &Plan) -> Vec<StageCost> {
         });
     }
     stages
+}
+
+#[cfg(test)]
+mod tests {
+    use preshade::unstable::passes::pass::{Site, SiteCost};
+    use preshade::unstable::passes::plan::Role;
+
+    use super::*;
+
+    fn pass(name: &str, ops: f64) -> PassExplained {
+        PassExplained {
+            pass: name.to_owned(),
+            summary: "",
+            hurts: "",
+            source: "",
+            sites: vec![Change {
+                key: Site {
+                    role: Role::Main,
+                    entry_point: "fs".to_owned(),
+                    slice: String::new(),
+                },
+                what: String::new(),
+                location: None,
+                cost: SiteCost::default(),
+            }],
+            saved: Some(Saved {
+                stage: "fragment",
+                ops,
+                of: 100.0,
+            }),
+            within_budget: None,
+            refusals: Vec::new(),
+            left: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn the_largest_saving_that_was_not_drawn_is_told() {
+        let explained = Explained {
+            material: "m".to_owned(),
+            stages: Vec::new(),
+            effects: Vec::new(),
+            switches: Vec::new(),
+            passes: vec![
+                pass("hoist", 20.0),
+                pass("early-alpha", 40.0),
+                pass("b", 4.0),
+            ],
+            frequencies: Vec::new(),
+        };
+        let told = |drawn: &[&str]| explained::largest(&explained, drawn).map(|(step, _)| step);
+        assert_eq!(
+            told(&["early-alpha"]).as_deref(),
+            Some("hoist, which saves 20 of 100 ops of the fragment stage (20 %)")
+        );
+        // Less than 5 % is no hint.
+        assert_eq!(told(&["early-alpha", "hoist"]), None);
+    }
 }

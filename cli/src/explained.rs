@@ -3,7 +3,7 @@
 use codespan_reporting::diagnostic::{Diagnostic, Label};
 use codespan_reporting::files::SimpleFiles;
 use codespan_reporting::term;
-use preshade::unstable::measure::EffectUse;
+use preshade::unstable::measure::{self, EffectUse};
 use preshade::unstable::passes::pass::{Bound, Frequency, Left, Refusal, SiteCost};
 use preshade::unstable::passes::plan::Plan;
 
@@ -51,6 +51,17 @@ impl<'e> Offer<'e> {
     fn share(&self) -> f64 {
         self.saved.map_or(0.0, Saved::share)
     }
+}
+
+/// The step that saves most of a stage and is none of the passes in `drawn`, with what it saves and
+/// the share. `None`: none saves enough to be worth a look.
+pub fn largest(explained: &Explained, drawn: &[&str]) -> Option<(String, f64)> {
+    let passes = explained.passes.iter();
+    let offers = passes.filter(|p| !drawn.contains(&p.pass.as_str()));
+    let offers = offers.filter_map(Offer::of).filter(|o| !o.is_small());
+    let best = offers.max_by(|a, b| a.share().total_cmp(&b.share()))?;
+    let saved = best.saved?;
+    Some((format!("{}, which {saved}", best.step), saved.share()))
 }
 
 /// At most ten lines: what applies, and what it saves.
@@ -340,15 +351,13 @@ pub fn refusal(refusal: &Refusal, plan: &Plan) -> String {
             at.range.start as usize..at.range.end as usize,
         ));
     }
-    let remedy = match refusal.remedy.is_empty() {
-        true => Vec::new(),
-        false => vec![format!("to make it legal: {}", refusal.remedy)],
-    };
+    let remedy = measure::remedy(refusal).filter(|remedy| !remedy.is_empty());
+    let remedy = remedy.map(|remedy| format!("to make it legal: {remedy}"));
     let diagnostic = Diagnostic::note()
         .with_code(format!("{}/{}", refusal.pass, refusal.code))
         .with_message(format!("does not apply: {}", refusal.reason))
         .with_labels(labels)
-        .with_notes(remedy);
+        .with_notes(remedy.into_iter().collect());
     let config = term::Config::default();
     term::emit_into_string(&config, &files, &diagnostic)
         .map_or_else(|_| refusal.to_string(), |s| s.trim_end().to_owned())

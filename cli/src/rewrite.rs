@@ -21,7 +21,7 @@ use crate::input::{Materials, ShaderArgs};
 use crate::many::{self, Chosen, Job, Sum};
 use crate::output;
 use crate::rewritten::{Content, Made, OnAdapter, Report, Rewritten, Times, Written};
-use crate::state::described;
+use crate::state::assumed;
 use crate::watch::Reads;
 use crate::{Ending, Failure, Format, unknown};
 
@@ -398,15 +398,8 @@ fn make(
     }
     let is_given = job.shader.state.state.is_some() || job.shader.is_scene();
     if !is_given && !recipe.steps.is_empty() {
-        let assumed = materials.asked.iter().filter_map(|plan| {
-            Some(format!(
-                "note: pipeline state assumed of `{}`: {} (--state FILE or its flags say \
-                 otherwise)",
-                plan.material,
-                described(plan)?
-            ))
-        });
-        made.assumed.extend(assumed);
+        made.assumed
+            .extend(materials.asked.iter().filter_map(assumed));
     }
     let applied = apply(&materials, recipe, args, &mut made.times);
     made.read = materials.files;

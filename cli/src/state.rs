@@ -197,8 +197,17 @@ impl StateArgs {
     }
 }
 
+/// A note about the state of a plan where the user gave none.
+pub fn assumed(plan: &Plan) -> Option<String> {
+    Some(format!(
+        "note: pipeline state assumed of `{}`: {} (--state FILE or its flags say otherwise)",
+        plan.material,
+        described(plan)?
+    ))
+}
+
 /// The pipeline state of a plan's main pass, in a line. `None`: it has none.
-pub fn described(plan: &Plan) -> Option<String> {
+fn described(plan: &Plan) -> Option<String> {
     let pass = plan.main()?;
     let mut parts: Vec<String> = Vec::new();
     for target in pass.targets.iter().flatten() {

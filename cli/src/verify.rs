@@ -9,9 +9,11 @@ use preshade::unstable::measure::record::{Chosen, Pictures, Report, SweepReport}
 use preshade::unstable::measure::{
     self, Detail, Session, Settings, Timed, TimingSettings, Variant,
 };
-use preshade::unstable::passes::budget::Budget;
-use preshade::unstable::passes::examples;
+use preshade::unstable::parameters::parameters;
+use preshade::unstable::passes::budget::{Budget, Metric};
 use preshade::unstable::passes::pass::{Facts, Use};
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::{examples, pass_named};
 use preshade::unstable::recipe::Recipe;
 use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
 use preshade::unstable::report;
@@ -19,12 +21,14 @@ use preshade::unstable::scene::{DrawOrder, Scene, Variables};
 use preshade::unstable::sweep::Sweep;
 
 use crate::apart::{apart, resumed};
+use crate::explain::largest_saving;
 use crate::guesses;
 use crate::input::ShaderArgs;
 use crate::keeper::Keeper;
 use crate::many::{self, Job};
 use crate::output::{self, ProgressLine};
 use crate::share::share;
+use crate::state::assumed;
 use crate::variable::Axis;
 use crate::variants::VariantArgs;
 use crate::view::ViewArgs;
@@ -235,7 +239,8 @@ pub fn run(args: &VerifyArgs) -> Result<Ending, Failure> {
         worker::end_with_parent();
     }
     let mut sweeps = args.variants.sweeps()?;
-    if sweeps.is_empty() && !args.every_pass {
+    let is_default = sweeps.is_empty() && !args.every_pass;
+    if is_default {
         let named = examples().filter(|(_, used)| **used == Use::Verify);
         sweeps = named
             .map(|(recipe, _)| Sweep::parse_list(recipe))
@@ -273,7 +278,7 @@ pub fn run(args: &VerifyArgs) -> Result<Ending, Failure> {
             ));
         }
         (true, None) => {
-            guesses::tell(&first);
+            tell_made_up(args, &first);
             let outcome = apart(&recipes(&sweeps), args.budget, &limits, &mut keeper)?;
             (outcome, Vec::new())
         }
@@ -315,6 +320,15 @@ pub fn run(args: &VerifyArgs) -> Result<Ending, Failure> {
     bar.finish_and_clear();
     if worker::mine().is_none() {
         tell_sweeps(&mut outcome.report, &sweeps);
+        if is_default && report::nothing_pays(&outcome.report) {
+            let steps = sweeps.iter().flat_map(|s| &s.points);
+            let drawn: Vec<&str> = steps
+                .flat_map(|p| &p.recipe.steps)
+                .map(|s| s.pass.as_str())
+                .collect();
+            // It is a hint: the measurements are told without it too.
+            outcome.report.not_drawn = largest_saving(&args.shader, &drawn).ok().flatten();
+        }
     }
     let ended = told(args, &outcome, &variants, &first).map_err(|e| keeper.named(e))?;
     keeper.done();
@@ -323,6 +337,15 @@ pub fn run(args: &VerifyArgs) -> Result<Ending, Failure> {
 
 /// An open adapter.
 struct Opened(Gpu);
+
+/// Tells what of the scene is made up, and the pipeline state where nothing says it.
+fn tell_made_up(args: &VerifyArgs, scene: &Scene) {
+    guesses::tell(scene);
+    if scene.is_made_up && args.shader.state.state.is_none() {
+        let notes = scene.materials.iter().filter_map(|m| assumed(&m.plan()));
+        notes.for_each(|note| output::message(&note));
+    }
+}
 
 /// Opens the requested adapter.
 pub fn open(args: &VerifyArgs) -> Result<Gpu, Failure> {
@@ -337,7 +360,7 @@ impl Opened {
     fn new(args: &VerifyArgs, scene: &Scene) -> Result<Self, Failure> {
         let gpu = open(args)?;
         if worker::mine().is_none() {
-            guesses::tell(scene);
+            tell_made_up(args, scene);
         }
         Ok(Self(gpu))
     }
@@ -520,6 +543,13 @@ fn measured(
         });
         Facts::default()
     });
+    let mine = match args.budget {
+        None => mine,
+        Some(budget) => mine
+            .into_iter()
+            .map(|recipe| budgeted(recipe, session.originals(), &facts, budget))
+            .collect(),
+    };
     let (recipes, variants) = choose(&session, mine, &mut facts, bar)?;
     let timed = match args.time {
         Some(TimeArg::No) => Timed::No,
@@ -565,6 +595,31 @@ fn tell_sweeps(report: &mut Report, sweeps: &[Sweep]) {
             report.sweeps.push(SweepReport::new(sweep, &names));
         }
     }
+}
+
+/// Gives the budget of `--budget` to each step that a material refuses without one.
+fn budgeted(recipe: Recipe, originals: &[Plan], facts: &Facts, budget: Budget) -> Recipe {
+    let refusals = |recipe: &Recipe| measure::variant(originals, recipe, facts).kept.len();
+    let mut recipe = recipe;
+    for i in 0..recipe.steps.len() {
+        let step = &recipe.steps[i];
+        let taken = pass_named(&step.pass).map_or(Vec::new(), parameters);
+        let takes = |name: &str| taken.iter().any(|p| p.name == name);
+        let is_its_metric = takes("metric") || budget.metric == Metric::FlipMean;
+        if !takes("budget") || !is_its_metric || step.params.contains_key("budget") {
+            continue;
+        }
+        let mut within = recipe.clone();
+        let params = &mut within.steps[i].params;
+        params.insert("budget".to_owned(), budget.limit.into());
+        if takes("metric") {
+            params.insert("metric".to_owned(), budget.metric.to_string().into());
+        }
+        if refusals(&within) < refusals(&recipe) {
+            recipe = within;
+        }
+    }
+    recipe
 }
 
 /// Resolves recipes that leave choices to measurement, and applies them.

@@ -68,7 +68,7 @@ pub use timing::{
 };
 pub use undrawn::undrawn;
 pub(crate) use variant::unwritten;
-pub use variant::{counting, refused, variant};
+pub use variant::{counting, refused, remedy, variant};
 pub use verify::{Settings, Timed, Variant, Verified, VerifyProgress, verify};
 pub use view::View;
 

@@ -4,6 +4,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use preshade_passes::contract::Assumption;
+use preshade_passes::guard::Assumed;
+use preshade_passes::pass::Undrawn;
 use preshade_passes::plan::{GpuPass, Phase, Plan, Role};
 use preshade_passes::state::{CompareFunction, CullMode};
 
@@ -168,18 +170,8 @@ pub(crate) fn undrawn<'p>(scene: &Scene, plans: impl Iterator<Item = &'p Plan>) 
     }
     let mut found = super::undrawn(scene).unwrap_or_default();
     found.retain(|u| budgeted.contains(u.material.as_str()));
-    let each: Vec<String> = found
-        .iter()
-        .take(BRANCHES)
-        .map(|u| {
-            let at = u.location.as_ref();
-            let at = at.map_or(String::new(), |at| {
-                format!(" ({}:{}:{})", at.file, at.line, at.column)
-            });
-            let values: Vec<String> = u.values.iter().map(ToString::to_string).collect();
-            format!("`{}`{at} with {}", u.condition, values.join(", "))
-        })
-        .collect();
+    let mut each: Vec<String> = found.iter().take(BRANCHES).map(unrun).collect();
+    each.dedup();
     let more = match found.len().saturating_sub(BRANCHES) {
         0 => String::new(),
         n => format!("; and {n} more"),
@@ -188,12 +180,29 @@ pub(crate) fn undrawn<'p>(scene: &Scene, plans: impl Iterator<Item = &'p Plan>) 
         true => "these values are made up, so a budget promises nothing",
         false => "a budget holds for these values, and the guard lists them",
     };
-    (!each.is_empty()).then(|| {
-        format!(
-            "no draw takes another way at {}{more}: {what}",
-            each.join("; ")
-        )
-    })
+    (!each.is_empty()).then(|| format!("{}{more}: {what}", each.join("; ")))
+}
+
+/// A branch of which the pictures show one way only, and the values that decide it.
+fn unrun(branch: &Undrawn) -> String {
+    let values: Vec<String> = branch.values.iter().map(drawn_value).collect();
+    let which = match &branch.location {
+        Some(at) => format!("at {}:{}", at.file, at.line),
+        None => format!("on `{}`", branch.condition),
+    };
+    format!(
+        "{} in every draw, so one way of the branch {which} was never run",
+        values.join(" and ")
+    )
+}
+
+/// A value of all draws, in words.
+fn drawn_value(value: &Assumed) -> String {
+    let text = value.to_string();
+    match text.split_once(" = ") {
+        Some((name, number)) => format!("`{name}` is {number}"),
+        None => text,
+    }
 }
 
 /// Whether the plan decides anew which fragments its material has: in another pass, on the

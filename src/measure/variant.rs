@@ -70,8 +70,19 @@ pub fn refused(originals: &[Plan], recipe: &Recipe, refusal: &Refusal) -> Varian
     }
 }
 
+/// The end of a refusal that has no remedy.
+pub(crate) const DOES_NOT_APPLY: &str = "; does not apply";
+
 fn why(refusal: &Refusal) -> String {
-    format!("{refusal}; to make it legal: {}", refusal.remedy)
+    match remedy(refusal) {
+        Some(remedy) => format!("{refusal}; to make it legal: {remedy}"),
+        None => format!("{refusal}{DOES_NOT_APPLY}"),
+    }
+}
+
+/// What makes a refused step legal. `None`: nothing, since there is nothing for it to do.
+pub fn remedy(refusal: &Refusal) -> Option<&str> {
+    Some(refusal.remedy.as_str()).filter(|remedy| *remedy != "nothing to do")
 }
 
 /// A recipe that there was no time to apply: a name, and no plans.

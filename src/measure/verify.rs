@@ -5,6 +5,7 @@ mod measurement;
 
 use std::collections::BTreeSet;
 
+use preshade_passes::contract::Verdict;
 use preshade_passes::plan::Plan;
 
 use super::shading::Counter;
@@ -269,10 +270,11 @@ impl Run<'_, '_> {
         let drawn = self.subjects.iter().skip(1).zip(variants);
         let drawn = drawn.filter(|(subject, _)| subject.covered.is_some());
         let plans = drawn.flat_map(|(_, variant)| &variant.plans);
+        let mut unbudgeted = None;
         if let Some(branches) = telling::undrawn(scene, plans) {
             // The guard of a real scene keeps a host to what was drawn.
             match scene.is_made_up {
-                true => untested.push(branches),
+                true => unbudgeted = Some(branches),
                 false => warnings.push(branches),
             }
         }
@@ -292,6 +294,15 @@ impl Run<'_, '_> {
             let (variant, picture) = subject.finish(self.session.gpu(), self.lost.as_deref(), away);
             report.variants.push(variant);
             pictures.extend(picture);
+        }
+        if let Some(why) = unbudgeted {
+            // A promise without a budget does not rest on what was drawn.
+            report.void(&why, |v| {
+                v.verdict == Verdict::Holds && !v.contract.budgets().is_empty()
+            });
+        }
+        if let Some(why) = report.unrepeated() {
+            report.void(&why, |v| !matches!(v.verdict, Verdict::NotMeasured { .. }));
         }
         (self.progress)(VerifyProgress::at(1.0, "done"));
         Ok(Verified {
@@ -323,9 +334,11 @@ impl Run<'_, '_> {
             adapter: self.session.gpu().adapter().clone(),
             clock: None,
             depth_ties: None,
+            made_up: scene.is_made_up,
             assumed: Vec::new(),
             warnings: Vec::new(),
             untested: Vec::new(),
+            not_drawn: None,
             variants: Vec::new(),
             sweeps: Vec::new(),
             chosen: None,

@@ -5,7 +5,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use preshade_passes::contract::{Contract, Verdict};
 
 use crate::measure::Estimate;
-use crate::measure::record::{ORIGINAL, Report, VariantReport};
+use crate::measure::record::{ORIGINAL, Report, VariantReport, ViewReport};
+use crate::measure::variant::DOES_NOT_APPLY;
+use crate::render::order;
+use crate::scene::DrawOrder;
 
 /// The picture of a variant that keeps its contract.
 pub(super) fn picture(contract: &Contract) -> &'static str {
@@ -16,13 +19,17 @@ pub(super) fn picture(contract: &Contract) -> &'static str {
     }
 }
 
-/// The verdict in a word or two. The original has none, unless it could not be drawn.
-pub(super) fn verdict(v: &VariantReport) -> &'static str {
-    match &v.verdict {
-        Verdict::Holds if v.name == ORIGINAL => "",
-        Verdict::Holds => picture(&v.contract),
-        Verdict::Broken { .. } => "BROKEN",
-        Verdict::NotMeasured { .. } => "not measured",
+/// The verdict in a word or two. The original has none, unless it could not be drawn. A variant that
+/// keeps its own promise may be over the `--budget` of the report.
+pub(super) fn verdict(report: &Report, v: &VariantReport) -> String {
+    let asked = report.chosen.as_ref().map(|c| c.budget);
+    let over = asked.filter(|b| v.error.as_ref().is_some_and(|e| !b.allows(e)));
+    match (&v.verdict, over) {
+        (Verdict::Holds, _) if v.name == ORIGINAL => String::new(),
+        (Verdict::Holds, Some(b)) => format!("over {}={}", b.metric, b.limit),
+        (Verdict::Holds, None) => picture(&v.contract).to_owned(),
+        (Verdict::Broken { .. }, _) => "BROKEN".to_owned(),
+        (Verdict::NotMeasured { .. }, _) => "not measured".to_owned(),
     }
 }
 
@@ -31,8 +38,7 @@ pub(super) fn verdict(v: &VariantReport) -> &'static str {
 /// interval of its speedup is above 1, and as slower if all of it is below. Of several, the one with
 /// the best mean is named; the number is its mean over the views in which it is faster.
 pub fn headline(report: &Report) -> String {
-    let drawn = || report.variants.iter().filter(|v| v.name != ORIGINAL);
-    let broken: Vec<String> = drawn()
+    let broken: Vec<String> = drawn(report)
         .filter(|v| matches!(v.verdict, Verdict::Broken { .. }))
         .map(|v| format!("`{}`", v.name))
         .collect();
@@ -44,28 +50,90 @@ pub fn headline(report: &Report) -> String {
     let said = match (not_measured(report), &report.chosen) {
         (Some(why), _) => format!("Not measured: {why}."),
         (None, Some(chosen)) => chosen.said(),
+        (None, None) if report.made_up => made_up(report),
         (None, None) if report.clock.is_none() => {
             "Nothing was timed, so nothing is known to be worth shipping.".to_owned()
         }
-        (None, None) => {
-            let worth = drawn().filter_map(|v| Some((Speedups::of(v)?, v)));
-            let best = worth.max_by(|(a, _), (b, _)| a.mean.total_cmp(&b.mean));
-            best.map_or_else(
-                || "Nothing here is worth shipping on this adapter: ship the original.".to_owned(),
-                |(speedups, v)| {
-                    let (name, picture) = (&v.name, picture(&v.contract));
-                    format!("{name}{}: {picture}, {}.", refused(v), speedups.said())
-                },
-            )
-        }
+        (None, None) => match best(report) {
+            Some((v, speedups)) => {
+                let (name, picture) = (&v.name, picture(&v.contract));
+                format!("{name}{}: {picture}, {}.", refused(v), speedups.said())
+            }
+            None => format!(
+                "{} worth shipping on this adapter: ship the original.{}",
+                nobody(report),
+                not_drawn(report)
+            ),
+        },
     };
     said + &broken
+}
+
+/// Whether the headline is that no variant is worth shipping.
+pub fn nothing_pays(report: &Report) -> bool {
+    let is_timed = report.clock.is_some() && report.chosen.is_none();
+    is_timed && not_measured(report).is_none() && best(report).is_none()
+}
+
+fn drawn(report: &Report) -> impl Iterator<Item = &VariantReport> {
+    report.variants.iter().filter(|v| v.name != ORIGINAL)
+}
+
+/// The variant that is most worth shipping.
+fn best(report: &Report) -> Option<(&VariantReport, Speedups<'_>)> {
+    let worth = drawn(report).filter_map(|v| Some((v, Speedups::of(v)?)));
+    worth.max_by(|(_, a), (_, b)| a.mean.total_cmp(&b.mean))
+}
+
+/// The sentence where preshade made the scene up, by which nobody can decide.
+fn made_up(report: &Report) -> String {
+    let guessed = match report.assumed.len() {
+        0 => String::new(),
+        1 => " (1 guessed input)".to_owned(),
+        n => format!(" ({n} guessed inputs)"),
+    };
+    let found = match best(report) {
+        _ if report.clock.is_none() => "nothing was timed.".to_owned(),
+        Some((v, speedups)) => format!(
+            "{} with {}{}, {}.",
+            picture(&v.contract),
+            v.name,
+            refused(v),
+            speedups.said()
+        ),
+        None => format!(
+            "{} faster.{}",
+            nobody(report).replacen("None", "none", 1),
+            not_drawn(report)
+        ),
+    };
+    format!("On a made-up scene{guessed}: {found} Give your scene before you decide.")
+}
+
+/// The beginning of a sentence that denies something of all variants.
+fn nobody(report: &Report) -> String {
+    let measured = drawn(report).filter(|v| !matches!(v.verdict, Verdict::NotMeasured { .. }));
+    let names: Vec<&str> = measured.map(|v| v.name.as_str()).collect();
+    match names[..] {
+        [] => "Nothing here is".to_owned(),
+        [one] => format!("`{one}` is not"),
+        _ => format!("None of the {} recipes drawn is", names.len()),
+    }
+}
+
+/// A recipe to try where nothing that was drawn pays.
+fn not_drawn(report: &Report) -> String {
+    let recipe = report.not_drawn.as_ref();
+    recipe.map_or(String::new(), |recipe| format!(" Not drawn: {recipe}."))
 }
 
 /// Why the pictures say nothing about any variant. `None`: they do.
 fn not_measured(report: &Report) -> Option<String> {
     let mut whys = report.untested.clone();
-    if report.is_unmeasured() {
+    // Nothing else matters on an adapter that does not repeat itself.
+    if let (true, Some(why)) = (report.is_unmeasured(), report.unrepeated()) {
+        whys.insert(0, why);
+    } else if report.is_unmeasured() {
         let variants = report.variants.iter().filter(|v| v.name != ORIGINAL);
         let all: BTreeSet<&str> = variants
             .filter_map(|v| match &v.verdict {
@@ -101,13 +169,14 @@ fn refused(v: &VariantReport) -> String {
 }
 
 /// The reason of all refusals, if it is one: a refusal reads `pass[code]: reason; to make it legal:
-/// remedy`.
+/// remedy` or `pass[code]: reason; does not apply`.
 fn shared_reason(report: &Report) -> String {
     let kept = report.variants.iter().flat_map(|v| &v.kept);
     let reasons: BTreeSet<&str> = kept
         .filter_map(|k| {
             let (_, reason) = k.why.split_once("]: ")?;
-            reason.split("; to make it legal").next()
+            let reason = reason.split("; to make it legal").next()?;
+            reason.split(DOES_NOT_APPLY).next()
         })
         .collect();
     match reasons.into_iter().collect::<Vec<_>>()[..] {
@@ -117,72 +186,103 @@ fn shared_reason(report: &Report) -> String {
 }
 
 /// The speedups of a variant that is worth shipping.
-struct Speedups {
+struct Speedups<'r> {
     /// Geometric mean over all timed views.
     mean: f64,
-    /// Geometric mean over the views in which it is faster.
-    gain: f64,
-    faster: usize,
-    views: usize,
-    /// The largest loss of time, of 1, and the cameras of the views in which it is slower.
-    loss: f64,
-    slower: BTreeSet<String>,
+    timed: Vec<(&'r ViewReport, Estimate)>,
 }
 
-impl Speedups {
-    fn of(v: &VariantReport) -> Option<Self> {
+impl<'r> Speedups<'r> {
+    fn of(v: &'r VariantReport) -> Option<Self> {
         if !matches!(v.verdict, Verdict::Holds) {
             return None;
         }
         let views = v.by_view.iter();
-        let timed: Vec<(&str, Estimate)> = views
-            .filter_map(|view| Some((view.camera.as_str(), view.speedup?)))
+        let timed: Vec<_> = views
+            .filter_map(|view| Some((view, view.speedup?)))
             .collect();
-        let mean = |of: &mut dyn Iterator<Item = f64>| {
-            let logs: Vec<f64> = of.map(f64::ln).collect();
-            (logs.iter().sum::<f64>() / logs.len().max(1) as f64).exp()
-        };
-        let faster = || timed.iter().filter(|(_, s)| s.low > 1.0);
-        let slower = || timed.iter().filter(|(_, s)| s.high < 1.0);
         let speedups = Self {
-            mean: mean(&mut timed.iter().map(|(_, s)| s.median)),
-            gain: mean(&mut faster().map(|(_, s)| s.median)),
-            faster: faster().count(),
-            views: timed.len(),
-            loss: slower()
-                .map(|(_, s)| 1.0 / s.median - 1.0)
-                .fold(0.0, f64::max),
-            slower: slower().map(|(camera, _)| (*camera).to_owned()).collect(),
+            mean: geometric_mean(timed.iter().map(|(_, s)| s.median)),
+            timed,
         };
-        (speedups.faster > 0 && speedups.mean > 1.0).then_some(speedups)
+        let is_faster = speedups.faster().next().is_some();
+        (is_faster && speedups.mean > 1.0).then_some(speedups)
+    }
+
+    fn faster(&self) -> impl Iterator<Item = &(&'r ViewReport, Estimate)> {
+        self.timed.iter().filter(|(_, s)| s.low > 1.0)
+    }
+
+    fn slower(&self) -> impl Iterator<Item = &(&'r ViewReport, Estimate)> {
+        self.timed.iter().filter(|(_, s)| s.high < 1.0)
+    }
+
+    /// Whether the views are one picture in several draw orders.
+    fn differ_in_order(&self) -> bool {
+        let cameras: BTreeSet<(&str, usize)> = self
+            .timed
+            .iter()
+            .map(|(view, _)| (view.camera.as_str(), view.frame))
+            .collect();
+        cameras.len() == 1 && self.timed.len() > 1
     }
 
     fn said(&self) -> String {
-        let at = match (self.faster, self.views) {
+        let by_order = self.differ_in_order();
+        let at = match (self.faster().count(), self.timed.len()) {
             (_, 1) => String::new(),
+            (n, of) if n == of && by_order => format!(" in all {of} draw orders"),
             (n, of) if n == of => format!(" in all {of} views"),
+            _ if by_order => format!(" {}", orders(self.faster())),
             (n, of) => format!(" in {n} of {of} views"),
         };
-        let slower: Vec<&str> = self.slower.iter().map(String::as_str).collect();
-        let loss = match slower[..] {
-            [] => String::new(),
-            _ => format!(
-                ", up to {:.0} % slower in {} views",
-                (self.loss * 100.0).max(1.0),
-                slower.join(" and ")
-            ),
+        let cameras: BTreeSet<&str> = self.slower().map(|(v, _)| v.camera.as_str()).collect();
+        let worst = self.slower().map(|(_, s)| 1.0 / s.median - 1.0);
+        let worst = (worst.fold(0.0, f64::max) * 100.0).max(1.0);
+        let loss = match (self.slower().count(), by_order) {
+            (0, _) => String::new(),
+            (1, true) => format!(", {worst:.0} % slower {}", orders(self.slower())),
+            (_, true) => format!(", up to {worst:.0} % slower {}", orders(self.slower())),
+            (_, false) => {
+                let cameras: Vec<&str> = cameras.into_iter().collect();
+                format!(
+                    ", up to {worst:.0} % slower in {} views",
+                    cameras.join(" and ")
+                )
+            }
         };
-        format!("{:.2}x faster{at}{loss}", self.gain)
+        let gain = geometric_mean(self.faster().map(|(_, s)| s.median));
+        format!("{gain:.2}x faster{at}{loss}")
     }
+}
+
+fn geometric_mean(of: impl Iterator<Item = f64>) -> f64 {
+    let logs: Vec<f64> = of.map(f64::ln).collect();
+    (logs.iter().sum::<f64>() / logs.len().max(1) as f64).exp()
+}
+
+/// The draw orders of some views.
+fn orders<'v, 'r: 'v>(views: impl Iterator<Item = &'v (&'r ViewReport, Estimate)>) -> String {
+    let names: Vec<String> = views
+        .map(|(view, _)| {
+            let common = match view.order {
+                DrawOrder::FrontToBack => " (the order most engines use)",
+                _ => "",
+            };
+            format!("{}{common}", order::name(view.order))
+        })
+        .collect();
+    names.join(" and ")
 }
 
 #[cfg(test)]
 mod tests {
+    use preshade_passes::budget::{Budget, Metric};
+
     use super::*;
-    use crate::measure::record::ViewReport;
+    use crate::measure::record::Chosen;
     use crate::measure::{Clock, ErrorLadder};
     use crate::render::AdapterReport;
-    use crate::scene::DrawOrder;
 
     fn variant(name: &str, speedups: &[(&str, f64)], verdict: Verdict) -> VariantReport {
         let view = |(camera, median): &(&str, f64)| ViewReport {
@@ -229,9 +329,11 @@ mod tests {
             },
             clock: Some(Clock::WallClock),
             depth_ties: None,
+            made_up: false,
             assumed: Vec::new(),
             warnings: Vec::new(),
             untested: Vec::new(),
+            not_drawn: None,
             variants: std::iter::once(original).chain(variants).collect(),
             sweeps: Vec::new(),
             chosen: None,
@@ -256,7 +358,7 @@ mod tests {
 
     #[test]
     fn noise_losses_and_broken_variants_are_not_worth_shipping() {
-        let nothing = "Nothing here is worth shipping on this adapter: ship the original.";
+        let nothing = "`a` is not worth shipping on this adapter: ship the original.";
         let noise = [("wall", 1.01), ("wall", 1.01), ("open", 1.0)];
         // One gain does not outweigh two losses.
         let loss = [("wall", 1.1), ("wall", 0.8), ("open", 0.8)];
@@ -267,10 +369,96 @@ mod tests {
             r#where: "here".to_owned(),
         };
         let fast = variant("fast", &[("wall", 2.0)], broken);
+        let slow = || variant("a", &noise, Verdict::Holds);
         assert_eq!(
-            said(vec![fast]),
-            format!("{nothing} `fast` is BROKEN: do not ship it.")
+            said(vec![slow(), fast]),
+            "None of the 2 recipes drawn is worth shipping on this adapter: ship the original. \
+             `fast` is BROKEN: do not ship it."
         );
+        let mut report = report(vec![slow()]);
+        report.not_drawn = Some("hoist, which saves 9 of 9 ops".to_owned());
+        assert_eq!(
+            headline(&report),
+            format!("{nothing} Not drawn: hoist, which saves 9 of 9 ops.")
+        );
+    }
+
+    #[test]
+    fn the_orders_of_one_camera_are_named() {
+        let mut one = variant(
+            "a",
+            &[("wall", 1.0 / 1.14), ("wall", 1.5), ("wall", 1.5)],
+            Verdict::Holds,
+        );
+        let orders = [
+            DrawOrder::FrontToBack,
+            DrawOrder::BackToFront,
+            DrawOrder::Shuffled,
+        ];
+        for (view, order) in one.by_view.iter_mut().zip(orders) {
+            view.order = order;
+        }
+        assert_eq!(
+            said(vec![one]),
+            "a: same picture, 1.50x faster back to front and shuffled, 14 % slower front to back \
+             (the order most engines use)."
+        );
+        let all = variant("a", &[("wall", 1.5); 3], Verdict::Holds);
+        assert_eq!(
+            said(vec![all]),
+            "a: same picture, 1.50x faster in all 3 draw orders."
+        );
+    }
+
+    #[test]
+    fn a_made_up_scene_decides_nothing() {
+        let of = |variants| Report {
+            made_up: true,
+            ..report(variants)
+        };
+        assert_eq!(
+            headline(&of(vec![variant("a", &[("wall", 1.5)], Verdict::Holds)])),
+            "On a made-up scene: same picture with a, 1.50x faster. Give your scene before you decide."
+        );
+        let slow = |name| variant(name, &[("wall", 0.5)], Verdict::Holds);
+        assert_eq!(
+            headline(&of(vec![slow("a"), slow("b")])),
+            "On a made-up scene: none of the 2 recipes drawn is faster. Give your scene before you decide."
+        );
+    }
+
+    #[test]
+    fn an_original_that_does_not_repeat_itself_is_said_first() {
+        let mut report = report(vec![variant("a", &[("wall", 1.5)], Verdict::Holds)]);
+        report.untested = vec!["nothing is discarded".to_owned()];
+        report.variants[0].error = Some(ErrorLadder {
+            changed_pixels: 96,
+            ..ErrorLadder::default()
+        });
+        let why = report.unrepeated().unwrap_or_default();
+        report.void(&why, |_| true);
+        assert_eq!(
+            headline(&report),
+            "Not measured: the original does not repeat itself on this adapter (96 pixels); nothing is discarded."
+        );
+    }
+
+    #[test]
+    fn a_variant_over_the_budget_that_was_asked_for_is_not_within_it() {
+        let budget = |limit| Budget {
+            metric: Metric::FlipMean,
+            limit,
+        };
+        let mut own = variant("a", &[("wall", 1.5)], Verdict::Holds);
+        own.error = Some(ErrorLadder {
+            flip_mean: 0.05,
+            ..ErrorLadder::default()
+        });
+        let mut report = report(vec![own]);
+        for (limit, said) in [(0.02, "over flip_mean=0.02"), (0.1, "same picture")] {
+            report.chosen = Some(Chosen::among(&report.variants, budget(limit)));
+            assert_eq!(verdict(&report, &report.variants[1]), said);
+        }
     }
 
     #[test]

@@ -17,3 +17,5 @@ pub mod regret;
 pub mod sheet;
 pub mod sweep;
 pub mod table;
+
+pub use headline::nothing_pays;

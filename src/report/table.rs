@@ -56,7 +56,7 @@ pub fn render(report: &Report, coloured: bool) -> String {
         "shaded/px",
     ];
     let mut rows = vec![header.map(plain).to_vec()];
-    rows.extend(report.variants.iter().map(|v| row(v).to_vec()));
+    rows.extend(report.variants.iter().map(|v| row(report, v).to_vec()));
     let widths = widths(&rows);
     rows.insert(1, widths.iter().map(|w| plain(&"-".repeat(*w))).collect());
     out.push('\n');
@@ -97,13 +97,13 @@ fn aligned(rows: &[Vec<Cell>], widths: &[usize], words: usize, coloured: bool) -
     out
 }
 
-fn row(v: &VariantReport) -> [Cell; 9] {
+fn row(report: &Report, v: &VariantReport) -> [Cell; 9] {
     let dash = || "-".to_owned();
     let error = v.error.as_ref();
     let drawn = |f: &dyn Fn(&crate::measure::ErrorLadder) -> String| error.map_or_else(dash, f);
     let cells = [
         v.name.clone(),
-        verdict(v).to_owned(),
+        verdict(report, v),
         drawn(&|e| e.changed_pixels.to_string()),
         drawn(&|e| e.changed_depth.to_string()),
         drawn(&|e| match e.max_abs {
@@ -144,6 +144,12 @@ pub(super) fn notes(report: &Report) -> String {
             crate::render::order::name(view.order)
         ));
     }
+    if is_paired_otherwise(&report.variants) {
+        out.push_str(
+            "A speedup is the median of paired ratios, and ms is each variant's own median: the two \
+             may disagree.\n",
+        );
+    }
     for warning in &report.warnings {
         out.push_str(&format!("Warning: {warning}.\n"));
     }
@@ -159,7 +165,8 @@ pub(super) fn notes(report: &Report) -> String {
             "depth ties: at {ties} {what}, over all views, two surfaces share the winning depth.\n"
         ));
     }
-    for v in &report.variants {
+    let unrepeated = report.unrepeated();
+    for (i, v) in report.variants.iter().enumerate() {
         if let Some(shadow) = &v.shadow {
             out.push_str(&under_the_light(&v.name, shadow));
         }
@@ -193,7 +200,10 @@ pub(super) fn notes(report: &Report) -> String {
             Verdict::Broken { r#where } => {
                 out.push_str(&format!("{}: broken at {}\n", v.name, r#where));
             }
-            Verdict::NotMeasured { why } if !is_swept => {
+            // Of the original, it is said once.
+            Verdict::NotMeasured { why }
+                if !is_swept && (i == 0 || unrepeated.as_ref() != Some(why)) =>
+            {
                 out.push_str(&format!("{}: not measured: {why}\n", v.name));
             }
             Verdict::NotMeasured { .. } | Verdict::Holds => {}
@@ -202,6 +212,26 @@ pub(super) fn notes(report: &Report) -> String {
     }
     out.push_str(&left_alone(report));
     out
+}
+
+/// Whether a printed speedup and the printed times beside it disagree in direction, or by more than
+/// 10 %.
+fn is_paired_otherwise(variants: &[VariantReport]) -> bool {
+    let time = |v: &VariantReport| v.time_ms.as_ref().map(|t| t.estimate.median);
+    let [original, variants @ ..] = variants else {
+        return false;
+    };
+    let printed = |factor: f64| (factor * 100.0).round();
+    variants.iter().any(|v| {
+        let (Some(before), Some(after), Some(speedup)) = (time(original), time(v), v.speedup)
+        else {
+            return false;
+        };
+        let (ratio, speedup) = (before / after, speedup.median);
+        let (a, b) = (printed(ratio), printed(speedup));
+        let is_turned = (a > 100.0 && b < 100.0) || (a < 100.0 && b > 100.0);
+        is_turned || (ratio / speedup).ln().abs() > 1.1_f64.ln()
+    })
 }
 
 /// Whether a variant is a point of a sweep.
@@ -265,7 +295,8 @@ fn self_tests(v: &VariantReport) -> String {
             }
         }
     }
-    if held > 0 {
+    let is_measured = !matches!(v.verdict, Verdict::NotMeasured { .. });
+    if held > 0 && is_measured {
         out.push_str(&format!(
             "{}: self-test held for {held} of {} materials that have one\n",
             v.name,
@@ -394,4 +425,47 @@ fn by_view(report: &Report, coloured: bool) -> String {
     }
     let lines = aligned(&rows, &widths(&rows), 1, coloured);
     format!("The original by view, and the speedup of each variant:\n\n{lines}\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use preshade_passes::contract::Contract;
+
+    use super::*;
+    use crate::measure::FrameTime;
+
+    #[test]
+    fn times_that_disagree_with_their_speedup_are_explained() {
+        let exactly = |median: f64| Estimate {
+            median,
+            low: median,
+            high: median,
+        };
+        let timed = |ms: f64, speedup: f64| VariantReport {
+            time_ms: Some(FrameTime {
+                estimate: exactly(ms),
+                samples: Vec::new(),
+            }),
+            speedup: Some(exactly(speedup)),
+            ..VariantReport::new("a", "a", Contract::exact(), Verdict::Holds)
+        };
+        let of = |ms, speedup| is_paired_otherwise(&[timed(1.0, 1.0), timed(ms, speedup)]);
+        assert!(of(1.02, 1.02) && of(0.5, 1.7));
+        assert!(!of(0.5, 1.9) && !of(1.001, 1.001));
+    }
+
+    #[test]
+    fn the_self_test_of_a_variant_that_was_not_measured_is_left_out() {
+        let of = |verdict| VariantReport {
+            self_test: vec![crate::measure::record::SelfTestReport {
+                material: "m".to_owned(),
+                result: SelfTestResult::Held { samples: 1 },
+                fallback: None,
+            }],
+            ..VariantReport::new("a", "a", Contract::exact(), verdict)
+        };
+        assert!(self_tests(&of(Verdict::Holds)).contains("self-test held for 1 of 1"));
+        let why = "the adapter was lost".to_owned();
+        assert_eq!(self_tests(&of(Verdict::NotMeasured { why })), "");
+    }
 }

@@ -338,3 +338,71 @@ fn a_stale_choice_is_a_warning() {
     );
     assert!(said.contains("choose again with `verify`"), "{said}");
 }
+
+/// `u.debug` is made up as 0, so no draw takes the branch.
+const DEBUG: &str = "
+struct U { view_proj: mat4x4f, debug: u32 }
+@group(0) @binding(0) var<uniform> u: U;
+struct V { @builtin(position) p: vec4f, @location(0) n: vec3f }
+@vertex fn vs(@location(0) position: vec3f, @location(1) normal: vec3f) -> V {
+    return V(u.view_proj * vec4f(position, 1.0), normal);
+}
+@fragment fn fs(in: V) -> @location(0) vec4f {
+    if u.debug == 1u { return vec4f(1.0, 0.0, 0.0, 1.0); }
+    return vec4f(normalize(in.n) * 0.5 + 0.5, 1.0);
+}
+";
+
+/// A bare shader decides nothing about shipping, and a branch that no draw takes voids no exact
+/// promise, whichever command looks at it.
+#[test]
+fn a_bare_shader_is_measured_and_not_decided() {
+    let folder = here("debug", &[("debug.wgsl", DEBUG)]);
+    let verify = |args: &[&str]| {
+        let given = ["verify", "debug.wgsl", "--size", "64x36"];
+        run(&folder, &[&given[..], args].concat())
+    };
+    let output = verify(&["--time", "no"]);
+    let said = stdout(&output);
+    assert_eq!(output.status.code(), Some(0), "{said}");
+    assert!(
+        said.starts_with("On a made-up scene (2 guessed inputs): nothing was timed. Give your"),
+        "{said}"
+    );
+    let notes = stderr(&output);
+    assert!(
+        notes.contains("note: pipeline state assumed of `debug`: opaque "),
+        "{notes}"
+    );
+    let output = verify(&["--every-pass", "--format", "json"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(report["held"].as_u64().unwrap() > 5, "{report}");
+}
+
+/// A step that needs a budget and has none takes that of `--budget`.
+#[test]
+fn a_step_without_a_budget_takes_the_one_that_is_asked_for() {
+    let output = run(
+        Path::new(env!("CARGO_MANIFEST_DIR")),
+        &[
+            "verify",
+            "../fixtures/scenes/cobbles.toml",
+            "--variant",
+            "skip-taps",
+            "--budget",
+            "flip_mean=0.02",
+            "--time",
+            "no",
+            "--size",
+            "64x36",
+            "--format",
+            "json",
+        ],
+    );
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let variant = &report["variants"][1];
+    let name = variant["name"].as_str().unwrap();
+    assert!(name.contains("budget=0.02"), "{name}");
+    assert_eq!(variant["verdict"]["kind"], "holds", "{variant}");
+}

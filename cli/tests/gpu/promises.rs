@@ -52,6 +52,50 @@ fn exact_recipes_hold_on_swiftshader() {
     }
 }
 
+/// `dpdx` of a value of divergent control flow, which SwiftShader gives otherwise from run to run.
+const UNREPEATED: &str = "
+struct U { mvp: mat4x4<f32> }
+@group(0) @binding(0) var<uniform> u: U;
+struct V { @builtin(position) position: vec4<f32>, @location(0) uv: vec2<f32> }
+@vertex fn vs(@location(0) position: vec3<f32>, @location(1) uv: vec2<f32>) -> V {
+    return V(u.mvp * vec4<f32>(position, 1.0), uv);
+}
+@fragment fn fs(v: V) -> @location(0) vec4<f32> {
+    var x = 0.0;
+    for (var i = 0; i < 8; i++) {
+        x += v.uv.x;
+        if x > 2.5 { discard; }
+        if fract(v.uv.x * f32(i + 1) * 7.0) < 0.1 { break; }
+    }
+    return vec4<f32>(abs(dpdx(x)), x * 0.1, 0.5, 1.0);
+}
+";
+
+/// What the adapter does with the original is not blamed on the passes.
+#[test]
+fn an_original_that_does_not_repeat_itself_proves_nothing() {
+    let scenes = folder("unrepeated", SCENE, "");
+    fs::write(scenes.join("unrepeated.wgsl"), UNREPEATED).unwrap();
+    let verify = |args: &[&str]| {
+        let mut command = preshade(&scenes);
+        command.env(VARIABLE, swiftshader()).arg("verify");
+        let given = ["unrepeated.wgsl", "--size", "160x90"];
+        command.args(given).args(args).output().unwrap()
+    };
+    let output = verify(&["--time", "no"]);
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert_eq!(output.status.code(), Some(3), "{said}");
+    let first = "Not measured: the original does not repeat itself on this adapter (";
+    assert!(said.starts_with(first), "{said}");
+    assert!(!said.contains("BROKEN"), "{said}");
+    let every = report(&verify(&["--every-pass", "--format", "json"]), 3);
+    assert_eq!(
+        (&every["held"], &every["broken"]),
+        (&0.into(), &0.into()),
+        "{every}"
+    );
+}
+
 #[test]
 fn every_declared_recipe_is_counted_once() {
     let scenes = folder("every-pass", SCENE, "");

@@ -9,6 +9,7 @@ pub mod unfinished;
 use preshade_passes::contract::{Contract, Verdict};
 use serde::{Deserialize, Serialize};
 
+use super::error::counted;
 use super::statistics::Invocations;
 use super::{Clock, ErrorLadder, Estimate, FrameTime, Junction, ShadowReport};
 use crate::render::{AdapterReport, SelfTestResult, SubdivisionCost};
@@ -47,14 +48,21 @@ pub struct Report {
     pub clock: Option<Clock>,
     /// Depth ties over every view, in samples. `None`: not measured.
     pub depth_ties: Option<u64>,
+    /// Whether preshade made the scene up, around a bare shader.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub made_up: bool,
     /// Inputs that the scene does not give: filled by convention, or made up.
     pub assumed: Vec<Guessed>,
     /// Reasons to trust the pictures less: a single colour, or attributes that are made up.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<String>,
-    /// What the pictures leave untested, so that a verdict says less than it seems to.
+    /// What the pictures leave untested, so that no verdict counts.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub untested: Vec<String>,
+    /// The recipe with the largest static saving among those that nobody asked for and that were not
+    /// drawn, and what it saves. `None`: something that was drawn pays, or nothing saves enough.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub not_drawn: Option<String>,
     /// The original first, named [`ORIGINAL`].
     pub variants: Vec<VariantReport>,
     /// Swept recipes, whose points are among the variants.
@@ -200,6 +208,28 @@ impl Report {
         let mut variants = self.variants.iter().skip(1).peekable();
         let is_open = |v: &VariantReport| matches!(v.verdict, Verdict::NotMeasured { .. });
         variants.peek().is_some() && variants.all(is_open)
+    }
+
+    /// Why no picture proves anything: two of the original differ. `None`: they do not.
+    pub(crate) fn unrepeated(&self) -> Option<String> {
+        let original = self.variants.first().filter(|v| v.name == ORIGINAL)?;
+        let error = original.error.as_ref().filter(|e| !e.is_exact())?;
+        let differing = match error.changed_pixels {
+            0 => counted(error.changed_depth, "depth"),
+            n => counted(n, "pixel"),
+        };
+        Some(format!(
+            "the original does not repeat itself on this adapter ({differing})"
+        ))
+    }
+
+    /// Takes back the verdicts of some variants.
+    pub(crate) fn void(&mut self, why: &str, is_void: impl Fn(&VariantReport) -> bool) {
+        for variant in self.variants.iter_mut().filter(|v| is_void(v)) {
+            variant.verdict = Verdict::NotMeasured {
+                why: why.to_owned(),
+            };
+        }
     }
 
     /// The JSON of record, indented, with a newline at its end.

@@ -33,7 +33,7 @@ struct Page<'a> {
 struct Row {
     section: Option<usize>,
     name: String,
-    verdict: &'static str,
+    verdict: String,
     /// `broken`, or nothing.
     kept: &'static str,
     speedup: String,
@@ -176,7 +176,7 @@ fn rows(report: &Report, sections: &[Section]) -> Vec<Row> {
         Row {
             section: sections.iter().find(|s| s.name == v.name).map(|s| s.id),
             name: v.name.clone(),
-            verdict: verdict(v),
+            verdict: verdict(report, v),
             kept: match v.verdict {
                 Verdict::Broken { .. } => "broken",
                 Verdict::Holds | Verdict::NotMeasured { .. } => "",
