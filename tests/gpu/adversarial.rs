@@ -54,7 +54,6 @@ const REFUSED: &[(&str, &str, &str)] = &[
     ("sample-index-in-color", "depth-prepass", "sample-rate"),
     ("sample-index-in-color", "early-discard", "sample-rate"),
     ("sample-index-in-color", "visibility-buffer", "multisampled"),
-    ("sample-index-unread", "depth-prepass", "sample-rate"),
     ("sample-index-unread", "hoist", "sample-rate"),
     ("sample-mask-in", "depth-prepass", "surviving-samples"),
     ("sample-mask-out", "depth-prepass", "sample-mask"),

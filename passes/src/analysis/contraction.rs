@@ -411,6 +411,20 @@ impl<'g, 'p> Operations<'_, 'g, 'p> {
     }
 }
 
+/// Values that another of the same structure equals. A compiler computes both once.
+pub(crate) fn twins(values: &Values<'_, '_>) -> Vec<bool> {
+    let operations = Operations {
+        values,
+        sees_modifiers: false,
+    };
+    let hashes = operations.hashed();
+    let mut count: BTreeMap<u64, usize> = BTreeMap::new();
+    for hash in &hashes {
+        *count.entry(*hash).or_default() += 1;
+    }
+    hashes.iter().map(|hash| count[hash] > 1).collect()
+}
+
 /// Which values of a stage may have other bits, or give their readers other bits, if another stage
 /// computes them.
 ///
@@ -453,8 +467,8 @@ pub(crate) fn unsteady(values: &Values<'_, '_>) -> Vec<bool> {
 /// no longer.
 ///
 /// A compiler may fuse a product into a sum, or regroup two sums, if nothing else reads the first
-/// (Mesa's `is_used_once`, for one). So a sum is listed if a product or sum that it reads loses
-/// another reader. Values of the same structure count as one, because a compiler computes them once.
+/// (Mesa's `is_used_once`, for one), or if all its readers are sums. So a sum is listed if a product
+/// or sum that it reads loses another reader, and only sums read it then. Values of the same structure count as one, because a compiler computes them once.
 pub(crate) struct Pruned<'v, 'g, 'p> {
     operations: Operations<'v, 'g, 'p>,
     /// What each operation reads that may be fused into it.
@@ -509,18 +523,35 @@ impl<'v, 'g, 'p> Pruned<'v, 'g, 'p> {
             OUTPUT => !is_returned(copy),
             reader => !is_kept(reader),
         };
-        let mut lost: BTreeMap<u64, bool> = BTreeMap::new();
-        let mut loses_readers = |source: &ValueId| {
+        let loses_readers = |hash: u64| {
+            let (mut loses, mut keeps_another) = (false, false);
+            for twin in &self.twins[&hash] {
+                if !is_kept(*twin) {
+                    loses = true;
+                    continue;
+                }
+                self.operations.any_reader(*twin, |reader, copy| {
+                    match is_lost(reader, copy) {
+                        true => loses = true,
+                        false => {
+                            keeps_another |=
+                                reader == OUTPUT || !self.operations.begins_with_sum(reader);
+                        }
+                    }
+                    false
+                });
+            }
+            loses && !keeps_another
+        };
+        let mut found: BTreeMap<u64, bool> = BTreeMap::new();
+        let mut may_merge = |source: &ValueId| {
             let hash = self.hashes[*source];
-            *lost.entry(hash).or_insert_with(|| {
-                let mut twins = self.twins[&hash].iter();
-                twins.any(|twin| !is_kept(*twin) || self.operations.any_reader(*twin, is_lost))
-            })
+            *found.entry(hash).or_insert_with(|| loses_readers(hash))
         };
         let kept = self.fused.iter().filter(|(id, _)| is_kept(*id));
         let anew = kept.filter(|(_, sources)| {
             let mut computed = sources.iter().filter(|source| is_kept(**source));
-            computed.any(&mut loses_readers)
+            computed.any(&mut may_merge)
         });
         anew.map(|(id, _)| *id).collect()
     }

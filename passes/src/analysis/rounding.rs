@@ -114,9 +114,6 @@ impl Roundings {
     /// The bound for several values together, and for operations that stay where they are but round
     /// `anew`.
     pub fn together(&self, ids: &[ValueId], anew: &[ValueId]) -> f64 {
-        if ids.is_empty() && anew.is_empty() {
-            return 0.0;
-        }
         let all = [ids, anew].concat();
         let mut above = Above::new(self.each.len()).of(&self.users, &all).to_vec();
         let itself = anew.iter().filter(|id| !ids.contains(id));

@@ -12,6 +12,7 @@ use crate::core::pass::{Change, Outcome, Refusal, Site, SiteCost};
 use crate::core::plan::{Plan, Role, Step};
 use crate::core::reflect;
 use crate::rebuild::ahead::Ahead;
+use crate::rebuild::color;
 use crate::rebuild::place::{self, PositionInvariance};
 use crate::rebuild::returns;
 use crate::rebuild::writer::FunctionWriter;
@@ -240,6 +241,14 @@ impl DepthOnly {
             }
             name
         });
+        // SwiftShader clips by distances in the fragment stage, even an empty one.
+        let fragment = fragment.or_else(|| {
+            writes_clip_distances(opaque).then(|| {
+                let name = free_entry(program.module(), "clipped", suffix);
+                module.entry_points.push(color::empty_fragment(&name));
+                name
+            })
+        });
         let Some(slice) = self.drawn_vertex() else {
             if invariance == PositionInvariance::Invariant {
                 module = place::with_invariant_position(&module, opaque.vertex);
@@ -271,6 +280,14 @@ impl DepthOnly {
         );
         Ahead::add(graph, &slice, module, "prepass_own_depth", "own_depth")
     }
+}
+
+fn writes_clip_distances(opaque: &Opaque) -> bool {
+    let module = opaque.program.module();
+    let vertex = &module.entry_points[opaque.vertex].function;
+    let outputs = reflect::outputs(module, vertex);
+    let clip = Some(Binding::BuiltIn(naga::BuiltIn::ClipDistances));
+    outputs.iter().any(|output| output.binding == clip)
 }
 
 /// A free entry point name: `{name}_{suffix}`, repeating the suffix if it is taken.

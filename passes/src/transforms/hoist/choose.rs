@@ -102,7 +102,8 @@ pub fn choose(
             Some(Class::Smooth) => &[],
             _ => anew.as_slice(),
         };
-        if judged.roundings.together(&affine, anew) > most {
+        let is_rounded = !(affine.is_empty() && anew.is_empty());
+        if is_rounded && judged.roundings.together(&affine, anew) > most {
             continue;
         }
         let whole = choice.after + choice.vertex * terms.vertices_per_fragment;

@@ -278,6 +278,7 @@ pub(super) fn judge(values: &Values<'_, '_>, precision: &Precision) -> Judged {
     let iterated = iterated(values);
     let pins = pins(values);
     let unsteady = contraction::unsteady(values);
+    let twins = contraction::twins(values);
     let is_rounded = |id: ValueId| match forms[id] {
         Form::Affine => true,
         Form::Uniform => unsteady[id],
@@ -333,6 +334,10 @@ pub(super) fn judge(values: &Values<'_, '_>, precision: &Precision) -> Judged {
                 return Err(Missed::Discontinuous {
                     operation: "an integer".to_owned(),
                 });
+            }
+            // In two varyings, a compiler no longer sees that two names are one component.
+            if forms[id] == Form::Part && twins[id] {
+                return Err(Missed::NotCarried);
             }
             if forms[id] == Form::Part {
                 return Ok(carriage(Class::Exact, interpolated, at));
