@@ -42,11 +42,6 @@ const REFUSED: &[(&str, &str, &str)] = &[
         "depth-prepass:form=equal",
         "depth-not-invariant",
     ),
-    (
-        "draw-sum-shared-with-fract",
-        "hoist:allow=rounding",
-        "nothing-pays",
-    ),
     ("linear-clipped", "visibility-buffer", "interpolated"),
     ("quad-swap", "depth-prepass", "subgroup"),
     ("quad-swap", "early-discard", "subgroup"),
