@@ -116,13 +116,10 @@ impl Roundings {
     pub fn together(&self, ids: &[ValueId], anew: &[ValueId]) -> f64 {
         let all = [ids, anew].concat();
         let mut above = Above::new(self.each.len()).of(&self.users, &all).to_vec();
-        let itself = anew.iter().filter(|id| !ids.contains(id));
-        above.extend(
-            itself
-                .filter(|id| !above.contains(id))
-                .copied()
-                .collect::<Vec<_>>(),
-        );
+        let depends = |id: &ValueId| above.binary_search(id).is_ok();
+        let first = anew.iter().filter(|id| !ids.contains(id) && !depends(id));
+        let first: Vec<ValueId> = first.copied().collect();
+        above.extend(first);
         self.sum(ids, &above)
     }
 

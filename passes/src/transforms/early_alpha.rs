@@ -149,7 +149,7 @@ fn tested_early(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
         pass,
         graph,
         entry: fragment,
-        ..
+        mut given,
     } = simplify::examine(
         plan,
         name,
@@ -175,10 +175,7 @@ fn tested_early(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
     let program = graph.program();
     let test = Test::of(&graph, fragment, params)?;
     let inputs = ImplicitInputs::new(plan, pass, &graph).sliced(Some(&test.slice), None);
-    let given = inputs.examine(
-        name,
-        &[PassEffect::EditsFragmentStage, PassEffect::LeavesEarly],
-    )?;
+    given.extend(inputs.examine(name, &[PassEffect::LeavesEarly])?);
     let bug = |why: &dyn std::fmt::Display| Box::new(Refusal::bug(name, why));
     let module = test.moved(&graph).map_err(|why| bug(&why))?;
     let after = program.with_module(module).map_err(|why| bug(&why))?;

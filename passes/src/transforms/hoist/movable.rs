@@ -278,7 +278,9 @@ pub(super) fn judge(values: &Values<'_, '_>, precision: &Precision) -> Judged {
     let iterated = iterated(values);
     let pins = pins(values);
     let unsteady = contraction::unsteady(values);
-    let twins = contraction::twins(values);
+    let has_parts = forms.contains(&Form::Part);
+    let twins = has_parts.then(|| contraction::twins(values));
+    let is_twin = |id: ValueId| twins.as_ref().is_some_and(|twins| twins[id]);
     let is_rounded = |id: ValueId| match forms[id] {
         Form::Affine => true,
         Form::Uniform => unsteady[id],
@@ -336,7 +338,7 @@ pub(super) fn judge(values: &Values<'_, '_>, precision: &Precision) -> Judged {
                 });
             }
             // In two varyings, a compiler no longer sees that two names are one component.
-            if forms[id] == Form::Part && twins[id] {
+            if forms[id] == Form::Part && is_twin(id) {
                 return Err(Missed::NotCarried);
             }
             if forms[id] == Form::Part {
