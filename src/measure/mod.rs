@@ -31,6 +31,7 @@ pub mod record;
 mod session;
 pub mod shading;
 pub mod shadow;
+mod slivers;
 pub mod statistics;
 mod subject;
 pub(crate) mod telling;

@@ -57,6 +57,11 @@ impl<'a> Subject<'a> {
         Ok(self.prepared.insert(prepared))
     }
 
+    /// The session that it is drawn in.
+    pub fn session(&self) -> &'a Session<'a> {
+        self.session
+    }
+
     /// The built frame; `None`: it cannot be drawn.
     pub fn prepared(&self) -> Option<&Prepared<'a>> {
         self.prepared.as_ref()

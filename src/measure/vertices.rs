@@ -37,6 +37,28 @@ impl Vertices {
     }
 }
 
+impl Vertices {
+    /// The clip position at a vertex. `None`: the vertex stage cannot be run.
+    pub fn position(
+        &self,
+        module: &Module,
+        entry: usize,
+        vertex: u32,
+        instance: u32,
+    ) -> Option<[f32; 4]> {
+        let outcome = self.outcome(module, entry, vertex, instance).ok()?;
+        let mut outputs = outputs(module, &module.entry_points[entry].function, outcome);
+        let is_position = |binding: &_| {
+            matches!(
+                binding,
+                naga::Binding::BuiltIn(naga::BuiltIn::Position { .. })
+            )
+        };
+        let (_, position) = outputs.find(|(binding, _)| is_position(binding))?;
+        position.floats().ok()?.try_into().ok()
+    }
+}
+
 impl<F: Number> Vertices<F> {
     /// Vertices of one instance, each as often as it is drawn.
     pub fn of_instance(&self) -> u32 {
@@ -56,6 +78,23 @@ impl<F: Number> Vertices<F> {
         vertex: u32,
         instance: u32,
     ) -> Result<(BTreeMap<u32, Value<F>>, u64), String> {
+        let outcome = self.outcome(module, entry, vertex, instance)?;
+        let steps = outcome.steps;
+        let by_location = |(binding, value)| match binding {
+            naga::Binding::Location { location, .. } => Some((location, value)),
+            naga::Binding::BuiltIn(_) => None,
+        };
+        let outputs = outputs(module, &module.entry_points[entry].function, outcome);
+        Ok((outputs.filter_map(by_location).collect(), steps))
+    }
+
+    fn outcome(
+        &self,
+        module: &Module,
+        entry: usize,
+        vertex: u32,
+        instance: u32,
+    ) -> Result<RunResult<F>, String> {
         let function = &module.entry_points[entry].function;
         let instance = self.bound.call.first_instance + instance;
         let arguments = function
@@ -67,10 +106,7 @@ impl<F: Number> Vertices<F> {
             })
             .collect::<Option<Vec<_>>>()
             .ok_or("an input of the vertex stage cannot be read")?;
-        let outcome =
-            evaluate::entry_point(module, entry, &arguments, &self.environment).map_err(said)?;
-        let steps = outcome.steps;
-        Ok((by_location(module, function, outcome), steps))
+        evaluate::entry_point(module, entry, &arguments, &self.environment).map_err(said)
     }
 
     /// The value of an input at a vertex of an instance. `None`: the draw has none.
@@ -154,12 +190,12 @@ impl<F: Number> Vertices<F> {
     }
 }
 
-fn by_location<F: Number>(
+/// The outputs with their bindings.
+fn outputs<F: Number>(
     module: &Module,
     function: &naga::Function,
     outcome: RunResult<F>,
-) -> BTreeMap<u32, Value<F>> {
-    let outputs = preshade_passes::reflect::outputs(module, function);
+) -> impl Iterator<Item = (naga::Binding, Value<F>)> {
     let values = match outcome.result {
         Some(Value::Composite(parts))
             if function
@@ -172,14 +208,10 @@ fn by_location<F: Number>(
         Some(one) => vec![one],
         None => Vec::new(),
     };
+    let outputs = preshade_passes::reflect::outputs(module, function).into_iter();
     outputs
-        .iter()
         .zip(values)
-        .filter_map(|(output, value)| match output.binding {
-            Some(naga::Binding::Location { location, .. }) => Some((location, value)),
-            _ => None,
-        })
-        .collect()
+        .filter_map(|(output, value)| Some((output.binding?, value)))
 }
 
 /// Why an evaluation stopped, in a user's words.

@@ -42,6 +42,11 @@ const REFUSED: &[(&str, &str, &str)] = &[
         "depth-prepass:form=equal",
         "depth-not-invariant",
     ),
+    (
+        "derivative-after-discard",
+        "early-discard",
+        "undefined-derivative",
+    ),
     ("linear-clipped", "visibility-buffer", "interpolated"),
     ("quad-swap", "depth-prepass", "subgroup"),
     ("quad-swap", "early-discard", "subgroup"),

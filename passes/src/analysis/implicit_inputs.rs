@@ -11,6 +11,7 @@
 //! | the subgroup | has a subgroup operation | rejecting fragments, slicing, moving code | refuses |
 //! | the sample rate | reads an input by sample, multisampled | slicing that input away | refuses |
 //! | surviving samples | reads a centroid or the sample mask, multisampled | rejecting samples | refuses |
+//! | the quad | takes derivatives in a branch that not all lanes take, after a discard | letting lanes leave | refuses |
 //! | contraction | decides coverage or depth | deciding by a slice | assumes `invariant-discard` |
 //! | contraction | decides them by a sum with a term that other code reads too | deciding ahead by a slice | refuses |
 //! | the alpha mask | has alpha to coverage | slicing | assumes `same-alpha-coverage` |
@@ -18,16 +19,18 @@
 //! | the viewport's depth range | has depths that are clamped to it | comparing its own depth | assumes `whole-depth-range` |
 //! | the vertex stage's text | has no `@invariant` position | adding to that stage | assumes `unchanged-position` |
 //!
-//! The quad is missing: passes that let single lanes leave shield derivatives themselves
+//! Where all lanes of a quad run, passes that let single lanes leave shield derivatives themselves
 //! (`rebuild::quad`, `rebuild::gradients`).
 
 use std::collections::BTreeSet;
 
-use naga::{Binding, BuiltIn, Interpolation, Sampling, ShaderStage};
+use naga::{Binding, BuiltIn, Interpolation, Sampling, ShaderStage, Span};
 
 use crate::analysis::contraction;
 use crate::analysis::coverage::Decides;
+use crate::analysis::effects;
 use crate::analysis::refusals;
+use crate::analysis::uniformity::{self, Need};
 use crate::core::contract::Assumption;
 use crate::core::pass::Refusal;
 use crate::core::plan::{GpuPass, Plan};
@@ -232,6 +235,16 @@ const TABLE: &[InputRow] = &[
         ),
     },
     InputRow {
+        moved_by: &[PassEffect::LeavesEarly],
+        dependence: undefined_derivative,
+        then: Then::Refuse(
+            &refusals::UNDEFINED_DERIVATIVE,
+            "its value is undefined there, and may change with the lanes that leave early",
+            "take the derivative or the sample before the branch, or give the level explicitly; \
+             `depth-prepass` leaves this stage as it is",
+        ),
+    },
+    InputRow {
         moved_by: &[
             PassEffect::LeavesEarly,
             PassEffect::Slices,
@@ -367,6 +380,26 @@ fn surviving_samples(stages: &ImplicitInputs<'_>) -> Option<String> {
     })
 }
 
+/// Behind a discard, a branch or loop may run in some lanes of a quad only. On SwiftShader the
+/// others keep old values there.
+fn undefined_derivative(stages: &ImplicitInputs<'_>) -> Option<String> {
+    let fragment = FunctionId::EntryPoint(stages.fragment?);
+    if !effects::differentiates_after_discard(stages.graph, fragment) {
+        return None;
+    }
+    let found = uniformity::non_uniform(stages.program.module())
+        .into_iter()
+        .find(|found| {
+            matches!(found.need, Need::Derivative | Need::ImplicitLod)
+                && stages.graph.reaches(fragment, found.function)
+        })?;
+    let at = at(stages.program, found.span);
+    Some(format!(
+        "the fragment stage takes a derivative, or samples at an implicit level,{at} where not all \
+         lanes of a quad may be, after a discard"
+    ))
+}
+
 fn decides(stages: &ImplicitInputs<'_>) -> Option<String> {
     let decides = stages.decides.anything();
     decides.then(|| "the fragment stage decides coverage or depth".to_owned())
@@ -390,10 +423,7 @@ fn fused_discard(stages: &ImplicitInputs<'_>) -> Option<String> {
         match contraction::rounded_in_slice(stages.graph, slice, &locations) {
             Ok(None) => {}
             Ok(Some(span)) => {
-                let place = stages.program.sources().locate(span);
-                let at = place.map_or_else(String::new, |place| {
-                    format!(" at {}:{}:{}", place.file, place.line, place.column)
-                });
+                let at = at(stages.program, span);
                 return Some(format!(
                     "coverage or depth depends on the sum{at}, and other code of the {stage} stage \
                      reads one of its terms too"
@@ -408,6 +438,14 @@ fn fused_discard(stages: &ImplicitInputs<'_>) -> Option<String> {
         }
     }
     None
+}
+
+/// Where a span is, to follow a word; empty if that is unknown.
+fn at(program: &Program, span: Span) -> String {
+    let place = program.sources().locate(span);
+    place.map_or_else(String::new, |place| {
+        format!(" at {}:{}:{}", place.file, place.line, place.column)
+    })
 }
 
 fn alpha_mask(stages: &ImplicitInputs<'_>) -> Option<String> {

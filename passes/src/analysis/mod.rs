@@ -3,6 +3,7 @@
 pub mod contraction;
 pub mod coverage;
 pub(crate) mod discontinuity;
+pub(crate) mod effects;
 pub mod hazard;
 pub(crate) mod implicit_inputs;
 pub(crate) mod near_plane;

@@ -4,9 +4,10 @@
 //! Primozic's article on fragment culling), an alpha test in one pass only, stores that run twice,
 //! a forced early test on an alpha-tested draw.
 
-use naga::{Binding, BuiltIn, EarlyDepthTest, EntryPoint, ShaderStage, Span, Statement};
+use naga::{Binding, BuiltIn, EarlyDepthTest, EntryPoint, ShaderStage, Span};
 
 use crate::analysis::coverage::{self, Decides};
+use crate::analysis::effects;
 use crate::analysis::implicit_inputs::{self, ImplicitInputs, PassEffect};
 use crate::analysis::refusals;
 use crate::core::channels;
@@ -17,7 +18,7 @@ use crate::core::program::Program;
 use crate::core::reflect;
 use crate::core::refusals::RefusalInfo;
 use crate::core::state::{CompareFunction, DepthDirection, DepthState};
-use crate::graph::effect::{self, Effect};
+use crate::graph::effect::Effect;
 use crate::graph::{FunctionId, Graph};
 use crate::slice::Slice;
 
@@ -247,7 +248,8 @@ impl Examination {
 
     fn stores(&mut self, graph: &Graph, vertex: Option<usize>, fragment: Option<usize>) {
         let program = graph.program();
-        let store = |entry: Option<usize>| find(graph, FunctionId::EntryPoint(entry?), &STORES);
+        let store =
+            |entry: Option<usize>| effects::find(graph, FunctionId::EntryPoint(entry?), &STORES);
         if let Some(span) = store(vertex) {
             let refusal = (
                 &refusals::VERTEX_STORE,
@@ -304,47 +306,10 @@ pub fn stores(graph: &Graph, program: &Program, pass: &GpuPass) -> bool {
     ];
     stages.into_iter().any(|(stage, name)| {
         let entry = name.and_then(|n| program.entry_point(stage, n));
-        entry
-            .is_some_and(|(index, _)| find(graph, FunctionId::EntryPoint(index), &STORES).is_some())
+        entry.is_some_and(|(index, _)| {
+            effects::find(graph, FunctionId::EntryPoint(index), &STORES).is_some()
+        })
     })
-}
-
-/// Effects that read neighbours in the quad.
-const DERIVATIVES: [Effect; 2] = [Effect::Derivative, Effect::ImplicitLod];
-
-/// Where a function or one of its callees first takes a derivative, explicitly or by an implicit
-/// level of detail.
-pub fn derivative(graph: &Graph, function: FunctionId) -> Option<Span> {
-    find(graph, function, &DERIVATIVES)
-}
-
-/// The first node of a function with one of these effects. A call stands for a callee without a
-/// source span.
-fn find(graph: &Graph, id: FunctionId, wanted: &[Effect]) -> Option<Span> {
-    if graph.effects(id).iter().all(|e| !wanted.contains(e)) {
-        return None;
-    }
-    let f = graph.function(id);
-    let is_wanted = |e: Option<Effect>| e.is_some_and(|e| wanted.contains(&e));
-    for (at, node) in f.statements.iter() {
-        if is_wanted(effect::of_statement(graph.module(), f, at)) {
-            return Some(node.span);
-        }
-        let found = match node.statement {
-            Statement::Emit(range) => range
-                .clone()
-                .find(|e| is_wanted(effect::of_expression(&f.function.expressions[*e])))
-                .map(|e| f.function.expressions.get_span(e)),
-            Statement::Call { function, .. } => {
-                find(graph, FunctionId::Function(*function), wanted)
-            }
-            _ => None,
-        };
-        if found.is_some() {
-            return found;
-        }
-    }
-    None
 }
 
 /// The refusal of a form that needs the absence of ties, if ties were measured.

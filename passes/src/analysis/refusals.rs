@@ -119,6 +119,13 @@ refusals! {
     TOPOLOGY = "topology":
         "The pass works on triangles.",
         "Draw triangles.";
+    UNDEFINED_DERIVATIVE = "undefined-derivative":
+        "The fragment stage takes a derivative, or samples at an implicit level, in a branch or a \
+         loop that not all lanes of a quad may run, and after a discard. The languages leave the \
+         value undefined. On SwiftShader it changes with the lanes that leave early, and sometimes \
+         from draw to draw.",
+        "Take it before the branch, give the level explicitly, or use `depth-prepass`, which leaves \
+         the stage as it is.";
     UNKNOWN_FUNCTION = "unknown-function":
         "`of=` names a function that the fragment stage does not call.",
         "Name functions that it calls; the message lists them.";

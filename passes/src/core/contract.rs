@@ -40,7 +40,8 @@ pub enum Assumption {
     /// fuses the same multiply-adds in both.
     StagesAgree,
     /// An interpolated number is within 2^-18 of the largest value at the corners of its triangle.
-    /// No language guarantees this, and slivers many times as long as the screen exceed it.
+    /// No language guarantees this. Slivers thinner than a rasteriser's grid, or many times as long as
+    /// the screen, exceed it.
     FineInterpolation,
     /// The driver chooses the quad neighbours of coarse derivatives and of samples at an implicit
     /// level. It chooses those that the variant's parameters name

@@ -217,7 +217,7 @@ impl<'p> Graph<'p> {
         self.rates().outputs(self.index(function))
     }
 
-    /// Whether `within` is `function` or calls it, directly or not.
+    /// Whether `function` is `within` or calls it, directly or not.
     pub fn reaches(&self, function: FunctionId, within: FunctionId) -> bool {
         self.reach[self.index(function)].functions.contains(&within)
     }

@@ -31,7 +31,7 @@ use naga::{
     ImageClass, ImageDimension, MathFunction, Module, SampleLevel, Span, Statement, TypeInner,
 };
 
-use crate::analysis::opaque;
+use crate::analysis::effects;
 use crate::graph::effect::{self, Effect};
 use crate::graph::{FunctionId, Graph, operands};
 use crate::rebuild::place::{CodeBuilder, Replacement, Replacements};
@@ -67,7 +67,7 @@ pub fn find(graph: &Graph<'_>, entry: usize) -> Result<Vec<Handle<Expression>>, 
             }
             Statement::Call { function, .. } => {
                 let callee = FunctionId::Function(*function);
-                if let Some(span) = opaque::derivative(graph, callee) {
+                if let Some(span) = effects::derivative(graph, callee) {
                     return Err(span);
                 }
             }

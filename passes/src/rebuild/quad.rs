@@ -4,7 +4,7 @@
 use naga::Statement;
 use naga::{DerivativeAxis, DerivativeControl, Expression, Function, Handle, Module, ShaderStage};
 
-use crate::analysis::opaque;
+use crate::analysis::effects;
 use crate::core::plan::Plan;
 use crate::graph::effect::{self, Effect};
 use crate::graph::{FunctionId, Graph};
@@ -87,7 +87,7 @@ pub fn vote_shields_derivatives(plan: &Plan) -> bool {
         }),
         Statement::Call { function, .. } => {
             !is_ours(&functions[*function])
-                && opaque::derivative(&graph, FunctionId::Function(*function)).is_some()
+                && effects::derivative(&graph, FunctionId::Function(*function)).is_some()
         }
         _ => false,
     })

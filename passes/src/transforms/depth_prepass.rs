@@ -38,6 +38,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::analysis::coverage;
+use crate::analysis::effects;
 use crate::analysis::implicit_inputs::PassEffect;
 use crate::analysis::near_plane;
 use crate::analysis::opaque::{self, Opaque};
@@ -48,6 +49,7 @@ use crate::core::plan::{Plan, Role, Step};
 use crate::core::refusals::RefusalInfo;
 use crate::core::self_test::{self, MainDiscards};
 use crate::core::state::{CompareFunction, DepthBias, DepthDirection, DepthFormat, DepthState};
+use crate::graph::FunctionId;
 use crate::rebuild::depth_only::{self, DepthOnly, Invariance, VertexStage};
 use crate::rebuild::depth_pass::{self, PrepassProgram};
 use crate::rebuild::place::{self, PositionInvariance};
@@ -444,8 +446,13 @@ fn equal(
         VertexStage::Sliced => PrepassProgram::Own,
     };
     let mut main = program.main_module(opaque, &placed, invariant);
-    let drop_discard = opaque.decides.discards && facts.undiscarded_depth_ties == Some(0);
-    if let (true, Some(fragment)) = (drop_discard, opaque.fragment) {
+    let dropped = opaque.fragment.filter(|fragment| {
+        let fragment = FunctionId::EntryPoint(*fragment);
+        opaque.decides.discards
+            && facts.undiscarded_depth_ties == Some(0)
+            && !effects::differentiates_after_discard(&opaque.graph, fragment)
+    });
+    if let Some(fragment) = dropped {
         main = place::without_discard(&main, fragment);
         next.notes.push(
             "no depth ties were measured, discarded fragments counted in: the main pass no longer \
@@ -468,13 +475,13 @@ fn equal(
         Assumption::OrdinaryNeighbours,
     ]);
     given.extend(
-        (opaque.depth.compare == opaque.strict() || drop_discard)
+        (opaque.depth.compare == opaque.strict() || dropped.is_some())
             .then_some(Assumption::NoDepthTies),
     );
     next.steps.push(step(slice, opaque, params, given));
-    let discards = match drop_discard {
-        true => MainDiscards::NoMore,
-        false => MainDiscards::AsPrepass,
+    let discards = match dropped {
+        Some(_) => MainDiscards::NoMore,
+        None => MainDiscards::AsPrepass,
     };
     // Without its discard the main pass has fragments that the original lacks.
     let earlier = match discards {

@@ -1,9 +1,11 @@
 //! Passes refuse, or name an assumption, where they change what a stage depends on besides its
 //! inputs.
 
+use naga::ShaderStage;
 use preshade_passes::contract::Assumption;
 use preshade_passes::depth_prepass::{self, DepthPrepass};
 use preshade_passes::early_discard::{self, EarlyDiscard, MainAttachment};
+use preshade_passes::graph::{FunctionId, Graph};
 use preshade_passes::hoist::{self, Allow, Hoist};
 use preshade_passes::pass::{Facts, Outcome, Pass, Refused};
 use preshade_passes::plan::{Plan, SelfTestDraw};
@@ -295,4 +297,56 @@ fn a_budget_says_whether_it_was_measured() {
         ..Facts::default()
     };
     assert!(given(&measured).contains(&Assumption::MeasuredScene));
+}
+
+/// SPIR-V's `OpKill` ends a fragment, and its neighbours' derivatives are undefined from then on.
+#[test]
+fn a_discard_stays_where_a_derivative_follows_it() {
+    let facts = Facts {
+        depth_ties: Some(0),
+        undiscarded_depth_ties: Some(0),
+        ..Facts::default()
+    };
+    let discard = "if fract(in.uv.x * u.a) < 0.5 { discard; }";
+    let colour = "return vec4<f32>(in.normal.xy, width, 1.0);";
+    let before = format!("let width = fwidth(in.uv.x);\n{discard}\n{colour}");
+    let after = format!("{discard}\nlet width = fwidth(in.uv.x);\n{colour}");
+    let looped = format!(
+        "var width = 0.0;
+        for (var i = 0; i < 2; i++) {{
+            width += fwidth(in.uv.x * f32(i));
+            {discard}
+        }}
+        {colour}"
+    );
+    let discards = |body: &str| {
+        let plan = plan(&material(UV, "", body), |_| {});
+        let plan = equal(&plan, &facts).unwrap().plan;
+        let main = plan.main().unwrap();
+        let graph = Graph::build(plan.program(main).unwrap());
+        let entry = graph.program().entry_point(ShaderStage::Fragment, "fs");
+        graph.may_discard(FunctionId::EntryPoint(entry.unwrap().0))
+    };
+    assert!(!discards(&before));
+    assert!(discards(&after) && discards(&looped));
+}
+
+#[test]
+fn lanes_leave_early_only_where_derivatives_are_defined() {
+    let codes = |first: &str, condition: &str| {
+        let body = format!(
+            "{first}
+            var width = 0.0;
+            if {condition} {{ width = fwidth(in.uv.x); }}
+            return vec4<f32>(in.normal.xy, width, 1.0);"
+        );
+        codes(early_discard(
+            &plan(&material(UV, "", &body), |_| {}),
+            MainAttachment::Own,
+        ))
+    };
+    let discard = "if fract(in.uv.x * u.a) < 0.5 { discard; }";
+    assert_eq!(codes(discard, "in.uv.y > 0.5"), ["undefined-derivative"]);
+    assert!(codes(discard, "u.b > 0.5").is_empty());
+    assert!(codes("", "in.uv.y > 0.5").is_empty());
 }

@@ -66,6 +66,10 @@ impl Measurement<'_> {
                     ),
                 }
             }
+            (Verdict::Broken { r#where }, _) if self.unmet.is_some() => {
+                let unmet = self.unmet.take().unwrap_or_default();
+                not_measured(&format!("{unmet}: {where}"))
+            }
             (Verdict::Broken { r#where }, _) => self.broken(gpu, r#where.clone()),
             (_, Some(why)) => not_measured(why),
             (verdict, None) => match self.shadow.take() {

@@ -12,13 +12,16 @@ use crate::measure::record::{
     Worst,
 };
 use crate::measure::statistics::invocations;
-use crate::measure::verdict::nothing_drawn;
+use crate::measure::verdict::{breaks, nothing_drawn};
 use crate::measure::{
     Counter, Error, ErrorLadder, Session, Shading, Timing, View, counting, junctions, shadow,
-    subject::Subject,
+    slivers, subject::Subject,
 };
 use crate::render::{Gpu, Rendered, SelfTestResult, self_test};
 use crate::scene::Frame;
+
+/// How often the original is drawn again before a variant is called broken.
+const REDRAWS: usize = 8;
 
 /// The original or a variant.
 pub(super) struct Measurement<'a> {
@@ -38,6 +41,9 @@ pub(super) struct Measurement<'a> {
     pub(super) covered: Option<u64>,
     /// The reason for an empty picture. `None`: blended draws, which are not counted, may be in it.
     pub(super) empty: Option<String>,
+    /// Why the views that break the contract so far do not meet an assumption of it; `None`: one of
+    /// them does, or none breaks it.
+    pub(super) unmet: Option<String>,
 }
 
 /// Draws a view with every subject and compares each with the first. Returns the first one's
@@ -68,17 +74,35 @@ pub(super) fn compare_view(
     }
     // The original again: an adapter that does not repeat itself proves nothing.
     if let Some(again) = original.subject.draw(frame, view.order)? {
-        original.compare(view, headline, seen(&reference, &shown, &again))?;
+        original.compare((view, frame), headline, seen(&reference, &shown, &again))?;
     }
+    let mut is_blamed = false;
     for variant in variants {
         let drawn = variant.subject.draw(frame, view.order);
         variant.note_unguarded(view);
+        let stood = !variant.is_broken();
         let compared = drawn.and_then(|picture| match picture {
-            Some(picture) => variant.compare(view, headline, seen(&reference, &shown, &picture)),
+            Some(picture) => {
+                variant.compare((view, frame), headline, seen(&reference, &shown, &picture))
+            }
             None => Ok(()),
         });
         if let Err(error) = compared {
             variant.give_up(error)?;
+        }
+        is_blamed |= stood && variant.is_broken();
+    }
+    // Before a variant is blamed: an original that repeats itself only most of the time proves
+    // nothing either.
+    for _ in 0..if is_blamed { REDRAWS } else { 0 } {
+        let Some(again) = original.subject.draw(frame, view.order)? else {
+            break;
+        };
+        let error = original
+            .subject
+            .compare(&reference, &again, &view.described())?;
+        if !error.is_exact() {
+            break;
         }
     }
     Ok(Some(reference))
@@ -145,6 +169,7 @@ impl<'a> Measurement<'a> {
             shadow: None,
             covered: None,
             empty: nothing_drawn(&variant.plans),
+            unmet: None,
             subject,
         };
         if variant.is_refused() {
@@ -180,11 +205,21 @@ impl<'a> Measurement<'a> {
         Ok(())
     }
 
-    fn compare(&mut self, view: &View, headline: &View, seen: Shown<'_>) -> Result<(), Error> {
+    fn compare(
+        &mut self,
+        (view, frame): (&View, &Frame),
+        headline: &View,
+        seen: Shown<'_>,
+    ) -> Result<(), Error> {
         let (reference, picture) = (seen.reference, seen.picture);
+        let stood = !self.is_broken();
         let error = self
             .subject
             .compare(reference, picture, &view.described())?;
+        if breaks(&self.subject.contract, &error).is_some() && (stood || self.unmet.is_some()) {
+            let (session, contract) = (self.subject.session(), &self.subject.contract);
+            self.unmet = slivers::explain(session, contract, frame, [reference, picture]);
+        }
         let is_headline = view == headline;
         if is_headline {
             self.pictures = Pictures::new(&self.report.name, reference, picture);
@@ -210,6 +245,10 @@ impl<'a> Measurement<'a> {
         }
         self.add_view(view, error);
         Ok(())
+    }
+
+    fn is_broken(&self) -> bool {
+        matches!(self.subject.verdict, Verdict::Broken { .. })
     }
 
     fn add_view(&mut self, view: &View, error: ErrorLadder) {
