@@ -217,10 +217,6 @@ pub(super) fn beside(path: &Path) -> &Path {
 pub(super) enum Defined {
     Bool(bool),
     Int(i32),
-    #[cfg_attr(
-        not(feature = "naga-oil"),
-        allow(dead_code, reason = "WESL only has booleans")
-    )]
     Uint(u32),
 }
 

@@ -3,7 +3,10 @@
 //!
 //! `package::a::b` is searched below the nearest parent folder called `src` or `shaders`, or else
 //! the file's own folder. Other packages are searched below `Options::include`: a folder with the
-//! package's name, or the package's folder in it. Labels point at the resulting WGSL.
+//! package's name, or the package's folder in it. The package `constants` has the integers that are
+//! defined. Labels point at the resulting WGSL.
+
+mod text;
 
 use std::borrow::Cow;
 use std::cell::RefCell;
@@ -13,8 +16,7 @@ use std::path::{Path, PathBuf};
 use preshade_passes::program::{Searched, Wanted};
 use wesl::syntax::PathOrigin;
 use wesl::{
-    CompileOptions, EscapeMangler, Feature, Features, ImportError, ModulePath, ResolveError,
-    Resolver,
+    CompileOptions, Diagnostic, EscapeMangler, ImportError, ModulePath, ResolveError, Resolver,
 };
 
 use super::dialect::{
@@ -25,13 +27,16 @@ use super::{Options, Source};
 
 /// Compiles a file and its imports to WGSL.
 pub(super) fn compile(source: &Source, options: &Options) -> Result<Compiled, Error> {
-    let mut features = Features {
-        default: Feature::Disable,
-        ..Features::default()
-    };
+    let mut constants = String::new();
+    let mut on = BTreeSet::new();
     for (name, value) in definitions(options)? {
-        let on = !matches!(value, Defined::Bool(false) | Defined::Int(0));
-        features.flags.insert(name, Feature::from(on));
+        match value {
+            Defined::Bool(false) => continue,
+            Defined::Bool(true) => {}
+            Defined::Int(value) => constants += &format!("const {name} = {value};\n"),
+            Defined::Uint(value) => constants += &format!("const {name} = {value}u;\n"),
+        }
+        on.insert(name);
     }
     let file = path_of(source, options);
     let root = package(beside(&file));
@@ -42,6 +47,8 @@ pub(super) fn compile(source: &Source, options: &Options) -> Result<Compiled, Er
         .collect();
     let resolver = Packages {
         main: (components.clone(), source.text.clone()),
+        constants,
+        on,
         root,
         options,
         read: RefCell::default(),
@@ -50,13 +57,16 @@ pub(super) fn compile(source: &Source, options: &Options) -> Result<Compiled, Er
     };
     let path = ModulePath::new(PathOrigin::Absolute, components);
     let compile = CompileOptions {
-        features,
+        condcomp: false,
         ..CompileOptions::default()
     };
     let compiled = wesl::compile_sourcemap(&path, &resolver, &EscapeMangler, &compile);
     let text = compiled.map(|c| c.to_string()).map_err(|e| {
         if let Some(module) = missing(&e) {
-            return no_module(source, &module.to_string(), options);
+            let (package, below) = package_of(module);
+            let package = package.unwrap_or("package").to_owned();
+            let name = std::iter::once(package).chain(below.iter().cloned());
+            return no_module(source, &name.collect::<Vec<_>>().join("::"), options);
         }
         let message = without_colors(&e.to_string());
         let first = message.lines().next().unwrap_or_default();
@@ -128,6 +138,10 @@ fn package(folder: &Path) -> PathBuf {
 struct Packages<'a> {
     /// The file itself, which need not exist on disk.
     main: (Vec<String>, String),
+    /// The text of the package `constants`.
+    constants: String,
+    /// The names for which a condition is true.
+    on: BTreeSet<String>,
     root: PathBuf,
     options: &'a Options,
     /// Files read, by path.
@@ -167,32 +181,66 @@ fn roots(include: &[PathBuf], package: &str) -> Vec<PathBuf> {
     sources.into_iter().chain(out).collect()
 }
 
-impl Resolver for Packages<'_> {
-    fn resolve_source<'s>(&'s self, path: &ModulePath) -> Result<Cow<'s, str>, ResolveError> {
-        let roots = match &path.origin {
-            PathOrigin::Package(name) => {
+impl Packages<'_> {
+    /// The text of a module of `package` (`None`: the author's own).
+    fn text(&self, package: Option<&str>, below: &[String]) -> Option<Cow<'_, str>> {
+        let roots = match package {
+            None if below == self.main.0 => return Some(Cow::Borrowed(&self.main.1)),
+            Some("constants") if below.is_empty() => {
+                return Some(Cow::Borrowed(&self.constants));
+            }
+            None => vec![self.root.clone()],
+            Some(name) => {
                 let roots = roots(&self.options.include, name);
                 let mut packages = self.packages.borrow_mut();
-                packages.insert(name.clone(), shown(&roots));
+                packages.insert(name.to_owned(), shown(&roots));
                 roots
             }
-            _ if path.components == self.main.0 => return Ok(Cow::Borrowed(&self.main.1)),
-            _ => vec![self.root.clone()],
         };
-        let below: PathBuf = path.components.iter().collect();
+        let below: PathBuf = below.iter().collect();
         for root in roots {
             for ending in ["wesl", "wgsl"] {
                 let file = root.join(&below).with_extension(ending);
                 if let Some(text) = text_within(&file, self.options) {
                     self.read.borrow_mut().insert(file.clone(), text.clone());
-                    return Ok(Cow::Owned(text));
+                    return Some(Cow::Owned(text));
                 }
                 self.absent.borrow_mut().insert(file);
             }
         }
-        Err(ResolveError::ModuleNotFound(
-            path.clone(),
-            "no such file; other packages are searched in the include folders".to_owned(),
-        ))
+        None
+    }
+}
+
+impl Resolver for Packages<'_> {
+    fn resolve_source<'s>(&'s self, path: &ModulePath) -> Result<Cow<'s, str>, ResolveError> {
+        let (package, below) = package_of(path);
+        let Some(text) = self.text(package, below) else {
+            return Err(ResolveError::ModuleNotFound(
+                path.clone(),
+                "no such file; other packages are searched in the include folders".to_owned(),
+            ));
+        };
+        let is_on = |name: &str| self.on.contains(name);
+        let evaluated =
+            text::with_conditions(&text, &is_on).map_err(|text::Wrong(what, span)| {
+                let error = wesl::Error::Custom(what);
+                ResolveError::Error(
+                    Diagnostic::from(error)
+                        .with_module_path(path.clone(), None)
+                        .with_source(text.to_string())
+                        .with_span(span.into()),
+                )
+            })?;
+        Ok(Cow::Owned(text::with_one_package(&evaluated, package)))
+    }
+}
+
+/// The package of a module (`None`: the author's own) and its path there.
+fn package_of(path: &ModulePath) -> (Option<&str>, &[String]) {
+    match (&path.origin, path.components.as_slice()) {
+        (PathOrigin::Package(name), below) => (Some(name), below),
+        (_, [packages, name, below @ ..]) if packages == text::PACKAGES => (Some(name), below),
+        (_, below) => (None, below),
     }
 }

@@ -71,6 +71,49 @@ fn wesls_imports_and_conditions_are_obeyed() {
     assert!(dim.contains("0.5"), "{dim}");
 }
 
+/// As Bevy 0.20 writes it: blocks of items and statements under a condition, constants that the host
+/// defines, and packages that import each other's types.
+#[test]
+fn wesls_blocks_constants_and_packages_are_read() {
+    let files = ours("packages/app/src/material.wesl");
+    let read = |all| {
+        let mut options = defined(all);
+        options.include = ours("packages");
+        wgsl(&files, &options)
+    };
+    let bound = read(&[("BOUND", "true"), ("GROUP", "2")]).unwrap();
+    assert!(bound.contains("@group(2) @binding(0)"), "{bound}");
+    assert!(bound.contains("0.125"), "{bound}");
+    // Two packages import one struct.
+    assert_eq!(bound.matches("struct ").count(), 1, "{bound}");
+    let front = read(&[("FRONT", "true")]).unwrap();
+    assert!(front.contains("@builtin(front_facing)"), "{front}");
+    assert!(
+        front.contains("0.25") && !front.contains("@binding"),
+        "{front}"
+    );
+    let plain = read(&[("FRONT", "false")]).unwrap();
+    assert!(
+        plain.contains("0.5") && !plain.contains("front_facing"),
+        "{plain}"
+    );
+
+    let error = read(&[("BOUND", "true")]).unwrap_err();
+    assert!(error.message().contains("`GROUP`"), "{}", error.message());
+    let error = wgsl(&files, &defined(&[("BOUND", "true"), ("GROUP", "2")])).unwrap_err();
+    assert!(error.message().contains("`pa::mid`"), "{}", error.message());
+}
+
+#[test]
+fn a_wrong_condition_is_shown_in_its_file() {
+    let name = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/dialects/wesl/src/wrong.wesl");
+    let source = Source::new(name.display().to_string(), "@if(A +) const a = 1;\n");
+    let error = front::parse(&[source], &Options::default()).unwrap_err();
+    let said = error.render(front::Color::Never);
+    assert!(said.contains("a condition consists of names"), "{said}");
+    assert!(said.contains("@if(A +)"), "{said}");
+}
+
 #[test]
 fn what_is_missing_is_named() {
     let error = wgsl(&ours("oil/material.wgsl"), &Options::default()).unwrap_err();
@@ -118,21 +161,28 @@ fn two_versions_of_a_module_are_told() {
     assert!(said.contains("are both `own::shared`"), "{said}");
 }
 
-/// Bevy's own material, the last in naga_oil's dialect: `PRESHADE_BEVY` names a folder with the
-/// packages `bevy_pbr` 0.19, `bevy_render` and `bevy_core_pipeline` (and `bevy_light`, `bevy_image`
-/// and others that those import) as `cargo` unpacks them. They are not ours to keep here. What is
+/// Bevy's own material, in naga_oil's dialect (0.19) and in WESL (0.20): `PRESHADE_BEVY` names a
+/// folder with the packages `bevy_pbr`, `bevy_render` and `bevy_core_pipeline` of both versions (and
+/// `bevy_light`, `bevy_image` and others that those import) as `cargo` unpacks them. They are not ours to keep here. What is
 /// defined is what Bevy's pipeline defines for a mesh with normals, tangents and texture
 /// coordinates on an adapter with storage buffers and without arrays of bindings.
 #[test]
 #[ignore = "needs Bevy's packages: PRESHADE_BEVY"]
 fn bevys_material_is_read() {
+    bevys_material("0.19", "wgsl");
+    bevys_material("0.20", "wesl");
+}
+
+fn bevys_material(version: &str, ending: &str) {
     let folder = PathBuf::from(std::env::var_os("PRESHADE_BEVY").expect("PRESHADE_BEVY"));
     let entries = std::fs::read_dir(&folder).unwrap();
     let mut packages: Vec<PathBuf> = entries.map(|e| e.unwrap().path()).collect();
-    packages.retain(|p| p.to_string_lossy().contains("-0.19."));
+    packages.retain(|p| p.to_string_lossy().contains(&format!("-{version}.")));
     let render = packages.iter().map(|p| p.join("src/render"));
-    let render = render.clone().find(|p| p.join("pbr.wgsl").is_file());
-    let render = render.unwrap_or_else(|| panic!("no bevy_pbr 0.19 in {}", folder.display()));
+    let render = render
+        .clone()
+        .find(|p| p.join(format!("pbr.{ending}")).is_file());
+    let render = render.unwrap_or_else(|| panic!("no bevy_pbr {version} in {}", folder.display()));
     let flags = [
         "MESH_PIPELINE",
         "VERTEX_OUTPUT_INSTANCE_INDEX",
@@ -160,16 +210,16 @@ fn bevys_material_is_read() {
     all.extend(numbers);
     let mut options = defined(&all);
     options.include = packages;
-    let files = ["mesh.wgsl", "pbr.wgsl"].map(|n| render.join(n));
+    let files = ["mesh", "pbr"].map(|n| render.join(format!("{n}.{ending}")));
     let text =
         wgsl(&files, &options).unwrap_or_else(|e| panic!("{}", e.render(front::Color::Never)));
     println!("{} lines of WGSL", text.lines().count());
-    assert!(text.contains("fn apply_pbr_lighting("), "{text}");
+    assert!(text.contains("apply_pbr_lighting("), "{text}");
     assert_eq!(text.matches("@fragment").count(), 1, "{text}");
     // Each of the author's choices changes the program.
     all.retain(|(name, _)| *name != "TONEMAP_IN_SHADER");
     options.defines = defined(&all).defines;
     let without = wgsl(&files, &options).unwrap();
-    assert!(!without.contains("fn tone_mapping("), "{without}");
-    assert!(text.contains("fn tone_mapping("), "{text}");
+    assert!(!without.contains("tone_mapping("), "{without}");
+    assert!(text.contains("tone_mapping("), "{text}");
 }
