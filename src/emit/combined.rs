@@ -11,6 +11,7 @@ use preshade_passes::graph::operands;
 use preshade_passes::plan::Plan;
 use preshade_passes::program::Program;
 
+#[cfg(feature = "spirv")]
 use super::plan_json::GlslTexture;
 
 /// A resource's set and binding, with an order.
@@ -41,6 +42,7 @@ impl Combined {
     }
 
     /// The entry of `plan.json`.
+    #[cfg(feature = "spirv")]
     pub(super) fn listed(&self) -> GlslTexture {
         GlslTexture {
             name: self.path.clone(),

@@ -240,6 +240,7 @@ impl<'p> Specialised<'p> {
     }
 
     /// The program, whose other overrides have their defaults in [`Specialised::module`].
+    #[cfg(feature = "glsl")]
     pub(super) fn program(&self) -> &Program {
         &self.program
     }

@@ -27,6 +27,9 @@ pub struct Judged {
     pub linked: usize,
 }
 
+/// Files with the labels of their sets.
+type Labelled<'a> = Vec<&'a (&'a str, PathBuf)>;
+
 /// Has every file of every set judged, each text once: a set is a label, for the message, and what
 /// `emit::emit` returned. Panics with all rejections, each with the text that was refused. Files
 /// other than shaders pass unread.
@@ -72,11 +75,11 @@ pub fn accept(sets: &[(String, Vec<File>)]) -> Judged {
         command.args(["--target-env", "vulkan1.1"]).arg(path);
         run(command, label, path)
     };
-    let (alone, of_programs): (Vec<&(&str, PathBuf)>, Vec<&(&str, PathBuf)>) = glsl
+    let (alone, of_programs): (Labelled<'_>, Labelled<'_>) = glsl
         .iter()
         .partition(|(_, path)| !path.with_extension("tesc").exists() && !is_for_vulkan(path));
     let is_alone = |file: &&&(&str, PathBuf)| !file.1.with_extension("tesc").exists();
-    let vulkan: Vec<&(&str, PathBuf)> = of_programs.iter().filter(is_alone).copied().collect();
+    let vulkan: Labelled<'_> = of_programs.iter().filter(is_alone).copied().collect();
     let by_glslang = |some: &[&(&str, PathBuf)]| -> Vec<String> {
         let mut all = Command::new("glslangValidator");
         let all = all.args(some.iter().map(|(_, path)| path)).output();
