@@ -197,10 +197,10 @@ fn textures(
             _ => {
                 let sampler = texture.sampler.map(Place::from);
                 apart.insert(texture.name.clone(), (place, sampler));
-                texture.unit = Some(place.1);
             }
         }
     }
+    stage_file.textures.retain(|t| !apart.contains_key(&t.name));
     for block in &mut stage_file.blocks {
         block.slot = Some(block.binding[1]);
     }
