@@ -3,7 +3,7 @@
 #
 #   setup.sh vulkan       a Vulkan loader, and Mesa's software Vulkan (lavapipe) where no adapter is found
 #   setup.sh gl           EGL and OpenGL 4: Mesa's, in software where there is no graphics card
-#   setup.sh accept       spirv-val, glslangValidator, and Tint (npm package `webgpu`) for the acceptance tests
+#   setup.sh accept       spirv-val, glslangValidator, spirv-cross, and Tint (npm package `webgpu`) for the acceptance tests
 #   setup.sh three        Chromium, node and npm, for the page of tests/three
 #   setup.sh swiftshader  SwiftShader's Vulkan, a second driver for tests: a part of Chromium's package
 set -eu
@@ -47,6 +47,7 @@ gl() {
 accept() {
     have spirv-val || install spirv-tools
     have glslangValidator || install glslang-tools
+    have spirv-cross || install spirv-cross
     if ! have node || ! have npm; then install nodejs npm; fi
     here=$(dirname "$0")
     (cd "$here/../tests/accept" && { [ -d node_modules/webgpu ] || npm ci --silent --no-audit --no-fund; })

@@ -124,6 +124,8 @@ enum EmitTarget {
     Spirv,
     /// GLSL 4.50 for OpenGL.
     Glsl,
+    /// GLSL 4.50 for Vulkan.
+    GlslVulkan,
     /// GLSL ES 3.00 for WebGL 2.
     GlslEs,
     /// GLSL ES 1.00 for WebGL 1, as far as it can express a material.
@@ -141,6 +143,7 @@ impl From<EmitTarget> for Target {
             EmitTarget::Wgsl => Self::Wgsl,
             EmitTarget::Spirv => Self::Spirv,
             EmitTarget::Glsl => Self::Glsl450,
+            EmitTarget::GlslVulkan => Self::GlslVulkan,
             EmitTarget::GlslEs => Self::GlslEs300,
             EmitTarget::GlslEs100 => Self::GlslEs100,
             EmitTarget::GlslTess => Self::GlslTess,

@@ -12,6 +12,7 @@ mod read_back;
 mod reserved_words;
 mod text;
 mod texture_copies;
+mod vulkan;
 
 use std::collections::HashSet;
 
@@ -19,7 +20,10 @@ use naga::back::glsl::{
     self, BindingMap, Options as WriterOptions, PipelineOptions, Version, Writer, WriterFlags,
 };
 use naga::proc::BoundsCheckPolicies;
-use naga::{GlobalVariable, Handle, ImageClass, Module, ResourceBinding, ShaderStage, TypeInner};
+use naga::{
+    AddressSpace, GlobalVariable, Handle, ImageClass, Module, ResourceBinding, ShaderStage,
+    TypeInner,
+};
 use preshade_passes::budget::Budget;
 use preshade_passes::contract::{Assumption, Contract};
 use preshade_passes::declared::Depth;
@@ -29,7 +33,9 @@ use preshade_passes::rebuild::quad;
 
 use self::author::Authored;
 use self::text::Dialect;
-use super::overrides::{self, Settled};
+pub(super) use self::vulkan::Vulkan;
+use super::combined::Place;
+use super::overrides::{self, Settled, Specialised};
 use super::plan_json::{GlslBlock, GlslTexture, StageFile, WeakerPromise};
 use super::{ClipSpace, EmitError, Options, Target, reduce};
 use crate::wgsl::{self, text::Spelling};
@@ -151,6 +157,71 @@ pub(super) fn write_named(
     Ok((text, stage_file))
 }
 
+/// As [`write_named`], for Vulkan. The text is one for OpenGL first, which is read back.
+pub(super) fn write_vulkan(
+    authored: &Authored,
+    vulkan: &Vulkan,
+    stage: ShaderStage,
+    entry: &str,
+    name: &str,
+) -> Result<(String, StageFile), EmitError> {
+    let target = Target::GlslVulkan;
+    let all = &authored.program;
+    let specialised = Specialised::of(all, (stage, entry), &vulkan.ids, name, target)?;
+    let program = specialised.program();
+    let options = Options::default();
+    let (text, stage_file) = write(program, all, stage, entry, name, target, &options)?;
+    let unexpected = |text::Unexpected(what)| EmitError::Writer {
+        file: name.to_owned(),
+        target,
+        message: format!("{what} has an unexpected form in naga's text"),
+    };
+    let (text, stage_file) =
+        text::named(authored, &text, stage, Dialect::Desktop, stage_file, None)
+            .map_err(unexpected)?;
+    let mut unread = None;
+    if stage != ShaderStage::Compute {
+        let read = read_back::read_back(authored, &text, &stage_file, stage, entry);
+        unread = read.unread(name, target)?;
+    }
+    let of = specialised.stage_file(name, entry);
+    let mut stage_file = StageFile {
+        constants: of.constants,
+        notes: of.notes,
+        unread,
+        ..stage_file
+    };
+    stage_file.notes.extend(vulkan.pairs.notes.iter().cloned());
+    // A texture's copy is the author's texture again.
+    let place = |b: ResourceBinding| -> Place {
+        let own = authored.twins.get(&b).unwrap_or(&b);
+        (own.group, own.binding)
+    };
+    let numbers = descriptor_map(all.module()).into_iter();
+    let immediate = all.entry_point(stage, entry).and_then(|(index, _)| {
+        let used = all.info().get_entry_point(index);
+        let mut globals = all.module().global_variables.iter();
+        let is_it = |g: &GlobalVariable| g.space == AddressSpace::Immediate;
+        let (_, global) = globals.find(|(h, g)| is_it(g) && !used[*h].is_empty())?;
+        Some((authored.immediate(stage)?, global.ty))
+    });
+    let resources = vulkan::Resources {
+        module: all.module(),
+        pairs: &vulkan.pairs,
+        immediate,
+        variables: &specialised.variables,
+        numbers: &numbers.map(|(b, n)| (u32::from(n), place(b))).collect(),
+    };
+    let text = vulkan::rewritten(&text, stage, &mut stage_file, &resources);
+    let text = text.map_err(|text::Unexpected(what)| EmitError::Inexpressible {
+        file: name.to_owned(),
+        target,
+        what,
+        remedy: "emit SPIR-V".to_owned(),
+    })?;
+    Ok((text, stage_file))
+}
+
 /// Redeclares `gl_FragCoord` with its origin at the top, if it is used. A target drawn upside down
 /// for WebGPU's clip space has its first row at the bottom, OpenGL's origin.
 fn with_own_origin(
@@ -209,7 +280,9 @@ pub(super) fn write(
     let (version, binding_map) = match target {
         Target::GlslEs300 | Target::GlslEs100 => (Version::new_gles(300), BindingMap::default()),
         Target::GlslTess => (Version::Desktop(400), BindingMap::default()),
-        Target::GlslVulkanTess => (Version::Desktop(450), descriptor_map(numbered.module())),
+        Target::GlslVulkan | Target::GlslVulkanTess => {
+            (Version::Desktop(450), descriptor_map(numbered.module()))
+        }
         _ => (Version::Desktop(450), binding_map(numbered)),
     };
     // Without GL_EXT_texture_shadow_lod, which few drivers have: naga writes gradients of 0 instead.

@@ -10,6 +10,7 @@
 //! | [`Target::Wgsl`] | `MATERIAL.ROLE.wgsl`, all entry points of a program |
 //! | [`Target::Spirv`] | `MATERIAL.ROLE.vert.spv`, `MATERIAL.ROLE.frag.spv` |
 //! | [`Target::Glsl450`] | `MATERIAL.ROLE.vert`, `MATERIAL.ROLE.frag` |
+//! | [`Target::GlslVulkan`] | `MATERIAL.ROLE.vk.vert`, `MATERIAL.ROLE.vk.frag` |
 //! | [`Target::GlslEs300`] | `MATERIAL.ROLE.es.vert`, `MATERIAL.ROLE.es.frag` |
 //! | [`Target::GlslEs100`] | `MATERIAL.ROLE.es100.vert`, `MATERIAL.ROLE.es100.frag` |
 //! | [`Target::GlslTess`] | `MATERIAL.ROLE.tess.vert`, `.tess.tesc`, `.tess.tese`, `.tess.frag`, of a hoisted plan |
@@ -22,6 +23,8 @@
 //! has `MATERIAL.original` files, unless its main program is the original.
 
 pub mod codes;
+#[cfg(any(feature = "glsl", feature = "spirv"))]
+mod combined;
 mod empty_fragment;
 #[cfg(test)]
 mod equivalence;
@@ -53,8 +56,8 @@ use crate::panics;
 
 pub use output::{is_material_name, write};
 pub use plan_json::{
-    Fallback, GlslAttribute, GlslBlock, GlslTexture, GlslUniform, PassFiles, PlanFile, StageFile,
-    TessellationFiles, WeakerPromise,
+    Fallback, GlslAttribute, GlslBlock, GlslTexture, GlslUniform, PassFiles, PlanFile,
+    SpecConstant, StageFile, TessellationFiles, WeakerPromise,
 };
 
 /// An output language.
@@ -72,6 +75,10 @@ pub enum Target {
     /// GLSL 4.50 for OpenGL: combined samplers, uniform blocks with explicit bindings.
     #[serde(rename = "glsl")]
     Glsl450,
+    /// GLSL 4.50 for Vulkan: sets and bindings, push constants, specialisation constants, and the
+    /// author's combined samplers.
+    #[serde(rename = "glsl-vulkan")]
+    GlslVulkan,
     /// GLSL ES 3.00 for WebGL 2: combined samplers, bindings by name.
     #[serde(rename = "glsl-es")]
     GlslEs300,
@@ -90,17 +97,18 @@ pub enum Target {
 
 impl Target {
     /// Every target, in the order of `--help`.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Wgsl,
         Self::Spirv,
         Self::Glsl450,
+        Self::GlslVulkan,
         Self::GlslEs300,
         Self::GlslEs100,
         Self::GlslTess,
         Self::GlslVulkanTess,
     ];
 
-    /// The targets for any plan: no tessellation, no GLSL ES 1.00.
+    /// The targets for any plan and host: no tessellation, no GLSL ES 1.00, no Vulkan's GLSL.
     pub const GENERAL: [Self; 4] = [Self::Wgsl, Self::Spirv, Self::Glsl450, Self::GlslEs300];
 
     /// The name on the command line and in `plan.json`.
@@ -109,6 +117,7 @@ impl Target {
             Self::Wgsl => "wgsl",
             Self::Spirv => "spirv",
             Self::Glsl450 => "glsl",
+            Self::GlslVulkan => "glsl-vulkan",
             Self::GlslEs300 => "glsl-es",
             Self::GlslEs100 => "glsl-es-100",
             Self::GlslTess => "glsl-tess",
@@ -310,8 +319,8 @@ fn refuse_external_textures(plan: &Plan, targets: &[Target]) -> Result<(), EmitE
 /// Rejects OpenGL targets for passes that read an earlier pass's target at `gl_FragCoord` under
 /// `layout(origin_upper_left)`: OpenGL's textures start at the bottom, so the row would differ.
 fn refuse_flipped_rows(plan: &Plan, targets: &[Target]) -> Result<(), EmitError> {
-    let is_glsl = |t: &&Target| !matches!(t, Target::Wgsl | Target::Spirv);
-    let Some(target) = targets.iter().find(is_glsl) else {
+    let is_opengl = |t: &&Target| !matches!(t, Target::Wgsl | Target::Spirv | Target::GlslVulkan);
+    let Some(target) = targets.iter().find(is_opengl) else {
         return Ok(());
     };
     let drawn = |source: &BindingSource| {
@@ -584,17 +593,18 @@ fn write_program(
             Ok(vec![(File { name, bytes }, stage_file)])
         }
         #[cfg(feature = "spirv")]
-        Target::Spirv => stages
-            .iter()
-            .map(|s| {
+        Target::Spirv => {
+            let ids = overrides::SpecIds::of(plan);
+            let pairs = combined::CombinedSamplers::of(plan, program);
+            let write = |s: &EmittedStage| {
                 let name = format!("{}.{}.spv", s.stem, extension(s.stage));
-                let (bytes, stage_file) = spirv::write(program, s.stage, &s.entry, &name)?;
-                Ok((
-                    File { name, bytes },
-                    vec![(written_key(s.stage, &s.entry), stage_file)],
-                ))
-            })
-            .collect(),
+                let (bytes, stage_file) =
+                    spirv::write(program, s.stage, &s.entry, &name, &ids, &pairs)?;
+                let stage_file = vec![(written_key(s.stage, &s.entry), stage_file)];
+                Ok((File { name, bytes }, stage_file))
+            };
+            stages.iter().map(write).collect()
+        }
         #[cfg(feature = "glsl")]
         _ => {
             let mut emitted = match target {
@@ -637,16 +647,21 @@ fn write_glsl(
     target: Target,
     options: &Options,
 ) -> Result<Vec<Emitted>, EmitError> {
+    let vulkan = (target == Target::GlslVulkan).then(|| glsl::Vulkan::of(plan, program));
+    let program = vulkan.as_ref().map_or(program, |vulkan| &vulkan.program);
     let authored = glsl::author(program, &plan.material, target)?;
-    let es = match target {
+    let infix = match target {
+        Target::GlslVulkan => "vk.",
         Target::GlslEs300 => "es.",
         Target::GlslEs100 => "es100.",
         _ => "",
     };
     let write = |s: &EmittedStage| {
-        let name = format!("{}.{es}{}", s.stem, extension(s.stage));
-        let (text, stage_file) =
-            glsl::write_named(&authored, s.stage, &s.entry, &name, target, options)?;
+        let name = format!("{}.{infix}{}", s.stem, extension(s.stage));
+        let (text, stage_file) = match &vulkan {
+            Some(vulkan) => glsl::write_vulkan(&authored, vulkan, s.stage, &s.entry, &name)?,
+            None => glsl::write_named(&authored, s.stage, &s.entry, &name, target, options)?,
+        };
         let bytes = text.into_bytes();
         let stage_file = vec![(written_key(s.stage, &s.entry), stage_file)];
         Ok((File { name, bytes }, stage_file))

@@ -118,12 +118,16 @@ pub struct StageFile {
     pub file: String,
     /// Entry point's name in that file.
     pub entry_point: String,
-    /// SPIR-V and GLSL have no overrides here: the values that replace those that the stage reads.
-    /// Keys and types are those of WebGPU's pipeline constants: the id or else the name; a boolean
-    /// is 0 or 1. Other values need another text.
+    /// The values of overrides that the file has as plain numbers: all that the stage reads in
+    /// OpenGL's GLSL, and in `constants`' languages those that a type or an initialiser needs. Keys and types are those of
+    /// WebGPU's pipeline constants: the id or else the name; a boolean is 0 or 1. Other values need
+    /// another text.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub overrides: BTreeMap<String, f64>,
-    /// GLSL only: combined samplers, by uniform name.
+    /// SPIR-V and Vulkan's GLSL: the specialisation constants, by the key of their override.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub constants: BTreeMap<String, SpecConstant>,
+    /// GLSL and SPIR-V: combined samplers, by the author's name.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub textures: Vec<GlslTexture>,
     /// GLSL only: uniform and storage blocks.
@@ -142,6 +146,24 @@ pub struct StageFile {
     /// What our reader lacks, if the file was not read back. `plan.json` has it as a note.
     #[serde(skip)]
     pub unread: Option<String>,
+    /// What else a host must know about the file, a sentence each. `plan.json` has them as notes.
+    #[serde(skip)]
+    pub notes: Vec<String>,
+}
+
+/// An override that a host sets as a specialisation constant.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct SpecConstant {
+    /// `SpecId` in the text: the override's id, or else the lowest free one.
+    pub id: u32,
+    /// The override's name.
+    pub name: String,
+    /// Its type, as in WGSL.
+    #[serde(rename = "type")]
+    pub ty: String,
+    /// Its default; a boolean is 0 or 1. Without one, the host must set it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub default: Option<f64>,
 }
 
 impl StageFile {
@@ -164,8 +186,8 @@ pub struct GlslTexture {
     /// Group and binding of the sampler; none if the texture is only fetched from.
     pub sampler: Option<[u32; 2]>,
     /// `layout(binding = ..)` in the text: the author's number if there is one. An array element
-    /// has the array's number plus its index. None in GLSL ES 3.00, where the host sets the
-    /// uniform.
+    /// has the array's number plus its index, and in SPIR-V and Vulkan's GLSL the array's number.
+    /// None in GLSL ES 3.00, where the host sets the uniform.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unit: Option<u32>,
     /// GLSL ES 1.00 only, which has no texel fetch: the uniform `vec2` for the texture's width and
@@ -269,14 +291,16 @@ fn pass_files(plan: &Plan, written: &WrittenFiles) -> Vec<PassFiles> {
         .collect()
 }
 
-/// A note for each file that was not read back.
-fn unread(written: &WrittenFiles) -> impl Iterator<Item = String> {
-    written.values().filter_map(|stage| {
-        let lacks = stage.unread.as_ref()?;
-        Some(format!(
-            "`{}` was not read back: our reader lacks {lacks}; only its interface was compared",
-            stage.file
-        ))
+/// The notes of each file.
+fn notes(written: &WrittenFiles) -> impl Iterator<Item = String> {
+    written.values().flat_map(|stage| {
+        let unread = stage.unread.as_ref().map(|lacks| {
+            format!(
+                "`{}` was not read back: our reader lacks {lacks}; only its interface was compared",
+                stage.file
+            )
+        });
+        unread.into_iter().chain(stage.notes.iter().cloned())
     })
 }
 
@@ -291,7 +315,11 @@ pub(super) fn file(plan: &Plan, written: &WrittenFiles, original: Option<Fallbac
     let compute =
         compute.map(|c| stage_files(written, &c.program, ShaderStage::Compute, &c.entry_point));
     let mut plan = plan.clone();
-    plan.notes.extend(unread(written));
+    for note in notes(written) {
+        if !plan.notes.contains(&note) {
+            plan.notes.push(note);
+        }
+    }
     let content = PlanFile {
         compute_files: compute.collect(),
         files: pass_files(&plan, written),

@@ -36,7 +36,7 @@ pub(super) fn reduce(
 }
 
 /// The program with one entry point and its dependencies.
-#[cfg(feature = "glsl")]
+#[cfg(any(feature = "glsl", feature = "spirv"))]
 pub(super) fn to_stage(
     program: &Program,
     stage: ShaderStage,

@@ -155,6 +155,10 @@ const INFORMATIVE: &[(&str, &str)] = &[
         "of the pulled form, which has no compute pass",
     ),
     (
+        "compute_files[].{}.constants",
+        "of SPIR-V, which the renderer does not draw: `emit.rs` holds them to the text",
+    ),
+    (
         "compute_files[].{}.overrides",
         "of SPIR-V and GLSL, which the renderer does not draw: `emit.rs` holds them to the text",
     ),
@@ -204,6 +208,10 @@ const INFORMATIVE: &[(&str, &str)] = &[
         "a plan in place of the plan, of the same types: drawn below",
     ),
     (
+        "files[].vertex.{}.constants",
+        "of SPIR-V, which the renderer does not draw: `emit.rs` holds them to the text",
+    ),
+    (
         "files[].vertex.{}.overrides",
         "of SPIR-V and GLSL, which the renderer does not draw: `emit.rs` holds them to the text",
     ),
@@ -222,6 +230,10 @@ const INFORMATIVE: &[(&str, &str)] = &[
     (
         "files[].vertex.{}.blocks",
         "of GLSL, which the renderer does not draw",
+    ),
+    (
+        "files[].fragment.{}.constants",
+        "of SPIR-V, which the renderer does not draw: `emit.rs` holds them to the text",
     ),
     (
         "files[].fragment.{}.overrides",

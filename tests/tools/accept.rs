@@ -27,6 +27,9 @@ pub struct Judged {
     pub linked: usize,
 }
 
+/// Files with the labels of their sets.
+type Labelled<'a> = Vec<&'a (&'a str, PathBuf)>;
+
 /// Has every file of every set judged, each text once: a set is a label, for the message, and what
 /// `emit::emit` returned. Panics with all rejections, each with the text that was refused. Files
 /// other than shaders pass unread.
@@ -72,9 +75,11 @@ pub fn accept(sets: &[(String, Vec<File>)]) -> Judged {
         command.args(["--target-env", "vulkan1.1"]).arg(path);
         run(command, label, path)
     };
-    let (alone, of_programs): (Vec<_>, Vec<_>) = glsl
+    let (alone, of_programs): (Labelled<'_>, Labelled<'_>) = glsl
         .iter()
-        .partition(|(_, path)| !path.with_extension("tesc").exists());
+        .partition(|(_, path)| !path.with_extension("tesc").exists() && !is_for_vulkan(path));
+    let is_alone = |file: &&&(&str, PathBuf)| !file.1.with_extension("tesc").exists();
+    let vulkan: Labelled<'_> = of_programs.iter().filter(is_alone).copied().collect();
     let by_glslang = |some: &[&(&str, PathBuf)]| -> Vec<String> {
         let mut all = Command::new("glslangValidator");
         let all = all.args(some.iter().map(|(_, path)| path)).output();
@@ -99,12 +104,18 @@ pub fn accept(sets: &[(String, Vec<File>)]) -> Judged {
         command.args(["vert", "tesc", "tese", "frag"].map(|e| control.with_extension(e)));
         run(command, &format!("{label}, all stages"), control)
     };
+    let by_vulkan = |(label, path): &&(&str, PathBuf)| {
+        let mut command = glslang(path);
+        command.arg(path);
+        run(command, label, path)
+    };
     let others = || -> Vec<String> {
+        let vulkan = vulkan.par_iter().filter_map(by_vulkan);
         let spirv = spirv.par_iter().filter_map(by_spirv_val);
         // It makes its tables anew in each process, which takes it longer than a file.
         let alone = alone.par_chunks(32).flat_map_iter(by_glslang);
         let controls = controls.par_iter().filter_map(linked);
-        spirv.chain(alone).chain(controls).collect()
+        spirv.chain(alone).chain(controls).chain(vulkan).collect()
     };
     let (mut rejections, more) = rayon::join(|| tint(&wgsl), others);
     rejections.extend(more);
@@ -127,13 +138,17 @@ pub fn accept(sets: &[(String, Vec<File>)]) -> Judged {
 /// glslang by the rules of the file's API: OpenGL's, or Vulkan's, which it knows by writing SPIR-V.
 fn glslang(path: &Path) -> Command {
     let mut command = Command::new("glslangValidator");
-    let stem = path.file_stem().and_then(|s| s.to_str());
-    if stem.is_some_and(|s| s.ends_with(".vulkan")) {
+    if is_for_vulkan(path) {
         command.arg("-V").arg("-o");
         // A name that no file has, though several are written to it in turn.
         command.arg(path.with_extension("judged"));
     }
     command
+}
+
+fn is_for_vulkan(path: &Path) -> bool {
+    let stem = path.file_stem().and_then(|s| s.to_str());
+    stem.is_some_and(|s| s.ends_with(".vulkan") || s.ends_with(".vk"))
 }
 
 /// A folder of its own for a check.

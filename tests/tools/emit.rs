@@ -423,7 +423,7 @@ fn what_a_target_cannot_say_is_told_with_a_remedy() {
 }
 
 #[test]
-fn overrides_stay_in_wgsl_and_take_their_default_elsewhere() {
+fn overrides_stay_in_wgsl_are_constants_in_spirv_and_take_their_default_in_glsl() {
     let with = |init: &str| {
         format!(
             "override level: f32{init};\n{VS}@fragment fn fs() -> @location(0) vec4<f32> {{ \
@@ -438,20 +438,86 @@ fn overrides_stay_in_wgsl_and_take_their_default_elsewhere() {
         serde_json::from_str(text(&files, "material.plan.json")).unwrap();
     let stages = &plan_json["files"][0];
     let baked = serde_json::json!({ "level": 0.75 });
-    for target in ["spirv", "glsl", "glsl-es"] {
+    for target in ["glsl", "glsl-es"] {
         assert_eq!(stages["fragment"][target]["overrides"], baked, "{target}");
         assert!(stages["vertex"][target]["file"].is_string(), "{target}");
         assert!(stages["vertex"][target]["overrides"].is_null(), "{target}");
     }
+    let constant = serde_json::json!({ "id": 0, "name": "level", "type": "f32", "default": 0.75 });
+    let spirv = &stages["fragment"]["spirv"];
+    assert_eq!(spirv["constants"], serde_json::json!({ "level": constant }));
+    assert!(spirv["overrides"].is_null());
+    assert!(stages["vertex"]["spirv"]["constants"].is_null());
     assert!(stages["fragment"]["wgsl"]["overrides"].is_null());
     accept::accept(&[(name, files)]);
-    let error = emit::emit(
-        &plan("o.wgsl", &with("")),
-        &[Target::Spirv],
-        &emit::Options::default(),
-    )
-    .unwrap_err();
-    insta::assert_snapshot!(error.to_string());
+    // A host must set it.
+    let plan = plan("o.wgsl", &with(""));
+    let error = emit::emit(&plan, &[Target::Glsl450], &emit::Options::default()).unwrap_err();
+    assert!(
+        error
+            .to_string()
+            .contains("the override `level` has no default")
+    );
+    let files = emit::emit(&plan, &[Target::Spirv], &emit::Options::default()).unwrap();
+    let json = text(&files, "material.plan.json");
+    assert!(
+        json.contains("\"level\"") && !json.contains("default\": 0"),
+        "{json}"
+    );
+    accept::accept(&[("a constant without default".to_owned(), files)]);
+}
+
+#[test]
+fn a_gather_from_a_depth_texture_is_written_in_spirv() {
+    let source = format!(
+        "@group(0) @binding(0) var depth: texture_depth_2d;
+         @group(0) @binding(1) var nearest: sampler;
+         {VS}@fragment fn fs(@builtin(position) p: vec4<f32>) -> @location(0) vec4<f32> {{
+             return textureGather(depth, nearest, p.xy);
+         }}"
+    );
+    let (name, files) = emitted("g.wgsl", &source, &[Target::Spirv]);
+    // Only its interface can be compared.
+    assert!(text(&files, "material.plan.json").contains("textureGather of a depth texture"));
+    assert_eq!(accept::accept(&[(name, files)]).spirv, 2);
+}
+
+#[test]
+fn each_form_of_override_is_a_constant_or_told() {
+    let source = format!(
+        "override on: bool = true;
+         @id(0) override steps: u32 = 4;
+         @id(7) override scale: f32 = 2.0;
+         override twice: f32 = scale * 2.0 + select(0.0, 1.0, on);
+         override start: f32 = 0.5;
+         override chance: i32 = -1;
+         var<private> state: f32 = start;
+         fn sum(base: f32) -> f32 {{
+             var total = twice + base;
+             for (var i = 0u; i < steps; i++) {{ var own = scale; total += own * f32(i); }}
+             return total;
+         }}
+         {VS}@fragment fn fs(@builtin(position) p: vec4<f32>) -> @location(0) vec4<f32> {{
+             state += p.x;
+             var v = vec2(scale, f32(chance));
+             if on && chance > 0 {{ return vec4(v, sum(state), twice); }}
+             return vec4(sum(p.y), start, v);
+         }}"
+    );
+    let (name, files) = emitted("c.wgsl", &source, &Target::GENERAL);
+    let json: serde_json::Value = serde_json::from_str(text(&files, "material.plan.json")).unwrap();
+    let spirv = &json["files"][0]["fragment"]["spirv"];
+    // The lowest free ids go to those without one, and what an initialiser needs stays as it is.
+    let ids = |key: &str| spirv["constants"][key]["id"].as_u64();
+    let keys = ["0", "7", "on", "chance", "twice", "start"];
+    assert_eq!(
+        keys.map(ids),
+        [Some(0), Some(7), Some(1), Some(4), None, None]
+    );
+    assert_eq!(spirv["overrides"], serde_json::json!({ "start": 0.5 }));
+    let notes = json["notes"].to_string();
+    assert!(notes.contains("computes the override `twice`"), "{notes}");
+    accept::accept(&[(name, files)]);
 }
 
 #[test]

@@ -22,4 +22,5 @@ mod glsl_layout;
 mod glsl_names;
 mod interface_texts;
 mod lacks;
+mod reflection;
 mod webgl;

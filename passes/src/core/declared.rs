@@ -32,6 +32,18 @@ pub struct Declared {
     pub notes: Vec<String>,
 }
 
+/// The name of a float that fills a gap in a block, as WGSL and naga's GLSL need it.
+pub fn padding(block: &str, at: impl std::fmt::Display) -> String {
+    format!("{block}_padding_{at}")
+}
+
+/// Whether a member of a block has such a name.
+pub fn is_padding(block: &str, member: &str) -> bool {
+    let rest = member.strip_prefix(block);
+    let at = rest.and_then(|rest| rest.strip_prefix("_padding_"));
+    at.is_some_and(|at| !at.is_empty() && at.bytes().all(|b| b.is_ascii_digit() || b == b'x'))
+}
+
 /// The range of depths between the near and the far plane.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Depth {

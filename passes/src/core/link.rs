@@ -334,6 +334,14 @@ impl Linker<'_> {
             global.init = global.init.map(|e| self.expression(e)).transpose()?;
             let span = self.span(self.second.global_variables.get_span(handle));
             let mapped = match self.same_binding(&global) {
+                // Each stage has its own part of the immediate data.
+                Some(ours)
+                    if global.space == AddressSpace::Immediate
+                        && self.module.global_variables[ours].ty != global.ty =>
+                {
+                    global.name = global.name.map(|n| self.unique(&n));
+                    self.module.global_variables.append(global, span)
+                }
                 Some(ours) => {
                     let declared = &self.module.global_variables[ours];
                     if declared.ty != global.ty || declared.space != global.space {

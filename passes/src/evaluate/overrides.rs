@@ -124,8 +124,8 @@ pub(crate) fn derived(module: &Module, given: &[Assumed]) -> Vec<Assumed> {
     out
 }
 
-/// The overrides that a constant expression depends on.
-fn overrides_of(module: &Module, e: Handle<Expression>) -> Vec<Handle<Override>> {
+/// The overrides that a global expression depends on.
+pub fn overrides_of(module: &Module, e: Handle<Expression>) -> Vec<Handle<Override>> {
     match &module.global_expressions[e] {
         Expression::Override(o) => vec![*o],
         other => operands::of_expression(other)

@@ -19,6 +19,7 @@ use super::layout;
 use super::loose_uniforms::{self, LooseUniform};
 use super::reserved_words;
 use super::texture_copies::{self, Inseparable, TextureCopies};
+use crate::emit::overrides::free_stem;
 
 /// A program to write, and the names to put into its text.
 pub(in crate::emit) struct Authored {
@@ -276,32 +277,7 @@ struct Marks(String);
 
 impl Marks {
     fn of(module: &Module) -> Self {
-        let mut names: Vec<&str> = Vec::new();
-        for (_, ty) in module.types.iter() {
-            names.extend(ty.name.as_deref());
-        }
-        names.extend(
-            module
-                .global_variables
-                .iter()
-                .filter_map(|(_, g)| g.name.as_deref()),
-        );
-        let functions = module.functions.iter().map(|(_, f)| f);
-        for f in functions.chain(module.entry_points.iter().map(|e| &e.function)) {
-            names.extend(f.name.as_deref());
-            names.extend(f.arguments.iter().filter_map(|a| a.name.as_deref()));
-            names.extend(
-                f.local_variables
-                    .iter()
-                    .filter_map(|(_, l)| l.name.as_deref()),
-            );
-            names.extend(f.named_expressions.values().map(String::as_str));
-        }
-        let mut stem = "preshade".to_owned();
-        while names.iter().any(|n| n.contains(&stem)) {
-            stem.push('x');
-        }
-        Self(stem)
+        Self(free_stem(module, "preshade"))
     }
 
     fn of_type(&self, ty: Handle<Type>) -> String {
@@ -345,6 +321,19 @@ impl Authored {
         }
     }
 
+    /// The name of a stage's immediate data.
+    pub(super) fn immediate(&self, stage: ShaderStage) -> Option<&str> {
+        let end = match stage {
+            ShaderStage::Vertex => "vs",
+            ShaderStage::Compute => "cs",
+            _ => "fs",
+        };
+        match self.words.get(&format!("_immediates_binding_{end}"))? {
+            Word::Path(name) => Some(name),
+            Word::Nothing => None,
+        }
+    }
+
     /// Registers naga's names of a resource.
     fn resource(&mut self, global: &GlobalVariable, binding: ResourceBinding, word: &Word) {
         for name in self.resource_names(global, binding) {
@@ -355,6 +344,14 @@ impl Authored {
     /// naga's names of a resource in the stages that use it. Another stage may have another
     /// resource at that binding.
     fn resource_names(&self, global: &GlobalVariable, binding: ResourceBinding) -> Vec<String> {
+        let ResourceBinding { group, binding } = binding;
+        let of = self.stages_of(global).into_iter();
+        of.map(|end| format!("_group_{group}_binding_{binding}_{end}"))
+            .collect()
+    }
+
+    /// The ends of naga's names in the stages that use a variable.
+    fn stages_of(&self, global: &GlobalVariable) -> Vec<&'static str> {
         let module = self.program.module();
         let mut own = module.global_variables.iter();
         let own = own.find(|(_, g)| g.binding == global.binding && g.name == global.name);
@@ -370,10 +367,8 @@ impl Authored {
             (ShaderStage::Fragment, "fs"),
             (ShaderStage::Compute, "cs"),
         ];
-        let ResourceBinding { group, binding } = binding;
         let of = stages.iter().filter(|(stage, _)| uses(*stage));
-        of.map(|(_, end)| format!("_group_{group}_binding_{binding}_{end}"))
-            .collect()
+        of.map(|(_, end)| *end).collect()
     }
 
     fn blocks(&mut self, module: &Module, declared: &Declared, marks: &Marks) {
@@ -384,7 +379,7 @@ impl Authored {
                 AddressSpace::Immediate => {
                     let name = global.name.as_deref().unwrap_or("immediates");
                     let name = self.taken.claim(name, Scope::All);
-                    for stage in ["vs", "fs", "cs"] {
+                    for stage in self.stages_of(global) {
                         let word = Word::Path(name.clone());
                         self.words
                             .insert(format!("_immediates_binding_{stage}"), word);

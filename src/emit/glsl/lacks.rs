@@ -41,6 +41,7 @@ const EVERY: &[Target] = &[
     Target::GlslEs300,
     Target::GlslEs100,
     Target::GlslTess,
+    Target::GlslVulkan,
     Target::GlslVulkanTess,
 ];
 const ES: &[Target] = &[Target::GlslEs300, Target::GlslEs100];

@@ -44,7 +44,10 @@ pub(super) fn split(module: &Module, declared: &Declared) -> Result<SplitUniform
         let TypeInner::Struct { members, .. } = &module.types[global.ty].inner else {
             continue;
         };
-        if global.space != AddressSpace::Uniform {
+        if !matches!(
+            global.space,
+            AddressSpace::Uniform | AddressSpace::Immediate
+        ) {
             continue;
         }
         if declared.loose.is_none() || global.binding != declared.loose {

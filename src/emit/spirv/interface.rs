@@ -1,67 +1,110 @@
 //! The interface of a stage, read from the words alone. naga's reader lacks some of what its writer
 //! writes, and does not count a binding that is only named (`_ = t;`) as used.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
-use super::{OP_DECORATE, OP_EXT_INST, OP_TYPE_INT, OP_VARIABLE, instructions};
+use rspirv::dr::{Module, Operand};
+use rspirv::spirv::{BuiltIn, Decoration, Op, StorageClass};
 
-const BUILTIN: u32 = 11;
-const INVARIANT: u32 = 18;
-const LOCATION: u32 = 30;
-const BINDING: u32 = 33;
-const DESCRIPTOR_SET: u32 = 34;
-
-const POSITION: u32 = 0;
-const FRAG_COORD: u32 = 15;
-const FRAG_DEPTH: u32 = 22;
-
-const INPUT: u32 = 1;
-const OUTPUT: u32 = 3;
+use super::ids;
+use crate::emit::combined::Place;
 
 /// Instructions of GLSL.std.450 whose results are structs that naga's reader does not declare.
 const MODF_STRUCT: u32 = 36;
 const FREXP_STRUCT: u32 = 52;
 
+/// The operand of each decoration of an id, by both. [`Operand::IdRef`] of the id itself if the
+/// decoration has none.
+pub(super) fn decorations(module: &Module) -> HashMap<(u32, Decoration), &Operand> {
+    let annotations = module.annotations.iter();
+    annotations
+        .filter(|i| i.class.opcode == Op::Decorate)
+        .filter_map(|i| match i.operands.as_slice() {
+            [id, Operand::Decoration(decoration), value @ ..] => {
+                let value = value.first().unwrap_or(id);
+                Some(((id.id_ref_any()?, *decoration), value))
+            }
+            _ => None,
+        })
+        .collect()
+}
+
 /// Sorted lines as those of [`fingerprint::interface`](crate::wgsl::fingerprint::interface) and
-/// [`bindings`](crate::wgsl::fingerprint::bindings), without types.
-pub(super) fn lines(words: &[u32]) -> Vec<String> {
-    let mut decorations: HashMap<(u32, u32), u32> = HashMap::new();
+/// [`bindings`](crate::wgsl::fingerprint::bindings), without types, and the specialisation
+/// constants.
+pub(super) fn lines(module: &Module) -> Vec<String> {
+    let decorations = decorations(module);
     let mut lines = Vec::new();
-    for (_, opcode, operands) in instructions(words) {
-        match (opcode, operands) {
-            (OP_DECORATE, [id, decoration, value @ ..]) => {
-                let value = value.first().copied().unwrap_or_default();
-                decorations.insert((*id, *decoration), value);
+    for instruction in &module.types_global_values {
+        let Some(id) = instruction.result_id else {
+            continue;
+        };
+        let value = |decoration| match decorations.get(&(id, decoration)) {
+            Some(Operand::LiteralBit32(value)) => Some(*value),
+            _ => None,
+        };
+        lines.extend(value(Decoration::SpecId).map(|id| format!("specialisation constant {id}")));
+        let Some(Operand::StorageClass(class)) = instruction.operands.first() else {
+            continue;
+        };
+        let builtin = match decorations.get(&(id, Decoration::BuiltIn)) {
+            Some(Operand::BuiltIn(builtin)) => Some(*builtin),
+            _ => None,
+        };
+        lines.extend(match (*class, builtin, value(Decoration::Location)) {
+            (StorageClass::Input, _, Some(at)) => Some(format!("input location {at}")),
+            (StorageClass::Output, _, Some(at)) => Some(format!("output location {at}")),
+            (StorageClass::Input, Some(BuiltIn::FragCoord), _) => Some("input position".to_owned()),
+            (StorageClass::Output, Some(BuiltIn::Position), _) => {
+                Some(match decorations.get(&(id, Decoration::Invariant)) {
+                    Some(_) => "output invariant position".to_owned(),
+                    None => "output position".to_owned(),
+                })
             }
-            (OP_VARIABLE, [_, id, class, ..]) => {
-                let value = |decoration| decorations.get(&(*id, decoration)).copied();
-                lines.extend(match (*class, value(BUILTIN), value(LOCATION)) {
-                    (INPUT, _, Some(at)) => Some(format!("input location {at}")),
-                    (OUTPUT, _, Some(at)) => Some(format!("output location {at}")),
-                    (INPUT, Some(FRAG_COORD), _) => Some("input position".to_owned()),
-                    (OUTPUT, Some(POSITION), _) => Some(match value(INVARIANT) {
-                        Some(_) => "output invariant position".to_owned(),
-                        None => "output position".to_owned(),
-                    }),
-                    (OUTPUT, Some(FRAG_DEPTH), _) => Some("output depth".to_owned()),
-                    _ => None,
-                });
-                if let (Some(group), Some(binding)) = (value(DESCRIPTOR_SET), value(BINDING)) {
-                    lines.push(format!("group {group} binding {binding}"));
-                }
-            }
-            _ => {}
+            (StorageClass::Output, Some(BuiltIn::FragDepth), _) => Some("output depth".to_owned()),
+            _ => None,
+        });
+        let place = [Decoration::DescriptorSet, Decoration::Binding].map(value);
+        if let [Some(group), Some(binding)] = place {
+            lines.push(bound((group, binding)));
         }
     }
     lines.sort();
     lines
 }
 
+/// The line of a resource.
+pub(super) fn bound((group, binding): Place) -> String {
+    format!("group {group} binding {binding}")
+}
+
 /// What naga's reader takes and then cannot validate.
-pub(super) fn unreadable(words: &[u32]) -> Option<&'static str> {
-    instructions(words).find_map(|(_, opcode, operands)| match (opcode, operands) {
-        (OP_TYPE_INT, [_, 8, ..]) => Some("8-bit integers"),
-        (OP_EXT_INST, [_, _, _, MODF_STRUCT | FREXP_STRUCT, ..]) => Some("modf and frexp"),
+pub(super) fn unreadable(module: &Module) -> Option<&'static str> {
+    // The types of depth textures and what is made of them.
+    let mut depths = HashSet::new();
+    for i in module.all_inst_iter() {
+        let of_depth = |id: Option<u32>| id.is_some_and(|id| depths.contains(&id));
+        let first = ids(i).next();
+        let is_depth = match i.class.opcode {
+            Op::TypeImage => i.operands.get(2) == Some(&Operand::LiteralBit32(1)),
+            Op::TypeSampledImage => of_depth(first),
+            Op::SampledImage => of_depth(i.result_type),
+            Op::ImageGather if of_depth(first) => return Some("textureGather of a depth texture"),
+            _ => false,
+        };
+        depths.extend(i.result_id.filter(|_| is_depth));
+    }
+    let mut all = module.all_inst_iter();
+    all.find_map(|i| match (i.class.opcode, i.operands.as_slice()) {
+        (Op::TypeInt, [Operand::LiteralBit32(8), ..]) => Some("8-bit integers"),
+        (
+            Op::ExtInst,
+            [
+                _,
+                Operand::LiteralExtInstInteger(MODF_STRUCT | FREXP_STRUCT),
+                ..,
+            ],
+        ) => Some("modf and frexp"),
         _ => None,
     })
 }

@@ -7,30 +7,10 @@
 
 use std::collections::{HashMap, HashSet};
 
-use super::instructions;
+use rspirv::dr::{self, Instruction, Operand};
+use rspirv::spirv::{BuiltIn, Decoration, Op};
 
-const OP_TYPE_STRUCT: u16 = 30;
-const OP_TYPE_POINTER: u16 = 32;
-const OP_CONSTANT: u16 = 43;
-const OP_FUNCTION: u16 = 54;
-const OP_FUNCTION_PARAMETER: u16 = 55;
-const OP_FUNCTION_CALL: u16 = 57;
-const OP_VARIABLE: u16 = 59;
-const OP_LOAD: u16 = 61;
-const OP_STORE: u16 = 62;
-const OP_COPY_MEMORY: std::ops::RangeInclusive<u16> = 63..=64;
-const OP_ACCESS_CHAIN: std::ops::RangeInclusive<u16> = 65..=66;
-const OP_DECORATE: u16 = 71;
-const OP_COMPOSITE_CONSTRUCT: u16 = 80;
-const OP_COMPOSITE_EXTRACT: u16 = 81;
-const OP_COPY_OBJECT: u16 = 83;
-const OP_ATOMICS: std::ops::RangeInclusive<u16> = 227..=242;
-const OP_PHI: u16 = 245;
-const OP_BRANCH_CONDITIONAL: u16 = 250;
-const OP_SWITCH: u16 = 251;
-const OP_RETURN_VALUE: u16 = 254;
-const BUILT_IN: u32 = 11;
-const POSITION: u32 = 0;
+use super::ids;
 
 /// A variable or pointer parameter and its member; `None`: all of it.
 type Memory = (u32, Option<u32>);
@@ -43,19 +23,19 @@ struct Write {
 }
 
 struct Module<'a> {
-    /// Opcode and operands by result.
-    defined: HashMap<u32, (u16, &'a [u32])>,
+    /// By result.
+    defined: HashMap<u32, &'a Instruction>,
     writes: Vec<Write>,
     /// By function.
     parameters: HashMap<u32, Vec<u32>>,
     returns: HashMap<u32, Vec<u32>>,
     /// Callee and arguments.
-    calls: Vec<(u32, &'a [u32])>,
+    calls: Vec<Vec<u32>>,
 }
 
 /// All ids that may affect the position, or `None` if the analysis fails.
-pub(super) fn slice(words: &[u32]) -> Option<HashSet<u32>> {
-    let (module, mut asked) = read(words)?;
+pub(super) fn slice(module: &dr::Module) -> Option<HashSet<u32>> {
+    let (module, mut asked) = read(module)?;
     let mut seen: HashSet<(u32, Option<u32>)> = HashSet::new();
     while let Some((id, member)) = asked.pop() {
         if seen.contains(&(id, None)) || !seen.insert((id, member)) {
@@ -67,52 +47,51 @@ pub(super) fn slice(words: &[u32]) -> Option<HashSet<u32>> {
 }
 
 /// Reads the module, and collects the first targets: the position and all branch conditions.
-fn read(words: &[u32]) -> Option<(Module<'_>, Vec<Memory>)> {
+fn read(all: &dr::Module) -> Option<(Module<'_>, Vec<Memory>)> {
+    let with_results = all.all_inst_iter();
     let mut module = Module {
-        defined: HashMap::new(),
+        defined: with_results
+            .filter_map(|i| Some((i.result_id?, i)))
+            .collect(),
         writes: Vec::new(),
         parameters: HashMap::new(),
         returns: HashMap::new(),
         calls: Vec::new(),
     };
-    let mut asked: Vec<Memory> = Vec::new();
-    let mut position = None;
-    let mut function = 0;
+    let is_position = |i: &&Instruction| {
+        let of = [
+            Operand::Decoration(Decoration::BuiltIn),
+            Operand::BuiltIn(BuiltIn::Position),
+        ];
+        i.class.opcode == Op::Decorate && i.operands.ends_with(&of)
+    };
+    let mut positions = all.annotations.iter().filter(is_position).flat_map(ids);
+    // With two positions, the entry point's is unknown.
+    let (Some(position), None) = (positions.next(), positions.next()) else {
+        return None;
+    };
+    let mut asked: Vec<Memory> = vec![(position, None)];
     let mut stores = Vec::new();
-    for (_, opcode, operands) in instructions(words) {
-        match (opcode, operands) {
-            // With two positions, the entry point's is unknown.
-            (OP_DECORATE, [_, BUILT_IN, POSITION]) if position.is_some() => return None,
-            (OP_DECORATE, [variable, BUILT_IN, POSITION]) => position = Some(*variable),
-            // Type instructions have no type id before their result.
-            (19..=39, [result, ..]) => {
-                module.defined.insert(*result, (opcode, operands));
-            }
-            (OP_STORE, [pointer, value, ..]) => stores.push((*pointer, *value)),
-            (o, [to, from, ..]) if OP_COPY_MEMORY.contains(&o) => stores.push((*to, *from)),
-            (OP_BRANCH_CONDITIONAL | OP_SWITCH, [condition, ..]) => asked.push((*condition, None)),
-            (OP_RETURN_VALUE, [value]) => module.returns.entry(function).or_default().push(*value),
-            (o, operands) if OP_ATOMICS.contains(&o) => {
-                asked.extend(operands.iter().map(|id| (*id, None)));
-                if let (true, [_, result, ..]) = (has_result(o), operands) {
-                    module.defined.insert(*result, (opcode, operands));
+    for function in &all.functions {
+        let own = function.def_id()?;
+        let parameters = function.parameters.iter().filter_map(|p| p.result_id);
+        module.parameters.insert(own, parameters.collect());
+        for instruction in function.all_inst_iter() {
+            let mut operands = ids(instruction);
+            match instruction.class.opcode {
+                Op::Store | Op::CopyMemory | Op::CopyMemorySized => {
+                    stores.push((operands.next()?, operands.next()?));
                 }
-            }
-            (_, [_, result, rest @ ..]) if has_result(opcode) => {
-                module.defined.insert(*result, (opcode, operands));
-                match opcode {
-                    OP_FUNCTION => function = *result,
-                    OP_FUNCTION_PARAMETER => {
-                        module.parameters.entry(function).or_default().push(*result);
-                    }
-                    OP_FUNCTION_CALL => module.calls.push((*rest.first()?, rest.get(1..)?)),
-                    _ => {}
+                Op::BranchConditional | Op::Switch => asked.push((operands.next()?, None)),
+                Op::ReturnValue => module.returns.entry(own).or_default().extend(operands),
+                Op::FunctionCall => module.calls.push(operands.collect()),
+                opcode if is_atomic(opcode) => {
+                    asked.extend(operands.chain(instruction.result_id).map(|id| (id, None)));
                 }
+                _ => {}
             }
-            _ => {}
         }
     }
-    asked.push((position?, None));
     for (pointer, value) in stores {
         let to = module.place(pointer)?;
         module.writes.push(Write { to, pointer, value });
@@ -120,62 +99,58 @@ fn read(words: &[u32]) -> Option<(Module<'_>, Vec<Memory>)> {
     Some((module, asked))
 }
 
-/// Whether an instruction has a type and a result. All have, except for annotations, names, types,
-/// control flow and writes (SPIR-V 3.52).
-fn has_result(opcode: u16) -> bool {
-    !matches!(
-        opcode,
-        0 | 2..=11 | 14..=17 | 19..=39 | 56 | 62..=64 | 71..=76 | 99 | 218..=221 | 224 | 225 | 228 | 246..=256 | 317 | 331 | 332
-    )
+/// `OpAtomicLoad` to `OpAtomicXor` (SPIR-V 3.52.18).
+fn is_atomic(opcode: Op) -> bool {
+    (Op::AtomicLoad as u32..=Op::AtomicXor as u32).contains(&(opcode as u32))
 }
 
 impl Module<'_> {
     /// Visits `member` of `id`.
     fn ask(&self, id: u32, member: Option<u32>, asked: &mut Vec<Memory>) -> Option<()> {
-        // An unknown id is a literal or a label.
-        let Some((opcode, operands)) = self.defined.get(&id).copied() else {
+        // An unknown id is a label.
+        let Some(instruction) = self.defined.get(&id).copied() else {
             return Some(());
         };
-        match (opcode, operands) {
-            (OP_VARIABLE | OP_FUNCTION_PARAMETER, _) => self.ask_memory(id, member, asked)?,
-            (o, [_, _, base, indices @ ..]) if OP_ACCESS_CHAIN.contains(&o) => {
+        let mut operands = ids(instruction);
+        match instruction.class.opcode {
+            Op::Variable | Op::FunctionParameter => self.ask_memory(id, member, asked)?,
+            Op::AccessChain | Op::InBoundsAccessChain => {
+                let base = operands.next()?;
                 asked.push(self.place(id)?);
-                asked.extend(indices.iter().map(|i| (*i, None)));
+                asked.extend(operands.map(|i| (i, None)));
                 // The base variable was visited by member above. A chain on a chain has its own
                 // indices.
-                if self
-                    .opcode(*base)
-                    .is_some_and(|o| OP_ACCESS_CHAIN.contains(&o))
-                {
-                    asked.push((*base, None));
+                if self.opcode(base).is_some_and(is_access_chain) {
+                    asked.push((base, None));
                 }
             }
-            (OP_LOAD, [_, _, pointer, ..]) => {
-                let (root, part) = self.place(*pointer)?;
-                match root == *pointer {
+            Op::Load => {
+                let pointer = operands.next()?;
+                let (root, part) = self.place(pointer)?;
+                match root == pointer {
                     true => asked.push((root, member)),
-                    false => asked.extend([(*pointer, None), (root, part)]),
+                    false => asked.extend([(pointer, None), (root, part)]),
                 }
             }
-            (OP_COMPOSITE_EXTRACT, [_, _, composite, index, ..]) => {
-                asked.push((*composite, self.is_struct(*composite).then_some(*index)));
+            Op::CompositeExtract => {
+                let composite = operands.next()?;
+                let index = match instruction.operands.get(1)? {
+                    Operand::LiteralBit32(index) => *index,
+                    _ => return None,
+                };
+                asked.push((composite, self.is_struct(composite).then_some(index)));
             }
-            (OP_COMPOSITE_CONSTRUCT, [ty, _, parts @ ..]) => match member {
-                Some(i) if self.opcode(*ty) == Some(OP_TYPE_STRUCT) => {
-                    asked.push((*parts.get(i as usize)?, None));
-                }
-                _ => asked.extend(parts.iter().map(|p| (*p, None))),
+            Op::CompositeConstruct => match member {
+                Some(i) if self.is_struct(id) => asked.push((operands.nth(i as usize)?, None)),
+                _ => asked.extend(operands.map(|p| (p, None))),
             },
-            (OP_COPY_OBJECT, [_, _, from]) => asked.push((*from, member)),
-            (OP_PHI, [_, _, pairs @ ..]) => {
-                asked.extend(pairs.iter().step_by(2).map(|p| (*p, member)));
-            }
-            (OP_FUNCTION_CALL, [_, _, callee, ..]) => {
-                let returns = self.returns.get(callee).into_iter().flatten();
+            Op::CopyObject => asked.push((operands.next()?, member)),
+            Op::Phi => asked.extend(operands.step_by(2).map(|value| (value, member))),
+            Op::FunctionCall => {
+                let returns = self.returns.get(&operands.next()?).into_iter().flatten();
                 asked.extend(returns.map(|r| (*r, member)));
             }
-            (_, [_, _, rest @ ..]) => asked.extend(rest.iter().map(|o| (*o, None))),
-            _ => {}
+            _ => asked.extend(operands.map(|o| (o, None))),
         }
         Some(())
     }
@@ -195,11 +170,12 @@ impl Module<'_> {
                 }
             }
         }
-        for (callee, arguments) in &self.calls {
+        for call in &self.calls {
+            let (callee, arguments) = call.split_first()?;
             let Some(parameters) = self.parameters.get(callee) else {
                 continue;
             };
-            for (parameter, argument) in parameters.iter().zip(*arguments) {
+            for (parameter, argument) in parameters.iter().zip(arguments) {
                 if *parameter == root {
                     asked.push((*argument, member));
                 } else if self.is_pointer(*argument) && self.place(*argument)?.0 == root {
@@ -213,15 +189,17 @@ impl Module<'_> {
 
     /// A pointer's target. `None` for pointers that are not access chains.
     fn place(&self, pointer: u32) -> Option<Memory> {
-        let (opcode, operands) = self.defined.get(&pointer)?;
-        match (*opcode, *operands) {
-            (OP_VARIABLE | OP_FUNCTION_PARAMETER, _) => Some((pointer, None)),
-            (o, [_, _, base, indices @ ..]) if OP_ACCESS_CHAIN.contains(&o) => {
-                let (root, part) = self.place(*base)?;
-                if part.is_some() || root != *base {
+        let instruction = self.defined.get(&pointer)?;
+        match instruction.class.opcode {
+            Op::Variable | Op::FunctionParameter => Some((pointer, None)),
+            opcode if is_access_chain(opcode) => {
+                let mut operands = ids(instruction);
+                let base = operands.next()?;
+                let (root, part) = self.place(base)?;
+                if part.is_some() || root != base {
                     return Some((root, part));
                 }
-                Some((root, self.member(root, *indices.first()?)))
+                Some((root, self.member(root, operands.next()?)))
             }
             _ => None,
         }
@@ -229,54 +207,56 @@ impl Module<'_> {
 
     /// The struct member selected by `index`, if `root` points to a struct.
     fn member(&self, root: u32, index: u32) -> Option<u32> {
-        let (_, [ty, ..]) = self.defined.get(&root)? else {
-            return None;
-        };
-        let (OP_TYPE_POINTER, [_, _, pointee]) = self.defined.get(ty)? else {
-            return None;
-        };
-        match (self.opcode(*pointee)?, self.defined.get(&index)?) {
-            (OP_TYPE_STRUCT, (OP_CONSTANT, [_, _, value])) => Some(*value),
+        let pointer = self.defined.get(&self.defined.get(&root)?.result_type?)?;
+        let pointee = ids(pointer).next()?;
+        let index = self.defined.get(&index)?;
+        match (
+            self.opcode(pointee)?,
+            index.class.opcode,
+            index.operands.first()?,
+        ) {
+            (Op::TypeStruct, Op::Constant, Operand::LiteralBit32(value)) => Some(*value),
             _ => None,
         }
     }
 
-    fn opcode(&self, id: u32) -> Option<u16> {
-        self.defined.get(&id).map(|(opcode, _)| *opcode)
+    fn opcode(&self, id: u32) -> Option<Op> {
+        self.defined.get(&id).map(|i| i.class.opcode)
     }
 
-    fn type_of(&self, id: u32) -> Option<u16> {
-        let (_, operands) = self.defined.get(&id)?;
-        self.opcode(*operands.first()?)
+    fn type_of(&self, id: u32) -> Option<Op> {
+        self.opcode(self.defined.get(&id)?.result_type?)
     }
 
     fn is_struct(&self, id: u32) -> bool {
-        self.type_of(id) == Some(OP_TYPE_STRUCT)
+        self.type_of(id) == Some(Op::TypeStruct)
     }
 
     fn is_pointer(&self, id: u32) -> bool {
-        self.type_of(id) == Some(OP_TYPE_POINTER)
+        self.type_of(id) == Some(Op::TypePointer)
     }
+}
+
+fn is_access_chain(opcode: Op) -> bool {
+    matches!(opcode, Op::AccessChain | Op::InBoundsAccessChain)
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{BUILT_IN, OP_DECORATE, POSITION, slice};
+    use rspirv::dr::{Builder, Operand};
+    use rspirv::spirv::{BuiltIn, Decoration};
+
+    use super::slice;
 
     #[test]
     fn a_second_position_has_no_answer() {
-        let decorate = |variable| {
-            [
-                4 << 16 | u32::from(OP_DECORATE),
-                variable,
-                BUILT_IN,
-                POSITION,
-            ]
-        };
-        let module = |positions: &[u32]| -> Vec<u32> {
-            let header = [0; crate::emit::spirv::HEADER];
-            let decorations = positions.iter().flat_map(|p| decorate(*p));
-            header.into_iter().chain(decorations).collect()
+        let module = |positions: &[u32]| {
+            let mut module = Builder::new();
+            for position in positions {
+                let builtin = Operand::BuiltIn(BuiltIn::Position);
+                module.decorate(*position, Decoration::BuiltIn, [builtin]);
+            }
+            module.module()
         };
         assert_eq!(slice(&module(&[])), None);
         assert_eq!(slice(&module(&[7])), Some([7].into()));

@@ -4,6 +4,7 @@
 use std::collections::HashMap;
 
 use naga::ShaderStage;
+use preshade_passes::declared;
 
 use super::super::interface::{BindingSlot, Opened, SplitSampler, index, split_type};
 use super::super::source_marks::{Marks, unmarked};
@@ -166,7 +167,7 @@ impl Lower<'_, '_> {
                     names.push(member.name.clone());
                 }
                 BlockEntry::Padding => {
-                    let name = format!("{}_padding_{i}", block.name);
+                    let name = declared::padding(&block.name, i);
                     body += &format!("    float {name};\n");
                     names.push(name);
                 }

@@ -4,10 +4,11 @@ use std::collections::{HashMap, HashSet};
 
 use glsl_lang::ast::{self, DeclarationData, ExprData, ExternalDeclarationData, NodeSpan};
 use naga::{ShaderStage, Span};
+use preshade_passes::declared;
 
 use super::constant::{self, Constants};
 use super::syntax::Unit;
-use super::ty::{GlslMember, Rules, Structs, Ty};
+use super::ty::{Component, GlslMember, Rules, Structs, Ty};
 use crate::front::error::{Code, Error};
 
 mod qualifiers;
@@ -75,6 +76,9 @@ impl Block {
         rules(&self.qualifiers)
     }
 }
+
+/// The most bytes that a block may leave unused before a member.
+const MOST_PADDING: u32 = 4096;
 
 fn rules(block: &Qualifiers) -> Rules {
     let storage = block.storage == Some(Storage::Buffer);
@@ -401,7 +405,7 @@ impl<'u> GlslStage<'u> {
             return Ok(());
         }
         let tight = rules(&qualifiers) == Rules::Std430;
-        self.refuse_offsets(&members, &member_qualifiers, tight)?;
+        let members = self.padded(&name, members, &member_qualifiers, tight)?;
         self.blocks.push(Block {
             name,
             instance,
@@ -412,35 +416,61 @@ impl<'u> GlslStage<'u> {
         Ok(())
     }
 
-    /// Rejects explicit offsets that differ from the default layout, which naga cannot express.
-    fn refuse_offsets(
+    /// Fills gaps before members with an explicit offset (GLSL 4.60, 4.4.5), because naga only
+    /// knows the default layout.
+    fn padded(
         &self,
-        members: &[GlslMember],
+        block: &str,
+        members: Vec<GlslMember>,
         qualifiers: &[Qualifiers],
         tight: bool,
-    ) -> Result<(), Error> {
+    ) -> Result<Vec<GlslMember>, Error> {
+        let mut out = Vec::new();
         let mut end = 0u32;
-        for (member, own) in members.iter().zip(qualifiers) {
-            let (align, size) = match tight {
+        for (member, own) in members.into_iter().zip(qualifiers) {
+            let (natural, size) = match tight {
                 true => self.structs.std430_by(&member.ty, member.row_major),
                 false => self.structs.std140_by(&member.ty, member.row_major),
             };
-            let at = end.next_multiple_of(align);
-            let asked = own.number("offset").unwrap_or(at);
-            if asked != at || own.number("align").is_some_and(|n| at % n.max(1) != 0) {
+            let least = own.number("offset").unwrap_or(end);
+            let align = natural.max(own.number("align").unwrap_or(1));
+            let at = least.checked_next_multiple_of(align).unwrap_or(u32::MAX);
+            if own
+                .number("offset")
+                .is_some_and(|asked| asked != at || asked < end)
+            {
                 return Err(unsupported(
                     format!(
-                        "`{}` has an explicit offset other than its default, byte {at}",
+                        "`{}` has an offset that is no multiple of {align}, or meets the member \
+                         before it, which ends at byte {end}",
                         member.name
                     ),
                     member.place,
-                )
-                .note("order the members by offset, and fill gaps with other members"));
+                ));
+            }
+            if at - end > MOST_PADDING {
+                return Err(unsupported(
+                    format!(
+                        "more than {MOST_PADDING} bytes are unused before `{}`",
+                        member.name
+                    ),
+                    member.place,
+                ));
+            }
+            let is_default = end.next_multiple_of(natural) == at;
+            for offset in (end..at).step_by(4).filter(|_| !is_default) {
+                out.push(GlslMember {
+                    name: declared::padding(block, format_args!("x{offset}")),
+                    ty: Ty::Scalar(Component::Float),
+                    row_major: false,
+                    place: None,
+                });
             }
             // No buffer is this large. The validator rejects it.
             end = at.saturating_add(size).min(1 << 31);
+            out.push(member);
         }
-        Ok(())
+        Ok(out)
     }
 
     fn fields(
