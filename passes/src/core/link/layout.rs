@@ -62,6 +62,37 @@ pub(super) fn same(
     matches(first, a, second, b, &mut pairs).then_some(pairs)
 }
 
+/// Which module's struct has more members.
+pub(super) enum Longer {
+    First,
+    Second,
+}
+
+/// If one of two structs only has more members at its end: which, and a map from the second
+/// module's member types to the first's.
+pub(super) fn longer(
+    first: &Module,
+    a: Handle<Type>,
+    second: &Module,
+    b: Handle<Type>,
+) -> Option<(Longer, Vec<(Handle<Type>, Handle<Type>)>)> {
+    let (TypeInner::Struct { members: m, .. }, TypeInner::Struct { members: n, .. }) =
+        (&first.types[a].inner, &second.types[b].inner)
+    else {
+        return None;
+    };
+    let mut pairs = Vec::new();
+    let alike = m
+        .iter()
+        .zip(n)
+        .all(|(m, n)| m.offset == n.offset && matches(first, m.ty, second, n.ty, &mut pairs));
+    let longer = match m.len() > n.len() {
+        true => Longer::First,
+        false => Longer::Second,
+    };
+    (alike && m.len() != n.len()).then_some((longer, pairs))
+}
+
 fn matches(
     first: &Module,
     a: Handle<Type>,
