@@ -2,6 +2,9 @@
 
 use naga::{ArraySize, Handle, Module, Span, Type, TypeInner};
 
+/// Types of the second module, and those of the first that they become.
+pub(super) type Pairs = Vec<(Handle<Type>, Handle<Type>)>;
+
 /// A member of a struct, to be found in the text.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Member {
@@ -57,7 +60,7 @@ pub(super) fn same(
     a: Handle<Type>,
     second: &Module,
     b: Handle<Type>,
-) -> Option<Vec<(Handle<Type>, Handle<Type>)>> {
+) -> Option<Pairs> {
     let mut pairs = Vec::new();
     matches(first, a, second, b, &mut pairs).then_some(pairs)
 }
@@ -75,7 +78,7 @@ pub(super) fn longer(
     a: Handle<Type>,
     second: &Module,
     b: Handle<Type>,
-) -> Option<(Longer, Vec<(Handle<Type>, Handle<Type>)>)> {
+) -> Option<(Longer, Pairs)> {
     let (TypeInner::Struct { members: m, .. }, TypeInner::Struct { members: n, .. }) =
         (&first.types[a].inner, &second.types[b].inner)
     else {
@@ -98,7 +101,7 @@ fn matches(
     a: Handle<Type>,
     second: &Module,
     b: Handle<Type>,
-    pairs: &mut Vec<(Handle<Type>, Handle<Type>)>,
+    pairs: &mut Pairs,
 ) -> bool {
     let same = match (&first.types[a].inner, &second.types[b].inner) {
         (
