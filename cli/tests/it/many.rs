@@ -274,7 +274,8 @@ fn watch_writes_again_what_changed() {
     let said = watched.until_it_waits().join("\n");
     assert!(said.contains("error[parse]"), "{said}");
     fs::write(&path, format!("{text}// edited\n")).unwrap();
-    let said = watched.until_it_waits();
+    let mut said = watched.until_it_waits();
+    said.retain(|line| !UPSIDE_DOWN.contains(line.as_str()));
     assert_eq!(
         said,
         [
