@@ -291,6 +291,11 @@ fn pass_files(plan: &Plan, written: &WrittenFiles) -> Vec<PassFiles> {
         .collect()
 }
 
+/// The note on Vulkan's GLSL as WGSL.
+const UPSIDE_DOWN: &str = "the text is read as Vulkan's, whose y points down: WebGPU draws the WGSL \
+                           upside down; end the vertex stage with `gl_Position.y = \
+                           -gl_Position.y;`, or negate y in the projection";
+
 /// The notes of each file.
 fn notes(written: &WrittenFiles) -> impl Iterator<Item = String> {
     written.values().flat_map(|stage| {
@@ -319,6 +324,11 @@ pub(super) fn file(plan: &Plan, written: &WrittenFiles, original: Option<Fallbac
         if !plan.notes.contains(&note) {
             plan.notes.push(note);
         }
+    }
+    let is_wgsl = written.keys().any(|(_, _, target)| *target == Target::Wgsl);
+    let is_down = plan.programs.values().any(|p| p.declared().y_down);
+    if is_wgsl && is_down {
+        plan.notes.push(UPSIDE_DOWN.to_owned());
     }
     let content = PlanFile {
         compute_files: compute.collect(),

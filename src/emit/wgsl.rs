@@ -18,6 +18,16 @@ pub(super) fn write(program: &Program, name: &str, header: &str) -> Result<Strin
             what,
             remedy: "emit SPIR-V or GLSL, or use WGSL's struct layout".to_owned(),
         },
+        // GLSL has it, and WGSL does not.
+        WgslError::Writer(message) if message.starts_with("Unsupported builtin value") => {
+            let of = message.rsplit(": ").next().unwrap_or_default();
+            EmitError::Inexpressible {
+                file,
+                target,
+                what: format!("the built-in {of}"),
+                remedy: "emit SPIR-V, or pass the value in a uniform".to_owned(),
+            }
+        }
         WgslError::Writer(message) => EmitError::Writer {
             file,
             target,

@@ -357,7 +357,7 @@ fn assemble(
         module = link(module, &second, base, map)?;
     }
     if language == Language::Glsl {
-        beyond_wgsl::disable_derivative_uniformity(&mut module);
+        beyond_wgsl::disable_uniformity(&mut module);
         beyond_wgsl::rename_constants(&mut module);
     }
     module_size::check(&module, &options.limits)?;

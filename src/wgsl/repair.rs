@@ -76,7 +76,9 @@ fn directives(module: &Module, text: &str) -> String {
     if half && !text.contains("enable f16;") {
         out.push_str("enable f16;\n");
     }
-    for (severity, rule) in filters(&module.diagnostic_filters, module.diagnostic_filter_leaf) {
+    // naga's parser makes the last one the innermost, which `filters` lists first.
+    let filters_of_module = filters(&module.diagnostic_filters, module.diagnostic_filter_leaf);
+    for (severity, rule) in filters_of_module.into_iter().rev() {
         out.push_str(&format!("diagnostic({severity}, {rule});\n"));
     }
     if !out.is_empty() && !text.starts_with("enable") {
@@ -93,6 +95,7 @@ fn function_attributes(module: &Module) -> Vec<Vec<String>> {
         let shared = filters(&module.diagnostic_filters, outer).len();
         all.iter()
             .take(all.len().saturating_sub(shared))
+            .rev()
             .map(|(severity, rule)| format!("@diagnostic({severity}, {rule})"))
             .collect()
     };

@@ -20,6 +20,7 @@ mod front_mutations;
 mod fuzz_corpus;
 mod glsl;
 mod glsl_semantics;
+mod glsl_vulkan;
 mod pass_pages;
 mod refusals;
 mod results_page;

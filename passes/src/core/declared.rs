@@ -23,6 +23,8 @@ pub struct Declared {
     pub targets: Vec<Located>,
     /// The depth range of the author's positions, if it isn't the IR's.
     pub depth: Depth,
+    /// The author's positions are Vulkan's: their y points down.
+    pub y_down: bool,
     /// The vertex stage writes a point size, which WGSL can't express and the IR doesn't keep.
     pub point_size: bool,
     /// The fragment stage has `layout(origin_upper_left)`: its `gl_FragCoord` counts rows from the

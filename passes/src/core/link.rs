@@ -15,6 +15,7 @@ use naga::{
 
 mod layout;
 
+use layout::Longer;
 pub use layout::Member;
 
 use crate::core::operands;
@@ -91,7 +92,7 @@ pub fn link(
         functions: HashMap::new(),
         filters: HashMap::new(),
     };
-    linker.share_resource_types();
+    let lengthened = linker.share_resource_types()?;
     linker.types()?;
     linker.globals()?;
     linker.filters();
@@ -102,6 +103,7 @@ pub fn link(
         .iter()
         .filter_map(|(h, _)| linker.functions.get(&h).copied())
         .collect();
+    linker.drop_types(&lengthened);
     Ok(Linked {
         module: linker.module,
         functions,
@@ -157,22 +159,53 @@ impl Linker<'_> {
 
     /// Where both files declare a resource with the same layout under different type names, uses
     /// the first file's names: authors write `Camera` in one file and `CameraUniform` in the other.
-    fn share_resource_types(&mut self) {
+    /// Where one declares more members at the end, its declaration holds for both. Returns the
+    /// first file's types that a longer one replaces.
+    fn share_resource_types(&mut self) -> Result<Vec<Handle<Type>>, Box<LinkError>> {
+        let mut lengthened = Vec::new();
         for (_, theirs) in self.second.global_variables.iter() {
-            let Some(binding) = theirs.binding else {
+            let Some(handle) = self.same_binding(theirs) else {
                 continue;
             };
-            let ours = self
-                .module
-                .global_variables
-                .iter()
-                .find(|(_, g)| g.binding == Some(binding));
-            if let Some((_, ours)) = ours
-                && let Some(pairs) = layout::same(&self.module, ours.ty, self.second, theirs.ty)
-            {
+            let ours = self.module.global_variables[handle].ty;
+            if let Some(pairs) = layout::same(&self.module, ours, self.second, theirs.ty) {
                 self.types.extend(pairs);
+                continue;
+            }
+            match layout::longer(&self.module, ours, self.second, theirs.ty) {
+                Some((Longer::First, pairs)) => {
+                    self.types.extend(pairs);
+                    self.types.insert(theirs.ty, ours);
+                }
+                Some((Longer::Second, pairs)) => {
+                    self.types.extend(pairs);
+                    self.module.global_variables[handle].ty = self.ty(theirs.ty)?;
+                    lengthened.push(ours);
+                }
+                None => {}
             }
         }
+        Ok(lengthened)
+    }
+
+    /// Drops those of `types` that nothing uses any more. An invalid module, which compaction does
+    /// not accept, stays as it is for the validator's message.
+    fn drop_types(&mut self, types: &[Handle<Type>]) {
+        use naga::compact::{KeepUnused, compact};
+        use naga::valid::{Capabilities, ValidationFlags, Validator};
+        let mut validator = Validator::new(ValidationFlags::all(), Capabilities::all());
+        if types.is_empty() || validator.validate(&self.module).is_err() {
+            return;
+        }
+        for handle in types {
+            // Compaction keeps named types.
+            let inner = self.module.types[*handle].inner.clone();
+            let unnamed = Type { name: None, inner };
+            if self.module.types.get(&unnamed).is_none() {
+                self.module.types.replace(*handle, unnamed);
+            }
+        }
+        compact(&mut self.module, KeepUnused::Yes);
     }
 
     fn types(&mut self) -> Result<(), Box<LinkError>> {

@@ -18,16 +18,7 @@ use crate::wgsl::text;
 use crate::wgsl::varying::Varying;
 
 /// Names of GLSL that our front end lacks. A `*` at the end is any rest.
-const UNREAD: &[&str] = &[
-    "atomic*",
-    "imageAtomic*",
-    "subgroup*",
-    "frexp",
-    "textureGatherOffset",
-    "gl_ClipDistance",
-    "gl_BaryCoordEXT",
-    "gl_BaryCoordNoPerspEXT",
-];
+const UNREAD: &[&str] = &["atomic*", "imageAtomic*", "frexp", "textureGatherOffset"];
 
 /// Compares the text with its stage.
 pub(super) fn read_back(

@@ -1,13 +1,29 @@
 //! Evaluates GLSL constant expressions: array lengths, locations, bindings, texture offsets.
 
-use std::collections::HashMap;
+use std::cell::RefCell;
+use std::collections::{BTreeSet, HashMap};
 
 use glsl_lang::ast::{BinaryOpData as B, Expr, ExprData, FunIdentifierData, UnaryOpData};
 
 use super::ty::Ty;
 
 /// Scalar and vector constants by name, and array lengths by [`length_of`] the array's name.
-pub(super) type Constants = HashMap<String, ConstantValue>;
+#[derive(Clone, Debug, Default)]
+pub(super) struct Constants {
+    known: HashMap<String, ConstantValue>,
+    /// Specialisation constants and what follows from them.
+    defaults: HashMap<String, (ConstantValue, Specialised)>,
+}
+
+/// Specialisation constants: ids and names.
+pub(super) type Specialised = BTreeSet<(u32, String)>;
+
+impl Constants {
+    /// Whether it is a constant whose value is final.
+    pub(super) fn is_known(&self, name: &str) -> bool {
+        self.known.contains_key(name)
+    }
+}
 
 /// The value of a constant expression, with GLSL's 32-bit numbers (4.60, 4.1).
 #[derive(Clone, Debug, PartialEq)]
@@ -28,23 +44,36 @@ fn length_of(name: &str) -> String {
 }
 
 /// Records a declared variable's array length or constant value, and forgets any variable that it
-/// hides.
-pub(super) fn declare(constants: &mut Constants, name: &str, ty: &Ty, value: Option<&Expr>) {
-    let value = value
-        .and_then(|e| self::value(e, constants))
-        .and_then(|v| converted(v, ty));
-    match value {
-        Some(value) => constants.insert(name.to_owned(), value),
-        None => constants.remove(name),
-    };
-    let length = match ty {
-        Ty::Array(_, Some(n)) => i32::try_from(*n).ok(),
-        _ => None,
-    };
-    match length {
-        Some(n) => constants.insert(length_of(name), Int(n)),
-        None => constants.remove(&length_of(name)),
-    };
+/// hides. `id`: of a specialisation constant.
+pub(super) fn declare(
+    constants: &mut Constants,
+    name: &str,
+    ty: &Ty,
+    value: Option<&Expr>,
+    id: Option<u32>,
+) {
+    // The name is visible behind its value.
+    let assumed = value.and_then(|e| assume(e, constants));
+    constants.known.remove(name);
+    constants.known.remove(&length_of(name));
+    constants.defaults.remove(name);
+    if let Some((value, mut from)) = assumed
+        && let Some(value) = converted(value, ty)
+    {
+        from.extend(id.map(|id| (id, name.to_owned())));
+        match from.is_empty() {
+            true => constants.known.insert(name.to_owned(), value).is_some(),
+            false => {
+                let value = (value, from);
+                constants.defaults.insert(name.to_owned(), value).is_some()
+            }
+        };
+    }
+    if let Ty::Array(_, Some(n)) = ty
+        && let Ok(n) = i32::try_from(*n)
+    {
+        constants.known.insert(length_of(name), Int(n));
+    }
 }
 
 /// Converts the value to `ty`.
@@ -57,17 +86,35 @@ fn converted(value: ConstantValue, ty: &Ty) -> Option<ConstantValue> {
 
 /// Evaluates an integer constant expression; `None` for any other expression.
 pub(super) fn evaluate(expr: &Expr, constants: &Constants) -> Option<i64> {
-    match value(expr, constants)? {
-        Int(n) => Some(i64::from(n)),
-        Uint(n) => Some(i64::from(n)),
-        Bool(b) => Some(i64::from(b)),
+    integer(&value(expr, &|name| constants.known.get(name).cloned())?)
+}
+
+/// Evaluates a constant expression with the defaults of specialisation constants, and lists them.
+pub(super) fn assume(expr: &Expr, constants: &Constants) -> Option<(ConstantValue, Specialised)> {
+    let from = RefCell::new(Specialised::new());
+    let found = value(expr, &|name| {
+        constants.known.get(name).cloned().or_else(|| {
+            let (value, of) = constants.defaults.get(name)?;
+            from.borrow_mut().extend(of.iter().cloned());
+            Some(value.clone())
+        })
+    })?;
+    Some((found, from.into_inner()))
+}
+
+/// The value as an integer.
+pub(super) fn integer(value: &ConstantValue) -> Option<i64> {
+    match value {
+        Int(n) => Some(i64::from(*n)),
+        Uint(n) => Some(i64::from(*n)),
+        Bool(b) => Some(i64::from(*b)),
         Float(_) | Vector(_) => None,
     }
 }
 
 /// The components of a constant `ivec`.
-pub(super) fn integers(expr: &Expr, constants: &Constants) -> Option<Vec<i32>> {
-    let Vector(parts) = value(expr, constants)? else {
+pub(super) fn integers(value: ConstantValue) -> Option<Vec<i32>> {
+    let Vector(parts) = value else {
         return None;
     };
     let int = |part: ConstantValue| match part {
@@ -77,20 +124,20 @@ pub(super) fn integers(expr: &Expr, constants: &Constants) -> Option<Vec<i32>> {
     parts.into_iter().map(int).collect()
 }
 
-fn value(expr: &Expr, constants: &Constants) -> Option<ConstantValue> {
-    let of = |e: &Expr| value(e, constants);
+fn value(expr: &Expr, named: &dyn Fn(&str) -> Option<ConstantValue>) -> Option<ConstantValue> {
+    let of = |e: &Expr| value(e, named);
     match &expr.content {
         ExprData::IntConst(i) => Some(Int(*i)),
         ExprData::UIntConst(u) => Some(Uint(*u)),
         ExprData::BoolConst(b) => Some(Bool(*b)),
         ExprData::FloatConst(f) => Some(Float(*f)),
-        ExprData::Variable(name) => constants.get(name.as_str()).cloned(),
+        ExprData::Variable(name) => named(name.as_str()),
         ExprData::Unary(op, a) => unary(&op.content, of(a)?),
         ExprData::Binary(op, a, b) => binary(&op.content, of(a)?, of(b)?),
         ExprData::Dot(of_what, parts) => swizzled(of(of_what)?, parts.as_str()),
         ExprData::Bracket(of_what, index) => match of(of_what)? {
             Vector(parts) => {
-                let at = usize::try_from(evaluate(index, constants)?).ok()?;
+                let at = usize::try_from(integer(&of(index)?)?).ok()?;
                 parts.get(at).cloned()
             }
             _ => None,
@@ -111,7 +158,7 @@ fn value(expr: &Expr, constants: &Constants) -> Option<ConstantValue> {
                         let ExprData::Variable(name) = &array.content else {
                             return None;
                         };
-                        return constants.get(&length_of(name.as_str())).cloned();
+                        return named(&length_of(name.as_str()));
                     }
                     _ => name.as_ident()?.to_string(),
                 },

@@ -6,6 +6,7 @@ use preshade_passes::declared::{
     Block, Chosen, CombinedSampler, Declaration, Declared, Depth, Located, Numbered, Type,
 };
 
+use super::constant::Specialised;
 use super::interface::{BindingSlot, Interface, index};
 use super::stage::{FRAG_COORD_Y, GlslStage, Variable};
 use super::ty::{Structs, Ty};
@@ -23,13 +24,17 @@ pub(super) fn declared(
             ClipSpace::AsWritten => Depth::AsWritten,
             ClipSpace::OpenGl => Depth::OpenGl,
         },
+        y_down: is_y_down(clip),
         point_size: stages
             .iter()
             .any(|s| s.kind == ShaderStage::Vertex && s.used.contains("gl_PointSize")),
         origin_upper_left: stages
             .iter()
             .any(|s| s.kind == ShaderStage::Fragment && s.origin_upper_left),
-        notes: notes(stages, clip),
+        notes: notes(stages, clip)
+            .into_iter()
+            .chain(dropped(stages))
+            .collect(),
         ..Declared::default()
     };
     for stage in stages {
@@ -113,6 +118,42 @@ fn notes(stages: &[GlslStage<'_>], clip: ClipSpace) -> Vec<String> {
         ClipSpace::AsWritten => {}
     }
     out
+}
+
+/// Notes on words of Vulkan's that are dropped.
+fn dropped(stages: &[GlslStage<'_>]) -> Vec<String> {
+    let mut out = Vec::new();
+    if stages.iter().any(|s| s.used.contains("debugPrintfEXT")) {
+        out.push("`debugPrintfEXT` is dropped: WebGPU prints nothing".to_owned());
+    }
+    if stages.iter().any(|s| s.unit.is_nonuniform) {
+        out.push(
+            "`nonuniformEXT` is dropped: samplers that differ in a quad are selected by a \
+             `switch`, with gradients from before it"
+                .to_owned(),
+        );
+    }
+    out
+}
+
+/// Only Vulkan's clip space goes from 0 to 1 by default, and its y points down.
+pub(super) fn is_y_down(clip: ClipSpace) -> bool {
+    clip == ClipSpace::AsWritten
+}
+
+/// Notes on specialisation constants whose defaults are final.
+pub(super) fn fixed_constants(stages: &[GlslStage<'_>]) -> Vec<String> {
+    let mut all = Specialised::new();
+    for stage in stages {
+        all.extend(stage.assumed.borrow().iter().cloned());
+    }
+    let note = |(id, name): (u32, String)| {
+        format!(
+            "the specialisation constant {id}, `{name}`, gives the length of an array or another \
+             number that is fixed here: its default is taken, so set no other value"
+        )
+    };
+    all.into_iter().map(note).collect()
 }
 
 /// Binding numbers of texts that naga read unchanged.

@@ -4,19 +4,23 @@
 //! texts to naga unchanged if it reads them correctly. All other texts are parsed here and printed
 //! in that dialect, in the order of these modules:
 //!
-//! `preprocess` runs directives and macros; `syntax` parses; `stage` collects a stage's
+//! `preprocess` runs directives and macros; `syntax` parses; `absent` names what no module reads;
+//! `stage` collects a stage's
 //! declarations; `interface` assigns bindings and locations to both stages; `declared` records the
 //! author's own; `lower` prints; `source_marks` maps the printed text to the source, and
-//! `map_spans` applies that map to the module. `gather_functions` adds gathers to the IR.
+//! `map_spans` applies that map to the module. `placeholders` and `built_ins` add to the IR what naga's
+//! front end lacks.
 
+mod absent;
+mod built_ins;
 mod constant;
 mod declared;
-mod gather_functions;
 mod include;
 mod interface;
 mod lower;
 mod map_spans;
 mod parser_messages;
+mod placeholders;
 mod preprocess;
 mod source_marks;
 mod stage;
@@ -37,12 +41,15 @@ use preshade_passes::program::SourceMap;
 
 use self::interface::Interface;
 use self::lower::BuiltinCall;
+use self::placeholders::Placeholder;
 use self::source_marks::Map;
 use self::stage::GlslStage;
 use self::syntax::StageText;
 use self::version::Dialect;
 use super::error::{Code, Error};
-use super::{ClipSpace, Options, fall_through, global_parameters, inline_main, missing_returns};
+use super::{
+    ClipSpace, Options, beyond_wgsl, fall_through, global_parameters, inline_main, missing_returns,
+};
 
 /// One stage's text.
 pub(super) struct Text<'a> {
@@ -62,11 +69,22 @@ pub(super) fn parse(
     options: &Options,
     map: &mut SourceMap,
 ) -> Result<(Vec<Module>, Declared), Error> {
+    let (mut modules, declared) = parsed(texts, options, map)?;
+    beyond_wgsl::narrow_storage(&mut modules);
+    Ok((modules, declared))
+}
+
+fn parsed(
+    texts: &[Text<'_>],
+    options: &Options,
+    map: &mut SourceMap,
+) -> Result<(Vec<Module>, Declared), Error> {
     let read_by_naga = || match options.clip_space {
         Some(ClipSpace::OpenGl) => None,
         _ => read_by_naga(texts).map(|modules| {
             let declared = Declared {
                 numbers: declared::as_bound(&modules),
+                y_down: declared::is_y_down(ClipSpace::AsWritten),
                 ..Declared::default()
             };
             (modules, declared)
@@ -137,7 +155,8 @@ fn rewritten(
         .map(|(rewritten, text)| {
             let place = |span: Span| rewritten.map.back(span);
             let mut module = read(&rewritten.text, text.stage, &place, &rewritten.given)?;
-            gather_functions::replace(&mut module, &rewritten.gathers);
+            placeholders::replace(&mut module, &rewritten.placeholders);
+            built_ins::replace(&mut module, rewritten.clip_distances.as_deref());
             rewritten.opened.iter().for_each(|o| o.close(&mut module));
             map_spans::map_spans(&mut module, &place);
             finish(&mut module, text.stage);
@@ -184,8 +203,9 @@ pub(super) struct Normalised {
     map: Map,
     opened: Vec<interface::Opened>,
     given: Vec<BuiltinCall>,
-    /// Placeholder functions for gathers, with their components.
-    gathers: HashMap<String, u32>,
+    placeholders: HashMap<String, Placeholder>,
+    /// The array that stands for `gl_ClipDistance`.
+    clip_distances: Option<String>,
 }
 
 /// Rewrites a material's stages for naga and records their declarations.
@@ -201,8 +221,8 @@ pub(super) fn normalise(
     }
     let clip = options.clip_space.unwrap_or_else(|| clip_space(&stages));
     let mut interface = Interface::of(&mut stages)?;
-    let declared = declared::declared(&stages, &interface, clip);
-    let texts: Result<_, Error> = stages
+    let mut declared = declared::declared(&stages, &interface, clip);
+    let texts: Result<Vec<Normalised>, Error> = stages
         .iter_mut()
         .map(|stage| {
             let lowered = lower::lower(stage, &mut interface, clip)?;
@@ -212,11 +232,14 @@ pub(super) fn normalise(
                 map,
                 opened: std::mem::take(&mut interface.opened),
                 given: lowered.given,
-                gathers: lowered.gathers,
+                placeholders: lowered.placeholders,
+                clip_distances: lowered.clip_distances,
             })
         })
         .collect();
-    Ok((texts?, declared))
+    let texts = texts?;
+    declared.notes.extend(declared::fixed_constants(&stages));
+    Ok((texts, declared))
 }
 
 /// Guesses the clip space: OpenGL's, unless the text is Vulkan's GLSL, which has explicit bindings
@@ -257,7 +280,16 @@ fn read_by_naga(texts: &[Text<'_>]) -> Option<Vec<Module>> {
                 "origin_upper_left",
                 "pixel_center_integer",
             ];
-            if es || version < 440 || lost.iter().any(|w| text.text.contains(w)) {
+            let mut words = text.text.split(|c: char| !c.is_alphanumeric() && c != '_');
+            // naga reads some that no language has, and others wrongly.
+            let is_lost = |w: &str| {
+                absent::absent(w).is_some() || built_ins::variable(w, text.stage).is_some()
+            };
+            if es
+                || version < 440
+                || lost.iter().any(|w| text.text.contains(w))
+                || words.any(is_lost)
+            {
                 return None;
             }
             let place = |span: Span| span;

@@ -20,8 +20,10 @@ use lang_util::{FileId, TextSize};
 use naga::{ShaderStage, Span};
 use preshade_passes::program::SourceMap;
 
+use super::absent::{self, Absent, Word};
 use super::include::Files;
 use super::preprocess::{Preprocessed, Task, preprocess};
+use super::ty::Ty;
 use super::version::Dialect;
 use crate::front::error::{Code, Error};
 use crate::front::{ClipSpace, Language, Options, nesting};
@@ -39,6 +41,8 @@ pub(super) struct Unit {
     pub invariant_all: bool,
     /// The text tested for Vulkan, and the answer was no.
     pub asks_for_vulkan: bool,
+    /// The text has `nonuniformEXT`.
+    pub is_nonuniform: bool,
     /// Maximum elements of a type.
     pub array_elements: u64,
     places: Vec<Span>,
@@ -131,6 +135,9 @@ pub(super) fn parse(input: &StageText<'_>, map: &mut SourceMap) -> Result<Unit, 
         dialect,
         raw: Vec::new(),
         names: HashSet::new(),
+        types: HashSet::new(),
+        in_layout: false,
+        stopped: None,
         too_many: false,
     };
     type Parser = <ast::TranslationUnit as HasParser>::Parser;
@@ -138,6 +145,7 @@ pub(super) fn parse(input: &StageText<'_>, map: &mut SourceMap) -> Result<Unit, 
     let Numbered {
         raw,
         names,
+        stopped,
         too_many,
         ..
     } = numbered;
@@ -150,6 +158,9 @@ pub(super) fn parse(input: &StageText<'_>, map: &mut SourceMap) -> Result<Unit, 
         .iter()
         .map(|(start, end)| span(start.offset, end.offset))
         .collect();
+    if let Some((absent, name)) = stopped {
+        return Err(absent.refuse(&name, places.last().copied()));
+    }
     if too_many {
         return Err(Error::new(
             Code::TooDeep,
@@ -164,6 +175,7 @@ pub(super) fn parse(input: &StageText<'_>, map: &mut SourceMap) -> Result<Unit, 
             names,
             invariant_all: preprocessed.invariant_all,
             asks_for_vulkan: preprocessed.asks_for_vulkan,
+            is_nonuniform: preprocessed.is_nonuniform,
             array_elements: input.options.limits.array_elements.min(1 << 24),
             places,
         }),
@@ -242,6 +254,12 @@ struct Numbered<'a, 'r, 'p> {
     dialect: Dialect,
     raw: Vec<(LexerPosition, LexerPosition)>,
     names: HashSet<String>,
+    /// Those of them that are types of extensions.
+    types: HashSet<String>,
+    /// Between `layout` and its closing bracket.
+    in_layout: bool,
+    /// A name that the grammar lacks.
+    stopped: Option<(&'static Absent, String)>,
     too_many: bool,
 }
 
@@ -265,6 +283,45 @@ impl Numbered<'_, '_, '_> {
         };
         Some((pos.start(), Token::IntConstant(value as i32), pos.end()))
     }
+
+    /// Makes the types of extensions types. Stops at other names of extensions that the grammar
+    /// lacks.
+    fn settle_name(&mut self, token: &mut Token) {
+        match token {
+            Token::Layout => self.in_layout = true,
+            Token::RightParen => self.in_layout = false,
+            _ => {}
+        }
+        let (Token::Identifier(name) | Token::TypeName(name)) = &*token else {
+            return;
+        };
+        if !self.names.contains(name.as_str()) {
+            self.names.insert(name.to_string());
+            let entry = absent::absent(name);
+            let word = entry.map(Absent::word);
+            if word == Some(Word::Type) || is_type_of_extension(name) {
+                self.types.insert(name.to_string());
+            }
+            let stops = match word {
+                Some(Word::Qualifier) => true,
+                Some(Word::Layout) => self.in_layout,
+                _ => false,
+            };
+            if let Some(entry) = entry.filter(|_| stops) {
+                self.stopped = Some((entry, name.to_string()));
+            }
+        }
+        if self.types.contains(name.as_str()) {
+            *token = Token::TypeName(name.clone());
+        }
+    }
+}
+
+/// Whether it is a type by its number of bits, such as `f16vec3`, which the lexer does not know.
+fn is_type_of_extension(name: &str) -> bool {
+    let marks = ["16", "32", "64"];
+    marks.iter().any(|m| name.contains(m))
+        && !matches!(Ty::named(name), Ty::Opaque(_) | Ty::Combined(_))
 }
 
 /// Whether a lexer message is harmless, such as an unknown extension.
@@ -294,13 +351,12 @@ impl Iterator for Numbered<'_, '_, '_> {
         if let Some(name) = self.dialect.name(&token) {
             token = Token::Identifier(name.into());
         }
-        if let Token::Identifier(name) | Token::TypeName(name) = &token
-            && !self.names.contains(name.as_str())
-        {
-            self.names.insert(name.to_string());
-        }
         let number = self.raw.len() as u32;
         self.raw.push((start, end));
+        self.settle_name(&mut token);
+        if self.stopped.is_some() {
+            return None;
+        }
         let at = |n: u32| LexerPosition::new(FileId::new(0), n.into());
         Some(Ok((at(number), token, at(number + 1))))
     }

@@ -10,6 +10,8 @@ pub(super) enum Component {
     Bool,
     Int,
     Uint,
+    /// 16 bits (GL_EXT_shader_explicit_arithmetic_types_float16).
+    Half,
     Float,
     Double,
 }
@@ -21,6 +23,7 @@ impl Component {
             Self::Bool => "b",
             Self::Int => "i",
             Self::Uint => "u",
+            Self::Half => "f16",
             Self::Float => "",
             Self::Double => "d",
         }
@@ -31,6 +34,7 @@ impl Component {
             Self::Bool => "bool",
             Self::Int => "int",
             Self::Uint => "uint",
+            Self::Half => "float16_t",
             Self::Float => "float",
             Self::Double => "double",
         }
@@ -42,8 +46,9 @@ impl Component {
             Self::Bool => 0,
             Self::Int => 1,
             Self::Uint => 2,
-            Self::Float => 3,
-            Self::Double => 4,
+            Self::Half => 3,
+            Self::Float => 4,
+            Self::Double => 5,
         }
     }
 }
@@ -79,23 +84,30 @@ impl Ty {
         let scalar = match name {
             "void" => return Self::Void,
             "bool" => Some(Component::Bool),
-            "int" => Some(Component::Int),
-            "uint" => Some(Component::Uint),
-            "float" => Some(Component::Float),
-            "double" => Some(Component::Double),
+            "int" | "int32_t" => Some(Component::Int),
+            "uint" | "uint32_t" => Some(Component::Uint),
+            "float16_t" => Some(Component::Half),
+            "float" | "float32_t" => Some(Component::Float),
+            "double" | "float64_t" => Some(Component::Double),
             _ => None,
         };
         if let Some(kind) = scalar {
             return Self::Scalar(kind);
         }
-        for kind in [
-            Component::Bool,
-            Component::Int,
-            Component::Uint,
-            Component::Double,
-            Component::Float,
+        // GL_EXT_shader_explicit_arithmetic_types gives every type a second name.
+        for (prefix, kind) in [
+            ("b", Component::Bool),
+            ("i", Component::Int),
+            ("i32", Component::Int),
+            ("u", Component::Uint),
+            ("u32", Component::Uint),
+            ("f16", Component::Half),
+            ("d", Component::Double),
+            ("f64", Component::Double),
+            ("", Component::Float),
+            ("f32", Component::Float),
         ] {
-            if let Some(rest) = name.strip_prefix(kind.prefix()) {
+            if let Some(rest) = name.strip_prefix(prefix) {
                 let digit = |s: &str| s.parse::<u8>().ok().filter(|n| (2..=4).contains(n));
                 if let Some(size) = rest.strip_prefix("vec").and_then(digit) {
                     return Self::Vector(kind, size);
@@ -583,6 +595,17 @@ impl Structs {
         out
     }
 
+    /// Whether the type contains 16-bit floats.
+    pub(super) fn has_halves(&self, ty: &Ty) -> bool {
+        match ty.innermost() {
+            Ty::Struct(name) => {
+                let of = self.get(name);
+                of.is_some_and(|s| s.members.iter().any(|m| self.has_halves(&m.ty)))
+            }
+            other => other.kind() == Some(Component::Half),
+        }
+    }
+
     /// Whether the type contains a matrix.
     pub(super) fn has_matrices(&self, ty: &Ty) -> bool {
         match ty.innermost() {
@@ -680,10 +703,24 @@ mod tests {
     #[test]
     fn names_and_types_go_both_ways() {
         for name in [
-            "bool", "uint", "vec3", "bvec2", "uvec4", "ivec2", "dvec3", "mat3", "mat4x3", "dmat2",
+            "bool",
+            "uint",
+            "vec3",
+            "bvec2",
+            "uvec4",
+            "ivec2",
+            "dvec3",
+            "mat3",
+            "mat4x3",
+            "dmat2",
+            "float16_t",
+            "f16vec3",
+            "f16mat2x3",
         ] {
             assert_eq!(Ty::named(name).name(), name);
         }
+        assert_eq!(Ty::named("i32vec2").name(), "ivec2");
+        assert_eq!(Ty::named("float64_t").name(), "double");
         assert_eq!(
             Ty::named("usampler2DArray"),
             Ty::Combined("usampler2DArray".into())

@@ -2,6 +2,9 @@
 
 use naga::{ArraySize, Handle, Module, Span, Type, TypeInner};
 
+/// Types of the second module, and those of the first that they become.
+pub(super) type Pairs = Vec<(Handle<Type>, Handle<Type>)>;
+
 /// A member of a struct, to be found in the text.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Member {
@@ -57,9 +60,40 @@ pub(super) fn same(
     a: Handle<Type>,
     second: &Module,
     b: Handle<Type>,
-) -> Option<Vec<(Handle<Type>, Handle<Type>)>> {
+) -> Option<Pairs> {
     let mut pairs = Vec::new();
     matches(first, a, second, b, &mut pairs).then_some(pairs)
+}
+
+/// Which module's struct has more members.
+pub(super) enum Longer {
+    First,
+    Second,
+}
+
+/// If one of two structs only has more members at its end: which, and a map from the second
+/// module's member types to the first's.
+pub(super) fn longer(
+    first: &Module,
+    a: Handle<Type>,
+    second: &Module,
+    b: Handle<Type>,
+) -> Option<(Longer, Pairs)> {
+    let (TypeInner::Struct { members: m, .. }, TypeInner::Struct { members: n, .. }) =
+        (&first.types[a].inner, &second.types[b].inner)
+    else {
+        return None;
+    };
+    let mut pairs = Vec::new();
+    let alike = m
+        .iter()
+        .zip(n)
+        .all(|(m, n)| m.offset == n.offset && matches(first, m.ty, second, n.ty, &mut pairs));
+    let longer = match m.len() > n.len() {
+        true => Longer::First,
+        false => Longer::Second,
+    };
+    (alike && m.len() != n.len()).then_some((longer, pairs))
 }
 
 fn matches(
@@ -67,7 +101,7 @@ fn matches(
     a: Handle<Type>,
     second: &Module,
     b: Handle<Type>,
-    pairs: &mut Vec<(Handle<Type>, Handle<Type>)>,
+    pairs: &mut Pairs,
 ) -> bool {
     let same = match (&first.types[a].inner, &second.types[b].inner) {
         (

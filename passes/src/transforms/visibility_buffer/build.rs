@@ -12,6 +12,7 @@ use super::parts::parts;
 use super::resolve::{self, Built, Keeps, Resolve, Runs};
 use super::text::{self, Slots};
 use super::{DRAWS, IDS, Ids, Params, Select, SplitMaterial, VisibilityBuffer, legal, refuse};
+use crate::core::declared::Declared;
 use crate::core::geometry::Geometry;
 use crate::core::pass::{Pass, Refusal};
 use crate::core::plan::{
@@ -109,6 +110,13 @@ impl SplitMaterial<'_> {
             .program
             .with_module(module)
             .map_err(|e| e.to_string())?;
+        // Its resources have the numbers of the author's, and are others.
+        let of_frame = Declared {
+            depth: program.declared().depth,
+            origin_upper_left: program.declared().origin_upper_left,
+            ..Declared::default()
+        };
+        let program = program.with_declared(of_frame);
         let binding = |binding, source| lists::bound((0, binding), source);
         let ids = BindingSource::Attachment {
             name: IDS.to_owned(),

@@ -1,9 +1,13 @@
 //! Calls of constructors, user functions and built-in functions.
 
+use std::iter;
+
 use glsl_lang::ast::{self, Expr, ExprData, FunIdentifierData};
 use naga::Span;
 
+use super::super::absent;
 use super::super::interface::SplitSampler;
+use super::super::placeholders::{self, Placeholder, Subgroup};
 use super::super::source_marks::unmarked;
 use super::super::stage::{Signature, Storage, spelled, unsupported};
 use super::super::ty::{BlockEntry, Component, MemoryLayout, Ty};
@@ -332,12 +336,40 @@ impl Lower<'_, '_> {
         ) {
             return self.with_out(name, arguments, place);
         }
+        if name.starts_with("subgroup") {
+            let lane = arguments.get(1).and_then(|e| self.stage.fixed_integer(e));
+            let lane = lane.and_then(|n| u32::try_from(n).ok());
+            if let Some(of) = placeholders::subgroup(name, lane) {
+                return self.subgroup(name, of, arguments, place);
+            }
+        }
         let mut values = self.values(arguments)?;
         let types: Vec<Ty> = values.iter().map(|v| v.ty.clone()).collect();
         if let Some(place) = place {
             let (name, types) = (name.to_owned(), types.clone());
             self.given.push(BuiltinCall { name, types, place });
         }
+        // naga's front end has no functions of 16-bit floats.
+        let kinds = || types.iter().filter_map(Ty::kind);
+        let half = kinds().any(|k| k == Component::Half)
+            && kinds().all(|k| k.power() <= Component::Half.power());
+        let widened = |ty: &Ty| match ty.kind() {
+            Some(Component::Half) => ty.with_kind(Component::Float),
+            _ => ty.clone(),
+        };
+        let types: Vec<Ty> = types.iter().map(widened).collect();
+        values = values
+            .into_iter()
+            .zip(&types)
+            .map(|(v, ty)| self.coerce(v, ty))
+            .collect();
+        let narrowed = |ex: Ex| match ex.ty.kind() {
+            Some(Component::Float) if half => {
+                let ty = ex.ty.with_kind(Component::Half);
+                Ex::primary(format!("{}({})", ty.name(), ex.text), ty)
+            }
+            _ => ex,
+        };
         let result = builtin::result(name, &types);
         // Implicit conversions.
         let kind = match name {
@@ -367,11 +399,47 @@ impl Lower<'_, '_> {
             }
         }
         if let Some(text) = replacement(name, &values, types.first(), &result) {
-            return Ok(after(first, Ex::primary(text, result)));
+            return Ok(narrowed(after(first, Ex::primary(text, result))));
         }
         check_supported(name, place)?;
         let all = values.iter().map(|v| v.at(level::ASSIGNMENT));
-        Ok(called(name, all, result))
+        Ok(narrowed(called(name, all, result)))
+    }
+
+    /// A subgroup function: calls a placeholder for each type of value.
+    fn subgroup(
+        &mut self,
+        name: &str,
+        of: Subgroup,
+        arguments: &[Expr],
+        place: Option<Span>,
+    ) -> Result<Ex, Error> {
+        let values = self.values(arguments)?;
+        let Some(value) = values.first().filter(|v| v.ty.components().is_some()) else {
+            let message = format!("`{name}` takes a scalar or a vector");
+            return Err(unsupported(message, place));
+        };
+        let ty = value.ty.name();
+        let (result, body) = match of {
+            Subgroup::Ballot => (Ty::Vector(Component::Uint, 4), "uvec4(0u)"),
+            _ => (value.ty.clone(), "value"),
+        };
+        let (lane, second) = match of {
+            Subgroup::Broadcast(n) | Subgroup::QuadBroadcast(n) => (format!("_{n}"), None),
+            _ => (String::new(), values.get(1)),
+        };
+        let helper = self.helper_name(&format!("{name}_{ty}{lane}"));
+        let parameter = second.map_or("", |_| ", uint lane");
+        let text = format!(
+            "{} {helper}({ty} value{parameter}) {{\n    return {body};\n}}\n",
+            result.name()
+        );
+        self.helpers.insert(helper.clone(), text);
+        self.placeholders
+            .insert(helper.clone(), Placeholder::Subgroup(of));
+        let second = second.map(|v| format!("uint({})", v.text));
+        let all = iter::once(value.at(level::ASSIGNMENT)).chain(second);
+        Ok(called(&helper, all, result))
     }
 
     /// Built-in functions with out parameters, written as expressions.
@@ -397,7 +465,7 @@ impl Lower<'_, '_> {
             _ => format!("{t}(lessThan({a}, {b}))"),
         };
         let (result, text) = match (name, &ty) {
-            ("modf", _) => (
+            ("modf", of) if of.kind() != Some(Component::Half) => (
                 ty.clone(),
                 format!(
                     "{t} {helper}({t} x, out {t} whole) {{\n    whole = trunc(x);\n    return x - \
@@ -586,29 +654,9 @@ fn replacement(name: &str, values: &[Ex], first: Option<&Ty>, result: &Ty) -> Op
 
 /// Rejects built-in functions that WebGPU or naga lacks.
 fn check_supported(name: &str, place: Option<Span>) -> Result<(), Error> {
-    Err(match name {
-        "memoryBarrier" | "groupMemoryBarrier" | "barrier" => {
-            unsupported(format!("`{name}` belongs to compute shaders"), place)
-        }
-        "interpolateAtCentroid" | "interpolateAtSample" | "interpolateAtOffset" => unsupported(
-            format!("`{name}` is not supported: in WebGPU each input has one interpolation"),
-            place,
-        )
-        .note("qualify the input itself with `centroid` or `sample`"),
-        "subpassLoad" => unsupported(
-            "`subpassLoad` is not supported: WebGPU has no subpasses",
-            place,
-        ),
-        "ftransform" => unsupported(
-            "`ftransform` is not supported: it depends on OpenGL's fixed functions",
-            place,
-        ),
-        _ if builtin::is_known(name)
-            || name.starts_with("image")
-            || name.starts_with("subgroup") =>
-        {
-            return Ok(());
-        }
-        _ => unsupported(format!("there is no function `{name}`"), place),
-    })
+    absent::refuse(name, place)?;
+    match builtin::is_known(name) || name.starts_with("image") {
+        true => Ok(()),
+        false => Err(unsupported(format!("there is no function `{name}`"), place)),
+    }
 }

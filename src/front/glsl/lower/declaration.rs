@@ -6,6 +6,7 @@ use std::collections::HashMap;
 use naga::ShaderStage;
 use preshade_passes::declared;
 
+use super::super::built_ins;
 use super::super::interface::{BindingSlot, Opened, SplitSampler, index, split_type};
 use super::super::source_marks::{Marks, unmarked};
 use super::super::stage::{Block, Global, Qualifiers, Storage, Variable, unsupported};
@@ -13,6 +14,11 @@ use super::super::ty::{BlockEntry, Component, GlslMember, MemoryLayout, Rules, T
 use super::{Lower, Var};
 use crate::front::ClipSpace;
 use crate::front::error::Error;
+
+/// The output beside the array of a built-in.
+pub(super) fn output_of(built_in: &str) -> String {
+    format!("{}_out", built_in.trim_start_matches("gl_"))
+}
 
 impl Lower<'_, '_> {
     pub(super) fn stage(&mut self) -> Result<String, Error> {
@@ -25,6 +31,11 @@ impl Lower<'_, '_> {
         {
             self.epilogue
                 .push("gl_Position.z = (gl_Position.z + gl_Position.w) * 0.5;".to_owned());
+        }
+        if !self.is_vertex() && self.stage.used.contains("gl_SampleMask") {
+            let mask = self.standin("gl_SampleMask", "SampleMask");
+            let out = self.helper_name(&output_of("gl_SampleMask"));
+            self.epilogue.push(format!("{out} = uint({mask}[0]);"));
         }
         let functions = self.functions()?;
         // Last, because local structs are found while lowering.
@@ -355,11 +366,16 @@ impl Lower<'_, '_> {
                 .unwrap_or_default(),
             false => [None, None],
         };
-        let index = variable
-            .qualifiers
-            .number("index")
-            .map(|i| format!(", index = {i}"))
-            .unwrap_or_default();
+        // Both sources of a blend have an index in the IR; GLSL's default is 0.
+        let outputs = &self.stage.outputs;
+        let has_index = |v: &Variable| v.qualifiers.says("index");
+        let index = match direction == Storage::Out && outputs.iter().any(has_index) {
+            true => format!(
+                ", index = {}",
+                variable.qualifiers.number("index").unwrap_or(0)
+            ),
+            false => String::new(),
+        };
         let mark = self.marks.mark(variable.place);
         let target = !self.is_vertex() && direction == Storage::Out;
         let narrow = target && variable.ty.components().is_some_and(|n| n < 4);
@@ -487,8 +503,23 @@ impl Lower<'_, '_> {
         for (of, name) in &self.standins {
             out += &match *of {
                 "gl_FragColor" => format!("layout(location = 0) out vec4 {name};\n"),
+                "gl_SampleMask" => format!("int {name}[1] = int[1](-1);\n"),
+                "gl_ClipDistance" => {
+                    let used = self.clip_distances.max(1);
+                    let n = self.stage.clip_distances.unwrap_or(used);
+                    format!("float {name}[{n}];\n")
+                }
+                _ if built_ins::variable(of, self.stage.kind).is_some() => String::new(),
                 _ => format!("float {name};\n"),
             };
+            if let Some(variable) = built_ins::variable(of, self.stage.kind) {
+                let (at, ty) = (variable.location(), variable.ty);
+                let (direction, name) = match self.helper_names.get(&output_of(of)) {
+                    Some(output) if variable.is_output => ("out", output),
+                    _ => ("in", name),
+                };
+                out += &format!("layout(location = {at}) {direction} {ty} {name};\n");
+            }
         }
         for target in &self.targets {
             out += &format!(

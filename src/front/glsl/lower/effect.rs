@@ -98,8 +98,9 @@ impl Lower<'_, '_> {
             ExprData::FunCall(name, arguments) => {
                 let name = name.as_ident().map_or("", |n| n.as_str());
                 self.stage.signatures.contains_key(name)
-                    || name.starts_with("image")
-                    || name.starts_with("atomic")
+                    || ["image", "atomic", "subgroup"]
+                        .iter()
+                        .any(|w| name.starts_with(w))
                     || written_by_own(name) > 0
                     || arguments.iter().any(|a| self.has_effect(a))
             }
@@ -297,11 +298,11 @@ impl Lower<'_, '_> {
         let mut before = self.settle_where(argument, &|this, index| {
             let found = Effects::within(index, &this.stage.signatures);
             let moves = |name: &String| {
-                let known = this.stage.constants.contains_key(name);
+                let known = this.stage.constants.is_known(name);
                 !known && call_effects.may_change(name, this.is_local(name), None)
             };
             let global =
-                |name: &String| !this.is_local(name) && !this.stage.constants.contains_key(name);
+                |name: &String| !this.is_local(name) && !this.stage.constants.is_known(name);
             !found.calls.is_empty()
                 || !found.written.is_empty()
                 || found.named.iter().any(|n| moves(n) || global(n))

@@ -5,11 +5,12 @@ use glsl_lang::ast::{
     AssignmentOpData as A, BinaryOpData as B, Expr, ExprData, InitializerData, UnaryOpData,
 };
 
-use super::super::constant;
 use super::super::interface::SplitSampler;
 use super::super::source_marks::unmarked;
 use super::super::stage::{initial_length, unsupported};
 use super::super::ty::{Component, MemoryLayout, Ty};
+use super::super::{absent, built_ins, constant};
+use super::declaration::output_of;
 use super::effect::{after, is_literal};
 use super::{Lower, Var, check};
 use crate::front::error::{Code, Error};
@@ -240,6 +241,13 @@ impl Lower<'_, '_> {
             }
             "gl_SampleID" if fragment => Ex::primary("int(gl_SampleID)", Ty::INT),
             "gl_PrimitiveID" if fragment => Ex::primary("int(gl_PrimitiveID)", Ty::INT),
+            "gl_BaseVertex" | "gl_BaseVertexARB" if !fragment => {
+                Ex::primary("int(gl_BaseVertex)", Ty::INT)
+            }
+            "gl_BaseInstance" | "gl_BaseInstanceARB" if !fragment => {
+                Ex::primary("int(gl_BaseInstance)", Ty::INT)
+            }
+            "gl_DrawID" | "gl_DrawIDARB" if !fragment => Ex::primary("int(gl_DrawID)", Ty::INT),
             "gl_PointSize" if !fragment => {
                 Ex::primary(self.standin("gl_PointSize", "PointSize"), Ty::FLOAT)
             }
@@ -254,33 +262,44 @@ impl Lower<'_, '_> {
             "gl_MaxVaryingVectors"
             | "gl_MaxVertexUniformVectors"
             | "gl_MaxFragmentUniformVectors" => Ex::primary("16", Ty::INT),
-            "gl_PointCoord" => {
-                return Err(unsupported(
-                    "`gl_PointCoord` is not supported: WebGPU's points are one pixel large",
-                    place,
-                )
-                .note("draw quads with a coordinate instead"));
-            }
-            "gl_ClipDistance" | "gl_CullDistance" => {
-                return Err(unsupported(
-                    format!("`{name}` is not supported: WebGPU only has it as an extension"),
-                    place,
-                )
-                .note("discard by the distance in the fragment stage"));
-            }
             "gl_FragData" => {
                 return Err(unsupported(
                     "`gl_FragData` can only be indexed by a constant here",
                     place,
                 ));
             }
+            _ if built_ins::variable(name, self.stage.kind).is_some() => self.built_in(name),
             _ => {
+                absent::refuse(name, place)?;
                 return Err(unsupported(
                     format!("`{name}` is not supported: WebGPU has no equivalent"),
                     place,
                 ));
             }
         })
+    }
+
+    /// A built-in that is declared as an input or output of ours. Arrays keep their index.
+    fn built_in(&mut self, name: &str) -> Ex {
+        let Some(variable) = built_ins::variable(name, self.stage.kind) else {
+            return Ex::primary(name, Ty::Unknown);
+        };
+        let of = variable.first_name();
+        let text = self.standin(of, of.trim_start_matches("gl_"));
+        if variable.is_output {
+            self.helper_name(&output_of(of));
+        }
+        let array = |of: Ty, n: u32| Ty::Array(Box::new(of), Some(n));
+        match of {
+            // Its only element: WebGPU has at most 32 samples.
+            "gl_SampleMaskIn" => Ex::primary(format!("int({text})"), Ty::INT),
+            "gl_SampleMask" => Ex::primary(text, array(Ty::INT, 1)),
+            "gl_ClipDistance" => {
+                let n = self.stage.clip_distances.unwrap_or(8);
+                Ex::primary(text, array(Ty::FLOAT, n))
+            }
+            _ => Ex::primary(text, Ty::named(variable.ty)),
+        }
     }
 
     pub(super) fn standin(&mut self, of: &'static str, wanted: &str) -> String {
@@ -421,6 +440,19 @@ impl Lower<'_, '_> {
                 self.target_name(n),
                 Ty::Vector(Component::Float, 4),
             ));
+        }
+        if let ExprData::Variable(name) = &of.content
+            && name.as_str() == "gl_SampleMaskIn"
+        {
+            return self.raw(of);
+        }
+        if let ExprData::Variable(name) = &of.content
+            && name.as_str() == "gl_ClipDistance"
+        {
+            let n = known.and_then(|n| u32::try_from(n).ok());
+            self.clip_distances = self
+                .clip_distances
+                .max(n.map_or(8, |n| n.saturating_add(1)));
         }
         let base = self.raw(of)?;
         let index = self.expr(index)?;

@@ -189,7 +189,7 @@ impl<'u> Lower<'_, 'u> {
             Some(Storage::InOut) => "inout ",
             _ => "",
         };
-        constant::declare(&mut self.stage.constants, &author, &ty, None);
+        constant::declare(&mut self.stage.constants, &author, &ty, None, None);
         let name = self.safe(&author);
         let mut var = Var::plain(name.clone(), ty.clone());
         if self.stage.structs.has_data(&ty) {

@@ -22,6 +22,7 @@ use glsl_lang::ast::NodeSpan;
 use naga::{ShaderStage, Span};
 
 use super::interface::{Interface, SplitSampler};
+use super::placeholders::Placeholder;
 use super::source_marks::Marks;
 use super::stage::GlslStage;
 use super::ty::{MemoryLayout, Ty};
@@ -130,14 +131,16 @@ pub(super) struct Lower<'a, 'u> {
     result: Ty,
     /// Names of the globals that replace `gl_FragColor`, `gl_PointSize` and others.
     standins: BTreeMap<&'static str, String>,
+    /// Elements of `gl_ClipDistance` in use.
+    clip_distances: u32,
     /// Elements of `gl_FragData` in use.
     targets: BTreeSet<u32>,
     /// Helper functions that naga's front end lacks, by name.
     helpers: BTreeMap<String, String>,
     /// The names of helpers by purpose.
     helper_names: HashMap<String, String>,
-    /// The placeholder functions for gathers, with their components.
-    gathers: HashMap<String, u32>,
+    /// Functions whose bodies are replaced in the module.
+    placeholders: HashMap<String, Placeholder>,
     /// Temporaries of the current function; `None` outside of functions.
     temporaries: Option<Vec<String>>,
     /// Expressions held in temporaries, by position.
@@ -173,8 +176,10 @@ pub(super) struct Lowered {
     pub text: String,
     pub marks: Marks,
     pub given: Vec<BuiltinCall>,
-    /// The placeholder functions for gathers, with their components.
-    pub gathers: HashMap<String, u32>,
+    /// Functions whose bodies are replaced in the module.
+    pub placeholders: HashMap<String, Placeholder>,
+    /// The array that stands for `gl_ClipDistance`.
+    pub clip_distances: Option<String>,
 }
 
 /// Lowers a stage.
@@ -204,10 +209,11 @@ pub(super) fn lower(
         calls: Vec::new(),
         result: Ty::Void,
         standins: BTreeMap::new(),
+        clip_distances: 0,
         targets: BTreeSet::new(),
         helpers: BTreeMap::new(),
         helper_names: HashMap::new(),
-        gathers: HashMap::new(),
+        placeholders: HashMap::new(),
         temporaries: None,
         held: HashMap::new(),
         held_keys: Vec::new(),
@@ -224,7 +230,8 @@ pub(super) fn lower(
         text,
         marks: lower.marks,
         given: lower.given,
-        gathers: lower.gathers,
+        placeholders: lower.placeholders,
+        clip_distances: lower.standins.remove("gl_ClipDistance"),
     })
 }
 

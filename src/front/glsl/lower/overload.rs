@@ -62,7 +62,9 @@ pub(super) fn conversion(from: &Ty, to: &Ty, implicit: bool) -> Option<Conversio
         (Component::Float, Component::Double) => Some(Conversion::FloatToDouble),
         (Component::Int | Component::Uint, Component::Float) => Some(Conversion::IntToFloat),
         (Component::Int | Component::Uint, Component::Double) => Some(Conversion::IntToDouble),
-        (Component::Int, Component::Uint) => Some(Conversion::Other),
+        (Component::Int, Component::Uint)
+        | (Component::Int | Component::Uint, Component::Half)
+        | (Component::Half, Component::Float | Component::Double) => Some(Conversion::Other),
         _ => None,
     }
 }

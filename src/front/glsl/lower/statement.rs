@@ -108,6 +108,26 @@ impl Lower<'_, '_> {
     fn alone(&mut self, e: &Expr, mark: &str) -> Result<String, Error> {
         match &e.content {
             ExprData::Comma(a, b) => Ok(self.alone(a, mark)? + &self.alone(b, mark)?),
+            // Keywords of extensions, which the grammar reads as variables.
+            ExprData::Variable(name)
+                if matches!(name.as_str(), "demote" | "terminateInvocation")
+                    && self.lookup(name.as_str()).is_none() =>
+            {
+                Ok(self.line(&format!("{mark}discard;")))
+            }
+            ExprData::FunCall(name, arguments)
+                if name
+                    .as_ident()
+                    .is_some_and(|n| n.as_str() == "debugPrintfEXT") =>
+            {
+                let mut out = String::new();
+                for argument in arguments {
+                    if self.writes(argument) {
+                        out += &self.alone(argument, mark)?;
+                    }
+                }
+                Ok(out)
+            }
             _ => {
                 let text = self.expr(e)?.text;
                 Ok(self.line(&format!("{mark}{text};")))
@@ -139,7 +159,7 @@ impl Lower<'_, '_> {
         match &label.content {
             CaseLabelData::Def => Ok(self.line("default:")),
             CaseLabelData::Case(e) => {
-                let value = constant::evaluate(e, &self.stage.constants).ok_or_else(|| {
+                let value = self.stage.fixed_integer(e).ok_or_else(|| {
                     unsupported("a case must be an integer constant", self.place(e.span))
                 })?;
                 let ending = if unsigned { "u" } else { "" };
@@ -375,7 +395,7 @@ impl Lower<'_, '_> {
             None => None,
         };
         let known = init.filter(|_| constant).and_then(simple);
-        constant::declare(&mut self.stage.constants, author, &ty, known);
+        constant::declare(&mut self.stage.constants, author, &ty, known, None);
         let name = match self.in_main && self.last_read.contains(author) {
             true => self.fresh(author),
             false => self.safe(author),

@@ -4,6 +4,7 @@
 use glsl_lang::ast::{BinaryOpData, Expr, ExprData};
 use naga::Span;
 
+use super::super::absent;
 use super::super::source_marks::unmarked;
 use super::super::stage::unsupported;
 use super::super::ty::{BlockEntry, Component, GlslMember, MemoryLayout, Struct, Ty};
@@ -369,6 +370,9 @@ impl Lower<'_, '_> {
                         | "gl_CullDistance" => None,
                         _ => Some("GLSL's own"),
                     });
+                if own.flatten().is_some() {
+                    absent::refuse(name.as_str(), self.place(target.span))?;
+                }
                 let fixed = self.lookup(name.as_str()).and_then(|v| v.fixed);
                 (name.as_str().to_owned(), own.flatten().or(fixed))
             }

@@ -5,11 +5,13 @@ use std::iter;
 use glsl_lang::ast::Expr;
 use naga::Span;
 
-use super::super::constant;
-use super::super::interface::split_type;
+use super::super::interface::{SplitSampler, split_type};
+use super::super::placeholders::Placeholder;
 use super::super::source_marks::unmarked;
 use super::super::stage::unsupported;
 use super::super::ty::{Component, Ty};
+use super::super::version::Dialect;
+use super::super::{absent, constant};
 use super::Lower;
 use super::effect::after;
 use super::expression::{Ex, level};
@@ -55,6 +57,16 @@ pub(super) fn function(name: &str) -> Option<Function> {
         // The `EXT` version of GLSL ES 1.00 returns a float.
         compares_to_vector: prefix.starts_with("shadow") && !name.ends_with("EXT"),
     })
+}
+
+/// Maximum elements of a sampler array that are selected by nested `?`. Older versions lack
+/// `switch`, and their devices have no more textures.
+const CHAIN: usize = 16;
+
+/// Whether the function derives its level in the fragment stage.
+fn is_implicit(name: &str) -> bool {
+    let explicit = ["Size", "Lod", "Grad", "Query", "Samples", "Gather"];
+    name.starts_with("texture") && !explicit.iter().any(|w| name.contains(w))
 }
 
 /// The shape of a texture.
@@ -119,27 +131,6 @@ impl<'a> TextureShape<'a> {
     }
 }
 
-/// Rejects texture functions that WebGPU lacks.
-fn check_supported(author: &str, name: &str, place: Option<Span>) -> Result<(), Error> {
-    Err(match name {
-        "textureQueryLod" => unsupported(
-            format!("`{author}` is not supported: WebGPU has no such query"),
-            place,
-        )
-        .note("compute the level from the coordinates' derivatives"),
-        "textureGatherOffsets" => unsupported(
-            "`textureGatherOffsets` is not supported: WebGPU only gathers a square",
-            place,
-        ),
-        "textureGatherOffset" => unsupported(
-            "`textureGatherOffset` is not supported: use `textureGather`, on textures without \
-             layers",
-            place,
-        ),
-        _ => return Ok(()),
-    })
-}
-
 impl Lower<'_, '_> {
     /// A call of a texture function with the arguments `rest` after the sampler.
     pub(super) fn sample(
@@ -158,7 +149,7 @@ impl Lower<'_, '_> {
             return Err(unsupported(message, place));
         };
         let mut name = function.name.clone();
-        check_supported(author, &name, place)?;
+        absent::refuse(author, place)?;
         let shape = TextureShape::of(combined);
         let result = shape.result(&name);
         let fetches = matches!(
@@ -169,6 +160,9 @@ impl Lower<'_, '_> {
             .into_iter()
             .map(|v| match v.ty {
                 Ty::Scalar(Component::Int | Component::Uint) if !fetches => {
+                    self.coerce_kind(v, Some(Component::Float))
+                }
+                _ if v.ty.kind() == Some(Component::Half) => {
                     self.coerce_kind(v, Some(Component::Float))
                 }
                 _ if fetches && v.ty.kind() == Some(Component::Uint) => {
@@ -185,7 +179,7 @@ impl Lower<'_, '_> {
         }
         if name == "textureGather" {
             let component = match arguments.get(2) {
-                Some(e) if !shape.shadow => constant::evaluate(e, &self.stage.constants),
+                Some(e) if !shape.shadow => self.stage.fixed_integer(e),
                 _ => Some(0),
             };
             return self.gathered(&shape, &sampler, rest, component, place);
@@ -217,7 +211,7 @@ impl Lower<'_, '_> {
     /// Makes literal offsets named constants, as naga's GLSL writer requires.
     fn name_offsets(&mut self, rest: &mut [Ex], arguments: &[Expr]) {
         for (offset, argument) in rest.iter_mut().zip(arguments.iter().skip(1)).skip(1) {
-            let known = constant::integers(argument, &self.stage.constants);
+            let known = self.stage.fixed(argument).and_then(constant::integers);
             let (Ty::Vector(Component::Int, n), Some(parts)) = (&offset.ty, known) else {
                 continue;
             };
@@ -264,6 +258,26 @@ impl Lower<'_, '_> {
         let Some((index, pairs)) = &sampler.choice else {
             return Ok((None, Ex::primary(call(&sampler.text), result)));
         };
+        let combined = pairs.first().map_or("", |p| p.combined.as_str());
+        let gradients = self.stage.unit.is_nonuniform && is_implicit(name) && !self.is_vertex();
+        let has_gradients =
+            matches!(name, "texture" | "textureOffset") && !combined.ends_with("Shadow");
+        let is_large = pairs.len() > CHAIN;
+        if (gradients && has_gradients || !gradients && is_large && self.has_switch())
+            && let Some(ex) = self.switched(name, index, pairs, rest, &result, gradients)
+        {
+            return Ok((None, ex));
+        }
+        if gradients {
+            return Err(unsupported(
+                format!(
+                    "`{name}` of a {combined} that `nonuniformEXT` selects is not supported: the \
+                     invocations would derive its level apart"
+                ),
+                place,
+            )
+            .note("use `textureLod` or `textureGrad`"));
+        }
         // GLSL requires a dynamically uniform index, so this control flow is uniform.
         let (before, index) = self.once(index);
         let bare = unmarked(&index.text);
@@ -279,16 +293,118 @@ impl Lower<'_, '_> {
                 pair.combined, pair.texture, pair.sampler
             ))
         });
-        let mut calls: Vec<String> = calls.collect();
-        let Some(last) = calls.pop() else {
-            return Err(unsupported("this array of samplers is empty", place));
-        };
+        let calls: Vec<String> = calls.collect();
         let index = &index.text;
-        let mut text = String::new();
-        for (i, call) in calls.iter().enumerate() {
-            text += &format!("({index}) == {i} ? {call} : ");
+        let text = match calls.split_last() {
+            None => return Err(unsupported("this array of samplers is empty", place)),
+            Some(_) if is_large => halved(index, 0, &calls),
+            Some((last, others)) => {
+                let others = others.iter().enumerate();
+                let chain = others.map(|(i, call)| format!("({index}) == {i} ? {call} : "));
+                chain.collect::<String>() + last
+            }
+        };
+        Ok((before, Ex::new(text, result, level::TERNARY)))
+    }
+
+    fn has_switch(&self) -> bool {
+        let Dialect { version, es } = self.stage.unit.dialect;
+        version >= if es { 300 } else { 130 }
+    }
+
+    /// A call of a helper function that selects the sampler by a `switch`. With `gradients` the
+    /// derivatives are taken before it. `None` if the samplers are parameters, or a type is
+    /// unknown.
+    fn switched(
+        &mut self,
+        name: &str,
+        index: &Ex,
+        pairs: &[SplitSampler],
+        rest: &[Ex],
+        result: &Ty,
+        gradients: bool,
+    ) -> Option<Ex> {
+        let first = pairs.first()?;
+        let shape = TextureShape::of(&first.combined);
+        let is_global =
+            |pair: &SplitSampler| self.interface.samplers.values().any(|b| b.pair == *pair);
+        if !is_global(first) || rest.iter().any(|r| r.ty == Ty::Unknown) {
+            return None;
         }
-        Ok((before, Ex::new(text + &last, result, level::TERNARY)))
+        // Offsets must stay constants.
+        let is_offset = |r: &Ex| self.helpers.contains_key(&r.text);
+        let mut parameters = vec!["int which".to_owned()];
+        let mut given = vec![format!("int({})", index.text)];
+        let mut inner = Vec::new();
+        for (i, r) in rest.iter().enumerate() {
+            match is_offset(r) {
+                true => inner.push(r.text.clone()),
+                false => {
+                    inner.push(format!("a{i}"));
+                    parameters.push(r.ty.declare(&format!("a{i}")));
+                    given.push(r.at(level::ASSIGNMENT));
+                }
+            }
+        }
+        let array = first.texture.trim_end_matches("_0");
+        let type_of = |r: &Ex| match is_offset(r) {
+            true => r.text.clone(),
+            false => r.ty.base_name(),
+        };
+        let types: Vec<String> = rest.iter().map(type_of).collect();
+        let wanted = format!("{name}_{array}_{}", types.join("_"));
+        let helper = self.helper_name(&wanted);
+        let mut head = String::new();
+        let mut function = name.to_owned();
+        if gradients {
+            let coordinates = Ty::vector(Component::Float, shape.coordinates);
+            let swizzle = &"xyz"[..usize::from(shape.coordinates)];
+            let of = match rest.first()?.ty == coordinates {
+                true => "a0".to_owned(),
+                false => format!("a0.{swizzle}"),
+            };
+            let has_offset = usize::from(name.ends_with("Offset"));
+            // A bias multiplies the gradients (GLSL 4.60, 8.9).
+            let bias = match rest.len() > 1 + has_offset {
+                true => format!(" * exp2(a{})", rest.len() - 1),
+                false => String::new(),
+            };
+            inner.truncate(1 + has_offset);
+            for (at, axis) in ["dx", "dy"].into_iter().enumerate() {
+                let derivative = if at == 0 { "dFdx" } else { "dFdy" };
+                let declared = coordinates.declare(axis);
+                head += &format!("    {declared} = {derivative}({of}){bias};\n");
+                inner.insert(1 + at, axis.to_owned());
+            }
+            function = name.replacen("texture", "textureGrad", 1);
+        }
+        let mut body = String::new();
+        for (i, pair) in pairs.iter().enumerate() {
+            let case = match i + 1 == pairs.len() {
+                true => "default".to_owned(),
+                false => format!("case {i}"),
+            };
+            let SplitSampler {
+                combined,
+                texture,
+                sampler,
+            } = pair;
+            let inner = inner.join(", ");
+            body += &format!(
+                "        {case}: chosen = {function}({combined}({texture}, {sampler}), {inner}); break;\n"
+            );
+        }
+        let text = format!(
+            "{} {helper}({}) {{\n{head}    {};\n    switch (which) {{\n{body}    }}\n    return chosen;\n}}\n",
+            result.name(),
+            parameters.join(", "),
+            result.declare("chosen"),
+        );
+        self.helpers.insert(helper.clone(), text);
+        Some(Ex::primary(
+            format!("{helper}({})", given.join(", ")),
+            result.clone(),
+        ))
     }
 
     /// `textureGather`, which naga's front end lacks: calls a placeholder function whose body is
@@ -315,7 +431,8 @@ impl Lower<'_, '_> {
             .ok_or_else(|| unsupported("`textureGather`'s component must be a number", place))?;
         let combined = shape.combined;
         let helper = self.helper_name(&format!("gather_{combined}_{component}"));
-        self.gathers.insert(helper.clone(), component);
+        self.placeholders
+            .insert(helper.clone(), Placeholder::Gather(component));
         let [texture, of] = split_type(combined);
         let n = shape.coordinates;
         let extra = if shape.shadow { ", float depth" } else { "" };
@@ -338,6 +455,17 @@ impl Lower<'_, '_> {
     }
 }
 
+/// Selects one of `calls`, the first of which has the index `first`, by nested halves.
+fn halved(index: &str, first: usize, calls: &[String]) -> String {
+    if let [call] = calls {
+        return call.clone();
+    }
+    let (low, high) = calls.split_at(calls.len() / 2);
+    let middle = first + low.len();
+    let (low, high) = (halved(index, first, low), halved(index, middle, high));
+    format!("({index}) < {middle} ? ({low}) : ({high})")
+}
+
 /// Adds the offset of a `texelFetchOffset` to its coordinates, because naga loses it.
 fn add_fetch_offset(rest: &mut Vec<Ex>) {
     let [p, _, offset] = &rest[..] else {
@@ -353,9 +481,7 @@ fn add_fetch_offset(rest: &mut Vec<Ex>) {
 
 /// Without derivatives, GLSL samples the base level, and the bias becomes the level (4.60, 8.9).
 fn use_base_level(shape: &TextureShape<'_>, name: &mut String, rest: &mut Vec<Ex>) {
-    let explicit = ["Size", "Lod", "Grad", "Query", "Samples"];
-    let implicit = name.starts_with("texture") && !explicit.iter().any(|w| name.contains(w));
-    if !implicit || shape.combined.starts_with("samplerCube") && shape.shadow {
+    if !is_implicit(name) || shape.combined.starts_with("samplerCube") && shape.shadow {
         return;
     }
     let coordinates = usize::from(name.ends_with("Offset")) + 1;

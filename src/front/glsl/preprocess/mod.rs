@@ -20,6 +20,7 @@ use preshade_passes::program::SourceMap;
 use self::condition::{Word, Wrong, evaluate, integer};
 use self::macros::{Macro, TokenSource};
 use self::tokens::{Joined, Names, Token, TokenKind, tokens};
+use super::absent;
 use super::include::Files;
 use super::version::Dialect;
 use crate::front::error::{Code, Error};
@@ -63,6 +64,8 @@ pub(super) struct Preprocessed {
     pub is_more: bool,
     /// The text tested for Vulkan, and the answer was no.
     pub asks_for_vulkan: bool,
+    /// The text has `nonuniformEXT`.
+    pub is_nonuniform: bool,
 }
 
 impl Preprocessed {
@@ -95,6 +98,14 @@ struct Open {
     place: Span,
 }
 
+/// What the last token was. Only the first argument of `debugPrintfEXT` may be a string.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Printf {
+    Named,
+    Opened,
+    Elsewhere,
+}
+
 /// The preprocessor of one stage.
 struct Preprocessor<'a> {
     files: &'a Files,
@@ -115,6 +126,9 @@ struct Preprocessor<'a> {
     conditions: Vec<Open>,
     /// A `#pragma stage` selected the other stage.
     elsewhere: bool,
+    printf: Printf,
+    /// Within `[[..]]`: how many closing brackets have come.
+    attribute: Option<u8>,
     /// Files by path.
     known: HashMap<PathBuf, (String, Rc<Vec<Token>>)>,
     included: usize,
@@ -152,6 +166,8 @@ pub(super) fn preprocess(
         }],
         conditions: Vec::new(),
         elsewhere: false,
+        printf: Printf::Elsewhere,
+        attribute: None,
         known: HashMap::new(),
         included: 0,
         done: 0,
@@ -167,6 +183,12 @@ pub(super) fn preprocess(
         return Err(Error::new(Code::Parse, "this `#if` has no `#endif`").label(open.place, ""));
     }
     Ok(preprocessor.out)
+}
+
+/// A 16-bit literal, such as `1.5hf`, as a constructor.
+fn half(number: &str) -> Option<Rc<str>> {
+    let digits = number.strip_suffix("hf").or(number.strip_suffix("HF"))?;
+    Some(Rc::from(format!("float16_t ( {digits} )")))
 }
 
 fn unclosed(place: Span) -> Error {
@@ -423,6 +445,46 @@ impl Preprocessor<'_> {
         if matches!(&*text, "#" | "##") {
             return Err(self.stop(format!("unexpected `{text}`"), (token.start, token.end)));
         }
+        // GL_EXT_control_flow_attributes has hints for the compiler alone.
+        if let Some(closed) = self.attribute {
+            self.attribute = Some(closed + u8::from(&*text == "]")).filter(|n| *n < 2);
+            return Ok(());
+        }
+        if &*text == "[" && self.out.text.ends_with("[ ") {
+            self.out.text.truncate(self.out.text.len() - "[ ".len());
+            self.out.places.pop();
+            self.attribute = Some(0);
+            return Ok(());
+        }
+        // It says of an index or a variable that invocations differ, and changes no value.
+        if &*text == "nonuniformEXT" {
+            self.out.is_nonuniform = true;
+            return Ok(());
+        }
+        let follows = self.printf;
+        self.printf = match &*text {
+            "debugPrintfEXT" => Printf::Named,
+            "(" if follows == Printf::Named => Printf::Opened,
+            _ => Printf::Elsewhere,
+        };
+        let text = match token.kind {
+            // The call is dropped, so any value will do.
+            TokenKind::Quoted if follows == Printf::Opened => Rc::from("0"),
+            TokenKind::Number => {
+                let sized = [("s", "int16_t"), ("l", "int64_t")];
+                let lower = text.to_lowercase();
+                // `lf` ends a double.
+                if let Some((_, of)) = sized.iter().find(|(end, _)| lower.ends_with(end)) {
+                    let place = Span::new(token.start, token.end);
+                    return Err(match absent::absent(of) {
+                        Some(of) => of.refuse(&text, Some(place)),
+                        None => self.stop("invalid number", (token.start, token.end)),
+                    });
+                }
+                half(&text).unwrap_or(text)
+            }
+            _ => text,
+        };
         self.work(1)?;
         let at = self.out.text.len() as u32;
         let place = Span::new(token.start, token.end);

@@ -1,12 +1,13 @@
 //! Collects the global declarations of one stage.
 
+use std::cell::RefCell;
 use std::collections::{HashMap, HashSet};
 
 use glsl_lang::ast::{self, DeclarationData, ExprData, ExternalDeclarationData, NodeSpan};
 use naga::{ShaderStage, Span};
 use preshade_passes::declared;
 
-use super::constant::{self, Constants};
+use super::constant::{self, ConstantValue, Constants, Specialised};
 use super::syntax::Unit;
 use super::ty::{Component, GlslMember, Rules, Structs, Ty};
 use crate::front::error::{Code, Error};
@@ -110,6 +111,8 @@ pub(super) struct GlslStage<'u> {
     pub kind: ShaderStage,
     pub structs: Structs,
     pub constants: Constants,
+    /// Specialisation constants whose defaults are final.
+    pub assumed: RefCell<Specialised>,
     pub uniforms: Vec<Variable>,
     /// Separate textures, samplers and images.
     pub opaque: Vec<Variable>,
@@ -131,6 +134,8 @@ pub(super) struct GlslStage<'u> {
     defaults: [OfBlocks; 2],
     /// `gl_FragCoord` counts from the top.
     pub origin_upper_left: bool,
+    /// The declared length of `gl_ClipDistance`.
+    pub clip_distances: Option<u32>,
 }
 
 /// Defaults set by `layout(..) uniform;` or `layout(..) buffer;` for later blocks (GLSL 4.60,
@@ -161,7 +166,8 @@ impl<'u> GlslStage<'u> {
             unit,
             kind,
             structs: Structs::default(),
-            constants: Constants::new(),
+            constants: Constants::default(),
+            assumed: RefCell::default(),
             uniforms: Vec::new(),
             opaque: Vec::new(),
             blocks: Vec::new(),
@@ -176,6 +182,7 @@ impl<'u> GlslStage<'u> {
             early_fragment_tests: false,
             defaults: [OfBlocks::default(); 2],
             origin_upper_left: false,
+            clip_distances: None,
         };
         let mut definitions = Vec::new();
         for item in &unit.tree.0 {
@@ -190,6 +197,19 @@ impl<'u> GlslStage<'u> {
         }
         stage.reach(&definitions)?;
         Ok(stage)
+    }
+
+    /// A constant's value where the IR cannot hold an override: of a specialisation constant the
+    /// default, which becomes final.
+    pub(super) fn fixed(&self, e: &ast::Expr) -> Option<ConstantValue> {
+        let (value, from) = constant::assume(e, &self.constants)?;
+        self.assumed.borrow_mut().extend(from);
+        Some(value)
+    }
+
+    /// The same for an integer.
+    pub(super) fn fixed_integer(&self, e: &ast::Expr) -> Option<i64> {
+        constant::integer(&self.fixed(e)?)
     }
 
     fn place(&self, span: Option<NodeSpan>) -> Option<Span> {
@@ -271,6 +291,7 @@ impl<'u> GlslStage<'u> {
             // A redeclaration, which may add `invariant` or change the origin of `gl_FragCoord`.
             self.invariant |= text == "gl_Position" && (qualifiers.invariant || qualifiers.precise);
             self.origin_upper_left |= qualifiers.says("origin_upper_left");
+            self.clip_distance(&text, &ty);
             if qualifiers.says("pixel_center_integer") {
                 return Err(unsupported(
                     "`pixel_center_integer` is not supported: WebGPU's pixel centres are at halves",
@@ -296,9 +317,10 @@ impl<'u> GlslStage<'u> {
         if is_apart {
             self.check_elements(&ty, APART, place)?;
         }
-        let fixed = qualifiers.storage == Some(Storage::Const) && !qualifiers.says("constant_id");
-        let value = init.filter(|_| fixed).and_then(simple);
-        constant::declare(&mut self.constants, &text, &ty, value);
+        let constant = qualifiers.storage == Some(Storage::Const);
+        let value = init.filter(|_| constant).and_then(simple);
+        let id = qualifiers.number("constant_id");
+        constant::declare(&mut self.constants, &text, &ty, value, id);
         match qualifiers.storage {
             Some(Storage::In) => self.inputs.push(variable),
             Some(Storage::Out) => self.outputs.push(variable),
@@ -324,6 +346,12 @@ impl<'u> GlslStage<'u> {
         Ok(())
     }
 
+    fn clip_distance(&mut self, name: &str, ty: &Ty) {
+        if let ("gl_ClipDistance", Ty::Array(_, length)) = (name, ty) {
+            self.clip_distances = length.or(self.clip_distances);
+        }
+    }
+
     fn block(&mut self, block: &'u ast::Block) -> Result<(), Error> {
         let place = self.place(block.span);
         let mut qualifiers = self.qualifiers(Some(&block.qualifier))?;
@@ -336,6 +364,11 @@ impl<'u> GlslStage<'u> {
         }
         let name = block.name.as_str().to_owned();
         if name == "gl_PerVertex" {
+            for field in &block.fields {
+                for (name, ty, _) in self.fields(field)? {
+                    self.clip_distance(&name, &ty);
+                }
+            }
             return Ok(());
         }
         let instance = block
@@ -403,6 +436,16 @@ impl<'u> GlslStage<'u> {
                 });
             }
             return Ok(());
+        }
+        if let Some(half) = members.iter().find(|m| self.structs.has_halves(&m.ty)) {
+            return Err(unsupported(
+                format!(
+                    "`{}` has 16 bits, which blocks do not support here",
+                    half.name
+                ),
+                half.place,
+            )
+            .note("declare two as a `uint`, and unpack them by `unpackHalf2x16`"));
         }
         let tight = rules(&qualifiers) == Rules::Std430;
         let members = self.padded(&name, members, &member_qualifiers, tight)?;

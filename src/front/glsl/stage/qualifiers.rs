@@ -8,7 +8,7 @@ use naga::ShaderStage;
 
 use super::{GlslStage, unsupported};
 use crate::front::error::Error;
-use crate::front::glsl::constant;
+use crate::front::glsl::absent;
 
 /// A variable's storage class.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -98,9 +98,10 @@ impl GlslStage<'_> {
                 TypeQualifierSpecData::Layout(layout) => {
                     for id in &layout.ids {
                         if let LayoutQualifierSpecData::Identifier(name, value) = &id.content {
+                            absent::refuse(name.as_str(), place)?;
                             let value = match value {
                                 Some(e) => {
-                                    let n = constant::evaluate(e, &self.constants);
+                                    let n = self.fixed_integer(e);
                                     if n.is_none() {
                                         return Err(unsupported(
                                             "a layout's number must be an integer constant",

@@ -8,7 +8,7 @@ use naga::Span;
 
 use super::{GlslStage, unsupported};
 use crate::front::error::{Code, Error};
-use crate::front::glsl::constant;
+use crate::front::glsl::absent;
 use crate::front::glsl::ty::{GlslMember, Struct, Ty};
 
 /// Maximum elements of arrays that are split into variables: varyings and samplers.
@@ -25,7 +25,17 @@ impl GlslStage<'_> {
         place: Option<Span>,
     ) -> Result<Ty, Error> {
         let base = match &spec.ty.content {
-            TypeSpecifierNonArrayData::TypeName(name) => Ty::Struct(name.as_str().to_owned()),
+            TypeSpecifierNonArrayData::TypeName(name) => {
+                let name = name.as_str();
+                match self.structs.get(name) {
+                    Some(_) => Ty::Struct(name.to_owned()),
+                    // A type of an extension, or of a later version.
+                    None => {
+                        absent::refuse(name, place)?;
+                        Ty::named(name)
+                    }
+                }
+            }
             TypeSpecifierNonArrayData::Struct(definition) => {
                 let name = match &definition.name {
                     Some(name) => name.as_str().to_owned(),
@@ -78,7 +88,11 @@ impl GlslStage<'_> {
                 }
                 Ty::Struct(name)
             }
-            _ => Ty::named(&spelled(&spec.ty)),
+            _ => {
+                let name = spelled(&spec.ty);
+                absent::refuse(&name, place)?;
+                Ty::named(&name)
+            }
         };
         let inner = self.dimensions(base, spec.array_specifier.as_ref(), place)?;
         self.dimensions(inner, at_name, place)
@@ -122,7 +136,7 @@ impl GlslStage<'_> {
             let length = match &dimension.content {
                 ArraySpecifierDimensionData::Unsized => None,
                 ArraySpecifierDimensionData::ExplicitlySized(e) => {
-                    let n = constant::evaluate(e, &self.constants);
+                    let n = self.fixed_integer(e);
                     let n = n.and_then(|n| u32::try_from(n).ok()).filter(|n| *n > 0);
                     let n = n.ok_or_else(|| {
                         unsupported(

@@ -1,0 +1,492 @@
+//! GLSL for Vulkan: what WebGPU can say is read, and the rest is refused by its name.
+#![cfg(all(feature = "glsl", feature = "spirv"))]
+
+use preshade::unstable::emit::{self, Target};
+use preshade::unstable::front::{self, Code, Color, Options, Parsed, Source};
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::state::MaterialState;
+use preshade::unstable::recipe::Recipe;
+
+const VERTEX: &str = "#version 460
+layout(location = 0) in vec4 p;
+layout(location = 0) out vec2 uv;
+void main() { uv = p.xy; gl_Position = p; }
+";
+
+fn sources(vertex: &str, fragment: &str) -> [Source; 2] {
+    [
+        Source::new("a.vert", vertex),
+        Source::new("a.frag", fragment),
+    ]
+}
+
+/// A fragment stage with these declarations and this body.
+fn fragment(declared: &str, body: &str) -> String {
+    format!(
+        "#version 460
+#extension GL_EXT_example : require
+layout(location = 0) in vec2 uv;
+layout(location = 0) out vec4 c;
+{declared}
+void main() {{
+    {body}
+}}
+"
+    )
+}
+
+fn read(vertex: &str, fragment: &str) -> Parsed {
+    front::parse(&sources(vertex, fragment), &Options::default())
+        .unwrap_or_else(|e| panic!("{}", e.render(Color::Never)))
+}
+
+fn plan(parsed: Parsed) -> Plan {
+    let fragment = parsed.fragment.as_deref();
+    let state = MaterialState::default();
+    Plan::original("m", parsed.program, &parsed.vertex, fragment, &state)
+}
+
+/// The files of a target, `plan.json` excluded. Emission has read them back.
+fn written(plan: &Plan, target: Target) -> String {
+    let files = emit::emit(plan, &[target], &emit::Options::default())
+        .unwrap_or_else(|e| panic!("{target:?}: {e}"));
+    let texts = files.iter().filter(|f| !f.name.ends_with(".json"));
+    texts
+        .map(|f| String::from_utf8_lossy(&f.bytes).into_owned())
+        .collect()
+}
+
+fn wgsl(vertex: &str, fragment: &str) -> String {
+    written(&plan(read(vertex, fragment)), Target::Wgsl)
+}
+
+/// Every kind of name that the grammar lacks, or the library.
+#[test]
+fn what_webgpu_lacks_is_refused_by_name() {
+    let buffer = "layout(binding = 1) buffer B { uint n; uint many[]; } b;";
+    for (name, declared, body) in [
+        (
+            "input_attachment_index",
+            "layout(input_attachment_index = 0, binding = 0) uniform subpassInput g;",
+            "c = vec4(0.0);",
+        ),
+        (
+            "accelerationStructureEXT",
+            "layout(binding = 0) uniform accelerationStructureEXT scene;",
+            "c = vec4(0.0);",
+        ),
+        ("rayQueryEXT", "", "rayQueryEXT q; c = vec4(0.0);"),
+        (
+            "buffer_reference",
+            "layout(buffer_reference, std430) buffer Node { vec4 color; };",
+            "c = vec4(0.0);",
+        ),
+        ("int64_t", "", "int64_t n = int64_t(3); c = vec4(float(n));"),
+        ("u16vec2", "", "c = vec4(u16vec2(1).x);"),
+        ("`0x11S`", "", "c = vec4(0x11S);"),
+        (
+            "f16sampler2D",
+            "layout(binding = 0) uniform f16sampler2D t;",
+            "c = vec4(0.0);",
+        ),
+        (
+            "textureBuffer",
+            "layout(binding = 0) uniform textureBuffer t;",
+            "c = vec4(0.0);",
+        ),
+        (
+            "gl_ShadingRateEXT",
+            "",
+            "gl_ShadingRateEXT = 1; c = vec4(0.0);",
+        ),
+        (
+            "pervertexEXT",
+            "layout(location = 1) pervertexEXT in vec3 n[];",
+            "c = vec4(n[0], 1.0);",
+        ),
+        (
+            "coopmat",
+            "",
+            "coopmat<float, 3, 16, 8, 0> m; c = vec4(0.0);",
+        ),
+        ("atomicAdd", buffer, "c = vec4(atomicAdd(b.n, 1u));"),
+        (
+            "imageAtomicAdd",
+            "layout(binding = 0, r32ui) uniform uimage2D i;",
+            "c = vec4(imageAtomicAdd(i, ivec2(0), 1u));",
+        ),
+        (
+            "sparseTextureARB",
+            "layout(binding = 0) uniform sampler2D t;",
+            "c = vec4(0.0); int r = sparseTextureARB(t, uv, c);",
+        ),
+        ("clockARB", "", "c = vec4(clockARB());"),
+        ("gl_ViewIndex", "", "c = vec4(gl_ViewIndex);"),
+        (
+            "gl_HelperInvocation",
+            "",
+            "c = vec4(gl_HelperInvocation ? 1.0 : 0.0);",
+        ),
+        ("gl_PointCoord", "", "c = gl_PointCoord.xyxy;"),
+        (
+            "interpolateAtCentroid",
+            "",
+            "c = interpolateAtCentroid(uv).xyxy;",
+        ),
+        (
+            "beginInvocationInterlockARB",
+            "",
+            "beginInvocationInterlockARB(); c = vec4(0.0);",
+        ),
+        (
+            "pixel_interlock_ordered",
+            "layout(pixel_interlock_ordered) in;",
+            "c = vec4(0.0);",
+        ),
+        ("subgroupElect", "", "c = vec4(subgroupElect());"),
+        (
+            "spirv_instruction",
+            "spirv_instruction(set = \"x\", id = 1) float f(float x);",
+            "c = vec4(f(1.0));",
+        ),
+    ] {
+        let text = fragment(declared, body);
+        let error = front::parse(&sources(VERTEX, &text), &Options::default()).unwrap_err();
+        let shown = error.render(Color::Never);
+        assert_eq!(error.code(), Code::Unsupported, "{name}: {shown}");
+        let name = name.trim_matches('`');
+        let message = format!("`{name}` is not supported: ");
+        assert!(error.message().starts_with(&message), "{name}: {shown}");
+        assert!(!error.notes().is_empty(), "{name}: {shown}");
+        let line = text.lines().position(|l| l.contains(name)).unwrap() + 1;
+        assert_eq!(
+            error.location().map(|l| l.line as usize),
+            Some(line),
+            "{name}: {shown}"
+        );
+    }
+}
+
+/// An author may use these names, and what `main` does not reach may use anything.
+#[test]
+fn names_of_extensions_are_no_keywords() {
+    let text = fragment(
+        "float atomicAdd(float x) { return x + 1.0; }
+struct hitObjectNV2 { float x; };
+float unused() { rayQueryEXT q; return float(int64_t(2)); }",
+        "float buffer_reference = atomicAdd(1.0); hitObjectNV2 h; h.x = buffer_reference; \
+         c = vec4(h.x);",
+    );
+    read(VERTEX, &text);
+}
+
+#[test]
+fn what_changes_no_value_is_dropped() {
+    let text = fragment(
+        "layout(early_fragment_tests) in;
+layout(binding = 0) uniform sampler2D t[2];
+layout(location = 1) flat in int which;
+int count = 0;",
+        "int n = nonuniformEXT(which);
+    debugPrintfEXT(\"which is %d at %f\", count++, uv.x);
+    [[unroll, dependency_infinite]] for (int i = 0; i < 2; i++) n += i;
+    [[flatten]] if (uv.x < 0.0) demote;
+    c = texture(t[0], uv) * float(n + count);",
+    );
+    let vertex = VERTEX.replace(
+        "void main() {",
+        "layout(location = 1) flat out int which;\nvoid main() { which = 1;",
+    );
+    let parsed = read(&vertex, &text);
+    let notes = parsed.program.declared().notes.join("\n");
+    assert!(
+        notes.contains("`debugPrintfEXT` is") && notes.contains("`nonuniformEXT` is"),
+        "{notes}"
+    );
+    let wgsl = written(&plan(parsed), Target::Wgsl);
+    assert!(wgsl.contains("discard;"), "{wgsl}");
+    // The arguments of what is printed are evaluated still.
+    assert!(wgsl.contains("+ 1i"), "{wgsl}");
+    let error = front::parse(
+        &sources(VERTEX, &fragment("", "c = vec4(\"text\");")),
+        &Options::default(),
+    );
+    assert_eq!(error.unwrap_err().code(), Code::Parse);
+}
+
+/// The parser knows GLSL ES 3.10's images as types of an extension only.
+#[test]
+fn images_of_es_are_images() {
+    let text = "#version 310 es
+precision highp float;
+layout(binding = 0, rgba32f) uniform readonly highp image2D i;
+layout(location = 0) out vec4 c;
+void main() { c = imageLoad(i, ivec2(0)); }
+";
+    let wgsl = wgsl(
+        "#version 310 es\nvoid main() { gl_Position = vec4(0.0); }",
+        text,
+    );
+    assert!(wgsl.contains("texture_storage_2d<rgba32float"), "{wgsl}");
+}
+
+#[test]
+fn a_storage_block_that_nothing_writes_is_read_only() {
+    let vertex = "#version 450
+layout(location = 0) in vec3 p;
+layout(std430, binding = 0) buffer I { mat4 model[]; };
+layout(location = 0) out vec2 uv;
+void main() { uv = p.xy; gl_Position = model[gl_InstanceIndex] * vec4(p, 1.0); }
+";
+    let written = fragment(
+        "layout(std430, binding = 1) buffer O { vec4 last; float all[]; } o;",
+        "o.all[1] = uv.x; c = o.last;",
+    );
+    let wgsl = wgsl(vertex, &written);
+    let declared = |binding: u32| {
+        let mark = format!("@binding({binding})");
+        let line = wgsl.lines().find(|l| l.contains(&mark));
+        line.unwrap_or_else(|| panic!("{wgsl}"))
+    };
+    assert!(!declared(0).contains("read_write"), "{wgsl}");
+    assert!(declared(1).contains("read_write"), "{wgsl}");
+}
+
+#[test]
+fn the_longer_declaration_of_a_block_holds_for_both_stages() {
+    for block in [
+        "layout(set = 0, binding = 0) uniform",
+        "layout(push_constant) uniform",
+    ] {
+        let short = format!("{block} Short {{ mat4 m; vec4 a; }} u;");
+        let long = format!("{block} Long {{ mat4 matrix; vec4 tint; vec4 more; }} u;");
+        let vertex = |declared: &str, member: &str| {
+            VERTEX
+                .replace("void main", &format!("{declared}\nvoid main"))
+                .replace("gl_Position = p", &format!("gl_Position = u.{member} * p"))
+        };
+        for (vertex, fragment) in [
+            (vertex(&short, "m"), fragment(&long, "c = u.tint + u.more;")),
+            (vertex(&long, "matrix"), fragment(&short, "c = u.a;")),
+        ] {
+            let plan = plan(read(&vertex, &fragment));
+            let module = plan.program(&plan.passes[0]).unwrap().module();
+            let blocks: Vec<usize> = module
+                .types
+                .iter()
+                .filter_map(|(_, ty)| match &ty.inner {
+                    naga::TypeInner::Struct { members, .. }
+                        if members.iter().all(|m| m.binding.is_none()) =>
+                    {
+                        Some(members.len())
+                    }
+                    _ => None,
+                })
+                .collect();
+            assert_eq!(blocks, [3], "{block}");
+            for target in [Target::Wgsl, Target::Spirv, Target::Glsl450] {
+                written(&plan, target);
+            }
+        }
+        // Another type at one offset stays an error.
+        let other = long.replace("vec4 tint", "ivec4 tint");
+        let text = fragment(&other, "c = u.more;");
+        let error = front::parse(&sources(&vertex(&short, "m"), &text), &Options::default());
+        assert_eq!(error.unwrap_err().code(), Code::Link, "{block}");
+    }
+}
+
+#[test]
+fn a_specialisation_constant_gives_its_default_to_what_must_be_fixed() {
+    let text = fragment(
+        "layout(constant_id = 7) const int TAPS = 4;
+layout(constant_id = 2) const float SCALE = 2.0;
+const int TWICE = TAPS * 2;
+layout(binding = 0) uniform W { vec4 weights[TWICE]; };",
+        "float local[TAPS]; local[0] = uv.x; c = vec4(0.0);
+    for (int i = 0; i < TAPS; i++) c += weights[i] * local[0] * SCALE;
+    switch (int(uv.y)) { case TAPS: c.x = 1.0; }",
+    );
+    let parsed = read(VERTEX, &text);
+    let module = parsed.program.module();
+    assert_eq!(module.overrides.len(), 2);
+    let notes = parsed.program.declared().notes.join("\n");
+    assert!(
+        notes.contains("specialisation constant 7, `TAPS`"),
+        "{notes}"
+    );
+    assert!(!notes.contains("SCALE"), "{notes}");
+    let wgsl = written(&plan(parsed), Target::Wgsl);
+    assert!(
+        wgsl.contains("array<vec4<f32>, 8>") && wgsl.contains("case 4"),
+        "{wgsl}"
+    );
+}
+
+/// The texts are read back, which naga does to a certain depth only.
+#[test]
+fn large_arrays_of_samplers_are_switched() {
+    let vertex = VERTEX.replace(
+        "void main() {",
+        "layout(location = 1) flat out int i;\nvoid main() { i = int(p.z);",
+    );
+    for n in [16, 128, 225] {
+        for index in ["i", "nonuniformEXT(i)"] {
+            let declared = format!(
+                "layout(location = 1) flat in int i;
+layout(set = 0, binding = 0) uniform sampler2D t[{n}];"
+            );
+            let text = fragment(&declared, &format!("c = texture(t[{index}], uv, 0.5);"));
+            let plan = plan(read(&vertex, &text));
+            let wgsl = written(&plan, Target::Wgsl);
+            written(&plan, Target::Glsl450);
+            let samples = wgsl.matches("textureSampleGrad(").count();
+            let biased = wgsl.matches("textureSampleBias(").count();
+            match index {
+                "i" => assert_eq!((samples, biased), (0, n), "{wgsl}"),
+                // The level comes from the quad, before the lanes part.
+                _ => {
+                    assert_eq!((samples, biased), (n, 0), "{wgsl}");
+                    let before = wgsl.find("dpdx").unwrap() < wgsl.find("switch").unwrap();
+                    assert!(before && wgsl.contains("exp2("), "{wgsl}");
+                }
+            }
+            assert_eq!(wgsl.contains("switch"), n > 16 || index != "i");
+        }
+    }
+}
+
+/// Samplers that are parameters cannot be named in a helper function, and offsets are constants.
+#[test]
+fn arrays_of_samplers_are_selected_as_parameters_and_with_offsets() {
+    let vertex = VERTEX.replace(
+        "void main() {",
+        "layout(location = 1) flat out int i;\nvoid main() { i = int(p.z);",
+    );
+    let declared = "layout(location = 1) flat in int i;
+layout(set = 0, binding = 0) uniform sampler2D t[100];
+vec4 of(sampler2D s[100], int i) { return texture(s[i], uv); }";
+    let body = |nonuniform: &str| {
+        format!(
+            "c = textureOffset(t[{nonuniform}(i)], uv, ivec2(1, 0)) + textureOffset(t[i], uv, \
+             ivec2(0, 1));"
+        )
+    };
+    let text = fragment(declared, &(body("") + " c += of(t, i);"));
+    let wgsl = wgsl(&vertex, &text);
+    assert_eq!(wgsl.matches("switch").count(), 2, "{wgsl}");
+    // Halves, so that the nesting stays shallow.
+    assert!(wgsl.contains("< 50i"), "{wgsl}");
+    let text = fragment(declared, &body("nonuniformEXT"));
+    read(&vertex, &text);
+    let text = fragment(declared, "int n = nonuniformEXT(i); c = of(t, n);");
+    let error = front::parse(&sources(&vertex, &text), &Options::default()).unwrap_err();
+    assert!(error.message().contains("`nonuniformEXT`"), "{error}");
+}
+
+#[test]
+fn y_down_is_told_with_the_wgsl() {
+    let notes = |target: Target, vertex: &str| {
+        let plan = plan(read(vertex, &fragment("", "c = vec4(1.0);")));
+        let files = emit::emit(&plan, &[target], &emit::Options::default()).unwrap();
+        let json = files
+            .iter()
+            .find(|f| f.name.ends_with(".plan.json"))
+            .unwrap();
+        String::from_utf8(json.bytes.clone()).unwrap()
+    };
+    let told = "gl_Position.y = -gl_Position.y;";
+    assert!(notes(Target::Wgsl, VERTEX).contains(told));
+    assert!(!notes(Target::Spirv, VERTEX).contains(told));
+    let opengl = VERTEX
+        .replace("460", "410")
+        .replace("layout(location = 0) out", "out");
+    assert!(!notes(Target::Wgsl, &opengl).contains(told));
+}
+
+/// What naga's IR has beyond WebGPU's core is read, and the plan lists the feature.
+#[test]
+fn features_are_read_and_listed() {
+    let clip = VERTEX.replace(
+        "gl_Position = p;",
+        "gl_Position = p; gl_ClipDistance[0] = p.x; gl_ClipDistance[1] = p.y;",
+    );
+    let half = VERTEX
+        .replace("out vec2 uv", "out f16vec2 uv")
+        .replace("p.xy", "f16vec2(p.xy)");
+    let plain = fragment("", "c = vec4(uv, 0.0, 1.0);");
+    let halves = fragment(
+        "float16_t twice(float16_t x) { return x * 2.0hf; }",
+        "f16vec2 v = uv + f16vec2(0.5hf); float16_t l = twice(length(v)); c = vec4(float(l));",
+    )
+    .replace("in vec2 uv", "in f16vec2 uv");
+    let two = fragment(
+        "layout(location = 0, index = 1) out vec4 d;",
+        "c = vec4(uv, 0.0, 1.0); d = vec4(uv, 1.0, 1.0);",
+    );
+    for (vertex, fragment, feature, says) in [
+        (
+            clip.as_str(),
+            &plain,
+            "clip-distances",
+            "@builtin(clip_distances)",
+        ),
+        (half.as_str(), &halves, "shader-f16", "enable f16;"),
+        (
+            VERTEX,
+            &fragment("", "c = vec4(gl_BaryCoordEXT, 1.0);"),
+            "wgpu-shader-barycentrics",
+            "@builtin(barycentric)",
+        ),
+        (VERTEX, &two, "dual-source-blending", "@blend_src(1)"),
+        (
+            VERTEX,
+            &fragment(
+                "",
+                "c = vec4(subgroupAdd(uv), subgroupQuadSwapHorizontal(uv.x), 1.0);",
+            ),
+            "subgroups",
+            "quadSwapX(",
+        ),
+        (
+            VERTEX,
+            &fragment(
+                "",
+                "c = vec4(subgroupBroadcast(uv, 2), gl_SubgroupInvocationID, 1.0);",
+            ),
+            "subgroups",
+            "subgroupBroadcast(",
+        ),
+    ] {
+        let plan = plan(read(vertex, fragment));
+        let needed = &plan.passes[0].features;
+        assert!(
+            needed.iter().any(|f| *f == feature),
+            "{feature}: {needed:?}"
+        );
+        let wgsl = written(&plan, Target::Wgsl);
+        assert!(wgsl.contains(says), "{feature}: {wgsl}");
+    }
+    let mask = fragment(
+        "",
+        "c = vec4(gl_SampleMaskIn[0] & 1); gl_SampleMask[0] = gl_SampleMaskIn[0] & 3;",
+    );
+    let wgsl = wgsl(VERTEX, &mask);
+    assert_eq!(wgsl.matches("@builtin(sample_mask)").count(), 2, "{wgsl}");
+}
+
+/// The ids' texture of a visibility buffer gets a unit of its own.
+#[test]
+fn a_visibility_buffer_is_written_as_glsl() {
+    let text = fragment(
+        "layout(binding = 0) uniform sampler2D map;",
+        "c = textureLod(map, uv, 0.0);",
+    );
+    let recipe = Recipe::parse(["visibility-buffer:budget=0.05"]).unwrap();
+    let plan = plan(read(VERTEX, &text));
+    let plan = recipe
+        .apply(&plan, &Facts::default())
+        .unwrap_or_else(|r| panic!("{r}"));
+    written(&plan, Target::Glsl450);
+}
