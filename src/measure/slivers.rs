@@ -166,7 +166,7 @@ mod tests {
             sliver(corners.map(Vec2::from_array))
         };
         assert!(triangle(1.0).is_none() && triangle(0.07).is_none());
-        let edge = triangle(0.0).unwrap();
+        let edge = triangle(0.0).expect("a sliver");
         let pixels: Vec<[u32; 2]> = edge.pixels([16, 16]).collect();
         assert!(pixels.contains(&[2, 1]) && pixels.contains(&[9, 2]));
         assert!(

@@ -329,7 +329,7 @@ mod tests {
     use super::*;
 
     fn kept(text: &str) -> String {
-        let out = with_conditions(text, &|name| name == "ON").unwrap();
+        let out = with_conditions(text, &|name| name == "ON").expect("valid conditions");
         assert_eq!(out.len(), text.len());
         out.split_whitespace().collect::<Vec<_>>().join(" ")
     }
@@ -363,7 +363,7 @@ mod tests {
 
     #[test]
     fn wrong_conditions_are_named_with_their_place() {
-        let wrong = |text| with_conditions(text, &|_| true).unwrap_err().1;
+        let wrong = |text| with_conditions(text, &|_| true).expect_err("it is wrong").1;
         assert_eq!(wrong("fn f() {} @else fn g() {}"), 10..15);
         assert_eq!(wrong("@if(A + B) fn f() {}"), 6..9);
     }
