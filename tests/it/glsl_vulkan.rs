@@ -289,11 +289,15 @@ fn the_longer_declaration_of_a_block_holds_for_both_stages() {
                 written(&plan, target);
             }
         }
-        // Another type at one offset stays an error.
+        // Another type at one offset stays an error, but for push constants: each stage has its own
+        // view of them.
         let other = long.replace("vec4 tint", "ivec4 tint");
         let text = fragment(&other, "c = u.more;");
-        let error = front::parse(&sources(&vertex(&short, "m"), &text), &Options::default());
-        assert_eq!(error.unwrap_err().code(), Code::Link, "{block}");
+        let read = front::parse(&sources(&vertex(&short, "m"), &text), &Options::default());
+        match block.contains("push_constant") {
+            true => assert!(read.is_ok(), "{:?}", read.err()),
+            false => assert_eq!(read.unwrap_err().code(), Code::Link),
+        }
     }
 }
 
