@@ -127,14 +127,14 @@ fn builtins() -> Vec<Case> {
         Case {
             name: "clip_distances",
             text: clip,
-            said: [Read, Unread, Refused("clip_distances")],
+            said: [Read, Read, Refused("clip_distances")],
         },
         with(
             "barycentric",
             "",
             ", @builtin(barycentric) b: vec3<f32>",
             "let x = b.x;",
-            [Read, Unread, Refused("barycentric")],
+            [Read, Read, Refused("barycentric")],
         ),
     ]
 }
@@ -216,12 +216,12 @@ fn functions() -> Vec<Case> {
         alpha(
             "subgroupAdd",
             "let x = subgroupAdd(v.uv.x);",
-            [Read, Unread, subgroups],
+            [Read, Read, subgroups],
         ),
         alpha(
             "quadSwapX",
             "let x = quadSwapX(v.uv.x);",
-            [Read, Unread, subgroups],
+            [Read, Read, subgroups],
         ),
         with(
             "gather",
