@@ -1,7 +1,7 @@
 //! Writes an entry point as a SPIR-V 1.3 module for Vulkan.
 //!
-//! Positions are not flipped, so a Vulkan host needs a viewport of negative height, as WebGPU uses
-//! on Vulkan. There are no bounds checks on indices or loops. Integer division by zero is defined
+//! Positions are not flipped. For WGSL, whose y points up, a Vulkan host needs a viewport of negative
+//! height, as WebGPU uses on Vulkan; Vulkan's GLSL has its own direction. There are no bounds checks on indices or loops. Integer division by zero is defined
 //! as in WGSL, and fragment depth is clamped to the viewport's range.
 
 use std::collections::HashMap;
