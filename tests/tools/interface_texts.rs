@@ -226,6 +226,39 @@ fn the_judges_refuse_what_is_wrong() {
     });
 }
 
+/// One wrong text for each compiler.
+#[test]
+fn the_compilers_refuse_wrong_texts() {
+    let text = include_str!("../materials/shared-binding.wgsl");
+    let parsed = front::parse(&[Source::new("m.wgsl", text)], &front::Options::default()).unwrap();
+    let (vertex, fragment) = (&parsed.vertex, parsed.fragment.as_deref());
+    let state = MaterialState::default();
+    let original = Plan::original("m", parsed.program, vertex, fragment, &state);
+    let emitted = |target| emit::emit(&original, &[target], &emit::Options::default()).unwrap();
+    let judge = |words: &str, files: Vec<File>| {
+        refused(words, || accept::accept(&[("m".to_owned(), files)]).spirv);
+    };
+    let wgsl = changed(
+        emitted(Target::Wgsl),
+        ".wgsl",
+        "@fragment",
+        "const c: u32 = 1.5;\n@fragment",
+    );
+    judge("u32", wgsl);
+    let glsl = changed(
+        emitted(Target::Glsl450),
+        ".frag",
+        "void main() {",
+        "void main() { int i = 1.5;",
+    );
+    judge("'='", glsl);
+    let mut spirv = emitted(Target::Spirv);
+    let words = spirv.iter_mut().find(|f| f.name.ends_with(".spv")).unwrap();
+    // Without its last instruction, `OpFunctionEnd`.
+    words.bytes.truncate(words.bytes.len() - 4);
+    judge("OpFunctionEnd", spirv);
+}
+
 /// The files with other words in one of them.
 fn changed(mut files: Vec<File>, name: &str, from: &str, to: &str) -> Vec<File> {
     let file = files.iter_mut().find(|f| f.name.ends_with(name)).unwrap();
