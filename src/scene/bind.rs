@@ -12,6 +12,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use naga::{ImageClass, ImageDimension, ScalarKind, ShaderStage, TypeInner};
+use preshade_passes::declared;
 use preshade_passes::plan::{BindingKind, BindingSource, BindingUse, GpuPass};
 use preshade_passes::state::CompareFunction;
 
@@ -279,30 +280,47 @@ pub fn draw(
 }
 
 /// The bytes of a material's immediate data for one draw in one frame; `None` if it has none. They
-/// begin at offset 0 of the range.
+/// begin at offset 0 of the range. Its stages may declare parts of the range, each with padding in
+/// place of the others.
 ///
 /// # Errors
-/// As [`draw`], and if the program has several variables of immediate data.
+/// As [`draw`], and if two variables give one byte different values.
 pub fn immediates(
     scene: &Scene,
     material: &Material,
     draw: &Draw,
     frame: &Frame,
 ) -> Result<Option<Data>, SceneError> {
-    let variables: Vec<_> = material::immediates(&material.program).collect();
-    match variables[..] {
-        [] => Ok(None),
-        [variable] => {
-            let streams = Streams::new(scene, material, draw)?;
-            let of = (scene, material, &streams);
-            Ok(Some(packed(of, variable, draw, frame, &mut ignore)?.data))
+    let streams = Streams::new(scene, material, draw)?;
+    let mut bytes: Vec<Option<(u8, &str)>> = Vec::new();
+    for variable in material::immediates(&material.program) {
+        let mut gaps: Vec<Range<usize>> = Vec::new();
+        let mut observe = |leaf: &Leaf<'_>, _: ValueOrigin, _: &[f64; 16]| {
+            gaps.extend(is_padding(leaf).then(|| leaf.bytes.clone()));
+        };
+        let of = (scene, material, &streams);
+        let packed = packed(of, variable, draw, frame, &mut observe)?;
+        let own = packed.data.bytes;
+        bytes.resize(bytes.len().max(own.len()), None);
+        let (name, _) = variable;
+        for (at, byte) in own.iter().enumerate() {
+            if gaps.iter().any(|gap| gap.contains(&at)) {
+                continue;
+            }
+            match bytes[at] {
+                Some((other, first)) if other != *byte => {
+                    return Err(SceneError::new(format!(
+                        "material `{}`: `{first}` and `{name}` are both immediate data, and give \
+                         byte {at} different values",
+                        material.name
+                    )));
+                }
+                _ => bytes[at] = Some((*byte, name)),
+            }
         }
-        [(first, _), (second, _), ..] => Err(SceneError::new(format!(
-            "material `{}`: `{first}` and `{second}` are both immediate data, which share their \
-             bytes: a scene can fill one",
-            material.name
-        ))),
     }
+    let bytes: Vec<u8> = bytes.iter().map(|b| b.map_or(0, |(b, _)| b)).collect();
+    Ok((!bytes.is_empty()).then(|| Data::new(bytes)))
 }
 
 /// The buffers of [`draw`] with [`Rate::Frame`], for another frame. A renderer rewrites only these
@@ -565,10 +583,14 @@ fn hash01(name: &str, index: usize, component: usize) -> f64 {
 /// Prefixes of names that mean padding.
 const PADDING: [&str; 5] = ["pad", "unused", "reserved", "dummy", "filler"];
 
-/// Whether a member only fills up space, by its name.
+/// Whether a member only fills up space, by its name: the author's, or that of our front end.
 fn is_padding(leaf: &Leaf<'_>) -> bool {
-    let name = normalise(leaf.name());
+    let own = leaf.name();
+    let name = normalise(own);
     PADDING.iter().any(|p| name.starts_with(p))
+        || own
+            .split_once("_padding_")
+            .is_some_and(|(block, _)| declared::is_padding(block, own))
 }
 
 /// A value for a member with an unknown name: identity matrices, unit directions, positions around

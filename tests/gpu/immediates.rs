@@ -25,15 +25,40 @@ struct V { @builtin(position) position: vec4<f32>, @location(0) n: vec3<f32> }
 }
 ";
 
-/// Two boxes, the nearer one drawn last.
-fn boxes() -> Scene {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("immediates");
+/// Each stage has a part of its own.
+const SPLIT: &str = "
+struct Draw { mvp: mat4x4<f32> }
+struct Look { pad: mat4x4<f32>, tint: vec4<f32> }
+var<immediate> push: Draw;
+var<immediate> look: Look;
+struct V { @builtin(position) position: vec4<f32>, @location(0) n: vec3<f32> }
+@vertex fn vs(@location(0) position: vec3<f32>, @location(1) normal: vec3<f32>) -> V {
+  return V(push.mvp * vec4<f32>(position, 1.0), normal);
+}
+@fragment fn fs(v: V) -> @location(0) vec4<f32> {
+  if (v.n.y < -2.0) { discard; }
+  return look.tint * (0.75 + 0.25 * v.n.y);
+}
+";
+
+/// With one variable, and with one for each stage. `test` names the files.
+fn scenes(test: &str) -> [Scene; 2] {
+    [
+        boxes(&format!("{test}-shared"), SHADER, "push.tint"),
+        boxes(&format!("{test}-split"), SPLIT, "look.tint"),
+    ]
+}
+
+/// Two boxes, the nearer one drawn last. `tint` is the path of their colour.
+fn boxes(name: &str, shader: &str, tint: &str) -> Scene {
+    let path = tint;
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     std::fs::create_dir_all(&folder).unwrap();
     std::fs::write(folder.join("preshade.toml"), "").unwrap();
-    std::fs::write(folder.join("push.wgsl"), SHADER).unwrap();
+    std::fs::write(folder.join("push.wgsl"), shader).unwrap();
     let draw = |[x, z]: [f32; 2], tint: &str| {
         format!(
-            "[[draws]]\nmesh = \"cube\"\nmaterial = \"cubes\"\ntranslate = [{x}, 0, {z}]\nvalues = {{ \"push.tint\" = {tint} }}\n"
+            "[[draws]]\nmesh = \"cube\"\nmaterial = \"cubes\"\ntranslate = [{x}, 0, {z}]\nvalues = {{ \"{path}\" = {tint} }}\n"
         )
     };
     let text = format!(
@@ -49,8 +74,13 @@ fn boxes() -> Scene {
 
 #[test]
 fn each_draw_has_its_own_immediate_data() {
-    let scene = boxes();
-    let session = Session::new(gpu(), &scene, ShaderForm::Text).unwrap();
+    for scene in scenes("immediates-drawn") {
+        colours_of_both_boxes(&scene);
+    }
+}
+
+fn colours_of_both_boxes(scene: &Scene) {
+    let session = Session::new(gpu(), scene, ShaderForm::Text).unwrap();
     let (_, frame) = scene.frames().next().unwrap();
     let picture = session
         .pictures(session.originals(), &[frame], DrawOrder::AsGiven)
@@ -66,19 +96,29 @@ fn each_draw_has_its_own_immediate_data() {
 
 #[test]
 fn variants_of_materials_with_immediate_data_are_verified() {
-    let scene = boxes();
-    let session = Session::new(gpu(), &scene, ShaderForm::Text).unwrap();
-    let variants: Vec<_> = [
+    let [shared, split] = scenes("immediates-verified");
+    let recipes = [
         "depth-prepass",
         "early-discard",
         "visibility-buffer:budget=0.1",
-    ]
-    .iter()
-    .map(|recipe| {
-        let recipe = Recipe::parse([*recipe]).unwrap();
-        measure::variant(&measure::originals(&scene), &recipe, &Facts::without_ties())
-    })
-    .collect();
+    ];
+    variants_hold(&shared, &recipes);
+    variants_hold(&split, &recipes[..2]);
+    let recipe = Recipe::parse([recipes[2]]).unwrap();
+    let variant = measure::variant(&measure::originals(&split), &recipe, &Facts::without_ties());
+    let refusals = format!("{:?}", variant.kept);
+    assert!(refusals.contains("are immediate data"), "{refusals}");
+}
+
+fn variants_hold(scene: &Scene, recipes: &[&str]) {
+    let session = Session::new(gpu(), scene, ShaderForm::Text).unwrap();
+    let variants: Vec<_> = recipes
+        .iter()
+        .map(|recipe| {
+            let recipe = Recipe::parse([*recipe]).unwrap();
+            measure::variant(&measure::originals(scene), &recipe, &Facts::without_ties())
+        })
+        .collect();
     for variant in &variants {
         let passes = &variant.plans[0].passes;
         assert!(

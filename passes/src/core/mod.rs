@@ -22,4 +22,5 @@ pub mod rasterizer;
 pub mod reflect;
 pub mod refusals;
 pub mod self_test;
+mod shared_binding;
 pub mod state;

@@ -1,8 +1,6 @@
 //! A transform is a pure function from a plan to a new plan, or to the reasons why it does not
 //! apply.
 
-use std::collections::HashSet;
-
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
@@ -12,8 +10,8 @@ use crate::core::guard::{Assumed, Guard};
 use crate::core::plan::{Plan, Role};
 use crate::core::program::{Location, Program, SourceMap};
 use crate::core::rasterizer::Rasterizer;
-use crate::core::reflect;
 use crate::core::refusals::{self, RefusalInfo};
+use crate::core::shared_binding;
 
 /// The name of a pass and its description.
 #[derive(Clone, Copy, Debug)]
@@ -724,8 +722,8 @@ fn hold_budgets(plan: &mut Plan, first: usize, facts: &Facts) {
     }
 }
 
-/// Names the cause if a variant is invalid because one stage has both variables of a binding: with
-/// the variables apart, it is valid.
+/// Names the cause if a variant is invalid because one stage has both variables of a binding or of
+/// the immediate data: with the variables apart, it is valid.
 fn shared_binding(
     mut refused: Refused,
     plan: &Plan,
@@ -735,7 +733,7 @@ fn shared_binding(
     let is_bug = |refused: &Refused| refused.refusals.iter().any(is_internal);
     let shared = || {
         let mut programs = plan.programs.values();
-        programs.find_map(|p| two_at_one_binding(p.module()))
+        programs.find_map(|p| shared_binding::two_in_one_place(p.module()))
     };
     if !is_bug(&refused) {
         return refused;
@@ -743,7 +741,7 @@ fn shared_binding(
     let Some((span, reason)) = shared() else {
         return refused;
     };
-    if run(&apart(plan)).is_err_and(|refused| is_bug(&refused)) {
+    if run(&shared_binding::apart(plan)).is_err_and(|refused| is_bug(&refused)) {
         return refused;
     }
     for refusal in refused.refusals.iter_mut().filter(|r| is_internal(r)) {
@@ -757,47 +755,4 @@ fn shared_binding(
         };
     }
     refused
-}
-
-/// The plan with a binding of its own for each variable.
-fn apart(plan: &Plan) -> Plan {
-    let mut plan = plan.clone();
-    for program in plan.programs.values_mut() {
-        let mut module = program.module().clone();
-        let mut taken = HashSet::new();
-        for (_, global) in module.global_variables.iter_mut() {
-            if let Some(at) = &mut global.binding {
-                while !taken.insert(*at) {
-                    at.binding += 1;
-                }
-            }
-        }
-        if let Ok(separate) = program.with_module(module) {
-            *program = separate;
-        }
-    }
-    for pass in &mut plan.passes {
-        if let Some(program) = plan.programs.get(&pass.program) {
-            reflect::fill(pass, program);
-        }
-    }
-    plan
-}
-
-/// The second of two variables at one binding, and both in words.
-fn two_at_one_binding(module: &naga::Module) -> Option<(naga::Span, String)> {
-    let globals = || module.global_variables.iter();
-    globals().find_map(|(handle, global)| {
-        let at = global.binding?;
-        let (_, first) = globals().find(|(h, g)| *h < handle && g.binding == Some(at))?;
-        let name = |g: &naga::GlobalVariable| g.name.clone().unwrap_or_default();
-        let reason = format!(
-            "`{}` and `{}` both have group {} binding {}, so no stage can use both",
-            name(first),
-            name(global),
-            at.group,
-            at.binding
-        );
-        Some((module.global_variables.get_span(handle), reason))
-    })
 }

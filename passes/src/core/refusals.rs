@@ -46,8 +46,8 @@ refusals! {
         "A pass refused and gave no reason of its own.",
         "`preshade explain` lists every reason.";
     SHARED_BINDING = "shared-binding":
-        "Two variables have one binding, each in a stage of its own, and the pass would use both in \
-         one stage.",
+        "Two variables have one binding, or both are immediate data, each in a stage of its own, and \
+         the pass would use both in one stage.",
         "Give one of them another binding, or declare one variable for both stages.";
     STALE = "stale":
         "The site that the recipe names is no longer in the shader.",
