@@ -52,7 +52,7 @@ pub const CASES: &[Case] = &[
         only: COLORS,
         recipes: &[
             (BIASED, Holds),
-            (EARLY, Holds),
+            (EARLY, Refused("undefined-derivative")),
             ("hoist", Refused("nothing-pays")),
         ],
         mutation: (
