@@ -3,6 +3,7 @@
 #
 #   setup.sh vulkan       a Vulkan loader, and Mesa's software Vulkan (lavapipe) where no adapter is found
 #   setup.sh gl           EGL and OpenGL 4: Mesa's, in software where there is no graphics card
+#   setup.sh native       a C compiler and Vulkan's headers, for the hosts of tests/native
 #   setup.sh accept       spirv-val, glslangValidator, spirv-cross, and Tint (npm package `webgpu`) for the acceptance tests
 #   setup.sh three        Chromium, node and npm, for the page of tests/three
 #   setup.sh swiftshader  SwiftShader's Vulkan, a second driver for tests: a part of Chromium's package
@@ -32,6 +33,11 @@ vulkan() {
     fi
     have cc || install build-essential
     have c++ || install build-essential
+}
+
+native() {
+    vulkan
+    echo '#include <vulkan/vulkan.h>' | cc -E - >/dev/null 2>&1 || install libvulkan-dev
 }
 
 gl() {
@@ -71,6 +77,7 @@ swiftshader() {
 for part in "$@"; do
     case "$part" in
         vulkan) vulkan ;;
+        native) native ;;
         gl) gl ;;
         accept) accept ;;
         three) three ;;

@@ -59,6 +59,8 @@ mod regular;
 mod sweep;
 #[cfg(feature = "compiler")]
 mod wgsl;
+#[cfg(feature = "spirv")]
+mod words;
 
 #[cfg(feature = "verify")]
 mod measure;

@@ -82,11 +82,11 @@ const BINARY: [(&[u8], &str); 4] = [
     ),
     (
         &[0x03, 0x02, 0x23, 0x07],
-        "SPIR-V, and preshade reads WGSL and GLSL: translate it with naga or spirv-cross",
+        "SPIR-V, where a text is expected",
     ),
     (
         b"DXBC",
-        "a compiled HLSL shader, and preshade reads WGSL and GLSL",
+        "a compiled HLSL shader: compile it to SPIR-V with `dxc -spirv`",
     ),
     (b"\x89PNG", "a picture"),
 ];

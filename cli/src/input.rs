@@ -23,12 +23,12 @@ use crate::state::StateArgs;
 /// A shader and its pipeline state, or a scene.
 #[derive(Clone, Default, clap::Args)]
 pub struct ShaderArgs {
-    /// A WGSL file with both entry points, or a vertex and a fragment file, or a scene (.toml); `-`
-    /// is stdin and needs --lang.
+    /// A WGSL or SPIR-V file with both entry points, or a vertex and a fragment file, or a scene
+    /// (.toml); `-` is stdin and needs --lang.
     #[arg(required = true, num_args = 1.., value_name = "FILE")]
     pub files: Vec<PathBuf>,
     /// Language of the input. Required for stdin; default: by the file's ending (.wgsl, or .vert,
-    /// .vs, .frag, .fs or .glsl for GLSL).
+    /// .vs, .frag, .fs or .glsl for GLSL, .spv for SPIR-V).
     #[arg(long, value_enum)]
     pub lang: Option<Lang>,
     /// Vertex entry point, if the shader has several.
@@ -110,6 +110,8 @@ pub enum Lang {
     Wgsl,
     /// GLSL of any version: desktop, ES and WebGL, Vulkan's, three.js's.
     Glsl,
+    /// A SPIR-V module, which is known by its first word.
+    Spirv,
 }
 
 impl From<Lang> for Language {
@@ -117,6 +119,7 @@ impl From<Lang> for Language {
         match lang {
             Lang::Wgsl => Self::Wgsl,
             Lang::Glsl => Self::Glsl,
+            Lang::Spirv => Self::SpirV,
         }
     }
 }
@@ -453,16 +456,14 @@ impl ShaderArgs {
                 .take(most)
                 .read_to_end(&mut bytes)
                 .map_err(|e| Failure(format!("error: stdin: {e}")))?;
-            return Ok(Source {
-                name: "<stdin>".to_owned(),
-                text: text(bytes, "stdin")?,
-                language,
-                // Without an ending, the first of two files is the vertex stage.
-                stage: (self.files.len() == 2).then_some(match index {
-                    0 => ShaderStage::Vertex,
-                    _ => ShaderStage::Fragment,
-                }),
+            let mut source = decoded("<stdin>".to_owned(), bytes)?;
+            source.language = language;
+            // Without an ending, the first of two files is the vertex stage.
+            source.stage = (self.files.len() == 2).then_some(match index {
+                0 => ShaderStage::Vertex,
+                _ => ShaderStage::Fragment,
             });
+            return Ok(source);
         }
         if path.is_dir() {
             return Err(Failure(format!(
@@ -479,13 +480,9 @@ impl ShaderArgs {
                 path.display()
             )));
         };
-        let text = text(bytes, &name)?;
-        Ok(Source {
-            name,
-            text,
-            language,
-            stage: None,
-        })
+        let mut source = decoded(name, bytes)?;
+        source.language = language;
+        Ok(source)
     }
 
     /// Name of the material: the given one, or the file's without its endings.
@@ -535,8 +532,9 @@ pub fn unread(path: &Path, error: &regular::ReadError) -> Failure {
     Failure(format!("error: {}: {error}{remedy}", path.display()))
 }
 
-fn text(bytes: Vec<u8>, name: &str) -> Result<String, Failure> {
-    regular::decode(bytes).map_err(|e| Failure(format!("error: {name}: {e}")))
+fn decoded(name: String, bytes: Vec<u8>) -> Result<Source, Failure> {
+    let shown = name.trim_matches(['<', '>']).to_owned();
+    Source::from_bytes(name, bytes).map_err(|e| Failure(format!("error: {shown}: {e}")))
 }
 
 fn color() -> front::Color {

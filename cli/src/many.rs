@@ -346,7 +346,7 @@ pub fn folder_of(out: &Path, scene: &Path) -> PathBuf {
 /// Whether a file is a shader by its ending.
 pub fn is_shader(path: &Path) -> bool {
     let ending = ending(path);
-    ["wgsl", "glsl", "slang"].contains(&ending)
+    ["wgsl", "glsl", "slang", "spv"].contains(&ending)
         || STAGES.contains(&ending)
         || (cfg!(feature = "wesl") && ending == "wesl")
 }

@@ -8,8 +8,8 @@ use std::time::Instant;
 use preshade::unstable::emit::{self, File, PlanFile, Target};
 use preshade::unstable::measure::{self, validate_on};
 use preshade::unstable::passes::pass::{AnyPass, Facts, Refusal};
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::validate::{Check, Effort, Verdict, validate};
+use preshade::unstable::passes::plan::{Plan, Role};
+use preshade::unstable::passes::validate::{By, Check, Effort, Verdict, validate_by};
 use preshade::unstable::passes::{PASSES, pass_named};
 use preshade::unstable::pipeline::{self, Applied, Frame};
 use preshade::unstable::recipe::{Recipe, Step};
@@ -433,9 +433,24 @@ fn make(
             made.messages
                 .push(format!("{level}: `{}`: {note}{advice}", plan.material));
         }
+        let bar = args.validate.then(output::bar);
+        let told = |role: Role, promise: &str| {
+            if let Some(bar) = &bar {
+                bar.set_message(format!(
+                    "validating `{}`, {} pass, {promise}",
+                    plan.material,
+                    role.name()
+                ));
+            }
+        };
         let validation = args.validate.then(|| {
             made.times.took(u8::MAX - 1, "validate", || {
-                validate(original, &plan, &Effort::default())
+                let by = By {
+                    effort: &Effort::default(),
+                    runner: None,
+                    told: &told,
+                };
+                validate_by(original, &plan, by)
             })
         });
         let checks = validation.iter().flatten();
@@ -445,10 +460,13 @@ fn make(
             Some(OnAdapter {
                 adapter: gpu.adapter().name.clone(),
                 checks: made.times.took(u8::MAX - 1, "validate on the adapter", || {
-                    validate_on(gpu, original, &plan, &Effort::default())
+                    validate_on(gpu, original, &plan, &Effort::default(), &told)
                 }),
             })
         });
+        if let Some(bar) = &bar {
+            bar.finish_and_clear();
+        }
         match &validation_on {
             Some(OnAdapter { adapter, checks }) => {
                 let place = format!(" on {adapter}");

@@ -71,6 +71,7 @@ use crate::emit::{self, File, Target};
 use crate::front;
 use crate::lock::{Left, Lock, LockError};
 use crate::recipe::Recipe;
+use crate::regular::ReadError;
 
 use bindings::Said;
 use choose::Keeping;
@@ -324,7 +325,7 @@ impl BuildConfig {
     pub fn build(&self, files: &[&Path]) -> Result<Built, BuildError> {
         let out = self.output_folder()?;
         let name = self.material(files)?;
-        let texts = files
+        let sources = files
             .iter()
             .map(|file| read(file))
             .collect::<Result<Vec<_>, _>>()?;
@@ -345,7 +346,7 @@ impl BuildConfig {
 
         let module = out.join(format!("{name}.rs"));
         let folder = out.join(&name);
-        let key = stamp::key(self, &name, files, &texts, lock_text.as_deref());
+        let key = stamp::key(self, &name, files, &sources, lock_text.as_deref());
         if let Some(kept) = stamp::still_holds(&folder, &key, &out) {
             read.extend(kept.included);
             return Ok(Built {
@@ -366,7 +367,7 @@ impl BuildConfig {
             }
             Some((_, Err(error))) => return Err(BuildError::Lock(error)),
         };
-        let made = self.make(&name, files, texts, &lock)?;
+        let made = self.make(&name, &sources, &lock)?;
         read.extend(made.trace.included());
         let mut written = Vec::new();
         let mut hashes = Vec::new();
@@ -420,24 +421,18 @@ impl BuildConfig {
     fn make(
         &self,
         name: &str,
-        files: &[&Path],
-        texts: Vec<String>,
+        sources: &[front::Source],
         lock: &Keeping,
     ) -> Result<MadeModule, BuildError> {
-        let sources: Vec<front::Source> = files
-            .iter()
-            .zip(texts)
-            .map(|(file, text)| front::Source::new(slashes(file), text))
-            .collect();
         let mut trace = Trace::default();
-        let mut drawn = choose::choose(self, name, &sources, lock, &mut trace)?;
+        let mut drawn = choose::choose(self, name, sources, lock, &mut trace)?;
         let module = generate::Module {
             types: self.types.as_deref(),
             wgpu: self.wgpu.as_deref(),
             said: &self.said,
         };
         Ok(MadeModule {
-            module: worded(name, &mut drawn, &module, &sources, &mut trace.warnings)?,
+            module: worded(name, &mut drawn, &module, sources, &mut trace.warnings)?,
             files: drawn.into_iter().map(|d| (d.name, d.files)).collect(),
             trace,
         })
@@ -524,10 +519,12 @@ fn worded(
     }
 }
 
-fn read(path: &Path) -> Result<String, BuildError> {
-    std::fs::read_to_string(path).map_err(|error| BuildError::Read {
+fn read(path: &Path) -> Result<front::Source, BuildError> {
+    let read = std::fs::read(path).map_err(ReadError::from);
+    let read = read.and_then(|bytes| front::Source::from_bytes(slashes(path), bytes));
+    read.map_err(|error| BuildError::Read {
         path: path.to_owned(),
-        error,
+        error: error.into(),
     })
 }
 

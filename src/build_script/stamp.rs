@@ -58,12 +58,12 @@ pub(super) fn key(
     builder: &BuildConfig,
     name: &str,
     files: &[&Path],
-    texts: &[String],
+    sources: &[front::Source],
     lock: Option<&str>,
 ) -> String {
     let program = std::env::current_exe().and_then(std::fs::metadata);
     let program = program.map(|m| (m.len(), m.modified().ok())).ok();
-    let all = format!("{TOOL} {program:?} {builder:?} {name:?} {files:?} {texts:?} {lock:?}");
+    let all = format!("{TOOL} {program:?} {builder:?} {name:?} {files:?} {sources:?} {lock:?}");
     hash(all.as_bytes())
 }
 

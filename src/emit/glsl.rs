@@ -1,6 +1,7 @@
 //! Writes an entry point as GLSL 4.50, 4.00, GLSL ES 3.00 or 1.00, with the data that a host needs
 //! for its bindings.
 
+mod apart;
 mod author;
 mod depth;
 mod depth_loads;

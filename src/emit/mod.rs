@@ -616,6 +616,7 @@ fn write_program(
             for (file, stage_files) in &mut emitted {
                 let text = String::from_utf8_lossy(&file.bytes);
                 glsl::lacks::refuse_long_names(&text, &file.name, target)?;
+                glsl::lacks::refuse_attribute_arrays(&text, &file.name, target)?;
                 for (_, stage_file) in stage_files {
                     stage_file.extensions = glsl::extensions(&text);
                 }

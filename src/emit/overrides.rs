@@ -115,9 +115,9 @@ fn number(literal: Literal) -> Option<f64> {
     }
 }
 
-/// The id of each override by name: its `@id`, or else the lowest free one. All programs of a
-/// material share them.
-pub(super) struct SpecIds(BTreeMap<String, u32>);
+/// The id and the author's name of each override, by its name. The id is the author's, or else the
+/// lowest free one. All programs of a material share them.
+pub(super) struct SpecIds(BTreeMap<String, (u32, String)>);
 
 impl SpecIds {
     pub(super) fn of(plan: &Plan) -> Self {
@@ -129,16 +129,20 @@ impl SpecIds {
             .flat_map(|p| p.module().overrides.iter().map(|(_, o)| o))
             .collect();
         let mut taken: BTreeSet<u32> = all.iter().filter_map(|o| o.id).map(u32::from).collect();
-        let mut ids = BTreeMap::new();
+        let declared = plan.programs.values().map(Program::declared);
+        let apart = declared.flat_map(|d| &d.constants);
+        let mut ids: BTreeMap<String, (u32, String)> = apart
+            .map(|c| (c.name.clone(), (c.id, c.own.clone())))
+            .collect();
         for of in all {
             let Some(name) = of.name.clone() else {
                 continue;
             };
-            ids.entry(name).or_insert_with(|| match of.id {
-                Some(id) => u32::from(id),
+            ids.entry(name.clone()).or_insert_with(|| match of.id {
+                Some(id) => (u32::from(id), name),
                 None => {
                     let free = (0..).find(|id| taken.insert(*id));
-                    free.unwrap_or_default()
+                    (free.unwrap_or_default(), name)
                 }
             });
         }
@@ -208,7 +212,7 @@ impl<'p> Specialised<'p> {
                 out.computed.push(name.clone());
                 continue;
             }
-            let Some(id) = ids.0.get(name).copied() else {
+            let Some((id, own_name)) = ids.0.get(name).cloned() else {
                 continue;
             };
             let marker = format!("{stem}{id}x");
@@ -216,7 +220,7 @@ impl<'p> Specialised<'p> {
             sources.insert(handle, Source::Variable(global));
             let constant = SpecConstant {
                 id,
-                name: name.clone(),
+                name: own_name,
                 ty: reflect::wgsl_type(module, of.ty),
                 default: of.init.and_then(|_| number(default)),
             };

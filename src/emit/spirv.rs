@@ -4,8 +4,6 @@
 //! height, as WebGPU uses on Vulkan; Vulkan's GLSL has its own direction. There are no bounds checks on indices or loops. Integer division by zero is defined
 //! as in WGSL, and fragment depth is clamped to the viewport's range.
 
-use std::collections::HashMap;
-
 use naga::back::spv::{Options, PipelineOptions, WriterFlags, ZeroInitializeWorkgroupMemoryMode};
 use naga::front::spv as reader;
 use naga::{Binding, BuiltIn, Module, ShaderStage};
@@ -13,13 +11,15 @@ use preshade_passes::program::Program;
 use preshade_passes::reflect;
 use rspirv::binary::Assemble;
 use rspirv::dr::{self, Builder, Instruction, Operand};
-use rspirv::spirv::{Decoration, Op};
+use rspirv::spirv::{self, Decoration, Op};
 
+mod binding_arrays;
 mod blocks;
 mod combined;
 mod constants;
 mod interface;
 mod position;
+mod rows;
 mod sample_mask;
 
 use super::combined::{Combined, CombinedSamplers};
@@ -27,7 +27,9 @@ use super::overrides::{SpecIds, Specialised};
 use super::partial_pointers;
 use super::plan_json::StageFile;
 use super::{EmitError, ReadBack, Target};
+use crate::front::spirv::instructions;
 use crate::wgsl::fingerprint;
+use crate::words::{ids, pointee, replace_ids, rewrite, to_bytes};
 
 /// Writes the little-endian bytes and their `plan.json` entry. `name` is the file's.
 pub(super) fn write(
@@ -93,51 +95,29 @@ pub(super) fn write(
         ReadBack::Differs(difference).unread(name, Target::Spirv)?;
     }
     sample_mask::as_arrays(&mut words);
+    binding_arrays::declare(&mut words);
+    draw_parameters(&mut words);
+    if !rows::turn(&mut words, program.declared()) {
+        let note = "a `row_major` matrix is declared as its transpose, which is the same memory";
+        stage_file.notes.push(format!("{name}: {note}"));
+    }
+    rows::rename_copies(&mut words, program.declared());
     Ok((to_bytes(&words.module().assemble()), stage_file))
 }
 
-fn to_bytes(words: &[u32]) -> Vec<u8> {
-    words.iter().flat_map(|w| w.to_le_bytes()).collect()
-}
-
-/// The ids among an instruction's operands.
-fn ids(instruction: &Instruction) -> impl Iterator<Item = u32> {
-    instruction.operands.iter().filter_map(Operand::id_ref_any)
-}
-
-/// The type to which a pointer type points.
-fn pointee(module: &dr::Module, pointer: u32) -> Option<u32> {
-    let mut types = module.types_global_values.iter();
-    ids(types.find(|i| i.result_id == Some(pointer))?).next()
-}
-
-/// Writes the functions again: `change` gets each instruction, and writes what replaces it.
-fn rewrite(
-    module: &mut Builder,
-    mut change: impl FnMut(&mut Builder, &mut Vec<Instruction>, Instruction),
-) {
-    let mut functions = std::mem::take(&mut module.module_mut().functions);
-    for block in functions.iter_mut().flat_map(|f| &mut f.blocks) {
-        for instruction in std::mem::take(&mut block.instructions) {
-            change(module, &mut block.instructions, instruction);
-        }
-    }
-    module.module_mut().functions = functions;
-}
-
-/// Replaces operands of the functions, and drops the names of replaced ids.
-fn replace_ids(module: &mut Builder, with: &HashMap<u32, u32>) {
-    let module = module.module_mut();
-    let is_replaced = |i: &Instruction| ids(i).any(|id| with.contains_key(&id));
-    module.debug_names.retain(|i| !is_replaced(i));
-    let functions = module.functions.iter_mut();
-    let instructions = functions.flat_map(dr::Function::all_inst_iter_mut);
-    for operand in instructions.flat_map(|i| &mut i.operands) {
-        if let Some(id) = operand.id_ref_any_mut()
-            && let Some(new) = with.get(id)
-        {
-            *id = *new;
-        }
+/// Declares the capability of `gl_BaseVertex` and the like, which naga leaves out.
+fn draw_parameters(words: &mut Builder) {
+    let is_parameter = |i: &Instruction| {
+        let Some(Operand::BuiltIn(of)) = i.operands.get(2) else {
+            return false;
+        };
+        matches!(
+            of,
+            spirv::BuiltIn::BaseVertex | spirv::BuiltIn::BaseInstance | spirv::BuiltIn::DrawIndex
+        )
+    };
+    if words.module_ref().annotations.iter().any(is_parameter) {
+        words.capability(spirv::Capability::DrawParameters);
     }
 }
 
@@ -199,9 +179,16 @@ fn read_back(
         strict_capabilities: false,
         block_ctx_dump_prefix: None,
     };
-    let bytes = to_bytes(&for_the_reader(words).assemble());
+    let mut readable = Builder::new_from_module(words.clone());
+    if let Err(lost) = instructions::replace(&mut readable) {
+        return ReadBack::Unread(lost.what.to_owned());
+    }
+    let bytes = to_bytes(&readable.module().assemble());
     let read = match reader::parse_u8_slice(&bytes, &options) {
-        Ok(read) => read,
+        Ok(mut read) => {
+            instructions::layers(&mut read);
+            read
+        }
         Err(
             e @ (reader::Error::UnsupportedInstruction(..)
             | reader::Error::UnsupportedExtension(_)
@@ -218,34 +205,6 @@ fn read_back(
         Some(difference) => ReadBack::Differs(difference),
         None => ReadBack::Same,
     }
-}
-
-/// Works around defects of naga's reader, for validation only. `OpImageQuerySizeLod` (SPIR-V
-/// 3.52.10) of an arrayed image drops the number of layers, so the first component replaces it.
-/// `OpLogicalAnd` and `OpLogicalOr` are read as scalar operators, so `OpLogicalEqual` replaces them
-/// for vectors.
-fn for_the_reader(words: &dr::Module) -> dr::Module {
-    let mut words = words.clone();
-    let mut sizes = Vec::new();
-    let mut vectors = Vec::new();
-    for instruction in words.all_inst_iter_mut() {
-        let (ty, id) = (instruction.result_type, instruction.result_id);
-        match instruction.class.opcode {
-            Op::TypeVector => vectors.push(id),
-            Op::ImageQuerySizeLod | Op::ImageQuerySize => sizes.push(id),
-            Op::CompositeExtract
-                if sizes.contains(&instruction.operands.first().and_then(Operand::id_ref_any)) =>
-            {
-                instruction.operands[1] = Operand::LiteralBit32(0);
-            }
-            Op::LogicalOr | Op::LogicalAnd if vectors.contains(&ty) => {
-                let operands = std::mem::take(&mut instruction.operands);
-                *instruction = Instruction::new(Op::LogicalEqual, ty, id, operands);
-            }
-            _ => {}
-        }
-    }
-    words
 }
 
 #[cfg(test)]

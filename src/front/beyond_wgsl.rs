@@ -6,9 +6,10 @@ use naga::diagnostic_filter::{
     StandardFilterableTriggeringRule,
 };
 use naga::keywords::wgsl::RESERVED;
-#[cfg(feature = "glsl")]
+#[cfg(any(feature = "glsl", feature = "spirv"))]
 use naga::{AddressSpace, ResourceBinding, Statement, StorageAccess};
 use naga::{Expression, Function, Handle, Module, Override, SampleLevel, Span};
+use preshade_passes::declared::{Declared, SpecConstant};
 
 /// Turns `derivative_uniformity` and `subgroup_uniformity` off (WGSL 2.3) for a GLSL module that
 /// takes derivatives or exchanges values between lanes. WGSL rejects both in non-uniform control
@@ -48,7 +49,7 @@ pub(super) fn disable_uniformity(module: &mut Module) {
 }
 
 /// Renames overrides whose names WGSL reserves. Their ids stay.
-pub(super) fn rename_constants(module: &mut Module) {
+pub(super) fn rename_constants(module: &mut Module, declared: &mut Declared) {
     let taken: Vec<String> = module
         .overrides
         .iter()
@@ -60,17 +61,22 @@ pub(super) fn rename_constants(module: &mut Module) {
         .filter_map(|(handle, o)| Some((handle, o.name.clone()?)))
         .filter(|(_, name)| RESERVED.contains(&name.as_str()))
         .collect();
-    for (handle, mut name) in reserved {
+    for (handle, own) in reserved {
+        let mut name = own.clone();
         while RESERVED.contains(&name.as_str()) || taken.contains(&name) {
             name.push_str("_0");
         }
-        module.overrides[handle].name = Some(name);
+        let of = &mut module.overrides[handle];
+        of.name = Some(name.clone());
+        if let Some(id) = of.id.map(u32::from) {
+            declared.constants.push(SpecConstant { name, own, id });
+        }
     }
 }
 
 /// Makes storage blocks `read` that no stage writes. WGSL allows no others in the vertex stage
 /// (WGSL 7.3), and GLSL's default is to allow writes.
-#[cfg(feature = "glsl")]
+#[cfg(any(feature = "glsl", feature = "spirv"))]
 pub(super) fn narrow_storage(modules: &mut [Module]) {
     use std::collections::HashSet;
 

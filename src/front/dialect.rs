@@ -111,9 +111,10 @@ pub(super) fn no_module(source: &Source, module: &str, options: &Options) -> Err
         .iter()
         .map(|f| format!("`{}`", f.display()))
         .collect();
-    let searched = match folders.is_empty() {
-        true => "searched: the file's own folder".to_owned(),
-        false => format!("searched: the file's own folder, {}", folders.join(", ")),
+    let searched = match folders.len() {
+        0 => "searched: the file's own folder".to_owned(),
+        1..=6 => format!("searched: the file's own folder, {}", folders.join(", ")),
+        many => format!("searched: the file's own folder, and {many} that you include"),
     };
     let error = Error::new(Code::Parse, format!("there is no module `{module}`"))
         .label_if(span)

@@ -105,6 +105,27 @@ struct Diagnosis {
     sources: Arc<SourceMap>,
 }
 
+/// Parts of naga's messages about valid WGSL, and remedies. `docs/naga-issues.md` has the inputs.
+const LACKS: &[(&str, &str)] = &[
+    (
+        "found \"--\"",
+        "naga takes `--` for a decrement: write `- -`",
+    ),
+    (
+        "Not implemented as constant expression",
+        "naga computes this at run time only: put the argument into a `var` first",
+    ),
+    (
+        "Abstract types may only appear in constant expressions",
+        "naga does not settle the type of these numbers: give one a suffix, as in `1.0f`",
+    ),
+    (
+        "which can't be passed into functions",
+        "naga passes pointers to variables of functions and to private ones only: pass the value, or \
+         name the buffer in the function",
+    ),
+];
+
 impl Error {
     pub(crate) fn new(code: Code, message: impl Into<String>) -> Self {
         Self(Box::new(Diagnosis {
@@ -153,7 +174,16 @@ impl Error {
                 error = error.label(*span, text);
             }
         }
-        error
+        error.with_remedy()
+    }
+
+    /// Adds what to write instead of WGSL that naga refuses and other compilers take.
+    pub(crate) fn with_remedy(self) -> Self {
+        let is_in = |(part, _): &&(&str, &'static str)| self.0.message.contains(part);
+        match LACKS.iter().find(is_in) {
+            Some((_, remedy)) => self.note(*remedy),
+            None => self,
+        }
     }
 
     /// The error's code.

@@ -39,7 +39,13 @@ macro_rules! effect_remedy {
 }
 
 /// The first row that fits is named.
-const ALL: [Foreign; 14] = [
+const ALL: [Foreign; 15] = [
+    Foreign {
+        is: "the text of a SPIR-V module, and preshade reads the module",
+        endings: &["spvasm"],
+        sign: |text, _| one_of(text, &["OpCapability ", "OpMemoryModel "]),
+        remedy: "assemble it with `spirv-as`, and give the .spv file",
+    },
     Foreign {
         is: "JavaScript, and preshade reads the shader alone",
         endings: &["js", "mjs", "cjs", "jsx", "ts", "tsx"],
@@ -55,7 +61,7 @@ const ALL: [Foreign; 14] = [
         is: "Slang, which preshade does not read",
         endings: &[],
         sign: |text, _| one_of(text, &["[shader(\"", "ParameterBlock<", "__target_switch"]),
-        remedy: "translate it to WGSL with `slangc -target wgsl`",
+        remedy: "compile it with `slangc -target spirv`, and give the .spv files",
     },
     Foreign {
         is: "HLSL, which preshade does not read",
@@ -73,8 +79,8 @@ const ALL: [Foreign; 14] = [
             ];
             one_of(text, &words)
         },
-        remedy: "translate it to WGSL or GLSL, for example with `slangc -target wgsl`, or with \
-                 `dxc -spirv` and `spirv-cross`",
+        remedy: "compile it to SPIR-V, with `dxc -spirv -T vs_6_0` or `slangc -target spirv`, and \
+                 give the .spv files",
     },
     Foreign {
         is: "Metal's shading language, which preshade does not read",
@@ -242,7 +248,7 @@ pub(super) fn named(error: Error, sources: &[Source], bases: &[u32]) -> Error {
         if let Some(foreign) = ALL.iter().find(ends) {
             return Some((source, foreign, None));
         }
-        if !tried && !untried {
+        if (!tried && !untried) || source.language() == Some(super::Language::SpirV) {
             return None;
         }
         let text = without_comments(&source.text);
@@ -268,6 +274,7 @@ fn language(source: &Source) -> &'static str {
     match source.language() {
         Some(super::Language::Wgsl) => "WGSL",
         Some(super::Language::Glsl) => "GLSL",
+        Some(super::Language::SpirV) => "SPIR-V",
         None => "text",
     }
 }

@@ -1,37 +1,47 @@
-//! Parses a material's source text into a [`Program`]. No other module knows a source language.
+//! Parses a material's source into a [`Program`]. No other module knows a source language.
 //!
-//! [`parse`] takes one WGSL file with both entry points, two WGSL files, or a GLSL vertex and a
-//! GLSL fragment file. It links two files into one naga module.
+//! [`parse`] takes one WGSL file with both entry points, two WGSL files, a GLSL vertex and a GLSL
+//! fragment file, or one or two SPIR-V modules. It links two files into one naga module.
 //!
 //! In data-flow order: `nesting` rejects text that would overflow the stack, `panics` runs naga,
-//! `glsl` and `wgsl` parse one file, `link` joins two modules, and `entry` chooses entry points and
+//! `glsl`, `spirv` and `wgsl` parse one file, `link` joins two modules, and `entry` chooses entry points and
 //! checks that the stages fit. Every [`Error`] points at the author's text.
 
+#[cfg(any(feature = "glsl", feature = "spirv"))]
+mod absent;
 mod beyond_wgsl;
+mod binding_arrays;
 pub mod codes;
 mod declaration;
 mod dialect;
 mod entry;
 mod error;
-#[cfg(feature = "glsl")]
+#[cfg(any(feature = "glsl", feature = "spirv"))]
 mod fall_through;
 mod foreign;
-#[cfg(feature = "glsl")]
+#[cfg(any(feature = "glsl", feature = "spirv"))]
 mod global_parameters;
 #[cfg(feature = "glsl")]
 mod glsl;
-#[cfg(feature = "glsl")]
+#[cfg(any(feature = "glsl", feature = "spirv"))]
 mod inline_main;
+mod killed_loops;
 mod locate_panic;
-#[cfg(feature = "glsl")]
+#[cfg(any(feature = "glsl", feature = "spirv"))]
+mod map_spans;
+#[cfg(any(feature = "glsl", feature = "spirv"))]
 mod missing_returns;
 mod module_size;
 #[cfg(feature = "naga-oil")]
 mod naga_oil;
 mod nesting;
+#[cfg(feature = "spirv")]
+pub(crate) mod spirv;
 #[cfg(feature = "wesl")]
 mod wesl;
 mod wgsl;
+#[cfg(any(feature = "glsl", feature = "spirv"))]
+mod wrapped_main;
 
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -39,6 +49,7 @@ use std::sync::Arc;
 
 use naga::ShaderStage;
 use preshade_passes::declared::Declared;
+use preshade_passes::link::Linked;
 #[cfg(any(feature = "naga-oil", feature = "wesl"))]
 use preshade_passes::program::Wanted;
 use preshade_passes::program::{Language, Program, Searched, SourceMap};
@@ -47,19 +58,23 @@ use self::dialect::{CompiledFrom, Dialect};
 pub use error::{Code, Color, Error, Label};
 
 use crate::limits::Limits;
-use crate::panics;
+use crate::regular::ReadError;
+use crate::{panics, regular};
 
 /// One file of a material.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Source {
     /// The name in messages: a path or `<stdin>`.
     pub name: String,
-    /// The whole text.
+    /// The whole text. For SPIR-V a listing of the module, which messages point into.
     pub text: String,
     /// Language; `None`: by the name's extension.
     pub language: Option<Language>,
-    /// Stage of a GLSL file; `None`: by the name's extension. Ignored for WGSL.
+    /// Stage of a GLSL file; `None`: by the name's extension. Ignored for WGSL. Of a SPIR-V module,
+    /// the only stage to take.
     pub stage: Option<ShaderStage>,
+    /// The words of a SPIR-V module.
+    words: Option<Vec<u32>>,
 }
 
 impl Source {
@@ -72,7 +87,24 @@ impl Source {
             text: text.into(),
             language: None,
             stage: None,
+            words: None,
         }
+    }
+
+    /// A source of a file's bytes: text, as for [`Self::new`], or a SPIR-V module of either byte
+    /// order.
+    ///
+    /// # Errors
+    /// [`ReadError::NoText`] or [`ReadError::Binary`], if it is neither.
+    pub fn from_bytes(name: impl Into<String>, bytes: Vec<u8>) -> Result<Self, ReadError> {
+        #[cfg(feature = "spirv")]
+        if let Some(words) = spirv::words(&bytes) {
+            return Ok(Self {
+                words: Some(words.clone()),
+                ..Self::new(name, spirv::listed(&words))
+            });
+        }
+        Ok(Self::new(name, regular::decode(bytes)?))
     }
 
     /// Sets the language.
@@ -90,7 +122,11 @@ impl Source {
     }
 
     fn language(&self) -> Option<Language> {
+        if self.words.is_some() {
+            return Some(Language::SpirV);
+        }
         self.language.or_else(|| match extension(&self.name)? {
+            "spv" => Some(Language::SpirV),
             "wgsl" | "wesl" => Some(Language::Wgsl),
             "vert" | "vs" | "frag" | "fs" | "glsl" | "slang" => Some(Language::Glsl),
             _ => None,
@@ -223,10 +259,9 @@ fn translated<'a>(
         None => (Cow::Borrowed(source), CompiledFrom::default()),
         Some(dialect::Compiled { text, origin }) => {
             let wgsl = Source {
-                name: format!("{} (as WGSL)", source.name),
-                text,
-                language: Some(Language::Wgsl),
                 stage: source.stage,
+                ..Source::new(format!("{} (as WGSL)", source.name), text)
+                    .with_language(Language::Wgsl)
             };
             (Cow::Owned(wgsl), origin)
         }
@@ -260,7 +295,8 @@ fn parse_mapped(
     options: &Options,
 ) -> (Result<Parsed, Error>, Arc<SourceMap>) {
     let checked = check_sources(sources).and_then(|language| {
-        for (source, base) in sources.iter().zip(bases) {
+        let texts = sources.iter().zip(bases);
+        for (source, base) in texts.filter(|_| language != Language::SpirV) {
             nesting::check(&source.text, *base, &options.limits, language)?;
         }
         Ok(language)
@@ -278,6 +314,7 @@ fn parse_mapped(
             .collect::<Result<_, _>>()
             .map(|modules| (modules, Declared::default())),
         Language::Glsl => parse_glsl(sources, bases, options, &mut map),
+        Language::SpirV => parse_spirv(sources, bases, &mut map),
     });
     let map = Arc::new(map);
     let parsed = read
@@ -294,8 +331,15 @@ fn bug_at(
     panicked: &panics::Panicked,
 ) -> Error {
     let error = bug(sources, panicked);
-    if language != Language::Wgsl {
-        return error;
+    match language {
+        Language::Wgsl => {}
+        Language::Glsl => return error,
+        Language::SpirV => {
+            return error.note(
+                "naga takes a module for valid: if `spirv-val` rejects it, the compiler that wrote \
+                 it has the bug",
+            );
+        }
     }
     let panics = |text: &str| {
         let read = || {
@@ -337,7 +381,7 @@ fn bug(sources: &[Source], panicked: &panics::Panicked) -> Error {
 
 /// Links, validates and checks the modules, and chooses the entry points.
 fn assemble(
-    (modules, declared): (Vec<naga::Module>, Declared),
+    (modules, mut declared): (Vec<naga::Module>, Declared),
     bases: &[u32],
     language: Language,
     options: &Options,
@@ -349,16 +393,18 @@ fn assemble(
     };
     if let Some(mut second) = modules.next() {
         entry::drop_other_stage(&mut module, &mut second);
-        // GLSL spans are already offset.
+        // The others' spans are already offset.
         let base = match language {
             Language::Wgsl => bases.get(1).copied().unwrap_or(0),
-            Language::Glsl => 0,
+            Language::Glsl | Language::SpirV => 0,
         };
-        module = link(module, &second, base, map)?;
+        let linked = link(module, &second, base, map)?;
+        module = linked.module;
+        declared.tell_apart(linked.constants);
     }
-    if language == Language::Glsl {
+    if language != Language::Wgsl {
         beyond_wgsl::disable_uniformity(&mut module);
-        beyond_wgsl::rename_constants(&mut module);
+        beyond_wgsl::rename_constants(&mut module, &mut declared);
     }
     module_size::check(&module, &options.limits)?;
     let entries = entry::choose(&module, options, map)?;
@@ -383,12 +429,12 @@ fn link(
     second: &naga::Module,
     base: u32,
     map: &SourceMap,
-) -> Result<naga::Module, Error> {
+) -> Result<Linked, Error> {
     let suffix = second
         .entry_points
         .first()
         .map_or("second", |e| declaration::stage_name(e.stage));
-    let linked = preshade_passes::link::link(first, second, base, suffix).map_err(|e| {
+    preshade_passes::link::link(first, second, base, suffix).map_err(|e| {
         // Label the members that differ if the text shows them, else the variables.
         let members = e
             .members
@@ -404,8 +450,7 @@ fn link(
                 error.label(span, text)
             });
         e.note.into_iter().fold(error, Error::note)
-    })?;
-    Ok(linked.module)
+    })
 }
 
 /// Replaces a byte order mark by spaces, because neither parser accepts one.
@@ -439,10 +484,10 @@ fn check_sources(sources: &[Source]) -> Result<Language, Error> {
             )
             .note(
                 "name it with --lang wgsl or --lang glsl, or by the extension: .wgsl, .vert or \
-                 .vs, .frag or .fs",
+                 .vs, .frag or .fs, .spv",
             ));
         };
-        if nesting::is_blank(&source.text) {
+        if source.words.is_none() && nesting::is_blank(&source.text) {
             let is = match source.text.trim_start_matches('\u{feff}').trim() {
                 "" => "is empty",
                 _ => "has only comments",
@@ -578,6 +623,47 @@ fn glsl_stages<'a>(sources: &'a [Source], bases: &[u32]) -> Vec<GlslStage<'a>> {
         }
     }
     out
+}
+
+#[cfg(feature = "spirv")]
+fn parse_spirv(
+    sources: &[Source],
+    bases: &[u32],
+    map: &mut SourceMap,
+) -> Result<(Vec<naga::Module>, Declared), Error> {
+    let words = sources.iter().zip(bases).map(|(source, base)| {
+        let Some(words) = &source.words else {
+            let message = format!(
+                "{} is no SPIR-V module: it lacks the magic number",
+                source.name
+            );
+            return Err(Error::new(Code::Parse, message)
+                .note("a module's first word is 0x07230203; assemble a text with `spirv-as`"));
+        };
+        Ok(spirv::Words {
+            name: &source.name,
+            words,
+            stage: source.stage,
+            base: *base,
+        })
+    });
+    spirv::parse(&words.collect::<Result<Vec<_>, _>>()?, map)
+}
+
+#[cfg(not(feature = "spirv"))]
+fn parse_spirv(
+    sources: &[Source],
+    _: &[u32],
+    _: &mut SourceMap,
+) -> Result<(Vec<naga::Module>, Declared), Error> {
+    Err(Error::new(
+        Code::Unsupported,
+        format!(
+            "{} is SPIR-V, which this build cannot read",
+            sources[0].name
+        ),
+    )
+    .note("build preshade with the feature `spirv`"))
 }
 
 #[cfg(not(feature = "glsl"))]

@@ -63,10 +63,10 @@ pub(super) fn compile(source: &Source, options: &Options) -> Result<Compiled, Er
     let compiled = wesl::compile_sourcemap(&path, &resolver, &EscapeMangler, &compile);
     let text = compiled.map(|c| c.to_string()).map_err(|e| {
         if let Some(module) = missing(&e) {
-            let (package, below) = package_of(module);
-            let package = package.unwrap_or("package").to_owned();
-            let name = std::iter::once(package).chain(below.iter().cloned());
-            return no_module(source, &name.collect::<Vec<_>>().join("::"), options);
+            return no_module(source, &author_path(module), options);
+        }
+        if let Some((module, name)) = undeclared(&e) {
+            return resolver.undeclared(source, module, name);
         }
         let message = without_colors(&e.to_string());
         let first = message.lines().next().unwrap_or_default();
@@ -106,6 +106,23 @@ fn missing(error: &wesl::Error) -> Option<&ModulePath> {
         wesl::Error::Error(within) => missing(&within.error),
         _ => None,
     }
+}
+
+/// The module and the name that it does not declare, if that is the error.
+fn undeclared(error: &wesl::Error) -> Option<(&ModulePath, &str)> {
+    match error {
+        wesl::Error::ImportError(ImportError::MissingDecl(module, name)) => Some((module, name)),
+        wesl::Error::Error(within) => undeclared(&within.error),
+        _ => None,
+    }
+}
+
+/// A module as the author's imports name it.
+fn author_path(module: &ModulePath) -> String {
+    let (package, below) = package_of(module);
+    let package = package.unwrap_or("package").to_owned();
+    let path = std::iter::once(package).chain(below.iter().cloned());
+    path.collect::<Vec<_>>().join("::")
 }
 
 fn shown(paths: &[PathBuf]) -> Vec<String> {
@@ -209,6 +226,29 @@ impl Packages<'_> {
             }
         }
         None
+    }
+}
+
+impl Packages<'_> {
+    /// A module that lacks a declaration: with the conditions that leave it out, if there are any.
+    fn undeclared(&self, source: &Source, module: &ModulePath, name: &str) -> Error {
+        let path = author_path(module);
+        let (package, below) = package_of(module);
+        let error = Error::new(
+            Code::Parse,
+            format!("{}: `{path}` does not declare `{name}`", source.name),
+        );
+        if package == Some("constants") {
+            return error.note(format!("the host defines it: --define {name}=NUMBER"));
+        }
+        let text = self.text(package, below);
+        match text.and_then(|text| text::conditions_of(&text, name)) {
+            Some(conditions) if !conditions.is_empty() => error.note(format!(
+                "it does under `{}`, which your definitions leave out; --define NAME adds one",
+                conditions.join(" ")
+            )),
+            _ => error,
+        }
     }
 }
 

@@ -21,6 +21,6 @@ pub(super) fn parse(text: &str, base: u32) -> Result<naga::Module, Error> {
         for note in e.notes() {
             error = error.note(note);
         }
-        error
+        error.with_remedy()
     })
 }

@@ -376,11 +376,11 @@ impl Loader<'_> {
         };
         let mut texts = Vec::new();
         for file in &files {
-            let (shown, text) = self
-                .folder
-                .read_text(file.get_ref())
-                .map_err(|e| self.source.at(e, file.span()))?;
-            texts.push(front::Source::new(shown, text));
+            let read = self.folder.read(file.get_ref()).and_then(|(shown, bytes)| {
+                let unread = |e| SceneError::unread(Path::new(file.get_ref()), e);
+                front::Source::from_bytes(shown, bytes).map_err(unread)
+            });
+            texts.push(read.map_err(|e| self.source.at(e, file.span()))?);
         }
         // The keys give the stages, whatever the files are called.
         if entry.shader.is_none() {

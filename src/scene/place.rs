@@ -96,11 +96,4 @@ impl Folder {
             ))),
         }
     }
-
-    /// [`Folder::read`], as text.
-    pub(super) fn read_text(&self, name: &str) -> Result<(String, String), SceneError> {
-        let (shown, bytes) = self.read(name)?;
-        let text = regular::decode(bytes).map_err(|e| SceneError::unread(Path::new(name), e))?;
-        Ok((shown, text))
-    }
 }

@@ -91,7 +91,7 @@ fn unbroken_variants_agree_on_the_adapter() {
     let original = plan();
     for (recipe, _) in examples().filter(|(_, used)| **used == Use::Break) {
         let variant = applied(&original, recipe);
-        let checks = validate_on(gpu(), &original, &variant, &EFFORT);
+        let checks = validate_on(gpu(), &original, &variant, &EFFORT, &|_, _| {});
         assert!(broken(&checks).is_none(), "{recipe}: {}", said(&checks));
         let positions = checks.iter().filter(|c| c.promise == "positions");
         for check in positions {
@@ -163,7 +163,7 @@ fn the_adapter_alone_sees_a_wrong_transform() {
                 };
                 let mut wrong = variant.clone();
                 wrong.programs.insert(key.clone(), program);
-                let checks = validate_on(gpu(), &original, &wrong, &EFFORT);
+                let checks = validate_on(gpu(), &original, &wrong, &EFFORT, &|_, _| {});
                 match broken(&checks) {
                     Some(found) => seen.push(found.clone()),
                     None => survivors.push(format!("{recipe} {key} {n}\n{}", said(&checks))),
@@ -196,7 +196,7 @@ fn the_adapter_is_given_named_gradients() {
     let state = MaterialState::default();
     let original = Plan::original("test", program(&text), "vs", Some("fs"), &state);
     let variant = applied(&original, "specialize:set=material.fog=0");
-    let checks = validate_on(gpu(), &original, &variant, &EFFORT);
+    let checks = validate_on(gpu(), &original, &variant, &EFFORT, &|_, _| {});
     assert!(
         checks.iter().all(|c| c.verdict.holds()),
         "{}",
@@ -218,7 +218,7 @@ fn the_adapter_is_given_named_gradients() {
         }
         *program = program.with_module(module).unwrap();
     }
-    let checks = validate_on(gpu(), &original, &wrong, &EFFORT);
+    let checks = validate_on(gpu(), &original, &wrong, &EFFORT, &|_, _| {});
     assert!(broken(&checks).is_some(), "{}", said(&checks));
 }
 
@@ -251,7 +251,7 @@ fn the_fixtures_agree_on_the_adapter() {
             let Ok(variant) = recipe.apply(&original, &Facts::without_ties()) else {
                 continue;
             };
-            for check in validate_on(gpu(), &original, &variant, &effort) {
+            for check in validate_on(gpu(), &original, &variant, &effort, &|_, _| {}) {
                 let kind = match &check.verdict {
                     Verdict::Agreed { .. } => "agreed",
                     Verdict::NotEvaluable { why } => {

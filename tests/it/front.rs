@@ -536,3 +536,60 @@ fn a_chain_of_calls_has_an_end() {
     );
     assert_eq!(error.labels().len(), 1);
 }
+
+/// WGSL that Tint takes and naga refuses: the message says what to write, and that is taken.
+#[test]
+fn what_naga_lacks_has_a_remedy() {
+    let read = |body: &str, declared: &str| {
+        let text = format!(
+            "{declared}
+@vertex fn vs(@location(0) p: vec4f) -> @builtin(position) vec4f {{ return p; }}
+@fragment fn fs(@builtin(position) q: vec4f) -> @location(0) vec4f {{ {body} }}"
+        );
+        front::parse(&[Source::new("m.wgsl", text)], &Options::default())
+    };
+    let buffer = "@group(0) @binding(0) var<storage> s: array<vec4f, 4>;\n";
+    let pointer =
+        format!("{buffer}fn f(p: ptr<storage, array<vec4f, 4>>) -> vec4f {{ return (*p)[1]; }}");
+    let value = format!("{buffer}fn f(p: array<vec4f, 4>) -> vec4f {{ return p[1]; }}");
+    for (body, declared, remedy, better, declared_better) in [
+        (
+            "let a = i32(q.x); return vec4f(f32(2--a));",
+            "",
+            "write `- -`",
+            "let a = i32(q.x); return vec4f(f32(2- -a));",
+            "",
+        ),
+        (
+            "const f = frexp(8.5); return vec4f(f.fract);",
+            "",
+            "into a `var`",
+            "var x = 8.5; let f = frexp(x); return vec4f(f.fract);",
+            "",
+        ),
+        (
+            "return vec4f(mix(1.0, vec2(1.0).y, 1.0));",
+            "",
+            "as in `1.0f`",
+            "return vec4f(mix(1.0f, vec2(1.0f).y, 1.0f));",
+            "",
+        ),
+        (
+            "return f(&s);",
+            &pointer,
+            "pass the value",
+            "return f(s);",
+            &value,
+        ),
+    ] {
+        let error = read(body, declared).expect_err(body);
+        let notes = error.notes().join("\n");
+        assert!(
+            notes.contains(remedy),
+            "{body}: {} {notes}",
+            error.message()
+        );
+        let read = read(better, declared_better);
+        assert!(read.is_ok(), "{better}: {:?}", read.err());
+    }
+}

@@ -110,7 +110,11 @@ fn what_webgpu_lacks_is_refused_by_name() {
             "",
             "coopmat<float, 3, 16, 8, 0> m; c = vec4(0.0);",
         ),
-        ("atomicAdd", buffer, "c = vec4(atomicAdd(b.n, 1u));"),
+        (
+            "atomicCompSwap",
+            buffer,
+            "c = vec4(atomicCompSwap(b.n, 1u, 2u));",
+        ),
         (
             "imageAtomicAdd",
             "layout(binding = 0, r32ui) uniform uimage2D i;",
@@ -122,7 +126,7 @@ fn what_webgpu_lacks_is_refused_by_name() {
             "c = vec4(0.0); int r = sparseTextureARB(t, uv, c);",
         ),
         ("clockARB", "", "c = vec4(clockARB());"),
-        ("gl_ViewIndex", "", "c = vec4(gl_ViewIndex);"),
+        ("gl_DeviceIndex", "", "c = vec4(gl_DeviceIndex);"),
         (
             "gl_HelperInvocation",
             "",
@@ -314,7 +318,9 @@ layout(binding = 0) uniform W { vec4 weights[TWICE]; };",
     );
     let parsed = read(VERTEX, &text);
     let module = parsed.program.module();
-    assert_eq!(module.overrides.len(), 2);
+    // A loop of another length than the array would be wrong, so it is no override at all.
+    let overrides = module.overrides.iter().map(|(_, o)| o.name.as_deref());
+    assert_eq!(overrides.collect::<Vec<_>>(), [Some("SCALE")]);
     let notes = parsed.program.declared().notes.join("\n");
     assert!(
         notes.contains("specialisation constant 7, `TAPS`"),
@@ -493,4 +499,200 @@ fn a_visibility_buffer_is_written_as_glsl() {
         .apply(&plan, &Facts::default())
         .unwrap_or_else(|r| panic!("{r}"));
     written(&plan, Target::Glsl450);
+}
+
+#[test]
+fn atomic_functions_change_members_of_storage_blocks() {
+    let text = fragment(
+        "struct Node { vec4 color; uint count; };
+layout(std430, binding = 0) buffer B { uint n; int low; vec4 all[]; } b;
+layout(std430, binding = 1) buffer C { Node nodes[8]; };
+layout(std430, binding = 2) buffer D { uint alone; } d;
+layout(std430, binding = 3) readonly buffer E { uint n; } e;",
+        "uint at = atomicAdd(b.n, 1);
+    if (at < 4u) b.all[at] = uv.xyxy;
+    atomicMin(b.low, -3);
+    uint before = atomicExchange(nodes[at & 7u].count, e.n);
+    atomicXor(d.alone, 2u);
+    c = vec4(before + d.alone) + nodes[1].color;",
+    );
+    let plan = plan(read(VERTEX, &text));
+    let wgsl = written(&plan, Target::Wgsl);
+    for said in [
+        "n: atomic<u32>",
+        "low: atomic<i32>",
+        "count: atomic<u32>",
+        "alone: atomic<u32>",
+        "= atomicAdd(&b.n, 1u)",
+        "atomicMin(&b.low, -3i)",
+        "atomicExchange(&global.nodes[",
+        "atomicXor(&d.alone, 2u)",
+        "atomicLoad(&d.alone)",
+    ] {
+        assert!(wgsl.contains(said), "{said}\n{wgsl}");
+    }
+    // What no atomic function changes stays a plain number.
+    assert!(wgsl.contains("struct E {\n    n: u32,"), "{wgsl}");
+    let spirv = written(&plan, Target::Spirv);
+    assert!(!spirv.is_empty());
+    for target in [Target::Glsl450, Target::GlslVulkan] {
+        let text = written(&plan, target);
+        assert!(text.contains("atomicAdd("), "{text}");
+    }
+    let text = fragment("", "uint n = 0u; c = vec4(atomicAdd(n, 1u));");
+    let error = front::parse(&sources(VERTEX, &text), &Options::default()).unwrap_err();
+    assert_eq!(error.code(), Code::Unsupported, "{error}");
+    assert!(error.message().contains("storage block"), "{error}");
+    assert!(error.location().is_some_and(|l| l.line == 7), "{error}");
+}
+
+#[test]
+fn the_number_of_the_view_is_a_feature() {
+    let vertex = VERTEX.replace("gl_Position = p;", "gl_Position = p * float(gl_ViewIndex);");
+    let plan = plan(read(&vertex, &fragment("", "c = vec4(gl_ViewIndex);")));
+    assert!(written(&plan, Target::Wgsl).contains("@builtin(view_index)"));
+    written(&plan, Target::Spirv);
+    let features = &plan.passes[0].features;
+    assert!(
+        features.iter().any(|f| f == "wgpu-multiview"),
+        "{features:?}"
+    );
+}
+
+/// Vulkan's samplers do not say whether they compare.
+#[test]
+fn a_sampler_compares_if_a_shadow_uses_it() {
+    let text = fragment(
+        "layout(binding = 0) uniform texture2DArray maps;
+layout(binding = 1) uniform sampler s, plain;
+layout(binding = 3) uniform sampler compared;
+layout(binding = 4) uniform texture2D color;
+float inner(sampler which) { return texture(sampler2DArrayShadow(maps, which), vec4(uv, 0, 0.5)); }
+float outer(sampler which, sampler other) {
+    return inner(which) + texture(sampler2D(color, other), uv).x;
+}",
+        "c = vec4(outer(compared, plain));",
+    );
+    let wgsl = wgsl(VERTEX, &text.replace("s, plain", "plain"));
+    assert_eq!(wgsl.matches("sampler_comparison").count(), 3, "{wgsl}");
+    assert!(wgsl.contains("var plain: sampler;"), "{wgsl}");
+}
+
+#[test]
+fn es_has_vulkans_types() {
+    let text = "#version 310 es
+precision mediump float;
+layout(set = 0, binding = 0) uniform mediump sampler s;
+layout(set = 0, binding = 1) uniform mediump texture2D t;
+layout(location = 0) in highp vec2 uv;
+layout(location = 0) out vec4 c;
+vec4 of(mediump texture2D t, mediump sampler s) { return texture(sampler2D(t, s), uv); }
+void main() { c = of(t, s); }
+";
+    let plan = plan(read(VERTEX, text));
+    let wgsl = written(&plan, Target::Wgsl);
+    assert!(wgsl.contains(": texture_2d<f32>;"), "{wgsl}");
+    // Vulkan's depth is WebGPU's.
+    assert!(!wgsl.contains("gl_Position.z"), "{wgsl}");
+    // The function takes both there, too.
+    let vulkan = written(&plan, Target::GlslVulkan);
+    assert!(vulkan.contains("texture2D t"), "{vulkan}");
+}
+
+#[test]
+fn arrays_of_textures_samplers_and_blocks_are_binding_arrays() {
+    let text = fragment(
+        "layout(set = 0, binding = 0) uniform texture2D t[3];
+layout(set = 0, binding = 1) uniform sampler s[2];
+layout(set = 1, binding = 0) uniform U { layout(offset = 16) vec4 tint; int which; } u[2];
+layout(set = 1, binding = 1) uniform texture2D every[];",
+        "int i = u[1].which;
+    c = texture(sampler2D(t[i], s[u[i].which]), uv) * u[i].tint
+        + textureLod(sampler2D(every[i], s[0]), uv, 0.0);",
+    );
+    let plan = plan(read(VERTEX, &text));
+    let wgsl = written(&plan, Target::Wgsl);
+    for said in [
+        "var t: binding_array<texture_2d<f32>, 3>;",
+        "var s: binding_array<sampler, 2>;",
+        "var<uniform> u: binding_array<U, 2>;",
+        "var every: binding_array<texture_2d<f32>>;",
+    ] {
+        assert!(wgsl.contains(said), "{said}\n{wgsl}");
+    }
+    let features = plan.passes[0].features.join(" ");
+    for feature in ["wgpu-texture-binding-array", "wgpu-buffer-binding-array"] {
+        assert!(features.contains(feature), "{features}");
+    }
+    let text = fragment(
+        "layout(binding = 0) uniform U { vec4 tint; } u[2][2];",
+        "c = u[0][1].tint;",
+    );
+    let error = front::parse(&sources(VERTEX, &text), &Options::default()).unwrap_err();
+    assert_eq!(error.code(), Code::Unsupported, "{error}");
+}
+
+#[test]
+fn members_with_offsets_come_in_any_order() {
+    let text = fragment(
+        "layout(binding = 0) uniform U { layout(offset = 32) vec4 last; layout(offset = 0) vec4 \
+         first; };",
+        "c = last - first;",
+    );
+    let wgsl = wgsl(VERTEX, &text);
+    let at = |word: &str| wgsl.find(word).unwrap_or_else(|| panic!("{wgsl}"));
+    assert!(at("first: vec4") < at("last: vec4"), "{wgsl}");
+}
+
+#[test]
+fn an_array_of_arrays_has_the_lengths_of_its_elements() {
+    let text = fragment(
+        "",
+        "const float all[2][2] = float[][](float[](1.0, 2.0), float[](3.0, 4.0));
+    c = vec4(all[int(uv.x) & 1][int(uv.y) & 1]);",
+    );
+    let wgsl = wgsl(VERTEX, &text);
+    assert!(wgsl.contains("array<array<f32, 2>, 2>"), "{wgsl}");
+}
+
+#[test]
+fn scalars_are_reflected_and_refracted() {
+    let text = fragment(
+        "",
+        "c = vec4(reflect(uv.x, uv.y), refract(uv.x, uv.y, 0.5), 0.0, 1.0);",
+    );
+    let wgsl = wgsl(VERTEX, &text);
+    assert!(wgsl.contains("refract(vec2<f32>(uv.x, 0f)"), "{wgsl}");
+    assert!(!wgsl.contains("reflect("), "{wgsl}");
+}
+
+#[test]
+fn attributes_may_be_arrays() {
+    let vertex = |length: &str| {
+        VERTEX
+            .replace("in vec4 p", &format!("in vec4 p[{length}]"))
+            // naga reads the text by itself if it has no macros.
+            .replace("void main", "#define ONE 1\nvoid main")
+            .replace("p.xy; gl_Position = p", "p[0].xy; gl_Position = p[0]")
+    };
+    let plan_of = |length: &str| plan(read(&vertex(length), &fragment("", "c = vec4(1.0);")));
+    // GLSL has no array of length 0, which one of length 1 was written as.
+    assert!(written(&plan_of("1"), Target::Glsl450).contains("in vec4 p[1];"));
+    let plan = plan_of("2");
+    let text = written(&plan, Target::Glsl450);
+    assert!(text.contains("in vec4 p[2];"), "{text}");
+    // GLSL ES has no such attributes, and no choice between vectors of integers.
+    let refused = |plan: &Plan| {
+        emit::emit(plan, &[Target::GlslEs300], &emit::Options::default())
+            .unwrap_err()
+            .to_string()
+    };
+    let error = refused(&plan);
+    assert!(error.contains("an array as an attribute"), "{error}");
+    let text = fragment(
+        "",
+        "ivec2 a = ivec2(uv * 8.0); a = mix(a, a.yx, lessThan(uv, uv.yx)); c = vec4(a, a);",
+    );
+    let error = refused(&self::plan(read(VERTEX, &text)));
+    assert!(error.contains("vectors of integers"), "{error}");
 }

@@ -20,10 +20,8 @@ pub fn original(files: &[&Path]) -> Plan {
     let sources: Vec<Source> = files
         .iter()
         .map(|path| {
-            Source::new(
-                path.file_name().unwrap().to_string_lossy(),
-                std::fs::read_to_string(path).unwrap(),
-            )
+            let name = path.file_name().unwrap().to_string_lossy();
+            Source::from_bytes(name, std::fs::read(path).unwrap()).unwrap()
         })
         .collect();
     let parsed = front::parse(&sources, &Options::default())

@@ -1,6 +1,6 @@
-//! Tests that run other programs on emitted shaders: Tint, Dawn, spirv-val, glslang, WebGL, and
-//! cargo on the example host. `scripts/setup.sh accept three` installs them. A test fails if its
-//! program is missing.
+//! Tests that run other programs on emitted shaders: Tint, Dawn, spirv-val, glslang, WebGL, Vulkan
+//! hosts in C, and cargo on the example host. `scripts/setup.sh accept three native` installs them. A
+//! test fails if its program is missing.
 
 #![cfg(all(feature = "glsl", feature = "spirv"))]
 #![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
@@ -10,6 +10,8 @@ mod accept;
 mod fixtures_support;
 #[path = "../support/interfaces.rs"]
 mod interfaces;
+#[path = "../support/reflection_support.rs"]
+mod reflection_support;
 #[path = "../../passes/tests/it/uniformity_cases.rs"]
 mod uniformity_cases;
 
@@ -22,5 +24,7 @@ mod glsl_layout;
 mod glsl_names;
 mod interface_texts;
 mod lacks;
+mod native;
 mod reflection;
+mod spirv_in;
 mod webgl;

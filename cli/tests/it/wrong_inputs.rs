@@ -37,7 +37,7 @@ const CASES: &[Case] = &[
     (
         "a.slang",
         "cbuffer C { float4 c; };\n[shader(\"fragment\")] float4 fs() : SV_Target { return c; }",
-        &["is Slang", "slangc -target wgsl"],
+        &["is Slang", "slangc -target spirv"],
     ),
     (
         "a.metal",
@@ -247,7 +247,7 @@ fn utf16_is_read_and_binary_files_are_named() {
         ),
         (["explain", "a.glb"], "a glTF mesh: a scene file names it"),
         (["plan", "a.glb"], "a glTF mesh: a scene file names it"),
-        (["explain", "a.spv"], "SPIR-V"),
+        (["explain", "a.spv"], "a.spv is no valid SPIR-V"),
         (["explain", "elf.wgsl"], "it is no text"),
         (["explain", "note.wgsl"], "note.wgsl has only comments"),
         (["explain", "empty.wgsl"], "empty.wgsl is empty"),

@@ -15,6 +15,14 @@ pub struct Declared {
     pub samplers: Vec<CombinedSampler>,
     /// The uniform and storage blocks.
     pub blocks: Vec<Block>,
+    /// The members that are `row_major` matrices, or arrays of them: names of struct and member. The
+    /// IR has their transposes, which are the same memory.
+    pub rows: Vec<(String, String)>,
+    /// The specialisation constants whose overrides have another name or id in the IR.
+    pub constants: Vec<SpecConstant>,
+    /// The structs that the IR has under another name, as each layout is a struct of its own: its
+    /// name and the author's.
+    pub copies: Vec<(String, String)>,
     /// The numbers of `layout(binding = ..)`, which may differ from the IR's.
     pub numbers: Vec<Numbered>,
     /// The inputs of the vertex stage.
@@ -32,6 +40,21 @@ pub struct Declared {
     pub origin_upper_left: bool,
     /// Notes for the host on how the text was read, a sentence each.
     pub notes: Vec<String>,
+}
+
+impl Declared {
+    /// Adds the constants of the second stage that have an override of their own.
+    pub fn tell_apart(&mut self, constants: Vec<SpecConstant>) {
+        let note = |c: &SpecConstant| {
+            format!(
+                "each stage has a constant {} of its own: the second one's, `{}`, is the override \
+                 `{}` in WGSL",
+                c.id, c.own, c.name
+            )
+        };
+        self.notes.extend(constants.iter().map(note));
+        self.constants.extend(constants);
+    }
 }
 
 /// The name of a float that fills a gap in a block, as WGSL and naga's GLSL need it.
@@ -109,6 +132,18 @@ pub struct Block {
     pub name: String,
     /// The instance's name. Without one, the members' names are global.
     pub instance: Option<String>,
+}
+
+/// A specialisation constant that the IR has under another name or id: an override is one of both
+/// stages, and in Vulkan each stage has its own.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SpecConstant {
+    /// Name in the IR.
+    pub name: String,
+    /// The author's name.
+    pub own: String,
+    /// The author's `constant_id`.
+    pub id: u32,
 }
 
 /// An input of the vertex stage, or an output of the fragment stage.

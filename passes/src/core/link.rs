@@ -18,6 +18,7 @@ mod layout;
 use layout::Longer;
 pub use layout::Member;
 
+use crate::core::declared::SpecConstant;
 use crate::core::operands;
 
 /// Two modules that can't be linked.
@@ -63,6 +64,8 @@ pub struct Linked {
     pub module: Module,
     /// The second module's functions in it, in their order.
     pub functions: Vec<Handle<Function>>,
+    /// The second module's overrides that got another name or id.
+    pub constants: Vec<SpecConstant>,
 }
 
 /// Adds `second`, whose spans start at `base` in the source map, to `first`, whose spans start at
@@ -88,6 +91,7 @@ pub fn link(
         expressions: HashMap::new(),
         constants: HashMap::new(),
         overrides: HashMap::new(),
+        apart: Vec::new(),
         globals: HashMap::new(),
         functions: HashMap::new(),
         filters: HashMap::new(),
@@ -107,6 +111,7 @@ pub fn link(
     Ok(Linked {
         module: linker.module,
         functions,
+        constants: linker.apart,
     })
 }
 
@@ -134,6 +139,7 @@ struct Linker<'a> {
     expressions: HashMap<Handle<Expression>, Handle<Expression>>,
     constants: HashMap<Handle<Constant>, Handle<Constant>>,
     overrides: HashMap<Handle<Override>, Handle<Override>>,
+    apart: Vec<SpecConstant>,
     globals: HashMap<Handle<GlobalVariable>, Handle<GlobalVariable>>,
     functions: HashMap<Handle<Function>, Handle<Function>>,
     filters: HashMap<
@@ -324,13 +330,14 @@ impl Linker<'_> {
         Ok(mapped)
     }
 
-    /// The host sets an override by name or id, so two of the same name must be one.
+    /// The host sets an override by name or id. Two of one id that differ become two overrides, as
+    /// each stage has its own constants; two of one name without an id must be one.
     fn override_(&mut self, handle: Handle<Override>) -> Result<Handle<Override>, Box<LinkError>> {
         if let Some(done) = self.overrides.get(&handle) {
             return Ok(*done);
         }
         let theirs = self.second.overrides[handle].clone();
-        let mapped = Override {
+        let mut mapped = Override {
             name: theirs.name,
             id: theirs.id,
             ty: self.ty(theirs.ty)?,
@@ -340,7 +347,13 @@ impl Linker<'_> {
         let clash = self.module.overrides.iter().find(|(_, o)| {
             **o != mapped && (o.name == mapped.name || (o.id.is_some() && o.id == mapped.id))
         });
-        if let Some((ours, _)) = clash {
+        if let (Some(_), Some(id), Some(own)) = (clash, mapped.id, mapped.name.clone()) {
+            let name = self.free_override_name(&own);
+            mapped.id = self.free_id();
+            mapped.name = Some(name.clone());
+            let id = u32::from(id);
+            self.apart.push(SpecConstant { name, own, id });
+        } else if let Some((ours, _)) = clash {
             return Err(LinkError::new(format!(
                 "the two files declare the override `{}` differently",
                 mapped.name.as_deref().unwrap_or("")
@@ -351,6 +364,30 @@ impl Linker<'_> {
         let mapped = self.module.overrides.fetch_or_append(mapped, span);
         self.overrides.insert(handle, mapped);
         Ok(mapped)
+    }
+
+    /// `name`, or one after it that no override has.
+    fn free_override_name(&self, name: &str) -> String {
+        let both = [&self.module.overrides, &self.second.overrides];
+        let is_taken = |name: &str| {
+            let mut all = both.iter().flat_map(|o| o.iter());
+            all.any(|(_, o)| o.name.as_deref() == Some(name))
+        };
+        let mut free = format!("{name}_{}", self.suffix);
+        while is_taken(&free) {
+            free.push('x');
+        }
+        free
+    }
+
+    /// The lowest id that no override has.
+    fn free_id(&self) -> Option<u16> {
+        let both = [&self.module.overrides, &self.second.overrides];
+        let is_taken = |id: u16| {
+            let mut all = both.iter().flat_map(|o| o.iter());
+            all.any(|(_, o)| o.id == Some(id))
+        };
+        (0..u16::MAX).find(|id| !is_taken(*id))
     }
 
     fn globals(&mut self) -> Result<(), Box<LinkError>> {

@@ -22,8 +22,7 @@ pub struct SourceFile {
     pub base: u32,
     /// Start of each line in the text, to find a place in a long file quickly.
     lines: Vec<u32>,
-    /// Whether its text is already part of another file, as an imported module's is: no span lies
-    /// in it.
+    /// Whether another file was made of it, as of an imported module.
     pub is_imported: bool,
 }
 
@@ -96,16 +95,19 @@ impl SourceMap {
         base
     }
 
-    /// Adds an imported file once. The program depends on it, but no span lies in it.
-    pub fn add_imported(&mut self, name: impl Into<String>, text: impl Into<String>) {
-        let name = name.into();
-        if self.files.iter().any(|f| f.is_imported && f.name == name) {
-            return;
+    /// Adds a file that another one was made of, once: an imported module, or the text that debug
+    /// information holds. Returns its base offset.
+    pub fn add_imported(&mut self, name: impl Into<String>, text: impl Into<String>) -> u32 {
+        let (name, text) = (name.into(), text.into());
+        let is = |f: &&SourceFile| f.is_imported && f.name == name && f.text == text;
+        if let Some(known) = self.files.iter().find(is) {
+            return known.base;
         }
-        self.add(name, text);
+        let base = self.add(name, text);
         if let Some(added) = self.files.last_mut() {
             added.is_imported = true;
         }
+        base
     }
 
     /// Notes a missing file that was searched before another was found: if it appears, the program
@@ -167,14 +169,17 @@ impl SourceMap {
     }
 }
 
-/// The language the author wrote in. Emission defaults to it.
+/// The language the author wrote in, or compiled to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Language {
     /// WebGPU Shading Language.
     Wgsl,
-    /// Desktop or Vulkan GLSL.
+    /// GLSL of any version.
     Glsl,
+    /// A SPIR-V module.
+    #[serde(rename = "spirv")]
+    SpirV,
 }
 
 /// naga's validator refused a module. From a front end it is the author's error; after a pass it is

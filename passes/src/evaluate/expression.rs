@@ -84,6 +84,7 @@ impl<'a, F: Number> Machine<'a, F> {
                         .collect(),
                 )
             }
+            Expression::ImageQuery { image, query } => self.query(frame, *image, *query)?,
             Expression::FunctionArgument(i) => frame.arguments[*i as usize].clone(),
             Expression::GlobalVariable(g) => self.global(*g)?,
             Expression::LocalVariable(v) => Value::Pointer {
@@ -295,6 +296,46 @@ impl<'a, F: Number> Machine<'a, F> {
         }))
     }
 
+    /// The size of a texture, or how many levels, layers or samples it has. All have 4 levels and
+    /// samples.
+    fn query(
+        &mut self,
+        frame: &mut Activation<'a, F>,
+        image: Handle<Expression>,
+        query: naga::ImageQuery,
+    ) -> Result<Value<F>, Stuck> {
+        use naga::{ImageDimension as D, ImageQuery as Q};
+        let Value::Resource(texture) = self.get(frame, image)? else {
+            return Err(Stuck::Type("the size of no texture".to_owned()));
+        };
+        let given = self.binding(texture);
+        let size = given.and_then(|at| self.environment.resources.get(&at));
+        let Some(Value::Composite(size)) = size else {
+            return Err(Stuck::Unsupported("the size of a texture".to_owned()));
+        };
+        let ty = &self.module.types[self.module.global_variables[texture].ty].inner;
+        let naga::TypeInner::Image { dim, .. } = *ty else {
+            return Err(Stuck::Type("the size of no texture".to_owned()));
+        };
+        Ok(match query {
+            Q::Size { level } => {
+                let level = match level {
+                    Some(level) => self.get(frame, level)?.index()?,
+                    None => 0,
+                };
+                let count = match dim {
+                    D::D1 => return halved(&size[0], level),
+                    D::D2 | D::Cube => 2,
+                    D::D3 => 3,
+                };
+                let parts = size[..count].iter().map(|n| halved(n, level));
+                Value::Composite(parts.collect::<Result<_, _>>()?)
+            }
+            Q::NumLevels | Q::NumSamples => Value::u32(4),
+            Q::NumLayers => size[2].clone(),
+        })
+    }
+
     fn binding(&self, global: Handle<GlobalVariable>) -> Option<(u32, u32)> {
         let binding = self.module.global_variables[global].binding.as_ref();
         binding.map(|b| (b.group, b.binding))
@@ -314,6 +355,11 @@ impl<'a, F: Number> Machine<'a, F> {
         }
         Ok(numbers)
     }
+}
+
+/// A size at a level.
+fn halved<F: Number>(size: &Value<F>, level: usize) -> Result<Value<F>, Stuck> {
+    Ok(Value::u32(((size.index()? >> level.min(31)) as u32).max(1)))
 }
 
 /// The name of an expression's kind.

@@ -1,6 +1,6 @@
 //! Decodes a buffer's bytes by the shader's type.
 
-use naga::{ArraySize, Handle, Module, ScalarKind, Type, TypeInner};
+use naga::{AddressSpace, ArraySize, GlobalVariable, Handle, Module, ScalarKind, Type, TypeInner};
 
 use super::number::Number;
 use super::value::{Scalar, Value};
@@ -54,6 +54,20 @@ fn scalar<F: Number>(of: naga::Scalar, bytes: &[u8]) -> Option<Value<F>> {
         (ScalarKind::Uint, 4) => Scalar::U32(u32::from_le_bytes(word)),
         _ => return None,
     }))
+}
+
+/// Where the contents of a variable are given: its group and binding. Immediate data, which has no
+/// binding, is in a group of its own, by the variable's name: each stage may have one.
+pub fn place(global: &GlobalVariable) -> Option<(u32, u32)> {
+    match (&global.binding, global.space) {
+        (Some(at), _) => Some((at.group, at.binding)),
+        (None, AddressSpace::Immediate) => {
+            let name = global.name.as_deref().unwrap_or_default();
+            let hash = |h: u32, b| (h ^ u32::from(b)).wrapping_mul(0x0100_0193);
+            Some((u32::MAX, name.bytes().fold(0x811c_9dc5, hash)))
+        }
+        (None, _) => None,
+    }
 }
 
 /// Elements of a runtime-sized array whose length is unknown.

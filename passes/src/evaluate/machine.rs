@@ -173,8 +173,7 @@ impl<'a, F: Number> Machine<'a, F> {
         if global.space == AddressSpace::Handle {
             return Ok(None);
         }
-        let given = global.binding.as_ref();
-        let given = given.and_then(|at| environment.resources.get(&(at.group, at.binding)));
+        let given = layout::place(global).and_then(|at| environment.resources.get(&at));
         if let Some(given) = given {
             return Ok(Some(Cow::Borrowed(given)));
         }

@@ -30,7 +30,7 @@ pub mod overrides;
 mod shadow;
 mod value;
 
-pub use layout::{RUNTIME_ELEMENTS, from_bytes, scalars};
+pub use layout::{RUNTIME_ELEMENTS, from_bytes, place, scalars};
 pub use number::Number;
 pub use shadow::{Shadowed, ulps};
 pub use value::{OverrideValue, Scalar, Value, constant};
@@ -110,7 +110,8 @@ pub struct Traced<F = f32> {
 
 /// The environment of an invocation.
 pub struct Environment<'a, F = f32> {
-    /// Contents of uniforms and buffers by group and binding. Runs share them, and copy a buffer on
+    /// Contents of uniforms, buffers and immediate data by [`place`], and width, height and depth or
+    /// layers of textures whose size may be asked for. Runs share them, and copy a buffer on
     /// the first write.
     pub resources: Arc<BTreeMap<(u32, u32), Value<F>>>,
     /// Returns the texel of a lookup.

@@ -39,7 +39,7 @@
 //! prologue tolerates different positions, so only the original's picture shows whether a fragment
 //! was dropped wrongly. `verify` draws it.
 
-use naga::{Module, ResourceBinding};
+use naga::ResourceBinding;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -48,10 +48,12 @@ use crate::analysis::opaque::{self, Opaque};
 use crate::analysis::refusals as shared;
 use crate::core::budget::Budget;
 use crate::core::contract::{Assumption, Contract};
+use crate::core::declared::CombinedSampler;
 use crate::core::pass::{Example, Expected, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Use};
 use crate::core::plan::{
     Attachment, BindingKind, BindingSource, BindingUse, Plan, Role, Visibility,
 };
+use crate::core::program::Program;
 use crate::core::refusals::RefusalInfo;
 use crate::core::self_test;
 use crate::core::state::{CompareFunction, DepthDirection, DepthFormat, DepthState};
@@ -432,7 +434,7 @@ fn transform(
             "nothing to do",
         )));
     };
-    let binding = free_binding(opaque.program.module(), params, name)?;
+    let binding = free_binding(opaque.program, params, name)?;
     // The attachment that the pre-pass writes. The positions of both passes must be equal only if
     // the hardware tests too.
     let (produced, invariant) = match params.attachment {
@@ -599,16 +601,33 @@ const LAST_GROUP: u32 = 3;
 
 /// The requested binding if it is free, or else the first free one after the author's.
 fn free_binding(
-    module: &Module,
+    program: &Program,
     params: &Params,
     name: &str,
 ) -> Result<ResourceBinding, Box<Refusal>> {
+    let (module, declared) = (program.module(), program.declared());
+    let variable = |place: ResourceBinding| {
+        let mut globals = module.global_variables.iter();
+        let (_, global) = globals.find(|(_, g)| g.binding == Some(place))?;
+        let name = global.name.clone();
+        Some(name.unwrap_or_else(|| "a variable of the shader".to_owned()))
+    };
+    // A combined sampler has its two bindings also where the program reads only the texture, and in
+    // Vulkan's languages it has the author's number.
+    let sampler = |place: ResourceBinding| {
+        let samplers = &declared.samplers;
+        let is_its = |s: &&CombinedSampler| s.texture == place || s.sampler == place;
+        samplers.iter().find(is_its).map(|s| s.path.clone())
+    };
+    let number = |place: ResourceBinding| {
+        let mut numbers = declared.numbers.iter();
+        let of = numbers.find(|n| (n.binding.group, n.number) == (place.group, place.binding))?;
+        variable(of.binding)
+    };
     let taken = |group: u32, binding: u32| {
-        module.global_variables.iter().find(|(_, g)| {
-            g.binding
-                .as_ref()
-                .is_some_and(|b| (b.group, b.binding) == (group, binding))
-        })
+        let place = ResourceBinding { group, binding };
+        let named = variable(place).or_else(|| sampler(place));
+        named.or_else(|| number(place))
     };
     let bindings = || {
         module
@@ -634,13 +653,10 @@ fn free_binding(
         .unwrap_or_else(|| (0..).find(|b| taken(group, *b).is_none()).unwrap_or(0));
     match taken(group, binding) {
         None => Ok(ResourceBinding { group, binding }),
-        Some((_, g)) => Err(Box::new(Refusal::new(
+        Some(of) => Err(Box::new(Refusal::new(
             name,
             &refusals::BINDING_TAKEN,
-            format!(
-                "@group({group}) @binding({binding}) is `{}`",
-                g.name.as_deref().unwrap_or("a variable of the shader")
-            ),
+            format!("@group({group}) @binding({binding}) is `{of}`"),
             "give a free binding, or leave it out",
         ))),
     }

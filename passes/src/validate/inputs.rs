@@ -10,7 +10,7 @@ use super::stage::{POSITION, Slot, VaryingKind};
 use super::world::{plus, times};
 use crate::core::guard::{Assumed, Guard, Place, ScalarType};
 use crate::core::reflect::Io;
-use crate::evaluate::{Lookup, Number, RUNTIME_ELEMENTS, Sampling, Scalar, Value, scalars};
+use crate::evaluate::{Lookup, Number, RUNTIME_ELEMENTS, Sampling, Scalar, Value, place, scalars};
 
 /// Largest buffer in scalars that is filled; longer ones stay 0.
 const MOST_SCALARS: u32 = 1 << 14;
@@ -124,8 +124,8 @@ pub struct Inputs {
     pub seed: u64,
     /// Kind of numbers.
     pub profile: Profile,
-    /// Uniforms and buffers.
-    pub resources: BTreeMap<(u32, u32), Value>,
+    /// Uniforms, buffers, immediate data, and sizes of textures.
+    pub resources: Arc<BTreeMap<(u32, u32), Value>>,
     /// Buffers that stay 0 because they are too long.
     pub left_out: Vec<(u32, u32)>,
     /// The lookups that receive bias or gradients.
@@ -142,24 +142,26 @@ impl Inputs {
         let profile = profile(seed);
         let (mut resources, mut left_out) = (BTreeMap::new(), Vec::new());
         for (_, global) in module.global_variables.iter() {
-            let Some(at) = &global.binding else { continue };
+            let Some(at) = place(global) else { continue };
             if global.space == AddressSpace::Handle {
+                let size = texture_size(at).map(Value::u32);
+                resources.insert(at, Value::Composite(size.to_vec()));
                 continue;
             }
             if scalars(module, global.ty) > MOST_SCALARS {
-                left_out.push((at.group, at.binding));
+                left_out.push(at);
                 continue;
             }
-            let name = format!("resource {} {}", at.group, at.binding);
+            let name = format!("resource {} {}", at.0, at.1);
             let mut random = Random::new(seed, &name);
             if let Some(value) = value(module, global.ty, profile, Of::Draw, &mut random) {
-                resources.insert((at.group, at.binding), value);
+                resources.insert(at, value);
             }
         }
         let mut this = Self {
             seed,
             profile,
-            resources,
+            resources: Arc::new(resources),
             left_out,
             levels: Arc::default(),
             texels: BTreeMap::new(),
@@ -195,7 +197,8 @@ impl Inputs {
                         .as_ref()
                         .is_some_and(|b| (b.group, b.binding) == at)
                 });
-                if let (Some((_, global)), Some(value)) = (global, self.resources.get_mut(&at)) {
+                let resources = Arc::make_mut(&mut self.resources);
+                if let (Some((_, global)), Some(value)) = (global, resources.get_mut(&at)) {
                     set(module, global.ty, value, *offset, number);
                 }
             }
@@ -379,6 +382,12 @@ impl Inputs {
     }
 }
 
+/// Width, height, and depth or layers of a texture, by its place. They differ, so that swaps show.
+pub fn texture_size((group, binding): (u32, u32)) -> [u32; 3] {
+    let own = (group * 5 + binding) % 7;
+    [48 + 16 * own, 20 + 8 * own, 6 + own]
+}
+
 /// The largest coordinate that affects a plain texel.
 pub const PLAIN_MOST: f32 = 1024.0;
 
@@ -405,6 +414,17 @@ pub fn start(texture: Option<(u32, u32)>, sampling: Sampling) -> f32 {
     let [x, y, z] = sampling.offset.map(|texels| texels as f32);
     let clamped = if sampling.clamped { 0.37 } else { 0.0 };
     of(texture) + of(sampling.sampler) * 0.11 + x * 0.23 + y * 0.29 + z * 0.31 + clamped
+}
+
+/// Scalars of all buffers that [`Inputs::new`] fills.
+pub fn filled(module: &Module) -> u64 {
+    let globals = module.global_variables.iter();
+    globals
+        .filter(|(_, g)| g.space != AddressSpace::Handle && place(g).is_some())
+        .map(|(_, g)| scalars(module, g.ty))
+        .filter(|scalars| *scalars <= MOST_SCALARS)
+        .map(u64::from)
+        .sum()
 }
 
 /// A number within bounds: one of the ends, or one between them.

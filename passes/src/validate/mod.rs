@@ -78,28 +78,30 @@ impl Default for Effort {
     }
 }
 
+/// How to validate.
+#[derive(Clone, Copy)]
+pub struct By<'a> {
+    /// The limits.
+    pub effort: &'a Effort,
+    /// Another executor to run both on, even if a promise is proved: the proof doesn't cover that
+    /// executor's compiler.
+    pub runner: Option<&'a dyn Runner>,
+    /// Gets each promise before its turn, as progress.
+    pub told: &'a dyn Fn(Role, &str),
+}
+
 /// Validates a variant against the original it was made from.
 pub fn validate(original: &Plan, variant: &Plan, effort: &Effort) -> Vec<Check> {
-    checks(original, variant, effort, None)
+    let by = By {
+        effort,
+        runner: None,
+        told: &|_, _| {},
+    };
+    validate_by(original, variant, by)
 }
 
-/// Validates a variant by running both on another executor, even if a promise is proved: the proof
-/// doesn't cover that executor's compiler.
-pub fn validate_on(
-    runner: &dyn Runner,
-    original: &Plan,
-    variant: &Plan,
-    effort: &Effort,
-) -> Vec<Check> {
-    checks(original, variant, effort, Some(runner))
-}
-
-fn checks(
-    original: &Plan,
-    variant: &Plan,
-    effort: &Effort,
-    runner: Option<&dyn Runner>,
-) -> Vec<Check> {
+/// The same, on another executor or with progress.
+pub fn validate_by(original: &Plan, variant: &Plan, by: By<'_>) -> Vec<Check> {
     let mut checks = Vec::new();
     let mut not = |role: Role, promise: &str, why: String| {
         checks.push(Check {
@@ -150,7 +152,7 @@ fn checks(
             (_, Some(other)) => {
                 let other = with_overrides(other, variant.guard.as_ref());
                 let own = with_overrides(program, variant.guard.as_ref());
-                match Pair::new(variant, (main, &own), (pass, &other), (effort, runner)) {
+                match Pair::new(variant, (main, &own), (pass, &other), by) {
                     Ok(pair) => found.extend(pair.checks()),
                     Err(why) => not(pass.role, "positions and colours", why),
                 }

@@ -7,13 +7,12 @@ use std::sync::Arc;
 use naga::ShaderStage;
 
 use super::compare::{Colors, Depths, Discards, Positions, Rule, Stores};
-use super::elsewhere::Runner;
-use super::inputs::Inputs;
+use super::inputs::{self, Inputs};
 use super::levels::Levels;
 use super::stage::{POSITION, Slot, Stage};
 use super::verdict::not_evaluated;
 use super::world::{self, PassStages, TestPoint};
-use super::{Check, Effort, Proof, Verdict};
+use super::{By, Check, Effort, Proof, Verdict};
 use crate::analysis::rounding;
 use crate::core::contract::Contract;
 use crate::core::guard::{Guard, Place as Assumed};
@@ -33,11 +32,11 @@ pub(super) struct Pair<'a> {
     pub(super) pass: &'a GpuPass,
     pub(super) original: PassStages<'a>,
     pub(super) other: PassStages<'a>,
-    pub(super) effort: &'a Effort,
+    pub(super) effort: Effort,
     /// The lookups that receive gradients and biases.
     pub(super) levels: Arc<Levels>,
     /// The executor, if not the interpreter.
-    runner: Option<&'a dyn Runner>,
+    by: By<'a>,
     pub(super) direction: DepthDirection,
     /// The clear values and contents of the attachments that the pass reads, by binding.
     pub(super) attachments: BTreeMap<(u32, u32), (ClearValue, Held)>,
@@ -76,12 +75,28 @@ fn stages<'a>(pass: &GpuPass, program: &'a Program) -> Result<PassStages<'a>, St
     Ok(PassStages { vertex, fragment })
 }
 
+/// Scalars in buffers that all inputs of a promise have together.
+const MOST_SCALARS: u64 = 1 << 21;
+
+/// Inputs that every promise has: they cover each profile at each corner ([`Inputs::corner`]).
+const FEWEST_INPUTS: u64 = 18;
+
+/// The effort with fewer inputs if the buffers are long.
+fn effort(stages: PassStages<'_>, effort: &Effort) -> Effort {
+    let scalars = inputs::filled(stages.vertex.module());
+    let most = (MOST_SCALARS / scalars.max(1)).max(FEWEST_INPUTS);
+    Effort {
+        inputs: effort.inputs.min(most),
+        ..*effort
+    }
+}
+
 impl<'a> Pair<'a> {
     pub(super) fn new(
         variant: &'a Plan,
         (main, program): (&GpuPass, &'a Program),
         (pass, other): (&'a GpuPass, &'a Program),
-        (effort, runner): (&'a Effort, Option<&'a dyn Runner>),
+        by: By<'a>,
     ) -> Result<Self, String> {
         if !pass.geometry.is_as_given() {
             return Err(
@@ -117,8 +132,8 @@ impl<'a> Pair<'a> {
             original,
             other,
             levels: Arc::new(Levels::between(original, other)),
-            effort,
-            runner,
+            effort: effort(original, by.effort),
+            by,
             direction: compare
                 .and_then(CompareFunction::direction)
                 .unwrap_or_default(),
@@ -132,10 +147,11 @@ impl<'a> Pair<'a> {
             promise: promise.to_owned(),
             verdict,
         };
-        let mut checks = vec![check(
-            "positions",
-            self.verdict(&[TestPoint::Vertex], Colors::Ignored),
-        )];
+        let held = |promise: &str, places: &[TestPoint], colors| {
+            (self.by.told)(self.pass.role, promise);
+            check(promise, self.verdict(places, colors))
+        };
+        let mut checks = vec![held("positions", &[TestPoint::Vertex], Colors::Ignored)];
         let corners = [
             TestPoint::Corner(0),
             TestPoint::Corner(1),
@@ -147,10 +163,7 @@ impl<'a> Pair<'a> {
                 false => Colors::Ignored,
             };
             let places = [&corners[..1], &[TestPoint::Inside]].concat();
-            checks.push(check(
-                "what it discards, and depths",
-                self.verdict(&places, colors),
-            ));
+            checks.push(held("what it discards, and depths", &places, colors));
             return checks;
         }
         if self.steps().any(|(_, of)| of.is_diagnostic) {
@@ -178,7 +191,7 @@ impl<'a> Pair<'a> {
             ),
         ] {
             let promise = if colors.is_ok() { promise } else { kept };
-            checks.push(check(promise, self.verdict(places, told(colors))));
+            checks.push(held(promise, places, told(colors)));
             if let Err(why) = colors {
                 let what = match places.len() {
                     1 => "colours inside triangles",
@@ -188,10 +201,8 @@ impl<'a> Pair<'a> {
             }
         }
         if self.has_the_authors_varyings() {
-            checks.push(check(
-                "the fragment stage, of any varyings",
-                self.verdict(&[TestPoint::Anywhere], told(&at_vertices)),
-            ));
+            let promise = "the fragment stage, of any varyings";
+            checks.push(held(promise, &[TestPoint::Anywhere], told(&at_vertices)));
         }
         checks
     }
@@ -376,7 +387,7 @@ impl<'a> Pair<'a> {
     }
 
     fn verdict(&self, places: &[TestPoint], colors: Colors) -> Verdict {
-        if let Some(runner) = self.runner {
+        if let Some(runner) = self.by.runner {
             return self.tried_on(runner, places, colors);
         }
         if places.iter().all(|p| self.slices_are_same(*p, colors)) {

@@ -9,7 +9,7 @@ use super::promise::Pair;
 use super::stage;
 use super::verdict::{Counterexample, Diverged, Verdict, not_evaluated};
 use super::world::{self, TestPoint, Texels, World};
-use crate::evaluate::{Stuck, Traced, Value};
+use crate::evaluate::{self, Stuck, Traced, Value};
 
 /// One in this many inputs must terminate.
 const QUOTA: u64 = 4;
@@ -77,7 +77,7 @@ impl Pair<'_> {
         for stage in stages.chain(fragments) {
             let info = stage.program.info().get_entry_point(stage.entry);
             for (handle, global) in stage.module().global_variables.iter() {
-                let at = global.binding.as_ref().map(|b| (b.group, b.binding));
+                let at = evaluate::place(global);
                 if at.is_some_and(|at| left_out.contains(&at)) && !info[handle].is_empty() {
                     let name = global.name.as_deref().unwrap_or("a buffer");
                     return Some(format!("`{name}` is too long to be filled with numbers"));
@@ -171,7 +171,8 @@ impl Pair<'_> {
             }
         }
         for (_, global) in vertex.module().global_variables.iter() {
-            let at = global.binding.as_ref().map(|b| (b.group, b.binding));
+            let is_data = global.space != naga::AddressSpace::Handle;
+            let at = evaluate::place(global).filter(|_| is_data);
             if let Some(value) = at.and_then(|at| inputs.resources.get(&at)) {
                 said.push((global.name.clone().unwrap_or_default(), text(value)));
             }

@@ -12,7 +12,7 @@ use super::term::Symbolic;
 use crate::core::reflect::Io;
 use crate::evaluate::bound::{Interval, exactly};
 use crate::evaluate::{
-    Derivative, Environment, Lookup, Number, Scalar, Stuck, Traced, Value, scalars,
+    Derivative, Environment, Lookup, Number, Scalar, Stuck, Traced, Value, place, scalars,
 };
 
 /// Both stages of a pass.
@@ -133,7 +133,7 @@ pub fn concrete<'a>(
     texels: Texels,
 ) -> World<'a, f32> {
     World {
-        resources: Arc::new(inputs.resources.clone()),
+        resources: Arc::clone(&inputs.resources),
         corner: inputs.corner(),
         attribute: Box::new(|module, io, corner| inputs.attribute(module, io, corner)),
         fragment: Box::new(|module, io, _| inputs.fragment(module, io)),
@@ -230,19 +230,21 @@ pub fn depths(inputs: &Inputs, module: &Module, io: Option<&Io>, clear: f32) -> 
 
 /// A world of terms, except for numbers that a guard fixes, which `inputs` contains.
 pub fn symbolic<'a>(module: &'a Module, inputs: &'a Inputs) -> World<'a, Symbolic> {
-    let mut resources = BTreeMap::new();
+    let (mut resources, mut filled) = (BTreeMap::new(), 0_u32);
     for (_, global) in module.global_variables.iter() {
-        let Some(at) = &global.binding else { continue };
+        let Some(at) = place(global) else { continue };
+        // A proof is for textures of any size.
         if global.space == naga::AddressSpace::Handle {
             continue;
         }
-        let name = format!("resource {} {}", at.group, at.binding);
+        let name = format!("resource {} {}", at.0, at.1);
         // A runtime-sized array has no terms beyond its assumed length.
-        let value = match scalars(module, global.ty) < MOST_SCALARS {
+        filled = scalars(module, global.ty).saturating_add(filled);
+        let value = match filled < MOST_SCALARS {
             true => terms(module, global.ty, &name),
             false => opaque(&name),
         };
-        resources.insert((at.group, at.binding), value);
+        resources.insert(at, value);
     }
     World {
         resources: Arc::new(resources),
@@ -310,7 +312,7 @@ pub fn symbolic<'a>(module: &'a Module, inputs: &'a Inputs) -> World<'a, Symboli
     }
 }
 
-/// Largest buffer in scalars that is filled with terms.
+/// Scalars of the buffers that are filled with terms.
 const MOST_SCALARS: u32 = 4096;
 
 /// A term for each float of a type. Its other scalars may be copied but not used.

@@ -47,7 +47,6 @@ const CYCLES: &[&str] = &[
     "evaluate::bits <-> evaluate::number",
     "evaluate::expression <-> evaluate::machine",
     "evaluate::math <-> evaluate::value",
-    "validate::elsewhere <-> validate::promise",
     "validate::inputs <-> validate::world",
 ];
 

@@ -679,3 +679,75 @@ fn inputs_without_a_colour_are_not_counted() {
         assert!((1..inputs).contains(&compared), "{compared} of {inputs}");
     }
 }
+
+/// Push constants have numbers and textures have sizes, so that a variant with another use of them
+/// is seen.
+#[test]
+fn push_constants_and_sizes_of_textures_are_compared() {
+    let source = "
+struct Push { shift: vec4<f32>, tint: vec4<f32> }
+var<immediate> push: Push;
+@group(0) @binding(0) var map: texture_2d<f32>;
+@vertex fn vs(@location(0) p: vec4<f32>) -> @builtin(position) vec4<f32> {
+    return p + push.shift;
+}
+@fragment fn fs() -> @location(0) vec4<f32> {
+    return push.tint / f32(textureDimensions(map, 1).x);
+}";
+    let original = plan(source);
+    let changed = |from: &str, to: &str| {
+        let mut other = original.clone();
+        let program = common::program(&source.replace(from, to));
+        other.programs.insert("main".to_owned(), program);
+        validate(&original, &other, &EFFORT)
+    };
+    for (from, to, expected) in [
+        ("p + push.shift", "push.shift + p", None),
+        ("p + push.shift", "p + push.tint", Some("position")),
+        ("push.tint /", "push.shift /", Some("location 0")),
+        ("map, 1).x", "map, 1).y", Some("location 0")),
+        ("map, 1).x", "map).x", Some("location 0")),
+    ] {
+        let checks = changed(from, to);
+        let found = counterexample(&checks).map(|c| c.output.clone());
+        assert_eq!(found.as_deref(), expected, "{to}: {}", said(&checks));
+        assert!(
+            checks
+                .iter()
+                .all(|c| c.verdict.holds() || c.verdict.is_broken()),
+            "{}",
+            said(&checks)
+        );
+    }
+}
+
+/// The numbers of all inputs together are bounded, whatever the lengths of buffers.
+#[test]
+fn long_buffers_have_fewer_inputs() {
+    let effort = Effort {
+        inputs: 240,
+        ..EFFORT
+    };
+    for (length, buffers, expected) in [(64, 1, 240), (1024, 1, 128), (1024, 9, 18)] {
+        let declared: String = (0..buffers)
+            .map(|i| {
+                format!(
+                    "@group(0) @binding({i}) var<storage> b{i}: array<mat4x4<f32>, {length}>;\n"
+                )
+            })
+            .collect();
+        let source = declared
+            + "@vertex fn vs(@location(0) p: vec4<f32>, @location(1) i: u32) -> \
+               @builtin(position) vec4<f32> { return p + b0[i][1]; }
+               @fragment fn fs() -> @location(0) vec4<f32> { return vec4(1.0); }";
+        let original = plan(&source);
+        let mut other = original.clone();
+        let program = common::program(&source.replace("p + b0[i][1]", "b0[i][1] + p"));
+        other.programs.insert("main".to_owned(), program);
+        let checks = validate(&original, &other, &effort);
+        let Verdict::Agreed { inputs, .. } = checks[0].verdict else {
+            panic!("{}", said(&checks));
+        };
+        assert_eq!(inputs, expected, "{length} {buffers}");
+    }
+}

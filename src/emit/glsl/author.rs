@@ -163,7 +163,8 @@ impl Taken {
         let name = match free(&wanted) {
             true => wanted,
             false => {
-                let stem = wanted.trim_end_matches('_');
+                // GLSL reserves all names that begin with `gl_`.
+                let stem = wanted.trim_start_matches("gl_").trim_end_matches('_');
                 let mut numbered = (1..).map(|i| format!("{stem}_{i}"));
                 numbered.find(|n| free(n)).unwrap_or_default()
             }
@@ -373,9 +374,8 @@ impl Authored {
 
     fn blocks(&mut self, module: &Module, declared: &Declared, marks: &Marks) {
         for (_, global) in module.global_variables.iter() {
-            let uniform = match global.space {
-                AddressSpace::Uniform => true,
-                AddressSpace::Storage { .. } => false,
+            match global.space {
+                AddressSpace::Uniform | AddressSpace::Storage { .. } => {}
                 AddressSpace::Immediate => {
                     let name = global.name.as_deref().unwrap_or("immediates");
                     let name = self.taken.claim(name, Scope::All);
@@ -387,7 +387,7 @@ impl Authored {
                     continue;
                 }
                 _ => continue,
-            };
+            }
             let Some(binding) = global.binding else {
                 continue;
             };
@@ -412,7 +412,9 @@ impl Authored {
                 ),
             };
             let name = self.taken.claim(&name, Scope::All);
-            let opened = uniform && !members.is_empty();
+            // naga opens an unsized block itself.
+            let open = ty.inner.is_dynamically_sized(&module.types) && !members.is_empty();
+            let opened = !open && !members.is_empty();
             let instance = match instance {
                 None if opened => {
                     for (i, member) in members.iter().enumerate() {
@@ -433,7 +435,6 @@ impl Authored {
                 None => Word::Nothing,
             };
             self.resource(global, binding, &word);
-            let open = ty.inner.is_dynamically_sized(&module.types) && !members.is_empty();
             let block = Block {
                 name,
                 instance,
@@ -534,7 +535,7 @@ impl Authored {
             let parts = parts(ty);
             for (i, part) in parts.iter().enumerate() {
                 let whole = match (&parts[..], ty.innermost()) {
-                    ([_], _) => None,
+                    ([part], _) if part.is_empty() => None,
                     (_, Declares::Plain(plain)) => Some((plain.clone(), ty.dimensions())),
                     _ => None,
                 };

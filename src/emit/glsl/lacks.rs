@@ -26,6 +26,8 @@ enum Construct {
     DepthLoad,
     /// A depth texture sampled without a comparison.
     DepthSample,
+    /// A choice between vectors of integers, which naga writes as `mix`.
+    IntegerMix,
     /// `@early_depth_test(force)`.
     ForcedTest,
     /// `@early_depth_test(..)` that allows a range of depths.
@@ -94,6 +96,8 @@ const LACKS: &[(Construct, &[Target], &str, &str)] = &[
     (Construct::DepthSample, EVERY, "the depth texture `{}` sampled without a comparison",
         "bind the depth as texture_2d<f32>"),
     // GLSL ES 3.10.
+    (Construct::IntegerMix, ES, "a choice between vectors of integers", NOT_ES),
+    // GLSL ES 3.10.
     (Construct::ForcedTest, ES, "a forced early depth test", NOT_ES),
     // GLSL 4.20, or extensions that glslang does not know; WebGL's is EXT_conservative_depth.
     (Construct::ConservativeTest, ES_AND_TESS, "a conservative early depth test", NOT_ES),
@@ -145,6 +149,30 @@ pub(super) fn refuse_words(written: &str, name: &str, target: Target) -> Result<
         }
     }
     Ok(())
+}
+
+/// Refuses a vertex stage with an array as an attribute, which GLSL ES has not (3.00, section 4.3.4).
+pub(in crate::emit) fn refuse_attribute_arrays(
+    written: &str,
+    name: &str,
+    target: Target,
+) -> Result<(), EmitError> {
+    let is_array = |line: &&str| {
+        let mut words = text::tokens(line).map(|(_, range)| &line[range]);
+        words.any(|w| w == "in" || w == "attribute") && line.ends_with("];")
+    };
+    let is_lacking = ES.contains(&target) && name.ends_with(".vert");
+    let globals = written.lines().filter(|l| !l.starts_with(' '));
+    match globals.filter(|_| is_lacking).find(is_array) {
+        None => Ok(()),
+        Some(_) => Err(refusal(
+            "an array as an attribute",
+            "",
+            NOT_ES,
+            name,
+            target,
+        )),
+    }
 }
 
 /// Refuses a text with an identifier that is too long for its version (GLSL 4.50, GLSL ES 3.00 and
@@ -204,13 +232,32 @@ fn found(module: &Module, info: &ModuleInfo, construct: Construct) -> Option<Str
         Construct::BindingArray => global(&|_, ty| matches!(ty, TypeInner::BindingArray { .. })),
         Construct::ForcedTest => early(true),
         Construct::ConservativeTest => early(false),
-        Construct::DepthLoad | Construct::DepthSample => {
+        Construct::DepthLoad | Construct::DepthSample | Construct::IntegerMix => {
             let functions = module.functions.iter().map(|(h, f)| (f, &info[h]));
             let mut functions = functions.chain([(&entry.function, info.get_entry_point(0))]);
-            functions.find_map(|(f, info)| depth_read(module, f, info, construct))
+            functions.find_map(|(f, info)| match construct {
+                Construct::IntegerMix => integer_mix(module, f, info),
+                _ => depth_read(module, f, info, construct),
+            })
         }
         Words(_) => None,
     }
+}
+
+/// Whether a function chooses between vectors of integers or of bools.
+fn integer_mix(module: &Module, function: &Function, info: &FunctionInfo) -> Option<String> {
+    let is_mix = |(_, e): (_, &Expression)| {
+        let Expression::Select {
+            condition, accept, ..
+        } = e
+        else {
+            return false;
+        };
+        let inner = |e: naga::Handle<Expression>| info[e].ty.inner_with(&module.types);
+        let is_vector = matches!(inner(*condition), TypeInner::Vector { .. });
+        is_vector && inner(*accept).scalar_kind() != Some(naga::ScalarKind::Float)
+    };
+    function.expressions.iter().any(is_mix).then(String::new)
 }
 
 /// The name of a depth texture that a function reads in this way.

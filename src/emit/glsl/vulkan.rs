@@ -8,6 +8,7 @@ use preshade_passes::declared;
 use preshade_passes::plan::Plan;
 use preshade_passes::program::Program;
 
+use super::apart::{self, Separate};
 use super::text::Unexpected;
 use crate::emit::combined::{CombinedSamplers, Place};
 use crate::emit::overrides::{SpecIds, Variable};
@@ -204,8 +205,7 @@ fn textures(
     for block in &mut stage_file.blocks {
         block.slot = Some(block.binding[1]);
     }
-    let mut out = String::with_capacity(text.len());
-    let mut constructed: HashMap<&str, String> = HashMap::new();
+    let mut constructed: HashMap<String, Separate> = HashMap::new();
     let mut samplers: BTreeMap<Place, String> = BTreeMap::new();
     let mut fetched = false;
     let mut declarations = Vec::new();
@@ -237,75 +237,40 @@ fn textures(
             continue;
         };
         let ty = line[at..].split(' ').next().unwrap_or_default();
-        let kind = &ty["sampler".len()..];
         let prefix = line[..at].rsplit(' ').next().unwrap_or_default();
-        let texture = format!("{}texture{}", &line[..at], kind.trim_end_matches("Shadow"));
-        declarations.push(format!("{texture} {name};"));
+        let [texture_type, sampler_type] = apart::split(ty);
+        declarations.push(format!("{}{texture_type} {name};", &line[..at]));
         let Some(sampler) = sampler else {
             fetched = true;
             continue;
         };
-        let is_shadow = kind.ends_with("Shadow");
         let word = samplers.entry(*sampler).or_insert_with(|| {
             let word = format!("{name}_sampler");
-            let ty = if is_shadow {
-                "samplerShadow"
-            } else {
-                "sampler"
-            };
             let (set, binding) = *sampler;
             declarations.push(format!(
-                "layout(set = {set}, binding = {binding}) uniform {ty} {word};"
+                "layout(set = {set}, binding = {binding}) uniform {sampler_type} {word};"
             ));
             word
         });
-        constructed.insert(name, format!("{prefix}sampler{kind}({name}, {word})"));
-    }
-    if let Some(name) = passed(text, &constructed) {
-        return Err(Unexpected(format!(
-            "the texture `{name}` and its sampler passed to a function together"
-        )));
-    }
-    for line in declarations {
-        let is_declaration = line.starts_with("layout(");
-        out += &match is_declaration {
-            true => line,
-            false => replaced(&line, &constructed),
+        let separate = Separate {
+            combined: format!("{prefix}{ty}"),
+            texture: name.clone(),
+            sampler: word.clone(),
         };
-        out.push('\n');
+        constructed.insert(name.clone(), separate);
     }
+    let whole: String = declarations.iter().map(|l| format!("{l}\n")).collect();
+    let mut out = apart::combined_at_use(&whole, &constructed).map_err(|name| {
+        Unexpected(format!(
+            "the combined sampler `{name}` passed to a function that takes a texture too"
+        ))
+    })?;
     if fetched {
         let extension = "#extension GL_EXT_samplerless_texture_functions : require\n";
         let at = out.find('\n').map_or(0, |at| at + 1);
         out.insert_str(at, extension);
     }
     Ok(out)
-}
-
-/// A texture that the text passes to one of its own functions: a combination must be at its point
-/// of use there.
-fn passed<'t>(text: &'t str, constructed: &HashMap<&str, String>) -> Option<&'t str> {
-    let heads = text
-        .lines()
-        .filter(|l| !l.starts_with([' ', '}', '#']) && l.ends_with('{'));
-    let functions: HashSet<&str> = heads
-        .filter_map(|head| head.split_once('('))
-        .filter_map(|(head, _)| words(head).last().map(|(word, _)| word))
-        .collect();
-    let mut callees = Vec::new();
-    let mut before = "";
-    text::tokens(text).find_map(|(_, range)| {
-        let token = &text[range];
-        match std::mem::replace(&mut before, token) {
-            callee if token == "(" => callees.push(callee),
-            _ if token == ")" => drop(callees.pop()),
-            _ => {}
-        }
-        let is_argument = callees
-            .last()
-            .is_some_and(|callee| functions.contains(callee));
-        (is_argument && constructed.contains_key(token)).then_some(token)
-    })
 }
 
 /// Replaces `binding = N` of a declaration by the set and binding.

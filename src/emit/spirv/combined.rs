@@ -31,6 +31,10 @@ struct Source {
     variable: u32,
     /// The type of a pointer to an element, and its index.
     element: Option<(u32, u32)>,
+    /// Of a binding array: the type of a pointer to an element.
+    array: Option<u32>,
+    /// The index that selected it of a binding array.
+    index: Option<u32>,
 }
 
 impl Source {
@@ -59,6 +63,9 @@ pub(super) fn combine(module: &mut Builder, all: &[Combined]) -> Option<()> {
     }
     parameters(module, &mut sources)?;
     let mut samplers: HashSet<u32> = HashSet::new();
+    // Of each load, the index in a binding array.
+    let mut indices: HashMap<u32, Option<u32>> = HashMap::new();
+    let mut is_passed = false;
     rewrite(module, |module, block, mut instruction| {
         let is_call = instruction.class.opcode == Op::FunctionCall;
         if is_call {
@@ -68,17 +75,38 @@ pub(super) fn combine(module: &mut Builder, all: &[Combined]) -> Option<()> {
                 .filter_map(Operand::id_ref_any_mut)
             {
                 if let Some(source) = sources.get(operand) {
+                    is_passed |= source.index.is_some() || source.array.is_some();
                     *operand = source.pointer(module, block);
                 }
             }
         }
         let source = ids(&instruction).next().and_then(|id| sources.get(&id));
+        if let (Op::AccessChain, Some(array), Some(result)) = (
+            instruction.class.opcode,
+            source.filter(|s| s.array.is_some()).cloned(),
+            instruction.result_id,
+        ) {
+            instruction.result_type = array.array;
+            if let Some(base) = instruction.operands.first_mut() {
+                *base = Operand::IdRef(array.variable);
+            }
+            let element = Source {
+                variable: result,
+                array: None,
+                index: ids(&instruction).nth(1),
+                ..array
+            };
+            sources.insert(result, element);
+            block.push(instruction);
+            return;
+        }
         let (Op::Load, Some(source), Some(result)) =
             (instruction.class.opcode, source, instruction.result_id)
         else {
             block.push(instruction);
             return;
         };
+        indices.insert(result, source.index);
         let pointer = vec![Operand::IdRef(source.pointer(module, block))];
         let load = |id| Instruction::new(Op::Load, Some(source.sampled), Some(id), pointer);
         match source.image {
@@ -94,9 +122,10 @@ pub(super) fn combine(module: &mut Builder, all: &[Combined]) -> Option<()> {
             }
         }
     });
-    sample(module, &samplers);
+    sample(module, &samplers, &indices)?;
     drop_unused(module);
-    Some(())
+    // naga passes no elements of binding arrays to functions.
+    (!is_passed).then_some(())
 }
 
 /// The lines of the interface after [`combine`].
@@ -126,10 +155,21 @@ fn declare(module: &mut Builder, all: &[Combined]) -> Option<HashMap<u32, Source
     let variables: Vec<_> = variables.collect();
     for (combined, texture, sampler) in variables {
         let pointer = take(module, texture)?;
-        let image = pointee(module.module_ref(), pointer)?;
-        let sampled = module.type_sampled_image(image);
+        let texture_type = pointee(module.module_ref(), pointer)?;
         let class = StorageClass::UniformConstant;
-        let pointer = module.type_pointer(None, class, sampled);
+        let [length, image] = array(module, texture_type)?;
+        let image = image.unwrap_or(texture_type);
+        let sampled = module.type_sampled_image(image);
+        let mut pointer = module.type_pointer(None, class, sampled);
+        let is_array = image != texture_type;
+        let array = is_array.then_some(pointer);
+        if is_array {
+            let all = match length {
+                Some(length) => module.type_array(sampled, length),
+                None => module.type_runtime_array(sampled),
+            };
+            pointer = module.type_pointer(None, class, all);
+        }
         let (variable, element) = match combined.element {
             None => (texture, None),
             Some((index, length)) => {
@@ -172,11 +212,27 @@ fn declare(module: &mut Builder, all: &[Combined]) -> Option<HashMap<u32, Source
             image,
             variable,
             element,
+            array,
+            index: None,
         };
         sources.insert(texture, source(Some(image)));
         sources.extend(sampler.map(|sampler| (sampler, source(None))));
     }
     Some(sources)
+}
+
+/// Length and elements of a binding array's type: ids of a constant and a type.
+fn array(module: &Builder, ty: u32) -> Option<[Option<u32>; 2]> {
+    let mut types = module.module_ref().types_global_values.iter();
+    let ty = types.find(|i| i.result_id == Some(ty))?;
+    let mut operands = ids(ty);
+    Some(match ty.class.opcode {
+        Op::TypeArray | Op::TypeRuntimeArray => {
+            let element = operands.next();
+            [operands.next(), element]
+        }
+        _ => [None, None],
+    })
 }
 
 /// The variable of a binding.
@@ -251,19 +307,27 @@ fn parameters(module: &mut Builder, sources: &mut HashMap<u32, Source>) -> Optio
     }
 }
 
-/// Samples the combined values themselves.
-fn sample(module: &mut Builder, samplers: &HashSet<u32>) {
+/// Samples the combined values themselves. `None` if a texture meets a sampler with another index.
+fn sample(
+    module: &mut Builder,
+    samplers: &HashSet<u32>,
+    indices: &HashMap<u32, Option<u32>>,
+) -> Option<()> {
     let mut replaced = HashMap::new();
+    let mut is_mixed = false;
     rewrite(module, |_, block, instruction| {
-        let sampler = ids(&instruction).nth(1);
+        let [image, sampler] = [0, 1].map(|n| ids(&instruction).nth(n));
         match (instruction.class.opcode, sampler, instruction.result_id) {
             (Op::SampledImage, Some(sampler), Some(result)) if samplers.contains(&sampler) => {
+                let index = |id: Option<u32>| id.and_then(|id| indices.get(&id));
+                is_mixed |= index(image) != index(Some(sampler));
                 replaced.insert(result, sampler);
             }
             _ => block.push(instruction),
         }
     });
     replace_ids(module, &replaced);
+    (!is_mixed).then_some(())
 }
 
 /// Drops loads of textures and samplers that nothing reads now.
@@ -287,6 +351,12 @@ fn drop_unused(module: &mut Builder) {
             }
         });
     }
+    let all = module.module_ref().all_inst_iter();
+    let defined: HashSet<u32> = all.filter_map(|i| i.result_id).collect();
+    let is_there = |i: &Instruction| ids(i).next().is_none_or(|id| defined.contains(&id));
+    let module = module.module_mut();
+    module.annotations.retain(is_there);
+    module.debug_names.retain(is_there);
 }
 
 /// The types of textures, samplers, combined samplers, and of pointers to them.

@@ -80,15 +80,30 @@ pub(super) fn bound((group, binding): Place) -> String {
 
 /// What naga's reader takes and then cannot validate.
 pub(super) fn unreadable(module: &Module) -> Option<&'static str> {
-    // The types of depth textures and what is made of them.
+    // The types of depth textures and what is made of them, and what comes from parameters.
     let mut depths = HashSet::new();
+    let mut received = HashSet::new();
     for i in module.all_inst_iter() {
         let of_depth = |id: Option<u32>| id.is_some_and(|id| depths.contains(&id));
         let first = ids(i).next();
         let is_depth = match i.class.opcode {
             Op::TypeImage => i.operands.get(2) == Some(&Operand::LiteralBit32(1)),
             Op::TypeSampledImage => of_depth(first),
+            Op::SampledImage
+                if of_depth(i.result_type)
+                    && ids(i).nth(1).is_some_and(|id| received.contains(&id)) =>
+            {
+                return Some("comparison samplers as parameters");
+            }
             Op::SampledImage => of_depth(i.result_type),
+            Op::FunctionParameter => {
+                received.extend(i.result_id);
+                false
+            }
+            Op::Load if first.is_some_and(|id| received.contains(&id)) => {
+                received.extend(i.result_id);
+                false
+            }
             Op::ImageGather if of_depth(first) => return Some("textureGather of a depth texture"),
             _ => false,
         };

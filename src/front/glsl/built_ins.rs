@@ -41,6 +41,7 @@ const VARIABLES: &[Variable] = &[
     of("gl_ClipDistance", VERTEX, true, "float", BuiltIn::ClipDistances),
     of("gl_BaryCoordEXT gl_BaryCoordNV", FRAGMENT, false, "vec3", BuiltIn::Barycentric { perspective: true }),
     of("gl_BaryCoordNoPerspEXT gl_BaryCoordNoPerspNV", FRAGMENT, false, "vec3", BuiltIn::Barycentric { perspective: false }),
+    of("gl_ViewIndex gl_ViewID_OVR", None, false, "uint", BuiltIn::ViewIndex),
     of("gl_SubgroupSize", None, false, "uint", BuiltIn::SubgroupSize),
     of("gl_SubgroupInvocationID", None, false, "uint", BuiltIn::SubgroupInvocationId),
 ];

@@ -84,6 +84,32 @@ pub(super) fn declared(
     out
 }
 
+/// Records what the IR has transposed, and its copies and names of structs. `interface` has the copies that
+/// lowering made.
+pub(super) fn layouts(stages: &[GlslStage<'_>], interface: &Interface, out: &mut Declared) {
+    let copies = interface.struct_copies.iter();
+    let copies = copies.map(|((own, rows, _), copy)| (copy, own, *rows));
+    for stage in stages {
+        for block in &stage.blocks {
+            let by_rows = block.members.iter().filter(|m| m.row_major);
+            let names = by_rows.map(|m| (block.name.clone(), m.name.clone()));
+            out.rows.extend(names);
+        }
+        for (copy, own, _) in copies.clone().filter(|(.., rows)| *rows) {
+            let members = stage.structs.get(own).into_iter().flat_map(|s| &s.members);
+            let names = members.map(|m| (copy.clone(), m.name.clone()));
+            out.rows.extend(names);
+        }
+    }
+    out.copies = copies
+        .map(|(copy, own, _)| (copy.clone(), own.clone()))
+        .chain(interface.renamed.iter().cloned())
+        .collect();
+    out.copies.sort();
+    out.rows.sort();
+    out.rows.dedup();
+}
+
 /// Warnings about code that means something else in the target.
 fn notes(stages: &[GlslStage<'_>], clip: ClipSpace) -> Vec<String> {
     let mut fragment = stages.iter().filter(|s| s.kind == ShaderStage::Fragment);
@@ -141,19 +167,19 @@ pub(super) fn is_y_down(clip: ClipSpace) -> bool {
     clip == ClipSpace::AsWritten
 }
 
-/// Notes on specialisation constants whose defaults are final.
-pub(super) fn fixed_constants(stages: &[GlslStage<'_>]) -> Vec<String> {
-    let mut all = Specialised::new();
-    for stage in stages {
-        all.extend(stage.assumed.borrow().iter().cloned());
-    }
-    let note = |(id, name): (u32, String)| {
-        format!(
-            "the specialisation constant {id}, `{name}`, gives the length of an array or another \
-             number that is fixed here: its default is taken, so set no other value"
-        )
-    };
-    all.into_iter().map(note).collect()
+/// The specialisation constants whose defaults are final, as they give an array's length: ids and
+/// names.
+pub(super) fn fixed_constants(stages: &[GlslStage<'_>]) -> Specialised {
+    let assumed = stages.iter().map(|s| s.assumed.borrow().clone());
+    assumed.flatten().collect()
+}
+
+/// The note on one of them.
+pub(super) fn fixed_note((id, name): &(u32, String)) -> String {
+    format!(
+        "the specialisation constant {id}, `{name}`, gives the length of an array or another number \
+         that is fixed here: its default is final, and it is no constant of the output"
+    )
 }
 
 /// Binding numbers of texts that naga read unchanged.

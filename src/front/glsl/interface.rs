@@ -87,6 +87,8 @@ pub(super) struct Interface {
     pub samplers: BTreeMap<String, BoundSampler>,
     /// Names of struct copies with another layout in blocks. Key: name, row-major, std430.
     pub struct_copies: HashMap<(String, bool, bool), String>,
+    /// New and old names of blocks that the other stage has at another binding.
+    pub renamed: Vec<(String, String)>,
     pub opaque: HashMap<String, BindingSlot>,
     pub blocks: HashMap<String, BindingSlot>,
     /// Locations of inputs and outputs by key, one map per stage.
@@ -139,7 +141,9 @@ impl Interface {
         for block in &mut second.blocks {
             let other = first.blocks.iter().find(|b| b.name == block.name);
             if other.is_some_and(|other| differ(&other.qualifiers, &block.qualifiers)) {
-                block.name = self.fresh(&format!("{}_fragment", block.name));
+                let own = std::mem::take(&mut block.name);
+                block.name = self.fresh(&format!("{own}_fragment"));
+                self.renamed.push((block.name.clone(), own));
             }
         }
         let opaque = |stage: &'_ GlslStage<'_>| -> Vec<super::stage::Variable> {
@@ -400,6 +404,7 @@ fn refuse_sampler(combined: &str, variable: &Variable) -> Result<(), Error> {
     let why = match combined.trim_start_matches(['i', 'u']) {
         "sampler2DRect" | "sampler2DRectShadow" => "rectangle textures",
         "samplerBuffer" => "buffer textures",
+        "sampler2DMSArray" => "arrays of multisampled textures",
         "sampler1DShadow" | "sampler1DArray" | "sampler1DArrayShadow" => {
             "such one-dimensional textures"
         }

@@ -4,36 +4,33 @@
 //! texts to naga unchanged if it reads them correctly. All other texts are parsed here and printed
 //! in that dialect, in the order of these modules:
 //!
-//! `preprocess` runs directives and macros; `syntax` parses; `absent` names what no module reads;
-//! `stage` collects a stage's
-//! declarations; `interface` assigns bindings and locations to both stages; `declared` records the
+//! `preprocess` runs directives and macros; `syntax` parses; `shadow_samplers` types Vulkan's samplers;
+//! `stage` collects a stage's declarations; `interface` assigns bindings and locations to both stages; `declared` records the
 //! author's own; `lower` prints; `source_marks` maps the printed text to the source, and
-//! `map_spans` applies that map to the module. `placeholders` and `built_ins` add to the IR what naga's
+//! `map_spans` applies that map to the module. `placeholders`, `atomics`, `binding_arrays` and `built_ins` add to the IR what naga's
 //! front end lacks.
 
-mod absent;
+mod atomics;
 mod built_ins;
 mod constant;
 mod declared;
 mod include;
 mod interface;
 mod lower;
-mod map_spans;
 mod parser_messages;
 mod placeholders;
 mod preprocess;
+mod shadow_samplers;
 mod source_marks;
 mod stage;
 mod syntax;
 mod ty;
 mod version;
 
-use std::collections::HashMap;
 use std::path::Path;
 
 use naga::front::glsl::{Frontend, Options as NagaOptions};
 use naga::proc::{Alignment, Layouter};
-use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{AddressSpace, Handle, Module, ShaderStage, Span, Type, TypeInner};
 use preshade_passes::declared::Declared;
 use preshade_passes::link::offset;
@@ -41,14 +38,14 @@ use preshade_passes::program::SourceMap;
 
 use self::interface::Interface;
 use self::lower::BuiltinCall;
-use self::placeholders::Placeholder;
+use self::placeholders::Placeholders;
 use self::source_marks::Map;
 use self::stage::GlslStage;
 use self::syntax::StageText;
 use self::version::Dialect;
 use super::error::{Code, Error};
 use super::{
-    ClipSpace, Options, beyond_wgsl, fall_through, global_parameters, inline_main, missing_returns,
+    ClipSpace, Options, absent, beyond_wgsl, binding_arrays, killed_loops, map_spans, wrapped_main,
 };
 
 /// One stage's text.
@@ -156,6 +153,7 @@ fn rewritten(
             let place = |span: Span| rewritten.map.back(span);
             let mut module = read(&rewritten.text, text.stage, &place, &rewritten.given)?;
             placeholders::replace(&mut module, &rewritten.placeholders);
+            atomics::replace(&mut module, &rewritten.placeholders, &place)?;
             built_ins::replace(&mut module, rewritten.clip_distances.as_deref());
             rewritten.opened.iter().for_each(|o| o.close(&mut module));
             map_spans::map_spans(&mut module, &place);
@@ -182,7 +180,7 @@ fn units(
 ) -> Result<Vec<syntax::Unit>, Error> {
     let mut units = Vec::new();
     for text in texts {
-        units.push(syntax::parse(
+        let mut unit = syntax::parse(
             &StageText {
                 text: text.text,
                 stage: text.stage,
@@ -191,7 +189,9 @@ fn units(
                 options,
             },
             map,
-        )?);
+        )?;
+        shadow_samplers::settle(&mut unit.tree);
+        units.push(unit);
     }
     Ok(units)
 }
@@ -203,7 +203,7 @@ pub(super) struct Normalised {
     map: Map,
     opened: Vec<interface::Opened>,
     given: Vec<BuiltinCall>,
-    placeholders: HashMap<String, Placeholder>,
+    placeholders: Placeholders,
     /// The array that stands for `gl_ClipDistance`.
     clip_distances: Option<String>,
 }
@@ -237,23 +237,37 @@ pub(super) fn normalise(
             })
         })
         .collect();
-    let texts = texts?;
-    declared.notes.extend(declared::fixed_constants(&stages));
+    let mut texts = texts?;
+    let fixed = declared::fixed_constants(&stages);
+    for text in &mut texts {
+        fixed
+            .iter()
+            .for_each(|(id, _)| lower::fix_constant(&mut text.text, *id));
+    }
+    declared
+        .notes
+        .extend(fixed.iter().map(declared::fixed_note));
+    declared::layouts(&stages, &interface, &mut declared);
     Ok((texts, declared))
 }
 
 /// Guesses the clip space: OpenGL's, unless the text is Vulkan's GLSL, which has explicit bindings
-/// and no loose uniforms.
+/// and no loose uniforms. A text of an old version, or of ES, must have words that only Vulkan has.
 fn clip_space(stages: &[GlslStage<'_>]) -> ClipSpace {
-    let opengl = stages.iter().any(|s| {
-        let Dialect { version, es } = s.unit.dialect;
+    let is_opengls = |s: &GlslStage<'_>| {
         let loose = s
             .uniforms
             .iter()
             .any(|u| !matches!(u.ty.innermost(), ty::Ty::Combined(_)));
         let own = ["gl_VertexID", "gl_InstanceID", "gl_FragColor"];
-        es || version < 420 || loose || own.iter().any(|w| s.used.contains(*w))
-    });
+        loose || own.iter().any(|w| s.used.contains(*w))
+    };
+    let is_old = |s: &GlslStage<'_>| {
+        let Dialect { version, es } = s.unit.dialect;
+        es || version < 420
+    };
+    let opengl = stages.iter().any(is_opengls)
+        || stages.iter().any(is_old) && !stages.iter().any(GlslStage::says_vulkan);
     match opengl {
         true => ClipSpace::OpenGl,
         false => ClipSpace::AsWritten,
@@ -283,7 +297,9 @@ fn read_by_naga(texts: &[Text<'_>]) -> Option<Vec<Module>> {
             let mut words = text.text.split(|c: char| !c.is_alphanumeric() && c != '_');
             // naga reads some that no language has, and others wrongly.
             let is_lost = |w: &str| {
-                absent::absent(w).is_some() || built_ins::variable(w, text.stage).is_some()
+                matches!(w, "sample" | "centroid")
+                    || absent::absent(w).is_some()
+                    || built_ins::variable(w, text.stage).is_some()
             };
             if es
                 || version < 440
@@ -298,7 +314,7 @@ fn read_by_naga(texts: &[Text<'_>]) -> Option<Vec<Module>> {
                 std::panic::catch_unwind(std::panic::AssertUnwindSafe(read)).ok()??;
             // naga does not follow GLSL's struct layout, and WGSL has no std140 storage blocks.
             let is_mixed = ["buffer", "std140"].iter().all(|w| text.text.contains(w));
-            if !is_valid(&module) || is_mixed || !is_laid_out(&module) {
+            if !wrapped_main::is_valid(&module) || is_mixed || !is_laid_out(&module) {
                 return None;
             }
             map_spans::map_spans(&mut module, &|span| offset(span, text.base));
@@ -347,6 +363,10 @@ fn read(
 ) -> Result<Module, Error> {
     Frontend::default()
         .parse(&NagaOptions::from(stage), text)
+        .map(|mut module| {
+            binding_arrays::replace(&mut module);
+            module
+        })
         .map_err(|errors| {
             let mut all = errors.errors.iter();
             let Some(first) = all.next() else {
@@ -382,19 +402,8 @@ fn finish(module: &mut Module, stage: ShaderStage) {
     for entry in &mut module.entry_points {
         entry.name = name.to_owned();
     }
-    fall_through::remove(module);
-    // Leave an invalid module unchanged for the validator's message.
-    if is_valid(module) {
-        global_parameters::pass_globals(module);
-        inline_main::inline_main(module);
-        missing_returns::add(module);
-    }
-}
-
-fn is_valid(module: &Module) -> bool {
-    Validator::new(ValidationFlags::all(), Capabilities::all())
-        .validate(module)
-        .is_ok()
+    killed_loops::end(module);
+    wrapped_main::inline(module);
 }
 
 /// Whether the file holds both stages, separated by `#pragma stage vertex` and `#pragma stage

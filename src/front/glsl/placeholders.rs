@@ -1,5 +1,6 @@
-//! Implements functions that naga's IR has and its GLSL front end lacks: `textureGather` and the
-//! subgroup functions. The rewritten text calls placeholder functions, whose bodies this replaces.
+//! Implements functions that naga's IR has and its GLSL front end lacks: `textureGather`, the
+//! subgroup functions and atomic functions. The rewritten text calls placeholder functions, whose
+//! bodies this replaces. `atomics` replaces their calls.
 
 use std::collections::HashMap;
 
@@ -15,6 +16,37 @@ pub(super) enum Placeholder {
     /// Gathers a component of a texture.
     Gather(u32),
     Subgroup(Subgroup),
+    /// Changes the part of a storage block that its first argument reads.
+    Atomic(Atomic),
+}
+
+/// The placeholder functions by name.
+pub(super) type Placeholders = HashMap<String, Placeholder>;
+
+/// An atomic function.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Atomic {
+    Add,
+    And,
+    Or,
+    Xor,
+    Min,
+    Max,
+    Exchange,
+}
+
+/// The atomic function of that name.
+pub(super) fn atomic(name: &str) -> Option<Atomic> {
+    Some(match name.strip_prefix("atomic")? {
+        "Add" => Atomic::Add,
+        "And" => Atomic::And,
+        "Or" => Atomic::Or,
+        "Xor" => Atomic::Xor,
+        "Min" => Atomic::Min,
+        "Max" => Atomic::Max,
+        "Exchange" => Atomic::Exchange,
+        _ => return None,
+    })
 }
 
 /// A subgroup function.
@@ -78,7 +110,7 @@ pub(super) fn subgroup(name: &str, lane: Option<u32>) -> Option<Subgroup> {
 }
 
 /// Replaces the bodies of the placeholder functions, which are given by name.
-pub(super) fn replace(module: &mut Module, placeholders: &HashMap<String, Placeholder>) {
+pub(super) fn replace(module: &mut Module, placeholders: &Placeholders) {
     let handles: Vec<_> = module.functions.iter().map(|(h, _)| h).collect();
     for handle in handles {
         let span = module.functions.get_span(handle);
@@ -87,7 +119,7 @@ pub(super) fn replace(module: &mut Module, placeholders: &HashMap<String, Placeh
         match name.and_then(|n| placeholders.get(n)) {
             Some(Placeholder::Gather(component)) => gather(function, *component, span),
             Some(Placeholder::Subgroup(of)) => exchange(function, *of, span),
-            None => {}
+            Some(Placeholder::Atomic(_)) | None => {}
         }
     }
 }

@@ -89,10 +89,17 @@ pub(super) fn parse(input: &StageText<'_>, map: &mut SourceMap) -> Result<Unit, 
     let dialect = Dialect::of(input.text, input.path);
     // In other dialects these names of Vulkan's textures are functions.
     let old = ["texture2D(", "textureCube(", "texture2D (", "texture3D("];
-    let vulkan = !dialect.es
-        && (dialect.version >= 420 || dialect.version == 110)
-        && input.text.contains("sampler")
-        && (dialect.version >= 420 || !old.iter().any(|w| input.text.contains(w)));
+    let has = |word: &str| input.text.contains(word);
+    let mut words = input.text.split(|c: char| !c.is_alphanumeric() && c != '_');
+    let vulkan = match dialect {
+        // Vulkan's GLSL has these types in ES too.
+        Dialect { es: true, version } => {
+            let is_type = |w: &str| w == "sampler" || w == "samplerShadow";
+            version >= 310 && words.any(is_type)
+        }
+        Dialect { version, .. } if version >= 420 => has("sampler"),
+        Dialect { version, .. } => version == 110 && has("sampler") && !old.into_iter().any(has),
+    };
     let folder = input.path.parent().unwrap_or(Path::new(""));
     let files = Files::new(input.options);
     // The lexer knows Vulkan's types since 4.60.
@@ -121,7 +128,7 @@ pub(super) fn parse(input: &StageText<'_>, map: &mut SourceMap) -> Result<Unit, 
     let mut processor = Processor::new_with_fs(Std);
     let file = processor
         .open_source(text, Path::new(""))
-        .with_state(state(dialect));
+        .with_state(state(dialect, vulkan));
     let options = ParseOptions {
         default_version: printed_version,
         target_vulkan: vulkan,
@@ -239,11 +246,12 @@ fn explain(
 }
 
 /// The lexer's state: its own preprocessor has nothing left to do.
-fn state(dialect: Dialect) -> ProcessorState {
+fn state(dialect: Dialect, vulkan: bool) -> ProcessorState {
     let none = Registry::new();
+    let es = dialect.es && !vulkan;
     ProcessorStateBuilder::new(&none)
-        .es_profile(dialect.es)
-        .core_profile(!dialect.es && dialect.version >= 150)
+        .es_profile(es)
+        .core_profile(!es && dialect.version >= 150)
         .finish()
 }
 

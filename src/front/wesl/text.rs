@@ -6,7 +6,7 @@
 //! - [`with_one_package`] turns imports of packages into imports of `package::packages::NAME`. The
 //!   crate takes a package that two packages import for two.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 
 /// Folder of the other packages among the modules of the one package that the crate sees.
@@ -299,22 +299,73 @@ impl Condition<'_, '_> {
     }
 }
 
+/// The conditions under which a module declares `name`, outermost first; `None` if it has no such
+/// declaration.
+pub(super) fn conditions_of(text: &str, name: &str) -> Option<Vec<String>> {
+    let tokens = Tokens::new(text);
+    let declares = |i: &usize| {
+        let words = ["fn", "const", "alias", "struct", "override", "var"];
+        let before = tokens.get(i.wrapping_sub(1));
+        let is_typed = before == ">" && matches!(tokens.get(i + 1), ":" | "=");
+        tokens.get(*i) == name && (words.contains(&before) || is_typed)
+    };
+    let declaration = (0..tokens.ranges.len()).find(declares)?;
+    let mut conditions = Vec::new();
+    // By the token behind a node with a condition: the conditions of its chain.
+    let mut chains: HashMap<usize, Vec<&str>> = HashMap::new();
+    for start in 0..declaration {
+        let word = tokens.get(start + 1);
+        if tokens.get(start) != "@" || !matches!(word, "if" | "elif" | "else") {
+            continue;
+        }
+        let end = tokens.behind_node(start, false);
+        let mut chain = match word {
+            "if" => Vec::new(),
+            _ => chains.get(&start).cloned().unwrap_or_default(),
+        };
+        let attribute = tokens.span(start..tokens.behind_attribute(start));
+        chain.push(&text[attribute]);
+        if (start..end).contains(&declaration) {
+            conditions.push(chain.join(" .. "));
+        }
+        chains.insert(end, chain);
+    }
+    Some(conditions)
+}
+
+/// The tokens of the `import` statements, each without its first word.
+fn imports(tokens: &Tokens<'_>) -> Vec<Range<usize>> {
+    let starts = (0..tokens.ranges.len()).filter(|i| tokens.get(*i) == "import");
+    let end = |i: &usize| tokens.get(*i) == ";" || *i == tokens.ranges.len();
+    starts
+        .filter_map(|start| Some(start + 1..(start + 1..).find(end)?))
+        .collect()
+}
+
 /// The text of a module of `package` (`None`: the author's own) as a module of one package that
 /// contains all others below [`PACKAGES`].
 pub(super) fn with_one_package(text: &str, package: Option<&str>) -> String {
     let tokens = Tokens::new(text);
+    let imports = imports(&tokens);
+    // A path may start with the name of an imported module.
+    let ends = |i: &usize| matches!(tokens.get(i + 1), ";" | "," | "}");
+    let names = imports.iter().cloned().flatten().filter(ends);
+    let names: HashSet<&str> = names.map(|i| tokens.get(i)).collect();
     let mut out = String::with_capacity(text.len());
     let mut copied = 0;
     for i in 0..tokens.ranges.len() {
         if tokens.get(i + 1) != "::" || (i > 0 && tokens.get(i - 1) == "::") {
             continue;
         }
-        let is_imported = i > 0 && tokens.get(i - 1) == "import";
+        let continues = match imports.iter().find(|import| import.contains(&i)) {
+            Some(import) => i > import.start,
+            None => names.contains(tokens.get(i)),
+        };
         let prefix = match (tokens.get(i), package) {
+            _ if continues => continue,
             ("package", Some(package)) => format!("package::{PACKAGES}::{package}"),
             ("package" | "super", _) => continue,
-            (other, _) if is_imported => format!("package::{PACKAGES}::{other}"),
-            _ => continue,
+            (other, _) => format!("package::{PACKAGES}::{other}"),
         };
         out.push_str(&text[copied..tokens.ranges[i].start]);
         out.push_str(&prefix);
@@ -369,11 +420,30 @@ mod tests {
     }
 
     #[test]
+    fn the_conditions_of_a_declaration_are_found() {
+        let text = "@if(A) { @if(B) fn f() {} @else fn g() {} } fn h() { g(); } \
+                    @if(C) var<private> v: f32;";
+        let of = |name| conditions_of(text, name);
+        assert_eq!(
+            of("f"),
+            Some(vec!["@if(A)".to_owned(), "@if(B)".to_owned()])
+        );
+        assert_eq!(
+            of("g"),
+            Some(vec!["@if(A)".to_owned(), "@if(B) .. @else".to_owned()])
+        );
+        assert_eq!(of("v"), Some(vec!["@if(C)".to_owned()]));
+        assert_eq!(of("h"), Some(Vec::new()));
+        assert_eq!(of("i"), None);
+    }
+
+    #[test]
     fn packages_are_modules_of_one() {
-        let text = "import pb::deep::two; import package::{a, b}; @if(x) import super::c; \
-                    fn f() { package::g(); h::i(); }";
+        let text = "import pb::deep::two; import package::{a, b::h}; @if(x) import super::c; \
+                    fn f() { package::g(); h::i(); pc::d::e(); }";
         let expected = "import package::packages::pb::deep::two; import package::packages::pa::{a, \
-                        b}; @if(x) import super::c; fn f() { package::packages::pa::g(); h::i(); }";
+                        b::h}; @if(x) import super::c; fn f() { package::packages::pa::g(); h::i(); \
+                        package::packages::pc::d::e(); }";
         assert_eq!(with_one_package(text, Some("pa")), expected);
         let own = with_one_package("import package::a; import pb::c;", None);
         assert_eq!(own, "import package::a; import package::packages::pb::c;");

@@ -2,7 +2,7 @@
 //! numbers from one buffer, and writes the results to another.
 //!
 //! The author's functions stay, except where `rewrite` replaces operations that only a draw
-//! supports. Uniforms and buffers become private variables, filled first, so that each invocation
+//! supports. Uniforms and buffers become members of one buffer's elements, so that each invocation
 //! has its own.
 
 use std::collections::BTreeMap;
@@ -12,9 +12,9 @@ use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use naga::{
     AddressSpace, ArraySize, BinaryOperator, Binding, BuiltIn, EntryPoint, Expression, Function,
     FunctionArgument, GlobalVariable, Handle, Interpolation, Literal, Module, ResourceBinding,
-    Scalar, ShaderStage, Span, Statement, StorageAccess, Type, TypeInner, VectorSize,
+    Scalar, ShaderStage, Span, Statement, StorageAccess, StructMember, Type, TypeInner, VectorSize,
 };
-use preshade_passes::evaluate::RUNTIME_ELEMENTS;
+use preshade_passes::evaluate::{self, RUNTIME_ELEMENTS};
 use preshade_passes::place;
 use preshade_passes::reflect::{self, Io};
 use preshade_passes::validate::elsewhere::Draw;
@@ -31,8 +31,6 @@ pub const ENTRY: &str = "main";
 /// A number of an input, by where the words of one draw have it.
 #[derive(Debug)]
 pub enum Given {
-    /// A uniform or a buffer.
-    Resource((u32, u32)),
     /// An attribute of a corner.
     Attribute(Io, usize),
     /// Inputs of a fragment stage besides its varyings.
@@ -57,6 +55,12 @@ pub struct Harness {
     pub given: Vec<Given>,
     /// Words of a draw.
     pub words_in: u32,
+    /// The uniforms and buffers of a draw, with type and first byte in the struct of all, and the
+    /// words of that struct.
+    pub buffers: Vec<((u32, u32), Handle<Type>, u32)>,
+    pub words_of_buffers: u32,
+    /// Whether the stage reads one of them.
+    pub reads_buffers: bool,
     /// The layout of a draw's output words after the first, which is 1 if the fragment was
     /// discarded.
     pub outputs: Vec<(Slot, Handle<Type>)>,
@@ -71,6 +75,8 @@ struct Making {
     output: Handle<GlobalVariable>,
     given: Vec<Given>,
     words_in: u32,
+    buffers: Vec<((u32, u32), Handle<Type>, u32)>,
+    words_of_buffers: u32,
 }
 
 /// Builds the compute stage for a place.
@@ -165,10 +171,12 @@ impl Making {
             output,
             given: Vec::new(),
             words_in: 0,
+            buffers: Vec::new(),
+            words_of_buffers: 0,
         })
     }
 
-    /// Makes private variables of the author's uniforms and buffers, and adds ours.
+    /// Puts the author's uniforms and buffers into one buffer, and adds our variables.
     fn variables(&mut self, source: &Module, levels: &Arc<Levels>) -> Result<Ours, String> {
         let made = &mut self.made;
         let boolean = ty(made, TypeInner::Scalar(Scalar::BOOL));
@@ -177,14 +185,26 @@ impl Making {
             ty(made, TypeInner::Vector { size, scalar })
         };
         let (two, four) = (vector(made, VectorSize::Bi), vector(made, VectorSize::Quad));
+        let word = ty(made, WORD);
+        let counts = |made: &mut Module, size| {
+            let scalar = Scalar::U32;
+            ty(made, TypeInner::Vector { size, scalar })
+        };
+        let sizes = [counts(made, VectorSize::Bi), counts(made, VectorSize::Tri)];
+        let draw = private(made, "draw", word);
         let mut ours = Ours {
+            buffers: BTreeMap::new(),
+            // Until there is one.
+            all_buffers: draw,
+            draw,
+            sizes,
             killed: private(made, "is_discarded", boolean),
             slopes: private(made, "slopes", two),
             textures: BTreeMap::new(),
             levels: Arc::clone(levels),
         };
         for (handle, global) in source.global_variables.iter() {
-            let at = global.binding.as_ref().map(|b| (b.group, b.binding));
+            let at = evaluate::place(global);
             match (global.space, at) {
                 (AddressSpace::Private, _) => {}
                 (AddressSpace::Handle, Some(at)) => {
@@ -194,28 +214,79 @@ impl Making {
                         self.given.push(Given::Texture(at));
                     }
                 }
-                (AddressSpace::Uniform, Some(at)) => {
-                    self.given.push(Given::Resource(at));
-                }
-                (AddressSpace::Storage { access }, Some(at)) if access == StorageAccess::LOAD => {
-                    self.given.push(Given::Resource(at));
+                (AddressSpace::Uniform | AddressSpace::Immediate, Some(at))
+                | (
+                    AddressSpace::Storage {
+                        access: StorageAccess::LOAD,
+                    },
+                    Some(at),
+                ) => {
+                    let sized = sized(made, global.ty)?;
+                    let end = self.words_of_buffers * 4;
+                    let size = made.types[sized].inner.size(made.to_ctx());
+                    ours.buffers.insert(handle, self.buffers.len() as u32);
+                    self.buffers.push((at, sized, end));
+                    self.words_of_buffers = (end + size).next_multiple_of(16) / 4;
+                    // Nothing reads it.
+                    let variable = &mut made.global_variables[handle];
+                    variable.space = AddressSpace::Private;
+                    variable.binding = None;
+                    variable.ty = word;
                 }
                 (AddressSpace::Storage { .. }, _) => return Err("it writes memory".to_owned()),
                 (space, _) => return Err(format!("it has a variable in {space:?}")),
             }
-            if matches!(
-                global.space,
-                AddressSpace::Uniform | AddressSpace::Storage { .. }
-            ) {
-                let sized = sized(made, global.ty)?;
-                let variable = &mut made.global_variables[handle];
-                variable.space = AddressSpace::Private;
-                variable.binding = None;
-                variable.ty = sized;
-            }
+        }
+        if !self.buffers.is_empty() {
+            ours.all_buffers = self.all_buffers();
         }
         self.given.push(Given::Slopes);
         Ok(ours)
+    }
+
+    /// A buffer with the author's uniforms and buffers of all draws. Reading them where the author
+    /// does costs a compiler the same whatever their lengths.
+    fn all_buffers(&mut self) -> Handle<GlobalVariable> {
+        let members = self.buffers.iter().enumerate();
+        let members = members.map(|(i, (_, ty, offset))| StructMember {
+            name: Some(format!("buffer{i}")),
+            ty: *ty,
+            binding: None,
+            offset: *offset,
+        });
+        let span = self.words_of_buffers * 4;
+        let base = self.made.types.insert(
+            Type {
+                name: Some("Buffers".to_owned()),
+                inner: TypeInner::Struct {
+                    members: members.collect(),
+                    span,
+                },
+            },
+            Span::UNDEFINED,
+        );
+        let of_all = ty(
+            &mut self.made,
+            TypeInner::Array {
+                base,
+                size: ArraySize::Dynamic,
+                stride: span,
+            },
+        );
+        let variable = GlobalVariable {
+            name: Some("buffers".to_owned()),
+            space: AddressSpace::Storage {
+                access: StorageAccess::LOAD,
+            },
+            binding: Some(ResourceBinding {
+                group: 0,
+                binding: 2,
+            }),
+            ty: of_all,
+            init: None,
+            memory_decorations: naga::MemoryDecorations::empty(),
+        };
+        self.made.global_variables.append(variable, Span::UNDEFINED)
     }
 
     /// A function that sets all variables to their initial values. Its argument is the index of the
@@ -244,15 +315,6 @@ impl Making {
                 Given::Texture(at) => {
                     let variables = textures.get(at).into_iter().flatten();
                     to.extend(variables.map(|v| (*v, four)));
-                }
-                Given::Resource(at) => {
-                    let mut globals = source.global_variables.iter();
-                    let found = globals.find(|(_, g)| {
-                        let own = g.binding.as_ref().map(|b| (b.group, b.binding));
-                        own == Some(*at)
-                    });
-                    let (handle, _) = found.ok_or("it has no such buffer")?;
-                    to.push((handle, self.made.global_variables[handle].ty));
                 }
                 Given::Slopes => to.push((ours.slopes, two)),
                 Given::Attribute(..) | Given::Fragment(_) | Given::Weights(_) => {}
@@ -307,6 +369,11 @@ impl Making {
         });
         let id = body.add(Expression::FunctionArgument(0));
         let draw = body.add(Expression::AccessIndex { base: id, index: 0 });
+        let pointer = body.add(Expression::GlobalVariable(ours.draw));
+        body.push(Statement::Store {
+            pointer,
+            value: draw,
+        });
         // How many words a draw has is known once all are read.
         let stride = body.u32(0);
         let base = body.binary(BinaryOperator::Multiply, draw, stride);
@@ -377,13 +444,17 @@ impl Making {
             task_payload: None,
             incoming_ray_payload: None,
         });
-        validated(&self.made)?;
+        let info = validated(&self.made)?;
+        let is_read = !info.get_entry_point(0)[ours.all_buffers].is_empty();
         Ok(Harness {
+            reads_buffers: is_read && !self.buffers.is_empty(),
             module: self.made,
             at,
             source,
             given: self.given,
             words_in: self.words_in,
+            buffers: self.buffers,
+            words_of_buffers: self.words_of_buffers,
             outputs: told,
             words_out,
         })
@@ -627,7 +698,6 @@ pub fn words(harness: &Harness, draw: &Draw<'_>) -> Result<Vec<u32>, String> {
     let missing = |what: &str| format!("there are no numbers for {what}");
     for given in &harness.given {
         let value = match given {
-            Given::Resource(at) => draw.inputs.resources.get(at).cloned(),
             Given::Attribute(io, corner) => {
                 let corner = match harness.at {
                     TestPoint::Vertex => draw.inputs.corner(),
@@ -677,6 +747,62 @@ fn push(value: &preshade_passes::evaluate::Value, words: &mut Vec<u32>) -> Resul
             }
         }
         other => return Err(format!("{other:?} is no number")),
+    }
+    Ok(())
+}
+
+/// The uniforms and buffers of a draw, as [`Harness::buffers`] lays them out.
+///
+/// # Errors
+///
+/// A number is missing.
+pub fn buffers(harness: &Harness, draw: &Draw<'_>) -> Result<Vec<u32>, String> {
+    let mut words = vec![0; harness.words_of_buffers as usize];
+    for (at, ty, offset) in &harness.buffers {
+        let value = draw.inputs.resources.get(at);
+        let value = value.ok_or_else(|| format!("there are no numbers for {at:?}"))?;
+        lay(&harness.module, *ty, value, *offset, &mut words)?;
+    }
+    Ok(words)
+}
+
+/// Writes a value at a byte offset (WGSL 14.4, memory layout).
+fn lay(
+    module: &Module,
+    ty: Handle<Type>,
+    value: &preshade_passes::evaluate::Value,
+    offset: u32,
+    words: &mut [u32],
+) -> Result<(), String> {
+    use preshade_passes::evaluate::Value;
+    let Value::Composite(parts) = value else {
+        let mut word = Vec::new();
+        push(value, &mut word)?;
+        let at = words.get_mut(offset as usize / 4);
+        *at.ok_or("a buffer is too short")? = word[0];
+        return Ok(());
+    };
+    for (i, part) in (0..).zip(parts) {
+        let (ty, offset) = match &module.types[ty].inner {
+            TypeInner::Vector { scalar, .. } if scalar.width == 4 => (ty, offset + 4 * i),
+            TypeInner::Matrix { rows, scalar, .. } if scalar.width == 4 => {
+                let stride = if *rows == VectorSize::Bi { 8 } else { 16 };
+                let Value::Composite(column) = part else {
+                    return Err("a matrix has no columns".to_owned());
+                };
+                for (row, part) in (0..).zip(column) {
+                    lay(module, ty, part, offset + stride * i + 4 * row, words)?;
+                }
+                continue;
+            }
+            TypeInner::Array { base, stride, .. } => (*base, offset + stride * i),
+            TypeInner::Struct { members, .. } => {
+                let member = members.get(i as usize).ok_or("a struct is too short")?;
+                (member.ty, offset + member.offset)
+            }
+            other => return Err(format!("it reads a {other:?}")),
+        };
+        lay(module, ty, part, offset, words)?;
     }
     Ok(())
 }

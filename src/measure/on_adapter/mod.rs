@@ -13,18 +13,30 @@ mod rewrite;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use preshade_passes::plan::Plan;
+use preshade_passes::plan::{Plan, Role};
 use preshade_passes::validate::elsewhere::{Draw, Runner};
 use preshade_passes::validate::stage::Ran;
 use preshade_passes::validate::world::{PassStages, TestPoint};
-use preshade_passes::validate::{self, Check, Effort};
+use preshade_passes::validate::{self, By, Check, Effort};
 
 use crate::render::Gpu;
-use harness::{ENTRY, Harness, harness, value, words};
+use harness::{ENTRY, Harness, buffers, harness, value, words};
 
-/// Holds a variant against the original it was made of, on an adapter.
-pub fn validate_on(gpu: &Gpu, original: &Plan, variant: &Plan, effort: &Effort) -> Vec<Check> {
-    validate::validate_on(&OnAdapter(gpu), original, variant, effort)
+/// Holds a variant against the original it was made of, on an adapter. `told` gets each promise
+/// before its turn.
+pub fn validate_on(
+    gpu: &Gpu,
+    original: &Plan,
+    variant: &Plan,
+    effort: &Effort,
+    told: &dyn Fn(Role, &str),
+) -> Vec<Check> {
+    let by = By {
+        effort,
+        runner: Some(&OnAdapter(gpu)),
+        told,
+    };
+    validate::validate_by(original, variant, by)
 }
 
 /// Runs stages on an adapter.
@@ -45,9 +57,10 @@ impl Runner for OnAdapter<'_> {
         // Those of a pair are the same in all its inputs.
         let levels = draws.first().map(|d| Arc::clone(&d.inputs.levels));
         let mut harness = harness(stages, place, &levels.unwrap_or_default())?;
-        let mut given = Vec::new();
+        let mut given = [Vec::new(), Vec::new()];
         for draw in draws {
-            given.extend(words(&harness, draw)?);
+            given[0].extend(words(&harness, draw)?);
+            given[1].extend(buffers(&harness, draw)?);
         }
         let left = dispatch(self.0, &harness, &given, draws.len()).map_err(|e| e.to_string())?;
         let left = left.chunks_exact(harness.words_out.max(1) as usize);
@@ -82,7 +95,7 @@ fn told(harness: &mut Harness, words: &[u32]) -> Result<Ran, String> {
 fn dispatch(
     gpu: &Gpu,
     harness: &Harness,
-    given: &[u32],
+    given: &[Vec<u32>; 2],
     draws: usize,
 ) -> Result<Vec<u32>, crate::render::Error> {
     let what = "a stage as a compute stage";
@@ -110,27 +123,27 @@ fn dispatch(
             })
         };
         use wgpu::BufferUsages as Usage;
-        let input = buffer(
-            (given.len() as u64 * 4).max(4),
-            Usage::STORAGE | Usage::COPY_DST,
-        );
-        let given: Vec<u8> = given.iter().flat_map(|word| word.to_le_bytes()).collect();
-        gpu.queue.write_buffer(&input, 0, &given);
+        let inputs = given.each_ref().map(|given| {
+            let usage = Usage::STORAGE | Usage::COPY_DST;
+            let input = buffer((given.len() as u64 * 4).max(4), usage);
+            let given: Vec<u8> = given.iter().flat_map(|word| word.to_le_bytes()).collect();
+            gpu.queue.write_buffer(&input, 0, &given);
+            input
+        });
         let output = buffer(bytes, Usage::STORAGE | Usage::COPY_SRC);
         let read = buffer(bytes, Usage::COPY_DST | Usage::MAP_READ);
+        let all = [(0, &inputs[0]), (1, &output), (2, &inputs[1])];
+        // The pipeline has only what it reads.
+        let own = all.iter().take(if harness.reads_buffers { 3 } else { 2 });
+        let entry = own.map(|(binding, buffer)| wgpu::BindGroupEntry {
+            binding: *binding,
+            resource: buffer.as_entire_binding(),
+        });
+        let entries: Vec<_> = entry.collect();
         let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some(what),
             layout: &pipeline.get_bind_group_layout(0),
-            entries: &[
-                wgpu::BindGroupEntry {
-                    binding: 0,
-                    resource: input.as_entire_binding(),
-                },
-                wgpu::BindGroupEntry {
-                    binding: 1,
-                    resource: output.as_entire_binding(),
-                },
-            ],
+            entries: &entries,
         });
         let mut encoder = device.create_command_encoder(&Default::default());
         {
@@ -148,4 +161,48 @@ fn dispatch(
     Ok(words
         .map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]]))
         .collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use preshade_passes::naga::front::wgsl;
+    use preshade_passes::program::{Language, Program, SourceMap};
+    use preshade_passes::validate::stage::Stage;
+
+    use super::*;
+
+    /// The work of compilers and of the host's checks does not grow with an array.
+    #[test]
+    fn a_stage_is_as_long_whatever_its_arrays() {
+        let lengths = [16, 64, 512, 4096].map(|n| {
+            let text = format!(
+                "struct Bones {{ m: array<mat4x4f, {n}> }}
+                 @group(0) @binding(0) var<uniform> bones: Bones;
+                 @vertex fn vs(@location(0) p: vec4f, @location(1) j: vec4u)
+                     -> @builtin(position) vec4f {{ return bones.m[j.x] * bones.m[j.y] * p; }}"
+            );
+            let module = wgsl::parse_str(&text).expect("it parses");
+            let sources = Arc::new(SourceMap::default());
+            let program = Program::new(module, sources, Language::Wgsl).expect("it is valid");
+            let kind = naga::ShaderStage::Vertex;
+            let stages = PassStages {
+                vertex: Stage::new(&program, kind, "vs").expect("it is there"),
+                fragment: None,
+            };
+            let made = harness(stages, TestPoint::Vertex, &Arc::default()).expect("it is made");
+            let functions = made.module.functions.iter().map(|(_, f)| f);
+            let entries = made.module.entry_points.iter().map(|e| &e.function);
+            let all = functions.chain(entries);
+            (
+                all.map(|f| f.expressions.len()).sum::<usize>(),
+                made.words_of_buffers,
+            )
+        });
+        assert!(
+            lengths
+                .iter()
+                .all(|(expressions, _)| *expressions == lengths[0].0)
+        );
+        assert_eq!(lengths.map(|(_, words)| words), [256, 1024, 8192, 65536]);
+    }
 }

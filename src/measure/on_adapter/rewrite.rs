@@ -6,15 +6,15 @@ use std::sync::Arc;
 
 use naga::valid::FunctionInfo;
 use naga::{
-    AddressSpace, BinaryOperator, Block, DerivativeAxis, Expression, Function, GlobalVariable,
-    Handle, ImageClass, Literal, MathFunction, Module, SampleLevel, ScalarKind, Span, Statement,
-    TypeInner, VectorSize,
+    AddressSpace, ArraySize, BinaryOperator, Block, DerivativeAxis, Expression, Function,
+    GlobalVariable, Handle, ImageClass, ImageDimension, ImageQuery, Literal, MathFunction, Module,
+    SampleLevel, ScalarKind, Span, Statement, Type, TypeInner, VectorSize,
 };
-use preshade_passes::evaluate::Sampling;
+use preshade_passes::evaluate::{RUNTIME_ELEMENTS, Sampling};
 use preshade_passes::graph::operands;
 use preshade_passes::rebuild::writer::emit_existing;
 use preshade_passes::validate::inputs::{
-    PLAIN_MOST, plain_level_weight, plain_start, plain_weight,
+    PLAIN_MOST, plain_level_weight, plain_start, plain_weight, texture_size,
 };
 use preshade_passes::validate::levels::Levels;
 
@@ -26,6 +26,13 @@ pub struct Ours {
     pub slopes: Handle<GlobalVariable>,
     /// The bases and the scales of each texture's texels.
     pub textures: BTreeMap<Handle<GlobalVariable>, [Handle<GlobalVariable>; 2]>,
+    /// The struct that each uniform and buffer is a member of, in an array of one for each draw, and
+    /// the private variable with the draw's index.
+    pub buffers: BTreeMap<Handle<GlobalVariable>, u32>,
+    pub all_buffers: Handle<GlobalVariable>,
+    pub draw: Handle<GlobalVariable>,
+    /// The types of the sizes of textures: vectors of two and of three.
+    pub sizes: [Handle<Type>; 2],
     /// Lookups with gradients and biases.
     pub levels: Arc<Levels>,
 }
@@ -41,6 +48,8 @@ struct Rewriter<'a> {
     evaluated: Vec<Vec<Handle<Expression>>>,
     yes: Handle<Expression>,
     killed: Handle<Expression>,
+    /// The pointers to uniforms and buffers.
+    buffers: BTreeMap<Handle<GlobalVariable>, Handle<Expression>>,
 }
 
 /// The function, with the same handles of functions and variables.
@@ -92,7 +101,16 @@ pub fn rewritten(
         evaluated: Vec::new(),
         yes,
         killed,
+        buffers: BTreeMap::new(),
     };
+    // They are there from the start, as global variables are.
+    rewriter.evaluated.push(Vec::new());
+    for (_, expression) in old.expressions.iter() {
+        if let Expression::GlobalVariable(global) = expression {
+            rewriter.buffer(*global);
+        }
+    }
+    let first = rewriter.evaluated.pop().unwrap_or_default();
     for (handle, _) in old.expressions.iter() {
         rewriter.evaluated.push(Vec::new());
         let new = rewriter.expression(handle)?;
@@ -106,7 +124,9 @@ pub fn rewritten(
             .local_variables
             .append(variable, Span::UNDEFINED);
     }
-    let mut body = rewriter.block(&old.body)?;
+    let mut body = Block::new();
+    emit_existing(first, &mut body, Span::UNDEFINED);
+    body.append(&mut rewriter.block(&old.body)?);
     // A discard does not return any more.
     let returns = body
         .last()
@@ -172,13 +192,21 @@ impl Rewriter<'_> {
             Expression::ImageSample { .. } | Expression::ImageLoad { .. } => {
                 return self.texel(&expression);
             }
+            Expression::Access { base, index } => {
+                if let Some(length) = self.length_in_buffer(*base) {
+                    let index = self.clamped(*index, length);
+                    let base = self.mapped(*base);
+                    return Ok(self.add(Expression::Access { base, index }));
+                }
+            }
             Expression::Derivative { axis, expr, .. } => {
                 let of = self.mapped(*expr);
                 return Ok(self.derivative(*axis, of));
             }
-            Expression::ImageQuery { .. } => {
-                return Err("it asks for a texture's size".to_owned());
+            Expression::GlobalVariable(g) if self.buffers.contains_key(g) => {
+                return Ok(self.buffers[g]);
             }
+            Expression::ImageQuery { image, query } => return self.query(*image, *query),
             Expression::ArrayLength(_) => return Err("it asks for a buffer's length".to_owned()),
             Expression::AtomicResult { .. }
             | Expression::WorkGroupUniformLoadResult { .. }
@@ -191,6 +219,123 @@ impl Rewriter<'_> {
         let map = &self.map;
         operands::map_expression(&mut expression, &mut |e| *e = map[e.index()]);
         Ok(self.add(expression))
+    }
+
+    /// How many parts a uniform or buffer has at a pointer.
+    fn length_in_buffer(&self, pointer: Handle<Expression>) -> Option<u32> {
+        let in_buffer = |space: &AddressSpace| {
+            matches!(
+                space,
+                AddressSpace::Uniform | AddressSpace::Storage { .. } | AddressSpace::Immediate
+            )
+        };
+        let types = &self.module.types;
+        match self.info[pointer].ty.inner_with(types) {
+            TypeInner::Pointer { base, space } if in_buffer(space) => match &types[*base].inner {
+                TypeInner::Array { size, .. } => Some(match size {
+                    ArraySize::Constant(n) => n.get(),
+                    _ => RUNTIME_ELEMENTS,
+                }),
+                TypeInner::Matrix { columns, .. } => Some(*columns as u32),
+                TypeInner::Vector { size, .. } => Some(*size as u32),
+                _ => None,
+            },
+            TypeInner::ValuePointer {
+                size: Some(size),
+                space,
+                ..
+            } if in_buffer(space) => Some(*size as u32),
+            _ => None,
+        }
+    }
+
+    /// An index as the interpreter takes it. An adapter may read anything of a buffer instead, and
+    /// the other draws are in it too.
+    fn clamped(&mut self, index: Handle<Expression>, length: u32) -> Handle<Expression> {
+        let expr = self.mapped(index);
+        let (kind, convert) = (ScalarKind::Uint, Some(4));
+        let index = self.add(Expression::As {
+            expr,
+            kind,
+            convert,
+        });
+        let last = self.add(Expression::Literal(Literal::U32(length - 1)));
+        self.math(MathFunction::Min, &[index, last])
+    }
+
+    /// A pointer to a uniform or buffer of this draw.
+    fn buffer(&mut self, global: Handle<GlobalVariable>) {
+        let (Some(index), false) = (
+            self.ours.buffers.get(&global).copied(),
+            self.buffers.contains_key(&global),
+        ) else {
+            return;
+        };
+        let pointer = self.add(Expression::GlobalVariable(self.ours.draw));
+        let draw = self.add(Expression::Load { pointer });
+        let base = self.add(Expression::GlobalVariable(self.ours.all_buffers));
+        let base = self.add(Expression::Access { base, index: draw });
+        let pointer = self.add(Expression::AccessIndex { base, index });
+        self.buffers.insert(global, pointer);
+    }
+
+    /// As the interpreter has it.
+    fn query(
+        &mut self,
+        image: Handle<Expression>,
+        query: ImageQuery,
+    ) -> Result<Handle<Expression>, String> {
+        let (Expression::GlobalVariable(texture), Some(at)) =
+            (&self.old.expressions[image], self.binding(image))
+        else {
+            return Err("it asks for the size of a texture of several".to_owned());
+        };
+        let u32 = |this: &mut Self, n| this.add(Expression::Literal(Literal::U32(n)));
+        let size = texture_size(at);
+        let TypeInner::Image { dim, .. } =
+            self.module.types[self.module.global_variables[*texture].ty].inner
+        else {
+            return Err("it asks for the size of no texture".to_owned());
+        };
+        let level = match query {
+            ImageQuery::Size { level } => level,
+            ImageQuery::NumLevels | ImageQuery::NumSamples => return Ok(u32(self, 4)),
+            ImageQuery::NumLayers => return Ok(u32(self, size[2])),
+        };
+        let level = level.map(|level| {
+            let expr = self.mapped(level);
+            let kind = ScalarKind::Uint;
+            let convert = Some(4);
+            let level = self.add(Expression::As {
+                expr,
+                kind,
+                convert,
+            });
+            let most = u32(self, 31);
+            self.math(MathFunction::Min, &[level, most])
+        });
+        let mut parts = Vec::new();
+        for n in size {
+            let mut part = u32(self, n);
+            if let Some(level) = level {
+                let one = u32(self, 1);
+                part = self.binary(BinaryOperator::ShiftRight, part, level);
+                part = self.math(MathFunction::Max, &[part, one]);
+            }
+            parts.push(part);
+        }
+        let ty = match dim {
+            ImageDimension::D1 => return Ok(parts[0]),
+            ImageDimension::D2 | ImageDimension::Cube => self.ours.sizes[0],
+            ImageDimension::D3 => self.ours.sizes[1],
+        };
+        if ty == self.ours.sizes[0] {
+            parts.truncate(2);
+        }
+        Ok(self.add(Expression::Compose {
+            ty,
+            components: parts,
+        }))
     }
 
     fn derivative(&mut self, axis: DerivativeAxis, of: Handle<Expression>) -> Handle<Expression> {

@@ -4,8 +4,7 @@ use std::collections::{HashMap, HashSet};
 
 use super::{BindingSlot, BoundSampler, Interface, SplitSampler, flat, refuse_sampler};
 use crate::front::error::Error;
-use crate::front::glsl::stage::{GlslStage, Qualifiers, Storage, unsupported};
-use crate::front::glsl::ty::Ty;
+use crate::front::glsl::stage::{GlslStage, Qualifiers, Storage};
 
 impl Interface {
     pub(super) fn bindings(&mut self, stages: &[GlslStage<'_>]) -> Result<(), Error> {
@@ -14,7 +13,7 @@ impl Interface {
         let mut waiting: Vec<(Waiting, u32)> = Vec::new();
         for (at, stage) in stages.iter().enumerate() {
             self.claim_blocks(at, stage, &mut claims, &mut waiting);
-            self.claim_opaque(at, stage, &mut claims, &mut waiting)?;
+            self.claim_opaque(at, stage, &mut claims, &mut waiting);
             self.claim_samplers(at, stage, &mut claims, &mut waiting)?;
         }
         if !self.uniforms.is_empty() {
@@ -73,19 +72,10 @@ impl Interface {
         stage: &GlslStage<'_>,
         claims: &mut Claims,
         waiting: &mut Vec<(Waiting, u32)>,
-    ) -> Result<(), Error> {
+    ) {
         for variable in &stage.opaque {
             if self.opaque.contains_key(&variable.name) {
                 continue;
-            }
-            if matches!(variable.ty, Ty::Array(..)) {
-                return Err(unsupported(
-                    format!(
-                        "`{}` is an array of textures or samplers, which WebGPU cannot bind",
-                        variable.name
-                    ),
-                    variable.place,
-                ));
             }
             let set = variable.qualifiers.number("set").unwrap_or(0);
             let slot = explicit(&variable.qualifiers);
@@ -96,7 +86,6 @@ impl Interface {
                 None => waiting.push((Waiting::Opaque(variable.name.clone()), set)),
             }
         }
-        Ok(())
     }
 
     fn claim_samplers(

@@ -7,7 +7,7 @@ use naga::Span;
 
 use super::super::absent;
 use super::super::interface::SplitSampler;
-use super::super::placeholders::{self, Placeholder, Subgroup};
+use super::super::placeholders::{self, Atomic, Placeholder, Subgroup};
 use super::super::source_marks::unmarked;
 use super::super::stage::{Signature, Storage, spelled, unsupported};
 use super::super::ty::{BlockEntry, Component, MemoryLayout, Ty};
@@ -15,7 +15,7 @@ use super::effect::{Argument, after};
 use super::expression::{Ex, level};
 use super::overload::{OverloadChoice, choose};
 use super::{BuiltinCall, Lower, builtin, texture};
-use crate::front::error::Error;
+use crate::front::error::{Code, Error};
 
 impl Lower<'_, '_> {
     pub(super) fn call(
@@ -85,7 +85,12 @@ impl Lower<'_, '_> {
             }
             (Ty::Struct(name), _) => return self.struct_constructor(name, values, place),
             (Ty::Array(of, n), _) => {
-                let ty = Ty::Array(of.clone(), Some(n.unwrap_or(values.len() as u32)));
+                // `float[][](..)`: the elements have the inner length.
+                let of = match (&**of, types.first()) {
+                    (Ty::Array(_, None), Some(first @ Ty::Array(..))) => first,
+                    _ => of,
+                };
+                let ty = Ty::Array(Box::new(of.clone()), Some(n.unwrap_or(values.len() as u32)));
                 let values: Vec<Ex> = values.into_iter().map(|v| self.coerce(v, of)).collect();
                 constructed(&values, ty)
             }
@@ -343,6 +348,9 @@ impl Lower<'_, '_> {
                 return self.subgroup(name, of, arguments, place);
             }
         }
+        if let Some(of) = placeholders::atomic(name) {
+            return self.atomic(name, of, arguments, place);
+        }
         let mut values = self.values(arguments)?;
         let types: Vec<Ty> = values.iter().map(|v| v.ty.clone()).collect();
         if let Some(place) = place {
@@ -391,7 +399,12 @@ impl Lower<'_, '_> {
             .collect();
         // Evaluate values that are printed several times only once.
         let mut first = Vec::new();
-        if matches!(name, "matrixCompMult" | "outerProduct" | "isnan" | "isinf") {
+        let is_repeated = match name {
+            "matrixCompMult" | "outerProduct" | "isnan" | "isinf" => true,
+            "reflect" => matches!(types.first(), Some(Ty::Scalar(_))),
+            _ => false,
+        };
+        if is_repeated {
             for value in &mut values {
                 let (before, held) = self.once(value);
                 first.extend(before);
@@ -440,6 +453,37 @@ impl Lower<'_, '_> {
         let second = second.map(|v| format!("uint({})", v.text));
         let all = iter::once(value.at(level::ASSIGNMENT)).chain(second);
         Ok(called(&helper, all, result))
+    }
+
+    /// An atomic function: calls a placeholder for each type of value.
+    fn atomic(
+        &mut self,
+        name: &str,
+        of: Atomic,
+        arguments: &[Expr],
+        place: Option<Span>,
+    ) -> Result<Ex, Error> {
+        // The others order memory, which WebGPU does not.
+        let [target, value, ..] = arguments else {
+            let message = format!("`{name}` takes a member and a value");
+            return Err(Error::new(Code::Parse, message).label_if(place));
+        };
+        let target = self.raw(target)?;
+        let Ty::Scalar(Component::Int | Component::Uint) = target.ty else {
+            let message = format!("`{name}` of {} is not supported", target.ty.name());
+            return Err(unsupported(message, place)
+                .note("WebGPU's atomic functions take members of type `int` and `uint`"));
+        };
+        let value = self.expr(value)?;
+        let value = self.coerce(value, &target.ty);
+        let ty = target.ty.name();
+        let helper = self.helper_name(&format!("{name}_{ty}"));
+        let text = format!("{ty} {helper}({ty} at, {ty} value) {{\n    return at;\n}}\n");
+        self.helpers.insert(helper.clone(), text);
+        self.placeholders
+            .insert(helper.clone(), Placeholder::Atomic(of));
+        let all = [&target, &value].map(|v| v.at(level::ASSIGNMENT));
+        Ok(called(&helper, all, target.ty))
     }
 
     /// Built-in functions with out parameters, written as expressions.
@@ -634,6 +678,15 @@ fn replacement(name: &str, values: &[Ex], first: Option<&Ty>, result: &Ty) -> Op
         ("length", Ty::Scalar(_)) => format!("abs({})", text()),
         ("distance", Ty::Scalar(_)) => format!("abs({} - {})", at(0, 13), at(1, 14)),
         ("normalize", Ty::Scalar(_)) => format!("sign({})", text()),
+        ("reflect", Ty::Scalar(_)) => {
+            let [i, n] = [at(0, 14), at(1, 14)];
+            format!("({i} - 2.0 * {n} * {n} * {i})")
+        }
+        // Both as vectors of one component that matters.
+        ("refract", Ty::Scalar(_)) => {
+            let [i, n, eta] = [0, 1, 2].map(|i| at(i, level::ASSIGNMENT));
+            format!("refract(vec2({i}, 0.0), vec2({n}, 0.0), {eta}).x")
+        }
         // WGSL lacks both. Test the bits, which no compiler treats as a constant.
         ("isnan" | "isinf", of) => {
             let bits = format!("floatBitsToUint({})", text());

@@ -20,6 +20,11 @@ pub(super) fn output_of(built_in: &str) -> String {
     format!("{}_out", built_in.trim_start_matches("gl_"))
 }
 
+/// The layout of a specialisation constant, as lowering prints it.
+pub(super) fn specialised(id: u32) -> String {
+    format!("layout(constant_id = {id}) ")
+}
+
 impl Lower<'_, '_> {
     pub(super) fn stage(&mut self) -> Result<String, Error> {
         let resources = self.resources()?;
@@ -158,11 +163,20 @@ impl Lower<'_, '_> {
             Rules::Std140 => self.stage.structs.laid_out(&shapes, false),
             _ => shapes.iter().map(BlockEntry::Member).collect(),
         };
-        let instance = block.instance.as_ref().map(|i| self.safe(i));
+        let is_member = |name: &String| block.members.iter().any(|m| m.name == *name);
+        let instance = block.instance.as_ref().map(|i| match is_member(i) {
+            true => self.fresh(i),
+            false => self.safe(i),
+        });
         let last = block.members.last().map(|m| &m.ty);
-        // naga reads a block's member by loading the whole block, which fails for an unsized one.
+        // naga reads a block's member by loading the whole block, which fails for an unsized one, and
+        // for one with atomic members.
         let is_unsized = matches!(last, Some(Ty::Array(_, None)));
-        let open = instance.clone().filter(|_| storage && is_unsized);
+        let has_atomics = self.stage.used.iter().any(|w| w.starts_with("atomic"));
+        let is_whole = !is_unsized && !has_atomics;
+        let open = instance
+            .clone()
+            .filter(|_| storage && !is_whole && block.array.is_none());
         let mut names = Vec::new();
         let mut renamed: HashMap<String, String> = HashMap::new();
         let mut body = String::new();
@@ -199,6 +213,9 @@ impl Lower<'_, '_> {
             var.lay = lay(member);
             // A block is not a value; only its members are.
             match &block.instance {
+                Some(instance) if block.array.is_some() => {
+                    self.bind(&format!("{instance}[].{}", member.name), var);
+                }
                 Some(instance) => self.bind(&format!("{instance}.{}", member.name), var),
                 None => self.bind(&member.name, var),
             }
@@ -208,7 +225,14 @@ impl Lower<'_, '_> {
         let word = if storage { "buffer" } else { "uniform" };
         let text = format!("{mark}layout({layout}) {memory}{word} {name} {{\n{body}}}");
         match (instance, open) {
-            (Some(instance), None) => return (format!("{text} {instance};\n"), true),
+            (Some(instance), None) => {
+                let length = match block.array {
+                    Some(Some(n)) => format!("[{n}]"),
+                    Some(None) => "[]".to_owned(),
+                    None => String::new(),
+                };
+                return (format!("{text} {instance}{length};\n"), true);
+            }
             (_, Some(instance)) => self.interface.opened.extend(slot.map(|slot| Opened {
                 slot,
                 instance,
@@ -478,8 +502,7 @@ impl Lower<'_, '_> {
                 let value = self.initial(init, &global.ty)?;
                 let id = global.qualifiers.number("constant_id");
                 if let Some(id) = id {
-                    *out +=
-                        &format!("{mark}layout(constant_id = {id}) const {declared} = {value};\n");
+                    *out += &format!("{mark}{}const {declared} = {value};\n", specialised(id));
                 } else if self.is_simple(init) {
                     let word = match global.qualifiers.storage {
                         Some(Storage::Const) => "const ",

@@ -293,6 +293,7 @@ impl Lower<'_, '_> {
         match of {
             // Its only element: WebGPU has at most 32 samples.
             "gl_SampleMaskIn" => Ex::primary(format!("int({text})"), Ty::INT),
+            _ if name == "gl_ViewIndex" => Ex::primary(format!("int({text})"), Ty::INT),
             "gl_SampleMask" => Ex::primary(text, array(Ty::INT, 1)),
             "gl_ClipDistance" => {
                 let n = self.stage.clip_distances.unwrap_or(8);
@@ -519,6 +520,21 @@ impl Lower<'_, '_> {
             let mark = self.mark(whole.span);
             let mut ex = self.of_var(&var);
             ex.text = mark + &ex.text;
+            return Ok(ex);
+        }
+        // A member of an element of an array of blocks.
+        if let ExprData::Bracket(array, index) = &of.content
+            && let ExprData::Variable(instance) = &array.content
+            && let instance = instance.as_str()
+            && self.lookup(instance).is_none()
+            && let Some(var) = self.lookup(&format!("{instance}[].{name}")).cloned()
+        {
+            let mark = self.mark(whole.span);
+            let index = self.expr(index)?;
+            let mut ex = self.of_var(&var);
+            let (array, member) = var.text.rsplit_once('.').unwrap_or((&var.text, name));
+            ex.text = format!("{mark}{array}[{}].{member}", index.text);
+            ex.level = level::POSTFIX;
             return Ok(ex);
         }
         // A member of `gl_PerVertex` through its instance.

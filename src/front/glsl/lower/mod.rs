@@ -22,7 +22,7 @@ use glsl_lang::ast::NodeSpan;
 use naga::{ShaderStage, Span};
 
 use super::interface::{Interface, SplitSampler};
-use super::placeholders::Placeholder;
+use super::placeholders::Placeholders;
 use super::source_marks::Marks;
 use super::stage::GlslStage;
 use super::ty::{MemoryLayout, Ty};
@@ -70,6 +70,13 @@ const RESERVED: &[&str] = &[
 
 /// Maximum bytes of a stage's statements. Some statements are printed per element.
 const WRITTEN: usize = 1 << 26;
+
+/// Makes a constant of a specialisation constant in a lowered text. The places in the text stay.
+pub(super) fn fix_constant(text: &mut String, id: u32) {
+    let layout = declaration::specialised(id);
+    let blank = " ".repeat(layout.len());
+    *text = text.replace(&layout, &blank);
+}
 
 /// A variable in scope.
 #[derive(Clone, Debug)]
@@ -140,7 +147,7 @@ pub(super) struct Lower<'a, 'u> {
     /// The names of helpers by purpose.
     helper_names: HashMap<String, String>,
     /// Functions whose bodies are replaced in the module.
-    placeholders: HashMap<String, Placeholder>,
+    placeholders: Placeholders,
     /// Temporaries of the current function; `None` outside of functions.
     temporaries: Option<Vec<String>>,
     /// Expressions held in temporaries, by position.
@@ -177,7 +184,7 @@ pub(super) struct Lowered {
     pub marks: Marks,
     pub given: Vec<BuiltinCall>,
     /// Functions whose bodies are replaced in the module.
-    pub placeholders: HashMap<String, Placeholder>,
+    pub placeholders: Placeholders,
     /// The array that stands for `gl_ClipDistance`.
     pub clip_distances: Option<String>,
 }

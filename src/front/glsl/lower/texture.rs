@@ -258,7 +258,17 @@ impl Lower<'_, '_> {
         let Some((index, pairs)) = &sampler.choice else {
             return Ok((None, Ex::primary(call(&sampler.text), result)));
         };
-        let combined = pairs.first().map_or("", |p| p.combined.as_str());
+        let Some(first) = pairs.first() else {
+            return Err(unsupported(
+                "an array of samplers without a length is not supported",
+                place,
+            )
+            .note(
+                "give it a length, or compile both files with `glslangValidator -V` and give \
+                     the .spv files",
+            ));
+        };
+        let combined = first.combined.as_str();
         let gradients = self.stage.unit.is_nonuniform && is_implicit(name) && !self.is_vertex();
         let has_gradients =
             matches!(name, "texture" | "textureOffset") && !combined.ends_with("Shadow");
@@ -296,7 +306,7 @@ impl Lower<'_, '_> {
         let calls: Vec<String> = calls.collect();
         let index = &index.text;
         let text = match calls.split_last() {
-            None => return Err(unsupported("this array of samplers is empty", place)),
+            None => String::new(),
             Some(_) if is_large => halved(index, 0, &calls),
             Some((last, others)) => {
                 let others = others.iter().enumerate();

@@ -412,9 +412,11 @@ impl Preprocessor<'_> {
                     self.dialect.version = version;
                 }
                 let profile = words.get(1).map(|p| format!(" {p}")).unwrap_or_default();
-                let version = match self.printed_version {
-                    460 if (420..=460).contains(&self.dialect.version) => 460,
-                    _ => self.dialect.version,
+                let (version, profile) = match self.printed_version {
+                    // The lexer has no Vulkan in ES.
+                    460 if self.dialect.es => (460, String::new()),
+                    460 if (420..=460).contains(&self.dialect.version) => (460, profile),
+                    _ => (self.dialect.version, profile),
                 };
                 self.own_line(&format!("#version {version}{profile}"), place);
             }

@@ -65,6 +65,8 @@ pub(super) fn simple(init: &ast::Initializer) -> Option<&ast::Expr> {
 pub(super) struct Block {
     pub name: String,
     pub instance: Option<String>,
+    /// The length of an array of blocks, if it has one.
+    pub array: Option<Option<u32>>,
     pub members: Vec<GlslMember>,
     pub qualifiers: Qualifiers,
     pub place: Option<Span>,
@@ -197,6 +199,22 @@ impl<'u> GlslStage<'u> {
         }
         stage.reach(&definitions)?;
         Ok(stage)
+    }
+
+    /// Whether the text has sets, push constants, separate textures or built-ins that only Vulkan has.
+    pub(super) fn says_vulkan(&self) -> bool {
+        let variables = self.uniforms.iter().chain(&self.opaque);
+        let layouts = variables.map(|v| &v.qualifiers);
+        let mut layouts = layouts.chain(self.blocks.iter().map(|b| &b.qualifiers));
+        let is_separate = |v: &Variable| {
+            let name = v.ty.base_name();
+            let bare = name.trim_start_matches(['i', 'u']);
+            bare.starts_with("texture") || bare.starts_with("sampler")
+        };
+        let own = ["gl_VertexIndex", "gl_InstanceIndex"];
+        layouts.any(|q| q.says("set") || q.says("push_constant"))
+            || self.opaque.iter().any(is_separate)
+            || own.iter().any(|w| self.used.contains(*w))
     }
 
     /// A constant's value where the IR cannot hold an override: of a specialisation constant the
@@ -375,15 +393,22 @@ impl<'u> GlslStage<'u> {
             .identifier
             .as_ref()
             .map(|i| i.ident.as_str().to_owned());
-        if block
-            .identifier
-            .as_ref()
-            .is_some_and(|i| i.array_spec.is_some())
-        {
-            return Err(unsupported(
-                format!("`{name}` is an array of blocks, which WebGPU cannot bind"),
-                place,
-            ));
+        let dimensions = block.identifier.as_ref();
+        let dimensions = dimensions.and_then(|i| i.array_spec.as_ref());
+        // Elements of an array of blocks stand for any type here.
+        let array = match self.dimensions(Ty::INT, dimensions, place)? {
+            Ty::Array(of, length) if *of == Ty::INT => Some(length),
+            Ty::Array(..) => {
+                let message = format!("`{name}` is an array of arrays of blocks");
+                return Err(unsupported(message, place).note("use one index for both"));
+            }
+            _ => None,
+        };
+        let is_resource = matches!(qualifiers.storage, Some(Storage::Uniform | Storage::Buffer))
+            && !qualifiers.says("push_constant");
+        if array.is_some() && !is_resource {
+            let message = format!("`{name}` is an array of blocks, which only resources can be");
+            return Err(unsupported(message, place));
         }
         let row_major = match qualifiers.says("column_major") {
             true => false,
@@ -452,6 +477,7 @@ impl<'u> GlslStage<'u> {
         self.blocks.push(Block {
             name,
             instance,
+            array,
             members,
             qualifiers,
             place,
@@ -470,7 +496,13 @@ impl<'u> GlslStage<'u> {
     ) -> Result<Vec<GlslMember>, Error> {
         let mut out = Vec::new();
         let mut end = 0u32;
-        for (member, own) in members.into_iter().zip(qualifiers) {
+        let mut ordered: Vec<(GlslMember, &Qualifiers)> =
+            members.into_iter().zip(qualifiers).collect();
+        // Members may come in any order if each has an offset.
+        if qualifiers.iter().all(|q| q.says("offset")) {
+            ordered.sort_by_key(|(_, q)| q.number("offset"));
+        }
+        for (member, own) in ordered {
             let (natural, size) = match tight {
                 true => self.structs.std430_by(&member.ty, member.row_major),
                 false => self.structs.std140_by(&member.ty, member.row_major),

@@ -1,12 +1,11 @@
 //! What GLSL for Vulkan and OpenGL has and preshade does not read, by name.
 //!
 //! The lexer asks for types and qualifiers, which would end in a syntax error. The lowering asks
-//! for functions, variables and layouts.
+//! for functions, variables and layouts. The reader of SPIR-V asks by GLSL's words.
 
 use naga::Span;
 
-use super::stage::unsupported;
-use crate::front::error::Error;
+use super::error::{Code, Error};
 
 /// Where the grammar has a name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -80,8 +79,8 @@ const ABSENT: &[Absent] = &[
     of(Word::Qualifier, "perprimitiveEXT perprimitiveNV taskPayloadSharedEXT taskNV perviewNV", "it belongs to mesh shaders, which WebGPU lacks", "write a `flat` output of the vertex stage"),
     of(Word::Qualifier, "spirv_instruction spirv_execution_mode spirv_execution_mode_id spirv_decorate spirv_decorate_id spirv_decorate_string spirv_type spirv_storage_class spirv_by_reference spirv_literal", "no other language has inline SPIR-V", "use GLSL's functions"),
     of(Word::Name, "sparseTexture* sparseTexelFetch* sparseTexelsResidentARB sparseImageLoad* textureClampARB textureOffsetClampARB textureGradClampARB textureGradOffsetClampARB", "WebGPU has no sparse textures", "use the function without `sparse`, and a residency texture of your own"),
-    of(Word::Name, "atomicAdd atomicMin atomicMax atomicAnd atomicOr atomicXor atomicExchange atomicCompSwap atomicLoad atomicStore", PARAMETERS, "write the material in WGSL, which has `atomicAdd` and its like"),
-    of(Word::Name, "imageAtomic*", PARAMETERS, "write the material in WGSL, with an atomic in a storage buffer"),
+    of(Word::Name, "atomicCompSwap atomicLoad atomicStore", PARAMETERS, "use `atomicAdd`, `atomicExchange` and their like, or write the material in WGSL"),
+    of(Word::Name, "imageAtomic*", "WebGPU's image atomics return nothing", "use a storage block with an array of `uint`, and `atomicAdd` and its like"),
     of(Word::Name, "atomic_uint atomicCounter*", "WebGPU has no atomic counters", "write the material in WGSL, with an atomic in a storage buffer"),
     of(Word::Name, "subgroup*", "naga has no such operation", "use `subgroupAdd` and its like, `subgroupBallot`, or a shuffle"),
     of(Word::Name, "gl_SubGroup* ballotARB readInvocationARB readFirstInvocationARB anyInvocation* allInvocations*", "it is of an older extension", "use `subgroupBallot` and its like, of GL_KHR_shader_subgroup"),
@@ -89,8 +88,8 @@ const ABSENT: &[Absent] = &[
     of(Word::Name, "beginInvocationInterlock* endInvocationInterlock* beginFragmentShaderOrdering* pixel_interlock_* sample_interlock_* shading_rate_interlock_*", INTERLOCK, INTERLOCK_REMEDY),
     of(Word::Name, "blend_support_*", "WebGPU has no advanced blend equations", "read the target as a texture and blend in the shader"),
     of(Word::Name, "post_depth_coverage override_coverage inner_coverage", "WebGPU has no such coverage", "use `gl_SampleMaskIn` as it is"),
-    of(Word::Name, "num_views", "WebGPU has no multiview", "draw each view, with its number in a uniform"),
-    of(Word::Name, "gl_ViewIndex gl_ViewID_OVR gl_DeviceIndex gl_PositionPerViewNV gl_SecondaryPositionNV gl_SecondaryViewportMaskNV", "WebGPU has no multiview", "draw each view, with its number in a uniform"),
+    of(Word::Name, "gl_DeviceIndex", "WebGPU draws on one device", "draw on each device, with its number in a uniform"),
+    of(Word::Name, "gl_PositionPerViewNV gl_SecondaryPositionNV gl_SecondaryViewportMaskNV", "a vertex has one position in WebGPU", "compute it from `gl_ViewIndex`"),
     of(Word::Name, "gl_Layer gl_ViewportIndex gl_ViewportMask*", "WebGPU draws to one layer and one viewport", "draw each layer in a pass of its own"),
     of(Word::Name, "gl_BaseVertex* gl_BaseInstance* gl_DrawID*", "WebGPU has no such built-in", "pass it in a uniform, or as a push constant"),
     of(Word::Name, "gl_ShadingRateEXT gl_ShadingRateFlag* gl_PrimitiveShadingRateEXT gl_FragSizeEXT gl_FragInvocationCountEXT gl_FragmentSizeNV gl_InvocationsPerPixelNV", RATES, "leave it out: every pixel is shaded"),
@@ -100,6 +99,7 @@ const ABSENT: &[Absent] = &[
     of(Word::Name, "gl_PointCoord", "WebGPU's points are one pixel large", "draw quads with a coordinate instead"),
     of(Word::Name, "gl_CullDistance", "WebGPU has no such built-in", "write the distances to `gl_ClipDistance`"),
     of(Word::Name, "gl_Vertex gl_Normal gl_Color gl_SecondaryColor gl_MultiTexCoord* gl_FogCoord gl_TexCoord gl_FrontColor gl_BackColor gl_FrontSecondaryColor gl_BackSecondaryColor gl_FogFragCoord gl_ClipVertex gl_ModelView* gl_Projection* gl_NormalMatrix gl_TextureMatrix* gl_LightSource gl_FrontMaterial gl_BackMaterial gl_LightModel gl_Fog gl_NormalScale gl_ClipPlane gl_Point ftransform", "it depends on OpenGL's fixed functions", "declare an attribute, a varying or a uniform of your own"),
+    of(Word::Name, "component", "WebGPU cannot pack two variables into one location", "give each variable a location of its own, or pack them into one vector"),
     of(Word::Name, "barrier memoryBarrier* groupMemoryBarrier controlBarrier", COMPUTE, "leave it out"),
     of(Word::Name, "interpolateAtCentroid interpolateAtSample interpolateAtOffset interpolateAtVertexAMD", "in WebGPU each input has one interpolation", "qualify the input itself with `centroid` or `sample`"),
     of(Word::Name, "textureQueryLod textureQueryLOD", "WebGPU has no such query", "compute the level from the coordinates' derivatives"),
@@ -116,7 +116,10 @@ impl Absent {
 
     /// The error about `name`, which this is.
     pub(super) fn refuse(&self, name: &str, place: Option<Span>) -> Error {
-        unsupported(format!("`{name}` is not supported: {}", self.why), place).note(self.remedy)
+        let message = format!("`{name}` is not supported: {}", self.why);
+        Error::new(Code::Unsupported, message)
+            .label_if(place)
+            .note(self.remedy)
     }
 }
 

@@ -1,0 +1,179 @@
+//! Makes atomic functions of the placeholders that stand for them, and atomic types of the members
+//! that they change: naga's GLSL front end has neither.
+
+use naga::{
+    AddressSpace, AtomicFunction, Expression, FastHashMap, Function, GlobalVariable, Handle,
+    Module, Span, Statement, Type, TypeInner, UniqueArena,
+};
+use preshade_passes::core::operands;
+
+use super::placeholders::{Atomic, Placeholder, Placeholders};
+use super::stage::unsupported;
+use crate::front::error::Error;
+
+/// A part of a variable: the indices from the whole to it. Elements of an array count alike.
+type Part = (Handle<GlobalVariable>, Vec<u32>);
+
+/// Replaces the calls of placeholders. `place` maps error spans to the source.
+pub(super) fn replace(
+    module: &mut Module,
+    placeholders: &Placeholders,
+    place: &dyn Fn(Span) -> Span,
+) -> Result<(), Error> {
+    let mut found: Vec<(Handle<Function>, Atomic, Handle<Type>)> = Vec::new();
+    for (handle, function) in module.functions.iter() {
+        let of = function.name.as_ref().and_then(|n| placeholders.get(n));
+        if let (Some(Placeholder::Atomic(atomic)), Some(result)) = (of, &function.result) {
+            found.push((handle, *atomic, result.ty));
+        }
+    }
+    if found.is_empty() {
+        return Ok(());
+    }
+    let mut parts = Vec::new();
+    let Module {
+        functions,
+        entry_points,
+        global_variables,
+        ..
+    } = module;
+    let functions = functions.iter_mut().map(|(_, f)| f);
+    for function in functions.chain(entry_points.iter_mut().map(|e| &mut e.function)) {
+        load_late(function, &|g| {
+            matches!(global_variables[g].space, AddressSpace::Storage { .. })
+        });
+        let mut refused = None;
+        let expressions = &mut function.expressions;
+        operands::visit_mut(&mut function.body, &mut |statement| {
+            let Statement::Call {
+                function: called,
+                arguments,
+                result: Some(result),
+            } = statement
+            else {
+                return;
+            };
+            let Some((_, atomic, ty)) = found.iter().find(|(h, ..)| h == called) else {
+                return;
+            };
+            let span = expressions.get_span(*result);
+            let pointer = match expressions[arguments[0]] {
+                Expression::Load { pointer } => pointer,
+                _ => return refused = Some(span),
+            };
+            let part = part_of(expressions, pointer);
+            let is_storage =
+                |(g, _): &Part| matches!(global_variables[*g].space, AddressSpace::Storage { .. });
+            let Some(part) = part.filter(is_storage) else {
+                return refused = Some(span);
+            };
+            parts.push(part);
+            expressions[*result] = Expression::AtomicResult {
+                ty: *ty,
+                comparison: false,
+            };
+            *statement = Statement::Atomic {
+                pointer,
+                fun: function_of(*atomic),
+                value: arguments[1],
+                result: Some(*result),
+            };
+        });
+        if let Some(span) = refused {
+            return Err(refuse(place(span)));
+        }
+    }
+    for (global, path) in parts {
+        let ty = module.global_variables[global].ty;
+        let ty = with_atomic(&mut module.types, ty, &path);
+        module.global_variables[global].ty = ty;
+    }
+    Ok(())
+}
+
+/// Reads members instead of the structs that they are in: a struct with an atomic member is no
+/// value.
+///
+/// ```text
+/// %1 = Load { pointer: %0 }                      %1 = AccessIndex { base: %0, index: 3 }
+/// %2 = AccessIndex { base: %1, index: 3 }        %2 = Load { pointer: %1 }
+/// ```
+fn load_late(function: &mut Function, is_storage: &dyn Fn(Handle<GlobalVariable>) -> bool) {
+    let mut uses: FastHashMap<Handle<Expression>, usize> = FastHashMap::default();
+    for (_, expression) in function.expressions.iter() {
+        for operand in operands::of_expression(expression) {
+            *uses.entry(operand).or_default() += 1;
+        }
+    }
+    operands::visit(&function.body, &mut |statement| {
+        for operand in operands::of_statement(statement) {
+            *uses.entry(operand).or_default() += 1;
+        }
+    });
+    let expressions = &mut function.expressions;
+    let all: Vec<Handle<Expression>> = expressions.iter().map(|(h, _)| h).collect();
+    for member in all {
+        let Expression::AccessIndex { base: load, index } = expressions[member] else {
+            continue;
+        };
+        let Expression::Load { pointer } = expressions[load] else {
+            continue;
+        };
+        let is_part = part_of(expressions, pointer).is_some_and(|(g, _)| is_storage(g));
+        if is_part && uses.get(&load) == Some(&1) {
+            expressions[load] = Expression::AccessIndex {
+                base: pointer,
+                index,
+            };
+            expressions[member] = Expression::Load { pointer: load };
+        }
+    }
+}
+
+fn refuse(place: Span) -> Error {
+    unsupported(
+        "an atomic function takes a member of a storage block",
+        Some(place),
+    )
+    .note("name the member itself, not a copy of it")
+}
+
+fn function_of(atomic: Atomic) -> AtomicFunction {
+    match atomic {
+        Atomic::Add => AtomicFunction::Add,
+        Atomic::And => AtomicFunction::And,
+        Atomic::Or => AtomicFunction::InclusiveOr,
+        Atomic::Xor => AtomicFunction::ExclusiveOr,
+        Atomic::Min => AtomicFunction::Min,
+        Atomic::Max => AtomicFunction::Max,
+        Atomic::Exchange => AtomicFunction::Exchange { compare: None },
+    }
+}
+
+fn part_of(expressions: &naga::Arena<Expression>, pointer: Handle<Expression>) -> Option<Part> {
+    let (base, index) = match expressions[pointer] {
+        Expression::GlobalVariable(global) => return Some((global, Vec::new())),
+        Expression::AccessIndex { base, index } => (base, index),
+        Expression::Access { base, .. } => (base, 0),
+        _ => return None,
+    };
+    let (global, mut path) = part_of(expressions, base)?;
+    path.push(index);
+    Some((global, path))
+}
+
+/// The type with an atomic scalar at the end of the path.
+fn with_atomic(types: &mut UniqueArena<Type>, ty: Handle<Type>, path: &[u32]) -> Handle<Type> {
+    let mut of = types[ty].clone();
+    match (&mut of.inner, path) {
+        (TypeInner::Scalar(scalar), _) => of.inner = TypeInner::Atomic(*scalar),
+        (TypeInner::Array { base, .. }, [_, rest @ ..]) => *base = with_atomic(types, *base, rest),
+        (TypeInner::Struct { members, .. }, [first, rest @ ..]) => {
+            if let Some(member) = members.get_mut(*first as usize) {
+                member.ty = with_atomic(types, member.ty, rest);
+            }
+        }
+        _ => return ty,
+    }
+    types.insert(of, Span::UNDEFINED)
+}

@@ -1,0 +1,205 @@
+//! What SPIR-V has and naga's reader or WebGPU lacks: GLSL's word for it, whose entry in the table
+//! of absent names says why, and what to do instead.
+
+use std::collections::HashMap;
+
+use rspirv::dr::{Instruction, Module, Operand};
+use rspirv::spirv::{BuiltIn, Decoration, Dim, GlslStd450Op, Op, StorageClass, Word};
+
+use crate::front::error::{Code, Error};
+use crate::words::{globals, ids, literal, storage_class};
+
+/// Something that is not read.
+pub(super) struct Lack {
+    /// As SPIR-V calls it: `OpImageQueryLod`.
+    pub(super) name: String,
+    /// As GLSL calls it, with an entry in the table.
+    pub(super) glsl: &'static str,
+    /// The instruction's result, for its place.
+    pub(super) id: Option<Word>,
+    /// The index of the instruction in the listing, if it is in a block.
+    pub(super) line: Option<u32>,
+}
+
+/// The first thing that is not read.
+pub(super) fn find(module: &Module) -> Option<Lack> {
+    let all = globals(module);
+    let at = |name: String, glsl, id| Lack {
+        name,
+        glsl,
+        id,
+        line: None,
+    };
+    for i in &module.types_global_values {
+        if let Some((name, glsl)) = of_type(i) {
+            return Some(at(name, glsl, i.result_id));
+        }
+    }
+    let is_used = uses(module, &all);
+    for i in &module.annotations {
+        let (id, member, built_in) = match i.operands.as_slice() {
+            [
+                Operand::IdRef(id),
+                Operand::Decoration(Decoration::BuiltIn),
+                Operand::BuiltIn(b),
+            ] => (*id, None, *b),
+            [
+                Operand::IdRef(id),
+                Operand::LiteralBit32(n),
+                Operand::Decoration(Decoration::BuiltIn),
+                Operand::BuiltIn(b),
+            ] => (*id, Some(*n), *b),
+            _ => continue,
+        };
+        if let Some(glsl) = of_built_in(built_in)
+            && is_used(id, member)
+        {
+            return Some(at(format!("BuiltIn {built_in:?}"), glsl, Some(id)));
+        }
+    }
+    for i in &module.annotations {
+        let packs = Operand::Decoration(Decoration::Component);
+        let at_index = i.operands.iter().position(|o| *o == packs);
+        let value = at_index
+            .and_then(|n| i.operands.get(n + 1))
+            .and_then(literal);
+        if value.is_some_and(|n| n > 0) {
+            return Some(at("Component".to_owned(), "component", ids(i).next()));
+        }
+    }
+    let mut line = None;
+    for i in module.functions.iter().flat_map(|f| f.all_inst_iter()) {
+        if i.class.opcode == Op::Line {
+            line = i.operands.get(1).and_then(literal);
+        }
+        if let Some((name, glsl)) = of_instruction(i) {
+            return Some(Lack {
+                name,
+                glsl,
+                id: None,
+                line,
+            });
+        }
+    }
+    None
+}
+
+/// Whether an instruction of a block reads or writes a variable, or a member of a struct.
+fn uses(
+    module: &Module,
+    all: &HashMap<Word, Instruction>,
+) -> impl Fn(Word, Option<u32>) -> bool + use<> {
+    let mut variables = Vec::new();
+    let mut members = Vec::new();
+    for i in module.functions.iter().flat_map(|f| f.all_inst_iter()) {
+        let mut path = ids(i);
+        let Some(base) = path.next() else { continue };
+        variables.push(base);
+        let variable = all.get(&base).filter(|i| i.class.opcode == Op::Variable);
+        let pointer = variable.and_then(|v| all.get(&v.result_type?));
+        let ty = pointer.and_then(|p| ids(p).next());
+        let index = path.next().and_then(|id| all.get(&id));
+        let index = index.and_then(|i| i.operands.first()).and_then(literal);
+        members.extend(ty.zip(index));
+    }
+    move |id, member| match member {
+        None => variables.contains(&id),
+        Some(n) => members.contains(&(id, n)),
+    }
+}
+
+fn of_type(i: &Instruction) -> Option<(String, &'static str)> {
+    let glsl = match i.class.opcode {
+        Op::TypeAccelerationStructureKHR => "accelerationStructureEXT",
+        Op::TypeRayQueryKHR => "rayQueryEXT",
+        Op::TypeForwardPointer => "buffer_reference",
+        Op::TypePointer if storage_class(i) == Some(StorageClass::PhysicalStorageBuffer) => {
+            "buffer_reference"
+        }
+        Op::TypeImage => match i.operands.get(1) {
+            Some(Operand::Dim(Dim::DimSubpassData)) => "subpassInput",
+            Some(Operand::Dim(Dim::DimBuffer)) => "textureBuffer",
+            _ => return None,
+        },
+        Op::TypeInt => match i.operands.first().and_then(literal) {
+            Some(8 | 16) => "int16_t",
+            Some(64) => "int64_t",
+            _ => return None,
+        },
+        _ => return None,
+    };
+    let name = match (i.class.opcode, i.operands.get(1)) {
+        (Op::TypeImage, Some(Operand::Dim(dim))) => format!("OpTypeImage {dim:?}"),
+        (Op::TypeInt, _) => {
+            let bits = i.operands.first().and_then(literal).unwrap_or_default();
+            format!("OpTypeInt {bits}")
+        }
+        _ => format!("Op{}", i.class.opname),
+    };
+    Some((name, glsl))
+}
+
+fn of_built_in(built_in: BuiltIn) -> Option<&'static str> {
+    Some(match built_in {
+        BuiltIn::PointCoord => "gl_PointCoord",
+        BuiltIn::HelperInvocation => "gl_HelperInvocation",
+        BuiltIn::Layer => "gl_Layer",
+        BuiltIn::ViewportIndex => "gl_ViewportIndex",
+        BuiltIn::CullDistance => "gl_CullDistance",
+        BuiltIn::ViewIndex => "gl_ViewIndex",
+        BuiltIn::DeviceIndex => "gl_DeviceIndex",
+        BuiltIn::BaseVertex => "gl_BaseVertex",
+        BuiltIn::BaseInstance => "gl_BaseInstance",
+        BuiltIn::DrawIndex => "gl_DrawID",
+        BuiltIn::SamplePosition => "gl_SamplePosition",
+        BuiltIn::FragSizeEXT => "gl_FragSizeEXT",
+        BuiltIn::FragInvocationCountEXT => "gl_FragInvocationCountEXT",
+        BuiltIn::ShadingRateKHR | BuiltIn::PrimitiveShadingRateKHR => "gl_ShadingRateEXT",
+        BuiltIn::FullyCoveredEXT => "gl_FullyCoveredEXT",
+        _ => return None,
+    })
+}
+
+fn of_instruction(i: &Instruction) -> Option<(String, &'static str)> {
+    if i.class.opcode == Op::ExtInst {
+        let Some(Operand::LiteralExtInstInteger(n)) = i.operands.get(1) else {
+            return None;
+        };
+        let function = GlslStd450Op::from_u32(*n)?;
+        return match function {
+            GlslStd450Op::InterpolateAtCentroid
+            | GlslStd450Op::InterpolateAtSample
+            | GlslStd450Op::InterpolateAtOffset => {
+                Some((format!("{function:?}"), "interpolateAtCentroid"))
+            }
+            _ => None,
+        };
+    }
+    let name = i.class.opname;
+    let starts = |start: &str| name.starts_with(start);
+    let glsl = match i.class.opcode {
+        Op::ImageQueryLod => "textureQueryLod",
+        Op::ImageTexelPointer => "imageAtomicAdd",
+        Op::IsHelperInvocationEXT => "helperInvocationEXT",
+        Op::ReadClockKHR => "clockARB",
+        Op::BeginInvocationInterlockEXT => "beginInvocationInterlockARB",
+        Op::PtrAccessChain | Op::ConvertUToPtr | Op::ConvertPtrToU => "buffer_reference",
+        Op::ImageQuerySamples => "textureSamples",
+        _ if starts("ImageSparse") => "sparseTextureARB",
+        _ if starts("RayQuery") => "rayQueryInitializeEXT",
+        _ if starts("CooperativeMatrix") => "coopmat",
+        _ => return None,
+    };
+    Some((format!("Op{name}"), glsl))
+}
+
+/// The error about it.
+pub(super) fn refuse(lack: &Lack) -> Error {
+    match crate::front::absent::absent(lack.glsl) {
+        Some(absent) => absent.refuse(&lack.name, None),
+        None => Error::new(
+            Code::Unsupported,
+            format!("`{}` is not supported", lack.name),
+        ),
+    }
+}
