@@ -5,6 +5,8 @@ use std::collections::{HashMap, HashSet};
 use rspirv::dr::{self, Builder, Instruction, Operand};
 use rspirv::spirv::{Decoration, Op, StorageClass, Word};
 
+pub(crate) mod position;
+
 /// The little-endian bytes of `words`.
 pub(crate) fn to_bytes(words: &[u32]) -> Vec<u8> {
     words.iter().flat_map(|w| w.to_le_bytes()).collect()

@@ -92,9 +92,10 @@ pub fn author(path: &Path, dir: &Path, include: &[PathBuf]) -> Author {
         Some("wgsl") => return legal(of_written(path, Target::Wgsl)),
         Some("spv") => {
             let copy = dir.join(format!("{}.author.spv", file_name(path)));
-            std::fs::copy(path, &copy).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+            let bytes = std::fs::read(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+            std::fs::write(&copy, without_language(bytes)).unwrap();
             let mut command = Command::new("spirv-val");
-            let refused = refusal(command.args(["--target-env", "vulkan1.3"]).arg(path));
+            let refused = refusal(command.args(["--target-env", "vulkan1.3"]).arg(&copy));
             return Author {
                 is_legal: refused.is_none(),
                 spirv: Some(copy),
@@ -121,6 +122,20 @@ pub fn author(path: &Path, dir: &Path, include: &[PathBuf]) -> Author {
         }
     }
     legal(refusal(&mut glslang(path, include)))
+}
+
+/// A module that does not say which language it was made of: older tools do not know Slang.
+fn without_language(mut bytes: Vec<u8>) -> Vec<u8> {
+    const OP_SOURCE: u16 = 3;
+    let mut at = 20;
+    while let Some([a, b, c, d]) = bytes.get(at..at + 4) {
+        let (op, length) = (u16::from_le_bytes([*a, *b]), u16::from_le_bytes([*c, *d]));
+        if let Some(language) = bytes.get_mut(at + 4..at + 8).filter(|_| op == OP_SOURCE) {
+            language.fill(0);
+        }
+        at += 4 * usize::from(length.max(1));
+    }
+    bytes
 }
 
 /// The file, and the folders it includes from. Engines include files themselves, so their texts do
@@ -153,9 +168,11 @@ fn with_includes(path: &Path, dir: &Path, include: &[PathBuf]) -> (PathBuf, Vec<
 pub fn interface(spirv: &Path, is_vertex: bool, is_named: bool) -> Result<Interface, String> {
     let reflected = reflection_support::reflect(spirv)?;
     let lines = reflection_support::interface(&reflected, is_vertex);
-    // GLSL out declares the transpose of a row-major matrix, which is the same memory.
-    let lines = lines.into_iter().map(|l| l.replace(" by rows", ""));
-    let lines = lines.map(|l| if is_named { l } else { nameless(&l) });
+    let lines = lines.into_iter().map(|l| match is_named {
+        true => l,
+        // GLSL out declares the transpose of a row-major matrix, which is the same memory.
+        false => nameless(&l.replace(" by rows", "")),
+    });
     Ok(combined(lines.collect()))
 }
 

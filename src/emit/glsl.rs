@@ -212,6 +212,7 @@ pub(super) fn write_vulkan(
         immediate,
         variables: &specialised.variables,
         numbers: &numbers.map(|(b, n)| (u32::from(n), place(b))).collect(),
+        demotes: vulkan.program.declared().demotes,
     };
     let text = vulkan::rewritten(&text, stage, &mut stage_file, &resources);
     let text = text.map_err(|text::Unexpected(what)| EmitError::Inexpressible {

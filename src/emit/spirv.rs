@@ -17,8 +17,8 @@ mod binding_arrays;
 mod blocks;
 mod combined;
 mod constants;
+mod demote;
 mod interface;
-mod position;
 mod rows;
 mod sample_mask;
 
@@ -29,7 +29,7 @@ use super::plan_json::StageFile;
 use super::{EmitError, ReadBack, Target};
 use crate::front::spirv::instructions;
 use crate::wgsl::fingerprint;
-use crate::words::{ids, pointee, replace_ids, rewrite, to_bytes};
+use crate::words::{ids, pointee, position, replace_ids, rewrite, to_bytes};
 
 /// Writes the little-endian bytes and their `plan.json` entry. `name` is the file's.
 pub(super) fn write(
@@ -50,6 +50,8 @@ pub(super) fn write(
     }
     let without_padding = blocks::without_padding(program);
     let program = without_padding.as_ref().unwrap_or(program);
+    let demoting = demote::marked(program);
+    let program = demoting.as_ref().unwrap_or(program);
     let specialised = Specialised::of(program, (stage, entry), ids, name, Target::Spirv)?;
     let (module, info) = specialised.module();
     let options = Options {
@@ -93,6 +95,15 @@ pub(super) fn write(
         fingerprint::difference(&wanted, &interface::lines(words.module_ref()))
     {
         ReadBack::Differs(difference).unread(name, Target::Spirv)?;
+    }
+    match demoting.is_some() {
+        true => demote::write(&mut words),
+        false if program.declared().demotes && stage == ShaderStage::Fragment => {
+            let note = "`discard` ends the invocation here, where yours demotes it: a function ends \
+                        with it";
+            stage_file.notes.push(format!("{name}: {note}"));
+        }
+        false => {}
     }
     sample_mask::as_arrays(&mut words);
     binding_arrays::declare(&mut words);

@@ -80,7 +80,7 @@ const ABSENT: &[Absent] = &[
     of(Word::Qualifier, "spirv_instruction spirv_execution_mode spirv_execution_mode_id spirv_decorate spirv_decorate_id spirv_decorate_string spirv_type spirv_storage_class spirv_by_reference spirv_literal", "no other language has inline SPIR-V", "use GLSL's functions"),
     of(Word::Name, "sparseTexture* sparseTexelFetch* sparseTexelsResidentARB sparseImageLoad* textureClampARB textureOffsetClampARB textureGradClampARB textureGradOffsetClampARB", "WebGPU has no sparse textures", "use the function without `sparse`, and a residency texture of your own"),
     of(Word::Name, "atomicCompSwap atomicLoad atomicStore", PARAMETERS, "use `atomicAdd`, `atomicExchange` and their like, or write the material in WGSL"),
-    of(Word::Name, "imageAtomic*", "WebGPU's image atomics return nothing", "use a storage block with an array of `uint`, and `atomicAdd` and its like"),
+    of(Word::Name, "imageAtomic*", "naga's image atomics return nothing, and none exchanges", "use `imageAtomicAdd` and its like as a statement, or `atomicAdd` and its like on a storage block"),
     of(Word::Name, "atomic_uint atomicCounter*", "WebGPU has no atomic counters", "write the material in WGSL, with an atomic in a storage buffer"),
     of(Word::Name, "subgroup*", "naga has no such operation", "use `subgroupAdd` and its like, `subgroupBallot`, or a shuffle"),
     of(Word::Name, "gl_SubGroup* ballotARB readInvocationARB readFirstInvocationARB anyInvocation* allInvocations*", "it is of an older extension", "use `subgroupBallot` and its like, of GL_KHR_shader_subgroup"),

@@ -1,47 +1,172 @@
 //! Leaves the function after a `discard` in a loop. GLSL's `discard` and SPIR-V's `OpKill` end the
 //! invocation. WGSL's only demotes it, so a loop that nothing else ends would never end.
+//!
+//! ```text
+//! loop {                                  loop {
+//!     cut();                                  cut();
+//!                                             if killed { return; }
+//!     discard;                                discard;
+//!                                             return;
+//! }                                       }
+//! ```
 
-use naga::{Block, Expression, Function, Handle, Module, Span, Statement};
+use std::collections::HashSet;
+
+use naga::{
+    AddressSpace, Block, Expression, Function, GlobalVariable, Handle, Literal, MemoryDecorations,
+    Module, Range, Scalar, Span, Statement, Type, TypeInner,
+};
 use preshade_passes::graph::operands;
 
-/// Adds a `return` behind each `discard` in a loop.
+/// Adds a `return` behind each `discard` in a loop, and behind each call in a loop of a function that
+/// discarded.
 pub(super) fn end(module: &mut Module) {
-    let functions = module.functions.iter_mut().map(|(_, f)| f);
-    let entries = module.entry_points.iter_mut().map(|e| &mut e.function);
-    for function in functions.chain(entries) {
+    let mut killers: HashSet<Handle<Function>> = HashSet::new();
+    // Callees precede their callers.
+    for (handle, function) in module.functions.iter() {
+        if kills(&function.body, &killers) {
+            killers.insert(handle);
+        }
+    }
+    let functions = module.functions.iter().map(|(_, f)| f);
+    let entries = module.entry_points.iter().map(|e| &e.function);
+    let asks = functions
+        .chain(entries)
+        .any(|f| calls_in_loop(&f.body, false, &killers));
+    let flag = asks.then(|| declare(module));
+    for (handle, function) in module.functions.iter_mut() {
+        let own = flag.filter(|_| killers.contains(&handle));
+        Ending {
+            killers: &killers,
+            flag,
+            own,
+        }
+        .end(function);
+    }
+    for entry in &mut module.entry_points {
+        // No caller asks whether it discarded.
+        Ending {
+            killers: &killers,
+            flag,
+            own: None,
+        }
+        .end(&mut entry.function);
+    }
+}
+
+fn kills(block: &Block, killers: &HashSet<Handle<Function>>) -> bool {
+    block.iter().any(|statement| match statement {
+        Statement::Kill => true,
+        Statement::Call { function, .. } => killers.contains(function),
+        other => operands::blocks(other).iter().any(|b| kills(b, killers)),
+    })
+}
+
+fn calls_in_loop(block: &Block, is_in_loop: bool, killers: &HashSet<Handle<Function>>) -> bool {
+    block.iter().any(|statement| {
+        let is_in_loop = is_in_loop || matches!(statement, Statement::Loop { .. });
+        match statement {
+            Statement::Call { function, .. } => is_in_loop && killers.contains(function),
+            other => operands::blocks(other)
+                .iter()
+                .any(|b| calls_in_loop(b, is_in_loop, killers)),
+        }
+    })
+}
+
+/// Adds the variable that is true once the invocation discarded.
+fn declare(module: &mut Module) -> Handle<GlobalVariable> {
+    let bool = Type {
+        name: None,
+        inner: TypeInner::Scalar(Scalar::BOOL),
+    };
+    let ty = module.types.insert(bool, Span::UNDEFINED);
+    let variable = GlobalVariable {
+        name: Some("killed".to_owned()),
+        space: AddressSpace::Private,
+        binding: None,
+        ty,
+        init: None,
+        memory_decorations: MemoryDecorations::empty(),
+    };
+    module.global_variables.append(variable, Span::UNDEFINED)
+}
+
+struct Ending<'a> {
+    /// The functions that may discard.
+    killers: &'a HashSet<Handle<Function>>,
+    flag: Option<Handle<GlobalVariable>>,
+    /// The flag, if a caller asks for it.
+    own: Option<Handle<GlobalVariable>>,
+}
+
+impl Ending<'_> {
+    fn end(&self, function: &mut Function) {
         let mut body = std::mem::take(&mut function.body);
-        end_block(function, &mut body, false);
+        self.end_block(function, &mut body, false);
         function.body = body;
     }
-}
 
-fn end_block(function: &mut Function, block: &mut Block, is_in_loop: bool) {
-    let mut kills = Vec::new();
-    for (i, statement) in block.iter_mut().enumerate() {
-        if matches!(statement, Statement::Kill) && is_in_loop {
-            kills.push(i + 1);
+    fn end_block(&self, function: &mut Function, block: &mut Block, is_in_loop: bool) {
+        let mut added = Vec::new();
+        for (i, statement) in block.iter_mut().enumerate() {
+            match statement {
+                Statement::Kill => added.push((i, true)),
+                Statement::Call { function, .. } if self.killers.contains(function) => {
+                    added.push((i, false));
+                }
+                _ => {}
+            }
+            let is_in_loop = is_in_loop || matches!(statement, Statement::Loop { .. });
+            for inner in operands::blocks_mut(statement) {
+                self.end_block(function, inner, is_in_loop);
+            }
         }
-        let is_in_loop = is_in_loop || matches!(statement, Statement::Loop { .. });
-        for inner in operands::blocks_mut(statement) {
-            end_block(function, inner, is_in_loop);
+        for (i, is_kill) in added.into_iter().rev() {
+            let returns = matches!(block.get(i + 1), Some(Statement::Return { .. }));
+            if is_in_loop && !returns {
+                let leave = match (is_kill, self.flag) {
+                    (false, Some(flag)) => if_killed(function, flag),
+                    _ => leave(function),
+                };
+                block.splice(i + 1..i + 1, leave);
+            }
+            if let (true, Some(flag)) = (is_kill, self.own) {
+                block.splice(i..i, set(function, flag));
+            }
         }
     }
-    for at in kills.into_iter().rev() {
-        if at == block.len() || !matches!(block[at], Statement::Return { .. }) {
-            let value = zero(function);
-            let mut leaves = Block::new();
-            leaves.push(Statement::Return { value }, Span::UNDEFINED);
-            block.splice(at..at, leaves);
-        }
-    }
 }
 
-/// The value that an invocation returns which no longer counts.
-fn zero(function: &mut Function) -> Option<Handle<Expression>> {
-    let ty = function.result.as_ref()?.ty;
-    Some(
-        function
-            .expressions
-            .append(Expression::ZeroValue(ty), Span::UNDEFINED),
-    )
+/// `return`, of a value that no longer counts.
+fn leave(function: &mut Function) -> Block {
+    let ty = function.result.as_ref().map(|r| r.ty);
+    let value = ty.map(|ty| append(function, Expression::ZeroValue(ty)));
+    Block::from_vec(vec![Statement::Return { value }])
+}
+
+/// `if killed { return; }`
+fn if_killed(function: &mut Function, flag: Handle<GlobalVariable>) -> Block {
+    let accept = leave(function);
+    let pointer = append(function, Expression::GlobalVariable(flag));
+    let condition = append(function, Expression::Load { pointer });
+    Block::from_vec(vec![
+        Statement::Emit(Range::new_from_bounds(condition, condition)),
+        Statement::If {
+            condition,
+            accept,
+            reject: Block::new(),
+        },
+    ])
+}
+
+/// `killed = true;`
+fn set(function: &mut Function, flag: Handle<GlobalVariable>) -> Block {
+    let pointer = append(function, Expression::GlobalVariable(flag));
+    let value = append(function, Expression::Literal(Literal::Bool(true)));
+    Block::from_vec(vec![Statement::Store { pointer, value }])
+}
+
+fn append(function: &mut Function, expression: Expression) -> Handle<Expression> {
+    function.expressions.append(expression, Span::UNDEFINED)
 }

@@ -43,6 +43,11 @@ mod wgsl;
 #[cfg(any(feature = "glsl", feature = "spirv"))]
 mod wrapped_main;
 
+/// The note on `precise`, or `NoContraction`, where it is lost.
+#[cfg(any(feature = "glsl", feature = "spirv"))]
+const PRECISE_NOTE: &str = "`precise` (`NoContraction`) is kept for the position only: elsewhere a \
+                            driver may fuse a multiply and an add";
+
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

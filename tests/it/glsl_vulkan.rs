@@ -539,11 +539,140 @@ layout(std430, binding = 3) readonly buffer E { uint n; } e;",
         let text = written(&plan, target);
         assert!(text.contains("atomicAdd("), "{text}");
     }
+    let arrays = fragment(
+        "layout(std430, binding = 0) buffer B { uint n; } b[2];",
+        "c = vec4(atomicAdd(b[1].n, 1u));",
+    );
+    let wgsl = written(&self::plan(read(VERTEX, &arrays)), Target::Wgsl);
+    assert!(wgsl.contains("atomicAdd(&b[1].n, 1u)"), "{wgsl}");
+    let whole = fragment(
+        "struct Node { uint count; float w; };
+layout(std430, binding = 0) buffer B { Node nodes[4]; };",
+        "atomicAdd(nodes[0].count, 1u); Node copy = nodes[1]; c = vec4(copy.w);",
+    );
+    let error = front::parse(&sources(VERTEX, &whole), &Options::default()).unwrap_err();
+    assert!(error.message().contains("as a whole"), "{error}");
     let text = fragment("", "uint n = 0u; c = vec4(atomicAdd(n, 1u));");
     let error = front::parse(&sources(VERTEX, &text), &Options::default()).unwrap_err();
     assert_eq!(error.code(), Code::Unsupported, "{error}");
     assert!(error.message().contains("storage block"), "{error}");
     assert!(error.location().is_some_and(|l| l.line == 7), "{error}");
+}
+
+#[test]
+fn atomic_functions_change_texels() {
+    let text = fragment(
+        "layout(binding = 0, r32ui) uniform uimage2D hits;
+layout(binding = 1, r32i) uniform iimage2DArray low;",
+        "ivec2 at = ivec2(uv);
+    imageAtomicAdd(hits, at, 1);
+    for (int i = 0; i < 2; i++) imageAtomicMin(low, ivec3(at, i), -3);
+    c = vec4(imageLoad(hits, at).x);",
+    );
+    let plan = plan(read(VERTEX, &text));
+    let wgsl = written(&plan, Target::Wgsl);
+    for said in [
+        "texture_storage_2d<r32uint,atomic>",
+        "textureAtomicAdd(hits, at, 1u)",
+        "textureAtomicMin(low, ",
+    ] {
+        assert!(wgsl.contains(said), "{said}\n{wgsl}");
+    }
+    assert!(!wgsl.contains("textureStore"), "{wgsl}");
+    let features = &plan.passes[0].features;
+    assert!(
+        features.iter().any(|f| f == "wgpu-texture-atomic"),
+        "{features:?}"
+    );
+    written(&plan, Target::Spirv);
+    for target in [Target::Glsl450, Target::GlslVulkan] {
+        assert!(written(&plan, target).contains("imageAtomicAdd(hits, "));
+    }
+    let declared = "layout(binding = 0, r32ui) uniform uimage2D i;\n\
+                    void f(uimage2D j) { imageAtomicAdd(j, ivec2(0), 1u); }";
+    let error = front::parse(
+        &sources(VERTEX, &fragment(declared, "f(i); c = vec4(1.0);")),
+        &Options::default(),
+    );
+    assert_eq!(error.unwrap_err().code(), Code::Unsupported);
+}
+
+/// In GLSL a discard ends the invocation, and so the loops of its callers.
+#[test]
+fn a_discard_in_a_function_ends_the_loops_around_its_call() {
+    let text = fragment(
+        "void cut(float a) { if (a < 0.0) discard; }
+float inner(float a) { cut(a); return a; }",
+        "float a = uv.x;
+    while (true) { a -= inner(a); if (a > uv.y) break; }
+    c = vec4(a);",
+    );
+    let wgsl = wgsl(VERTEX, &text);
+    assert!(wgsl.contains("var<private> killed: bool;"), "{wgsl}");
+    assert!(wgsl.contains("killed = true;\n        discard;"), "{wgsl}");
+    // The call is in the loop, the discard two functions further.
+    let called = wgsl.find("= inner(a)").unwrap_or_else(|| panic!("{wgsl}"));
+    let asked = wgsl.find("if killed {").unwrap_or_else(|| panic!("{wgsl}"));
+    assert!(called < asked, "{wgsl}");
+    assert_eq!(wgsl.matches("if killed").count(), 1, "{wgsl}");
+    // No loop needs it here.
+    let plain = text
+        .replace("while (true)", "if (a > 0.5)")
+        .replace(" break;", " a = 1.0;");
+    assert!(!self::wgsl(VERTEX, &plain).contains("killed"));
+}
+
+#[test]
+fn a_demotion_stays_one_for_vulkan() {
+    let text = fragment(
+        "layout(binding = 0) uniform sampler2D map;",
+        "if (uv.x < 0.5) demote;\n    c = texture(map, uv);",
+    );
+    let plan = plan(read(VERTEX, &text));
+    let vulkan = written(&plan, Target::GlslVulkan);
+    assert!(
+        vulkan.contains("demote;") && !vulkan.contains("discard"),
+        "{vulkan}"
+    );
+    let files = emit::emit(&plan, &[Target::Spirv], &emit::Options::default()).unwrap();
+    let opcodes: Vec<u32> = files
+        .iter()
+        .filter(|f| f.name.ends_with("frag.spv"))
+        .flat_map(|f| opcodes(&f.bytes))
+        .collect();
+    // OpDemoteToHelperInvocation, OpKill.
+    assert!(
+        opcodes.contains(&5380) && !opcodes.contains(&252),
+        "{opcodes:?}"
+    );
+}
+
+/// The opcodes of a module.
+fn opcodes(bytes: &[u8]) -> Vec<u32> {
+    let (words, _) = bytes.as_chunks::<4>();
+    let words: Vec<u32> = words.iter().map(|w| u32::from_le_bytes(*w)).collect();
+    let (mut all, mut at) = (Vec::new(), 5);
+    while let Some(word) = words.get(at) {
+        all.push(word & 0xffff);
+        at += (word >> 16).max(1) as usize;
+    }
+    all
+}
+
+#[test]
+fn a_precise_local_makes_the_position_invariant() {
+    let vertex = VERTEX.replace(
+        "gl_Position = p;",
+        "precise vec4 q = p * 2.0; gl_Position = q;",
+    );
+    let parsed = read(
+        &vertex,
+        &fragment("", "precise float a = uv.x * 2.0 + uv.y; c = vec4(a);"),
+    );
+    let notes = parsed.program.declared().notes.join("\n");
+    assert!(notes.contains("`precise`"), "{notes}");
+    let wgsl = written(&plan(parsed), Target::Wgsl);
+    assert!(wgsl.contains("@builtin(position) @invariant"), "{wgsl}");
 }
 
 #[test]

@@ -40,6 +40,8 @@ pub struct Declared {
     pub origin_upper_left: bool,
     /// Notes for the host on how the text was read, a sentence each.
     pub notes: Vec<String>,
+    /// `discard` demotes the invocation to a helper, as in WGSL. Otherwise it ends it, as in GLSL.
+    pub demotes: bool,
 }
 
 impl Declared {

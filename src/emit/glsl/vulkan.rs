@@ -49,6 +49,8 @@ pub(super) struct Resources<'a> {
     pub(super) variables: &'a [Variable],
     /// The plan's binding of each `layout(binding = ..)`.
     pub(super) numbers: &'a BTreeMap<u32, Place>,
+    /// The author's `discard` demotes.
+    pub(super) demotes: bool,
 }
 
 /// Rewrites `text`, and the numbers of `stage_file`.
@@ -59,6 +61,9 @@ pub(super) fn rewritten(
     resources: &Resources<'_>,
 ) -> Result<String, Unexpected> {
     let mut text = indices(text, stage);
+    if resources.demotes {
+        text = demoting(&text);
+    }
     for variable in resources.variables {
         text = constant(&text, variable)?;
     }
@@ -87,6 +92,18 @@ fn replaced(text: &str, with: &HashMap<&str, String>) -> String {
         }
     }
     out + &text[copied..]
+}
+
+/// Demotes instead of discarding (GL_EXT_demote_to_helper_invocation).
+fn demoting(text: &str) -> String {
+    let with = HashMap::from([("discard", "demote".to_owned())]);
+    let text = match text.split_once('\n') {
+        Some((version, rest)) if words(rest).any(|(word, _)| word == "discard") => {
+            format!("{version}\n#extension GL_EXT_demote_to_helper_invocation : require\n{rest}")
+        }
+        _ => text.to_owned(),
+    };
+    replaced(&text, &with)
 }
 
 /// Vulkan's vertex and instance indices count from the draw's first, as those of WGSL do.

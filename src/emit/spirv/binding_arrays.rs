@@ -5,18 +5,16 @@
 use std::collections::{HashMap, HashSet};
 
 use rspirv::dr::{Builder, Instruction, Module, Operand};
-use rspirv::spirv::{Capability, Decoration, Op};
+use rspirv::spirv::{Capability, Decoration, Op, StorageClass};
 
-use super::{ids, pointee};
+use crate::words::{decorations, globals, ids, pointee, storage_class};
 
 /// Of SPIR-V before 1.5.
 const EXTENSION: &str = "SPV_EXT_descriptor_indexing";
 
 pub(super) fn declare(module: &mut Builder) {
-    let types = module.module_ref().types_global_values.iter();
-    let types: HashMap<u32, Instruction> = types
-        .filter_map(|i| Some((i.result_id?, i.clone())))
-        .collect();
+    decorate_blocks(module);
+    let types = globals(module.module_ref());
     let mut capabilities = Vec::new();
     if types
         .values()
@@ -54,6 +52,28 @@ pub(super) fn declare(module: &mut Builder) {
     let extensions = &module.module_ref().extensions;
     if !extensions.iter().any(|i| i.operands.contains(&name)) {
         module.extension(EXTENSION);
+    }
+}
+
+/// Decorates the structs that are elements of arrays of blocks.
+fn decorate_blocks(module: &mut Builder) {
+    let types = globals(module.module_ref());
+    let element = |variable: &Instruction| {
+        let class = storage_class(variable)?;
+        let is_block = matches!(class, StorageClass::Uniform | StorageClass::StorageBuffer);
+        let array = types.get(&pointee(module.module_ref(), variable.result_type?)?)?;
+        let is_array = matches!(array.class.opcode, Op::TypeArray | Op::TypeRuntimeArray);
+        let element = types.get(&ids(array).next()?)?;
+        let is_struct = element.class.opcode == Op::TypeStruct;
+        (is_block && is_array && is_struct).then_some(element.result_id?)
+    };
+    let variables = types.values().filter(|i| i.class.opcode == Op::Variable);
+    let mut blocks: Vec<u32> = variables.filter_map(element).collect();
+    blocks.sort_unstable();
+    blocks.dedup();
+    let has = decorations(module.module_ref(), Decoration::Block);
+    for id in blocks.into_iter().filter(|id| !has.contains_key(id)) {
+        module.decorate(id, Decoration::Block, []);
     }
 }
 

@@ -112,6 +112,7 @@ pub(super) fn unreadable(module: &Module) -> Option<&'static str> {
     let mut all = module.all_inst_iter();
     all.find_map(|i| match (i.class.opcode, i.operands.as_slice()) {
         (Op::TypeInt, [Operand::LiteralBit32(8), ..]) => Some("8-bit integers"),
+        (Op::ImageTexelPointer, _) => Some("atomic functions of images"),
         (
             Op::ExtInst,
             [

@@ -3,13 +3,15 @@
 
 use naga::{
     AddressSpace, AtomicFunction, Expression, FastHashMap, Function, GlobalVariable, Handle,
-    Module, Span, Statement, Type, TypeInner, UniqueArena,
+    ImageClass, Module, Span, Statement, StorageAccess, Type, TypeInner, UniqueArena,
 };
 use preshade_passes::core::operands;
+use preshade_passes::rebuild::writer::FunctionWriter;
 
 use super::placeholders::{Atomic, Placeholder, Placeholders};
 use super::stage::unsupported;
 use crate::front::error::Error;
+use crate::front::wrapped_main;
 
 /// A part of a variable: the indices from the whole to it. Elements of an array count alike.
 type Part = (Handle<GlobalVariable>, Vec<u32>);
@@ -28,6 +30,7 @@ pub(super) fn replace(
         }
     }
     if found.is_empty() {
+        images(module, placeholders);
         return Ok(());
     }
     let mut parts = Vec::new();
@@ -83,12 +86,90 @@ pub(super) fn replace(
             return Err(refuse(place(span)));
         }
     }
+    images(module, placeholders);
     for (global, path) in parts {
         let ty = module.global_variables[global].ty;
         let ty = with_atomic(&mut module.types, ty, &path);
         module.global_variables[global].ty = ty;
     }
-    Ok(())
+    match wrapped_main::is_valid(module) {
+        true => Ok(()),
+        // A struct with an atomic member is no value.
+        false => Err(unsupported(
+            "a struct whose member an atomic function changes is read or written as a whole",
+            None,
+        )
+        .note("read and write its members one by one")),
+    }
+}
+
+/// Replaces the stores of what placeholders of image atomics return.
+///
+/// ```text
+/// %2 = Call imageAtomicAdd_uint(%1)
+/// ImageStore { image: %0, value: %2 }            ImageAtomic { image: %0, value: %1 }
+/// ```
+fn images(module: &mut Module, placeholders: &Placeholders) {
+    let of = |f: &Function| match placeholders.get(f.name.as_ref()?) {
+        Some(Placeholder::ImageAtomic(atomic)) => Some((*atomic, f.result.as_ref()?.ty)),
+        _ => None,
+    };
+    let found = module.functions.iter();
+    let found: FastHashMap<_, _> = found.filter_map(|(h, f)| Some((h, of(f)?))).collect();
+    if found.is_empty() {
+        return;
+    }
+    let mut changed = Vec::new();
+    let functions = module.functions.iter_mut().map(|(_, f)| f);
+    let entries = module.entry_points.iter_mut().map(|e| &mut e.function);
+    for function in functions.chain(entries) {
+        let mut values = FastHashMap::default();
+        FunctionWriter::rewrite(function, &mut |writer, statement, span| match statement {
+            Statement::Call {
+                function,
+                ref arguments,
+                result: Some(result),
+            } if found.contains_key(&function) => {
+                let (atomic, ty) = found[&function];
+                // A result needs its call.
+                writer.function.expressions[result] = Expression::ZeroValue(ty);
+                values.insert(result, (atomic, arguments[0]));
+            }
+            Statement::ImageStore {
+                image,
+                coordinate,
+                array_index,
+                value,
+            } if values.contains_key(&value) => {
+                // Lowering sees to it that it is one.
+                if let Expression::GlobalVariable(global) = writer.function.expressions[image] {
+                    changed.push(global);
+                }
+                let (atomic, value) = values[&value];
+                let atomic = Statement::ImageAtomic {
+                    image,
+                    coordinate,
+                    array_index,
+                    fun: function_of(atomic),
+                    value,
+                };
+                writer.statement(atomic, span);
+            }
+            other => writer.statement(other, span),
+        });
+    }
+    for global in changed {
+        let mut ty = module.types[module.global_variables[global].ty].clone();
+        if let TypeInner::Image {
+            class: ImageClass::Storage { access, .. },
+            ..
+        } = &mut ty.inner
+        {
+            // WGSL's `atomic`.
+            *access = StorageAccess::all();
+        }
+        module.global_variables[global].ty = module.types.insert(ty, Span::UNDEFINED);
+    }
 }
 
 /// Reads members instead of the structs that they are in: a struct with an atomic member is no
@@ -167,7 +248,9 @@ fn with_atomic(types: &mut UniqueArena<Type>, ty: Handle<Type>, path: &[u32]) ->
     let mut of = types[ty].clone();
     match (&mut of.inner, path) {
         (TypeInner::Scalar(scalar), _) => of.inner = TypeInner::Atomic(*scalar),
-        (TypeInner::Array { base, .. }, [_, rest @ ..]) => *base = with_atomic(types, *base, rest),
+        (TypeInner::Array { base, .. } | TypeInner::BindingArray { base, .. }, [_, rest @ ..]) => {
+            *base = with_atomic(types, *base, rest)
+        }
         (TypeInner::Struct { members, .. }, [first, rest @ ..]) => {
             if let Some(member) = members.get_mut(*first as usize) {
                 member.ty = with_atomic(types, member.ty, rest);

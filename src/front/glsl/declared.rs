@@ -8,9 +8,10 @@ use preshade_passes::declared::{
 
 use super::constant::Specialised;
 use super::interface::{BindingSlot, Interface, index};
-use super::stage::{FRAG_COORD_Y, GlslStage, Variable};
+use super::stage::{FRAG_COORD_Y, GlslStage, PRECISE, Variable};
 use super::ty::{Structs, Ty};
 use crate::front::ClipSpace;
+use crate::front::PRECISE_NOTE;
 
 /// Collects the declarations of stages that `interface` has numbered.
 pub(super) fn declared(
@@ -151,6 +152,11 @@ fn dropped(stages: &[GlslStage<'_>]) -> Vec<String> {
     let mut out = Vec::new();
     if stages.iter().any(|s| s.used.contains("debugPrintfEXT")) {
         out.push("`debugPrintfEXT` is dropped: WebGPU prints nothing".to_owned());
+    }
+    let is_precise =
+        |s: &GlslStage<'_>| s.kind == ShaderStage::Fragment && s.used.contains(PRECISE);
+    if stages.iter().any(is_precise) {
+        out.push(PRECISE_NOTE.to_owned());
     }
     if stages.iter().any(|s| s.unit.is_nonuniform) {
         out.push(

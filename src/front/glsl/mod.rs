@@ -248,6 +248,7 @@ pub(super) fn normalise(
         .notes
         .extend(fixed.iter().map(declared::fixed_note));
     declared::layouts(&stages, &interface, &mut declared);
+    declared.demotes = stages.iter().any(|s| s.demotes.get());
     Ok((texts, declared))
 }
 

@@ -18,6 +18,8 @@ pub(super) enum Placeholder {
     Subgroup(Subgroup),
     /// Changes the part of a storage block that its first argument reads.
     Atomic(Atomic),
+    /// Stands for the texel that the store of its result changes by its argument.
+    ImageAtomic(Atomic),
 }
 
 /// The placeholder functions by name.
@@ -35,9 +37,18 @@ pub(super) enum Atomic {
     Exchange,
 }
 
-/// The atomic function of that name.
+/// The atomic function of that name, of storage blocks.
 pub(super) fn atomic(name: &str) -> Option<Atomic> {
-    Some(match name.strip_prefix("atomic")? {
+    operation(name.strip_prefix("atomic")?)
+}
+
+/// The atomic function of that name, of images, as far as naga has it.
+pub(super) fn image_atomic(name: &str) -> Option<Atomic> {
+    operation(name.strip_prefix("imageAtomic")?).filter(|a| *a != Atomic::Exchange)
+}
+
+fn operation(word: &str) -> Option<Atomic> {
+    Some(match word {
         "Add" => Atomic::Add,
         "And" => Atomic::And,
         "Or" => Atomic::Or,
@@ -119,7 +130,7 @@ pub(super) fn replace(module: &mut Module, placeholders: &Placeholders) {
         match name.and_then(|n| placeholders.get(n)) {
             Some(Placeholder::Gather(component)) => gather(function, *component, span),
             Some(Placeholder::Subgroup(of)) => exchange(function, *of, span),
-            Some(Placeholder::Atomic(_)) | None => {}
+            Some(Placeholder::Atomic(_) | Placeholder::ImageAtomic(_)) | None => {}
         }
     }
 }

@@ -14,6 +14,7 @@ mod listing;
 mod loops;
 mod names;
 mod parameters;
+mod precise;
 mod prune;
 mod switches;
 
@@ -217,9 +218,14 @@ fn one(
     }
     constants::settle(&mut builder, fixed);
     declared.point_size |= interface::split_per_vertex(&mut builder);
+    if precise::keep(&mut builder) {
+        declared.notes.push(super::PRECISE_NOTE.to_owned());
+    }
     interface::open(&mut builder);
     combined::part(&mut builder, places);
     text.became = combined::separate(&mut builder, places);
+    let demotes = |i: &dr::Instruction| i.class.opcode == Op::DemoteToHelperInvocation;
+    declared.demotes |= builder.module_ref().all_inst_iter().any(demotes);
     instructions::replace(&mut builder).map_err(|lost| {
         let message = format!(
             "naga, the parser preshade uses, does not read {}",

@@ -486,6 +486,54 @@ impl Lower<'_, '_> {
         Ok(called(&helper, all, target.ty))
     }
 
+    /// An atomic function of an image whose result is not used: stores what a placeholder returns.
+    pub(super) fn image_atomic(
+        &mut self,
+        (name, of): (&str, Atomic),
+        (image, at, value): (&Expr, &[Expr], &Expr),
+        place: Option<Span>,
+    ) -> Result<String, Error> {
+        let is_uniform = |name: &ast::Identifier| {
+            let mut all = self.stage.opaque.iter();
+            all.any(|v| v.name == name.as_str())
+        };
+        if !matches!(&image.content, ExprData::Variable(name) if is_uniform(name)) {
+            let message = format!("`{name}` takes an image by the name of its uniform");
+            return Err(unsupported(message, place)
+                .note("write the image's name in place of the parameter or the element"));
+        }
+        let image = self.expr(image)?;
+        let component = match &image.ty {
+            Ty::Opaque(ty) if ty.starts_with("uimage") => Component::Uint,
+            Ty::Opaque(ty) if ty.starts_with("iimage") => Component::Int,
+            _ => {
+                return Err(unsupported(
+                    format!("`{name}` of {} is not supported", image.ty.name()),
+                    place,
+                )
+                .note("declare an `iimage2D` or `uimage2D` of `r32i` or `r32ui`"));
+            }
+        };
+        let [at] = at else {
+            let message = format!("`{name}` takes an image of one sample, coordinates and a value");
+            return Err(unsupported(message, place));
+        };
+        let at = self.expr(at)?;
+        let value = self.expr(value)?;
+        let value = self.coerce(value, &Ty::Scalar(component));
+        let (ty, texel) = (
+            Ty::Scalar(component).name(),
+            Ty::Vector(component, 4).name(),
+        );
+        let helper = self.helper_name(&format!("{name}_{ty}"));
+        let text = format!("{texel} {helper}({ty} value) {{\n    return {texel}(value);\n}}\n");
+        self.helpers.insert(helper.clone(), text);
+        self.placeholders
+            .insert(helper.clone(), Placeholder::ImageAtomic(of));
+        let [image, at, value] = [image, at, value].map(|v| v.at(level::ASSIGNMENT));
+        Ok(format!("imageStore({image}, {at}, {helper}({value}))"))
+    }
+
     /// Built-in functions with out parameters, written as expressions.
     fn with_out(
         &mut self,

@@ -6,10 +6,10 @@ use glsl_lang::ast::{
     StatementData,
 };
 
-use super::super::constant;
 use super::super::source_marks::unmarked;
 use super::super::stage::{Storage, simple, unsupported};
 use super::super::ty::Ty;
+use super::super::{constant, placeholders};
 use super::expression::{Ex, level};
 use super::{Lower, Var, effect};
 use crate::front::error::{Code, Error};
@@ -113,6 +113,9 @@ impl Lower<'_, '_> {
                 if matches!(name.as_str(), "demote" | "terminateInvocation")
                     && self.lookup(name.as_str()).is_none() =>
             {
+                if name.as_str() == "demote" {
+                    self.stage.demotes.set(true);
+                }
                 Ok(self.line(&format!("{mark}discard;")))
             }
             ExprData::FunCall(name, arguments)
@@ -127,6 +130,16 @@ impl Lower<'_, '_> {
                     }
                 }
                 Ok(out)
+            }
+            ExprData::FunCall(name, arguments) => {
+                let name = name.as_ident().map_or("", |n| n.as_str());
+                let text = match (placeholders::image_atomic(name), arguments.as_slice()) {
+                    (Some(of), [image, at @ .., value]) => {
+                        self.image_atomic((name, of), (image, at, value), self.place(e.span))?
+                    }
+                    _ => self.expr(e)?.text,
+                };
+                Ok(self.line(&format!("{mark}{text};")))
             }
             _ => {
                 let text = self.expr(e)?.text;

@@ -1,6 +1,6 @@
 //! Collects the global declarations of one stage.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::collections::{HashMap, HashSet};
 
 use glsl_lang::ast::{self, DeclarationData, ExprData, ExternalDeclarationData, NodeSpan};
@@ -18,7 +18,7 @@ pub(super) mod side_effects;
 mod types;
 
 pub(super) use qualifiers::{Qualifiers, Storage};
-pub(super) use reachable::FRAG_COORD_Y;
+pub(super) use reachable::{FRAG_COORD_Y, PRECISE};
 pub(super) use types::spelled;
 
 use types::APART;
@@ -127,6 +127,8 @@ pub(super) struct GlslStage<'u> {
     pub signatures: HashMap<String, Vec<Signature>>,
     /// Functions with side effects.
     pub writers: HashSet<String>,
+    /// A `demote` was lowered.
+    pub demotes: Cell<bool>,
     /// Names used by reachable functions.
     pub used: HashSet<String>,
     /// The position is `invariant`, or something is `precise`.
@@ -179,6 +181,7 @@ impl<'u> GlslStage<'u> {
             functions: Vec::new(),
             signatures: HashMap::new(),
             writers: HashSet::new(),
+            demotes: Cell::new(false),
             used: HashSet::new(),
             invariant: unit.invariant_all,
             early_fragment_tests: false,

@@ -52,6 +52,7 @@ impl<'u> GlslStage<'u> {
         for i in &order {
             self.used.extend(names[*i].iter().cloned());
         }
+        self.invariant |= self.used.contains(PRECISE);
         self.functions = order.into_iter().map(|i| definitions[i]).collect();
         self.writers = side_effects::writers(&self.functions, &self.signatures);
         Ok(())
@@ -84,7 +85,10 @@ fn visit(
 /// A pseudo name in `GlslStage::used`: the fragment coordinate's y is read.
 pub(in crate::front::glsl) const FRAG_COORD_Y: &str = "gl_FragCoord.y";
 
-/// The variables and functions that a function names, and [`FRAG_COORD_Y`].
+/// A pseudo name in `GlslStage::used`: a local variable is `precise`.
+pub(in crate::front::glsl) const PRECISE: &str = "precise";
+
+/// The variables and functions that a function names, [`FRAG_COORD_Y`] and [`PRECISE`].
 fn words(function: &ast::FunctionDefinition) -> HashSet<String> {
     let mut found = Words::default();
     function.statement.visit(&mut found);
@@ -95,6 +99,13 @@ fn words(function: &ast::FunctionDefinition) -> HashSet<String> {
 struct Words(HashSet<String>);
 
 impl Visitor for Words {
+    fn visit_type_qualifier_spec(&mut self, spec: &ast::TypeQualifierSpec) -> Visit {
+        if matches!(spec.content, ast::TypeQualifierSpecData::Precise) {
+            self.0.insert(PRECISE.to_owned());
+        }
+        Visit::Children
+    }
+
     fn visit_expr(&mut self, expr: &ast::Expr) -> Visit {
         let is_coord = |name: &ast::Identifier| name.as_str() == "gl_FragCoord";
         match &expr.content {

@@ -34,7 +34,7 @@ struct Module<'a> {
 }
 
 /// All ids that may affect the position, or `None` if the analysis fails.
-pub(super) fn slice(module: &dr::Module) -> Option<HashSet<u32>> {
+pub(crate) fn slice(module: &dr::Module) -> Option<HashSet<u32>> {
     let (module, mut asked) = read(module)?;
     let mut seen: HashSet<(u32, Option<u32>)> = HashSet::new();
     while let Some((id, member)) = asked.pop() {
