@@ -307,6 +307,30 @@ fn one_binding_with_two_types_is_refused() {
     ));
 }
 
+/// A `cbuffer` of HLSL may hold all its members in one struct, of which each stage declares a part.
+#[test]
+fn the_longer_struct_in_a_block_holds_for_both_stages() {
+    let block = |more: &str| {
+        format!(
+            "struct Inner {{ m: mat4x4f, {more} }} struct Block {{ all: Inner }}
+             @group(0) @binding(0) var<uniform> u: Block;"
+        )
+    };
+    let [short, long] = ["", "tint: vec4f"].map(block);
+    let vertex =
+        "@vertex fn vs(@location(0) p: vec4f) -> @builtin(position) vec4f { return u.all.m * p; }";
+    let fragment =
+        |value: &str| format!("@fragment fn fs() -> @location(0) vec4f {{ return {value}; }}");
+    for (a, b, value) in [(&short, &long, "u.all.tint"), (&long, &short, "u.all.m[0]")] {
+        let (vertex, fragment) = (format!("{a} {vertex}"), format!("{b} {}", fragment(value)));
+        let parsed = parse(&[("v.wgsl", &vertex), ("f.wgsl", &fragment)]).unwrap();
+        let module = parsed.program.module();
+        assert_eq!(module.global_variables.len(), 1);
+        let (_, block) = module.global_variables.iter().next().unwrap();
+        assert_eq!(module.types[block.ty].inner.size(module.to_ctx()), 80);
+    }
+}
+
 #[test]
 fn stages_that_do_not_fit_are_refused() {
     let other = |with: &str| FRAGMENT.replace("@location(0) uv: vec2<f32>", with);

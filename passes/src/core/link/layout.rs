@@ -1,6 +1,6 @@
 //! Compares the layouts of two types.
 
-use naga::{ArraySize, Handle, Module, Span, Type, TypeInner};
+use naga::{ArraySize, Handle, Module, Span, StructMember, Type, TypeInner};
 
 /// Types of the second module, and those of the first that they become.
 pub(super) type Pairs = Vec<(Handle<Type>, Handle<Type>)>;
@@ -71,8 +71,8 @@ pub(super) enum Longer {
     Second,
 }
 
-/// If one of two structs only has more members at its end: which, and a map from the second
-/// module's member types to the first's.
+/// If one of two structs only has more members at its end, or a last member that does: which, and a
+/// map from the second module's member types to the first's.
 pub(super) fn longer(
     first: &Module,
     a: Handle<Type>,
@@ -85,10 +85,23 @@ pub(super) fn longer(
         return None;
     };
     let mut pairs = Vec::new();
-    let alike = m
-        .iter()
-        .zip(n)
-        .all(|(m, n)| m.offset == n.offset && matches(first, m.ty, second, n.ty, &mut pairs));
+    let mut is_alike = |m: &StructMember, n: &StructMember| {
+        m.offset == n.offset && matches(first, m.ty, second, n.ty, &mut pairs)
+    };
+    // A `cbuffer` of HLSL may hold all its members in one struct.
+    if let ([m @ .., last], [n @ .., other]) = (m.as_slice(), n.as_slice())
+        && m.len() == n.len()
+        && last.offset == other.offset
+        && m.iter().zip(n).all(|(m, n)| is_alike(m, n))
+    {
+        let (longer, inner) = self::longer(first, last.ty, second, other.ty)?;
+        pairs.extend(inner);
+        if matches!(longer, Longer::First) {
+            pairs.push((other.ty, last.ty));
+        }
+        return Some((longer, pairs));
+    }
+    let alike = m.iter().zip(n).all(|(m, n)| is_alike(m, n));
     let longer = match m.len() > n.len() {
         true => Longer::First,
         false => Longer::Second,
