@@ -113,6 +113,15 @@ pub(super) fn write(
         stage_file.notes.push(format!("{name}: {note}"));
     }
     rows::rename_copies(&mut words, program.declared());
+    if program.declared().mains.contains(&stage) {
+        // Hosts give pipelines the author's name, and each stage has a file of its own.
+        stage_file.entry_point = "main".to_owned();
+        for entry in &mut words.module_mut().entry_points {
+            if let Some(Operand::LiteralString(name)) = entry.operands.get_mut(2) {
+                name.clone_from(&stage_file.entry_point);
+            }
+        }
+    }
     Ok((to_bytes(&words.module().assemble()), stage_file))
 }
 

@@ -288,7 +288,14 @@ fn the_longer_declaration_of_a_block_holds_for_both_stages() {
                     _ => None,
                 })
                 .collect();
-            assert_eq!(blocks, [3], "{block}");
+            // Vulkan gives each stage a range of push constants, which has its own part only.
+            let expected: &[usize] = match block.contains("push_constant") {
+                true => &[2, 3],
+                false => &[3],
+            };
+            let mut blocks = blocks;
+            blocks.sort_unstable();
+            assert_eq!(blocks, expected, "{block}");
             for target in [Target::Wgsl, Target::Spirv, Target::Glsl450] {
                 written(&plan, target);
             }

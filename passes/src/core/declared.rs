@@ -40,6 +40,9 @@ pub struct Declared {
     pub origin_upper_left: bool,
     /// Notes for the host on how the text was read, a sentence each.
     pub notes: Vec<String>,
+    /// The stages whose entry point the author calls `main`. In the IR it has another name, because
+    /// both stages share one name space.
+    pub mains: Vec<naga::ShaderStage>,
     /// `discard` demotes the invocation to a helper, as in WGSL. Otherwise it ends it, as in GLSL.
     pub demotes: bool,
 }

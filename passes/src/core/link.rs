@@ -178,6 +178,10 @@ impl Linker<'_> {
                 self.types.extend(pairs);
                 continue;
             }
+            // Each stage has its own part of the immediate data, with a range of its own.
+            if theirs.space == AddressSpace::Immediate {
+                continue;
+            }
             match layout::longer(&self.module, ours, self.second, theirs.ty) {
                 Some((Longer::First, pairs)) => {
                     self.types.extend(pairs);

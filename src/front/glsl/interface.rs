@@ -314,7 +314,11 @@ impl Interface {
                             input.name
                         ),
                     )
-                    .label_if(input.place));
+                    .label_if(input.place)
+                    .note(
+                        "if a geometry or tessellation stage is between the two, preshade cannot \
+                         take them",
+                    ));
                 }
                 continue;
             };

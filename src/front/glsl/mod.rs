@@ -66,7 +66,8 @@ pub(super) fn parse(
     options: &Options,
     map: &mut SourceMap,
 ) -> Result<(Vec<Module>, Declared), Error> {
-    let (mut modules, declared) = parsed(texts, options, map)?;
+    let (mut modules, mut declared) = parsed(texts, options, map)?;
+    declared.mains = texts.iter().map(|t| t.stage).collect();
     beyond_wgsl::narrow_storage(&mut modules);
     Ok((modules, declared))
 }
