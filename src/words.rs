@@ -147,3 +147,64 @@ pub(crate) fn sort_globals(module: &mut dr::Module, is_kept: impl Fn(&Instructio
     let sorted = sorted.into_iter().filter_map(|i| all[i].take());
     module.types_global_values = sorted.collect();
 }
+
+/// The names of ids.
+pub(crate) fn names(module: &dr::Module) -> HashMap<Word, String> {
+    let all = module.debug_names.iter();
+    let named = all.filter_map(|i| match i.operands.as_slice() {
+        [Operand::IdRef(id), Operand::LiteralString(name)] => Some((*id, name.clone())),
+        _ => None,
+    });
+    named.collect()
+}
+
+/// The decorations of members, by struct and index.
+pub(crate) fn member_decorations(module: &dr::Module) -> HashMap<(Word, u32), Vec<Instruction>> {
+    let mut members: HashMap<(Word, u32), Vec<Instruction>> = HashMap::new();
+    for i in &module.annotations {
+        if let [Operand::IdRef(id), Operand::LiteralBit32(n), ..] = i.operands.as_slice() {
+            members.entry((*id, *n)).or_default().push(i.clone());
+        }
+    }
+    members
+}
+
+/// Whether it makes a pointer to a part of what a pointer points to.
+pub(crate) fn is_access(instruction: &Instruction) -> bool {
+    matches!(
+        instruction.class.opcode,
+        Op::AccessChain | Op::InBoundsAccessChain
+    )
+}
+
+/// Where the code begins in a function's first block.
+pub(crate) fn after_variables(first: &dr::Block) -> usize {
+    let is_head = |i: &Instruction| matches!(i.class.opcode, Op::Variable | Op::Line);
+    let body = first.instructions.iter().position(|i| !is_head(i));
+    body.unwrap_or(0)
+}
+
+/// The number of values that a value of this type holds: scalars and vectors, and matrices if
+/// `is_whole`, else their columns.
+pub(crate) fn count_parts(globals: &HashMap<Word, Instruction>, ty: Word, is_whole: bool) -> u32 {
+    let Some(i) = globals.get(&ty) else { return 1 };
+    let of = |ty: Word| count_parts(globals, ty, is_whole);
+    match i.class.opcode {
+        Op::TypeStruct => ids(i).fold(0, |sum, member| of(member).saturating_add(sum)),
+        Op::TypeArray => {
+            let length = ids(i).nth(1).and_then(|n| globals.get(&n));
+            let length = length.and_then(|n| n.operands.first()).and_then(literal);
+            let element = ids(i).next().map_or(1, of);
+            length.map_or(u32::MAX, |n| element.saturating_mul(n))
+        }
+        Op::TypeMatrix if !is_whole => i.operands.get(1).and_then(literal).unwrap_or(1),
+        _ => 1,
+    }
+}
+
+/// The number of a decoration among an id's or a member's.
+pub(crate) fn decoration(all: &[Instruction], kind: Decoration) -> Option<u32> {
+    let is = |i: &&Instruction| i.operands.contains(&Operand::Decoration(kind));
+    let found = all.iter().find(is)?;
+    Some(found.operands.last().and_then(literal).unwrap_or(0))
+}

@@ -89,6 +89,12 @@ impl Look<'_> {
                 self.record.legal = Some(false);
             }
         }
+        let is_lone_fragment =
+            paths.len() == 1 && paths[0].to_string_lossy().ends_with(".frag.spv");
+        if is_lone_fragment {
+            let half = || "material without its vertex stage".to_owned();
+            self.record.unsayable.get_or_insert_with(half);
+        }
         let options = Options {
             include: include.clone(),
             ..Options::default()
@@ -237,9 +243,13 @@ impl Look<'_> {
                 };
                 let words = judges::words(&dir.join(&file.file))?;
                 let found = judges::interface(&words, is_vertex, is_named)?;
-                // If the author's stages declare one block with different members, the IR has the
-                // longer one.
-                let place = |line: &str| line.split(" { ").next().map(str::to_owned);
+                // If the author's stages declare one block with different members or names, the IR
+                // has the longer one, and the first one's name.
+                let place = |line: &str| {
+                    let head = line.split(" { ").next()?;
+                    // The two stages may call the block differently.
+                    head.rsplit_once(' ').map(|(place, _)| place.to_owned())
+                };
                 let longer = |line: &String| {
                     other.contains(line) && wanted.iter().any(|l| place(l) == place(line))
                 };

@@ -319,7 +319,7 @@ fn parse_mapped(
             .collect::<Result<_, _>>()
             .map(|modules| (modules, Declared::default())),
         Language::Glsl => parse_glsl(sources, bases, options, &mut map),
-        Language::SpirV => parse_spirv(sources, bases, &mut map),
+        Language::SpirV => parse_spirv(sources, bases, options, &mut map),
     });
     let map = Arc::new(map);
     let parsed = read
@@ -634,6 +634,7 @@ fn glsl_stages<'a>(sources: &'a [Source], bases: &[u32]) -> Vec<GlslStage<'a>> {
 fn parse_spirv(
     sources: &[Source],
     bases: &[u32],
+    options: &Options,
     map: &mut SourceMap,
 ) -> Result<(Vec<naga::Module>, Declared), Error> {
     let words = sources.iter().zip(bases).map(|(source, base)| {
@@ -652,13 +653,15 @@ fn parse_spirv(
             base: *base,
         })
     });
-    spirv::parse(&words.collect::<Result<Vec<_>, _>>()?, map)
+    let names = [options.vertex.as_deref(), options.fragment.as_deref()];
+    spirv::parse(&words.collect::<Result<Vec<_>, _>>()?, names, map)
 }
 
 #[cfg(not(feature = "spirv"))]
 fn parse_spirv(
     sources: &[Source],
     _: &[u32],
+    _: &Options,
     _: &mut SourceMap,
 ) -> Result<(Vec<naga::Module>, Declared), Error> {
     Err(Error::new(

@@ -9,8 +9,8 @@ use preshade::unstable::front::{self, Error, Parsed, Source};
 use preshade_passes::naga::ShaderStage;
 use preshade_passes::state::MaterialState;
 
-use crate::accept;
-use crate::fixtures_support;
+use crate::reflection_support::{self, Interface};
+use crate::{accept, fixtures_support};
 
 /// Runs a tool of `scripts/setup.sh accept`.
 fn run(tool: &str, arguments: &[&std::ffi::OsStr]) {
@@ -75,12 +75,19 @@ fn read(modules: &[(&str, Vec<u8>)]) -> Result<Parsed, Error> {
 }
 
 /// Writes all of Vulkan's targets and WGSL, which are read back, and has `spirv-val` judge.
-fn written(parsed: &Parsed, label: &str, dir: &Path) {
+fn written(parsed: &Parsed, label: &str, dir: &Path) -> Written {
+    let mut written = Written::default();
     let plan = parsed.clone().plan("m", &MaterialState::default());
     let targets = [Target::Wgsl, Target::Spirv, Target::GlslVulkan];
     let files = emit::emit(&plan, &targets, &emit::Options::default());
     let files = files.unwrap_or_else(|e| panic!("{label}: {e}"));
-    for file in files.iter().filter(|f| f.name.ends_with(".spv")) {
+    for file in &files {
+        if file.name.ends_with(".wgsl") {
+            written.wgsl += &String::from_utf8_lossy(&file.bytes);
+        }
+        if !file.name.ends_with(".spv") {
+            continue;
+        }
         let path = dir.join(&file.name);
         std::fs::write(&path, &file.bytes).unwrap();
         let environment: [&std::ffi::OsStr; 2] = ["--target-env".as_ref(), "vulkan1.1".as_ref()];
@@ -88,7 +95,42 @@ fn written(parsed: &Parsed, label: &str, dir: &Path) {
             "spirv-val",
             &[&environment[..], &[path.as_os_str()]].concat(),
         );
+        let is_vertex = file.name.contains(".vert.");
+        let reflected = reflection_support::reflect(&path).unwrap();
+        let interface = reflection_support::interface(&reflected, is_vertex);
+        written.interface.extend(interface);
     }
+    written
+}
+
+/// What [`written`] writes.
+#[derive(Default)]
+struct Written {
+    wgsl: String,
+    interface: Interface,
+}
+
+/// A text without the ids in names: debug information moves them.
+fn without_ids(wgsl: &str) -> String {
+    let words = wgsl.split_inclusive(|c: char| !c.is_ascii_alphanumeric() && c != '_');
+    let changed = words.map(|word| {
+        let name = word.trim_end_matches(|c: char| !c.is_ascii_alphanumeric() && c != '_');
+        let id = name.strip_prefix("phi").unwrap_or(name).strip_prefix('_');
+        let is_id = |id: &str| !id.is_empty() && id.bytes().all(|b| b.is_ascii_digit());
+        match id {
+            Some(id) if is_id(id) => word.replace(id, ""),
+            _ => word.to_owned(),
+        }
+    });
+    changed.collect()
+}
+
+/// The sets and bindings of an interface, and its locations: what is left without names.
+fn places(interface: &Interface) -> Vec<&str> {
+    let all = interface.iter();
+    let all = all.filter_map(|line| line.split(':').next());
+    all.filter(|place| place.starts_with("set") || place.starts_with("input"))
+        .collect()
 }
 
 /// The pairs that glslang takes for Vulkan.
@@ -109,6 +151,7 @@ fn every_form_of_glslangs_modules_is_read() {
     let dir = scratch();
     let mut read_pairs = 0;
     for pair in pairs() {
+        let mut first: Option<Written> = None;
         for options in [&[][..], &["-g"], &["-gVS"], &["--target-env", "vulkan1.3"]] {
             let words = [0, 1].map(|stage| glslang(&pair[stage], options, &dir));
             // spirv-opt ended without a message on some of the other forms.
@@ -120,7 +163,15 @@ fn every_form_of_glslangs_modules_is_read() {
                 let label = format!("{} {options:?} {form}", pair[0].display());
                 let modules = [("m.vert.spv", vertex), ("m.frag.spv", fragment)];
                 let parsed = read(&modules).unwrap_or_else(|e| panic!("{label}: {e}\n{e:?}"));
-                written(&parsed, &label, &dir);
+                let own = written(&parsed, &label, &dir);
+                let first = first.get_or_insert_with(|| written(&parsed, &label, &dir));
+                // Only debug information differs.
+                if form == "as compiled" && options.first().is_none_or(|o| o.starts_with("-g")) {
+                    let [wgsl, of_first] = [&own.wgsl, &first.wgsl].map(|w| without_ids(w));
+                    assert_eq!(wgsl, of_first, "{label}");
+                    assert_eq!(own.interface, first.interface, "{label}");
+                }
+                assert_eq!(places(&own.interface), places(&first.interface), "{label}");
                 read_pairs += 1;
             }
         }
@@ -238,6 +289,346 @@ fn what_naga_would_ignore_is_refused() {
     }
 }
 
+const VERTEX: &str = "#version 450\nlayout(location=0) in vec3 p; layout(location=0) out vec2 v;\n\
+                      void main(){ v=p.xy; gl_Position=vec4(p,1); }";
+
+/// A material of a fragment shader's declarations and its `main`, with `v` and `o`.
+fn of_fragment(text: &str, options: &[&str], dir: &Path) -> Result<Parsed, Error> {
+    let text = format!(
+        "#version 450\nlayout(location=0) in vec2 v; layout(location=0) out vec4 o;\n{text}\n"
+    );
+    of_texts(VERTEX, &text, options, dir)
+}
+
+fn of_texts(vertex: &str, fragment: &str, options: &[&str], dir: &Path) -> Result<Parsed, Error> {
+    let words = [("m.vert", vertex), ("m.frag", fragment)].map(|(name, text)| {
+        let path = dir.join(name);
+        std::fs::write(&path, text).unwrap();
+        glslang(&path, options, dir)
+    });
+    let [vertex, fragment] = words;
+    read(&[("m.vert.spv", vertex), ("m.frag.spv", fragment)])
+}
+
+#[test]
+fn what_glslang_writes_is_read() {
+    const NEW: &[&str] = &["--target-env", "vulkan1.3"];
+    let dir = scratch();
+    let mut all = String::new();
+    for (name, options, text) in [
+        ("structs of 8 bytes in std140", &[][..], "struct L { float a; float b; };
+layout(binding=0,std140) uniform B { L l[4]; } u;
+void main(){ o=vec4(u.l[1].a,u.l[int(v.x)].b,v); }"),
+        ("structs of 24 bytes before others", &[], "struct L { vec2 a; vec2 b; float c; };
+layout(binding=0,std140) uniform B { L l[4]; vec4 z; L one; float y; } u;
+void main(){ L w=u.l[2]; o=vec4(u.l[1].a,u.l[int(v.x)].b)+u.z*u.y*u.one.c*w.c; }"),
+        ("structs with strides, read and written whole", &[], "struct I { float f[4]; vec2 g; };
+layout(binding=0,std140) uniform B { I i[2]; } u;
+layout(binding=1,std140) buffer S { I w[2]; } s;
+void main(){ I t=u.i[1]; t.f[2]=3.; o=vec4(t.f[1],t.f[int(v.y)],t.g); s.w[0]=t; }"),
+        ("a matrix by rows in a struct, read whole", &[], "struct I { mat2 b; };
+layout(row_major,binding=0,std140) uniform B { I i[2]; } u;
+void main(){ I t=u.i[1]; o.xy=t.b*v; o.zw=v; }"),
+        ("a vector of a specialisation constant", &[], "layout(constant_id=7) const float F=1.5;
+const vec2 C=vec2(F,2.0);
+void main(){ o=C.xyxy*v.xyxy+vec4(F); }"),
+        ("a function that ends nowhere", &[], "float g(float a){ while(true){ a*=2.; if(a>9.) return a; } }
+void main(){ o=vec4(g(v.x),0,0,1); }"),
+        ("a choice of matrices", NEW, "void main(){ mat2 a=mat2(v,v),b=mat2(1.); mat2 q=v.x>.2?a:b; o=vec4(q[0],q[1]); }"),
+        ("a choice of structs", NEW, "struct S { vec2 a; float b[2]; };
+void main(){ S x=S(v,float[2](1.,2.)); S y=S(v.yx,float[2](3.,4.)); S z=v.x>.5?x:y; o=vec4(z.a,z.b[0],z.b[1]); }"),
+        ("a negative unsigned integer", &[], "void main(){ uint k=uint(v.x); uint n=-k; o=vec4(float(n&255u)); }"),
+        ("tests of floats", &[], "void main(){ o=vec4(isnan(v.x)?1:0,isinf(v.y)?1:0,any(isnan(v))?1:0,0); }"),
+        ("coherent memory", &[], "layout(binding=0,rgba8) uniform coherent image2D im;
+layout(binding=1,std430) coherent volatile buffer S { uint a; } s;
+void main(){ imageStore(im,ivec2(v),vec4(s.a)); s.a=3u; o=imageLoad(im,ivec2(0)); }"),
+        ("a case that falls into a default", &[], "void main(){ float r=0.;
+switch(int(v.x)){ case 1: r+=2.; case 2: default: r+=4.; break; case 4: r+=16.; } o=vec4(r); }"),
+        ("a default that falls into a case", &[], "void main(){ float r=0.;
+switch(int(v.x)){ case 1: r+=2.; break; default: r+=4.; case 4: r+=16.; } o=vec4(r); }"),
+    ] {
+        let parsed = of_fragment(text, options, &dir);
+        let parsed = parsed.unwrap_or_else(|e| panic!("{name}: {}", e.render(front::Color::Never)));
+        let written = written(&parsed, name, &dir);
+        let start = written.wgsl.find("@fragment").unwrap();
+        let structs = written.wgsl.find("struct").unwrap();
+        let end = written.wgsl.find("@vertex").unwrap_or(start);
+        all += &format!(
+            "// {name}\n{}{}\n",
+            &written.wgsl[structs..end],
+            &written.wgsl[start..]
+        );
+    }
+    insta::assert_snapshot!(all);
+}
+
+#[test]
+fn what_cannot_be_read_is_refused_by_name() {
+    let dir = scratch();
+    for (text, expected, remedy) in [
+        ("void main(){ int e; float f=frexp(v.x,e); o=vec4(f,e,0,0); }", "`FrexpStruct`", "floatBitsToInt"),
+        ("layout(binding=1) uniform sampler2DShadow s; void main(){ o=vec4(texture(s,vec3(v,.5),.5)); }", "a comparison with a bias", ""),
+        ("layout(binding=0) uniform isampler2D t; void main(){ o=vec4(texture(t,v)); }", "`OpImageSampleImplicitLod`", "texelFetch"),
+        ("layout(binding=0) uniform sampler2D t[3]; vec4 f(sampler2D s[3],vec2 u){ return texture(s[1],u); }
+void main(){ o=f(t,v); }", "array of textures or samplers as an argument", "one by one"),
+        ("layout(binding=3) uniform sampler2D t[2][2]; void main(){ o=texture(t[1][0],v); }", "an array of arrays", ""),
+    ] {
+        let error = of_fragment(text, &[], &dir).unwrap_err();
+        assert_eq!(error.code(), front::Code::Unsupported, "{error}");
+        assert!(error.message().contains(expected), "{error}");
+        let shown = error.render(front::Color::Never);
+        assert!(shown.contains(remedy) && shown.contains("m.frag.spv:"), "{shown}");
+    }
+}
+
+#[test]
+fn built_ins_and_parts_of_varyings_are_read() {
+    let dir = scratch();
+    let fragment = "#version 450\nlayout(location=0) in vec2 v; layout(location=0) out vec4 o;\n\
+                    void main(){ o=v.xyxy; }";
+    for (text, expected) in [
+        (
+            "#version 450\n#extension GL_EXT_multiview : require\nlayout(location=0) in vec3 p; \
+             layout(location=0) out vec2 v; void main(){ v=p.xy; gl_Position=vec4(p,1+gl_ViewIndex); }",
+            "@builtin(view_index)",
+        ),
+        // Names of two underscores are reserved in GLSL, and two parts may have one name.
+        (
+            "#version 450\nstruct A { float _m0; float c; };\nlayout(location=0) out vec2 v;\n\
+             layout(location=2) out A _9; layout(location=4) out float _9_m0;\n\
+             layout(location=0) in vec3 p;\nvoid main(){ v=p.xy; _9._m0=p.x; _9.c=p.y; _9_m0=p.z; \
+             gl_Position=vec4(p,1); }",
+            "@location(3)",
+        ),
+    ] {
+        let words = [("m.vert", text), ("m.frag", fragment)].map(|(name, text)| {
+            std::fs::write(dir.join(name), text).unwrap();
+            glslang(&dir.join(name), &[], &dir)
+        });
+        let [vertex, fragment] = words;
+        let parsed = read(&[("m.vert.spv", vertex), ("m.frag.spv", fragment)]);
+        let parsed = parsed.unwrap_or_else(|e| panic!("{}", e.render(front::Color::Never)));
+        let plan = parsed.plan("m", &MaterialState::default());
+        let files = emit::emit(&plan, &[Target::Wgsl], &emit::Options::default()).unwrap();
+        let wgsl = String::from_utf8_lossy(&files[0].bytes).into_owned();
+        assert!(wgsl.contains(expected), "{wgsl}");
+        assert!(!wgsl.contains("_9__m0"), "{wgsl}");
+    }
+}
+
+/// A module with a fragment shader of these definitions and instructions. Its vertex shader writes
+/// the position.
+fn assembly(decorations: &str, globals: &str, interface: &str, body: &str) -> String {
+    format!(
+        "OpCapability Shader
+OpMemoryModel Logical GLSL450
+OpEntryPoint Vertex %vs \"main\" %p %pos %vo
+OpEntryPoint Fragment %fs \"main\" %v %o {interface}
+OpExecutionMode %fs OriginUpperLeft
+OpDecorate %p Location 0
+OpDecorate %pos BuiltIn Position
+OpDecorate %vo Location 0
+OpDecorate %v Location 0
+OpDecorate %o Location 0
+{decorations}
+%void = OpTypeVoid
+%fn = OpTypeFunction %void
+%float = OpTypeFloat 32
+%int = OpTypeInt 32 1
+%v2 = OpTypeVector %float 2
+%v4 = OpTypeVector %float 4
+%piv2 = OpTypePointer Input %v2
+%piv4 = OpTypePointer Input %v4
+%pov2 = OpTypePointer Output %v2
+%pov4 = OpTypePointer Output %v4
+%p = OpVariable %piv4 Input
+%pos = OpVariable %pov4 Output
+%vo = OpVariable %pov2 Output
+%v = OpVariable %piv2 Input
+%o = OpVariable %pov4 Output
+%f1 = OpConstant %float 1
+%i0 = OpConstant %int 0
+%i1 = OpConstant %int 1
+%n2 = OpConstant %int 2
+%v4one = OpConstantComposite %v4 %f1 %f1 %f1 %f1
+{globals}
+%vs = OpFunction %void None %fn
+%vsl = OpLabel
+%pp = OpLoad %v4 %p
+OpStore %pos %pp
+%pv = OpVectorShuffle %v2 %pp %pp 0 1
+OpStore %vo %pv
+OpReturn
+OpFunctionEnd
+%fs = OpFunction %void None %fn
+%fsl = OpLabel
+{body}
+OpReturn
+OpFunctionEnd
+"
+    )
+}
+
+const BLOCK: &str = "OpDecorate %S Block\nOpDecorate %b DescriptorSet 0\nOpDecorate %b Binding 0\n";
+
+#[test]
+fn modules_that_glslang_does_not_write_are_read() {
+    let dir = scratch();
+    let mut chain = "%s0 = OpSpecConstant %int 0\n".to_owned();
+    for n in 1..=40 {
+        chain += &format!("%s{n} = OpSpecConstantOp %int IAdd %s{0} %s{0}\n", n - 1);
+    }
+    chain += "%len = OpSpecConstantOp %int IAdd %s40 %n2\n%A = OpTypeArray %float %len\n\
+              %pA = OpTypePointer Private %A\n%a = OpVariable %pA Private\n\
+              %pf = OpTypePointer Private %float";
+    for (decorations, globals, interface, body, expected) in [
+        // An output that only has an initial value.
+        (
+            "OpDecorate %od Location 1",
+            "%pof = OpTypePointer Output %float\n%od = OpVariable %pof Output %f1",
+            "%od",
+            "OpStore %o %v4one",
+            "@location(1)",
+        ),
+        // What no instruction defines.
+        (
+            "",
+            "",
+            "",
+            "%un = OpUndef %v4\n%e = OpCompositeInsert %v4 %f1 %un 1\nOpStore %o %e",
+            "@fragment",
+        ),
+        // Doubles forty times: time must not double as often.
+        (
+            "OpDecorate %s0 SpecId 0",
+            &chain,
+            "",
+            "%x = OpAccessChain %pf %a %i1\n%y = OpLoad %float %x\n\
+             %z = OpCompositeConstruct %v4 %y %y %y %y\nOpStore %o %z",
+            "array<f32, 2>",
+        ),
+        // Members that are not in the order of their offsets.
+        (
+            &format!(
+                "{BLOCK}OpMemberDecorate %S 0 Offset 0\nOpMemberDecorate %T 0 Offset 16\n\
+                 OpMemberDecorate %T 1 Offset 0"
+            ),
+            "%T = OpTypeStruct %v4 %v4\n%S = OpTypeStruct %T\n%pS = OpTypePointer Uniform %S\n\
+             %b = OpVariable %pS Uniform\n%pt = OpTypePointer Uniform %v4",
+            "",
+            "%x = OpAccessChain %pt %b %i0 %i1\n%y = OpLoad %v4 %x\nOpStore %o %y",
+            "_m1: vec4<f32>,\n    _m0: vec4<f32>,",
+        ),
+    ] {
+        let text = assembly(decorations, globals, interface, body);
+        // Ids without names.
+        let words = assembled(&text, &dir);
+        let parsed = read(&[("m.spv", words)]);
+        let parsed = parsed.unwrap_or_else(|e| panic!("{}", e.render(front::Color::Never)));
+        let wgsl = written(&parsed, expected, &dir).wgsl;
+        assert!(wgsl.contains(expected), "{wgsl}");
+    }
+}
+
+/// A combined sampler by value is the same as by its pointer.
+#[test]
+fn samplers_are_passed_by_value() {
+    let dir = scratch();
+    let globals = "%img = OpTypeImage %float 2D 0 0 0 1 Unknown\n%si = OpTypeSampledImage %img\n\
+                   %psi = OpTypePointer UniformConstant %si\n%t = OpVariable %psi UniformConstant\n\
+                   %ft = OpTypeFunction %v4 %si %v2";
+    let body = "%a = OpLoad %v2 %v\n%im = OpLoad %si %t\n%e = OpFunctionCall %v4 %fun %im %a\n\
+                OpStore %o %e";
+    let decorations = "OpDecorate %t DescriptorSet 0\nOpDecorate %t Binding 0";
+    let text = assembly(decorations, globals, "", body)
+        + "%fun = OpFunction %v4 None %ft\n%p1 = OpFunctionParameter %si\n\
+           %p2 = OpFunctionParameter %v2\n%fl = OpLabel\n\
+           %r = OpImageSampleImplicitLod %v4 %p1 %p2\nOpReturnValue %r\nOpFunctionEnd\n";
+    let parsed = read(&[("m.spv", assembled(&text, &dir))]);
+    let parsed = parsed.unwrap_or_else(|e| panic!("{}", e.render(front::Color::Never)));
+    written(&parsed, "by value", &dir);
+}
+
+#[test]
+fn limits_come_before_work() {
+    let dir = scratch();
+    let block = |of: &str, offset: &str, stride: &str| {
+        let decorations = format!(
+            "{BLOCK}OpMemberDecorate %S 0 Offset {offset}\nOpDecorate %A ArrayStride {stride}"
+        );
+        let globals = format!(
+            "%A = OpTypeArray {of} %n2\n%S = OpTypeStruct %A\n%pS = OpTypePointer Uniform %S\n\
+             %b = OpVariable %pS Uniform\n%pA = OpTypePointer Uniform %A"
+        );
+        let body = "%x = OpAccessChain %pA %b %i0\n%y = OpLoad %A %x\nOpStore %o %v4one";
+        assembly(&decorations, &globals, "", body)
+    };
+    let input = assembly(
+        "OpDecorate %in Location 1",
+        "%big = OpConstant %int 1000000000\n%A = OpTypeArray %float %big\n\
+         %pA = OpTypePointer Input %A\n%in = OpVariable %pA Input\n\
+         %pf = OpTypePointer Input %float",
+        "%in",
+        "%x = OpAccessChain %pf %in %i1\n%y = OpLoad %float %x\nOpStore %o %v4one",
+    );
+    for (text, expected) in [
+        (block("%v4", "0", "2000000000"), "1 GiB"),
+        (block("%v4", "2000000000", "16"), "1 GiB"),
+        (input, "more than 64 parts"),
+    ] {
+        let error = read(&[("m.spv", assembled(&text, &dir))]).unwrap_err();
+        assert_eq!(error.code(), front::Code::Unsupported, "{error}");
+        assert!(error.message().contains(expected), "{error}");
+    }
+}
+
+#[test]
+fn entry_points_are_chosen_by_the_authors_names() {
+    let dir = scratch();
+    let text = assembly("", "", "", "OpStore %o %v4one")
+        .replace(
+            "OpEntryPoint Fragment %fs \"main\"",
+            "OpEntryPoint Vertex %vs \"vertex_main\" %p %pos %vo\n\
+             OpEntryPoint Fragment %fs2 \"other\" %o %flat\nOpEntryPoint Fragment %fs \"main\"",
+        )
+        .replace(
+            "OpExecutionMode",
+            "OpExecutionMode %fs2 OriginUpperLeft\nOpExecutionMode",
+        )
+        .replace(
+            "OpDecorate %o",
+            "OpDecorate %flat Location 0\nOpDecorate %flat Flat\nOpDecorate %o",
+        )
+        .replace("%f1 =", "%flat = OpVariable %piv2 Input\n%f1 =")
+        + "%fs2 = OpFunction %void None %fn\n%fs2l = OpLabel\n%fl = OpLoad %v2 %flat\n\
+           %fo = OpVectorShuffle %v4 %fl %fl 0 1 0 1\nOpStore %o %fo\nOpReturn\nOpFunctionEnd\n";
+    let words = assembled(&text, &dir);
+    let read = |vertex: Option<&str>, fragment: Option<&str>| {
+        let options = front::Options {
+            vertex: vertex.map(str::to_owned),
+            fragment: fragment.map(str::to_owned),
+            ..front::Options::default()
+        };
+        let source = Source::from_bytes("m.spv", words.clone()).unwrap();
+        front::parse(&[source], &options)
+    };
+    for (vertex, fragment) in [("main", "main"), ("vertex_main", "main"), ("main", "other")] {
+        let parsed = read(Some(vertex), Some(fragment));
+        let parsed = parsed.unwrap_or_else(|e| panic!("{}", e.render(front::Color::Never)));
+        let wgsl = written(&parsed, fragment, &dir).wgsl;
+        assert_eq!(
+            wgsl.contains("@interpolate(flat"),
+            fragment == "other",
+            "{wgsl}"
+        );
+    }
+    let error = read(None, None).unwrap_err().render(front::Color::Never);
+    assert!(
+        error.contains("`main`") && error.contains("`other`"),
+        "{error}"
+    );
+}
+
 /// naga may panic on an invalid module, which `front` reports. Nothing ends the process.
 #[test]
 fn broken_modules_are_errors() {
@@ -260,4 +651,27 @@ fn broken_modules_are_errors() {
     }
     // Some words are names, numbers and ids that may change.
     assert!(kept > 0);
+    // Ids that are part of themselves, or follow their uses, and widths that no number has.
+    let good = assembly(
+        "",
+        "%x = OpTypeStruct %float\n%y = OpTypeFloat 16",
+        "",
+        "OpStore %o %v4one",
+    );
+    for (from, to) in [
+        ("%x = OpTypeStruct %float", "%x = OpTypeStruct %x"),
+        (
+            "%x = OpTypeStruct %float",
+            "%x = OpSpecConstantOp %int IAdd %x %i1",
+        ),
+        ("%x = OpTypeStruct %float", "%x = OpTypeStruct %y"),
+        ("%y = OpTypeFloat 16", "%y = OpTypeFloat 4"),
+    ] {
+        let (source, out) = (dir.join("bad.spvasm"), dir.join("bad.spv"));
+        std::fs::write(&source, good.replace(from, to)).unwrap();
+        let paths = [source.as_os_str(), "-o".as_ref(), out.as_os_str()];
+        run("spirv-as", &paths);
+        let error = read(&[("bad.spv", std::fs::read(out).unwrap())]).unwrap_err();
+        assert_eq!(error.code(), front::Code::Parse, "{to}: {error}");
+    }
 }

@@ -19,7 +19,10 @@ use preshade_passes::declared::{CombinedSampler, Declaration, Numbered, Type};
 use rspirv::dr::{self, Builder, Instruction, Operand};
 use rspirv::spirv::{Decoration, Dim, Op, StorageClass, Word};
 
-use crate::words::{decorations, globals, ids, literal, pointee, push, rewrite, storage_class};
+use crate::words::{
+    after_variables, decorations, globals, ids, is_access, literal, names, pointee, push, rewrite,
+    storage_class,
+};
 
 /// A set and a binding.
 type Place = (u32, u32);
@@ -190,6 +193,8 @@ pub(super) fn separate(module: &mut Builder, places: &mut Places) -> HashMap<Wor
     let mut separate = Separate {
         globals: globals(module.module_ref()),
         became: HashMap::new(),
+        loaded: HashMap::new(),
+        pairs: HashMap::new(),
         sampler: module.type_sampler(),
     };
     for variable in variables {
@@ -204,7 +209,7 @@ pub(super) fn separate(module: &mut Builder, places: &mut Places) -> HashMap<Wor
     let old = old.flat_map(|(old, became)| ids_of(became).into_iter().map(|new| (new, *old)));
     let old = old.collect();
     separate.parameters(module);
-    if separate.became.is_empty() {
+    if separate.became.is_empty() && separate.pairs.is_empty() {
         return old;
     }
     rewrite(module, |module, block, instruction| {
@@ -286,15 +291,6 @@ fn variables(module: &dr::Module) -> Vec<Variable> {
 /// Larger arrays stay arrays.
 const MOST_ELEMENTS: u32 = 16;
 
-pub(super) fn names(module: &dr::Module) -> HashMap<Word, String> {
-    let all = module.debug_names.iter();
-    let named = all.filter_map(|i| match i.operands.as_slice() {
-        [Operand::IdRef(id), Operand::LiteralString(name)] => Some((*id, name.clone())),
-        _ => None,
-    });
-    named.collect()
-}
-
 fn has_constant_indices(module: &dr::Module, all: &HashMap<Word, Instruction>, id: Word) -> bool {
     let functions = module
         .functions
@@ -303,14 +299,72 @@ fn has_constant_indices(module: &dr::Module, all: &HashMap<Word, Instruction>, i
     let mut uses = functions.filter(|i| ids(i).any(|used| used == id));
     uses.all(|i| {
         let index = ids(i).nth(1).and_then(|index| all.get(&index));
-        let is_chain = matches!(i.class.opcode, Op::AccessChain | Op::InBoundsAccessChain);
+        let is_chain = is_access(i);
         is_chain && index.is_some_and(|i| i.class.opcode == Op::Constant)
     })
+}
+
+/// Finds arrays that cannot be taken apart: of arrays, and as arguments.
+pub(super) fn check(module: &dr::Module) -> Result<(), Unfit> {
+    let all = globals(module);
+    let element = |ty: Word| {
+        let ty = all.get(&ty)?;
+        let is_array = matches!(ty.class.opcode, Op::TypeArray | Op::TypeRuntimeArray);
+        is_array.then(|| ids(ty).next())?
+    };
+    let is_opaque = |ty: Word| {
+        let op = all.get(&ty).map(|i| i.class.opcode);
+        matches!(
+            op,
+            Some(Op::TypeImage | Op::TypeSampler | Op::TypeSampledImage)
+        )
+    };
+    // The innermost element, if it is opaque, and the number of arrays around it.
+    let arrays = |pointer: Option<Word>| {
+        let mut ty = pointee(module, pointer?)?;
+        let mut depth = 0;
+        while let Some(of) = element(ty) {
+            ty = of;
+            depth += 1;
+        }
+        is_opaque(ty).then_some(depth)
+    };
+    for i in &module.types_global_values {
+        let is_variable = i.class.opcode == Op::Variable;
+        if is_variable && arrays(i.result_type).is_some_and(|depth| depth > 1) {
+            return Err(Unfit {
+                id: i.result_id.unwrap_or_default(),
+                why: "an array of arrays of textures or samplers is not supported",
+                remedy: "declare one array, and compute its index",
+            });
+        }
+    }
+    for i in module.functions.iter().flat_map(|f| &f.parameters) {
+        if arrays(i.result_type).is_some_and(|depth| depth > 0) {
+            return Err(Unfit {
+                id: i.result_id.unwrap_or_default(),
+                why: "an array of textures or samplers as an argument is not supported",
+                remedy: "pass the elements that the function reads, one by one",
+            });
+        }
+    }
+    Ok(())
+}
+
+/// What cannot be taken apart.
+pub(super) struct Unfit {
+    pub(super) id: Word,
+    pub(super) why: &'static str,
+    pub(super) remedy: &'static str,
 }
 
 struct Separate {
     globals: HashMap<Word, Instruction>,
     became: HashMap<Word, Became>,
+    /// The variables that loaded textures and samplers come from, by value.
+    loaded: HashMap<Word, Word>,
+    /// Those of combined image samplers.
+    pairs: HashMap<Word, Pair>,
     sampler: Word,
 }
 
@@ -371,9 +425,12 @@ impl Separate {
         for function in &mut functions {
             let mut changed = false;
             let mut parameters = Vec::new();
+            let mut loads = Vec::new();
             for parameter in std::mem::take(&mut function.parameters) {
-                let image = parameter.result_type.and_then(|ty| self.image_behind(ty));
-                let (Some(image), Some(id)) = (image, parameter.result_id) else {
+                let ty = parameter.result_type;
+                let by_pointer = ty.and_then(|ty| self.image_behind(ty));
+                let image = by_pointer.or_else(|| self.image_of(ty?));
+                let (Some(image), Some(id), Some(ty)) = (image, parameter.result_id, ty) else {
                     parameters.push(parameter);
                     continue;
                 };
@@ -385,7 +442,24 @@ impl Separate {
                     parameters.push(Instruction::new(op, Some(pointer), Some(new), Vec::new()));
                     new
                 });
-                self.became.insert(id, Became::Pair(pair));
+                if by_pointer.is_some() {
+                    self.became.insert(id, Became::Pair(pair));
+                    continue;
+                }
+                self.pairs.insert(id, pair);
+                let load = [(image, pair[0]), (self.sampler, pair[1])]
+                    .map(|(ty, of)| push(module, &mut loads, (Op::Load, ty), [Operand::IdRef(of)]));
+                let operands = load.map(Operand::IdRef).to_vec();
+                loads.push(Instruction::new(
+                    Op::SampledImage,
+                    Some(ty),
+                    Some(id),
+                    operands,
+                ));
+            }
+            if let Some(first) = function.blocks.first_mut() {
+                let at = after_variables(first);
+                first.instructions.splice(at..at, loads);
             }
             function.parameters = parameters;
             if let Some(def) = function.def.as_mut().filter(|_| changed) {
@@ -419,9 +493,14 @@ impl Separate {
     /// The image type behind a pointer to a combined image sampler.
     fn image_behind(&self, pointer: Word) -> Option<Word> {
         let pointer = self.globals.get(&pointer)?;
-        let of = self.globals.get(&ids(pointer).next()?)?;
         let is_pointer = pointer.class.opcode == Op::TypePointer;
-        (is_pointer && of.class.opcode == Op::TypeSampledImage).then(|| ids(of).next())?
+        is_pointer.then(|| self.image_of(ids(pointer).next()?))?
+    }
+
+    /// The image type of a combined image sampler.
+    fn image_of(&self, ty: Word) -> Option<Word> {
+        let of = self.globals.get(&ty)?;
+        (of.class.opcode == Op::TypeSampledImage).then(|| ids(of).next())?
     }
 
     fn write(&mut self, module: &mut Builder, block: &mut Vec<Instruction>, mut i: Instruction) {
@@ -429,7 +508,7 @@ impl Separate {
         let first = ids(&i).next();
         let became = first.and_then(|id| self.became.get(&id)).cloned();
         match (i.class.opcode, became, i.result_id) {
-            (Op::AccessChain | Op::InBoundsAccessChain, Some(became), Some(id)) => {
+            (_, Some(became), Some(id)) if is_access(&i) => {
                 let index = ids(&i).nth(1).unwrap_or_default();
                 let pair = match became {
                     Became::Elements(all) => {
@@ -451,7 +530,20 @@ impl Separate {
                 };
                 self.became.insert(id, Became::Pair(pair));
             }
-            (Op::Load, Some(Became::Pair([texture, sampler])), Some(_)) => {
+            (Op::Load, None, Some(id)) => {
+                self.loaded.extend(first.map(|first| (id, first)));
+                block.push(i);
+            }
+            (Op::SampledImage, _, Some(id)) => {
+                let mut from = ids(&i).map(|id| self.loaded.get(&id).copied());
+                if let (Some(Some(texture)), Some(Some(sampler))) = (from.next(), from.next()) {
+                    self.pairs.insert(id, [texture, sampler]);
+                }
+                drop(from);
+                block.push(i);
+            }
+            (Op::Load, Some(Became::Pair([texture, sampler])), Some(id)) => {
+                self.pairs.insert(id, [texture, sampler]);
                 let sampled = i.result_type.and_then(|ty| self.globals.get(&ty));
                 let image = sampled.and_then(|s| ids(s).next()).unwrap_or_default();
                 let load = [(image, texture), (self.sampler, sampler)]
@@ -463,12 +555,16 @@ impl Separate {
             (Op::FunctionCall, ..) => {
                 let operands = std::mem::take(&mut i.operands).into_iter();
                 i.operands = operands
-                    .flat_map(
-                        |o| match o.id_ref_any().and_then(|id| self.became.get(&id)) {
-                            Some(Became::Pair(pair)) => pair.map(Operand::IdRef).to_vec(),
+                    .flat_map(|o| {
+                        let id = o.id_ref_any();
+                        let by_value = id.and_then(|id| self.pairs.get(&id));
+                        match (id.and_then(|id| self.became.get(&id)), by_value) {
+                            (Some(Became::Pair(pair)), _) | (_, Some(pair)) => {
+                                pair.map(Operand::IdRef).to_vec()
+                            }
                             _ => vec![o],
-                        },
-                    )
+                        }
+                    })
                     .collect();
                 block.push(i);
             }

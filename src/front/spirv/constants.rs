@@ -1,13 +1,13 @@
-//! Replaces uses of specialisation constants that naga's reader lacks: `OpSpecConstantOp` is computed
-//! at the start of each function that uses it, and array lengths have their defaults.
+//! Replaces uses of specialisation constants that naga's reader lacks: `OpSpecConstantOp` and
+//! `OpSpecConstantComposite` are computed at the start of each function that uses them, and array
+//! lengths have their defaults.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 
-use rspirv::dr::{Builder, Instruction, Module, Operand};
+use rspirv::dr::{Block, Builder, Instruction, Module, Operand};
 use rspirv::spirv::{Decoration, Op, Word};
 
-use super::combined::names;
-use crate::words::{decorations, globals, ids, literal};
+use crate::words::{after_variables, decorations, globals, ids, literal, names};
 
 /// The constants that give the lengths of arrays, by id: their names. Their defaults are final.
 pub(super) fn lengths(module: &Module, into: &mut BTreeMap<u32, String>) {
@@ -60,19 +60,59 @@ pub(super) fn fixed_note((id, name): (&u32, &String)) -> String {
     )
 }
 
+/// What is known of the constants. Each follows its parts, so one walk in order finds everything.
 struct Known {
     globals: HashMap<Word, Instruction>,
     ids: HashMap<Word, u32>,
     names: HashMap<Word, String>,
+    /// The defaults of integers of 32 bits, and of booleans.
+    values: HashMap<Word, i64>,
+    /// Those that a specialisation constant decides.
+    specialised: HashSet<Word>,
+    /// Those that functions compute, in order: the operations, and the composites of specialised
+    /// parts, which naga's reader takes for constants.
+    computed: Vec<Word>,
 }
 
 impl Known {
     fn of(module: &Module) -> Self {
-        Self {
+        let mut known = Self {
             globals: globals(module),
             ids: decorations(module, Decoration::SpecId),
             names: names(module),
+            values: HashMap::new(),
+            specialised: HashSet::new(),
+            computed: Vec::new(),
+        };
+        for i in &module.types_global_values {
+            let Some(id) = i.result_id else { continue };
+            let value = known.value(i);
+            known.values.extend(value.map(|value| (id, value)));
+            let op = i.class.opcode;
+            let is_specialised = match op {
+                Op::SpecConstant | Op::SpecConstantTrue | Op::SpecConstantFalse => true,
+                Op::SpecConstantOp => {
+                    known.computed.push(id);
+                    ids(i).any(|id| known.specialised.contains(&id))
+                }
+                Op::SpecConstantComposite => {
+                    let is = |id: &Word| {
+                        let part = known.globals.get(id).map(|i| i.class.opcode);
+                        known.specialised.contains(id) || part == Some(Op::SpecConstantOp)
+                    };
+                    let is_specialised = ids(i).any(|id| is(&id));
+                    if is_specialised {
+                        known.computed.push(id);
+                    }
+                    is_specialised
+                }
+                _ => false,
+            };
+            if is_specialised {
+                known.specialised.insert(id);
+            }
         }
+        known
     }
 
     /// The specialised lengths of arrays, and their defaults.
@@ -80,46 +120,32 @@ impl Known {
         let types = module.types_global_values.iter();
         let arrays = types.filter(|i| i.class.opcode == Op::TypeArray);
         let lengths = arrays.filter_map(|ty| ids(ty).nth(1));
-        let specialised = lengths.filter(|length| self.is_specialised(*length));
+        let specialised = lengths.filter(|length| self.specialised.contains(length));
         specialised
-            .filter_map(|length| Some((length, self.value(length)? as u32)))
+            .filter_map(|length| Some((length, *self.values.get(&length)? as u32)))
             .collect()
-    }
-
-    fn is_specialised(&self, id: Word) -> bool {
-        self.globals.get(&id).is_some_and(|i| match i.class.opcode {
-            Op::SpecConstantOp => ids(i).any(|id| self.is_specialised(id)),
-            _ => self.ids.contains_key(&id),
-        })
-    }
-
-    /// Whether an operation is among its parts.
-    fn is_computed(&self, id: Word) -> bool {
-        self.globals.get(&id).is_some_and(|i| match i.class.opcode {
-            Op::SpecConstantOp => true,
-            Op::SpecConstantComposite => ids(i).any(|id| self.is_computed(id)),
-            _ => false,
-        })
     }
 
     /// The ids and names of the constants that decide a value.
     fn roots(&self, id: Word, into: &mut BTreeMap<u32, String>) {
-        if let Some(spec) = self.ids.get(&id) {
-            let name = self.names.get(&id).cloned();
-            into.insert(*spec, name.unwrap_or_else(|| format!("%{id}")));
-        }
-        if let Some(i) = self.globals.get(&id) {
-            ids(i).for_each(|id| self.roots(id, into));
+        let mut seen = HashSet::new();
+        let mut open = vec![id];
+        while let Some(id) = open.pop() {
+            if !seen.insert(id) {
+                continue;
+            }
+            if let Some(spec) = self.ids.get(&id) {
+                let name = self.names.get(&id).cloned();
+                into.insert(*spec, name.unwrap_or_else(|| format!("%{id}")));
+            }
+            open.extend(self.globals.get(&id).into_iter().flat_map(ids));
         }
     }
 
-    /// The default of an integer of 32 bits, or of a boolean.
-    fn value(&self, id: Word) -> Option<i64> {
-        let ty = self
-            .globals
-            .get(&id)
-            .and_then(|i| self.globals.get(&i.result_type?))?;
-        let value = self.wide_value(id)?;
+    /// The default, as the type's width and sign have it.
+    fn value(&self, i: &Instruction) -> Option<i64> {
+        let ty = self.globals.get(&i.result_type?)?;
+        let value = self.wide_value(i)?;
         let is_signed = ty.operands.get(1).and_then(literal) == Some(1);
         Some(match ty.class.opcode {
             Op::TypeInt if is_signed => i64::from(value as i32),
@@ -128,9 +154,8 @@ impl Known {
         })
     }
 
-    fn wide_value(&self, id: Word) -> Option<i64> {
-        let i = self.globals.get(&id)?;
-        let of = |n: usize| self.value(ids(i).nth(n)?);
+    fn wide_value(&self, i: &Instruction) -> Option<i64> {
+        let of = |n: usize| self.values.get(&ids(i).nth(n)?).copied();
         Some(match i.class.opcode {
             Op::Constant | Op::SpecConstant => {
                 let ty = self.globals.get(&i.result_type?)?;
@@ -172,71 +197,82 @@ impl Known {
 
     /// Computes values in the functions that use them.
     fn compute(&self, module: &mut Builder) {
+        let computed: HashSet<Word> = self.computed.iter().copied().collect();
         let mut functions = std::mem::take(&mut module.module_mut().functions);
         for function in &mut functions {
+            let mut needed: HashSet<Word> = HashSet::new();
+            let mut open: Vec<Word> = function.all_inst_iter().flat_map(ids).collect();
+            while let Some(id) = open.pop() {
+                if computed.contains(&id) && needed.insert(id) {
+                    open.extend(self.globals.get(&id).into_iter().flat_map(ids));
+                }
+            }
+            if needed.is_empty() {
+                continue;
+            }
             let mut new: HashMap<Word, Word> = HashMap::new();
             let mut start = Vec::new();
-            let all = function.all_inst_iter().flat_map(ids);
-            let used: Vec<Word> = all.filter(|id| self.is_computed(*id)).collect();
-            for id in used {
-                self.write(id, module, &mut start, &mut new);
-            }
-            if new.is_empty() {
-                continue;
+            for id in self.computed.iter().filter(|id| needed.contains(id)) {
+                self.write(*id, module, &mut start, &mut new);
             }
             for block in &mut function.blocks {
                 for operand in block.instructions.iter_mut().flat_map(|i| &mut i.operands) {
-                    if let Some(id) = operand.id_ref_any_mut()
-                        && let Some(new) = new.get(id)
-                    {
-                        *id = *new;
-                    }
+                    replace(operand, &new);
                 }
             }
+            let made: HashSet<Word> = new.into_values().collect();
             if let Some(first) = function.blocks.first_mut() {
-                let is_variable =
-                    |i: &Instruction| matches!(i.class.opcode, Op::Variable | Op::Line);
-                let body = first.instructions.iter().position(|i| !is_variable(i));
-                let at = body.unwrap_or(0);
-                first.instructions.splice(at..at, start);
+                enter(first, start, &made);
             }
         }
         module.module_mut().functions = functions;
     }
 
+    /// Writes the computation of a value whose parts are written.
     fn write(
         &self,
         id: Word,
         module: &mut Builder,
         into: &mut Vec<Instruction>,
         new: &mut HashMap<Word, Word>,
-    ) -> Word {
-        if let Some(id) = new.get(&id) {
-            return *id;
-        }
-        let Some(i) = self.globals.get(&id).filter(|_| self.is_computed(id)) else {
-            return id;
+    ) {
+        let Some(i) = self.globals.get(&id) else {
+            return;
         };
-        let op = match i.class.opcode {
-            Op::SpecConstantOp => operation(i),
-            _ => Some(Op::CompositeConstruct),
-        };
-        let mut operands = Vec::new();
-        for operand in &i.operands {
-            match operand {
-                Operand::LiteralSpecConstantOpInteger(_) => {}
-                Operand::IdRef(part) => {
-                    operands.push(Operand::IdRef(self.write(*part, module, into, new)));
-                }
-                other => operands.push(other.clone()),
-            }
-        }
-        let Some(op) = op else { return id };
+        let op = operation(i).unwrap_or(Op::CompositeConstruct);
+        let is_operation = |o: &Operand| matches!(o, Operand::LiteralSpecConstantOpInteger(_));
+        let operands = i.operands.iter().filter(|o| !is_operation(o));
+        let mut operands: Vec<Operand> = operands.cloned().collect();
+        operands.iter_mut().for_each(|o| replace(o, new));
         let result = module.id();
         into.push(Instruction::new(op, i.result_type, Some(result), operands));
         new.insert(id, result);
-        result
     }
+}
+
+fn replace(operand: &mut Operand, new: &HashMap<Word, Word>) {
+    if let Some(id) = operand.id_ref_any_mut()
+        && let Some(new) = new.get(id)
+    {
+        *id = *new;
+    }
+}
+
+/// Writes the start of a function behind its variables. Those whose initial values are `made` there
+/// get them by a store.
+fn enter(first: &mut Block, mut start: Vec<Instruction>, made: &HashSet<Word>) {
+    for i in &mut first.instructions {
+        let value = ids(i).next().filter(|value| made.contains(value));
+        if i.class.opcode == Op::Variable
+            && let (Some(id), Some(value)) = (i.result_id, value)
+        {
+            i.operands.truncate(1);
+            let store = [id, value].map(Operand::IdRef).to_vec();
+            start.push(Instruction::new(Op::Store, None, None, store));
+        }
+    }
+    let at = after_variables(first);
+    first.instructions.splice(at..at, start);
 }
 
 fn operation(i: &Instruction) -> Option<Op> {

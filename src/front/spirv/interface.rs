@@ -1,5 +1,5 @@
-//! Fits inputs and outputs to naga's reader: it reads scalars and vectors, where SPIR-V may have
-//! blocks, arrays and matrices. WGSL has no point size, because WebGPU's points are one pixel large.
+//! Fits built-ins, initial values and interpolation to naga's reader. WGSL has no point size, because
+//! WebGPU's points are one pixel large.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
@@ -7,34 +7,35 @@ use naga::{Expression, Function, Module, Statement, TypeInner};
 use rspirv::dr::{self, Builder, Instruction, Operand};
 use rspirv::spirv::{BuiltIn, Decoration, Op, StorageClass, Word};
 
-use super::combined::names;
-use super::prune::entry;
-use crate::words::{decorations, globals, ids, literal, push, replace_ids, rewrite, storage_class};
+use super::prune::{self, entry};
+use crate::words::{
+    after_variables, decoration, decorations, globals, ids, is_access, literal, member_decorations,
+    push, replace_ids, rewrite, storage_class,
+};
 
 /// Makes a variable of each member of `gl_PerVertex` that is written. The point size becomes private:
 /// returns whether there is one.
 pub(super) fn split_per_vertex(module: &mut Builder) -> bool {
     let all = globals(module.module_ref());
     // The built-in of each member, and whether it is invariant.
-    let mut members: HashMap<(Word, u32), Vec<Instruction>> = HashMap::new();
-    let mut sizes: BTreeSet<Word> = BTreeSet::new();
-    for i in &module.module_ref().annotations {
-        match i.operands.as_slice() {
-            [Operand::IdRef(id), Operand::LiteralBit32(n), ..] => {
-                members.entry((*id, *n)).or_default().push(i.clone());
-            }
-            [Operand::IdRef(id), _, Operand::BuiltIn(BuiltIn::PointSize)] => {
-                sizes.insert(*id);
-            }
-            _ => {}
-        }
-    }
-    members.retain(|_, all| number(all, Decoration::BuiltIn).is_some());
+    let mut members = member_decorations(module.module_ref());
+    let annotations = module.module_ref().annotations.iter();
+    let sizes: BTreeSet<Word> = annotations
+        .filter_map(|i| match i.operands.as_slice() {
+            [
+                Operand::IdRef(id),
+                Operand::Decoration(_),
+                Operand::BuiltIn(BuiltIn::PointSize),
+            ] => Some(*id),
+            _ => None,
+        })
+        .collect();
+    members.retain(|_, all| decoration(all, Decoration::BuiltIn).is_some());
     let block = |id: Word| {
         let variable = all.get(&id).filter(|i| i.class.opcode == Op::Variable)?;
-        let class = storage_class(variable).filter(|c| *c == StorageClass::Output)?;
+        storage_class(variable).filter(|c| *c == StorageClass::Output)?;
         let ty = ids(all.get(&variable.result_type?)?).next()?;
-        members.contains_key(&(ty, 0)).then_some((ty, class))
+        members.contains_key(&(ty, 0)).then_some(ty)
     };
     let mut split: BTreeMap<(Word, u32), Word> = BTreeMap::new();
     let mut replaced: HashMap<Word, Word> = HashMap::new();
@@ -75,9 +76,8 @@ pub(super) fn split_per_vertex(module: &mut Builder) -> bool {
     };
     let mut blocks: HashSet<Word> = HashSet::new();
     rewrite(module, |module, into: &mut Vec<Instruction>, mut i| {
-        let is_chain = matches!(i.class.opcode, Op::AccessChain | Op::InBoundsAccessChain);
-        let base = ids(&i).next().filter(|_| is_chain);
-        let found = base.and_then(|base| Some((base, block(base)?.0)));
+        let base = ids(&i).next().filter(|_| is_access(&i));
+        let found = base.and_then(|base| Some((base, block(base)?)));
         let index = ids(&i).nth(1).and_then(|id| all.get(&id));
         let index = index.and_then(|i| i.operands.first()).and_then(literal);
         let (Some((base, ty)), Some(n), Some(id)) = (found, index, i.result_id) else {
@@ -133,6 +133,88 @@ pub(super) fn split_per_vertex(module: &mut Builder) -> bool {
         }
     }
     has_size
+}
+
+/// Drops what says how the memory of images is accessed: in the IR only buffers have it.
+pub(super) fn drop_memory_decorations(module: &mut Builder) {
+    let all = globals(module.module_ref());
+    let is_image = |id: Word| {
+        let class = all.get(&id).and_then(storage_class);
+        class == Some(StorageClass::UniformConstant)
+    };
+    let says = |i: &Instruction| {
+        matches!(
+            i.operands.get(1),
+            Some(Operand::Decoration(
+                Decoration::Coherent | Decoration::Volatile
+            ))
+        )
+    };
+    let annotations = &mut module.module_mut().annotations;
+    annotations.retain(|i| !(says(i) && ids(i).next().is_some_and(is_image)));
+}
+
+/// Stores the initial values of outputs where the entry points begin: naga's reader drops those
+/// that no instruction writes.
+pub(super) fn store_initial(module: &mut Builder) {
+    let all = globals(module.module_ref());
+    let mut initial: HashMap<Word, Word> = HashMap::new();
+    for i in &mut module.module_mut().types_global_values {
+        let value = ids(i).next();
+        if prune::is_initial_output(i)
+            && let (Some(id), Some(value)) = (i.result_id, value)
+        {
+            i.operands.truncate(1);
+            initial.insert(id, value);
+        }
+    }
+    if initial.is_empty() {
+        return;
+    }
+    let entries: Vec<(Word, Vec<Word>)> = module
+        .module_ref()
+        .entry_points
+        .iter()
+        .filter_map(|e| Some((entry(e)?.1, ids(e).skip(1).collect())))
+        .collect();
+    let mut functions = std::mem::take(&mut module.module_mut().functions);
+    for (function, variables) in entries {
+        let mut of_entry = functions.iter_mut();
+        let function = of_entry.find(|f| f.def_id() == Some(function));
+        let Some(first) = function.and_then(|f| f.blocks.first_mut()) else {
+            continue;
+        };
+        let mut start = Vec::new();
+        for id in variables {
+            let Some(value) = initial.get(&id) else {
+                continue;
+            };
+            let pointer = all.get(&id).and_then(|i| all.get(&i.result_type?));
+            let ty = pointer.and_then(|p| all.get(&ids(p).next()?));
+            let store = |block: &mut Vec<Instruction>, to: Word, value: Word| {
+                let operands = [to, value].map(Operand::IdRef).to_vec();
+                block.push(Instruction::new(Op::Store, None, None, operands));
+            };
+            let Some(ty) = ty.filter(|ty| ty.class.opcode == Op::TypeStruct) else {
+                store(&mut start, id, *value);
+                continue;
+            };
+            // [`split_per_vertex`] takes the members one by one.
+            for (n, member) in ids(ty).enumerate() {
+                let pointer = module.type_pointer(None, StorageClass::Output, member);
+                let uint = module.type_int(32, 0);
+                let index = module.constant_bit32(uint, n as u32);
+                let path = [id, index].map(Operand::IdRef);
+                let to = push(module, &mut start, (Op::AccessChain, pointer), path);
+                let path = [Operand::IdRef(*value), Operand::LiteralBit32(n as u32)];
+                let part = push(module, &mut start, (Op::CompositeExtract, member), path);
+                store(&mut start, to, part);
+            }
+        }
+        let at = after_variables(first);
+        first.instructions.splice(at..at, start);
+    }
+    module.module_mut().functions = functions;
 }
 
 /// Reads `BaseVertex` and `BaseInstance` as 0 where they are subtracted from `VertexIndex` and
@@ -288,373 +370,6 @@ pub(super) fn match_interpolation(modules: &mut [Module]) {
             }
         }
     }
-}
-
-/// A scalar or vector of an input or output.
-struct Leaf {
-    /// Indices from the variable.
-    path: Vec<u32>,
-    ty: Word,
-    /// The type of its own variable: WGSL's sample mask has no sign.
-    own: Word,
-    location: u32,
-    /// Interpolation and sampling.
-    decorations: Vec<Operand>,
-    name: String,
-}
-
-/// An input or output that is no scalar or vector.
-struct Compound {
-    id: Word,
-    class: StorageClass,
-    leaves: Vec<Leaf>,
-    /// `SampleMask`, an array of one number.
-    is_mask: bool,
-}
-
-/// Makes private variables of blocks, arrays and matrices. The entry point copies inputs at its
-/// start and outputs at its ends.
-pub(super) fn open(module: &mut Builder) {
-    let compounds = Types::of(module).compounds(module.module_ref());
-    if compounds.is_empty() {
-        return;
-    }
-    let mut made: HashMap<Word, Vec<(Word, Leaf)>> = HashMap::new();
-    let mut classes: BTreeMap<Word, StorageClass> = BTreeMap::new();
-    for compound in compounds {
-        let mut leaves = Vec::new();
-        for mut leaf in compound.leaves {
-            if compound.is_mask {
-                leaf.own = module.type_int(32, 0);
-            }
-            let pointer = module.type_pointer(None, compound.class, leaf.own);
-            let id = module.variable(pointer, None, compound.class, None);
-            match compound.is_mask {
-                true => {
-                    let mask = [Operand::BuiltIn(BuiltIn::SampleMask)];
-                    module.decorate(id, Decoration::BuiltIn, mask);
-                }
-                false => {
-                    let location = [Operand::LiteralBit32(leaf.location)];
-                    module.decorate(id, Decoration::Location, location);
-                }
-            }
-            for decoration in &leaf.decorations {
-                if let Operand::Decoration(decoration) = decoration {
-                    module.decorate(id, *decoration, []);
-                }
-            }
-            module.name(id, leaf.name.clone());
-            leaves.push((id, leaf));
-        }
-        classes.insert(compound.id, compound.class);
-        made.insert(compound.id, leaves);
-    }
-    make_private(module, &classes);
-    let entries: Vec<(usize, Word, Vec<Word>)> = module
-        .module_ref()
-        .entry_points
-        .iter()
-        .enumerate()
-        .filter_map(|(at, e)| Some((at, entry(e)?.1, ids(e).skip(1).collect())))
-        .collect();
-    let mut functions = std::mem::take(&mut module.module_mut().functions);
-    for (at, function, variables) in entries {
-        let own = || variables.iter().filter_map(|v| Some((*v, made.get(v)?)));
-        let Some(function) = functions.iter_mut().find(|f| f.def_id() == Some(function)) else {
-            continue;
-        };
-        let copies = |module: &mut Builder, class: StorageClass| {
-            let mut block = Vec::new();
-            for (id, leaves) in own().filter(|(id, _)| classes[id] == class) {
-                for (leaf, of) in leaves {
-                    copy(module, &mut block, (id, *leaf), of, class);
-                }
-            }
-            block
-        };
-        let inputs = copies(module, StorageClass::Input);
-        for block in &mut function.blocks {
-            let is_end = |i: &Instruction| i.class.opcode == Op::Return;
-            if let Some(end) = block.instructions.iter().position(is_end) {
-                let outputs = copies(module, StorageClass::Output);
-                block.instructions.splice(end..end, outputs);
-            }
-        }
-        if let Some(first) = function.blocks.first_mut() {
-            let is_head = |i: &Instruction| matches!(i.class.opcode, Op::Variable | Op::Line);
-            let body = first
-                .instructions
-                .iter()
-                .position(|i| !is_head(i))
-                .unwrap_or(0);
-            first.instructions.splice(body..body, inputs);
-        }
-        let leaves = own().flat_map(|(_, leaves)| leaves.iter().map(|(id, _)| *id));
-        let leaves: Vec<Operand> = leaves.map(Operand::IdRef).collect();
-        let operands = &mut module.module_mut().entry_points[at].operands;
-        let is_compound = |o: &Operand| o.id_ref_any().is_some_and(|id| made.contains_key(&id));
-        operands.retain(|o| !is_compound(o));
-        operands.extend(leaves);
-    }
-    module.module_mut().functions = functions;
-    let is_of_input = |i: &Instruction| {
-        let kind = i.operands.get(1);
-        let decorates = |kind: &Operand| {
-            matches!(
-                kind,
-                Operand::Decoration(
-                    Decoration::Location
-                        | Decoration::BuiltIn
-                        | Decoration::Flat
-                        | Decoration::NoPerspective
-                        | Decoration::Centroid
-                        | Decoration::Sample
-                )
-            )
-        };
-        ids(i).next().is_some_and(|id| made.contains_key(&id)) && kind.is_some_and(decorates)
-    };
-    module.module_mut().annotations.retain(|i| !is_of_input(i));
-}
-
-/// Copies a leaf between its own variable and the private one.
-fn copy(
-    module: &mut Builder,
-    block: &mut Vec<Instruction>,
-    (whole, leaf): (Word, Word),
-    of: &Leaf,
-    class: StorageClass,
-) {
-    let pointer = module.type_pointer(None, StorageClass::Private, of.ty);
-    let uint = module.type_int(32, 0);
-    let path = of.path.iter().map(|n| module.constant_bit32(uint, *n));
-    let path: Vec<Word> = std::iter::once(whole).chain(path).collect();
-    let part = push(
-        module,
-        block,
-        (Op::AccessChain, pointer),
-        path.into_iter().map(Operand::IdRef),
-    );
-    let ((from, ty), (to, target)) = match class {
-        StorageClass::Input => ((leaf, of.own), (part, of.ty)),
-        _ => ((part, of.ty), (leaf, of.own)),
-    };
-    let mut value = push(module, block, (Op::Load, ty), [Operand::IdRef(from)]);
-    if ty != target {
-        value = push(
-            module,
-            block,
-            (Op::Bitcast, target),
-            [Operand::IdRef(value)],
-        );
-    }
-    let store = [to, value].map(Operand::IdRef).to_vec();
-    block.push(Instruction::new(Op::Store, None, None, store));
-}
-
-/// Makes variables private, and the pointers that functions take from them.
-fn make_private(module: &mut Builder, classes: &BTreeMap<Word, StorageClass>) {
-    let all = globals(module.module_ref());
-    let private = |module: &mut Builder, pointer: Word| {
-        let of = all
-            .get(&pointer)
-            .and_then(|p| ids(p).next())
-            .unwrap_or_default();
-        module.type_pointer(None, StorageClass::Private, of)
-    };
-    for id in classes.keys() {
-        let Some(pointer) = all.get(id).and_then(|i| i.result_type) else {
-            continue;
-        };
-        let new = private(module, pointer);
-        let variables = module.module_mut().types_global_values.iter_mut();
-        for i in variables.filter(|i| i.result_id == Some(*id)) {
-            i.result_type = Some(new);
-            i.operands[0] = Operand::StorageClass(StorageClass::Private);
-        }
-    }
-    let mut pointers: HashSet<Word> = classes.keys().copied().collect();
-    rewrite(module, |module, block, mut i| {
-        let is_chain = matches!(i.class.opcode, Op::AccessChain | Op::InBoundsAccessChain);
-        let is_own = ids(&i).next().is_some_and(|id| pointers.contains(&id));
-        if let (true, Some(ty), Some(id)) = (is_chain && is_own, i.result_type, i.result_id) {
-            i.result_type = Some(private(module, ty));
-            pointers.insert(id);
-        }
-        block.push(i);
-    });
-}
-
-struct Types {
-    globals: HashMap<Word, Instruction>,
-    names: HashMap<Word, String>,
-    /// Decorations of ids, and of members.
-    own: HashMap<Word, Vec<Instruction>>,
-    members: HashMap<(Word, u32), Vec<Instruction>>,
-    member_names: HashMap<(Word, u32), String>,
-}
-
-impl Types {
-    fn of(module: &Builder) -> Self {
-        let module = module.module_ref();
-        let mut own: HashMap<Word, Vec<Instruction>> = HashMap::new();
-        let mut members: HashMap<(Word, u32), Vec<Instruction>> = HashMap::new();
-        for i in &module.annotations {
-            match i.operands.as_slice() {
-                [Operand::IdRef(id), Operand::LiteralBit32(n), ..] => {
-                    members.entry((*id, *n)).or_default().push(i.clone());
-                }
-                [Operand::IdRef(id), ..] => own.entry(*id).or_default().push(i.clone()),
-                _ => {}
-            }
-        }
-        let member_names = module
-            .debug_names
-            .iter()
-            .filter_map(|i| match i.operands.as_slice() {
-                [
-                    Operand::IdRef(id),
-                    Operand::LiteralBit32(n),
-                    Operand::LiteralString(name),
-                ] => Some(((*id, *n), name.clone())),
-                _ => None,
-            });
-        Self {
-            globals: globals(module),
-            names: names(module),
-            own,
-            members,
-            member_names: member_names.collect(),
-        }
-    }
-
-    fn compounds(&self, module: &dr::Module) -> Vec<Compound> {
-        let variables = module.types_global_values.iter();
-        let found = variables.filter_map(|i| {
-            let id = i.result_id.filter(|_| i.class.opcode == Op::Variable)?;
-            let class = storage_class(i)?;
-            if !matches!(class, StorageClass::Input | StorageClass::Output) {
-                return None;
-            }
-            let ty = ids(self.globals.get(&i.result_type?)?).next()?;
-            let none = Vec::new();
-            let own = self.own.get(&id).unwrap_or(&none);
-            let mask = Operand::BuiltIn(BuiltIn::SampleMask);
-            let is_mask = own.iter().any(|i| i.operands.contains(&mask));
-            let is_built_in = !is_mask && number(own, Decoration::BuiltIn).is_some();
-            let op = self.globals.get(&ty)?.class.opcode;
-            let is_compound = matches!(op, Op::TypeStruct | Op::TypeArray | Op::TypeMatrix);
-            if is_built_in || !is_compound || self.has_built_ins(ty) {
-                return None;
-            }
-            let mut leaves = Vec::new();
-            let mut location = number(own, Decoration::Location).unwrap_or(0);
-            let name = self.names.get(&id).cloned().unwrap_or_default();
-            let interpolated = interpolation(own);
-            self.leaves(
-                ty,
-                &mut location,
-                (&mut Vec::new(), &name),
-                &interpolated,
-                &mut leaves,
-            );
-            Some(Compound {
-                id,
-                class,
-                leaves,
-                is_mask,
-            })
-        });
-        found.collect()
-    }
-
-    fn has_built_ins(&self, ty: Word) -> bool {
-        let mut members = self.members.iter();
-        members.any(|((id, _), all)| *id == ty && number(all, Decoration::BuiltIn).is_some())
-    }
-
-    fn leaves(
-        &self,
-        ty: Word,
-        location: &mut u32,
-        (path, name): (&mut Vec<u32>, &str),
-        decorations: &[Operand],
-        out: &mut Vec<Leaf>,
-    ) {
-        let Some(i) = self.globals.get(&ty) else {
-            return;
-        };
-        let first = ids(i).next().unwrap_or_default();
-        let count = match i.class.opcode {
-            Op::TypeArray => {
-                let length = ids(i).nth(1).and_then(|n| self.globals.get(&n));
-                length.and_then(|n| n.operands.first()).and_then(literal)
-            }
-            Op::TypeMatrix => i.operands.get(1).and_then(literal),
-            _ => None,
-        };
-        match (i.class.opcode, count) {
-            (Op::TypeStruct, _) => {
-                for (n, member) in ids(i).enumerate() {
-                    let key = (ty, n as u32);
-                    let none = Vec::new();
-                    let own = self.members.get(&key).unwrap_or(&none);
-                    if let Some(own) = number(own, Decoration::Location) {
-                        *location = own;
-                    }
-                    let decorations = [decorations, &interpolation(own)].concat();
-                    let member_name = self.member_names.get(&key).map_or("", String::as_str);
-                    let name = format!("{name}_{member_name}");
-                    path.push(n as u32);
-                    self.leaves(member, location, (path, &name), &decorations, out);
-                    path.pop();
-                }
-            }
-            (_, Some(count)) => {
-                for n in 0..count {
-                    path.push(n);
-                    let name = format!("{name}_{n}");
-                    self.leaves(first, location, (path, &name), decorations, out);
-                    path.pop();
-                }
-            }
-            _ => {
-                out.push(Leaf {
-                    path: path.clone(),
-                    ty,
-                    own: ty,
-                    location: *location,
-                    decorations: decorations.to_vec(),
-                    name: name.to_owned(),
-                });
-                *location += 1;
-            }
-        }
-    }
-}
-
-/// The number of a decoration.
-fn number(all: &[Instruction], kind: Decoration) -> Option<u32> {
-    let is = |i: &&Instruction| i.operands.contains(&Operand::Decoration(kind));
-    let found = all.iter().find(is)?;
-    Some(found.operands.last().and_then(literal).unwrap_or(0))
-}
-
-fn interpolation(all: &[Instruction]) -> Vec<Operand> {
-    let operands = all.iter().flat_map(|i| &i.operands);
-    let is_wanted = |o: &&Operand| {
-        matches!(
-            o,
-            Operand::Decoration(
-                Decoration::Flat
-                    | Decoration::NoPerspective
-                    | Decoration::Centroid
-                    | Decoration::Sample
-            )
-        )
-    };
-    operands.filter(is_wanted).cloned().collect()
 }
 
 /// Names the outputs by the variables that they come from: naga's reader names none but the members

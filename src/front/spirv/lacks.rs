@@ -13,7 +13,7 @@ use crate::words::{globals, ids, literal, storage_class};
 pub(super) struct Lack {
     /// As SPIR-V calls it: `OpImageQueryLod`.
     pub(super) name: String,
-    /// As GLSL calls it, with an entry in the table.
+    /// As GLSL calls it, with an entry in the table or in [`OWN`].
     pub(super) glsl: &'static str,
     /// The instruction's result, for its place.
     pub(super) id: Option<Word>,
@@ -67,12 +67,17 @@ pub(super) fn find(module: &Module) -> Option<Lack> {
             return Some(at("Component".to_owned(), "component", ids(i).next()));
         }
     }
+    let values: HashMap<Word, Word> = module
+        .all_inst_iter()
+        .filter_map(|i| Some((i.result_id?, i.result_type?)))
+        .collect();
     let mut line = None;
     for i in module.functions.iter().flat_map(|f| f.all_inst_iter()) {
         if i.class.opcode == Op::Line {
             line = i.operands.get(1).and_then(literal);
         }
-        if let Some((name, glsl)) = of_instruction(i) {
+        let read = of_instruction(i).or_else(|| of_integers(i, &values, &all));
+        if let Some((name, glsl)) = read {
             return Some(Lack {
                 name,
                 glsl,
@@ -121,6 +126,8 @@ fn of_type(i: &Instruction) -> Option<(String, &'static str)> {
             Some(Operand::Dim(Dim::DimBuffer)) => "textureBuffer",
             _ => return None,
         },
+        Op::TypeFloat if i.operands.first().and_then(literal) == Some(8) => "floate5m2_t",
+        Op::TypeFloat if i.operands.len() > 1 => "bfloat16_t",
         Op::TypeInt => match i.operands.first().and_then(literal) {
             Some(8 | 16) => "int16_t",
             Some(64) => "int64_t",
@@ -146,11 +153,7 @@ fn of_built_in(built_in: BuiltIn) -> Option<&'static str> {
         BuiltIn::Layer => "gl_Layer",
         BuiltIn::ViewportIndex => "gl_ViewportIndex",
         BuiltIn::CullDistance => "gl_CullDistance",
-        BuiltIn::ViewIndex => "gl_ViewIndex",
         BuiltIn::DeviceIndex => "gl_DeviceIndex",
-        BuiltIn::BaseVertex => "gl_BaseVertex",
-        BuiltIn::BaseInstance => "gl_BaseInstance",
-        BuiltIn::DrawIndex => "gl_DrawID",
         BuiltIn::SamplePosition => "gl_SamplePosition",
         BuiltIn::FragSizeEXT => "gl_FragSizeEXT",
         BuiltIn::FragInvocationCountEXT => "gl_FragInvocationCountEXT",
@@ -171,6 +174,9 @@ fn of_instruction(i: &Instruction) -> Option<(String, &'static str)> {
             | GlslStd450Op::InterpolateAtSample
             | GlslStd450Op::InterpolateAtOffset => {
                 Some((format!("{function:?}"), "interpolateAtCentroid"))
+            }
+            GlslStd450Op::Frexp | GlslStd450Op::FrexpStruct => {
+                Some((format!("{function:?}"), "frexp"))
             }
             _ => None,
         };
@@ -193,13 +199,50 @@ fn of_instruction(i: &Instruction) -> Option<(String, &'static str)> {
     Some((format!("Op{name}"), glsl))
 }
 
+/// A texture of integers that is sampled.
+fn of_integers(
+    i: &Instruction,
+    values: &HashMap<Word, Word>,
+    all: &HashMap<Word, Instruction>,
+) -> Option<(String, &'static str)> {
+    let name = i.class.opname;
+    if !name.starts_with("ImageSample") {
+        return None;
+    }
+    let sampled = all.get(values.get(&ids(i).next()?)?)?;
+    let image = all.get(&ids(sampled).next()?)?;
+    let of = all.get(&ids(image).next()?)?;
+    let is_of_ints = image.class.opcode == Op::TypeImage && of.class.opcode == Op::TypeInt;
+    is_of_ints.then(|| (format!("Op{name}"), INTEGERS))
+}
+
+const INTEGERS: &str = "a texture of integers";
+
+/// Why the text's table of absent names has no entry, and what to do instead.
+const OWN: [(&str, &str, &str); 2] = [
+    (
+        "frexp",
+        "naga has no such function",
+        "take the bits by `floatBitsToInt`",
+    ),
+    (
+        INTEGERS,
+        "WebGPU samples no textures of integers",
+        "read the texel by `texelFetch`",
+    ),
+];
+
 /// The error about it.
 pub(super) fn refuse(lack: &Lack) -> Error {
-    match crate::front::absent::absent(lack.glsl) {
-        Some(absent) => absent.refuse(&lack.name, None),
-        None => Error::new(
-            Code::Unsupported,
-            format!("`{}` is not supported", lack.name),
-        ),
+    if let Some(absent) = crate::front::absent::absent(lack.glsl) {
+        return absent.refuse(&lack.name, None);
+    }
+    let error = |why: &str| {
+        let message = format!("`{}` is not supported{why}", lack.name);
+        Error::new(Code::Unsupported, message)
+    };
+    match OWN.iter().find(|(glsl, ..)| *glsl == lack.glsl) {
+        Some((_, why, remedy)) => error(&format!(": {why}")).note(*remedy),
+        None => error(""),
     }
 }

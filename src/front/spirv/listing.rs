@@ -9,6 +9,7 @@ use rspirv::binary::{Consumer, Disassemble, ParseAction, Parser};
 use rspirv::dr::{Instruction, Loader, Module, ModuleHeader, Operand};
 use rspirv::spirv::Op;
 
+use super::order;
 use crate::panics;
 use crate::words::to_bytes;
 
@@ -100,6 +101,7 @@ pub(in crate::front) fn read(words: &[u32]) -> (Listing, Result<Module, String>)
         }
     }
     let module = std::mem::take(&mut reader.loader).module();
+    let result = result.and_then(|()| order::check(&module));
     (reader.listing, result.map(|()| module))
 }
 

@@ -1,8 +1,7 @@
 //! Reads SPIR-V modules by naga's reader, in the order of these modules: `listing` reads the words
-//! and lists them as a text, `prune` takes the stages, `lacks` names what is not read, `combined`,
-//! `constants`, `instructions`, `interface` and `layout` replace what naga's reader lacks or misreads,
-//! `switches` finds what it misreads, `names` makes identifiers, and `loops` and `parameters` settle
-//! the IR.
+//! and lists them as a text, `order` checks them, `prune` takes the stages, `lacks` names what is not read, `combined`,
+//! `constants`, `instructions`, `interface`, `layout` and `switches` replace what naga's reader lacks
+//! or misreads, `names` makes identifiers, and `loops` and `parameters` settle the IR.
 
 mod combined;
 mod constants;
@@ -13,10 +12,12 @@ mod layout;
 mod listing;
 mod loops;
 mod names;
+mod order;
 mod parameters;
 mod precise;
 mod prune;
 mod switches;
+mod varyings;
 
 use std::cell::Cell;
 use std::collections::{BTreeMap, HashMap};
@@ -67,9 +68,11 @@ pub(super) struct Words<'a> {
 }
 
 /// Parses modules in order. The spans refer to the source map, to which the files of debug
-/// information are added. Entry points called `main` become `vertex_main` and `fragment_main`.
+/// information are added. `names` are the entry points to take, if there are several. One called
+/// `main` becomes `vertex_main` or `fragment_main`.
 pub(super) fn parse(
     sources: &[Words<'_>],
+    names: [Option<&str>; 2],
     map: &mut SourceMap,
 ) -> Result<(Vec<Module>, Declared), Error> {
     let mut stages = Vec::new();
@@ -81,7 +84,9 @@ pub(super) fn parse(
                 Code::Parse,
                 format!("{} is no valid SPIR-V: {why}", source.name),
             )
+            .note("the file may be cut off or damaged: `spirv-val` checks it")
         })?;
+        is_of_material(&module, source.name)?;
         let files = listing.files.iter();
         let files = files.map(|file| match file.text.is_empty() {
             true => None,
@@ -102,7 +107,8 @@ pub(super) fn parse(
     };
     let mut fixed = BTreeMap::new();
     for (source, module, _) in &mut stages {
-        prune::prune(module, source.stage.and_then(model));
+        let stage = source.stage.and_then(model);
+        prune::prune(module, prune::Chosen { stage, names });
         places.take(module);
         constants::lengths(module, &mut fixed);
     }
@@ -124,6 +130,26 @@ pub(super) fn parse(
     }
     beyond_wgsl::narrow_storage(&mut modules);
     Ok((modules, declared))
+}
+
+/// An error about a module of other stages.
+fn is_of_material(module: &dr::Module, name: &str) -> Result<(), Error> {
+    let models = module.entry_points.iter().filter_map(prune::entry);
+    let models: Vec<ExecutionModel> = models.map(|(model, _)| model).collect();
+    let is_one =
+        |m: &ExecutionModel| matches!(m, ExecutionModel::Vertex | ExecutionModel::Fragment);
+    match models.first() {
+        _ if models.iter().any(is_one) => Ok(()),
+        None => Err(Error::new(
+            Code::NoEntryPoint,
+            format!("{name} has no entry point"),
+        )),
+        Some(model) => Err(Error::new(
+            Code::Foreign,
+            format!("{name} is a module of the stage {model:?}, which preshade does not read"),
+        )
+        .note("give a vertex and a fragment stage")),
+    }
 }
 
 fn model(stage: ShaderStage) -> Option<ExecutionModel> {
@@ -206,23 +232,32 @@ fn one(
         let error = lacks::refuse(&lack);
         return Err(text.at(error, at));
     }
-    if let Some(line) = switches::find(builder.module_ref()) {
-        let message = "a `default` that falls through, or that a case falls into, is not supported";
-        let error = text.error(Code::Unsupported, message, line.map(|n| n as usize));
-        return Err(error.note("end each `case` with `break`, and copy the shared statements"));
-    }
+    switches::order(&mut builder);
     declared.copies.extend(names::give(&mut builder));
     if text.listing.prints {
         let note = "`debugPrintf` is dropped: WebGPU prints nothing";
         declared.notes.push(note.to_owned());
     }
     constants::settle(&mut builder, fixed);
+    interface::drop_memory_decorations(&mut builder);
+    interface::store_initial(&mut builder);
     declared.point_size |= interface::split_per_vertex(&mut builder);
     if precise::keep(&mut builder) {
         declared.notes.push(super::PRECISE_NOTE.to_owned());
     }
-    interface::open(&mut builder);
+    varyings::open(&mut builder).map_err(|id| {
+        let message = format!(
+            "an input or output of more than {} parts is not supported",
+            varyings::MOST_LEAVES
+        );
+        text.error(Code::Unsupported, message, text.of_result(id))
+    })?;
     combined::part(&mut builder, places);
+    combined::check(builder.module_ref()).map_err(|unfit| {
+        let at = text.of_result(unfit.id);
+        text.error(Code::Unsupported, unfit.why, at)
+            .note(unfit.remedy)
+    })?;
     text.became = combined::separate(&mut builder, places);
     let demotes = |i: &dr::Instruction| i.class.opcode == Op::DemoteToHelperInvocation;
     declared.demotes |= builder.module_ref().all_inst_iter().any(demotes);
@@ -254,10 +289,14 @@ fn one(
     let read = read(&words.assemble(), text)?;
     let mut module = settled(read, text);
     interface::sample(&mut module, &sampled);
+    let stages: Vec<ShaderStage> = module.entry_points.iter().map(|e| e.stage).collect();
     for entry in &mut module.entry_points {
-        // Both stages may have the name.
-        if entry.name == "main" {
+        // Both stages may have the name. If a stage has several entry points, the author chooses by
+        // this name.
+        let is_only = stages.iter().filter(|s| **s == entry.stage).count() == 1;
+        if is_only && entry.name == "main" {
             entry.name = format!("{}_main", super::declaration::stage_name(entry.stage));
+            declared.mains.push(entry.stage);
         }
     }
     Ok(module)
@@ -302,7 +341,8 @@ impl Offsets {
                 _ if (Op::ConstantTrue as u32..=Op::SpecConstantOp as u32).contains(&op) => {
                     operand(2)
                 }
-                _ if op == Op::Variable as u32 => operand(2),
+                // Whatever has no line of its own belongs to the function.
+                _ if op == Op::Variable as u32 || op == Op::Function as u32 => operand(2),
                 _ => None,
             };
             if let Some(id) = result {

@@ -7,8 +7,7 @@ use std::collections::{HashMap, HashSet};
 use rspirv::dr::{Builder, Operand};
 use rspirv::spirv::{BuiltIn, Decoration, Op, Word};
 
-use super::combined::names;
-use crate::words::{decorations, ids};
+use crate::words::{decorations, ids, names};
 
 /// Names all variables, parameters, functions, specialisation constants, structs and members.
 /// Returns the names of structs that changed, and the author's.

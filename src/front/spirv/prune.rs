@@ -4,9 +4,9 @@
 use std::collections::{HashMap, HashSet};
 
 use rspirv::dr::{Instruction, Module, Operand};
-use rspirv::spirv::{ExecutionModel, Op, Word};
+use rspirv::spirv::{ExecutionModel, Op, StorageClass, Word};
 
-use crate::words::{ids, sort_globals};
+use crate::words::{ids, sort_globals, storage_class};
 
 /// The stage and the function of an entry point.
 pub(super) fn entry(instruction: &Instruction) -> Option<(ExecutionModel, Word)> {
@@ -20,9 +20,18 @@ fn is_of_material(model: ExecutionModel) -> bool {
     matches!(model, ExecutionModel::Vertex | ExecutionModel::Fragment)
 }
 
-/// Drops the entry points of other stages, except for a module that has no others, and what is not
-/// used then. `only`: drops the others of these two stages as well.
-pub(super) fn prune(module: &mut Module, only: Option<ExecutionModel>) {
+/// The entry points to keep.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Chosen<'a> {
+    /// The only stage of the two; `None`: both.
+    pub(super) stage: Option<ExecutionModel>,
+    /// The author's names of the vertex and of the fragment entry point, if several are there.
+    pub(super) names: [Option<&'a str>; 2],
+}
+
+/// Drops the entry points of other stages, except for a module that has no others, and those that
+/// are not chosen, and what is not used then.
+pub(super) fn prune(module: &mut Module, chosen: Chosen<'_>) {
     let models = |module: &Module| -> Vec<ExecutionModel> {
         let entries = module.entry_points.iter();
         entries.filter_map(|e| Some(entry(e)?.0)).collect()
@@ -32,12 +41,26 @@ pub(super) fn prune(module: &mut Module, only: Option<ExecutionModel>) {
             .entry_points
             .retain(|e| entry(e).is_some_and(|(model, _)| is_of_material(model)));
     }
-    if let Some(only) = only
+    if let Some(only) = chosen.stage
         && models(module).contains(&only)
     {
         module
             .entry_points
             .retain(|e| entry(e).is_some_and(|(model, _)| model == only));
+    }
+    let of_material = [ExecutionModel::Vertex, ExecutionModel::Fragment];
+    for (of, name) in of_material.into_iter().zip(chosen.names) {
+        let is = |e: &Instruction| {
+            let own = e.operands.get(2);
+            let is_name = matches!((own, name), (Some(Operand::LiteralString(own)), Some(name)) if own == name);
+            is_name && entry(e).is_some_and(|(model, _)| model == of)
+        };
+        // An unknown name is an error later, which lists the others.
+        if module.entry_points.iter().any(is) {
+            module
+                .entry_points
+                .retain(|e| is(e) || entry(e).is_none_or(|(model, _)| model != of));
+        }
     }
     let roots: Vec<Word> = module
         .entry_points
@@ -68,9 +91,19 @@ pub(super) fn prune(module: &mut Module, only: Option<ExecutionModel>) {
     drop_unused(module);
 }
 
+/// Whether it is an output with an initial value.
+pub(super) fn is_initial_output(i: &Instruction) -> bool {
+    let is_output = storage_class(i) == Some(StorageClass::Output);
+    i.class.opcode == Op::Variable && is_output && ids(i).next().is_some()
+}
+
 /// Drops definitions, names and decorations of what no function uses, and sorts the definitions.
 pub(super) fn drop_unused(module: &mut Module) {
-    sort_globals(module, |_| false);
+    let listed: HashSet<Word> = module.entry_points.iter().flat_map(ids).collect();
+    // An entry point may leave an output as it is initialised.
+    sort_globals(module, |i| {
+        is_initial_output(i) && i.result_id.is_some_and(|id| listed.contains(&id))
+    });
     let left: HashSet<Word> = module.all_inst_iter().filter_map(|i| i.result_id).collect();
     let is_left = |i: &Instruction| ids(i).next().is_none_or(|id| left.contains(&id));
     module.debug_names.retain(is_left);

@@ -1,0 +1,390 @@
+//! Writes accesses to memory whose layout changed: pointers to parts, loads and stores.
+
+use std::collections::HashMap;
+use std::rc::Rc;
+
+use rspirv::dr::{Builder, Instruction, Operand};
+use rspirv::spirv::{Op, StorageClass, Word};
+
+use super::{Layouts, Memory};
+use crate::words::{count_parts, ids, is_access, push};
+
+/// Values of more parts are not loaded or stored as a whole.
+const MOST_PARTS: u32 = 1024;
+
+/// A pointer to changed memory.
+#[derive(Clone)]
+struct Place {
+    pointer: Word,
+    class: StorageClass,
+    memory: Rc<Memory>,
+    /// The type of the value there.
+    value: Word,
+    /// The column of a transposed matrix: its components lie apart.
+    column: Option<Word>,
+}
+
+/// What cannot be written, in words.
+type Written<T = ()> = Result<T, String>;
+
+/// The pointers to changed memory.
+#[derive(Default)]
+pub(super) struct Places(HashMap<Word, Place>);
+
+impl Places {
+    /// Adds a variable.
+    pub(super) fn add(&mut self, id: Word, class: StorageClass, memory: Rc<Memory>, value: Word) {
+        let place = Place {
+            pointer: id,
+            class,
+            memory,
+            value,
+            column: None,
+        };
+        self.0.insert(id, place);
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// What writes the accesses of a block.
+    pub(super) fn of<'a>(
+        &'a mut self,
+        layouts: &'a Layouts,
+        module: &'a mut Builder,
+        block: &'a mut Vec<Instruction>,
+    ) -> Accesses<'a> {
+        Accesses {
+            places: &mut self.0,
+            layouts,
+            module,
+            block,
+        }
+    }
+}
+
+/// Writes the accesses of a block.
+pub(super) struct Accesses<'a> {
+    places: &'a mut HashMap<Word, Place>,
+    layouts: &'a Layouts,
+    module: &'a mut Builder,
+    block: &'a mut Vec<Instruction>,
+}
+
+impl Accesses<'_> {
+    /// Writes an instruction, or what replaces it.
+    pub(super) fn write(&mut self, mut i: Instruction) -> Written {
+        let place = ids(&i).next().and_then(|id| self.places.get(&id)).cloned();
+        let Some(place) = place else {
+            let other = ids(&i).skip(1).any(|id| self.places.contains_key(&id));
+            self.block.push(i);
+            return match other {
+                true => Err("a pointer into a block is an argument".to_owned()),
+                false => Ok(()),
+            };
+        };
+        match (i.class.opcode, i.result_id) {
+            (_, Some(id)) if is_access(&i) => self.chain(&place, &i, id),
+            (Op::Load, Some(id)) => {
+                let value = self.load(&place)?;
+                let copy = vec![Operand::IdRef(value)];
+                let copy = Instruction::new(Op::CopyObject, i.result_type, Some(id), copy);
+                self.block.push(copy);
+            }
+            (Op::Store, _) => {
+                let value = ids(&i).nth(1).unwrap_or_default();
+                self.store(&place, value)?;
+            }
+            (Op::ArrayLength, _) => {
+                i.operands[0] = Operand::IdRef(place.pointer);
+                if let (Memory::Struct { members, .. }, Some(Operand::LiteralBit32(n))) =
+                    (&*place.memory, i.operands.get_mut(1))
+                {
+                    *n = members.get(*n as usize).map_or(*n, |(at, _)| *at);
+                }
+                self.block.push(i);
+            }
+            _ => return Err(format!("`Op{}` of a block", i.class.opname)),
+        }
+        Ok(())
+    }
+
+    fn push(&mut self, op: Op, ty: Word, operands: impl IntoIterator<Item = Operand>) -> Word {
+        push(self.module, self.block, (op, ty), operands)
+    }
+
+    fn construct(&mut self, ty: Word, parts: Vec<Word>) -> Word {
+        let parts = parts.into_iter().map(Operand::IdRef);
+        self.push(Op::CompositeConstruct, ty, parts)
+    }
+
+    fn extract(&mut self, ty: Word, of: Word, path: &[u32]) -> Word {
+        let path = path.iter().copied().map(Operand::LiteralBit32);
+        let operands = [Operand::IdRef(of)].into_iter().chain(path);
+        self.push(Op::CompositeExtract, ty, operands)
+    }
+
+    fn part(&self, ty: Word, n: usize) -> Word {
+        self.layouts.part(ty, n).unwrap_or_default()
+    }
+
+    fn constant(&mut self, n: u32) -> Word {
+        let uint = self.module.type_int(32, 0);
+        self.module.constant_bit32(uint, n)
+    }
+
+    fn chain(&mut self, place: &Place, i: &Instruction, id: Word) {
+        let mut indices: Vec<Word> = place.column.into_iter().chain(ids(i).skip(1)).collect();
+        indices.reverse();
+        let mut path: Vec<Word> = Vec::new();
+        let mut memory = Rc::clone(&place.memory);
+        let mut value = place.value;
+        let mut column = None;
+        while let Some(index) = indices.pop() {
+            let next = match &*memory {
+                Memory::Same(_) => {
+                    path.push(index);
+                    continue;
+                }
+                Memory::Struct { members, .. } => {
+                    let n = self.layouts.number(index).unwrap_or(0) as usize;
+                    let n = n.min(members.len().saturating_sub(1));
+                    let Some((at, member)) = members.get(n) else {
+                        break;
+                    };
+                    path.push(self.constant(*at));
+                    value = self.part(value, n);
+                    Rc::clone(member)
+                }
+                Memory::Array {
+                    element,
+                    is_wrapped,
+                    ..
+                } => {
+                    path.push(index);
+                    if *is_wrapped {
+                        path.push(self.constant(0));
+                    }
+                    value = self.part(value, 0);
+                    Rc::clone(element)
+                }
+                Memory::Matrix {
+                    is_transposed,
+                    wrapped,
+                    ..
+                } => {
+                    let row = match is_transposed {
+                        true => indices.pop(),
+                        false => None,
+                    };
+                    if *is_transposed && row.is_none() {
+                        column = Some(index);
+                        break;
+                    }
+                    path.push(row.unwrap_or(index));
+                    if wrapped.is_some() {
+                        path.push(self.constant(0));
+                    }
+                    value = self.part(value, 0);
+                    if row.is_some() {
+                        path.push(index);
+                        value = self.part(value, 0);
+                    }
+                    Rc::new(Memory::Same(value))
+                }
+            };
+            memory = next;
+        }
+        let class = place.class;
+        let pointer = match path.is_empty() {
+            true => place.pointer,
+            false => {
+                let to = match memory.is_same() {
+                    true => i.result_type.unwrap_or_default(),
+                    false => self.module.type_pointer(None, class, memory.ty()),
+                };
+                let base = [place.pointer].into_iter().chain(path);
+                let operands = base.map(Operand::IdRef).collect();
+                let chain = Instruction::new(i.class.opcode, Some(to), Some(id), operands);
+                self.block.push(chain);
+                id
+            }
+        };
+        if !memory.is_same() || column.is_some() {
+            let place = Place {
+                pointer,
+                class,
+                memory,
+                value,
+                column,
+            };
+            self.places.insert(id, place);
+        }
+    }
+
+    /// The pointers to the components of a column, and their type.
+    fn components(&mut self, place: &Place, column: Word) -> (Vec<Word>, Word) {
+        let vector = self.part(place.value, 0);
+        let scalar = self.part(vector, 0);
+        let pointer = self.module.type_pointer(None, place.class, scalar);
+        let is_wrapped = matches!(
+            &*place.memory,
+            Memory::Matrix {
+                wrapped: Some(_),
+                ..
+            }
+        );
+        let all = (0..self.layouts.count(vector)).map(|row| {
+            let mut path = vec![place.pointer, self.constant(row)];
+            if is_wrapped {
+                path.push(self.constant(0));
+            }
+            path.push(column);
+            let path = path.into_iter().map(Operand::IdRef);
+            self.push(Op::AccessChain, pointer, path)
+        });
+        (all.collect(), scalar)
+    }
+
+    fn load(&mut self, place: &Place) -> Written<Word> {
+        let load = |own: &mut Self, pointer: Word, ty: Word| {
+            own.push(Op::Load, ty, [Operand::IdRef(pointer)])
+        };
+        if let Some(column) = place.column {
+            let (pointers, scalar) = self.components(place, column);
+            let parts = pointers.into_iter().map(|p| load(self, p, scalar));
+            let parts = parts.collect();
+            let vector = self.part(place.value, 0);
+            return Ok(self.construct(vector, parts));
+        }
+        self.check_size(place)?;
+        let memory = load(self, place.pointer, place.memory.ty());
+        Ok(self.convert((memory, place.value), &place.memory, true))
+    }
+
+    fn store(&mut self, place: &Place, value: Word) -> Written {
+        let store = |own: &mut Self, pointer: Word, value: Word| {
+            let operands = [pointer, value].map(Operand::IdRef).to_vec();
+            let store = Instruction::new(Op::Store, None, None, operands);
+            own.block.push(store);
+        };
+        if let Some(column) = place.column {
+            let (pointers, scalar) = self.components(place, column);
+            for (n, pointer) in pointers.into_iter().enumerate() {
+                let part = self.extract(scalar, value, &[n as u32]);
+                store(self, pointer, part);
+            }
+            return Ok(());
+        }
+        self.check_size(place)?;
+        let value = self.convert((value, place.value), &place.memory, false);
+        store(self, place.pointer, value);
+        Ok(())
+    }
+
+    fn check_size(&self, place: &Place) -> Written {
+        match count_parts(&self.layouts.globals, place.value, false) > MOST_PARTS {
+            true => Err(format!(
+                "a value of more than {MOST_PARTS} scalars and vectors is read or written at once"
+            )),
+            false => Ok(()),
+        }
+    }
+
+    /// Converts a value from memory (`is_load`) or to it. `ty` is the author's type.
+    fn convert(&mut self, (id, ty): (Word, Word), memory: &Memory, is_load: bool) -> Word {
+        let target = if is_load { ty } else { memory.ty() };
+        match memory {
+            Memory::Same(_) => id,
+            Memory::Struct { ty: own, members } => {
+                let mut parts: Vec<Option<Word>> = match is_load {
+                    true => vec![None; members.len()],
+                    false => vec![None; self.layouts.members_of(*own)],
+                };
+                for (n, (at, member)) in members.iter().enumerate() {
+                    let at = *at as usize;
+                    let value = self.part(ty, n);
+                    let (from, index, to) = match is_load {
+                        true => (member.ty(), at, n),
+                        false => (value, n, at),
+                    };
+                    let part = self.extract(from, id, &[index as u32]);
+                    parts[to] = Some(self.convert((part, value), member, is_load));
+                }
+                let parts = parts.into_iter().enumerate().map(|(n, part)| {
+                    part.unwrap_or_else(|| {
+                        let padding = self.part(*own, n);
+                        self.module.constant_null(padding)
+                    })
+                });
+                let parts = parts.collect();
+                self.construct(target, parts)
+            }
+            Memory::Array {
+                ty: own,
+                element,
+                is_wrapped,
+            } => {
+                let length = self.part(ty, 1);
+                let length = self.layouts.number(length).unwrap_or(0);
+                let value = self.part(ty, 0);
+                let wrapper = self.part(*own, 0);
+                let mut parts = Vec::new();
+                for n in 0..length {
+                    let from = if is_load { element.ty() } else { value };
+                    let path: &[u32] = match is_load && *is_wrapped {
+                        true => &[n, 0],
+                        false => &[n],
+                    };
+                    let part = self.extract(from, id, path);
+                    let part = self.convert((part, value), element, is_load);
+                    parts.push(match !is_load && *is_wrapped {
+                        true => self.wrap(wrapper, part),
+                        false => part,
+                    });
+                }
+                self.construct(target, parts)
+            }
+            Memory::Matrix {
+                ty: own,
+                is_transposed,
+                wrapped,
+                matrix,
+            } => {
+                let count = self.layouts.count(*matrix);
+                let transpose = |own: &mut Self, ty, id| match is_transposed {
+                    true => own.push(Op::Transpose, ty, [Operand::IdRef(id)]),
+                    false => id,
+                };
+                let Some(vector) = *wrapped else {
+                    return transpose(self, target, id);
+                };
+                if is_load {
+                    let parts = (0..count).map(|n| self.extract(vector, id, &[n, 0]));
+                    let parts = parts.collect();
+                    let whole = self.construct(*matrix, parts);
+                    return transpose(self, ty, whole);
+                }
+                let whole = transpose(self, *matrix, id);
+                let wrapper = self.part(*own, 0);
+                let parts = (0..count).map(|n| {
+                    let part = self.extract(vector, whole, &[n]);
+                    self.wrap(wrapper, part)
+                });
+                let parts = parts.collect();
+                self.construct(target, parts)
+            }
+        }
+    }
+
+    /// A struct of a value and its padding.
+    fn wrap(&mut self, wrapper: Word, value: Word) -> Word {
+        let pads = (1..self.layouts.members_of(wrapper)).map(|n| {
+            let padding = self.part(wrapper, n);
+            self.module.constant_null(padding)
+        });
+        let parts = [value].into_iter().chain(pads).collect();
+        self.construct(wrapper, parts)
+    }
+}
