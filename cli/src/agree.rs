@@ -266,22 +266,23 @@ pub fn run(args: &AgreeArgs) -> Result<Ending, Failure> {
             .fold(text.to_owned(), |text, tree| tree.renamed(&text))
     };
     let is_one = asked.len() == 1 && trees.iter().all(|t| !t.is_folder());
-    let results: Vec<Result<Option<Pair>, Failure>> = asked
+    let results: Vec<Result<Checked, Failure>> = asked
         .par_iter()
         .map(|asked| checked(args, asked, is_one, &named))
         .collect();
     let mut report = Report::default();
     for result in results {
         match result {
-            Ok(Some(pair)) => report.pairs.push(pair),
-            Ok(None) => report.left_out += 1,
+            Ok(Checked::Compared(pair)) => report.pairs.push(*pair),
+            Ok(Checked::Unchanged) => report.unchanged += 1,
+            Ok(Checked::NoMaterial) => report.left_out += 1,
             Err(Failure(why)) => report.errors.push(named(&why)),
         }
     }
     report.waive(&waivers, |class, relation| args.breaks(class, relation));
     match args.format {
         // Nothing but errors.
-        Form::Human | Form::Markdown if report.pairs.is_empty() => {}
+        Form::Human | Form::Markdown if report.pairs.is_empty() && report.unchanged == 0 => {}
         Form::Human => output::table(&report.human(args.verbose))?,
         Form::Markdown => output::table(&report.markdown())?,
         Form::Json => output::json(&report)?,
@@ -291,22 +292,45 @@ pub fn run(args: &AgreeArgs) -> Result<Ending, Failure> {
     }
     Ok(match () {
         () if report.is_broken() => Ending::ContractBroken,
-        () if report.is_nothing() => Ending::NotMeasured,
+        () if report.is_nothing() && report.unchanged == 0 => Ending::NotMeasured,
         () => Ending::Fine,
     })
 }
 
-/// Checks one pair. `None`: its files are no material, of a folder where some are not.
+/// The result of a pair.
+enum Checked {
+    Compared(Box<Pair>),
+    /// Two folders have the same text, imports included.
+    Unchanged,
+    /// Its files are no material, in a folder.
+    NoMaterial,
+}
+
+/// Whether two plans are of one text.
+fn are_one_text(first: &Plan, second: &Plan) -> bool {
+    let texts = |plan: &Plan| {
+        let files = plan.main().and_then(|p| plan.program(p));
+        let files = files.map(|p| p.sources().files().iter().map(|f| f.text.clone()));
+        files.map(Iterator::collect::<Vec<_>>)
+    };
+    texts(first) == texts(second)
+}
+
+/// Checks one pair.
 fn checked(
     args: &AgreeArgs,
     asked: &Asked,
     is_one: bool,
     named: &dyn Fn(&str) -> String,
-) -> Result<Option<Pair>, Failure> {
-    if !is_one && asked.first.is_no_material() && asked.second.is_no_material() {
-        return Ok(None);
+) -> Result<Checked, Failure> {
+    let is_of_folders = !is_one && args.pairs.is_none();
+    if is_of_folders && asked.first.is_no_material() && asked.second.is_no_material() {
+        return Ok(Checked::NoMaterial);
     }
     let [first, second] = [plan(&asked.first)?, plan(&asked.second)?];
+    if is_of_folders && asked.relation == Relation::Same && are_one_text(&first, &second) {
+        return Ok(Checked::Unchanged);
+    }
     let effort = Effort {
         inputs: args.inputs,
         ..Effort::default()
@@ -328,11 +352,11 @@ fn checked(
             files(&asked.second)
         ))
     })?;
-    Ok(Some(Pair::new(
-        name,
-        named_spots(agreement, named),
-        [Cost::of(&first), Cost::of(&second)],
-    )))
+    let agreement = named_spots(agreement, named);
+    let cost = [Cost::of(&first), Cost::of(&second)];
+    Ok(Checked::Compared(Box::new(Pair::new(
+        name, agreement, cost,
+    ))))
 }
 
 /// The agreement with the names of files as the user gave them.

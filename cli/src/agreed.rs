@@ -55,6 +55,8 @@ pub struct Report {
     pub pairs: Vec<Pair>,
     /// Files in both folders that are no materials.
     pub left_out: usize,
+    /// Pairs of two folders with the same text.
+    pub unchanged: usize,
     unused_waivers: Vec<Waiver>,
     pub errors: Vec<String>,
 }
@@ -65,6 +67,7 @@ impl Default for Report {
             schema: "preshade.agree.v1",
             pairs: Vec::new(),
             left_out: 0,
+            unchanged: 0,
             unused_waivers: Vec::new(),
             errors: Vec::new(),
         }
@@ -189,6 +192,9 @@ impl Report {
                 }
             }
         }
+        if self.unchanged > 0 {
+            let _ = writeln!(out, "{} unchanged", self.unchanged);
+        }
         if self.left_out > 0 {
             let _ = writeln!(out, "{} left out: no materials", self.left_out);
         }
@@ -210,6 +216,12 @@ impl Report {
             0 => writeln!(out, "### Shaders: {all} compared, none differs\n"),
             _ => writeln!(out, "### Shaders: {broken} of {all} differ\n"),
         };
+        if self.unchanged > 0 {
+            let _ = writeln!(out, "Unchanged: {}.\n", self.unchanged);
+        }
+        if self.pairs.is_empty() {
+            return out;
+        }
         let is_same = |p: &&Pair| p.agreement.relation == Relation::Same;
         let _ = writeln!(
             out,

@@ -125,6 +125,9 @@ impl Path {
     ///
     /// The module has no such variable or member.
     pub fn resolve(&self, module: &Module) -> Result<Place, Unknown> {
+        if let Some(whole) = self.loose(module) {
+            return whole.resolve(module);
+        }
         let global = self.global(module).ok_or_else(|| Unknown {
             name: self.variable.clone(),
             known: module
@@ -157,6 +160,23 @@ impl Path {
             place.ty = ty;
         }
         Ok(place)
+    }
+
+    /// The path with its variable, if it begins with a member that one variable alone has: GLSL's
+    /// uniforms outside of blocks are members of one variable.
+    fn loose(&self, module: &Module) -> Option<Self> {
+        if self.global(module).is_some() {
+            return None;
+        }
+        let mut found = module.global_variables.iter().filter(|(_, g)| {
+            let is_bound = g.binding.is_some() && g.name.is_some();
+            is_bound && members(module, g.ty).iter().any(|m| m.0 == self.variable)
+        });
+        let (_, variable) = found.next()?;
+        found.next().is_none().then(|| Self {
+            variable: variable.name.clone().unwrap_or_default(),
+            members: [&[self.variable.clone()], &self.members[..]].concat(),
+        })
     }
 
     fn global(&self, module: &Module) -> Option<Handle<GlobalVariable>> {
@@ -252,6 +272,8 @@ mod tests {
         }
         let numbered: Path = "1:2.at.0".parse().unwrap();
         assert_eq!(numbered.resolve(&module).unwrap().steps, [1, 0]);
+        let member: Path = "view".parse().unwrap();
+        assert_eq!(member.resolve(&module).unwrap().steps, [0]);
     }
 
     #[test]

@@ -233,6 +233,9 @@ impl<'a> Two<'a> {
             let class = if is_level { Class::LevelOnly } else { class };
             findings.push(words::finding(self, promise, what, class, &example));
         }
+        // Kept or lost at another level is one finding.
+        let mut seen = std::collections::BTreeSet::new();
+        findings.retain(|f| seen.insert(f.class));
         // A worse difference explains those of roundings and of huge numbers.
         let has = |worse: &dyn Fn(Class) -> bool| findings.iter().any(|f| worse(f.class));
         if has(&|c| !matches!(c, Class::Extreme | Class::Rounding)) {
@@ -350,12 +353,33 @@ impl<'a> Two<'a> {
     fn tried(&self, what: What, inputs: u64, reading: Reading, rules: &[Rule]) -> Found {
         let mut found = Found::default();
         let mut rest = None;
+        // Most inputs are tried on slices alone: a discard does not depend on the lights.
+        let sliced =
+            |stages| words::Sliced::of(stages, &self.criteria(what), what == What::Positions);
+        let sliced = [sliced(self.first), sliced(self.second)];
+        let slices = [sliced[0].stages(self.first), sliced[1].stages(self.second)];
         for seed in self.effort.seed..self.effort.seed + inputs {
             let inputs = self.inputs(seed, reading, rules);
             found.tried += 1;
             let mut ended = true;
             for place in self.places(what) {
-                match self.try_one(what, &inputs, place, &mut rest) {
+                let tried = match seed.is_multiple_of(BESIDE) || self.stores() == Stores::Same {
+                    true => {
+                        self.try_one(what, &inputs, place, [self.first, self.second], &mut rest)
+                    }
+                    false => {
+                        let seen = self.try_one(what, &inputs, place, slices, &mut rest);
+                        // The whole programs have the last word.
+                        match seen {
+                            Ok(Some(_)) => {
+                                let whole = [self.first, self.second];
+                                self.try_one(what, &inputs, place, whole, &mut rest)
+                            }
+                            seen => seen,
+                        }
+                    }
+                };
+                match tried {
                     Ok(None) => {}
                     Ok(Some((class, output))) => {
                         let is_plain = matches!(inputs.profile, Profile::Ordinary | Profile::Equal);
@@ -406,13 +430,14 @@ impl<'a> Two<'a> {
         what: What,
         inputs: &Inputs,
         place: TestPoint,
+        [ours, theirs]: [PassStages<'_>; 2],
         rest: &mut Option<Value>,
     ) -> Result<Option<(Class, [String; 3])>, Stuck> {
         let attached = BTreeMap::new();
         let world = world::concrete(inputs, &attached, Texels::Waves);
         let steps = self.effort.steps;
-        let first = world.run(self.first, place, steps, None)?;
-        let second = world.run(self.second, place, 4 * steps, None)?;
+        let first = world.run(ours, place, steps, None)?;
+        let second = world.run(theirs, place, 4 * steps, None)?;
         if let What::Still(slot) = what {
             return Ok(moving(inputs, &second, slot, rest));
         }

@@ -317,25 +317,29 @@ fn conditions(stage: Stage<'_>) -> BTreeSet<(Option<Handle<Function>>, Handle<Ex
     let module = stage.module();
     let mut all = BTreeSet::new();
     let mut of = |handle: Option<Handle<Function>>, function: &Function| {
-        let mut pending = Vec::new();
-        operands::visit(&function.body, &mut |statement| {
-            if let Statement::If { condition, .. } = statement {
-                pending.push(*condition);
-            }
+        let (mut pending, mut stored) = (Vec::new(), Vec::new());
+        operands::visit(&function.body, &mut |statement| match statement {
+            Statement::If { condition, .. } => pending.push(*condition),
+            Statement::Store { pointer, value } => stored.push((*pointer, *value)),
+            _ => {}
         });
         while let Some(e) = pending.pop() {
-            if all.insert((handle, e)) {
-                let operation = &function.expressions[e];
-                let is_logic = matches!(
-                    operation,
-                    Expression::Unary { .. }
-                        | Expression::Binary { .. }
-                        | Expression::Relational { .. }
-                        | Expression::Select { .. }
-                );
-                if is_logic {
-                    pending.extend(operands::of_expression(operation));
+            if !all.insert((handle, e)) {
+                continue;
+            }
+            let operation = &function.expressions[e];
+            match operation {
+                Expression::Unary { .. }
+                | Expression::Binary { .. }
+                | Expression::Relational { .. }
+                | Expression::Select { .. } => pending.extend(operands::of_expression(operation)),
+                // `&&` and `||` store their result.
+                Expression::Load { pointer } => {
+                    let variable = &function.expressions[*pointer];
+                    let is_it = |(to, _): &&(_, _)| function.expressions[*to] == *variable;
+                    pending.extend(stored.iter().filter(is_it).map(|(_, value)| *value));
                 }
+                _ => {}
             }
         }
     };
