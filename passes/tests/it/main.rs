@@ -6,6 +6,7 @@ mod common;
 mod metamorphic_support;
 mod uniformity_cases;
 
+mod agree;
 mod bound;
 mod budgets;
 mod contraction;
