@@ -1,10 +1,10 @@
 //! Holds two programs against each other, whoever wrote them: a material's main pass, and a depth,
 //! shadow or velocity pass that somebody wrote by hand; or a shader before and after an edit.
 //!
-//! [`matching`] renames the second program's resources and attributes to the first's, so that both
+//! `matching` renames the second program's resources and attributes to the first's, so that both
 //! read one set of inputs. Each relation is a list of promises. A promise is proved as in
 //! [validation](super), or tried on inputs; a difference gets a [`Class`], the lines of both
-//! authors, and a sentence ([`words`]).
+//! authors, and a sentence (`words`).
 
 use serde::{Deserialize, Serialize};
 
