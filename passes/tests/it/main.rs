@@ -6,6 +6,8 @@ mod common;
 mod metamorphic_support;
 mod uniformity_cases;
 
+mod agree;
+mod agree_planted;
 mod bound;
 mod budgets;
 mod contraction;
