@@ -50,7 +50,7 @@ mod params;
 pub mod refusals;
 
 use params::list;
-pub use params::{Asked, Params, Precision, Space};
+pub use params::{Asked, ColourTarget, Params, Precision, Space};
 
 const NAME: &str = "outputs";
 
@@ -80,11 +80,27 @@ impl Pass for Outputs {
     const EXAMPLES: &'static [Example] = &[
         Example {
             recipe: "outputs:write=velocity+id",
-            uses: &[Use::Snapshot, Use::Inject, Use::Fuzz, Use::Growth],
+            uses: &[
+                Use::Snapshot,
+                Use::Inject,
+                Use::Fuzz,
+                Use::Growth,
+                Use::Page("pages/leaf"),
+                Use::Picture {
+                    scene: "fixtures/scenes/wind.toml --size 256x144 --frames 1 --order \
+                            front-to-back",
+                    caption: "the main pass is as it was; velocities and ids are drawn beside it",
+                    rows: 1,
+                },
+            ],
         },
         Example {
             recipe: "outputs:write=normal+velocity",
-            uses: &[Use::Compile, Use::Page("pages/leaf")],
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "outputs:write=depth,colour-target=bound",
+            uses: &[Use::Compile],
         },
         Example {
             recipe: "outputs:write=normal,octahedral=true",
@@ -99,7 +115,7 @@ impl Pass for Outputs {
     fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
         let asked = params.asked();
         if plan.passes.iter().any(|p| p.role == Role::Outputs) {
-            let remedy = refusals::HAS_OUTPUTS.remedy;
+            let remedy = refusals::remedy(&refusals::HAS_OUTPUTS);
             let reason = "the plan already has a pass of outputs";
             return Err(vec![Refusal::new(NAME, &refusals::HAS_OUTPUTS, reason, remedy)].into());
         }
@@ -109,7 +125,7 @@ impl Pass for Outputs {
                 NAME,
                 &refusals::MIXED_VIEWS,
                 "`shadow` is drawn from a light's view, `depth` and `velocity` from the camera's",
-                refusals::MIXED_VIEWS.remedy,
+                refusals::remedy(&refusals::MIXED_VIEWS),
             )]
             .into());
         }
@@ -117,7 +133,14 @@ impl Pass for Outputs {
         // What decides coverage and depth is the author's alone: outputs decide nothing.
         let deciding = depth_only::slice(&author, VertexStage::Sliced, &[]);
         deciding.assumptions(&author, plan, NAME, &[PassEffect::SlicesForView])?;
-        let wanted = wanted(&author, plan, (facts, params), &asked)?;
+        let mut wanted = wanted(&author, plan, (facts, params), &asked)?;
+        if wanted.is_empty() && params.colour_target == ColourTarget::Bound {
+            wanted.push(Wanted {
+                name: "colour".to_owned(),
+                shows: Shows::Nothing,
+                full: false,
+            });
+        }
         let extended = match wanted.is_empty() {
             true => None,
             false => Some(outputs::extend(&author, &wanted).map_err(|why| failed(&why))?),
@@ -165,13 +188,16 @@ impl Pass for Outputs {
                         sampled: true,
                         clear: ClearValue::Color([0.0; 4]),
                     });
+                    let written = !matches!(wanted.shows, Shows::Nothing);
                     pass.targets.push(Some(ColorTarget {
                         attachment: Some(name),
+                        write_mask: if written { 0b1111 } else { 0 },
                         ..ColorTarget::opaque(*format)
                     }));
                 }
             }
         }
+        next.notes.extend(notes(&opaque, &wanted));
         depth_pass::finish(&mut next, "original");
         let program = next.programs.get(Role::Outputs.name());
         let follows = program.filter(|_| from_light).map(view::view_dependent);
@@ -221,6 +247,35 @@ fn wanted(
     }
 }
 
+/// What a host should know of the pictures.
+fn notes(opaque: &Opaque<'_>, wanted: &[Wanted]) -> Vec<String> {
+    let mut found = Vec::new();
+    if wanted.is_empty() {
+        found.push(
+            "the pass `outputs` writes no colour: WebGL refuses it while a colour target is bound; \
+             `colour-target=bound` writes one"
+                .to_owned(),
+        );
+    }
+    let module = opaque.program.module();
+    if wanted.iter().any(|w| matches!(w.shows, Shows::Velocity(_))) {
+        let info = opaque.program.info().get_entry_point(opaque.vertex);
+        let textures = module.global_variables.iter().filter(|(handle, global)| {
+            let inner = &module.types[global.ty].inner;
+            matches!(inner, naga::TypeInner::Image { .. }) && !info[*handle].is_empty()
+        });
+        let names = textures.filter_map(|(_, global)| global.name.as_deref());
+        let names: Vec<String> = names.map(|name| format!("`{name}`")).collect();
+        if !names.is_empty() {
+            let names = names.join(", ");
+            found.push(format!(
+                "velocities take what the vertex stage samples as unchanged: {names}"
+            ));
+        }
+    }
+    found
+}
+
 fn normal(opaque: &Opaque<'_>, params: &Params) -> Result<Shows, Refusal> {
     let value = names::normal(opaque, params.normal.as_deref())?;
     let module = opaque.program.module();
@@ -232,7 +287,7 @@ fn normal(opaque: &Opaque<'_>, params: &Params) -> Result<Shows, Refusal> {
             value.described(opaque.program),
             names::matrices(module)
         );
-        let remedy = refusals::UNKNOWN_SPACE.remedy;
+        let remedy = refusals::remedy(&refusals::UNKNOWN_SPACE);
         return Err(Refusal::new(NAME, &refusals::UNKNOWN_SPACE, reason, remedy));
     }
     let octahedral = params.octahedral;

@@ -311,6 +311,21 @@ fn a_material_without_fragment_stage_has_outputs_too() {
 }
 
 #[test]
+fn a_bound_colour_target_is_written() {
+    let plan = outputs("outputs:write=shadow,colour-target=bound").unwrap();
+    let text = text(&plan);
+    assert!(text.contains("-> @location(0) vec4<f32>"), "{text}");
+    let target = pass(&plan).targets[0].as_ref().unwrap();
+    assert_eq!(
+        (target.format.as_str(), target.write_mask),
+        ("rgba8unorm", 0)
+    );
+    // Without it, a note tells hosts of WebGL.
+    let plan = outputs("outputs:write=shadow").unwrap();
+    assert!(plan.notes.iter().any(|n| n.contains("colour-target=bound")));
+}
+
+#[test]
 fn views_are_not_mixed_and_a_plan_has_one_pass_of_outputs() {
     let refused = outputs("outputs:write=shadow+velocity").unwrap_err();
     assert!(refused.starts_with("outputs[mixed-views]"), "{refused}");

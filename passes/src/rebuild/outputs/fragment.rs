@@ -39,6 +39,7 @@ enum Ready {
         Option<Handle<naga::Function>>,
     ),
     Velocity([u32; 2]),
+    Nothing,
     Id(u32, Handle<naga::GlobalVariable>, Handle<Type>),
 }
 
@@ -194,6 +195,13 @@ impl Extending<'_, '_> {
                 });
                 (Ready::Id(argument, draw, ty), ty, "rg32uint")
             }
+            Shows::Nothing => {
+                let inner = TypeInner::Vector {
+                    size: VectorSize::Quad,
+                    scalar: Scalar::F32,
+                };
+                (Ready::Nothing, self.ty(inner), "rgba8unorm")
+            }
         })
     }
 
@@ -270,6 +278,7 @@ impl Ready {
                     }
                 }
             }
+            Self::Nothing => writer.expression(Expression::ZeroValue(ty)),
             Self::Velocity([now, before]) => velocity(writer, *now, *before, ty),
             Self::Id(instance, draw, ty) => {
                 let instance = writer.expression(Expression::FunctionArgument(*instance));

@@ -41,6 +41,8 @@ pub enum Shows {
     Velocity(Velocity),
     /// Numbers of draw and instance.
     Id,
+    /// Zeros, for an API that wants each bound target to be written.
+    Nothing,
 }
 
 /// How a direction is written.

@@ -21,7 +21,7 @@ const MOST: usize = 12;
 pub type Member = (Handle<GlobalVariable>, Option<u32>);
 
 fn refusal(code: &RefusalInfo, reason: impl Into<String>) -> Refusal {
-    Refusal::new(super::NAME, code, reason, code.remedy)
+    Refusal::new(super::NAME, code, reason, refusals::remedy(code))
 }
 
 /// The first name among the parameters that the material lacks.

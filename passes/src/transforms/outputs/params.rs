@@ -26,6 +26,17 @@ pub enum Space {
     World,
 }
 
+/// What is bound where a pass needs no colour.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum ColourTarget {
+    /// Nothing.
+    #[default]
+    None,
+    /// A target whose colour nobody reads. WebGL refuses a draw that writes no colour to it.
+    Bound,
+}
+
 /// Parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
@@ -63,6 +74,9 @@ pub struct Params {
     pub jitter: Option<String>,
     /// How precisely floats are stored.
     pub precision: Precision,
+    /// What is bound where nothing but depth is written.
+    #[serde(skip_serializing_if = "is_none")]
+    pub colour_target: ColourTarget,
     /// `shadow`: format of the shadow map. Other depths have that of the scene's.
     pub format: DepthFormat,
 }
@@ -79,9 +93,14 @@ impl Default for Params {
             moving: None,
             jitter: None,
             precision: Precision::default(),
+            colour_target: ColourTarget::default(),
             format: DepthFormat::default(),
         }
     }
+}
+
+fn is_none(target: &ColourTarget) -> bool {
+    *target == ColourTarget::None
 }
 
 /// What a word of `write` asks for.

@@ -33,3 +33,10 @@ refusals! {
         "A shader does not say which axes its vectors refer to.",
         "Name the matrix that turns the value: `matrix=camera.view`. Or leave `space` out.";
 }
+
+/// The remedy in the middle of a message.
+pub(super) fn remedy(code: &crate::core::refusals::RefusalInfo) -> String {
+    let text = code.remedy.trim_end_matches('.');
+    let (first, rest) = text.split_at(1);
+    first.to_lowercase() + rest
+}
