@@ -407,10 +407,12 @@ impl ShaderArgs {
         }
         front::parse(&self.sources()?, &self.options()?).map_err(|e| {
             let mut told = e.render(color());
-            let two_materials = matches!(
-                e.code(),
-                front::Code::Link | front::Code::Sources | front::Code::AmbiguousEntryPoint
-            );
+            // Two stages by their names are one material.
+            let two_materials = !self.files.iter().all(|f| many::is_stage(f))
+                && matches!(
+                    e.code(),
+                    front::Code::Link | front::Code::Sources | front::Code::AmbiguousEntryPoint
+                );
             if self.files.len() > 2 || self.files.len() == 2 && two_materials {
                 told = format!("{}\n = {EACH_ITS_OWN}", told.trim_end());
             }

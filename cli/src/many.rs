@@ -247,6 +247,11 @@ enum Name {
     Stages(String),
 }
 
+/// Whether a file is one stage by its ending, before which the language's may stand.
+pub fn is_stage(file: &Path) -> bool {
+    matches!(name(file), Name::Stages(_))
+}
+
 fn name(file: &Path) -> Name {
     let name = |path: &Path| {
         path.file_stem()

@@ -16,6 +16,7 @@ use naga::{Module, ShaderStage, Span, TypeInner};
 use self::bindings::explicit;
 use super::stage::{GlslStage, Qualifiers, Variable, unsupported};
 use super::ty::{GlslMember, Rules, Struct, Ty};
+use super::version::Dialect;
 use crate::front::error::{Code, Error};
 
 /// Group and binding.
@@ -307,18 +308,23 @@ impl Interface {
                         .and_then(|b| b.1.as_ref())
                         .is_some_and(|i| fragment.used.contains(i));
                 if used {
-                    return Err(Error::new(
+                    let error = Error::new(
                         Code::Interface,
                         format!(
                             "the fragment stage reads `{}`, which the vertex stage does not write",
                             input.name
                         ),
                     )
-                    .label_if(input.place)
-                    .note(
-                        "if a geometry or tessellation stage is between the two, preshade cannot \
-                         take them",
-                    ));
+                    .label_if(input.place);
+                    // Older versions have no other stages.
+                    let Dialect { version, es } = fragment.unit.dialect;
+                    return Err(match version >= if es { 310 } else { 150 } {
+                        true => error.note(
+                            "if a geometry or tessellation stage is between the two, preshade \
+                             cannot take them",
+                        ),
+                        false => error,
+                    });
                 }
                 continue;
             };
