@@ -68,7 +68,10 @@ impl OutputsReport {
     /// Whether depths are equal and velocities right. `invariant`: every material drawn marks its
     /// position `@invariant`. Without it, two programs may round positions differently.
     pub fn verdict(&self, invariant: bool) -> Verdict {
-        let wrong = self.velocity.as_ref().filter(|v| !(v.worst <= TOLERANCE));
+        let wrong = self
+            .velocity
+            .as_ref()
+            .filter(|v| v.worst.is_nan() || v.worst > TOLERANCE);
         if let Some(velocity) = wrong {
             let at = velocity.at.as_ref();
             let at = at.map(|(camera, [x, y])| format!(" at camera `{camera}`, {x}, {y}"));
@@ -365,7 +368,7 @@ impl VelocityReport {
                 let rounding = if half { expected.abs() / 2048.0 } else { 0.0 };
                 let error = ((value - expected).abs() - rounding).max(0.0) * size;
                 self.longest = self.longest.max(expected.abs() * size);
-                if !(error <= self.worst) {
+                if error.is_nan() || error > self.worst {
                     self.worst = error;
                     let pixel = pixel as u32;
                     self.at = Some((camera.to_owned(), [pixel % width, pixel / width]));
@@ -386,7 +389,11 @@ fn rasterise(
     hit: &mut dyn FnMut(usize, f64, [f64; 2]),
 ) {
     let corners = triangle.map(|corner| corner.map(|clip| clip.map(f64::from)));
-    if corners.iter().flatten().any(|[.., w]| !(*w > 0.0)) {
+    if corners
+        .iter()
+        .flatten()
+        .any(|[.., w]| w.is_nan() || *w <= 0.0)
+    {
         return;
     }
     let (wide, high) = (f64::from(width), f64::from(height));

@@ -175,7 +175,7 @@ impl Path {
         let (_, variable) = found.next()?;
         found.next().is_none().then(|| Self {
             variable: variable.name.clone().unwrap_or_default(),
-            members: [&[self.variable.clone()], &self.members[..]].concat(),
+            members: [std::slice::from_ref(&self.variable), &self.members[..]].concat(),
         })
     }
 

@@ -238,7 +238,7 @@ fn wanted(
                 shows,
                 full: params.precision == Precision::Full,
             }),
-            Err(refusal) => refusals.push(refusal),
+            Err(refusal) => refusals.push(*refusal),
         }
     }
     match refusals.is_empty() {
@@ -276,7 +276,7 @@ fn notes(opaque: &Opaque<'_>, wanted: &[Wanted]) -> Vec<String> {
     found
 }
 
-fn normal(opaque: &Opaque<'_>, params: &Params) -> Result<Shows, Refusal> {
+fn normal(opaque: &Opaque<'_>, params: &Params) -> Result<Shows, Box<Refusal>> {
     let value = names::normal(opaque, params.normal.as_deref())?;
     let module = opaque.program.module();
     let turned = params.matrix.as_deref();
@@ -288,7 +288,12 @@ fn normal(opaque: &Opaque<'_>, params: &Params) -> Result<Shows, Refusal> {
             names::matrices(module)
         );
         let remedy = refusals::remedy(&refusals::UNKNOWN_SPACE);
-        return Err(Refusal::new(NAME, &refusals::UNKNOWN_SPACE, reason, remedy));
+        return Err(Box::new(Refusal::new(
+            NAME,
+            &refusals::UNKNOWN_SPACE,
+            reason,
+            remedy,
+        )));
     }
     let octahedral = params.octahedral;
     Ok(Shows::Direction(value, Direction { turned, octahedral }))
@@ -299,7 +304,7 @@ fn velocity(
     plan: &Plan,
     facts: &Facts,
     params: &Params,
-) -> Result<Shows, Refusal> {
+) -> Result<Shows, Box<Refusal>> {
     let module = opaque.program.module();
     let still = list(params.still.as_deref());
     let jitter = list(params.jitter.as_deref());

@@ -20,8 +20,13 @@ const MOST: usize = 12;
 /// A buffer, or a member of one.
 pub type Member = (Handle<GlobalVariable>, Option<u32>);
 
-fn refusal(code: &RefusalInfo, reason: impl Into<String>) -> Refusal {
-    Refusal::new(super::NAME, code, reason, refusals::remedy(code))
+fn refusal(code: &RefusalInfo, reason: impl Into<String>) -> Box<Refusal> {
+    Box::new(Refusal::new(
+        super::NAME,
+        code,
+        reason,
+        refusals::remedy(code),
+    ))
 }
 
 /// The first name among the parameters that the material lacks.
@@ -30,7 +35,7 @@ pub fn misnamed(opaque: &Opaque<'_>, params: &Params) -> Option<Misnamed> {
     let values = || all_values(opaque).into_iter().map(|v| v.name);
     let paths = || buffers(module).into_iter().map(|(path, _)| path);
     let missing = |refused: &Refusal| refused.code == refusals::NO_SUCH_NAME.code;
-    let found = |name: &str, refused: Refusal, known: Vec<String>| {
+    let found = |name: &str, refused: Box<Refusal>, known: Vec<String>| {
         missing(&refused).then(|| Misnamed {
             message: refused.reason,
             name: name.to_owned(),
@@ -77,7 +82,7 @@ fn listed(all: &[String]) -> String {
 }
 
 /// The value of the fragment stage that the author calls `name`.
-pub fn value(opaque: &Opaque<'_>, name: &str) -> Result<Authored, Refusal> {
+pub fn value(opaque: &Opaque<'_>, name: &str) -> Result<Authored, Box<Refusal>> {
     let all = all_values(opaque);
     let called: Vec<&Authored> = all.iter().filter(|v| v.is_called(name)).collect();
     // A whole name counts before the end of another.
@@ -119,7 +124,7 @@ fn all_values(opaque: &Opaque<'_>) -> Vec<Authored> {
 }
 
 /// The material's normal: by name, or by its role.
-pub fn normal(opaque: &Opaque<'_>, name: Option<&str>) -> Result<Authored, Refusal> {
+pub fn normal(opaque: &Opaque<'_>, name: Option<&str>) -> Result<Authored, Box<Refusal>> {
     if let Some(name) = name {
         let found = value(opaque, name)?;
         return match is_direction(&found) {
@@ -199,7 +204,7 @@ fn buffers(module: &Module) -> Vec<(String, Member)> {
 }
 
 /// The buffer, or the member of one, of that name or path.
-pub fn member(module: &Module, name: &str) -> Result<Member, Refusal> {
+pub fn member(module: &Module, name: &str) -> Result<Member, Box<Refusal>> {
     let all = buffers(module);
     let end = format!(".{name}");
     let exact = all.iter().filter(|(path, _)| path == name);
@@ -233,7 +238,7 @@ pub fn member(module: &Module, name: &str) -> Result<Member, Refusal> {
 }
 
 /// A matrix of three or four columns and rows.
-pub fn matrix(module: &Module, name: &str) -> Result<Member, Refusal> {
+pub fn matrix(module: &Module, name: &str) -> Result<Member, Box<Refusal>> {
     let found = member(module, name)?;
     match is_matrix(module, found) {
         true => Ok(found),
@@ -273,7 +278,7 @@ pub fn still<'n>(
     material: &str,
     facts: &Facts,
     names: impl Iterator<Item = &'n str>,
-) -> Result<BTreeSet<Handle<GlobalVariable>>, Refusal> {
+) -> Result<BTreeSet<Handle<GlobalVariable>>, Box<Refusal>> {
     let module = opaque.program.module();
     let mut found = BTreeSet::new();
     for name in names {
@@ -310,7 +315,7 @@ pub fn still<'n>(
 pub fn attributes<'n>(
     opaque: &Opaque<'_>,
     names: impl Iterator<Item = &'n str>,
-) -> Result<BTreeSet<u32>, Refusal> {
+) -> Result<BTreeSet<u32>, Box<Refusal>> {
     let attributes = attribute_names(opaque);
     let location = |name: &str| {
         let found = attributes.iter().find(|(own, _)| *own == name);
