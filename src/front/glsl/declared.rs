@@ -153,9 +153,8 @@ fn dropped(stages: &[GlslStage<'_>]) -> Vec<String> {
     if stages.iter().any(|s| s.used.contains("debugPrintfEXT")) {
         out.push("`debugPrintfEXT` is dropped: WebGPU prints nothing".to_owned());
     }
-    let is_precise =
-        |s: &GlslStage<'_>| s.kind == ShaderStage::Fragment && s.used.contains(PRECISE);
-    if stages.iter().any(is_precise) {
+    // An invariant position would have other bits than the author's, if the local does not decide it.
+    if stages.iter().any(|s| s.used.contains(PRECISE)) {
         out.push(PRECISE_NOTE.to_owned());
     }
     if stages.iter().any(|s| s.unit.is_nonuniform) {

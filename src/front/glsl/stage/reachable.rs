@@ -52,7 +52,6 @@ impl<'u> GlslStage<'u> {
         for i in &order {
             self.used.extend(names[*i].iter().cloned());
         }
-        self.invariant |= self.used.contains(PRECISE);
         self.functions = order.into_iter().map(|i| definitions[i]).collect();
         self.writers = side_effects::writers(&self.functions, &self.signatures);
         Ok(())
