@@ -22,6 +22,7 @@ pub(super) fn replace(
     placeholders: &Placeholders,
     place: &dyn Fn(Span) -> Span,
 ) -> Result<(), Error> {
+    images(module, placeholders);
     let mut found: Vec<(Handle<Function>, Atomic, Handle<Type>)> = Vec::new();
     for (handle, function) in module.functions.iter() {
         let of = function.name.as_ref().and_then(|n| placeholders.get(n));
@@ -30,7 +31,6 @@ pub(super) fn replace(
         }
     }
     if found.is_empty() {
-        images(module, placeholders);
         return Ok(());
     }
     let mut parts = Vec::new();
@@ -86,7 +86,6 @@ pub(super) fn replace(
             return Err(refuse(place(span)));
         }
     }
-    images(module, placeholders);
     for (global, path) in parts {
         let ty = module.global_variables[global].ty;
         let ty = with_atomic(&mut module.types, ty, &path);
