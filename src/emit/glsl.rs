@@ -8,6 +8,7 @@ mod depth_loads;
 mod es100;
 pub(super) mod lacks;
 mod layout;
+pub(super) mod lengths;
 mod loose_uniforms;
 mod read_back;
 mod reserved_words;
@@ -172,6 +173,7 @@ pub(super) fn write_vulkan(
     let program = specialised.program();
     let options = Options::default();
     let (text, stage_file) = write(program, all, stage, entry, name, target, &options)?;
+    let written = lengths::written(program, &text);
     let unexpected = |text::Unexpected(what)| EmitError::Writer {
         file: name.to_owned(),
         target,
@@ -182,6 +184,7 @@ pub(super) fn write_vulkan(
             .map_err(unexpected)?;
     let mut unread = None;
     if stage != ShaderStage::Compute {
+        let text = lengths::with_defaults(&text, &written);
         let read = read_back::read_back(authored, &text, &stage_file, stage, entry);
         unread = read.unread(name, target)?;
     }
@@ -206,11 +209,13 @@ pub(super) fn write_vulkan(
         let (_, global) = globals.find(|(h, g)| is_it(g) && !used[*h].is_empty())?;
         Some((authored.immediate(stage)?, global.ty))
     });
+    let mut variables = specialised.variables.clone();
+    let text = lengths::with_variables(text, &written, &mut variables, &mut stage_file);
     let resources = vulkan::Resources {
         module: all.module(),
         pairs: &vulkan.pairs,
         immediate,
-        variables: &specialised.variables,
+        variables: &variables,
         numbers: &numbers.map(|(b, n)| (u32::from(n), place(b))).collect(),
         demotes: vulkan.program.declared().demotes,
     };
@@ -279,6 +284,11 @@ pub(super) fn write(
         None => (program.module(), program.info()),
     };
     lacks::refuse_module(module, info, name, target)?;
+    let with_lengths = match target {
+        Target::GlslVulkan => lengths::numbered(program, module),
+        _ => None,
+    };
+    let module = with_lengths.as_ref().unwrap_or(module);
     let (version, binding_map) = match target {
         Target::GlslEs300 | Target::GlslEs100 => (Version::new_gles(300), BindingMap::default()),
         Target::GlslTess => (Version::Desktop(400), BindingMap::default()),

@@ -46,6 +46,7 @@ mod wgsl;
 use std::collections::BTreeMap;
 
 use naga::{ImageClass, ShaderStage, TypeInner};
+use preshade_passes::declared::LengthConstant;
 use preshade_passes::plan::{BindingSource, GpuPass, ORIGINAL, Plan};
 use preshade_passes::program::Program;
 use preshade_passes::state::Topology;
@@ -573,6 +574,26 @@ fn write_program(
     target: Target,
     options: &Options,
 ) -> Result<Vec<Emitted>, EmitError> {
+    let without_constants = match target {
+        Target::Spirv => Vec::new(),
+        #[cfg(feature = "glsl")]
+        Target::GlslVulkan => glsl::lengths::inexpressible(program),
+        _ => program.declared().lengths.clone(),
+    };
+    if !without_constants.is_empty() {
+        let fixed = overrides::fixed_lengths(program, &without_constants);
+        let fixed = fixed.map_err(|invalid| EmitError::Writer {
+            file: plan.material.clone(),
+            target,
+            message: invalid.to_string(),
+        })?;
+        let mut emitted = write_program(plan, key, &fixed, stages, target, options)?;
+        let notes = || without_constants.iter().map(LengthConstant::fixed_note);
+        for (_, stage_file) in emitted.iter_mut().flat_map(|(_, files)| files) {
+            stage_file.notes.extend(notes());
+        }
+        return Ok(emitted);
+    }
     match target {
         Target::Wgsl => {
             let name = format!("{}.{key}.wgsl", plan.material);

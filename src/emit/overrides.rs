@@ -6,15 +6,17 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use naga::back::PipelineConstants;
 use naga::back::pipeline_constants::{PipelineConstantError, process_overrides};
+use naga::compact::{KeepUnused, compact};
 use naga::valid::ModuleInfo;
 use naga::{
     AddressSpace, ArraySize, Expression, Function, GlobalVariable, Handle, Literal, Module,
     Override, ShaderStage, Span, Statement, TypeInner,
 };
-use preshade_passes::evaluate::overrides::overrides_of;
+use preshade_passes::declared::LengthConstant;
+use preshade_passes::evaluate::overrides::{self, overrides_of};
 use preshade_passes::graph::operands;
 use preshade_passes::plan::Plan;
-use preshade_passes::program::Program;
+use preshade_passes::program::{Invalid, Program};
 use preshade_passes::rebuild::copy::{CopyFunction, Copying};
 use preshade_passes::rebuild::writer::FunctionWriter;
 use preshade_passes::reflect;
@@ -71,6 +73,25 @@ fn settle_with(
             message: e.to_string(),
         }),
     }
+}
+
+/// The program with the defaults of these constants, which give lengths of arrays.
+pub(super) fn fixed_lengths(
+    program: &Program,
+    lengths: &[LengthConstant],
+) -> Result<Program, Box<Invalid>> {
+    let mut declared = program.declared().clone();
+    declared.lengths.retain(|length| !lengths.contains(length));
+    let mut module = program.module().clone();
+    for length in lengths {
+        let of = length.override_in(&module);
+        if let Some(fixed) = of.and_then(|of| overrides::fixed(&module, of)) {
+            module = fixed;
+        }
+    }
+    compact(&mut module, KeepUnused::No);
+    let fixed = program.with_module(module)?;
+    Ok(fixed.with_declared(declared))
 }
 
 impl Settled {
@@ -151,11 +172,25 @@ impl SpecIds {
 }
 
 /// A private variable that stands for a specialisation constant. Its initial value is the default.
+#[derive(Clone, Debug)]
 pub(super) struct Variable {
     /// Its name, which occurs nowhere else.
     pub(super) marker: String,
     key: String,
     pub(super) constant: SpecConstant,
+}
+
+impl Variable {
+    /// Of a constant by its id.
+    #[cfg(feature = "glsl")]
+    pub(super) fn new(marker: String, constant: SpecConstant) -> Self {
+        let key = constant.id.to_string();
+        Self {
+            marker,
+            key,
+            constant,
+        }
+    }
 }
 
 /// A stage whose overrides are variables, for naga's writers, which refuse overrides. The target
@@ -188,7 +223,7 @@ impl<'p> Specialised<'p> {
         if program.module().overrides.is_empty() {
             return Ok(out);
         }
-        let invalid = |invalid: Box<preshade_passes::program::Invalid>| EmitError::Writer {
+        let invalid = |invalid: Box<Invalid>| EmitError::Writer {
             file: file.to_owned(),
             target,
             message: invalid.to_string(),

@@ -4,6 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use naga::ShaderStage;
 use preshade_passes::contract::Contract;
+#[cfg(any(feature = "glsl", feature = "spirv"))]
+use preshade_passes::declared::LengthConstant;
 use preshade_passes::plan::{Attachment, GpuPass, Plan};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -173,6 +175,20 @@ impl StageFile {
             entry_point: entry_point.to_owned(),
             ..Self::default()
         }
+    }
+
+    /// Adds a specialisation constant of which the text has the array lengths alone.
+    #[cfg(any(feature = "glsl", feature = "spirv"))]
+    pub(super) fn add_length(&mut self, of: &LengthConstant, default: u32) {
+        let ty = if of.is_signed { "i32" } else { "u32" };
+        let constant = || SpecConstant {
+            id: of.id,
+            name: of.own.clone(),
+            ty: ty.to_owned(),
+            default: Some(f64::from(default)),
+        };
+        let key = of.id.to_string();
+        self.constants.entry(key).or_insert_with(constant);
     }
 }
 

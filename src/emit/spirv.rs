@@ -96,6 +96,12 @@ pub(super) fn write(
     {
         ReadBack::Differs(difference).unread(name, Target::Spirv)?;
     }
+    // Nor does it take arrays whose lengths are specialisation constants.
+    for length in &program.declared().lengths {
+        if let Some(default) = constants::size(&mut words, length) {
+            stage_file.add_length(length, default);
+        }
+    }
     match demoting.is_some() {
         true => demote::write(&mut words),
         false if program.declared().demotes && stage == ShaderStage::Fragment => {

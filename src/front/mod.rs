@@ -746,10 +746,10 @@ pub fn normalised_glsl(
     let read = panics::run(|| glsl::normalise(&texts, options, &mut map));
     let read = read.unwrap_or_else(|panicked| Err(bug(sources, &panicked)));
     let map = Arc::new(map);
-    let (normalised, _) = read.map_err(|e| e.with_sources(&map))?;
+    let normalised = read.map_err(|e| e.with_sources(&map))?;
     Ok(texts
         .iter()
-        .zip(normalised)
+        .zip(normalised.stages)
         .map(|(text, n)| (text.stage, n.text))
         .collect())
 }

@@ -341,6 +341,143 @@ layout(binding = 0) uniform W { vec4 weights[TWICE]; };",
     );
 }
 
+/// The constants, array lengths, and where they are, of a module.
+fn spec_lengths(words: &[u8]) -> Vec<String> {
+    use rspirv::dr::Operand;
+    use rspirv::spirv::{Decoration, Op};
+    let module = rspirv::dr::load_bytes(words).unwrap();
+    let spec_id = |id: u32| {
+        let mut all = module.annotations.iter();
+        all.find_map(|i| match i.operands.as_slice() {
+            [
+                Operand::IdRef(of),
+                Operand::Decoration(Decoration::SpecId),
+                Operand::LiteralBit32(n),
+            ] if *of == id => Some(*n),
+            _ => None,
+        })
+    };
+    let types = module.types_global_values.iter();
+    let arrays = types.filter(|i| i.class.opcode == Op::TypeArray);
+    let mut out: Vec<String> = arrays
+        .map(|i| match i.operands[1].id_ref_any().and_then(spec_id) {
+            Some(id) => format!("constant {id}"),
+            None => "fixed".to_owned(),
+        })
+        .collect();
+    out.sort();
+    out
+}
+
+const LENGTHS: &str = "layout(constant_id = 7) const int TAPS = 4;
+layout(constant_id = 8) const uint LIGHTS = 2u;
+struct Light { vec4 color; float at; };
+layout(binding = 0) uniform W {
+    vec4 weights[TAPS];
+    float narrow[TAPS];
+    Light lights[LIGHTS];
+    vec4 four[4];
+    vec4 after;
+};";
+
+/// Only Vulkan's languages have such arrays. In others a loop over the constant would leave them.
+#[test]
+fn a_specialisation_constant_gives_the_length_of_arrays() {
+    let text = fragment(
+        LENGTHS,
+        "c = after;
+    for (int i = 0; i < weights.length(); i++) c += weights[i] * narrow[i] * four[i & 3];
+    for (uint i = 0u; i < LIGHTS; i++) c += lights[i].color * lights[i].at;",
+    );
+    let parsed = read(VERTEX, &text);
+    let declared = parsed.program.declared();
+    let named: Vec<&str> = declared.lengths.iter().map(|l| l.own.as_str()).collect();
+    assert_eq!(named, ["TAPS", "LIGHTS"]);
+    let notes = declared.notes.join("\n");
+    assert!(!notes.contains("final"), "{notes}");
+    let plan = plan(parsed);
+    let glsl = written(&plan, Target::GlslVulkan);
+    for wanted in [
+        "layout(constant_id = 7) const int TAPS = 4;",
+        "layout(constant_id = 8) const uint LIGHTS = 2u;",
+        "vec4 weights[TAPS];",
+        "[TAPS];",
+        "lights[LIGHTS];",
+        "vec4 four[4];",
+    ] {
+        assert!(glsl.contains(wanted), "{wanted}\n{glsl}");
+    }
+    let files = emit::emit(&plan, &[Target::Spirv], &emit::Options::default()).unwrap();
+    let words = files
+        .iter()
+        .find(|f| f.name.ends_with(".frag.spv"))
+        .unwrap();
+    assert_eq!(
+        spec_lengths(&words.bytes),
+        ["constant 7", "constant 8", "fixed"]
+    );
+    let wgsl = written(&plan, Target::Wgsl);
+    assert!(!wgsl.contains("override"), "{wgsl}");
+    let files = emit::emit(&plan, &[Target::Wgsl], &emit::Options::default()).unwrap();
+    let json = files
+        .iter()
+        .find(|f| f.name.ends_with("plan.json"))
+        .unwrap();
+    let json = String::from_utf8_lossy(&json.bytes);
+    assert!(
+        json.contains("`TAPS`, gives the length of an array"),
+        "{json}"
+    );
+}
+
+/// naga initialises a local array, for which GLSL has no words if a constant gives the length.
+#[test]
+fn a_local_array_has_the_length_of_its_constant_in_spirv() {
+    let text = fragment(
+        "layout(constant_id = 7) const int TAPS = 4;
+float sum(float of[TAPS]) { float s = 0.0; for (int i = 0; i < TAPS; i++) s += of[i]; return s; }",
+        "float local[TAPS]; for (int i = 0; i < TAPS; i++) local[i] = uv.x; c = vec4(sum(local));",
+    );
+    let plan = plan(read(VERTEX, &text));
+    let files = emit::emit(&plan, &[Target::Spirv], &emit::Options::default()).unwrap();
+    let words = files
+        .iter()
+        .find(|f| f.name.ends_with(".frag.spv"))
+        .unwrap();
+    assert_eq!(spec_lengths(&words.bytes), ["constant 7"]);
+    let glsl = written(&plan, Target::GlslVulkan);
+    assert!(!glsl.contains("TAPS") && glsl.contains("[4]"), "{glsl}");
+}
+
+/// A constant that stands elsewhere too, or in an expression, is final.
+#[test]
+fn a_length_that_is_computed_is_final() {
+    for (declarations, body) in [
+        (
+            "layout(binding = 0) uniform W { vec4 weights[TAPS + 1]; };",
+            "c = weights[0];",
+        ),
+        (
+            "layout(binding = 0) uniform W { vec4 weights[TAPS]; };",
+            "c = weights[0]; switch (int(uv.y)) { case TAPS: c.x = 1.0; }",
+        ),
+        (
+            "layout(binding = 0) uniform sampler2D maps[TAPS];",
+            "c = texture(maps[0], uv);",
+        ),
+    ] {
+        let declarations = format!("layout(constant_id = 7) const int TAPS = 4;\n{declarations}");
+        let parsed = read(VERTEX, &fragment(&declarations, body));
+        let declared = parsed.program.declared();
+        assert_eq!(declared.lengths, [], "{declarations}");
+        let notes = declared.notes.join("\n");
+        assert!(
+            notes.contains("constant 7, `TAPS`"),
+            "{declarations}: {notes}"
+        );
+    }
+}
+
 /// The texts are read back, which naga does to a certain depth only.
 #[test]
 fn large_arrays_of_samplers_are_switched() {

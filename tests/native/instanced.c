@@ -14,10 +14,11 @@ static const struct {
 static const struct {
     int32_t shade;
     uint32_t steps, cut;
-} of_fragment = {2, 3, 1};
-static const VkSpecializationMapEntry entries[2][3] = {
+    int32_t bands;
+} of_fragment = {2, 3, 1, 4};
+static const VkSpecializationMapEntry entries[2][4] = {
     {{3, 0, 4}, {4, 4, 4}},
-    {{7, 8, 4}, {9, 4, 4}, {3, 0, 4}},
+    {{7, 8, 4}, {9, 4, 4}, {3, 0, 4}, {5, 12, 4}},
 };
 
 static const VkVertexInputBindingDescription stride = {0, 12, VK_VERTEX_INPUT_RATE_VERTEX};
@@ -25,9 +26,12 @@ static const VkVertexInputAttributeDescription position = {1, 0, VK_FORMAT_R32G3
 
 const Material material = {
     .sets = {[0] = {2, {{2, UNIFORM, 1, STAGE(VERTEX), NULL}, {5, STORAGE, 1, STAGE(VERTEX), NULL}}},
-             [1] = {2, {{0, STORAGE, 1, STAGE(FRAGMENT), NULL}, {3, SAMPLED, 1, STAGE(FRAGMENT), NULL}}}},
+             [1] = {3,
+                    {{0, STORAGE, 1, STAGE(FRAGMENT), NULL},
+                     {1, UNIFORM, 1, STAGE(FRAGMENT), NULL},
+                     {3, SAMPLED, 1, STAGE(FRAGMENT), NULL}}}},
     .specialisation = {{2, entries[VERTEX], sizeof of_vertex, &of_vertex},
-                       {3, entries[FRAGMENT], sizeof of_fragment, &of_fragment}},
+                       {4, entries[FRAGMENT], sizeof of_fragment, &of_fragment}},
     .input = {.sType = VK_STRUCTURE_TYPE_PIPELINE_VERTEX_INPUT_STATE_CREATE_INFO,
               .vertexBindingDescriptionCount = 1,
               .pVertexBindingDescriptions = &stride,
@@ -63,12 +67,18 @@ void fill(const VkDescriptorSet *sets) {
     static const struct {
         float bias, unused[3], steps[3][4];
     } ramp = {.bias = 0.01f, .steps = {{1.2f, 0.4f, 0.8f}, {0.6f, 1.4f, 0.2f}, {1, 0.9f, 1.8f}}};
+    // Twice as many as the constant's default.
+    static const struct {
+        float last[4], bands[4][4];
+    } banding = {.last = {0.4f, 0.4f, 0.4f},
+                 .bands = {{0.1f, 0, 0.2f, 0.1f}, {0.2f, 0.1f, 0, 0.3f}, {0, 0.3f, 0.1f, 0.5f}, {0.3f, 0, 0.4f, 0.7f}}};
     float depths[SIDE * SIDE];
     for (int i = 0; i < SIDE * SIDE; i++)
         depths[i] = (i / SIDE / 8 + i % SIDE / 8) % 2 ? 0.45f : 0.8f;
     set_buffer(sets[0], 2, UNIFORM, &frame, sizeof frame);
     set_buffer(sets[0], 5, STORAGE, &crowd, sizeof crowd);
     set_buffer(sets[1], 0, STORAGE, &ramp, sizeof ramp);
+    set_buffer(sets[1], 1, UNIFORM, &banding, sizeof banding);
     set_texture(sets[1], 3, 0, SIDE, depths, 1);
 }
 

@@ -251,6 +251,8 @@ fn instances_and_specialisation_constants_stay_what_a_host_makes_them() {
         ("frag", SPEC_ID, 7, 8),
         ("frag", SPEC_ID, 9, 10),
         ("frag", SPEC_ID, 3, 4),
+        // The length of an array, too.
+        ("frag", SPEC_ID, 5, 6),
         ("vert", BINDING, 5, 2),
     ];
     draws_the_same("instanced", &faults);

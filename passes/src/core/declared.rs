@@ -2,7 +2,7 @@
 //! combined samplers, matrix attributes. Emission writes them again. Transforms ignore them; they
 //! stay valid as long as bindings and locations keep their numbers.
 
-use naga::ResourceBinding;
+use naga::{Handle, Module, Override, ResourceBinding};
 
 /// The author's declarations that the IR can't express. Empty for WGSL.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -20,6 +20,8 @@ pub struct Declared {
     pub rows: Vec<(String, String)>,
     /// The specialisation constants whose overrides have another name or id in the IR.
     pub constants: Vec<SpecConstant>,
+    /// The specialisation constants that give the lengths of arrays.
+    pub lengths: Vec<LengthConstant>,
     /// The structs that the IR has under another name, as each layout is a struct of its own: its
     /// name and the author's.
     pub copies: Vec<(String, String)>,
@@ -149,6 +151,56 @@ pub struct SpecConstant {
     pub own: String,
     /// The author's `constant_id`.
     pub id: u32,
+}
+
+/// A specialisation constant that gives the lengths of arrays. The IR can't express such a length
+/// outside of workgroups. The arrays have the default length there, and named types. Targets that
+/// have specialisation constants give the arrays their constant again; others use its default
+/// everywhere.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LengthConstant {
+    /// The author's `constant_id`, which is the override's.
+    pub id: u32,
+    /// The author's name.
+    pub own: String,
+    /// Whether it is an `int` and not a `uint`.
+    pub is_signed: bool,
+}
+
+impl LengthConstant {
+    const PREFIX: &str = "preshade_length_";
+
+    /// The name of the array types in the IR.
+    pub fn type_name(&self) -> String {
+        Self::type_name_of(self.id)
+    }
+
+    /// The same, of the constant `id`.
+    pub fn type_name_of(id: u32) -> String {
+        format!("{}{id}", Self::PREFIX)
+    }
+
+    /// Whether it is such an array: a host may make it longer or shorter.
+    pub fn is_of(ty: &naga::Type) -> bool {
+        let is_named = |name: &String| name.starts_with(Self::PREFIX);
+        matches!(ty.inner, naga::TypeInner::Array { .. }) && ty.name.as_ref().is_some_and(is_named)
+    }
+
+    /// Its override, if the module reads its value.
+    pub fn override_in(&self, module: &Module) -> Option<Handle<Override>> {
+        let mut all = module.overrides.iter();
+        let found = all.find(|(_, o)| o.id.map(u32::from) == Some(self.id));
+        found.map(|(handle, _)| handle)
+    }
+
+    /// The note for targets that use the default.
+    pub fn fixed_note(&self) -> String {
+        format!(
+            "the specialisation constant {}, `{}`, gives the length of an array: its default is \
+             final in this target, and it is no constant of the output",
+            self.id, self.own
+        )
+    }
 }
 
 /// An input of the vertex stage, or an output of the fragment stage.

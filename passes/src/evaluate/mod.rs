@@ -33,7 +33,7 @@ mod value;
 pub use layout::{RUNTIME_ELEMENTS, from_bytes, place, scalars};
 pub use number::Number;
 pub use shadow::{Shadowed, ulps};
-pub use value::{OverrideValue, Scalar, Value, constant};
+pub use value::{OverrideValue, Scalar, Value, constant, default_constant};
 
 use machine::Machine;
 

@@ -2,7 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use naga::{Arena, Expression, Handle, Literal, Module, Override, Span, Type};
+use naga::{
+    Arena, ArraySize, Expression, Handle, Literal, Module, Override, Span, Type, TypeInner,
+};
 
 use crate::core::guard::{Assumed, Bounds, Guard, Place, ScalarType};
 use crate::evaluate::{self, Scalar, Value};
@@ -179,4 +181,45 @@ pub(crate) fn resolved(
         module.overrides.get_mut(handle).init = Some(init);
     }
     module
+}
+
+/// The module without an override: its uses have the default. `None` if it has no default, or one
+/// that depends on other overrides, or if types depend on overrides.
+pub fn fixed(module: &Module, of: Handle<Override>) -> Option<Module> {
+    let Override { ty, init, .. } = module.overrides[of];
+    let none = |_: Handle<Override>| None;
+    let value = evaluate::constant::<f32>(module, init?, &none).ok()?;
+    let literal = Expression::Literal(literal(module, ty, number(&value)?)?);
+    let is_pending = |ty: &Type| match ty.inner {
+        TypeInner::Array { size, .. } | TypeInner::BindingArray { size, .. } => {
+            matches!(size, ArraySize::Pending(_))
+        }
+        _ => false,
+    };
+    if module.types.iter().any(|(_, ty)| is_pending(ty)) {
+        return None;
+    }
+    let mut fixed = module.clone();
+    let mut others = Arena::new();
+    let mut moved = BTreeMap::new();
+    for (handle, other, span) in fixed.overrides.drain() {
+        if handle != of {
+            moved.insert(handle, others.append(other, span));
+        }
+    }
+    fixed.overrides = others;
+    let functions = fixed.functions.iter_mut().map(|(_, f)| f);
+    let entries = fixed.entry_points.iter_mut().map(|e| &mut e.function);
+    let arenas = functions.chain(entries).map(|f| &mut f.expressions);
+    for arena in arenas.chain([&mut fixed.global_expressions]) {
+        for (_, expression) in arena.iter_mut() {
+            if let Expression::Override(other) = expression {
+                *expression = match moved.get(other) {
+                    Some(moved) => Expression::Override(*moved),
+                    None => literal.clone(),
+                };
+            }
+        }
+    }
+    Some(fixed)
 }

@@ -11,10 +11,11 @@
 
 use std::collections::HashMap;
 
+use preshade_passes::declared::LengthConstant;
 use rspirv::dr::{Builder, Instruction, Operand};
 use rspirv::spirv::{Decoration, Op};
 
-use super::{pointee, replace_ids, rewrite};
+use super::{ids, pointee, replace_ids, rewrite};
 use crate::emit::overrides::Variable;
 
 /// Declares `variables` as specialisation constants, and reads them as such. `None` if one has an
@@ -74,4 +75,55 @@ fn specialise(module: &mut Builder, id: u32) -> Option<()> {
     let constant = Instruction::new(opcode, Some(scalar), Some(id), init.operands.clone());
     module.module_mut().types_global_values[at] = constant;
     Some(())
+}
+
+/// Gives arrays the constant of their length. Their types have the default, and a name. Returns
+/// the default if the module has such an array.
+pub(super) fn size(module: &mut Builder, length: &LengthConstant) -> Option<u32> {
+    let name = Operand::LiteralString(length.type_name());
+    let (of_arrays, names) = std::mem::take(&mut module.module_mut().debug_names)
+        .into_iter()
+        .partition::<Vec<_>, _>(|i| i.operands.get(1) == Some(&name));
+    module.module_mut().debug_names = names;
+    let arrays: Vec<u32> = of_arrays.iter().filter_map(|i| ids(i).next()).collect();
+    let is_array = |i: &Instruction| {
+        let is_it = i.result_id.is_some_and(|id| arrays.contains(&id));
+        is_it && i.class.opcode == Op::TypeArray
+    };
+    let globals = &module.module_ref().types_global_values;
+    let default = globals.iter().find(|i| is_array(i))?;
+    let default = ids(default).nth(1)?;
+    let default = globals.iter().find(|i| i.result_id == Some(default))?;
+    let default = default.operands.first().and_then(crate::words::literal)?;
+    let constant = declared(module, length.id).unwrap_or_else(|| {
+        let ty = module.type_int(32, u32::from(length.is_signed));
+        let id = module.spec_constant_bit32(ty, default);
+        module.decorate(id, Decoration::SpecId, [Operand::LiteralBit32(length.id)]);
+        module.name(id, length.own.clone());
+        id
+    });
+    let globals = &mut module.module_mut().types_global_values;
+    for array in globals.iter_mut().filter(|i| is_array(i)) {
+        array.operands[1] = Operand::IdRef(constant);
+    }
+    // An array's length comes before it.
+    let at = globals.iter().position(|i| i.result_id == Some(constant))?;
+    let constant = globals.remove(at);
+    let ty = globals
+        .iter()
+        .position(|i| i.result_id == constant.result_type)?;
+    let ty = globals.remove(ty);
+    globals.splice(0..0, [ty, constant]);
+    Some(default)
+}
+
+/// The specialisation constant of this `SpecId`.
+fn declared(module: &Builder, id: u32) -> Option<u32> {
+    let mut all = module.module_ref().annotations.iter();
+    let spec_id = [
+        Operand::Decoration(Decoration::SpecId),
+        Operand::LiteralBit32(id),
+    ];
+    all.find(|i| i.operands.get(1..) == Some(&spec_id))
+        .and_then(|i| ids(i).next())
 }

@@ -13,12 +13,31 @@ pub(super) struct Constants {
     known: HashMap<String, ConstantValue>,
     /// Specialisation constants and what follows from them.
     defaults: HashMap<String, (ConstantValue, Specialised)>,
+    /// The specialisation constant whose default counts as one more: see [`lengths`](super::lengths).
+    raised: Option<u32>,
 }
 
 /// Specialisation constants: ids and names.
 pub(super) type Specialised = BTreeSet<(u32, String)>;
 
 impl Constants {
+    pub(super) fn raising(raised: Option<u32>) -> Self {
+        Self {
+            raised,
+            ..Self::default()
+        }
+    }
+
+    /// The specialisation constant of that name, if it is one itself.
+    pub(super) fn specialised(&self, name: &str) -> Option<(u32, String)> {
+        let (_, from) = self.defaults.get(name)?;
+        let mut from = from.iter();
+        match (from.next(), from.next()) {
+            (Some(of), None) if of.1 == name => Some(of.clone()),
+            _ => None,
+        }
+    }
+
     /// Whether it is a constant whose value is final.
     pub(super) fn is_known(&self, name: &str) -> bool {
         self.known.contains_key(name)
@@ -57,9 +76,15 @@ pub(super) fn declare(
     constants.known.remove(name);
     constants.known.remove(&length_of(name));
     constants.defaults.remove(name);
+    constants.defaults.remove(&length_of(name));
     if let Some((value, mut from)) = assumed
         && let Some(value) = converted(value, ty)
     {
+        let value = match (id, value) {
+            (Some(id), Int(n)) if constants.raised == Some(id) => Int(n.wrapping_add(1)),
+            (Some(id), Uint(n)) if constants.raised == Some(id) => Uint(n.wrapping_add(1)),
+            (_, value) => value,
+        };
         from.extend(id.map(|id| (id, name.to_owned())));
         match from.is_empty() {
             true => constants.known.insert(name.to_owned(), value).is_some(),
@@ -72,7 +97,18 @@ pub(super) fn declare(
     if let Ty::Array(_, Some(n)) = ty
         && let Ok(n) = i32::try_from(*n)
     {
-        constants.known.insert(length_of(name), Int(n));
+        // A specialisation constant may give this length.
+        let gives =
+            |(value, _): &&(ConstantValue, Specialised)| integer(value) == Some(i64::from(n));
+        let from = constants.defaults.values().filter(gives);
+        let from: Specialised = from.flat_map(|(_, from)| from.iter().cloned()).collect();
+        match from.is_empty() {
+            true => constants.known.insert(length_of(name), Int(n)).is_some(),
+            false => {
+                let length = (Int(n), from);
+                constants.defaults.insert(length_of(name), length).is_some()
+            }
+        };
     }
 }
 

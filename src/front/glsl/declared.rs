@@ -6,7 +6,6 @@ use preshade_passes::declared::{
     Block, Chosen, CombinedSampler, Declaration, Declared, Depth, Located, Numbered, Type,
 };
 
-use super::constant::Specialised;
 use super::interface::{BindingSlot, Interface, index};
 use super::stage::{FRAG_COORD_Y, GlslStage, PRECISE, Variable};
 use super::ty::{Structs, Ty};
@@ -172,18 +171,11 @@ pub(super) fn is_y_down(clip: ClipSpace) -> bool {
     clip == ClipSpace::AsWritten
 }
 
-/// The specialisation constants whose defaults are final, as they give an array's length: ids and
-/// names.
-pub(super) fn fixed_constants(stages: &[GlslStage<'_>]) -> Specialised {
-    let assumed = stages.iter().map(|s| s.assumed.borrow().clone());
-    assumed.flatten().collect()
-}
-
-/// The note on one of them.
+/// The note on a specialisation constant whose default is final.
 pub(super) fn fixed_note((id, name): &(u32, String)) -> String {
     format!(
-        "the specialisation constant {id}, `{name}`, gives the length of an array or another number \
-         that is fixed here: its default is final, and it is no constant of the output"
+        "the specialisation constant {id}, `{name}`, decides a number that is fixed here: its \
+         default is final, and it is no constant of the output"
     )
 }
 

@@ -16,6 +16,7 @@ mod constant;
 mod declared;
 mod include;
 mod interface;
+mod lengths;
 mod lower;
 mod parser_messages;
 mod placeholders;
@@ -36,6 +37,7 @@ use preshade_passes::declared::Declared;
 use preshade_passes::link::offset;
 use preshade_passes::program::SourceMap;
 
+use self::constant::Specialised;
 use self::interface::Interface;
 use self::lower::BuiltinCall;
 use self::placeholders::Placeholders;
@@ -146,23 +148,48 @@ fn rewritten(
     options: &Options,
     map: &mut SourceMap,
 ) -> Result<(Vec<Module>, Declared), Error> {
-    let (normalised, declared) = normalise(texts, options, map)?;
-    let modules: Result<_, Error> = normalised
-        .iter()
-        .zip(texts)
-        .map(|(rewritten, text)| {
-            let place = |span: Span| rewritten.map.back(span);
-            let mut module = read(&rewritten.text, text.stage, &place, &rewritten.given)?;
-            placeholders::replace(&mut module, &rewritten.placeholders);
-            atomics::replace(&mut module, &rewritten.placeholders, &place)?;
-            built_ins::replace(&mut module, rewritten.clip_distances.as_deref());
-            rewritten.opened.iter().for_each(|o| o.close(&mut module));
+    let units = units(texts, options, map)?;
+    let lowered = lower(&units, texts, options, None)?;
+    let mut modules = modules(&lowered, texts)?;
+    let mut declared = lowered.declared;
+    let mut fixed = lowered.fixed;
+    let mut candidates = Vec::new();
+    for candidate in lowered.lengths {
+        let constant = (candidate.0.id, candidate.0.own.clone());
+        let again = || lower(&units, texts, options, Some(constant.0));
+        let raised = match fixed.insert(constant.clone()) {
+            true => again().and_then(|lowered| self::modules(&lowered, texts)),
+            false => continue,
+        };
+        candidates.extend(raised.ok().map(|raised| (candidate, raised)));
+    }
+    declared.lengths = lengths::mark(&mut modules, candidates);
+    for length in &declared.lengths {
+        fixed.remove(&(length.id, length.own.clone()));
+    }
+    for constant in &fixed {
+        lengths::fix(&mut modules, constant.0);
+        declared.notes.push(declared::fixed_note(constant));
+    }
+    Ok((modules, declared))
+}
+
+/// naga's modules of lowered texts.
+fn modules(lowered: &Lowered, texts: &[Text<'_>]) -> Result<Vec<Module>, Error> {
+    let stages = lowered.stages.iter().zip(texts);
+    stages
+        .map(|(lowered, text)| {
+            let place = |span: Span| lowered.map.back(span);
+            let mut module = read(&lowered.text, text.stage, &place, &lowered.given)?;
+            placeholders::replace(&mut module, &lowered.placeholders);
+            atomics::replace(&mut module, &lowered.placeholders, &place)?;
+            built_ins::replace(&mut module, lowered.clip_distances.as_deref());
+            lowered.opened.iter().for_each(|o| o.close(&mut module));
             map_spans::map_spans(&mut module, &place);
             finish(&mut module, text.stage);
             Ok(module)
         })
-        .collect();
-    Ok((modules?, declared))
+        .collect()
 }
 
 /// Preprocesses and parses the stages only.
@@ -199,7 +226,7 @@ fn units(
 
 /// A stage in naga's dialect.
 #[derive(Clone, Debug)]
-pub(super) struct Normalised {
+pub(super) struct LoweredStage {
     pub text: String,
     map: Map,
     opened: Vec<interface::Opened>,
@@ -209,26 +236,45 @@ pub(super) struct Normalised {
     clip_distances: Option<String>,
 }
 
+/// A material's stages in naga's dialect.
+pub(super) struct Lowered {
+    pub stages: Vec<LoweredStage>,
+    declared: Declared,
+    /// Specialisation constants that may give lengths of arrays by themselves.
+    lengths: Vec<lengths::Candidate>,
+    /// Those whose defaults are final.
+    fixed: Specialised,
+}
+
 /// Rewrites a material's stages for naga and records their declarations.
 pub(super) fn normalise(
     texts: &[Text<'_>],
     options: &Options,
     map: &mut SourceMap,
-) -> Result<(Vec<Normalised>, Declared), Error> {
-    let units = units(texts, options, map)?;
+) -> Result<Lowered, Error> {
+    lower(&units(texts, options, map)?, texts, options, None)
+}
+
+/// Lowers the stages. `raised`: the specialisation constant whose default counts as one more.
+fn lower(
+    units: &[syntax::Unit],
+    texts: &[Text<'_>],
+    options: &Options,
+    raised: Option<u32>,
+) -> Result<Lowered, Error> {
     let mut stages = Vec::new();
     for (unit, text) in units.iter().zip(texts) {
-        stages.push(GlslStage::collect(unit, text.stage)?);
+        stages.push(GlslStage::collect(unit, text.stage, raised)?);
     }
     let clip = options.clip_space.unwrap_or_else(|| clip_space(&stages));
     let mut interface = Interface::of(&mut stages)?;
     let mut declared = declared::declared(&stages, &interface, clip);
-    let texts: Result<Vec<Normalised>, Error> = stages
+    let lowered: Result<Vec<LoweredStage>, Error> = stages
         .iter_mut()
         .map(|stage| {
             let lowered = lower::lower(stage, &mut interface, clip)?;
             let (text, map) = lowered.marks.settle(&lowered.text);
-            Ok(Normalised {
+            Ok(LoweredStage {
                 text,
                 map,
                 opened: std::mem::take(&mut interface.opened),
@@ -238,19 +284,21 @@ pub(super) fn normalise(
             })
         })
         .collect();
-    let mut texts = texts?;
-    let fixed = declared::fixed_constants(&stages);
-    for text in &mut texts {
-        fixed
-            .iter()
-            .for_each(|(id, _)| lower::fix_constant(&mut text.text, *id));
-    }
-    declared
-        .notes
-        .extend(fixed.iter().map(declared::fixed_note));
+    let lowered = lowered?;
     declared::layouts(&stages, &interface, &mut declared);
     declared.demotes = stages.iter().any(|s| s.demotes.get());
-    Ok((texts, declared))
+    let mut lengths: Vec<lengths::Candidate> = Vec::new();
+    for length in stages.iter().flat_map(|s| s.lengths.take()) {
+        if !lengths.contains(&length) {
+            lengths.push(length);
+        }
+    }
+    Ok(Lowered {
+        stages: lowered,
+        declared,
+        lengths,
+        fixed: stages.iter().flat_map(|s| s.assumed.take()).collect(),
+    })
 }
 
 /// Guesses the clip space: OpenGL's, unless the text is Vulkan's GLSL, which has explicit bindings
@@ -477,7 +525,7 @@ pub(super) fn vertex_stage_for(
         },
         map,
     )?;
-    let stage = GlslStage::collect(&unit, ShaderStage::Fragment)?;
+    let stage = GlslStage::collect(&unit, ShaderStage::Fragment, None)?;
     let mut out = "#version 450\n".to_owned();
     for name in &stage.structs.order {
         let made = |v: &stage::Variable| matches!(v.ty.innermost(), ty::Ty::Struct(n) if n == name);

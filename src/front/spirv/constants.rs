@@ -1,39 +1,128 @@
 //! Replaces uses of specialisation constants that naga's reader lacks: `OpSpecConstantOp` and
-//! `OpSpecConstantComposite` are computed at the start of each function that uses them, and array
-//! lengths have their defaults.
+//! `OpSpecConstantComposite` are computed at the start of each function that uses them, and arrays
+//! have the defaults of their lengths.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
+use preshade_passes::declared::LengthConstant;
 use rspirv::dr::{Block, Builder, Instruction, Module, Operand};
-use rspirv::spirv::{Decoration, Op, Word};
+use rspirv::spirv::{Decoration, Op, StorageClass, Word};
 
 use crate::words::{after_variables, decorations, globals, ids, literal, names};
 
-/// The constants that give the lengths of arrays, by id: their names. Their defaults are final.
-pub(super) fn lengths(module: &Module, into: &mut BTreeMap<u32, String>) {
-    let known = Known::of(module);
-    for (length, _) in known.lengths(module) {
-        known.roots(length, into);
+/// The constants that give the lengths of arrays, in all modules of a material.
+#[derive(Default)]
+pub(super) struct Lengths {
+    /// Those of arrays that get named types.
+    pub(super) kept: BTreeMap<u32, LengthConstant>,
+    /// The names of those whose defaults are final.
+    pub(super) fixed: BTreeMap<u32, String>,
+    /// All specialisation constants: names, and types with defaults.
+    declared: BTreeMap<u32, (String, String)>,
+    /// The names of those that differ between stages.
+    apart: BTreeMap<u32, String>,
+}
+
+impl Lengths {
+    pub(super) fn of<'m>(modules: impl Iterator<Item = &'m Module>) -> Self {
+        let mut out = Self::default();
+        modules.for_each(|module| out.take(module));
+        let Self {
+            kept, fixed, apart, ..
+        } = &mut out;
+        apart.retain(|id, _| kept.contains_key(id));
+        fixed.append(apart);
+        kept.retain(|id, _| !fixed.contains_key(id));
+        out
+    }
+
+    fn take(&mut self, module: &Module) {
+        let known = Known::of(module);
+        let split = split(module, &known.globals);
+        for ty in arrays(module) {
+            let Some((length, _)) = known.length(ty) else {
+                continue;
+            };
+            let is_split = ty.result_id.is_some_and(|ty| split.contains(&ty));
+            match known.itself(length).filter(|_| !is_split) {
+                Some(constant) => {
+                    self.kept.insert(constant.id, constant);
+                }
+                None => known.roots(length, &mut self.fixed),
+            }
+        }
+        // Stages may have different constants of one id.
+        for (constant, id) in &known.ids {
+            let Some(i) = known.globals.get(constant) else {
+                continue;
+            };
+            let ty = i.result_type.and_then(|ty| known.globals.get(&ty));
+            let ty = ty.map(|ty| (ty.class.opcode, ty.operands.clone()));
+            let own = (known.name(*constant), format!("{ty:?} {:?}", i.operands));
+            let first = self.declared.entry(*id).or_insert_with(|| own.clone());
+            if *first != own {
+                self.apart.insert(*id, own.0);
+            }
+        }
     }
 }
 
-/// Settles them. `fixed` are the constants whose defaults are final, in all modules of a material.
-pub(super) fn settle(module: &mut Builder, fixed: &BTreeMap<u32, String>) {
+fn arrays(module: &Module) -> impl Iterator<Item = &Instruction> {
+    let types = module.types_global_values.iter();
+    types.filter(|i| i.class.opcode == Op::TypeArray)
+}
+
+/// The types of inputs, outputs and resources, whose arrays become variables or bindings.
+fn split(module: &Module, globals: &HashMap<Word, Instruction>) -> HashSet<Word> {
+    let is_split = |i: &&Instruction| {
+        let split = [
+            StorageClass::Input,
+            StorageClass::Output,
+            StorageClass::UniformConstant,
+        ];
+        let class = i.operands.first();
+        i.class.opcode == Op::Variable
+            && split
+                .iter()
+                .any(|s| class == Some(&Operand::StorageClass(*s)))
+    };
+    let variables = module.types_global_values.iter().filter(is_split);
+    let mut open: Vec<Word> = variables.filter_map(|i| i.result_type).collect();
+    let mut found = HashSet::new();
+    while let Some(ty) = open.pop() {
+        if found.insert(ty) {
+            open.extend(globals.get(&ty).into_iter().flat_map(ids));
+        }
+    }
+    found
+}
+
+/// Gives arrays the defaults of their lengths, and names the types of those whose constant is kept.
+pub(super) fn settle(module: &mut Builder, lengths: &Lengths) {
     let known = Known::of(module.module_ref());
-    for (length, value) in known.lengths(module.module_ref()) {
+    let arrays: Vec<Instruction> = arrays(module.module_ref()).cloned().collect();
+    for array in arrays {
+        let (Some(ty), Some((length, default))) = (array.result_id, known.length(&array)) else {
+            continue;
+        };
         let of = known.globals.get(&length).and_then(|i| i.result_type);
         let Some(of) = of else { continue };
-        let id = module.constant_bit32(of, value);
-        for ty in &mut module.module_mut().types_global_values {
-            if ty.class.opcode == Op::TypeArray && ids(ty).nth(1) == Some(length) {
-                ty.operands[1] = Operand::IdRef(id);
-            }
+        let value = module.constant_bit32(of, default);
+        let types = &mut module.module_mut().types_global_values;
+        if let Some(array) = types.iter_mut().find(|i| i.result_id == Some(ty)) {
+            array.operands[1] = Operand::IdRef(value);
+        }
+        let kept = known.itself(length);
+        if let Some(kept) = kept.and_then(|kept| lengths.kept.get(&kept.id)) {
+            let names = &mut module.module_mut().debug_names;
+            names.retain(|i| !(i.class.opcode == Op::Name && ids(i).next() == Some(ty)));
+            module.name(ty, kept.type_name());
         }
     }
     known.compute(module);
     let is_fixed = |id: Option<Word>| {
         let spec = id.and_then(|id| known.ids.get(&id));
-        spec.is_some_and(|spec| fixed.contains_key(spec))
+        spec.is_some_and(|spec| lengths.fixed.contains_key(spec))
     };
     let module = module.module_mut();
     for i in &mut module.types_global_values {
@@ -55,8 +144,8 @@ pub(super) fn settle(module: &mut Builder, fixed: &BTreeMap<u32, String>) {
 /// The note on a constant whose default is final.
 pub(super) fn fixed_note((id, name): (&u32, &String)) -> String {
     format!(
-        "the specialisation constant {id}, `{name}`, gives the length of an array: its default is \
-         final, and it is no constant of the output"
+        "the specialisation constant {id}, `{name}`, decides a number that is fixed here: its \
+         default is final, and it is no constant of the output"
     )
 }
 
@@ -115,15 +204,28 @@ impl Known {
         known
     }
 
-    /// The specialised lengths of arrays, and their defaults.
-    fn lengths(&self, module: &Module) -> Vec<(Word, u32)> {
-        let types = module.types_global_values.iter();
-        let arrays = types.filter(|i| i.class.opcode == Op::TypeArray);
-        let lengths = arrays.filter_map(|ty| ids(ty).nth(1));
-        let specialised = lengths.filter(|length| self.specialised.contains(length));
-        specialised
-            .filter_map(|length| Some((length, *self.values.get(&length)? as u32)))
-            .collect()
+    /// The specialised length of an array, and its default.
+    fn length(&self, array: &Instruction) -> Option<(Word, u32)> {
+        let length = ids(array).nth(1)?;
+        let is_specialised = self.specialised.contains(&length);
+        let default = *self.values.get(&length).filter(|_| is_specialised)?;
+        Some((length, default as u32))
+    }
+
+    /// The constant, if the length is one by itself.
+    fn itself(&self, length: Word) -> Option<LengthConstant> {
+        let ty = self.globals.get(&length)?.result_type?;
+        let sign = self.globals.get(&ty)?.operands.get(1).and_then(literal)?;
+        Some(LengthConstant {
+            id: *self.ids.get(&length)?,
+            own: self.name(length),
+            is_signed: sign == 1,
+        })
+    }
+
+    fn name(&self, id: Word) -> String {
+        let name = self.names.get(&id).cloned();
+        name.unwrap_or_else(|| format!("_{id}"))
     }
 
     /// The ids and names of the constants that decide a value.
@@ -135,8 +237,7 @@ impl Known {
                 continue;
             }
             if let Some(spec) = self.ids.get(&id) {
-                let name = self.names.get(&id).cloned();
-                into.insert(*spec, name.unwrap_or_else(|| format!("%{id}")));
+                into.insert(*spec, self.name(id));
             }
             open.extend(self.globals.get(&id).into_iter().flat_map(ids));
         }

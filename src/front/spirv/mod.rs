@@ -20,7 +20,7 @@ mod switches;
 mod varyings;
 
 use std::cell::Cell;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::HashMap;
 use std::rc::Rc;
 
 use naga::front::spv;
@@ -105,20 +105,25 @@ pub(super) fn parse(
         y_down: true,
         ..Declared::default()
     };
-    let mut fixed = BTreeMap::new();
     for (source, module, _) in &mut stages {
         let stage = source.stage.and_then(model);
         prune::prune(module, prune::Chosen { stage, names });
         places.take(module);
-        constants::lengths(module, &mut fixed);
     }
-    declared
-        .notes
-        .extend(fixed.iter().map(constants::fixed_note));
+    let lengths = constants::Lengths::of(stages.iter().map(|(_, module, _)| module));
+    let notes = lengths.fixed.iter().map(constants::fixed_note);
+    declared.notes.extend(notes);
     let mut modules = Vec::new();
     for (_, module, mut text) in stages {
-        modules.push(one(module, &mut text, &mut places, &fixed, &mut declared)?);
+        modules.push(one(
+            module,
+            &mut text,
+            &mut places,
+            &lengths,
+            &mut declared,
+        )?);
     }
+    declared.lengths.extend(lengths.kept.into_values());
     interface::match_interpolation(&mut modules);
     modules.iter_mut().for_each(wrapped_main::inline);
     declared.samplers = places.samplers;
@@ -221,7 +226,7 @@ fn one(
     module: dr::Module,
     text: &mut Text,
     places: &mut Places,
-    fixed: &BTreeMap<u32, String>,
+    lengths: &constants::Lengths,
     declared: &mut Declared,
 ) -> Result<Module, Error> {
     let mut builder = Builder::new_from_module(module);
@@ -238,7 +243,7 @@ fn one(
         let note = "`debugPrintf` is dropped: WebGPU prints nothing";
         declared.notes.push(note.to_owned());
     }
-    constants::settle(&mut builder, fixed);
+    constants::settle(&mut builder, lengths);
     interface::drop_memory_decorations(&mut builder);
     interface::store_initial(&mut builder);
     declared.point_size |= interface::split_per_vertex(&mut builder);

@@ -8,9 +8,11 @@ use naga::{
 };
 
 use super::known::{AbstractValue, Scalar, Sources};
+use crate::core::declared::LengthConstant;
 use crate::core::guard::{Assumed, Bounds, Guard, Place, ScalarType};
 use crate::core::pass::{Facts, Misnamed};
 use crate::evaluate::interval::Interval;
+use crate::evaluate::{self, overrides};
 
 /// Length of the longest array whose elements are tracked separately.
 const MOST_ELEMENTS: u32 = 64;
@@ -132,7 +134,7 @@ fn scalars(
             base,
             size: ArraySize::Constant(count),
             stride,
-        } if count.get() <= MOST_ELEMENTS => {
+        } if count.get() <= MOST_ELEMENTS && !LengthConstant::is_of(&module.types[ty]) => {
             let element = |i| {
                 let at = offset + i * stride;
                 scalars(module, *base, format!("{name}[{i}]"), at, leaf)
@@ -170,6 +172,9 @@ pub enum Unfit {
     /// Not a number of the type.
     #[error("`{0}` cannot be {1}")]
     Value(String, String),
+    /// A constant that gives the length of an array, and its default.
+    #[error("`{0}` gives the length of an array, which stays as long as its default says: {1}")]
+    Length(String, String),
     /// The name has two values.
     #[error("`{0}` is given twice")]
     Twice(String),
@@ -375,9 +380,10 @@ pub(super) fn misnamed(module: &Module, settings: &str) -> Option<Misnamed> {
             (name, scalars.chain(overrides).collect())
         }
         Unfit::Syntax(text) => (text, Vec::new()),
-        Unfit::Ambiguous(name, _) | Unfit::Value(name, _) | Unfit::Twice(name) => {
-            (name, Vec::new())
-        }
+        Unfit::Ambiguous(name, _)
+        | Unfit::Value(name, _)
+        | Unfit::Length(name, _)
+        | Unfit::Twice(name) => (name, Vec::new()),
     };
     Some(Misnamed {
         message,
@@ -426,6 +432,19 @@ fn set(module: &Module, settings: &str) -> Result<Vec<Assumed>, Unfit> {
                 let is_bool = module.types[o.ty].inner.scalar_kind() == Some(ScalarKind::Bool);
                 if is_bool && value != 0.0 && value != 1.0 {
                     return Err(Unfit::Value(name.to_owned(), text.to_owned()));
+                }
+                let gives_length = o.id.is_some_and(|id| {
+                    let name = LengthConstant::type_name_of(u32::from(id));
+                    module
+                        .types
+                        .iter()
+                        .any(|(_, ty)| ty.name.as_ref() == Some(&name))
+                });
+                let default = o.init.and_then(|init| {
+                    overrides::number(&evaluate::default_constant(module, init).ok()?)
+                });
+                if let Some(default) = default.filter(|d| gives_length && *d != value) {
+                    return Err(Unfit::Length(name.to_owned(), default.to_string()));
                 }
                 let place = Place::Override {
                     name: name.to_owned(),

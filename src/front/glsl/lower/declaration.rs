@@ -20,11 +20,6 @@ pub(super) fn output_of(built_in: &str) -> String {
     format!("{}_out", built_in.trim_start_matches("gl_"))
 }
 
-/// The layout of a specialisation constant, as lowering prints it.
-pub(super) fn specialised(id: u32) -> String {
-    format!("layout(constant_id = {id}) ")
-}
-
 impl Lower<'_, '_> {
     pub(super) fn stage(&mut self) -> Result<String, Error> {
         let resources = self.resources()?;
@@ -502,7 +497,8 @@ impl Lower<'_, '_> {
                 let value = self.initial(init, &global.ty)?;
                 let id = global.qualifiers.number("constant_id");
                 if let Some(id) = id {
-                    *out += &format!("{mark}{}const {declared} = {value};\n", specialised(id));
+                    let layout = format!("layout(constant_id = {id})");
+                    *out += &format!("{mark}{layout} const {declared} = {value};\n");
                 } else if self.is_simple(init) {
                     let word = match global.qualifiers.storage {
                         Some(Storage::Const) => "const ",

@@ -71,13 +71,6 @@ const RESERVED: &[&str] = &[
 /// Maximum bytes of a stage's statements. Some statements are printed per element.
 const WRITTEN: usize = 1 << 26;
 
-/// Makes a constant of a specialisation constant in a lowered text. The places in the text stay.
-pub(super) fn fix_constant(text: &mut String, id: u32) {
-    let layout = declaration::specialised(id);
-    let blank = " ".repeat(layout.len());
-    *text = text.replace(&layout, &blank);
-}
-
 /// A variable in scope.
 #[derive(Clone, Debug)]
 struct Var {

@@ -5,9 +5,10 @@ use std::collections::{HashMap, HashSet};
 
 use glsl_lang::ast::{self, DeclarationData, ExprData, ExternalDeclarationData, NodeSpan};
 use naga::{ShaderStage, Span};
-use preshade_passes::declared;
+use preshade_passes::declared::{self, LengthConstant};
 
 use super::constant::{self, ConstantValue, Constants, Specialised};
+use super::lengths::Candidate;
 use super::syntax::Unit;
 use super::ty::{Component, GlslMember, Rules, Structs, Ty};
 use crate::front::error::{Code, Error};
@@ -115,6 +116,8 @@ pub(super) struct GlslStage<'u> {
     pub constants: Constants,
     /// Specialisation constants whose defaults are final.
     pub assumed: RefCell<Specialised>,
+    /// Specialisation constants that may give lengths of arrays by themselves.
+    pub lengths: RefCell<Vec<Candidate>>,
     pub uniforms: Vec<Variable>,
     /// Separate textures, samplers and images.
     pub opaque: Vec<Variable>,
@@ -165,13 +168,19 @@ pub(super) fn unsupported(what: impl Into<String>, place: Option<Span>) -> Error
 }
 
 impl<'u> GlslStage<'u> {
-    pub(super) fn collect(unit: &'u Unit, kind: ShaderStage) -> Result<Self, Error> {
+    /// `raised`: the specialisation constant whose default counts as one more.
+    pub(super) fn collect(
+        unit: &'u Unit,
+        kind: ShaderStage,
+        raised: Option<u32>,
+    ) -> Result<Self, Error> {
         let mut stage = Self {
             unit,
             kind,
             structs: Structs::default(),
-            constants: Constants::default(),
+            constants: Constants::raising(raised),
             assumed: RefCell::default(),
+            lengths: RefCell::default(),
             uniforms: Vec::new(),
             opaque: Vec::new(),
             blocks: Vec::new(),
@@ -224,7 +233,25 @@ impl<'u> GlslStage<'u> {
     /// default, which becomes final.
     pub(super) fn fixed(&self, e: &ast::Expr) -> Option<ConstantValue> {
         let (value, from) = constant::assume(e, &self.constants)?;
-        self.assumed.borrow_mut().extend(from);
+        let itself = match &e.content {
+            ast::ExprData::Variable(name) => self.constants.specialised(name.as_str()),
+            _ => None,
+        };
+        let length = match &value {
+            ConstantValue::Int(n) => u32::try_from(*n).ok().map(|n| (n, true)),
+            ConstantValue::Uint(n) => Some((*n, false)),
+            _ => None,
+        };
+        match (itself, length) {
+            (Some((id, own)), Some((default, is_signed))) => {
+                let length = (LengthConstant { id, own, is_signed }, default);
+                let mut found = self.lengths.borrow_mut();
+                if !found.contains(&length) {
+                    found.push(length);
+                }
+            }
+            _ => self.assumed.borrow_mut().extend(from),
+        }
         Some(value)
     }
 

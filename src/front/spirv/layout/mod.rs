@@ -321,6 +321,10 @@ impl Layouts {
                 let new = self.declare(module, i.class.opcode, operands);
                 self.decorate_stride(module, new, stride);
                 self.changed.insert(ty);
+                // The name of an array type stands for its length.
+                if let Some(name) = names(module.module_ref()).remove(&ty) {
+                    module.name(new, name);
+                }
                 Rc::new(Memory::Array {
                     ty: new,
                     element,

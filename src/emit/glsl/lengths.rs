@@ -1,0 +1,153 @@
+//! Arrays whose lengths are specialisation constants, in Vulkan's GLSL.
+//!
+//! naga writes lengths as numbers. So it gets numbers that no other array has, and the text gets
+//! the constants in their place.
+
+use std::collections::BTreeSet;
+use std::num::NonZeroU32;
+
+use naga::{AddressSpace, ArraySize, Expression, Handle, Module, Type, TypeInner};
+use preshade_passes::declared::LengthConstant;
+use preshade_passes::program::Program;
+
+use crate::emit::overrides::Variable;
+use crate::emit::plan_json::StageFile;
+
+/// No array is as long as this.
+const FIRST: u32 = 1 << 30;
+
+/// The constants that Vulkan's GLSL cannot express as lengths. It has no initial value for an array
+/// of such a length, and naga initialises all variables.
+pub(crate) fn inexpressible(program: &Program) -> Vec<LengthConstant> {
+    let module = program.module();
+    let mut types = BTreeSet::new();
+    for (_, global) in module.global_variables.iter() {
+        if global.space == AddressSpace::Private {
+            types.insert(global.ty);
+        }
+    }
+    let functions = module.functions.iter().map(|(_, f)| f);
+    for function in functions.chain(module.entry_points.iter().map(|e| &e.function)) {
+        types.extend(function.local_variables.iter().map(|(_, l)| l.ty));
+        types.extend(function.expressions.iter().filter_map(|(_, e)| match e {
+            Expression::ZeroValue(ty) | Expression::Compose { ty, .. } => Some(*ty),
+            _ => None,
+        }));
+    }
+    let is_of = |length: &&LengthConstant| {
+        let name = length.type_name();
+        types.iter().any(|ty| has_name(module, *ty, &name))
+    };
+    let lengths = program.declared().lengths.iter();
+    lengths.filter(is_of).cloned().collect()
+}
+
+/// The constants, with their type names and numbers.
+fn named(program: &Program) -> impl Iterator<Item = (String, u32, &LengthConstant)> {
+    let lengths = program.declared().lengths.iter().zip(FIRST..);
+    lengths.map(|(length, number)| (length.type_name(), number, length))
+}
+
+/// Whether the type has an array of this name.
+fn has_name(module: &Module, ty: Handle<Type>, wanted: &str) -> bool {
+    let Type { name, inner } = &module.types[ty];
+    match inner {
+        TypeInner::Array { base, .. } => {
+            name.as_deref() == Some(wanted) || has_name(module, *base, wanted)
+        }
+        TypeInner::Struct { members, .. } => members.iter().any(|m| has_name(module, m.ty, wanted)),
+        _ => false,
+    }
+}
+
+/// The module with a number for each constant. It is valid but for these lengths.
+pub(super) fn numbered(program: &Program, module: &Module) -> Option<Module> {
+    if program.declared().lengths.is_empty() {
+        return None;
+    }
+    let mut out = module.clone();
+    for (handle, ty) in module.types.iter() {
+        let mut named = named(program);
+        let found = named.find(|(name, ..)| ty.name.as_ref() == Some(name));
+        if let Some((_, number, _)) = found
+            && let TypeInner::Array { base, stride, .. } = ty.inner
+            && let Some(number) = NonZeroU32::new(number)
+        {
+            let size = ArraySize::Constant(number);
+            let name = ty.name.clone();
+            let inner = TypeInner::Array { base, size, stride };
+            out.types.replace(handle, Type { name, inner });
+        }
+    }
+    Some(out)
+}
+
+/// The lengths of a stage's text.
+pub(super) struct Written<'p> {
+    /// In brackets, the number in naga's text.
+    number: String,
+    default: u32,
+    length: &'p LengthConstant,
+}
+
+/// The lengths of the arrays in a text.
+pub(super) fn written<'p>(program: &'p Program, text: &str) -> Vec<Written<'p>> {
+    let module = program.module();
+    let of = |(name, number, length): (String, u32, &'p LengthConstant)| {
+        let mut types = module.types.iter();
+        let default = types.find_map(|(_, ty)| match ty.inner {
+            TypeInner::Array {
+                size: ArraySize::Constant(n),
+                ..
+            } if ty.name.as_ref() == Some(&name) => Some(n.get()),
+            _ => None,
+        });
+        Some(Written {
+            number: format!("[{number}]"),
+            default: default?,
+            length,
+        })
+    };
+    let all = named(program).filter_map(of);
+    all.filter(|w| text.contains(&w.number)).collect()
+}
+
+/// The text with the default lengths.
+pub(super) fn with_defaults(text: &str, written: &[Written<'_>]) -> String {
+    written.iter().fold(text.to_owned(), |text, w| {
+        text.replace(&w.number, &format!("[{}]", w.default))
+    })
+}
+
+/// The text with the constants' variables as lengths, which are declared ahead of all types. Adds
+/// the variables of constants whose values the text does not read.
+pub(super) fn with_variables(
+    mut text: String,
+    written: &[Written<'_>],
+    variables: &mut Vec<Variable>,
+    stage_file: &mut StageFile,
+) -> String {
+    for w in written {
+        stage_file.add_length(w.length, w.default);
+        let mut read = variables.iter();
+        let read = read.find(|v| v.constant.id == w.length.id);
+        let marker = match read {
+            Some(variable) => variable.marker.clone(),
+            None => {
+                let constant = stage_file.constants[&w.length.id.to_string()].clone();
+                let marker = format!("{}x", w.length.type_name());
+                variables.push(Variable::new(marker.clone(), constant));
+                marker
+            }
+        };
+        let is_declared = |line: &str| line.split([' ', '=']).nth(1) == Some(marker.as_str());
+        let ty = if w.length.is_signed { "int" } else { "uint" };
+        let suffix = if w.length.is_signed { "" } else { "u" };
+        let own = format!("{ty} {marker} = {}{suffix};\n", w.default);
+        let lines = text.split_inclusive('\n').filter(|line| !is_declared(line));
+        let (head, rest): (Vec<&str>, Vec<&str>) = lines.partition(|line| line.starts_with('#'));
+        text = head.concat() + &own + &rest.concat();
+        text = text.replace(&w.number, &format!("[{marker}]"));
+    }
+    text
+}

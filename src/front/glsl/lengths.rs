@@ -1,0 +1,288 @@
+//! Finds the arrays whose lengths a specialisation constant gives, and names their types.
+//!
+//! The lowered text has their default lengths, as naga reads no others. So the text is lowered a
+//! second time with a default that is larger by one. An array that is then longer by one has its
+//! length from the constant. If anything else differs, the constant decides more than lengths, and
+//! its default is final.
+
+use std::collections::HashMap;
+
+use naga::{
+    ArraySize, Expression, Function, Handle, Literal, Module, Override, Scalar, Span, StructMember,
+    Type, TypeInner, UniqueArena,
+};
+use preshade_passes::declared::LengthConstant;
+use preshade_passes::evaluate::{self, Value, default_constant, overrides};
+
+/// A constant that may give lengths, and its default.
+pub(super) type Candidate = (LengthConstant, u32);
+
+/// A candidate, with the modules of the lowering in which its default is larger.
+pub(super) type Raised = (Candidate, Vec<Module>);
+
+/// Names the types of the arrays in the modules of all stages. Returns the constants that give
+/// lengths and nothing else.
+pub(super) fn mark(modules: &mut [Module], candidates: Vec<Raised>) -> Vec<LengthConstant> {
+    let mut candidates = candidates;
+    candidates.retain(|(candidate, raised)| {
+        let mut stages = modules.iter().zip(raised);
+        stages.all(|(module, raised)| differ_by_lengths(module, raised, candidate))
+    });
+    for (n, module) in modules.iter_mut().enumerate() {
+        let raised = candidates.iter().map(|(c, raised)| (c, raised[n].clone()));
+        if let Some((marked, _)) = named(module, raised.collect()) {
+            *module = marked;
+        }
+    }
+    let found = candidates.into_iter().map(|((length, _), _)| length);
+    found.collect()
+}
+
+/// Makes the default of the specialisation constant `id` final.
+pub(super) fn fix(modules: &mut [Module], id: u32) {
+    for module in modules {
+        let of = |(_, o): &(Handle<Override>, &Override)| o.id.map(u32::from) == Some(id);
+        let of = module.overrides.iter().find(of);
+        if let Some(fixed) = of.and_then(|(of, _)| overrides::fixed(module, of)) {
+            *module = fixed;
+        }
+    }
+}
+
+fn differ_by_lengths(module: &Module, raised: &Module, candidate: &Candidate) -> bool {
+    named(module, vec![(candidate, raised.clone())]).is_some_and(|(mut module, raised)| {
+        module.types.clear();
+        raised
+            .iter()
+            .all(|raised| format!("{module:?}") == format!("{raised:?}"))
+    })
+}
+
+/// The module with named types and the constants for calls of `length()`, and the others with the
+/// same, but for their types. `None` if types differ by more than lengths.
+fn named(module: &Module, raised: Vec<(&Candidate, Module)>) -> Option<(Module, Vec<Module>)> {
+    let mut module = module.clone();
+    let (candidates, mut raised): (Vec<&Candidate>, Vec<Module>) = raised.into_iter().unzip();
+    let mut constants = Vec::new();
+    for candidate @ (length, default) in &candidates {
+        constants.push(match length.override_in(&module) {
+            // Stages may have different constants of one id.
+            Some(of) if module.overrides[of].name.as_ref() != Some(&length.own) => return None,
+            Some(of) if self::default(&module, of)? != *default => return None,
+            Some(of) => of,
+            // naga drops a constant whose value no function reads.
+            None => {
+                for raised in &mut raised {
+                    declare(raised, candidate);
+                }
+                declare(&mut module, candidate)
+            }
+        });
+    }
+    let mut paired = Paired {
+        types: std::mem::take(&mut module.types),
+        raised: raised
+            .iter_mut()
+            .map(|r| std::mem::take(&mut r.types))
+            .collect(),
+        candidates: &candidates,
+        found: HashMap::new(),
+    };
+    let mut types = types(&mut module);
+    let mut others: Vec<Vec<&mut Handle<Type>>> = raised.iter_mut().map(self::types).collect();
+    if others.iter().any(|others| others.len() != types.len()) {
+        return None;
+    }
+    for (n, ty) in types.iter_mut().enumerate() {
+        let others_now: Vec<Handle<Type>> = others.iter().map(|others| *others[n]).collect();
+        **ty = paired.pair(**ty, others_now)?;
+        others.iter_mut().for_each(|others| *others[n] = **ty);
+    }
+    module.types = paired.types;
+    for raised in &mut raised {
+        raised.special_types = module.special_types.clone();
+    }
+    for ((n, of), (length, default)) in constants.into_iter().enumerate().zip(&candidates) {
+        if length.is_signed {
+            replace_length_calls(&mut module, &mut raised[n], of, *default);
+        }
+    }
+    Some((module, raised))
+}
+
+/// Declares the constant.
+fn declare(module: &mut Module, (length, default): &Candidate) -> Handle<Override> {
+    let (scalar, literal) = match length.is_signed {
+        true => (Scalar::I32, Literal::I32(default.cast_signed())),
+        false => (Scalar::U32, Literal::U32(*default)),
+    };
+    let ty = Type {
+        name: None,
+        inner: TypeInner::Scalar(scalar),
+    };
+    let ty = module.types.insert(ty, Span::UNDEFINED);
+    let init = Expression::Literal(literal);
+    let init = module.global_expressions.append(init, Span::UNDEFINED);
+    let constant = Override {
+        name: Some(length.own.clone()),
+        id: u16::try_from(length.id).ok(),
+        ty,
+        init: Some(init),
+    };
+    module.overrides.append(constant, Span::UNDEFINED)
+}
+
+/// The default of an integer.
+fn default(module: &Module, of: Handle<Override>) -> Option<u32> {
+    match default_constant::<f32>(module, module.overrides[of].init?).ok()? {
+        Value::Scalar(evaluate::Scalar::I32(n)) => u32::try_from(n).ok(),
+        Value::Scalar(evaluate::Scalar::U32(n)) => Some(n),
+        _ => None,
+    }
+}
+
+/// Replaces the calls of an array's `length()`, which the text has as numbers.
+fn replace_length_calls(
+    module: &mut Module,
+    raised: &mut Module,
+    constant: Handle<Override>,
+    default: u32,
+) {
+    let is = |literal: &Expression, value: u32| match literal {
+        Expression::Literal(Literal::I32(n)) => i64::from(*n) == i64::from(value),
+        _ => false,
+    };
+    for (function, other) in functions(module).zip(functions(raised)) {
+        let expressions = function.expressions.iter_mut();
+        for ((_, e), (_, other)) in expressions.zip(other.expressions.iter_mut()) {
+            if is(e, default) && is(other, default + 1) {
+                *e = Expression::Override(constant);
+                *other = Expression::Override(constant);
+            }
+        }
+    }
+}
+
+fn functions(module: &mut Module) -> impl Iterator<Item = &mut Function> {
+    let functions = module.functions.iter_mut().map(|(_, f)| f);
+    functions.chain(module.entry_points.iter_mut().map(|e| &mut e.function))
+}
+
+/// A type of the first lowering, and those of the others.
+type Pair = (Handle<Type>, Vec<Handle<Type>>);
+
+/// Types of the first lowering by those of all.
+struct Paired<'c> {
+    types: UniqueArena<Type>,
+    raised: Vec<UniqueArena<Type>>,
+    candidates: &'c [&'c Candidate],
+    found: HashMap<Pair, Handle<Type>>,
+}
+
+impl Paired<'_> {
+    /// The type with named arrays. `None` if more than lengths differs.
+    fn pair(&mut self, ty: Handle<Type>, raised: Vec<Handle<Type>>) -> Option<Handle<Type>> {
+        let key = (ty, raised);
+        if let Some(found) = self.found.get(&key) {
+            return Some(*found);
+        }
+        let mut paired = self.types[ty].clone();
+        let others: Vec<Type> = self
+            .raised
+            .iter()
+            .zip(&key.1)
+            .map(|(types, ty)| types[*ty].clone())
+            .collect();
+        if others.iter().any(|other| other.name != paired.name) {
+            return None;
+        }
+        match &mut paired.inner {
+            TypeInner::Array { base, size, .. } => {
+                let (bases, sizes): (Vec<_>, Vec<_>) = others
+                    .iter()
+                    .map(|other| match other.inner {
+                        TypeInner::Array { base, size, .. } => Some((base, size)),
+                        _ => None,
+                    })
+                    .collect::<Option<Vec<_>>>()?
+                    .into_iter()
+                    .unzip();
+                *base = self.pair(*base, bases)?;
+                for (other, (length, default)) in sizes.iter().zip(self.candidates) {
+                    match (*size, *other) {
+                        (own, other) if own == other => {}
+                        (ArraySize::Constant(own), ArraySize::Constant(other))
+                            if own.get() == *default && other.get() == own.get() + 1 =>
+                        {
+                            paired.name = Some(length.type_name());
+                        }
+                        _ => return None,
+                    }
+                }
+            }
+            TypeInner::Struct { members, .. } => {
+                let others: Vec<&Vec<StructMember>> = others
+                    .iter()
+                    .map(|other| match &other.inner {
+                        TypeInner::Struct { members: of, .. } if of.len() == members.len() => {
+                            Some(of)
+                        }
+                        _ => None,
+                    })
+                    .collect::<Option<_>>()?;
+                for (n, member) in members.iter_mut().enumerate() {
+                    let is_same = |other: &&Vec<StructMember>| {
+                        other[n].name == member.name && other[n].binding == member.binding
+                    };
+                    if !others.iter().all(is_same) {
+                        return None;
+                    }
+                    member.ty = self.pair(member.ty, others.iter().map(|o| o[n].ty).collect())?;
+                }
+            }
+            TypeInner::Pointer { base, space } => {
+                let bases = others.iter().map(|other| match other.inner {
+                    TypeInner::Pointer { base, space: of } if of == *space => Some(base),
+                    _ => None,
+                });
+                *base = self.pair(*base, bases.collect::<Option<_>>()?)?;
+            }
+            own if others.iter().all(|other| other.inner == *own) => {}
+            _ => return None,
+        }
+        let span = match paired == self.types[ty] {
+            true => self.types.get_span(ty),
+            false => Span::UNDEFINED,
+        };
+        let new = self.types.insert(paired, span);
+        self.found.insert(key, new);
+        Some(new)
+    }
+}
+
+/// All places of a module that name a type.
+fn types(module: &mut Module) -> Vec<&mut Handle<Type>> {
+    let mut out: Vec<&mut Handle<Type>> = Vec::new();
+    out.extend(module.constants.iter_mut().map(|(_, c)| &mut c.ty));
+    out.extend(module.overrides.iter_mut().map(|(_, o)| &mut o.ty));
+    out.extend(module.global_variables.iter_mut().map(|(_, g)| &mut g.ty));
+    let mut arenas = vec![&mut module.global_expressions];
+    let functions = module.functions.iter_mut().map(|(_, f)| f);
+    for function in functions.chain(module.entry_points.iter_mut().map(|e| &mut e.function)) {
+        out.extend(function.arguments.iter_mut().map(|a| &mut a.ty));
+        out.extend(function.result.iter_mut().map(|r| &mut r.ty));
+        out.extend(function.local_variables.iter_mut().map(|(_, l)| &mut l.ty));
+        arenas.push(&mut function.expressions);
+    }
+    for (_, expression) in arenas.into_iter().flat_map(|a| a.iter_mut()) {
+        match expression {
+            Expression::Compose { ty, .. }
+            | Expression::ZeroValue(ty)
+            | Expression::AtomicResult { ty, .. }
+            | Expression::WorkGroupUniformLoadResult { ty }
+            | Expression::SubgroupOperationResult { ty } => out.push(ty),
+            _ => {}
+        }
+    }
+    out
+}
