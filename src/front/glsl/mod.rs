@@ -7,8 +7,8 @@
 //! `preprocess` runs directives and macros; `syntax` parses; `shadow_samplers` types Vulkan's samplers;
 //! `stage` collects a stage's declarations; `interface` assigns bindings and locations to both stages; `declared` records the
 //! author's own; `lower` prints; `source_marks` maps the printed text to the source, and
-//! `map_spans` applies that map to the module. `placeholders`, `atomics`, `binding_arrays` and `built_ins` add to the IR what naga's
-//! front end lacks.
+//! `map_spans` applies that map to the module. `placeholders`, `atomics`, `binding_arrays`, `built_ins`
+//! and `lengths` add to the IR what naga's front end lacks.
 
 mod atomics;
 mod built_ins;
