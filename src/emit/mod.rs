@@ -46,7 +46,6 @@ mod wgsl;
 use std::collections::BTreeMap;
 
 use naga::{ImageClass, ShaderStage, TypeInner};
-use preshade_passes::declared::LengthConstant;
 use preshade_passes::plan::{BindingSource, GpuPass, ORIGINAL, Plan};
 use preshade_passes::program::Program;
 use preshade_passes::state::Topology;
@@ -588,7 +587,11 @@ fn write_program(
             message: invalid.to_string(),
         })?;
         let mut emitted = write_program(plan, key, &fixed, stages, target, options)?;
-        let notes = || without_constants.iter().map(LengthConstant::fixed_note);
+        let notes = || {
+            without_constants
+                .iter()
+                .map(|length| length.fixed_note(target))
+        };
         for (_, stage_file) in emitted.iter_mut().flat_map(|(_, files)| files) {
             stage_file.notes.extend(notes());
         }

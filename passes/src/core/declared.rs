@@ -193,11 +193,11 @@ impl LengthConstant {
         found.map(|(handle, _)| handle)
     }
 
-    /// The note for targets that use the default.
-    pub fn fixed_note(&self) -> String {
+    /// The note for a target that uses the default.
+    pub fn fixed_note(&self, target: impl std::fmt::Display) -> String {
         format!(
             "the specialisation constant {}, `{}`, gives the length of an array: its default is \
-             final in this target, and it is no constant of the output",
+             final in the target {target}",
             self.id, self.own
         )
     }
