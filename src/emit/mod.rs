@@ -30,6 +30,7 @@ mod empty_fragment;
 mod equivalence;
 #[cfg(feature = "glsl")]
 mod glsl;
+mod lengths;
 mod output;
 #[cfg(any(feature = "glsl", feature = "spirv"))]
 mod overrides;
@@ -276,12 +277,13 @@ fn emit_guarded(
     refuse_lost_point_sizes(plan, targets)?;
     refuse_flipped_rows(plan, targets)?;
     let mut files = Vec::new();
-    let written = write_programs(plan, targets, options, &mut files)?;
+    let lengths = lengths::fixed(plan, dedup(targets));
+    let written = write_programs(plan, &lengths, options, &mut files)?;
     let fallback = match plan.original.as_deref() {
         // A guarded plan always needs the original.
         Some(original) if plan.fallback.as_deref() == Some(ORIGINAL) || plan.guard.is_some() => {
             Some(write_original(
-                plan, original, &written, targets, options, &mut files,
+                plan, original, &written, &lengths, options, &mut files,
             )?)
         }
         _ => None,
@@ -373,7 +375,7 @@ fn refuse_lost_point_sizes(plan: &Plan, targets: &[Target]) -> Result<(), EmitEr
 /// Writes the programs that the passes of `plan` use.
 fn write_programs(
     plan: &Plan,
-    targets: &[Target],
+    lengths: &lengths::Fixed,
     options: &Options,
     files: &mut Vec<File>,
 ) -> Result<WrittenFiles, EmitError> {
@@ -385,6 +387,7 @@ fn write_programs(
             what: format!("it has no program `{missing}`"),
         });
     }
+    let targets: Vec<Target> = lengths.iter().map(|(target, _)| *target).collect();
     let mut written = WrittenFiles::new();
     for key in plan.programs.keys() {
         let stages = stages(plan, key);
@@ -392,11 +395,21 @@ fn write_programs(
             continue;
         }
         let program = reduce::reduce(plan, key, &stages)?;
-        for target in dedup(targets) {
-            for (file, stage_file) in write_program(plan, key, &program, &stages, target, options)?
-            {
+        for (target, fixed) in lengths {
+            let target = *target;
+            let with_defaults = match &fixed[..] {
+                [] => None,
+                fixed => {
+                    let place = (plan.material.as_str(), target);
+                    Some(lengths::with_defaults(&program, fixed, place)?)
+                }
+            };
+            let program = with_defaults.as_ref().unwrap_or(&program);
+            for (file, stage_file) in write_program(plan, key, program, &stages, target, options)? {
                 files.push(file);
-                for (stage, stage_file) in stage_file {
+                for (stage, mut stage_file) in stage_file {
+                    let notes = fixed.iter().map(|length| lengths::note(length, target));
+                    stage_file.notes.extend(notes);
                     written.insert((key.clone(), stage, target), stage_file);
                 }
             }
@@ -407,7 +420,7 @@ fn write_programs(
         target,
         file,
         stage_file,
-    } in empty_fragment::files(plan, targets)
+    } in empty_fragment::files(plan, &targets)
     {
         // The main pass and the original can share an empty fragment stage.
         if !files.contains(&file) {
@@ -424,7 +437,7 @@ fn write_original(
     plan: &Plan,
     original: &Plan,
     written: &WrittenFiles,
-    targets: &[Target],
+    lengths: &lengths::Fixed,
     options: &Options,
     files: &mut Vec<File>,
 ) -> Result<Fallback, EmitError> {
@@ -452,7 +465,7 @@ fn write_original(
     for pass in &mut named.passes {
         pass.program = ORIGINAL.to_owned();
     }
-    let written = write_programs(&named, targets, options, files)?;
+    let written = write_programs(&named, lengths, options, files)?;
     Ok(Fallback::new(&named, &written))
 }
 
@@ -573,30 +586,6 @@ fn write_program(
     target: Target,
     options: &Options,
 ) -> Result<Vec<Emitted>, EmitError> {
-    let without_constants = match target {
-        Target::Spirv => Vec::new(),
-        #[cfg(feature = "glsl")]
-        Target::GlslVulkan => glsl::lengths::inexpressible(program),
-        _ => program.declared().lengths.clone(),
-    };
-    if !without_constants.is_empty() {
-        let fixed = overrides::fixed_lengths(program, &without_constants);
-        let fixed = fixed.map_err(|invalid| EmitError::Writer {
-            file: plan.material.clone(),
-            target,
-            message: invalid.to_string(),
-        })?;
-        let mut emitted = write_program(plan, key, &fixed, stages, target, options)?;
-        let notes = || {
-            without_constants
-                .iter()
-                .map(|length| length.fixed_note(target))
-        };
-        for (_, stage_file) in emitted.iter_mut().flat_map(|(_, files)| files) {
-            stage_file.notes.extend(notes());
-        }
-        return Ok(emitted);
-    }
     match target {
         Target::Wgsl => {
             let name = format!("{}.{key}.wgsl", plan.material);

@@ -6,14 +6,12 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use naga::back::PipelineConstants;
 use naga::back::pipeline_constants::{PipelineConstantError, process_overrides};
-use naga::compact::{KeepUnused, compact};
 use naga::valid::ModuleInfo;
 use naga::{
     AddressSpace, ArraySize, Expression, Function, GlobalVariable, Handle, Literal, Module,
     Override, ShaderStage, Span, Statement, TypeInner,
 };
-use preshade_passes::declared::LengthConstant;
-use preshade_passes::evaluate::overrides::{self, overrides_of};
+use preshade_passes::evaluate::overrides::overrides_of;
 use preshade_passes::graph::operands;
 use preshade_passes::plan::Plan;
 use preshade_passes::program::{Invalid, Program};
@@ -73,25 +71,6 @@ fn settle_with(
             message: e.to_string(),
         }),
     }
-}
-
-/// The program with the defaults of these constants, which give lengths of arrays.
-pub(super) fn fixed_lengths(
-    program: &Program,
-    lengths: &[LengthConstant],
-) -> Result<Program, Box<Invalid>> {
-    let mut declared = program.declared().clone();
-    declared.lengths.retain(|length| !lengths.contains(length));
-    let mut module = program.module().clone();
-    for length in lengths {
-        let of = length.override_in(&module);
-        if let Some(fixed) = of.and_then(|of| overrides::fixed(&module, of)) {
-            module = fixed;
-        }
-    }
-    compact(&mut module, KeepUnused::No);
-    let fixed = program.with_module(module)?;
-    Ok(fixed.with_declared(declared))
 }
 
 impl Settled {

@@ -179,16 +179,20 @@ impl StageFile {
 
     /// Adds a specialisation constant of which the text has the array lengths alone.
     #[cfg(any(feature = "glsl", feature = "spirv"))]
-    pub(super) fn add_length(&mut self, of: &LengthConstant, default: u32) {
-        let ty = if of.is_signed { "i32" } else { "u32" };
-        let constant = || SpecConstant {
+    pub(super) fn add_length(&mut self, of: &LengthConstant, default: u32) -> SpecConstant {
+        // Its key is its override's, which may have another id.
+        let mut known = self.constants.values();
+        if let Some(known) = known.find(|c| c.id == of.id) {
+            return known.clone();
+        }
+        let constant = SpecConstant {
             id: of.id,
             name: of.own.clone(),
-            ty: ty.to_owned(),
+            ty: if of.is_signed { "i32" } else { "u32" }.to_owned(),
             default: Some(f64::from(default)),
         };
-        let key = of.id.to_string();
-        self.constants.entry(key).or_insert_with(constant);
+        self.constants.insert(of.id.to_string(), constant.clone());
+        constant
     }
 }
 

@@ -96,11 +96,9 @@ pub(super) fn write(
     {
         ReadBack::Differs(difference).unread(name, Target::Spirv)?;
     }
-    // Nor does it take arrays whose lengths are specialisation constants.
-    for length in &program.declared().lengths {
-        if let Some(default) = constants::size(&mut words, length) {
-            stage_file.add_length(length, default);
-        }
+    // naga's reader takes no arrays whose lengths are specialisation constants either.
+    for (length, default) in constants::size(&mut words, &program.declared().lengths) {
+        stage_file.add_length(length, default);
     }
     match demoting.is_some() {
         true => demote::write(&mut words),

@@ -26,6 +26,7 @@ mod glsl;
 #[cfg(any(feature = "glsl", feature = "spirv"))]
 mod inline_main;
 mod killed_loops;
+mod lengths;
 mod locate_panic;
 #[cfg(any(feature = "glsl", feature = "spirv"))]
 mod map_spans;
@@ -386,12 +387,13 @@ fn bug(sources: &[Source], panicked: &panics::Panicked) -> Error {
 
 /// Links, validates and checks the modules, and chooses the entry points.
 fn assemble(
-    (modules, mut declared): (Vec<naga::Module>, Declared),
+    (mut modules, mut declared): (Vec<naga::Module>, Declared),
     bases: &[u32],
     language: Language,
     options: &Options,
     map: &Arc<SourceMap>,
 ) -> Result<Parsed, Error> {
+    lengths::settle(&mut modules, &mut declared)?;
     let mut modules = modules.into_iter();
     let Some(mut module) = modules.next() else {
         return Err(Error::new(Code::Empty, "no source is given"));

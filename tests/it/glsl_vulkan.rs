@@ -449,6 +449,107 @@ float sum(float of[TAPS]) { float s = 0.0; for (int i = 0; i < TAPS; i++) s += o
     assert!(!glsl.contains("TAPS") && glsl.contains("[4]"), "{glsl}");
 }
 
+const FOUR: &str = "layout(constant_id = 7) const int TAPS = 4;
+layout(binding = 0) uniform W { vec4 weights[TAPS]; vec4 after; };";
+
+/// One larger default does not show what half of a length is.
+#[test]
+fn a_length_in_an_expression_is_the_constant() {
+    let body = "c = after; for (int i = 0; i < weights.length() / 2; i++) c += weights[i];";
+    let plan = plan(read(VERTEX, &fragment(FOUR, body)));
+    let glsl = written(&plan, Target::GlslVulkan);
+    assert!(glsl.contains("= TAPS;") && glsl.contains(" / 2)"), "{glsl}");
+    let hidden = "c = after; int TAPS = 3; if (weights.length() / 2 > TAPS) c += weights[0];";
+    let parsed = read(VERTEX, &fragment(FOUR, hidden));
+    assert_eq!(parsed.program.declared().lengths, []);
+}
+
+/// A push-constant block has a largest size.
+#[test]
+fn a_block_of_push_constants_has_lengths() {
+    let declared = "layout(constant_id = 7) const int TAPS = 4;
+layout(push_constant) uniform P { vec4 after; vec4 weights[TAPS]; } p;";
+    let body = "c = vec4(0.0); for (int i = 0; i < TAPS; i++) c += p.weights[i];";
+    let glsl = written(
+        &plan(read(VERTEX, &fragment(declared, body))),
+        Target::GlslVulkan,
+    );
+    assert!(glsl.contains("weights[TAPS]"), "{glsl}");
+}
+
+/// Two constants of one default, which the vertex stage does not have.
+#[test]
+fn targets_without_lengths_have_no_constant_for_them() {
+    let declared = "layout(constant_id = 1) const int A = 4;
+layout(constant_id = 2) const int B = 4;
+layout(binding = 0) uniform W { vec4 a[A]; vec4 b[B]; };";
+    let body = "c = vec4(0.0); for (int i = 0; i < A; i++) c += a[i] + b[i];
+    for (int i = 0; i < B; i++) c += b[i];";
+    let plan = plan(read(VERTEX, &fragment(declared, body)));
+    let wgsl = written(&plan, Target::Wgsl);
+    assert!(!wgsl.contains("override"), "{wgsl}");
+    let files = emit::emit(&plan, &[Target::Spirv], &emit::Options::default()).unwrap();
+    let words = files
+        .iter()
+        .find(|f| f.name.ends_with(".frag.spv"))
+        .unwrap();
+    assert_eq!(spec_lengths(&words.bytes), ["constant 1", "constant 2"]);
+}
+
+/// The IR has one type of a block in both stages.
+#[test]
+fn a_length_on_which_stages_differ_is_final() {
+    let vertex = |declared: &str, value: &str| {
+        format!(
+            "#version 460
+{declared}
+layout(location = 0) in vec4 p;
+layout(location = 0) out vec2 uv;
+void main() {{ uv = {value}; gl_Position = p; }}
+"
+        )
+    };
+    let body = "c = after; for (int i = 0; i < TAPS; i++) c += weights[i];";
+    for (declared, value, lost) in [
+        (
+            "layout(binding = 0) uniform W { vec4 weights[4]; vec4 after; };",
+            "after.xy",
+            "TAPS",
+        ),
+        (
+            "layout(constant_id = 5) const int Q = 4;
+layout(binding = 0) uniform W { vec4 weights[Q]; vec4 after; };",
+            "after.xy * float(Q)",
+            "Q",
+        ),
+        (
+            "layout(constant_id = 7) const int Q = 4;
+layout(binding = 1) uniform V { vec4 own[Q]; };",
+            "own[Q - 1].xy",
+            "Q",
+        ),
+    ] {
+        let parsed = read(&vertex(declared, value), &fragment(FOUR, body));
+        let of = parsed.program.declared();
+        assert_eq!(of.lengths, [], "{declared}");
+        let notes = of.notes.join("\n");
+        assert!(
+            notes.contains("`TAPS`") && notes.contains(&format!("`{lost}`")),
+            "{notes}"
+        );
+        let glsl = written(&plan(parsed), Target::GlslVulkan);
+        assert!(!glsl.contains("constant_id"), "{glsl}");
+    }
+    // Another constant of the same id keeps its own value.
+    let declared = "layout(constant_id = 7) const float SCALE = 2.0;";
+    let parsed = read(&vertex(declared, "p.xy * SCALE"), &fragment(FOUR, body));
+    let glsl = written(&plan(parsed), Target::GlslVulkan);
+    assert!(
+        glsl.contains("layout(constant_id = 7) const float SCALE"),
+        "{glsl}"
+    );
+}
+
 /// A constant that stands elsewhere too, or in an expression, is final.
 #[test]
 fn a_length_that_is_computed_is_final() {

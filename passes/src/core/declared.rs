@@ -182,24 +182,28 @@ impl LengthConstant {
 
     /// Whether it is such an array: a host may make it longer or shorter.
     pub fn is_of(ty: &naga::Type) -> bool {
-        let is_named = |name: &String| name.starts_with(Self::PREFIX);
-        matches!(ty.inner, naga::TypeInner::Array { .. }) && ty.name.as_ref().is_some_and(is_named)
+        let name = ty.name.as_deref();
+        matches!(ty.inner, naga::TypeInner::Array { .. }) && name.is_some_and(Self::is_type_name)
+    }
+
+    /// Whether it is the name of such arrays.
+    pub fn is_type_name(name: &str) -> bool {
+        let id = name.strip_prefix(Self::PREFIX);
+        id.is_some_and(|id| id.parse::<u32>().is_ok())
     }
 
     /// Its override, if the module reads its value.
     pub fn override_in(&self, module: &Module) -> Option<Handle<Override>> {
+        // Stages may have different constants of one id, and a name that WGSL reserves has an ending.
+        let is_own = |name: &str| {
+            let ending = name.strip_prefix(&self.own);
+            ending.is_some_and(|ending| ending.trim_matches(['_', '0']).is_empty())
+        };
         let mut all = module.overrides.iter();
-        let found = all.find(|(_, o)| o.id.map(u32::from) == Some(self.id));
+        let found = all.find(|(_, o)| {
+            o.id.map(u32::from) == Some(self.id) && o.name.as_deref().is_some_and(is_own)
+        });
         found.map(|(handle, _)| handle)
-    }
-
-    /// The note for a target that uses the default.
-    pub fn fixed_note(&self, target: impl std::fmt::Display) -> String {
-        format!(
-            "the specialisation constant {}, `{}`, gives the length of an array: its default is \
-             final in the target {target}",
-            self.id, self.own
-        )
     }
 }
 

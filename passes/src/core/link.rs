@@ -348,9 +348,22 @@ impl Linker<'_> {
             init: theirs.init.map(|e| self.expression(e)).transpose()?,
         };
         let span = self.span(self.second.overrides.get_span(handle));
-        let clash = self.module.overrides.iter().find(|(_, o)| {
-            **o != mapped && (o.name == mapped.name || (o.id.is_some() && o.id == mapped.id))
-        });
+        let expressions = &self.module.global_expressions;
+        let value = |o: &Override| o.init.map(|init| expressions[init].clone());
+        let is_same = |o: &Override| {
+            (&o.name, o.id, o.ty) == (&mapped.name, mapped.id, mapped.ty)
+                && value(o) == value(&mapped)
+        };
+        let same = self.module.overrides.iter().find(|(_, o)| is_same(o));
+        if let Some((same, _)) = same {
+            self.overrides.insert(handle, same);
+            return Ok(same);
+        }
+        let clash = self
+            .module
+            .overrides
+            .iter()
+            .find(|(_, o)| o.name == mapped.name || (o.id.is_some() && o.id == mapped.id));
         if let (Some(_), Some(id), Some(own)) = (clash, mapped.id, mapped.name.clone()) {
             let name = self.free_override_name(&own);
             mapped.id = self.free_id();

@@ -6,58 +6,82 @@
 use std::collections::BTreeSet;
 use std::num::NonZeroU32;
 
-use naga::{AddressSpace, ArraySize, Expression, Handle, Module, Type, TypeInner};
+use naga::valid::FunctionInfo;
+use naga::{
+    AddressSpace, ArraySize, Expression, Function, Handle, Literal, Module, Type, TypeInner,
+};
 use preshade_passes::declared::LengthConstant;
 use preshade_passes::program::Program;
 
+use crate::emit::lengths::has_name;
 use crate::emit::overrides::Variable;
 use crate::emit::plan_json::StageFile;
 
-/// No array is as long as this.
-const FIRST: u32 = 1 << 30;
+/// Whether Vulkan's GLSL can express the length. It has no initial value for such an array, and
+/// naga initialises all variables; it cannot copy one either, nor have one in another array.
+pub(crate) fn is_expressible(program: &Program, length: &LengthConstant) -> bool {
+    let (module, info) = (program.module(), program.info());
+    let wanted = length.type_name();
+    let has_it = |ty: Handle<Type>| has_name(module, ty, &wanted);
+    let is_inner = |(_, ty): (Handle<Type>, &Type)| match ty.inner {
+        TypeInner::Array { base, .. } => match module.types[base].inner {
+            TypeInner::Array { .. } => has_it(base),
+            _ => false,
+        },
+        _ => false,
+    };
+    let mut private = module.global_variables.iter().map(|(_, g)| g);
+    if module.types.iter().any(is_inner)
+        || private.any(|g| g.space == AddressSpace::Private && has_it(g.ty))
+    {
+        return false;
+    }
+    let is_free = |function: &Function, info: &FunctionInfo| {
+        let is_value = |(handle, e): (Handle<Expression>, &Expression)| match e {
+            Expression::ZeroValue(ty) | Expression::Compose { ty, .. } => has_it(*ty),
+            Expression::Load { .. } | Expression::CallResult(_) => {
+                info[handle].ty.handle().is_some_and(has_it)
+            }
+            _ => false,
+        };
+        let mut locals = function.local_variables.iter();
+        !function.expressions.iter().any(is_value) && !locals.any(|(_, local)| has_it(local.ty))
+    };
+    let mut functions = module.functions.iter();
+    let mut entries = module.entry_points.iter().enumerate();
+    functions.all(|(handle, function)| is_free(function, &info[handle]))
+        && entries.all(|(n, entry)| is_free(&entry.function, info.get_entry_point(n)))
+}
 
-/// The constants that Vulkan's GLSL cannot express as lengths. It has no initial value for an array
-/// of such a length, and naga initialises all variables.
-pub(crate) fn inexpressible(program: &Program) -> Vec<LengthConstant> {
+/// The constants, with their type names, and numbers that stand for them in naga's text: no other
+/// number of the module.
+fn named(program: &Program) -> impl Iterator<Item = (String, u32, &LengthConstant)> {
     let module = program.module();
-    let mut types = BTreeSet::new();
-    for (_, global) in module.global_variables.iter() {
-        if global.space == AddressSpace::Private {
-            types.insert(global.ty);
+    let mut taken: BTreeSet<u32> = BTreeSet::new();
+    for (_, ty) in module.types.iter() {
+        if let TypeInner::Array { size, .. } | TypeInner::BindingArray { size, .. } = ty.inner
+            && let ArraySize::Constant(n) = size
+        {
+            taken.insert(n.get());
         }
     }
     let functions = module.functions.iter().map(|(_, f)| f);
-    for function in functions.chain(module.entry_points.iter().map(|e| &e.function)) {
-        types.extend(function.local_variables.iter().map(|(_, l)| l.ty));
-        types.extend(function.expressions.iter().filter_map(|(_, e)| match e {
-            Expression::ZeroValue(ty) | Expression::Compose { ty, .. } => Some(*ty),
+    let functions = functions.chain(module.entry_points.iter().map(|e| &e.function));
+    let arenas = functions.map(|f| &f.expressions);
+    for (_, e) in arenas
+        .chain([&module.global_expressions])
+        .flat_map(|a| a.iter())
+    {
+        taken.extend(match e {
+            Expression::Literal(Literal::I32(n)) => u32::try_from(*n).ok(),
+            Expression::Literal(Literal::U32(n)) => Some(*n),
+            Expression::AccessIndex { index, .. } => Some(*index),
             _ => None,
-        }));
+        });
     }
-    let is_of = |length: &&LengthConstant| {
-        let name = length.type_name();
-        types.iter().any(|ty| has_name(module, *ty, &name))
-    };
-    let lengths = program.declared().lengths.iter();
-    lengths.filter(is_of).cloned().collect()
-}
-
-/// The constants, with their type names and numbers.
-fn named(program: &Program) -> impl Iterator<Item = (String, u32, &LengthConstant)> {
-    let lengths = program.declared().lengths.iter().zip(FIRST..);
+    let free = (1001..).filter(move |n| !taken.contains(n));
+    let lengths = program.declared().lengths.iter().zip(free);
     lengths.map(|(length, number)| (length.type_name(), number, length))
-}
-
-/// Whether the type has an array of this name.
-fn has_name(module: &Module, ty: Handle<Type>, wanted: &str) -> bool {
-    let Type { name, inner } = &module.types[ty];
-    match inner {
-        TypeInner::Array { base, .. } => {
-            name.as_deref() == Some(wanted) || has_name(module, *base, wanted)
-        }
-        TypeInner::Struct { members, .. } => members.iter().any(|m| has_name(module, m.ty, wanted)),
-        _ => false,
-    }
 }
 
 /// The module with a number for each constant. It is valid but for these lengths.
@@ -128,13 +152,12 @@ pub(super) fn with_variables(
     stage_file: &mut StageFile,
 ) -> String {
     for w in written {
-        stage_file.add_length(w.length, w.default);
+        let constant = stage_file.add_length(w.length, w.default);
         let mut read = variables.iter();
         let read = read.find(|v| v.constant.id == w.length.id);
         let marker = match read {
             Some(variable) => variable.marker.clone(),
             None => {
-                let constant = stage_file.constants[&w.length.id.to_string()].clone();
                 let marker = format!("{}x", w.length.type_name());
                 variables.push(Variable::new(marker.clone(), constant));
                 marker

@@ -77,9 +77,26 @@ fn specialise(module: &mut Builder, id: u32) -> Option<()> {
     Some(())
 }
 
-/// Gives arrays the constant of their length. Their types have the default, and a name. Returns
-/// the default if the module has such an array.
-pub(super) fn size(module: &mut Builder, length: &LengthConstant) -> Option<u32> {
+/// Gives arrays the constants of their lengths. Their types have the defaults, and names. Returns
+/// the constants of arrays in this module, and their defaults.
+pub(super) fn size<'l>(
+    module: &mut Builder,
+    lengths: &'l [LengthConstant],
+) -> Vec<(&'l LengthConstant, u32)> {
+    let lengths = lengths.iter();
+    let found = lengths.filter_map(|length| Some((length, size_by(module, length)?)));
+    let found = found.collect();
+    // Those of constants with their defaults.
+    let is_of_length = |i: &Instruction| match i.operands.get(1) {
+        Some(Operand::LiteralString(name)) => LengthConstant::is_type_name(name),
+        _ => false,
+    };
+    let names = &mut module.module_mut().debug_names;
+    names.retain(|i| !is_of_length(i));
+    found
+}
+
+fn size_by(module: &mut Builder, length: &LengthConstant) -> Option<u32> {
     let name = Operand::LiteralString(length.type_name());
     let (of_arrays, names) = std::mem::take(&mut module.module_mut().debug_names)
         .into_iter()

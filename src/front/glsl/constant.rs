@@ -94,20 +94,20 @@ pub(super) fn declare(
             }
         };
     }
-    if let Ty::Array(_, Some(n)) = ty
-        && let Ok(n) = i32::try_from(*n)
+    if let Ty::Array(_, Some(length)) = ty
+        && let Ok(n) = i32::try_from(length.n)
     {
-        // A specialisation constant may give this length.
-        let gives =
-            |(value, _): &&(ConstantValue, Specialised)| integer(value) == Some(i64::from(n));
-        let from = constants.defaults.values().filter(gives);
-        let from: Specialised = from.flat_map(|(_, from)| from.iter().cloned()).collect();
+        let from: Specialised = constants
+            .defaults
+            .values()
+            .flat_map(|(_, from)| from)
+            .filter(|(id, _)| Some(*id) == length.constant)
+            .cloned()
+            .collect();
+        let name = length_of(name);
         match from.is_empty() {
-            true => constants.known.insert(length_of(name), Int(n)).is_some(),
-            false => {
-                let length = (Int(n), from);
-                constants.defaults.insert(length_of(name), length).is_some()
-            }
+            true => constants.known.insert(name, Int(n)).is_some(),
+            false => constants.defaults.insert(name, (Int(n), from)).is_some(),
         };
     }
 }

@@ -171,14 +171,6 @@ pub(super) fn is_y_down(clip: ClipSpace) -> bool {
     clip == ClipSpace::AsWritten
 }
 
-/// The note on a specialisation constant whose default is final.
-pub(super) fn fixed_note((id, name): &(u32, String)) -> String {
-    format!(
-        "the specialisation constant {id}, `{name}`, decides a number that is fixed here: its \
-         default is final, and it is no constant of the output"
-    )
-}
-
 /// Binding numbers of texts that naga read unchanged.
 pub(super) fn as_bound(modules: &[Module]) -> Vec<Numbered> {
     let mut out: Vec<Numbered> = Vec::new();
@@ -252,7 +244,7 @@ fn located(structs: &Structs, variable: &Variable, location: u32) -> Option<Loca
 fn ty(structs: &Structs, of: &Ty) -> Option<Type> {
     Some(match of {
         Ty::Scalar(_) | Ty::Vector(..) | Ty::Matrix(..) => Type::Plain(of.name()),
-        Ty::Array(element, n) => Type::Array(Box::new(ty(structs, element)?), (*n)?),
+        Ty::Array(element, n) => Type::Array(Box::new(ty(structs, element)?), (*n)?.n),
         Ty::Combined(name) => Type::Sampler(name.clone()),
         Ty::Struct(name) => {
             let members = structs.get(name)?.members.iter().map(|m| {

@@ -8,11 +8,9 @@
 use std::collections::HashMap;
 
 use naga::{
-    ArraySize, Expression, Function, Handle, Literal, Module, Override, Scalar, Span, StructMember,
-    Type, TypeInner, UniqueArena,
+    ArraySize, Expression, Handle, Module, Span, StructMember, Type, TypeInner, UniqueArena,
 };
 use preshade_passes::declared::LengthConstant;
-use preshade_passes::evaluate::{self, Value, default_constant, overrides};
 
 /// A constant that may give lengths, and its default.
 pub(super) type Candidate = (LengthConstant, u32);
@@ -23,30 +21,27 @@ pub(super) type Raised = (Candidate, Vec<Module>);
 /// Names the types of the arrays in the modules of all stages. Returns the constants that give
 /// lengths and nothing else.
 pub(super) fn mark(modules: &mut [Module], candidates: Vec<Raised>) -> Vec<LengthConstant> {
+    let ids: Vec<u32> = candidates.iter().map(|(of, _)| of.0.id).collect();
+    let is_only = |id: u32| ids.iter().filter(|other| **other == id).count() == 1;
     let mut candidates = candidates;
     candidates.retain(|(candidate, raised)| {
+        // Stages may have different constants of one id.
+        if !is_only(candidate.0.id) {
+            return false;
+        }
         let mut stages = modules.iter().zip(raised);
         stages.all(|(module, raised)| differ_by_lengths(module, raised, candidate))
     });
-    for (n, module) in modules.iter_mut().enumerate() {
+    let marked = modules.iter().enumerate().map(|(n, module)| {
         let raised = candidates.iter().map(|(c, raised)| (c, raised[n].clone()));
-        if let Some((marked, _)) = named(module, raised.collect()) {
-            *module = marked;
-        }
-    }
+        Some(named(module, raised.collect())?.0)
+    });
+    let Some(marked) = marked.collect::<Option<Vec<Module>>>() else {
+        return Vec::new();
+    };
+    modules.clone_from_slice(&marked);
     let found = candidates.into_iter().map(|((length, _), _)| length);
     found.collect()
-}
-
-/// Makes the default of the specialisation constant `id` final.
-pub(super) fn fix(modules: &mut [Module], id: u32) {
-    for module in modules {
-        let of = |(_, o): &(Handle<Override>, &Override)| o.id.map(u32::from) == Some(id);
-        let of = module.overrides.iter().find(of);
-        if let Some(fixed) = of.and_then(|(of, _)| overrides::fixed(module, of)) {
-            *module = fixed;
-        }
-    }
 }
 
 fn differ_by_lengths(module: &Module, raised: &Module, candidate: &Candidate) -> bool {
@@ -58,33 +53,15 @@ fn differ_by_lengths(module: &Module, raised: &Module, candidate: &Candidate) ->
     })
 }
 
-/// The module with named types and the constants for calls of `length()`, and the others with the
-/// same, but for their types. `None` if types differ by more than lengths.
+/// The module with named types, and the others with the same, but for the types themselves. `None`
+/// if types differ by more than lengths.
 fn named(module: &Module, raised: Vec<(&Candidate, Module)>) -> Option<(Module, Vec<Module>)> {
     let mut module = module.clone();
     let (candidates, mut raised): (Vec<&Candidate>, Vec<Module>) = raised.into_iter().unzip();
-    let mut constants = Vec::new();
-    for candidate @ (length, default) in &candidates {
-        constants.push(match length.override_in(&module) {
-            // Stages may have different constants of one id.
-            Some(of) if module.overrides[of].name.as_ref() != Some(&length.own) => return None,
-            Some(of) if self::default(&module, of)? != *default => return None,
-            Some(of) => of,
-            // naga drops a constant whose value no function reads.
-            None => {
-                for raised in &mut raised {
-                    declare(raised, candidate);
-                }
-                declare(&mut module, candidate)
-            }
-        });
-    }
+    let of_raised = raised.iter_mut().map(|r| std::mem::take(&mut r.types));
     let mut paired = Paired {
+        raised: of_raised.collect(),
         types: std::mem::take(&mut module.types),
-        raised: raised
-            .iter_mut()
-            .map(|r| std::mem::take(&mut r.types))
-            .collect(),
         candidates: &candidates,
         found: HashMap::new(),
     };
@@ -102,70 +79,7 @@ fn named(module: &Module, raised: Vec<(&Candidate, Module)>) -> Option<(Module, 
     for raised in &mut raised {
         raised.special_types = module.special_types.clone();
     }
-    for ((n, of), (length, default)) in constants.into_iter().enumerate().zip(&candidates) {
-        if length.is_signed {
-            replace_length_calls(&mut module, &mut raised[n], of, *default);
-        }
-    }
     Some((module, raised))
-}
-
-/// Declares the constant.
-fn declare(module: &mut Module, (length, default): &Candidate) -> Handle<Override> {
-    let (scalar, literal) = match length.is_signed {
-        true => (Scalar::I32, Literal::I32(default.cast_signed())),
-        false => (Scalar::U32, Literal::U32(*default)),
-    };
-    let ty = Type {
-        name: None,
-        inner: TypeInner::Scalar(scalar),
-    };
-    let ty = module.types.insert(ty, Span::UNDEFINED);
-    let init = Expression::Literal(literal);
-    let init = module.global_expressions.append(init, Span::UNDEFINED);
-    let constant = Override {
-        name: Some(length.own.clone()),
-        id: u16::try_from(length.id).ok(),
-        ty,
-        init: Some(init),
-    };
-    module.overrides.append(constant, Span::UNDEFINED)
-}
-
-/// The default of an integer.
-fn default(module: &Module, of: Handle<Override>) -> Option<u32> {
-    match default_constant::<f32>(module, module.overrides[of].init?).ok()? {
-        Value::Scalar(evaluate::Scalar::I32(n)) => u32::try_from(n).ok(),
-        Value::Scalar(evaluate::Scalar::U32(n)) => Some(n),
-        _ => None,
-    }
-}
-
-/// Replaces the calls of an array's `length()`, which the text has as numbers.
-fn replace_length_calls(
-    module: &mut Module,
-    raised: &mut Module,
-    constant: Handle<Override>,
-    default: u32,
-) {
-    let is = |literal: &Expression, value: u32| match literal {
-        Expression::Literal(Literal::I32(n)) => i64::from(*n) == i64::from(value),
-        _ => false,
-    };
-    for (function, other) in functions(module).zip(functions(raised)) {
-        let expressions = function.expressions.iter_mut();
-        for ((_, e), (_, other)) in expressions.zip(other.expressions.iter_mut()) {
-            if is(e, default) && is(other, default + 1) {
-                *e = Expression::Override(constant);
-                *other = Expression::Override(constant);
-            }
-        }
-    }
-}
-
-fn functions(module: &mut Module) -> impl Iterator<Item = &mut Function> {
-    let functions = module.functions.iter_mut().map(|(_, f)| f);
-    functions.chain(module.entry_points.iter_mut().map(|e| &mut e.function))
 }
 
 /// A type of the first lowering, and those of the others.

@@ -47,7 +47,8 @@ use self::syntax::StageText;
 use self::version::Dialect;
 use super::error::{Code, Error};
 use super::{
-    ClipSpace, Options, absent, beyond_wgsl, binding_arrays, killed_loops, map_spans, wrapped_main,
+    ClipSpace, Options, absent, beyond_wgsl, binding_arrays, killed_loops,
+    lengths as length_constants, map_spans, wrapped_main,
 };
 
 /// One stage's text.
@@ -152,24 +153,25 @@ fn rewritten(
     let lowered = lower(&units, texts, options, None)?;
     let mut modules = modules(&lowered, texts)?;
     let mut declared = lowered.declared;
+    let is_fixed = |(of, _): &lengths::Candidate| {
+        let constant = (of.id, of.own.clone());
+        lowered.fixed.contains(&constant)
+    };
+    let mut raised = Vec::new();
+    for candidate in lowered.lengths.iter().filter(|c| !is_fixed(c)) {
+        let again = lower(&units, texts, options, Some(candidate.0.id));
+        if let Ok(modules) = again.and_then(|lowered| self::modules(&lowered, texts)) {
+            raised.push((candidate.clone(), modules));
+        }
+    }
+    declared.lengths = lengths::mark(&mut modules, raised);
+    let candidates = lowered.lengths.into_iter().map(|(of, _)| of);
+    let others = candidates.filter(|of| !declared.lengths.contains(of));
     let mut fixed = lowered.fixed;
-    let mut candidates = Vec::new();
-    for candidate in lowered.lengths {
-        let constant = (candidate.0.id, candidate.0.own.clone());
-        let again = || lower(&units, texts, options, Some(constant.0));
-        let raised = match fixed.insert(constant.clone()) {
-            true => again().and_then(|lowered| self::modules(&lowered, texts)),
-            false => continue,
-        };
-        candidates.extend(raised.ok().map(|raised| (candidate, raised)));
-    }
-    declared.lengths = lengths::mark(&mut modules, candidates);
-    for length in &declared.lengths {
-        fixed.remove(&(length.id, length.own.clone()));
-    }
+    fixed.extend(others.map(|of| (of.id, of.own)));
     for constant in &fixed {
-        lengths::fix(&mut modules, constant.0);
-        declared.notes.push(declared::fixed_note(constant));
+        length_constants::fix(&mut modules, constant)?;
+        declared.notes.push(length_constants::fixed_note(constant));
     }
     Ok((modules, declared))
 }

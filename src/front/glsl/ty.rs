@@ -53,6 +53,21 @@ impl Component {
     }
 }
 
+/// The length of an array.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Length {
+    /// Of a specialisation constant the default.
+    pub n: u32,
+    /// The `constant_id` of the specialisation constant that it is.
+    pub constant: Option<u32>,
+}
+
+impl From<u32> for Length {
+    fn from(n: u32) -> Self {
+        Self { n, constant: None }
+    }
+}
+
 /// A GLSL type.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Ty {
@@ -62,7 +77,7 @@ pub(super) enum Ty {
     /// Columns and rows.
     Matrix(Component, u8, u8),
     /// Outermost dimension first. `None`: unsized.
-    Array(Box<Ty>, Option<u32>),
+    Array(Box<Ty>, Option<Length>),
     /// By name in [`Structs`].
     Struct(String),
     /// A combined texture and sampler by name: `sampler2D`, `usamplerCube`, `sampler2DShadow`.
@@ -183,7 +198,7 @@ impl Ty {
     pub(super) fn dimensions(&self) -> String {
         match self {
             // Innermost first: naga's front end reads dimensions in the reverse order of GLSL.
-            Self::Array(of, Some(n)) => format!("{}[{n}]", of.dimensions()),
+            Self::Array(of, Some(length)) => format!("{}[{}]", of.dimensions(), length.n),
             Self::Array(of, None) => format!("{}[]", of.dimensions()),
             _ => String::new(),
         }
@@ -198,7 +213,7 @@ impl Ty {
     pub(super) fn spelled(&self) -> String {
         fn dimensions(ty: &Ty) -> String {
             match ty {
-                Ty::Array(of, Some(n)) => format!("[{n}]{}", dimensions(of)),
+                Ty::Array(of, Some(length)) => format!("[{}]{}", length.n, dimensions(of)),
                 Ty::Array(of, None) => format!("[]{}", dimensions(of)),
                 _ => String::new(),
             }
@@ -323,7 +338,7 @@ impl Structs {
         match ty {
             Ty::Array(of, n) => {
                 let of = self.count(of);
-                let n = u64::from(n.unwrap_or(1));
+                let n = n.map_or(1, |length| u64::from(length.n));
                 Count {
                     elements: of.elements.saturating_mul(n),
                     ..of
@@ -417,7 +432,7 @@ impl Structs {
         match ty {
             Ty::Combined(name) => out.push((path.to_owned(), name.clone())),
             Ty::Array(of, n) if self.has_samplers(of) => {
-                for i in 0..n.unwrap_or(0) {
+                for i in 0..n.map_or(0, |length| length.n) {
                     self.samplers(of, &format!("{path}[{i}]"), out);
                 }
             }
@@ -436,7 +451,7 @@ impl Structs {
     pub(super) fn leaves(&self, ty: &Ty, path: &str, out: &mut Vec<(String, Ty)>) {
         match ty {
             Ty::Array(of, n) => {
-                for i in 0..n.unwrap_or(0) {
+                for i in 0..n.map_or(0, |length| length.n) {
                     self.leaves(of, &format!("{path}[{i}]"), out);
                 }
             }
@@ -494,7 +509,10 @@ impl Structs {
             Ty::Array(of, n) => {
                 let (align, size) = self.std140_by(of, by_rows);
                 let align = align.max(16);
-                (align, size.next_multiple_of(align) * n.unwrap_or(1))
+                (
+                    align,
+                    size.next_multiple_of(align) * n.map_or(1, |length| length.n),
+                )
             }
             Ty::Struct(name) => {
                 let members = self
@@ -526,7 +544,8 @@ impl Structs {
                 let (align, size) = self.std430_by(of, by_rows);
                 (
                     align,
-                    size.next_multiple_of(align).saturating_mul(n.unwrap_or(1)),
+                    size.next_multiple_of(align)
+                        .saturating_mul(n.map_or(1, |length| length.n)),
                 )
             }
             Ty::Matrix(kind, columns, rows) => {
@@ -688,7 +707,7 @@ pub(super) fn stored(ty: &Ty, rules: Rules) -> Ty {
         Ty::Matrix(Component::Float, columns, 2) if rules != Rules::Std430 => {
             let column = if rules == Rules::Std140 { 4 } else { 2 };
             let column = Ty::Vector(Component::Float, column);
-            Ty::Array(Box::new(column), Some(u32::from(*columns)))
+            Ty::Array(Box::new(column), Some(u32::from(*columns).into()))
         }
         Ty::Scalar(k) => Ty::Scalar(of_kind(*k)),
         Ty::Vector(k, n) => Ty::Vector(of_kind(*k), *n),
@@ -731,7 +750,7 @@ mod tests {
 
     #[test]
     fn what_is_stored_keeps_the_stride() {
-        let array = |of, n| Ty::Array(Box::new(of), Some(n));
+        let array = |of, n: u32| Ty::Array(Box::new(of), Some(n.into()));
         assert_eq!(
             stored(&array(Ty::FLOAT, 5), Rules::Std140).name(),
             "vec4[5]"

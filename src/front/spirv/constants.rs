@@ -2,12 +2,13 @@
 //! `OpSpecConstantComposite` are computed at the start of each function that uses them, and arrays
 //! have the defaults of their lengths.
 
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
 use preshade_passes::declared::LengthConstant;
 use rspirv::dr::{Block, Builder, Instruction, Module, Operand};
 use rspirv::spirv::{Decoration, Op, StorageClass, Word};
 
+use super::names::identifier;
 use crate::words::{after_variables, decorations, globals, ids, literal, names};
 
 /// The constants that give the lengths of arrays, in all modules of a material.
@@ -15,53 +16,32 @@ use crate::words::{after_variables, decorations, globals, ids, literal, names};
 pub(super) struct Lengths {
     /// Those of arrays that get named types.
     pub(super) kept: BTreeMap<u32, LengthConstant>,
-    /// The names of those whose defaults are final.
-    pub(super) fixed: BTreeMap<u32, String>,
-    /// All specialisation constants: names, and types with defaults.
-    declared: BTreeMap<u32, (String, String)>,
-    /// The names of those that differ between stages.
-    apart: BTreeMap<u32, String>,
+    /// Ids and names of those whose defaults are final.
+    pub(super) fixed: BTreeSet<(u32, String)>,
 }
 
 impl Lengths {
     pub(super) fn of<'m>(modules: impl Iterator<Item = &'m Module>) -> Self {
         let mut out = Self::default();
-        modules.for_each(|module| out.take(module));
-        let Self {
-            kept, fixed, apart, ..
-        } = &mut out;
-        apart.retain(|id, _| kept.contains_key(id));
-        fixed.append(apart);
-        kept.retain(|id, _| !fixed.contains_key(id));
+        modules.for_each(|module| out.add(module));
+        let Self { kept, fixed } = &mut out;
+        kept.retain(|id, _| fixed.iter().all(|(fixed, _)| fixed != id));
         out
     }
 
-    fn take(&mut self, module: &Module) {
+    fn add(&mut self, module: &Module) {
         let known = Known::of(module);
-        let split = split(module, &known.globals);
+        let unnamed = unnamed(module, &known.globals);
         for ty in arrays(module) {
             let Some((length, _)) = known.length(ty) else {
                 continue;
             };
-            let is_split = ty.result_id.is_some_and(|ty| split.contains(&ty));
-            match known.itself(length).filter(|_| !is_split) {
+            let is_unnamed = ty.result_id.is_some_and(|ty| unnamed.contains(&ty));
+            match known.itself(length).filter(|_| !is_unnamed) {
                 Some(constant) => {
                     self.kept.insert(constant.id, constant);
                 }
                 None => known.roots(length, &mut self.fixed),
-            }
-        }
-        // Stages may have different constants of one id.
-        for (constant, id) in &known.ids {
-            let Some(i) = known.globals.get(constant) else {
-                continue;
-            };
-            let ty = i.result_type.and_then(|ty| known.globals.get(&ty));
-            let ty = ty.map(|ty| (ty.class.opcode, ty.operands.clone()));
-            let own = (known.name(*constant), format!("{ty:?} {:?}", i.operands));
-            let first = self.declared.entry(*id).or_insert_with(|| own.clone());
-            if *first != own {
-                self.apart.insert(*id, own.0);
             }
         }
     }
@@ -72,23 +52,29 @@ fn arrays(module: &Module) -> impl Iterator<Item = &Instruction> {
     types.filter(|i| i.class.opcode == Op::TypeArray)
 }
 
-/// The types of inputs, outputs and resources, whose arrays become variables or bindings.
-fn split(module: &Module, globals: &HashMap<Word, Instruction>) -> HashSet<Word> {
-    let is_split = |i: &&Instruction| {
-        let split = [
-            StorageClass::Input,
-            StorageClass::Output,
-            StorageClass::UniformConstant,
-        ];
-        let class = i.operands.first();
-        i.class.opcode == Op::Variable
-            && split
-                .iter()
-                .any(|s| class == Some(&Operand::StorageClass(*s)))
-    };
-    let variables = module.types_global_values.iter().filter(is_split);
-    let mut open: Vec<Word> = variables.filter_map(|i| i.result_type).collect();
+/// The types that cannot have a name in the IR: those in inputs and outputs, which become a variable
+/// for each element, and arrays of resources.
+fn unnamed(module: &Module, globals: &HashMap<Word, Instruction>) -> HashSet<Word> {
     let mut found = HashSet::new();
+    let mut open = Vec::new();
+    for variable in &module.types_global_values {
+        let (Op::Variable, Some(Operand::StorageClass(class))) =
+            (variable.class.opcode, variable.operands.first())
+        else {
+            continue;
+        };
+        let pointee = variable.result_type.and_then(|ty| globals.get(&ty));
+        let pointee = pointee.and_then(|ty| ids(ty).next());
+        match class {
+            StorageClass::Input | StorageClass::Output | StorageClass::UniformConstant => {
+                open.extend(pointee);
+            }
+            StorageClass::Uniform | StorageClass::StorageBuffer => {
+                found.extend(pointee);
+            }
+            _ => {}
+        }
+    }
     while let Some(ty) = open.pop() {
         if found.insert(ty) {
             open.extend(globals.get(&ty).into_iter().flat_map(ids));
@@ -121,8 +107,10 @@ pub(super) fn settle(module: &mut Builder, lengths: &Lengths) {
     }
     known.compute(module);
     let is_fixed = |id: Option<Word>| {
-        let spec = id.and_then(|id| known.ids.get(&id));
-        spec.is_some_and(|spec| lengths.fixed.contains_key(spec))
+        let Some((id, spec)) = id.and_then(|id| Some((id, *known.ids.get(&id)?))) else {
+            return false;
+        };
+        lengths.fixed.contains(&(spec, known.name(id)))
     };
     let module = module.module_mut();
     for i in &mut module.types_global_values {
@@ -139,14 +127,6 @@ pub(super) fn settle(module: &mut Builder, lengths: &Lengths) {
     let spec_id = Operand::Decoration(Decoration::SpecId);
     let annotations = &mut module.annotations;
     annotations.retain(|i| !(i.operands.get(1) == Some(&spec_id) && is_fixed(ids(i).next())));
-}
-
-/// The note on a constant whose default is final.
-pub(super) fn fixed_note((id, name): (&u32, &String)) -> String {
-    format!(
-        "the specialisation constant {id}, `{name}`, decides a number that is fixed here: its \
-         default is final, and it is no constant of the output"
-    )
 }
 
 /// What is known of the constants. Each follows its parts, so one walk in order finds everything.
@@ -223,13 +203,15 @@ impl Known {
         })
     }
 
+    /// The name of a specialisation constant.
     fn name(&self, id: Word) -> String {
-        let name = self.names.get(&id).cloned();
-        name.unwrap_or_else(|| format!("_{id}"))
+        let by_id = || format!("constant_{}", self.ids.get(&id).copied().unwrap_or(id));
+        let own = self.names.get(&id).map(|name| identifier(name));
+        own.unwrap_or_else(by_id)
     }
 
     /// The ids and names of the constants that decide a value.
-    fn roots(&self, id: Word, into: &mut BTreeMap<u32, String>) {
+    fn roots(&self, id: Word, into: &mut BTreeSet<(u32, String)>) {
         let mut seen = HashSet::new();
         let mut open = vec![id];
         while let Some(id) = open.pop() {
@@ -237,7 +219,7 @@ impl Known {
                 continue;
             }
             if let Some(spec) = self.ids.get(&id) {
-                into.insert(*spec, self.name(id));
+                into.insert((*spec, self.name(id)));
             }
             open.extend(self.globals.get(&id).into_iter().flat_map(ids));
         }

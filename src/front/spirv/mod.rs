@@ -34,7 +34,9 @@ use rspirv::spirv::{ExecutionModel, Op, Word};
 use self::combined::Places;
 use self::listing::Listing;
 use super::error::{Code, Error};
-use super::{beyond_wgsl, binding_arrays, killed_loops, map_spans, wrapped_main};
+use super::{
+    beyond_wgsl, binding_arrays, killed_loops, lengths as length_constants, map_spans, wrapped_main,
+};
 
 /// The first word of a module.
 const MAGIC: u32 = 0x0723_0203;
@@ -111,7 +113,7 @@ pub(super) fn parse(
         places.take(module);
     }
     let lengths = constants::Lengths::of(stages.iter().map(|(_, module, _)| module));
-    let notes = lengths.fixed.iter().map(constants::fixed_note);
+    let notes = lengths.fixed.iter().map(length_constants::fixed_note);
     declared.notes.extend(notes);
     let mut modules = Vec::new();
     for (_, module, mut text) in stages {

@@ -392,6 +392,14 @@ pub(super) fn misnamed(module: &Module, settings: &str) -> Option<Misnamed> {
     })
 }
 
+/// The default of a constant that gives the length of an array.
+fn fixed_length(module: &Module, constant: &Override) -> Option<f64> {
+    let name = LengthConstant::type_name_of(u32::from(constant.id?));
+    let mut types = module.types.iter();
+    types.find(|(_, ty)| ty.name.as_ref() == Some(&name))?;
+    overrides::number(&evaluate::default_constant(module, constant.init?).ok()?)
+}
+
 /// The assumptions in `name=value+name=value`. A name is a full path, or a suffix that only one
 /// path has.
 fn set(module: &Module, settings: &str) -> Result<Vec<Assumed>, Unfit> {
@@ -433,19 +441,6 @@ fn set(module: &Module, settings: &str) -> Result<Vec<Assumed>, Unfit> {
                 if is_bool && value != 0.0 && value != 1.0 {
                     return Err(Unfit::Value(name.to_owned(), text.to_owned()));
                 }
-                let gives_length = o.id.is_some_and(|id| {
-                    let name = LengthConstant::type_name_of(u32::from(id));
-                    module
-                        .types
-                        .iter()
-                        .any(|(_, ty)| ty.name.as_ref() == Some(&name))
-                });
-                let default = o.init.and_then(|init| {
-                    overrides::number(&evaluate::default_constant(module, init).ok()?)
-                });
-                if let Some(default) = default.filter(|d| gives_length && *d != value) {
-                    return Err(Unfit::Length(name.to_owned(), default.to_string()));
-                }
                 let place = Place::Override {
                     name: name.to_owned(),
                 };
@@ -464,6 +459,11 @@ fn set(module: &Module, settings: &str) -> Result<Vec<Assumed>, Unfit> {
         };
         if !fits {
             return Err(Unfit::Value(full, text.to_owned()));
+        }
+        if let (Place::Override { .. }, Some((_, constant))) = (&place, constant)
+            && let Some(default) = fixed_length(module, constant).filter(|d| *d != value)
+        {
+            return Err(Unfit::Length(full, default.to_string()));
         }
         let number = match ty {
             ScalarType::F32 => f64::from(value as f32),

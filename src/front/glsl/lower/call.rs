@@ -10,7 +10,7 @@ use super::super::interface::SplitSampler;
 use super::super::placeholders::{self, Atomic, Placeholder, Subgroup};
 use super::super::source_marks::unmarked;
 use super::super::stage::{Signature, Storage, spelled, unsupported};
-use super::super::ty::{BlockEntry, Component, MemoryLayout, Ty};
+use super::super::ty::{BlockEntry, Component, Length, MemoryLayout, Ty};
 use super::effect::{Argument, after};
 use super::expression::{Ex, level};
 use super::overload::{OverloadChoice, choose};
@@ -18,6 +18,27 @@ use super::{BuiltinCall, Lower, builtin, texture};
 use crate::front::error::{Code, Error};
 
 impl Lower<'_, '_> {
+    /// The value of `length()`: the specialisation constant, if it is one.
+    fn known_length(&self, length: Length) -> Ex {
+        let lengths = self.stage.lengths.borrow();
+        let mut constants = lengths.iter().map(|(constant, _)| constant);
+        let constant = constants.find(|constant| Some(constant.id) == length.constant);
+        let Some(constant) = constant else {
+            return Ex::primary(length.n.to_string(), Ty::INT);
+        };
+        let global = self.scopes.first().and_then(|s| s.get(&constant.own));
+        match global.filter(|_| !self.is_local(&constant.own)) {
+            Some(global) if constant.is_signed => Ex::primary(global.text.clone(), Ty::INT),
+            Some(global) => Ex::primary(format!("int({})", global.text), Ty::INT),
+            // A local variable hides it.
+            None => {
+                let fixed = (constant.id, constant.own.clone());
+                self.stage.assumed.borrow_mut().insert(fixed);
+                Ex::primary(length.n.to_string(), Ty::INT)
+            }
+        }
+    }
+
     pub(super) fn call(
         &mut self,
         name: &ast::FunIdentifier,
@@ -40,12 +61,12 @@ impl Lower<'_, '_> {
                     let of = self.raw(of)?;
                     let length = match &of.ty {
                         Ty::Array(_, n) => *n,
-                        Ty::Vector(_, n) => Some(u32::from(*n)),
-                        Ty::Matrix(_, columns, _) => Some(u32::from(*columns)),
+                        Ty::Vector(_, n) => Some(u32::from(*n).into()),
+                        Ty::Matrix(_, columns, _) => Some(u32::from(*columns).into()),
                         _ => None,
                     };
                     Ok(match length {
-                        Some(n) => Ex::primary(n.to_string(), Ty::INT),
+                        Some(length) => self.known_length(length),
                         None => Ex::new(
                             format!("int({}.length())", of.at(level::POSTFIX)),
                             Ty::INT,
@@ -90,7 +111,10 @@ impl Lower<'_, '_> {
                     (Ty::Array(_, None), Some(first @ Ty::Array(..))) => first,
                     _ => of,
                 };
-                let ty = Ty::Array(Box::new(of.clone()), Some(n.unwrap_or(values.len() as u32)));
+                let ty = Ty::Array(
+                    Box::new(of.clone()),
+                    Some(n.unwrap_or((values.len() as u32).into())),
+                );
                 let values: Vec<Ex> = values.into_iter().map(|v| self.coerce(v, of)).collect();
                 constructed(&values, ty)
             }

@@ -210,7 +210,10 @@ impl Lower<'_, '_> {
                 return each(&types);
             }
             Ty::Array(of, n) => {
-                return each(&vec![(**of).clone(); n.map_or(given.len(), |n| n as usize)]);
+                return each(&vec![
+                    (**of).clone();
+                    n.map_or(given.len(), |length| length.n as usize)
+                ]);
             }
             Ty::Scalar(_) => 1,
             Ty::Vector(_, n) => usize::from(*n),
@@ -283,7 +286,7 @@ mod tests {
         assert_eq!(a(&Ty::named("int")), "an int");
         assert_eq!(a(&Ty::named("uvec2")), "a uvec2");
         assert_eq!(
-            a(&Ty::Array(Box::new(Ty::FLOAT), Some(3))),
+            a(&Ty::Array(Box::new(Ty::FLOAT), Some(3.into()))),
             "an array float[3]"
         );
     }

@@ -245,7 +245,7 @@ impl Lower<'_, '_> {
         }
     }
 
-    fn is_local(&self, name: &str) -> bool {
+    pub(super) fn is_local(&self, name: &str) -> bool {
         self.scopes.iter().skip(1).any(|s| s.contains_key(name))
     }
 

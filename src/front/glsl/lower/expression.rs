@@ -289,7 +289,7 @@ impl Lower<'_, '_> {
         if variable.is_output {
             self.helper_name(&output_of(of));
         }
-        let array = |of: Ty, n: u32| Ty::Array(Box::new(of), Some(n));
+        let array = |of: Ty, n: u32| Ty::Array(Box::new(of), Some(n.into()));
         match of {
             // Its only element: WebGPU has at most 32 samples.
             "gl_SampleMaskIn" => Ex::primary(format!("int({text})"), Ty::INT),
@@ -501,7 +501,7 @@ impl Lower<'_, '_> {
                 place,
             ));
         }
-        let pairs = (0..length.unwrap_or(0))
+        let pairs = (0..length.map_or(0, |length| length.n))
             .map(|i| self.pairs.get(&format!("{path}[{i}]")).cloned())
             .collect::<Option<Vec<_>>>()
             .ok_or_else(|| unsupported("these samplers cannot be resolved", place))?;

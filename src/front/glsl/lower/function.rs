@@ -137,7 +137,7 @@ impl<'u> Lower<'_, 'u> {
         match ty {
             Ty::Scalar(Component::Bool) => "false".to_owned(),
             Ty::Array(of, n) => {
-                let parts = vec![self.zero(of); n.unwrap_or(1) as usize];
+                let parts = vec![self.zero(of); n.map_or(1, |length| length.n as usize)];
                 format!("{}({})", ty.name(), parts.join(", "))
             }
             Ty::Struct(name) => {

@@ -140,7 +140,7 @@ impl Lower<'_, '_> {
                     // Declared as an array of columns.
                     Ty::Array(_, Some(columns)) => {
                         let ending = if ex.lay.is_padded() { ".xy" } else { "" };
-                        let columns: Vec<String> = (0..columns)
+                        let columns: Vec<String> = (0..columns.n)
                             .map(|c| format!("{text}[{c}]{ending}"))
                             .collect();
                         format!("{}({})", turned.name(), columns.join(", "))
@@ -153,7 +153,7 @@ impl Lower<'_, '_> {
                 }
             }
             Ty::Array(_, Some(n)) => {
-                let parts: Vec<String> = (0..*n)
+                let parts: Vec<String> = (0..n.n)
                     .map(|i| self.value(element(&ex, &i.to_string())))
                     .map(|part| part.at(level::ASSIGNMENT))
                     .collect();
@@ -223,7 +223,7 @@ impl Lower<'_, '_> {
                             true => format!("vec4({turned}[{c}], 0.0, 0.0)"),
                             false => format!("{turned}[{c}]"),
                         };
-                        let parts: Vec<String> = (0..columns).map(column).collect();
+                        let parts: Vec<String> = (0..columns.n).map(column).collect();
                         let of = Ty::Array(of, Some(columns)).name();
                         format!("{of}({})", parts.join(", "))
                     }
@@ -240,7 +240,7 @@ impl Lower<'_, '_> {
                 let Ty::Array(element, _) = &whole else {
                     return None;
                 };
-                let parts: Option<Vec<String>> = (0..*n)
+                let parts: Option<Vec<String>> = (0..n.n)
                     .map(|i| {
                         if !zeros.is_empty() {
                             return Some(format!("{}({text}[{i}]{zeros})", element.name()));
@@ -341,7 +341,7 @@ impl Lower<'_, '_> {
                 }
             }
             Ty::Array(_, Some(n)) => {
-                for i in 0..*n {
+                for i in 0..n.n {
                     let i = i.to_string();
                     all.extend(self.stores(&element(target, &i), &element(value, &i), place)?);
                 }

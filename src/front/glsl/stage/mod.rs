@@ -10,7 +10,7 @@ use preshade_passes::declared::{self, LengthConstant};
 use super::constant::{self, ConstantValue, Constants, Specialised};
 use super::lengths::Candidate;
 use super::syntax::Unit;
-use super::ty::{Component, GlslMember, Rules, Structs, Ty};
+use super::ty::{Component, GlslMember, Length, Rules, Structs, Ty};
 use crate::front::error::{Code, Error};
 
 mod qualifiers;
@@ -233,26 +233,31 @@ impl<'u> GlslStage<'u> {
     /// default, which becomes final.
     pub(super) fn fixed(&self, e: &ast::Expr) -> Option<ConstantValue> {
         let (value, from) = constant::assume(e, &self.constants)?;
-        let itself = match &e.content {
+        self.assumed.borrow_mut().extend(from);
+        Some(value)
+    }
+
+    /// The length of an array. If it is a specialisation constant, its default is not final yet.
+    pub(super) fn length(&self, e: &ast::Expr) -> Option<Length> {
+        let constant = match &e.content {
             ast::ExprData::Variable(name) => self.constants.specialised(name.as_str()),
             _ => None,
         };
-        let length = match &value {
-            ConstantValue::Int(n) => u32::try_from(*n).ok().map(|n| (n, true)),
-            ConstantValue::Uint(n) => Some((*n, false)),
-            _ => None,
+        let Some((id, own)) = constant else {
+            return u32::try_from(self.fixed_integer(e)?).ok().map(Length::from);
         };
-        match (itself, length) {
-            (Some((id, own)), Some((default, is_signed))) => {
-                let length = (LengthConstant { id, own, is_signed }, default);
-                let mut found = self.lengths.borrow_mut();
-                if !found.contains(&length) {
-                    found.push(length);
-                }
-            }
-            _ => self.assumed.borrow_mut().extend(from),
+        let (value, _) = constant::assume(e, &self.constants)?;
+        let default = u32::try_from(constant::integer(&value)?).ok()?;
+        let is_signed = matches!(value, ConstantValue::Int(_));
+        let candidate = (LengthConstant { id, own, is_signed }, default);
+        let mut lengths = self.lengths.borrow_mut();
+        if !lengths.contains(&candidate) {
+            lengths.push(candidate);
         }
-        Some(value)
+        Some(Length {
+            n: default,
+            constant: Some(id),
+        })
     }
 
     /// The same for an integer.
@@ -396,6 +401,7 @@ impl<'u> GlslStage<'u> {
 
     fn clip_distance(&mut self, name: &str, ty: &Ty) {
         if let ("gl_ClipDistance", Ty::Array(_, length)) = (name, ty) {
+            let length = length.map(|length| length.n);
             self.clip_distances = length.or(self.clip_distances);
         }
     }
@@ -427,7 +433,7 @@ impl<'u> GlslStage<'u> {
         let dimensions = dimensions.and_then(|i| i.array_spec.as_ref());
         // Elements of an array of blocks stand for any type here.
         let array = match self.dimensions(Ty::INT, dimensions, place)? {
-            Ty::Array(of, length) if *of == Ty::INT => Some(length),
+            Ty::Array(of, length) if *of == Ty::INT => Some(length.map(|length| length.n)),
             Ty::Array(..) => {
                 let message = format!("`{name}` is an array of arrays of blocks");
                 return Err(unsupported(message, place).note("use one index for both"));
@@ -642,11 +648,11 @@ impl<'u> GlslStage<'u> {
 }
 
 /// The number of elements of an initialiser list.
-pub(super) fn initial_length(init: &ast::Initializer) -> Option<u32> {
+pub(super) fn initial_length(init: &ast::Initializer) -> Option<Length> {
     match &init.content {
-        ast::InitializerData::List(list) => Some(list.len() as u32),
+        ast::InitializerData::List(list) => Some((list.len() as u32).into()),
         ast::InitializerData::Simple(e) => match &e.content {
-            ExprData::FunCall(_, arguments) => Some(arguments.len() as u32),
+            ExprData::FunCall(_, arguments) => Some((arguments.len() as u32).into()),
             _ => None,
         },
     }

@@ -136,15 +136,14 @@ impl GlslStage<'_> {
             let length = match &dimension.content {
                 ArraySpecifierDimensionData::Unsized => None,
                 ArraySpecifierDimensionData::ExplicitlySized(e) => {
-                    let n = self.fixed_integer(e);
-                    let n = n.and_then(|n| u32::try_from(n).ok()).filter(|n| *n > 0);
-                    let n = n.ok_or_else(|| {
+                    let length = self.length(e).filter(|length| length.n > 0);
+                    let length = length.ok_or_else(|| {
                         unsupported(
                             "the length of this array must be an integer constant above 0",
                             place,
                         )
                     })?;
-                    Some(n)
+                    Some(length)
                 }
             };
             ty = Ty::Array(Box::new(ty), length);
