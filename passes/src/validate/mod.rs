@@ -18,6 +18,8 @@
 //! depends on its coordinates and on explicit gradients and bias ([`levels`]), but not on an
 //! implicit level.
 
+use std::collections::BTreeMap;
+
 use naga::{Expression, Literal, Span};
 
 use crate::core::guard::{Guard, Place as Assumed};
@@ -28,11 +30,14 @@ pub mod agree;
 #[cfg(test)]
 mod broken_slicer;
 pub mod compare;
+mod drawn;
 pub mod elsewhere;
 pub mod inputs;
 pub mod levels;
 mod promise;
 mod proof;
+mod quad;
+mod resolve;
 pub mod stage;
 pub mod term;
 mod trial;
@@ -130,7 +135,11 @@ pub fn validate_by(original: &Plan, variant: &Plan, by: By<'_>) -> Vec<Check> {
         not(Role::Main, "anything", why);
         return checks;
     }
-    for pass in &variant.compute {
+    for pass in variant
+        .compute
+        .iter()
+        .filter(|p| !resolve::runs(variant, p))
+    {
         let why = "a compute pass is not run by the interpreter; `verify` draws what it makes";
         not(
             Role::Main,
@@ -138,26 +147,23 @@ pub fn validate_by(original: &Plan, variant: &Plan, by: By<'_>) -> Vec<Check> {
             why.to_owned(),
         );
     }
+    let guard = variant.guard.as_ref();
+    let own = with_overrides(program, guard);
+    let programs = variant.programs.iter();
+    let programs = programs.map(|(key, program)| (key.clone(), with_overrides(program, guard)));
+    let programs: BTreeMap<String, Program> = programs.collect();
     let mut found = Vec::new();
     for pass in &variant.passes {
-        match (pass.role, variant.program(pass)) {
+        match (pass.role, programs.get(&pass.program)) {
             (Role::Classify | Role::Clear, _) => {}
-            (Role::Resolve, _) => not(
-                pass.role,
-                "the colours",
-                "it reads ids and buffers of the frame, which the interpreter does not fill; \
-                 `verify` draws it"
-                    .to_owned(),
-            ),
             (_, None) => not(pass.role, "anything", "it has no program".to_owned()),
-            (_, Some(other)) => {
-                let other = with_overrides(other, variant.guard.as_ref());
-                let own = with_overrides(program, variant.guard.as_ref());
-                match Pair::new(variant, (main, &own), (pass, &other), by) {
-                    Ok(pair) => found.extend(pair.checks()),
-                    Err(why) => not(pass.role, "positions and colours", why),
-                }
+            (Role::Resolve, Some(_)) => {
+                found.extend(resolve::checks(variant, &programs, (main, &own), pass, by));
             }
+            (_, Some(other)) => match Pair::new(variant, (main, &own), (pass, other), by) {
+                Ok(pair) => found.extend(pair.checks()),
+                Err(why) => not(pass.role, "positions and colours", why),
+            },
         }
     }
     checks.extend(found);
