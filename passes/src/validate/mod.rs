@@ -11,12 +11,16 @@
 //! pass that writes ids, keeps and discards the same fragments. The shading pass has the same
 //! colours, as far as the plan's contract promises: the same bits at vertices, whatever was
 //! hoisted; the same bits inside a triangle for `Exact`, and within a step of the target for
-//! `Rounding`. A budget is about a picture, so only `verify` can check it. Values are within the
-//! plan's guard.
+//! `Rounding`. A budget is about a picture, so only `verify` can check it, except for that of the
+//! visibility buffer: its resolve is the original's function with other roundings (`resolve`).
+//! Values are within the plan's guard.
+//!
+//! The passes of a visibility buffer read the draw's buffers. We make up a draw (`drawn`), run the
+//! passes on it one after the other (`split`), and run the original as a rasteriser would (`quad`).
 //!
 //! Two simplifications of the interpreter: an operation has the same result everywhere, and a texel
 //! depends on its coordinates and on explicit gradients and bias ([`levels`]), but not on an
-//! implicit level.
+//! implicit level. A quad has its own derivatives and levels.
 
 use std::collections::BTreeMap;
 
@@ -38,6 +42,7 @@ mod promise;
 mod proof;
 mod quad;
 mod resolve;
+mod split;
 pub mod stage;
 pub mod term;
 mod trial;
@@ -135,11 +140,7 @@ pub fn validate_by(original: &Plan, variant: &Plan, by: By<'_>) -> Vec<Check> {
         not(Role::Main, "anything", why);
         return checks;
     }
-    for pass in variant
-        .compute
-        .iter()
-        .filter(|p| !resolve::runs(variant, p))
-    {
+    for pass in variant.compute.iter().filter(|p| !split::runs(variant, p)) {
         let why = "a compute pass is not run by the interpreter; `verify` draws what it makes";
         not(
             Role::Main,

@@ -9,7 +9,10 @@ use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use naga::{BuiltIn, DerivativeAxis, DerivativeControl, ImageDimension, Interpolation, TypeInner};
+use naga::{
+    BuiltIn, DerivativeAxis, DerivativeControl, Expression, ImageDimension, Interpolation, Literal,
+    SampleLevel, TypeInner,
+};
 
 use super::drawn::Drawn;
 use super::inputs::{Inputs, Random};
@@ -125,7 +128,7 @@ impl Triangle {
         let volume = determinant(a, b, c).abs() / (length(a) * length(b) * length(c));
         // Behind the viewer, only perspective interpolation is defined.
         let is_behind = corners.iter().any(|corner| corner[3] <= 0.0);
-        if volume.is_nan() || volume < 1e-3 || (is_linear && is_behind) {
+        if volume.is_nan() || volume < 1e-5 || (is_linear && is_behind) {
             return None;
         }
         let largest = corners.iter().fold(0.0_f64, |most, c| most.max(c[3].abs()));
@@ -143,8 +146,10 @@ impl Triangle {
             if w < 0.1 * largest || clip.iter().any(|at| at.abs() > 64.0) {
                 continue;
             }
-            let size = [32 + 8 * random.below(16), 24 + 8 * random.below(16)];
-            let [width, height] = size.map(|pixels| pixels as f64);
+            let [width, height] = [0, 1].map(|axis| {
+                let pixels = (8 + random.below(56)) as f64;
+                pixels * 2.0 / extent(corners, axis)
+            });
             let [x, y] = center.map(f64::from);
             let viewport = [
                 x - width * (clip[0] + 1.0) / 2.0,
@@ -164,6 +169,20 @@ impl Triangle {
         }
         None
     }
+}
+
+/// The extent of a triangle on the screen along an axis, from 1/64 to 2, the whole of it.
+fn extent(corners: [[f64; 4]; 3], axis: usize) -> f64 {
+    let at = corners.map(|corner| corner[axis] / corner[3]);
+    let (low, high) = (f64::min, f64::max);
+    match corners.iter().all(|corner| corner[3] > 0.0) {
+        true => {
+            at.iter().copied().fold(f64::NEG_INFINITY, high)
+                - at.iter().copied().fold(f64::INFINITY, low)
+        }
+        false => 2.0,
+    }
+    .clamp(1.0 / 64.0, 2.0)
 }
 
 /// The volume of three vectors.
@@ -288,7 +307,12 @@ impl<F: Float> Quad<'_, F> {
                 false => self.like.samples,
             };
             let axes = &lookup.coordinates[..lookup.sampling.axes];
-            let scale = lookup.footprint.first().map_or(1.0, |b| exp2(*b).exactly());
+            let bias = lookup.footprint.first().copied();
+            let scale = bias.map_or(1.0, |bias| match self.is_written(bias) {
+                // The factor of a bias in the text is written in 32 bits.
+                true => f64::from(exp2(bias).exactly() as f32),
+                false => exp2(bias).exactly(),
+            });
             let slopes = slopes(axes, neighbours).concat();
             let scaled = slopes.iter().map(|s| F::rounded(s.exactly() * scale));
             let footprint: Vec<F> = scaled.collect();
@@ -344,6 +368,26 @@ impl<F: Float> Quad<'_, F> {
                 Slot::Location(..) => interpolated(io, self.corners, &At::Inside(&inside)),
             }
         }
+    }
+
+    /// Whether a sample has this bias as a literal.
+    fn is_written(&self, bias: F) -> bool {
+        let module = self.stage.module();
+        let functions = module.functions.iter().map(|(_, f)| f);
+        let entries = module.entry_points.iter().map(|e| &e.function);
+        functions.chain(entries).any(|function| {
+            let mut all = function.expressions.iter();
+            all.any(|(_, expression)| match expression {
+                Expression::ImageSample {
+                    level: SampleLevel::Bias(level),
+                    ..
+                } => match function.expressions[*level] {
+                    Expression::Literal(Literal::F32(x)) => f64::from(x) == bias.exactly(),
+                    _ => false,
+                },
+                _ => false,
+            })
+        })
     }
 
     fn is_cube(&self, texture: Option<(u32, u32)>) -> bool {
