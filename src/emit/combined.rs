@@ -3,11 +3,9 @@
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
-use naga::{
-    Expression, Function, GlobalVariable, Handle, Module, ResourceBinding, Statement, TypeInner,
-};
+use naga::{Expression, Function, GlobalVariable, Handle, Module, ResourceBinding, TypeInner};
+use preshade_passes::core::calls;
 use preshade_passes::declared::{CombinedSampler, Declared, Type};
-use preshade_passes::graph::operands;
 use preshade_passes::plan::Plan;
 use preshade_passes::program::Program;
 
@@ -204,45 +202,30 @@ fn mixed(program: &Program) -> Option<BTreeSet<Place>> {
         })
     };
     let mut received: HashMap<(Handle<Function>, usize), Received> = HashMap::new();
-    // Callers come after their callees.
-    let functions = module.functions.iter().rev().map(|(h, f)| (Some(h), f));
-    let entries = module.entry_points.iter().map(|e| (None, &e.function));
     let mut agree = true;
-    for (caller, function) in entries.chain(functions) {
-        operands::visit(&function.body, &mut |statement| {
-            let Statement::Call {
-                function: callee,
-                arguments,
-                ..
-            } = statement
-            else {
-                return;
-            };
-            for (i, argument) in module.functions[*callee].arguments.iter().enumerate() {
-                if !matches!(module.types[argument.ty].inner, TypeInner::Sampler { .. }) {
-                    continue;
-                }
-                let texture = i
-                    .checked_sub(1)
-                    .map(|i| &function.expressions[arguments[i]]);
-                let sampler = &function.expressions[arguments[i]];
-                let how = match (texture, sampler) {
-                    (
-                        Some(Expression::GlobalVariable(texture)),
-                        Expression::GlobalVariable(sampler),
-                    ) if is_pair(*texture, *sampler) => Received::Combined,
-                    (
-                        Some(Expression::FunctionArgument(texture)),
-                        Expression::FunctionArgument(sampler),
-                    ) if texture + 1 == *sampler => caller
-                        .and_then(|c| received.get(&(c, *sampler as usize)))
-                        .copied()
-                        .unwrap_or(Received::Apart),
-                    _ => Received::Apart,
-                };
-                agree &= *received.entry((*callee, i)).or_insert(how) == how;
+    calls::visit(module, &mut |call| {
+        let (caller, function) = call.caller;
+        for (i, argument) in module.functions[call.callee].arguments.iter().enumerate() {
+            if !matches!(module.types[argument.ty].inner, TypeInner::Sampler { .. }) {
+                continue;
             }
-        });
-    }
+            let passed = |i: usize| &function.expressions[call.arguments[i]];
+            let how = match (i.checked_sub(1).map(passed), passed(i)) {
+                (
+                    Some(Expression::GlobalVariable(texture)),
+                    Expression::GlobalVariable(sampler),
+                ) if is_pair(*texture, *sampler) => Received::Combined,
+                (
+                    Some(Expression::FunctionArgument(texture)),
+                    Expression::FunctionArgument(sampler),
+                ) if texture + 1 == *sampler => caller
+                    .and_then(|c| received.get(&(c, *sampler as usize)))
+                    .copied()
+                    .unwrap_or(Received::Apart),
+                _ => Received::Apart,
+            };
+            agree &= *received.entry((call.callee, i)).or_insert(how) == how;
+        }
+    });
     agree.then_some(mixed)
 }

@@ -8,14 +8,15 @@ use naga::back::PipelineConstants;
 use naga::back::pipeline_constants::{PipelineConstantError, process_overrides};
 use naga::valid::ModuleInfo;
 use naga::{
-    AddressSpace, ArraySize, Expression, Function, GlobalVariable, Handle, Literal, Module,
-    Override, ShaderStage, Span, Statement, TypeInner,
+    ArraySize, Expression, Function, GlobalVariable, Handle, Literal, Module, Override,
+    ShaderStage, Span, Statement, TypeInner,
 };
 use preshade_passes::evaluate::overrides::overrides_of;
 use preshade_passes::graph::operands;
 use preshade_passes::plan::Plan;
 use preshade_passes::program::{Invalid, Program};
 use preshade_passes::rebuild::copy::{CopyFunction, Copying};
+use preshade_passes::rebuild::variable::private;
 use preshade_passes::rebuild::writer::FunctionWriter;
 use preshade_passes::reflect;
 
@@ -352,15 +353,7 @@ fn variable(
 ) -> Handle<GlobalVariable> {
     let expressions = &mut module.global_expressions;
     let init = expressions.append(Expression::Literal(default), Span::UNDEFINED);
-    let variable = GlobalVariable {
-        name: Some(marker.to_owned()),
-        space: AddressSpace::Private,
-        binding: None,
-        ty: of.ty,
-        init: Some(init),
-        memory_decorations: naga::MemoryDecorations::empty(),
-    };
-    module.global_variables.append(variable, Span::UNDEFINED)
+    private(module, marker, of.ty, Some(init))
 }
 
 /// Where the value of an override comes from.

@@ -13,10 +13,10 @@
 use std::collections::HashSet;
 
 use naga::{
-    AddressSpace, Block, Expression, Function, GlobalVariable, Handle, Literal, MemoryDecorations,
-    Module, Range, Scalar, Span, Statement, Type, TypeInner,
+    Block, Expression, Function, GlobalVariable, Handle, Literal, Module, Range, Span, Statement,
 };
 use preshade_passes::graph::operands;
+use preshade_passes::rebuild::variable::private_bool;
 
 /// Adds a `return` behind each `discard` in a loop, and behind each call in a loop of a function that
 /// discarded.
@@ -33,7 +33,8 @@ pub(super) fn end(module: &mut Module) {
     let asks = functions
         .chain(entries)
         .any(|f| calls_in_loop(&f.body, false, &killers));
-    let flag = asks.then(|| declare(module));
+    // True once the invocation discarded.
+    let flag = asks.then(|| private_bool(module, "killed"));
     for (handle, function) in module.functions.iter_mut() {
         let own = flag.filter(|_| killers.contains(&handle));
         Ending {
@@ -72,24 +73,6 @@ fn calls_in_loop(block: &Block, is_in_loop: bool, killers: &HashSet<Handle<Funct
                 .any(|b| calls_in_loop(b, is_in_loop, killers)),
         }
     })
-}
-
-/// Adds the variable that is true once the invocation discarded.
-fn declare(module: &mut Module) -> Handle<GlobalVariable> {
-    let bool = Type {
-        name: None,
-        inner: TypeInner::Scalar(Scalar::BOOL),
-    };
-    let ty = module.types.insert(bool, Span::UNDEFINED);
-    let variable = GlobalVariable {
-        name: Some("killed".to_owned()),
-        space: AddressSpace::Private,
-        binding: None,
-        ty,
-        init: None,
-        memory_decorations: MemoryDecorations::empty(),
-    };
-    module.global_variables.append(variable, Span::UNDEFINED)
 }
 
 struct Ending<'a> {

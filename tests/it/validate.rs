@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 
 use preshade::unstable::passes::pass::{Facts, Use};
+use preshade::unstable::passes::plan::Role;
 use preshade::unstable::passes::validate::{Check, Effort, Verdict, validate};
 use preshade::unstable::recipe::Recipe;
 use rayon::prelude::*;
@@ -59,4 +60,49 @@ fn no_recipe_breaks_a_promise_of_a_fixture() {
     eprintln!("{kinds:?}\n{reasons:#?}");
     assert!(broken.is_empty(), "{}", broken.join("\n"));
     assert!(kinds["proved"] > 400 && kinds["agreed"] > 100, "{kinds:?}");
+}
+
+/// The resolve of every fixture that the visibility buffer splits is evaluated.
+#[test]
+fn every_resolve_of_a_fixture_is_evaluated() {
+    let effort = Effort {
+        inputs: 96,
+        steps: 60_000,
+        paths: 16,
+        ..Effort::default()
+    };
+    let checks: Vec<(String, Check)> = materials()
+        .par_iter()
+        .filter(|files| cfg!(feature = "glsl") || files.len() == 1)
+        .flat_map_iter(|files| {
+            let files: Vec<_> = files.iter().map(std::path::PathBuf::as_path).collect();
+            let original = original(&files);
+            let mut checks = Vec::new();
+            for more in ["", ",select=id,vertices=kept"] {
+                let recipe = format!("visibility-buffer:budget=0.05{more}");
+                let parsed = Recipe::parse_list(&recipe).unwrap();
+                let Ok(variant) = parsed.apply(&original, &Facts::without_ties()) else {
+                    continue;
+                };
+                let name = format!("{} by {recipe}", original.material);
+                let of = validate(&original, &variant, &effort).into_iter();
+                let of = of.filter(|c| [Role::Ids, Role::Resolve].contains(&c.role));
+                checks.extend(of.map(|check| (name.clone(), check)));
+            }
+            checks
+        })
+        .collect();
+    let told = |(name, check): &(String, Check)| {
+        let (role, promise) = (check.role.name(), &check.promise);
+        format!("{name}, {role}: {promise}: {}", check.verdict)
+    };
+    let told_all: Vec<String> = checks.iter().map(told).collect();
+    eprintln!("{}", told_all.join("\n"));
+    let left = checks.iter().filter(|(_, check)| !check.verdict.holds());
+    let left: Vec<String> = left.map(told).collect();
+    assert!(left.is_empty(), "{}", left.join("\n"));
+    let resolves = checks
+        .iter()
+        .filter(|(_, c)| c.promise.starts_with("colours"));
+    assert!(resolves.count() >= 84);
 }

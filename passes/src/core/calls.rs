@@ -5,7 +5,7 @@
 
 use std::collections::BTreeSet;
 
-use naga::{Block, Function, Handle, Module, Statement};
+use naga::{Block, Expression, Function, Handle, Module, Statement};
 
 use super::operands;
 
@@ -51,4 +51,38 @@ pub fn called(module: &Module, body: &Block) -> BTreeSet<Handle<Function>> {
         }
     }
     found
+}
+
+/// A call.
+#[derive(Clone, Copy)]
+pub struct Call<'m> {
+    /// The function that calls, `None` for an entry point, and its handle.
+    pub caller: (Option<Handle<Function>>, &'m Function),
+    /// The function that is called.
+    pub callee: Handle<Function>,
+    /// What is passed, in the caller.
+    pub arguments: &'m [Handle<Expression>],
+}
+
+/// Visits all calls of a module. Those of a function come before those in it.
+pub fn visit<'m>(module: &'m Module, each: &mut dyn FnMut(Call<'m>)) {
+    let entries = module.entry_points.iter().map(|e| (None, &e.function));
+    // The validator guarantees that callees come before their callers.
+    let functions = module.functions.iter().rev().map(|(h, f)| (Some(h), f));
+    for caller in entries.chain(functions) {
+        operands::visit(&caller.1.body, &mut |statement| {
+            if let Statement::Call {
+                function,
+                arguments,
+                ..
+            } = statement
+            {
+                each(Call {
+                    caller,
+                    callee: *function,
+                    arguments,
+                });
+            }
+        });
+    }
 }

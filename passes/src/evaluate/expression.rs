@@ -123,6 +123,9 @@ impl<'a, F: Number> Machine<'a, F> {
                 sample,
                 level,
             } => {
+                if let Some(texel) = self.given_texel(frame, *image, *coordinate)? {
+                    return Ok(texel);
+                }
                 let mut operands = vec![*coordinate];
                 operands.extend([array_index, sample, level].into_iter().flatten());
                 let how = (&[][..], Sampling::default());
@@ -251,6 +254,34 @@ impl<'a, F: Number> Machine<'a, F> {
             Some(_) => Value::number(texel[0]),
             None => self.texel(*image, frame.function, texel)?,
         })
+    }
+
+    /// The texel of a texture whose texels are among the resources.
+    fn given_texel(
+        &mut self,
+        frame: &mut Activation<'a, F>,
+        image: Handle<Expression>,
+        coordinate: Handle<Expression>,
+    ) -> Result<Option<Value<F>>, Stuck> {
+        let Value::Resource(texture) = self.get(frame, image)? else {
+            return Ok(None);
+        };
+        let given = self.binding(texture);
+        let given = given.and_then(|at| self.environment.resources.get(&at));
+        let Some(Value::Composite(given)) = given else {
+            return Ok(None);
+        };
+        let [_, _, _, rows] = &given[..] else {
+            return Ok(None);
+        };
+        let outside = || Stuck::Type("a load beyond a texture".to_owned());
+        let at = self.get(frame, coordinate)?;
+        let mut texel = rows;
+        for index in at.parts()?.iter().rev() {
+            let index = index.index()?;
+            texel = texel.parts()?.get(index).ok_or_else(outside)?;
+        }
+        Ok(Some(texel.clone()))
     }
 
     /// Converts the caller's texel to the texture's class: one float for depth, whole numbers for

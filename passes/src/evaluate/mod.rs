@@ -123,8 +123,9 @@ pub struct Traced<F = f32> {
 /// The environment of an invocation.
 pub struct Environment<'a, F = f32> {
     /// Contents of uniforms, buffers and immediate data by [`place`], and width, height and depth or
-    /// layers of textures whose size may be asked for. Runs share them, and copy a buffer on
-    /// the first write.
+    /// layers of textures whose size may be asked for. A fourth part of a 2D texture is its texels,
+    /// row by row, for loads; without it they come from [`Self::texture`]. Runs share all of them,
+    /// and copy a buffer on the first write.
     pub resources: Arc<BTreeMap<(u32, u32), Value<F>>>,
     /// Returns the texel of a lookup.
     pub texture: &'a dyn Fn(&Lookup<'_, F>) -> [F; 4],

@@ -15,4 +15,5 @@ pub mod place;
 pub mod quad;
 pub mod returns;
 pub(crate) mod snippet;
+pub mod variable;
 pub mod writer;

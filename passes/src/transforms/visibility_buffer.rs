@@ -184,15 +184,24 @@ impl Pass for VisibilityBuffer {
 /// A message if a plan's resolves assume another rasteriser than the measured one; `None` if they
 /// agree or the plan has no resolve.
 pub fn contradicted(plan: &Plan, seen: &Rasterizer) -> Option<String> {
-    let steps = plan.steps.iter();
-    let mut said = steps.filter(|s| s.pass == VisibilityBuffer::INFO.name);
-    let params: Params = serde_json::from_value(said.next_back()?.params.clone()).ok()?;
-    let told: Vec<String> = params
+    let told: Vec<String> = params_of(plan)?
         .contradicting(seen)
         .into_iter()
         .map(|[said, seen]| format!("{said}, but the adapter was measured as `{seen}`"))
         .collect();
     (!told.is_empty()).then(|| told.join("; "))
+}
+
+/// The rasteriser whose behaviour a plan's resolves repeat; `None` if the plan has no resolve.
+pub fn assumed(plan: &Plan) -> Option<Rasterizer> {
+    Some(params_of(plan)?.rasterizer())
+}
+
+/// The parameters that a plan was split with.
+fn params_of(plan: &Plan) -> Option<Params> {
+    let steps = plan.steps.iter();
+    let mut said = steps.filter(|s| s.pass == VisibilityBuffer::INFO.name);
+    serde_json::from_value(said.next_back()?.params.clone()).ok()
 }
 
 /// The plan with only the main pass's entry points in its program, renamed so that generated names

@@ -298,6 +298,27 @@ fn not_nearer<F: Number>(a: &Value<F>, b: &Value<F>, direction: DepthDirection) 
     })
 }
 
+/// Whether two values in twice the digits are one, but for rounding: no component differs by more
+/// than `most` of the largest, or of 1.
+pub(super) fn is_close(a: &Value<f64>, b: &Value<f64>, most: f64) -> bool {
+    fn flat(value: &Value<f64>, all: &mut Vec<f64>) -> bool {
+        match value {
+            Value::Scalar(Scalar::F32(x)) => all.push(*x),
+            Value::Composite(parts) => return parts.iter().all(|p| flat(p, all)),
+            _ => return false,
+        }
+        true
+    }
+    let (mut x, mut y) = (Vec::new(), Vec::new());
+    if !(flat(a, &mut x) && flat(b, &mut y)) || x.len() != y.len() {
+        return *a == *b;
+    }
+    let largest = x.iter().fold(1.0_f64, |most, v| most.max(v.abs()));
+    x.iter()
+        .zip(&y)
+        .all(|(a, b)| (a - b).abs() <= largest * most)
+}
+
 fn every<F: Number>(
     a: &Value<F>,
     b: &Value<F>,

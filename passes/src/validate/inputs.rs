@@ -3,7 +3,9 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use naga::{AddressSpace, ArraySize, BuiltIn, Handle, Module, ScalarKind, Type, TypeInner};
+use naga::{
+    AddressSpace, ArraySize, BuiltIn, Handle, MathFunction, Module, ScalarKind, Type, TypeInner,
+};
 
 use super::levels::Levels;
 use super::stage::{POSITION, Slot, VaryingKind};
@@ -325,19 +327,20 @@ impl Inputs {
 
     /// A texel from 0 to 1: a smooth function of the coordinates, different for each texture,
     /// sampler and offset. An implicit level has no influence.
-    pub fn texel(&self, lookup: &Lookup<'_>) -> [f32; 4] {
+    pub fn texel<F: Number>(&self, lookup: &Lookup<'_, F>) -> [F; 4] {
+        let call = |function, of: &[F]| F::call(function, of).unwrap_or(of[0]);
+        let bounded = |c| call(MathFunction::Clamp, &[c, F::of(-1e6), F::of(1e6)]);
+        let start = F::of(start(lookup.binding, lookup.sampling));
         let numbers = self.levels.numbers(lookup, world::slopes(self));
         let sum = numbers
             .into_iter()
-            .fold(start(lookup.binding, lookup.sampling), |sum, c| {
-                sum * 1.7 + c.clamp(-1e6, 1e6)
-            });
-        [0, 1, 2, 3].map(|channel| {
-            let fixed = lookup
-                .binding
-                .and_then(|(group, binding)| self.texels.get(&(group, binding, channel)));
-            let wave = (sum * (channel + 1) as f32).sin() * 0.5 + 0.5;
-            fixed.copied().unwrap_or(wave)
+            .fold(start, |sum, c| plus(times(sum, 1.7), bounded(c)));
+        [0, 1, 2, 3].map(|channel| match self.fixed_texel(lookup.binding, channel) {
+            Some(fixed) => F::of(fixed),
+            None => {
+                let wave = call(MathFunction::Sin, &[times(sum, (channel + 1) as f32)]);
+                plus(times(wave, 0.5), F::of(0.5))
+            }
         })
     }
 
@@ -346,7 +349,7 @@ impl Inputs {
     pub fn plain_texel<F: Number>(&self, lookup: &Lookup<'_, F>) -> [F; 4] {
         let add = |sum, (number, weight): (F, f32)| {
             let bounded = F::call(
-                naga::MathFunction::Clamp,
+                MathFunction::Clamp,
                 &[number, F::of(-PLAIN_MOST), F::of(PLAIN_MOST)],
             );
             plus(sum, times(bounded.unwrap_or(number), weight))
@@ -357,7 +360,7 @@ impl Inputs {
             .map(|(i, c)| (*c, plain_weight(i)))
             .chain(levels.map(|(i, c)| (*c, plain_level_weight(i))))
             .fold(F::of(plain_start(lookup.sampling)), add);
-        let sum = F::call(naga::MathFunction::Saturate, &[sum]).unwrap_or(sum);
+        let sum = F::call(MathFunction::Saturate, &[sum]).unwrap_or(sum);
         let [bases, scales] = self.bases(lookup.binding);
         [0, 1, 2, 3].map(|channel: usize| plus(times(sum, scales[channel]), F::of(bases[channel])))
     }

@@ -9,9 +9,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use naga::{Expression, Function, Module, SampleLevel};
 
-use super::world::PassStages;
+use super::world::{PassStages, exp2, product, times};
 use crate::core::calls;
-use crate::evaluate::Lookup;
+use crate::evaluate::{Lookup, Number};
 
 /// The number of samples of a texture in a text, by kind of level.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -68,12 +68,13 @@ impl Levels {
     }
 
     /// The numbers that decide a texel, with the derivatives of a unit along x and y.
-    pub fn numbers(&self, lookup: &Lookup<'_>, slopes: [f32; 2]) -> Vec<f32> {
+    pub fn numbers<F: Number>(&self, lookup: &Lookup<'_, F>, slopes: [f32; 2]) -> Vec<F> {
         let coordinates = lookup.coordinates.iter().copied();
-        let along = |scale: f32| {
+        let along = |scale: F| {
             let axes = &lookup.coordinates[..lookup.sampling.axes];
             let slopes = slopes.into_iter();
-            slopes.flat_map(move |slope| axes.iter().map(move |c| c * slope * scale))
+            let each = move |slope| axes.iter().map(move |c| product(times(*c, slope), scale));
+            slopes.flat_map(each)
         };
         match (self.reading, lookup.footprint) {
             (Reading::Chosen, _) => coordinates
@@ -85,13 +86,13 @@ impl Levels {
                 coordinates.map(|(_, c)| c).collect()
             }
             (Reading::Level, []) if lookup.sampling.implicit => {
-                coordinates.chain(along(LEVEL_SCALE)).collect()
+                coordinates.chain(along(F::of(LEVEL_SCALE))).collect()
             }
             (Reading::Level, [bias]) => coordinates
-                .chain(along(bias.exp2() * LEVEL_SCALE))
+                .chain(along(times(exp2(*bias), LEVEL_SCALE)))
                 .collect(),
             (Reading::Level, gradients) => {
-                let gradients = gradients.iter().map(|g| g * LEVEL_SCALE);
+                let gradients = gradients.iter().map(|g| times(*g, LEVEL_SCALE));
                 coordinates.chain(gradients).collect()
             }
         }

@@ -11,12 +11,18 @@
 //! pass that writes ids, keeps and discards the same fragments. The shading pass has the same
 //! colours, as far as the plan's contract promises: the same bits at vertices, whatever was
 //! hoisted; the same bits inside a triangle for `Exact`, and within a step of the target for
-//! `Rounding`. A budget is about a picture, so only `verify` can check it. Values are within the
-//! plan's guard.
+//! `Rounding`. A budget is about a picture, so only `verify` can check it, except for that of the
+//! visibility buffer: its resolve is the original's function with other roundings (`resolve`).
+//! Values are within the plan's guard.
+//!
+//! The passes of a visibility buffer read the draw's buffers. We make up a draw (`drawn`), run the
+//! passes on it one after the other (`split`), and run the original as a rasteriser would (`quad`).
 //!
 //! Two simplifications of the interpreter: an operation has the same result everywhere, and a texel
 //! depends on its coordinates and on explicit gradients and bias ([`levels`]), but not on an
-//! implicit level.
+//! implicit level. A quad has its own derivatives and levels.
+
+use std::collections::BTreeMap;
 
 use naga::{Expression, Literal, Span};
 
@@ -28,11 +34,15 @@ pub mod agree;
 #[cfg(test)]
 mod broken_slicer;
 pub mod compare;
+mod drawn;
 pub mod elsewhere;
 pub mod inputs;
 pub mod levels;
 mod promise;
 mod proof;
+mod quad;
+mod resolve;
+mod split;
 pub mod stage;
 pub mod term;
 mod trial;
@@ -130,7 +140,7 @@ pub fn validate_by(original: &Plan, variant: &Plan, by: By<'_>) -> Vec<Check> {
         not(Role::Main, "anything", why);
         return checks;
     }
-    for pass in &variant.compute {
+    for pass in variant.compute.iter().filter(|p| !split::runs(variant, p)) {
         let why = "a compute pass is not run by the interpreter; `verify` draws what it makes";
         not(
             Role::Main,
@@ -138,26 +148,23 @@ pub fn validate_by(original: &Plan, variant: &Plan, by: By<'_>) -> Vec<Check> {
             why.to_owned(),
         );
     }
+    let guard = variant.guard.as_ref();
+    let own = with_overrides(program, guard);
+    let programs = variant.programs.iter();
+    let programs = programs.map(|(key, program)| (key.clone(), with_overrides(program, guard)));
+    let programs: BTreeMap<String, Program> = programs.collect();
     let mut found = Vec::new();
     for pass in &variant.passes {
-        match (pass.role, variant.program(pass)) {
+        match (pass.role, programs.get(&pass.program)) {
             (Role::Classify | Role::Clear, _) => {}
-            (Role::Resolve, _) => not(
-                pass.role,
-                "the colours",
-                "it reads ids and buffers of the frame, which the interpreter does not fill; \
-                 `verify` draws it"
-                    .to_owned(),
-            ),
             (_, None) => not(pass.role, "anything", "it has no program".to_owned()),
-            (_, Some(other)) => {
-                let other = with_overrides(other, variant.guard.as_ref());
-                let own = with_overrides(program, variant.guard.as_ref());
-                match Pair::new(variant, (main, &own), (pass, &other), by) {
-                    Ok(pair) => found.extend(pair.checks()),
-                    Err(why) => not(pass.role, "positions and colours", why),
-                }
+            (Role::Resolve, Some(_)) => {
+                found.extend(resolve::checks(variant, &programs, (main, &own), pass, by));
             }
+            (_, Some(other)) => match Pair::new(variant, (main, &own), (pass, other), by) {
+                Ok(pair) => found.extend(pair.checks()),
+                Err(why) => not(pass.role, "positions and colours", why),
+            },
         }
     }
     checks.extend(found);

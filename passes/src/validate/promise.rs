@@ -7,6 +7,7 @@ use std::sync::Arc;
 use naga::ShaderStage;
 
 use super::compare::{Colors, Depths, Discards, Positions, Rule, Stores};
+use super::drawn::Drawn;
 use super::inputs::{self, Inputs};
 use super::levels::Levels;
 use super::stage::{POSITION, Slot, Stage};
@@ -15,11 +16,12 @@ use super::world::{self, PassStages, TestPoint};
 use super::{By, Check, Effort, Proof, Verdict};
 use crate::analysis::rounding;
 use crate::core::contract::Contract;
+use crate::core::geometry::Geometry;
 use crate::core::guard::{Guard, Place as Assumed};
 use crate::core::pass::Expected;
 use crate::core::plan::{BindingSource, ClearValue, GpuPass, Plan, Role, Step};
 use crate::core::program::Program;
-use crate::core::state::{CompareFunction, DepthDirection};
+use crate::core::state::{CompareFunction, CullMode, DepthDirection};
 use crate::pass_named;
 use crate::transforms::early_discard;
 
@@ -37,6 +39,9 @@ pub(super) struct Pair<'a> {
     pub(super) levels: Arc<Levels>,
     /// The executor, if not the interpreter.
     by: By<'a>,
+    /// Whether the pass reads buffers of the draw ([`Drawn`]).
+    pub(super) reads_draw: bool,
+    cull: CullMode,
     pub(super) direction: DepthDirection,
     /// The clear values and contents of the attachments that the pass reads, by binding.
     pub(super) attachments: BTreeMap<(u32, u32), (ClearValue, Held)>,
@@ -63,7 +68,7 @@ impl Held {
     }
 }
 
-fn stages<'a>(pass: &GpuPass, program: &'a Program) -> Result<PassStages<'a>, String> {
+pub(super) fn stages<'a>(pass: &GpuPass, program: &'a Program) -> Result<PassStages<'a>, String> {
     let vertex =
         Stage::new(program, ShaderStage::Vertex, &pass.vertex).ok_or("it has no vertex stage")?;
     let fragment = match &pass.fragment {
@@ -75,6 +80,10 @@ fn stages<'a>(pass: &GpuPass, program: &'a Program) -> Result<PassStages<'a>, St
     Ok(PassStages { vertex, fragment })
 }
 
+/// Why a pass that reads the draw is not tried on an adapter.
+pub(super) const NOT_DRAWN: &str =
+    "an adapter is not given the buffers of a draw; the interpreter is";
+
 /// Scalars in buffers that all inputs of a promise have together.
 const MOST_SCALARS: u64 = 1 << 21;
 
@@ -82,7 +91,7 @@ const MOST_SCALARS: u64 = 1 << 21;
 const FEWEST_INPUTS: u64 = 18;
 
 /// The effort with fewer inputs if the buffers are long.
-fn effort(stages: PassStages<'_>, effort: &Effort) -> Effort {
+pub(super) fn effort(stages: PassStages<'_>, effort: &Effort) -> Effort {
     let scalars = inputs::filled(stages.vertex.module());
     let most = (MOST_SCALARS / scalars.max(1)).max(FEWEST_INPUTS);
     Effort {
@@ -98,7 +107,7 @@ impl<'a> Pair<'a> {
         (pass, other): (&'a GpuPass, &'a Program),
         by: By<'a>,
     ) -> Result<Self, String> {
-        if !pass.geometry.is_as_given() {
+        if !matches!(pass.geometry, Geometry::AsGiven | Geometry::Unindexed) {
             return Err(
                 "its vertices are new ones, which the interpreter does not make; \
                  `verify` draws them"
@@ -106,9 +115,11 @@ impl<'a> Pair<'a> {
             );
         }
         let mut attachments = BTreeMap::new();
+        let mut reads_draw = false;
         for binding in &pass.bindings {
             match &binding.source {
                 BindingSource::Author => {}
+                BindingSource::Geometry { .. } if pass.role == Role::Ids => reads_draw = true,
                 BindingSource::Attachment { name } => {
                     let clear = variant.attachment(name).map(|a| a.clear);
                     let clear = clear.ok_or("it reads an attachment that is not there")?;
@@ -134,11 +145,22 @@ impl<'a> Pair<'a> {
             levels: Arc::new(Levels::between(original, other)),
             effort: effort(original, by.effort),
             by,
+            reads_draw,
+            cull: main.primitive.cull,
             direction: compare
                 .and_then(CompareFunction::direction)
                 .unwrap_or_default(),
             attachments,
         })
+    }
+
+    /// The draw of these inputs, if the pass reads it.
+    pub(super) fn drawn<'d>(&'d self, inputs: &'d Inputs) -> Option<Drawn<'d>> {
+        // Vertex `3 t + c` is then corner `c` of triangle `t` in both.
+        let is_plain = self.pass.geometry == Geometry::Unindexed;
+        let vertex = self.original.vertex;
+        self.reads_draw
+            .then(|| Drawn::new(inputs, vertex, self.variant, self.cull, is_plain))
     }
 
     pub(super) fn checks(&self) -> Vec<Check> {
@@ -388,6 +410,9 @@ impl<'a> Pair<'a> {
 
     fn verdict(&self, places: &[TestPoint], colors: Colors) -> Verdict {
         if let Some(runner) = self.by.runner {
+            if self.reads_draw {
+                return not_evaluated(NOT_DRAWN);
+            }
             return self.tried_on(runner, places, colors);
         }
         if places.iter().all(|p| self.slices_are_same(*p, colors)) {

@@ -21,6 +21,10 @@ impl Pair<'_> {
 
     /// The number of paths over which both give the same results for every input, if proved.
     pub(super) fn proved(&self, place: TestPoint, colors: Colors) -> Option<u64> {
+        // No term stands for the draw's buffers.
+        if self.reads_draw {
+            return None;
+        }
         if !self.attachments.is_empty() && place != TestPoint::Vertex {
             return None;
         }

@@ -4,15 +4,17 @@ use std::cell::RefCell;
 use std::collections::BTreeMap;
 
 use super::compare::{self, Colors, text};
+use super::drawn::Drawn;
 use super::inputs::{Inputs, Profile};
 use super::promise::Pair;
-use super::stage;
+use super::stage::{self, Stage};
 use super::verdict::{Counterexample, Diverged, Verdict, not_evaluated};
 use super::world::{self, PassStages, TestPoint, Texels, World};
+use crate::core::guard::Guard;
 use crate::evaluate::{self, Stuck, Traced, Value};
 
 /// One in this many inputs must terminate.
-const QUOTA: u64 = 4;
+pub(super) const QUOTA: u64 = 4;
 
 impl Pair<'_> {
     /// Tries this many inputs.
@@ -65,31 +67,27 @@ impl Pair<'_> {
         }
     }
 
-    /// Why no numbers can be tried: a stage reads a buffer that is too long to fill.
+    /// Why no numbers can be tried at these places.
     pub(super) fn unfilled(&self, places: &[TestPoint]) -> Option<String> {
-        let module = self.original.vertex.module();
-        let guard = self.variant.guard.as_ref();
-        let left_out = Inputs::new(module, guard, self.effort.seed).left_out;
         let is_vertex = places.iter().all(|p| *p == TestPoint::Vertex);
         let fragments = [self.original.fragment, self.other.fragment];
         let fragments = fragments.into_iter().flatten().filter(|_| !is_vertex);
         let stages = [self.original.vertex, self.other.vertex].into_iter();
-        for stage in stages.chain(fragments) {
-            let info = stage.program.info().get_entry_point(stage.entry);
-            for (handle, global) in stage.module().global_variables.iter() {
-                let at = evaluate::place(global);
-                if at.is_some_and(|at| left_out.contains(&at)) && !info[handle].is_empty() {
-                    let name = global.name.as_deref().unwrap_or("a buffer");
-                    return Some(format!("`{name}` is too long to be filled with numbers"));
-                }
-            }
-        }
-        None
+        let module = self.original.vertex.module();
+        unfilled(stages.chain(fragments), module, self.variant.guard.as_ref())
     }
 
     fn try_one(&self, inputs: &Inputs, place: TestPoint, colors: Colors) -> Tried {
         let (rule, attached) = self.rule(place, colors, Some(inputs));
-        let world = world::concrete(inputs, &attached, Texels::Waves);
+        let drawn = self.drawn(inputs);
+        let mut world = world::concrete(inputs, &attached, Texels::Waves);
+        if let Some(drawn) = &drawn {
+            let module = self.other.vertex.module();
+            match drawn.resources(&self.pass.bindings, module, drawn.other) {
+                Ok(buffers) => world.draw(drawn, buffers),
+                Err(why) => return Tried::Stuck(Stuck::Unsupported(why)),
+            }
+        }
         let original = match world.run(self.original, place, self.effort.steps, None) {
             Ok(original) => original,
             Err(Stuck::Steps) => return Tried::Endless,
@@ -112,9 +110,11 @@ impl Pair<'_> {
             None => Tried::Same { discarded },
             Some(found) => {
                 let first = self.first_diverging(&world, place);
+                let mut said = self.said(inputs, place);
+                said.extend(drawn.iter().flat_map(Drawn::said));
                 Tried::Differs(Box::new(Counterexample {
                     seed: inputs.seed,
-                    inputs: self.said(inputs, place),
+                    inputs: said,
                     output: found.output,
                     original: found.original,
                     variant: found.variant,
@@ -174,6 +174,26 @@ impl Pair<'_> {
         }
         None
     }
+}
+
+/// Why no numbers can be tried: a stage reads a buffer of the original that is too long to fill.
+pub(super) fn unfilled<'p>(
+    stages: impl Iterator<Item = Stage<'p>>,
+    original: &naga::Module,
+    guard: Option<&Guard>,
+) -> Option<String> {
+    let left_out = Inputs::new(original, guard, 0).left_out;
+    for stage in stages {
+        let info = stage.program.info().get_entry_point(stage.entry);
+        for (handle, global) in stage.module().global_variables.iter() {
+            let at = evaluate::place(global);
+            if at.is_some_and(|at| left_out.contains(&at)) && !info[handle].is_empty() {
+                let name = global.name.as_deref().unwrap_or("a buffer");
+                return Some(format!("`{name}` is too long to be filled with numbers"));
+            }
+        }
+    }
+    None
 }
 
 /// The inputs of the original's stages, as text.

@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use naga::{BuiltIn, Handle, Module, ScalarKind, Type, TypeInner};
 
+use super::drawn::Drawn;
 use super::inputs::{Inputs, Random};
 use super::stage::{At, POSITION, Ran, Slot, Stage, VaryingKind, interpolated};
 use super::term::Symbolic;
@@ -117,6 +118,14 @@ impl<F: Number> World<'_, F> {
     }
 }
 
+impl<'a> World<'a, f32> {
+    /// Takes vertices and buffers from a draw.
+    pub(super) fn draw(&mut self, drawn: &'a Drawn<'a>, buffers: BTreeMap<(u32, u32), Value>) {
+        Arc::make_mut(&mut self.resources).extend(buffers);
+        self.attribute = Box::new(|module, io, corner| drawn.attribute(module, io, corner));
+    }
+}
+
 /// The kind of texels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Texels {
@@ -198,18 +207,7 @@ pub(super) fn precise(inputs: &Inputs) -> World<'_, f64> {
             inputs.attribute(module, io, corner).map(exact)
         }),
         fragment: Box::new(move |module, io, _| inputs.fragment(module, io).map(exact)),
-        texel: Box::new(|lookup| {
-            let single =
-                |numbers: &[f64]| -> Vec<f32> { numbers.iter().map(|x| *x as f32).collect() };
-            let (coordinates, footprint) = (single(lookup.coordinates), single(lookup.footprint));
-            let texel = inputs.texel(&Lookup {
-                binding: lookup.binding,
-                coordinates: &coordinates,
-                footprint: &footprint,
-                sampling: lookup.sampling,
-            });
-            texel.map(f64::from)
-        }),
+        texel: Box::new(|lookup| inputs.texel(lookup)),
         derivative: Box::new(|derivative| slope(inputs, derivative)),
         inside: Box::new(|kind, corners: [f64; 3]| {
             let parts = corners.iter().zip(inputs.weights(kind));
@@ -244,8 +242,16 @@ pub(super) fn plus<F: Number>(a: F, b: F) -> F {
     F::binary(naga::BinaryOperator::Add, a, b).unwrap_or(a)
 }
 
+pub(super) fn product<F: Number>(a: F, b: F) -> F {
+    F::binary(naga::BinaryOperator::Multiply, a, b).unwrap_or(a)
+}
+
 pub(super) fn times<F: Number>(a: F, b: f32) -> F {
-    F::binary(naga::BinaryOperator::Multiply, a, F::of(b)).unwrap_or(a)
+    product(a, F::of(b))
+}
+
+pub(super) fn exp2<F: Number>(a: F) -> F {
+    F::call(naga::MathFunction::Exp2, &[a]).unwrap_or(a)
 }
 
 /// The depth of a fragment, and the depth that a prologue compares it with: equal, before and

@@ -29,3 +29,4 @@ mod tidy;
 mod trim_loop;
 mod uniformity;
 mod validate;
+mod validate_resolve;

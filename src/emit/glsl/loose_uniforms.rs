@@ -13,6 +13,7 @@ use naga::{
     ScalarKind, Span, Statement, StructMember, Type, TypeInner, UniqueArena, VectorSize,
 };
 use preshade_passes::declared::{self, Declaration, Declared};
+use preshade_passes::rebuild::variable::private;
 use preshade_passes::rebuild::writer::emit_existing;
 
 use crate::wgsl::operands;
@@ -63,17 +64,7 @@ pub(super) fn split(module: &Module, declared: &Declared) -> Result<SplitUniform
                 continue;
             };
             let ty = author_type(&mut out.types, &mut layouter, &uniform.ty, member.ty)?;
-            let variable = out.global_variables.append(
-                GlobalVariable {
-                    name: Some(uniform.name.clone()),
-                    space: AddressSpace::Private,
-                    binding: None,
-                    ty,
-                    init: None,
-                    memory_decorations: naga::MemoryDecorations::empty(),
-                },
-                Span::UNDEFINED,
-            );
+            let variable = private(&mut out, &uniform.name, ty, None);
             variables.push(Some((variable, ty)));
             uniforms.push(LooseUniform {
                 name: uniform.name.clone(),

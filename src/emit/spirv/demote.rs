@@ -1,12 +1,10 @@
 //! Writes `OpDemoteToHelperInvocation` for an author whose `discard` demotes. naga writes `OpKill`,
 //! after which derivatives of neighbours are undefined, and drops the statements behind it.
 
-use naga::{
-    AddressSpace, Block, Expression, Function, GlobalVariable, Handle, Literal, Scalar, Span,
-    Statement, Type, TypeInner,
-};
+use naga::{Block, Expression, Function, GlobalVariable, Handle, Literal, Span, Statement};
 use preshade_passes::graph::operands;
 use preshade_passes::program::Program;
+use preshade_passes::rebuild::variable::private_bool;
 use rspirv::dr::{Builder, Instruction, Operand};
 use rspirv::spirv::{Capability, Op};
 
@@ -25,20 +23,7 @@ pub(super) fn marked(program: &Program) -> Option<Program> {
         return None;
     }
     let mut module = program.module().clone();
-    let bool = Type {
-        name: None,
-        inner: TypeInner::Scalar(Scalar::BOOL),
-    };
-    let ty = module.types.insert(bool, Span::UNDEFINED);
-    let variable = GlobalVariable {
-        name: Some(MARK.to_owned()),
-        space: AddressSpace::Private,
-        binding: None,
-        ty,
-        init: None,
-        memory_decorations: naga::MemoryDecorations::empty(),
-    };
-    let mark = module.global_variables.append(variable, Span::UNDEFINED);
+    let mark = private_bool(&mut module, MARK);
     let functions = module.functions.iter_mut().map(|(_, f)| f);
     let entries = module.entry_points.iter_mut().map(|e| &mut e.function);
     for function in functions.chain(entries) {

@@ -88,7 +88,7 @@ pub(super) fn parse(
             )
             .note("the file may be cut off or damaged: `spirv-val` checks it")
         })?;
-        is_of_material(&module, source.name)?;
+        check_stages(&module, source.name)?;
         let files = listing.files.iter();
         let files = files.map(|file| match file.text.is_empty() {
             true => None,
@@ -140,13 +140,11 @@ pub(super) fn parse(
 }
 
 /// An error about a module of other stages.
-fn is_of_material(module: &dr::Module, name: &str) -> Result<(), Error> {
+fn check_stages(module: &dr::Module, name: &str) -> Result<(), Error> {
     let models = module.entry_points.iter().filter_map(prune::entry);
     let models: Vec<ExecutionModel> = models.map(|(model, _)| model).collect();
-    let is_one =
-        |m: &ExecutionModel| matches!(m, ExecutionModel::Vertex | ExecutionModel::Fragment);
     match models.first() {
-        _ if models.iter().any(is_one) => Ok(()),
+        _ if models.iter().any(|m| prune::is_of_material(*m)) => Ok(()),
         None => Err(Error::new(
             Code::NoEntryPoint,
             format!("{name} has no entry point"),

@@ -7,6 +7,7 @@ use naga::{
     AddressSpace, Block, Expression, Function, Handle, LocalVariable, Module, Range, Span,
     Statement, Type, TypeInner,
 };
+use preshade_passes::core::calls;
 use preshade_passes::graph::operands;
 
 /// Changes all functions.
@@ -30,39 +31,27 @@ pub(super) fn settle(module: &mut Module) {
 /// The types of textures and samplers that callers pass, where they are not the parameter's.
 fn opaque(module: &Module) -> HashMap<(Handle<Function>, usize), Handle<Type>> {
     let mut found: HashMap<(Handle<Function>, usize), Handle<Type>> = HashMap::new();
-    let entries = module.entry_points.iter().map(|e| (None, &e.function));
-    // Callers come after their callees.
-    let functions = module.functions.iter().rev().map(|(h, f)| (Some(h), f));
-    for (caller, function) in entries.chain(functions) {
-        operands::visit(&function.body, &mut |statement| {
-            let Statement::Call {
-                function: callee,
-                arguments,
-                ..
-            } = statement
-            else {
-                return;
-            };
-            for (i, argument) in arguments.iter().enumerate() {
-                let ty = match function.expressions[*argument] {
-                    Expression::GlobalVariable(handle) => module.global_variables[handle].ty,
-                    Expression::FunctionArgument(n) => {
-                        let own = function.arguments[n as usize].ty;
-                        let changed = caller.and_then(|c| found.get(&(c, n as usize)));
-                        changed.copied().unwrap_or(own)
-                    }
-                    _ => continue,
-                };
-                let is_opaque = matches!(
-                    module.types[ty].inner,
-                    TypeInner::Image { .. } | TypeInner::Sampler { .. }
-                );
-                if is_opaque && ty != module.functions[*callee].arguments[i].ty {
-                    found.insert((*callee, i), ty);
+    calls::visit(module, &mut |call| {
+        let (caller, function) = call.caller;
+        for (i, argument) in call.arguments.iter().enumerate() {
+            let ty = match function.expressions[*argument] {
+                Expression::GlobalVariable(handle) => module.global_variables[handle].ty,
+                Expression::FunctionArgument(n) => {
+                    let own = function.arguments[n as usize].ty;
+                    let changed = caller.and_then(|c| found.get(&(c, n as usize)));
+                    changed.copied().unwrap_or(own)
                 }
+                _ => continue,
+            };
+            let is_opaque = matches!(
+                module.types[ty].inner,
+                TypeInner::Image { .. } | TypeInner::Sampler { .. }
+            );
+            if is_opaque && ty != module.functions[call.callee].arguments[i].ty {
+                found.insert((call.callee, i), ty);
             }
-        });
-    }
+        }
+    });
     found
 }
 

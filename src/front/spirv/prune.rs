@@ -16,7 +16,8 @@ pub(super) fn entry(instruction: &Instruction) -> Option<(ExecutionModel, Word)>
     }
 }
 
-fn is_of_material(model: ExecutionModel) -> bool {
+/// Whether a material has a stage of this kind.
+pub(super) fn is_of_material(model: ExecutionModel) -> bool {
     matches!(model, ExecutionModel::Vertex | ExecutionModel::Fragment)
 }
 

@@ -1,8 +1,8 @@
 //! A function's body, expression by expression, each evaluated where it is added.
 
 use naga::{
-    AddressSpace, ArraySize, BinaryOperator, Expression, Function, GlobalVariable, Handle, Literal,
-    Module, Scalar, ScalarKind, Span, Statement, Type, TypeInner, VectorSize,
+    ArraySize, BinaryOperator, Expression, Function, GlobalVariable, Handle, Literal, Module,
+    Scalar, ScalarKind, Span, Statement, Type, TypeInner, VectorSize,
 };
 use preshade_passes::rebuild::writer::emit_existing;
 
@@ -179,16 +179,3 @@ pub fn parts(module: &mut Module, of: Handle<Type>) -> Result<Vec<Handle<Type>>,
 
 /// Elements of an array that are read one by one.
 const MOST_ELEMENTS: u32 = 512;
-
-/// A private variable.
-pub fn private(module: &mut Module, name: &str, ty: Handle<Type>) -> Handle<GlobalVariable> {
-    let variable = GlobalVariable {
-        name: Some(name.to_owned()),
-        space: AddressSpace::Private,
-        binding: None,
-        ty,
-        init: None,
-        memory_decorations: naga::MemoryDecorations::empty(),
-    };
-    module.global_variables.append(variable, Span::UNDEFINED)
-}

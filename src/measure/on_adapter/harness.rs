@@ -16,13 +16,14 @@ use naga::{
 };
 use preshade_passes::evaluate::{self, RUNTIME_ELEMENTS};
 use preshade_passes::place;
+use preshade_passes::rebuild::variable::private;
 use preshade_passes::reflect::{self, Io};
 use preshade_passes::validate::elsewhere::Draw;
 use preshade_passes::validate::levels::Levels;
 use preshade_passes::validate::stage::{Slot, Stage, VaryingKind, kind};
 use preshade_passes::validate::world::{PassStages, TestPoint};
 
-use super::body::{Body, WORD, private, ty};
+use super::body::{Body, WORD, ty};
 use super::rewrite::{Ours, rewritten};
 
 /// Name of the entry point.
@@ -191,15 +192,15 @@ impl Making {
             ty(made, TypeInner::Vector { size, scalar })
         };
         let sizes = [counts(made, VectorSize::Bi), counts(made, VectorSize::Tri)];
-        let draw = private(made, "draw", word);
+        let draw = private(made, "draw", word, None);
         let mut ours = Ours {
             buffers: BTreeMap::new(),
             // Until there is one.
             all_buffers: draw,
             draw,
             sizes,
-            killed: private(made, "is_discarded", boolean),
-            slopes: private(made, "slopes", two),
+            killed: private(made, "is_discarded", boolean, None),
+            slopes: private(made, "slopes", two, None),
             textures: BTreeMap::new(),
             levels: Arc::clone(levels),
         };
@@ -209,7 +210,7 @@ impl Making {
                 (AddressSpace::Private, _) => {}
                 (AddressSpace::Handle, Some(at)) => {
                     if let TypeInner::Image { .. } = source.types[global.ty].inner {
-                        let variables = ["bases", "scales"].map(|n| private(made, n, four));
+                        let variables = ["bases", "scales"].map(|n| private(made, n, four, None));
                         ours.textures.insert(handle, variables);
                         self.given.push(Given::Texture(at));
                     }

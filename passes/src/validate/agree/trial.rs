@@ -11,7 +11,7 @@ use super::words::{self, Example};
 use super::{Class, Finding, Held, Outcome, Relation, reads};
 use crate::core::reflect::Io;
 use crate::core::state::DepthDirection;
-use crate::evaluate::{Number, Scalar, Stuck, Value};
+use crate::evaluate::{Number, Stuck, Value};
 use crate::slice::{Criterion, OutputFilter};
 use crate::validate::Effort;
 use crate::validate::compare::{self, Colors, Depths, Discards, Positions, Stores, text};
@@ -470,7 +470,7 @@ impl<'a> Two<'a> {
         };
         slots.iter().all(
             |(a, b)| match (first.outputs.get(a), second.outputs.get(b)) {
-                (Some(a), Some(b)) => is_close(a, b),
+                (Some(a), Some(b)) => compare::is_close(a, b, 1e-9),
                 (None, None) => true,
                 _ => first.discarded,
             },
@@ -627,24 +627,4 @@ fn moving(
             ["the velocity".to_owned(), text(known), text(&value)],
         )
     })
-}
-
-/// Whether two values in twice the digits are one, but for rounding.
-fn is_close(a: &Value<f64>, b: &Value<f64>) -> bool {
-    fn flat(value: &Value<f64>, all: &mut Vec<f64>) -> bool {
-        match value {
-            Value::Scalar(Scalar::F32(x)) => all.push(*x),
-            Value::Composite(parts) => return parts.iter().all(|p| flat(p, all)),
-            _ => return false,
-        }
-        true
-    }
-    let (mut x, mut y) = (Vec::new(), Vec::new());
-    if !(flat(a, &mut x) && flat(b, &mut y)) || x.len() != y.len() {
-        return *a == *b;
-    }
-    let largest = x.iter().fold(1.0_f64, |most, v| most.max(v.abs()));
-    x.iter()
-        .zip(&y)
-        .all(|(a, b)| (a - b).abs() <= largest * 1e-9)
 }
