@@ -2,7 +2,7 @@
 //! express them.
 
 use naga::compact::{KeepUnused, compact};
-use naga::{Expression, Handle, Module, Type, TypeInner};
+use naga::{Expression, Module};
 use preshade_passes::declared::LengthConstant;
 use preshade_passes::evaluate::overrides;
 use preshade_passes::plan::Plan;
@@ -97,17 +97,4 @@ fn is_composed(module: &Module, length: &LengthConstant) -> bool {
         Expression::Compose { ty, .. } => module.types[*ty].name.as_ref() == Some(&name),
         _ => false,
     })
-}
-
-/// Whether the type has an array of this name.
-#[cfg(feature = "glsl")]
-pub(super) fn has_name(module: &Module, ty: Handle<Type>, wanted: &str) -> bool {
-    let Type { name, inner } = &module.types[ty];
-    match inner {
-        TypeInner::Array { base, .. } => {
-            name.as_deref() == Some(wanted) || has_name(module, *base, wanted)
-        }
-        TypeInner::Struct { members, .. } => members.iter().any(|m| has_name(module, m.ty, wanted)),
-        _ => false,
-    }
 }

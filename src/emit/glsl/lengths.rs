@@ -13,7 +13,6 @@ use naga::{
 use preshade_passes::declared::LengthConstant;
 use preshade_passes::program::Program;
 
-use crate::emit::lengths::has_name;
 use crate::emit::overrides::Variable;
 use crate::emit::plan_json::StageFile;
 
@@ -51,6 +50,18 @@ pub(crate) fn is_expressible(program: &Program, length: &LengthConstant) -> bool
     let mut entries = module.entry_points.iter().enumerate();
     functions.all(|(handle, function)| is_free(function, &info[handle]))
         && entries.all(|(n, entry)| is_free(&entry.function, info.get_entry_point(n)))
+}
+
+/// Whether the type has an array of this name.
+fn has_name(module: &Module, ty: Handle<Type>, wanted: &str) -> bool {
+    let Type { name, inner } = &module.types[ty];
+    match inner {
+        TypeInner::Array { base, .. } => {
+            name.as_deref() == Some(wanted) || has_name(module, *base, wanted)
+        }
+        TypeInner::Struct { members, .. } => members.iter().any(|m| has_name(module, m.ty, wanted)),
+        _ => false,
+    }
 }
 
 /// The constants, with their type names, and numbers that stand for them in naga's text: no other
