@@ -11,6 +11,7 @@ use preshade::unstable::recipe::Recipe;
 use rayon::prelude::*;
 
 use crate::agreed::{Cost, Pair, Report};
+use crate::beside::SceneArgs;
 use crate::input::{ShaderArgs, is_stdin};
 use crate::pairs::{self, Asked};
 use crate::trees::{self, Tree};
@@ -26,6 +27,7 @@ Examples:
   preshade agree HEAD~1:shaders HEAD:shaders --as same             did this change the picture?
   preshade agree old/lit.wgsl new/lit.wgsl --as same --format markdown
   preshade agree shaders --pairs agree.toml --fail-on positions,keeps-hidden
+  preshade agree lit.wgsl --with depth.wgsl --as prepass --scene scene.toml --out pictures
 
 Bindings are matched by group and number, then by name and type, then by --map; attributes by
 location, then by name. Where number and name disagree, --as same takes the number, and the other
@@ -72,6 +74,8 @@ pub struct AgreeArgs {
     /// Define a macro for the other program instead of those of --define; may be given several times.
     #[arg(long, value_name = "NAME[=VALUE]")]
     with_define: Vec<String>,
+    #[command(flatten)]
+    drawing: SceneArgs,
     // Last: its help heading applies to the flags after it.
     #[command(flatten)]
     pub shader: ShaderArgs,
@@ -259,6 +263,7 @@ pub fn run(args: &AgreeArgs) -> Result<Ending, Failure> {
             None => Vec::new(),
         },
     };
+    args.drawing.check()?;
     let (asked, trees) = args.asked()?;
     let named = |text: &str| {
         trees
@@ -266,6 +271,9 @@ pub fn run(args: &AgreeArgs) -> Result<Ending, Failure> {
             .fold(text.to_owned(), |text, tree| tree.renamed(&text))
     };
     let is_one = asked.len() == 1 && trees.iter().all(|t| !t.is_folder());
+    if args.drawing.scene.is_some() && !is_one {
+        return Err(Failure("error: --scene is for one pair".to_owned()));
+    }
     let results: Vec<Result<Checked, Failure>> = asked
         .par_iter()
         .map(|asked| checked(args, asked, is_one, &named))
@@ -352,10 +360,14 @@ fn checked(
             files(&asked.second)
         ))
     })?;
+    let partners = &agreement.partners;
+    let drawn = args
+        .drawing
+        .drawn(&asked.first, [&first, &second], asked.relation, partners)?;
     let agreement = named_spots(agreement, named);
     let cost = [Cost::of(&first), Cost::of(&second)];
     Ok(Checked::Compared(Box::new(Pair::new(
-        name, agreement, cost,
+        name, agreement, cost, drawn,
     ))))
 }
 

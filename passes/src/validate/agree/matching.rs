@@ -11,6 +11,7 @@ use naga::{
 use serde::Serialize;
 
 use super::fed::{Cast, Rule, cast, plain};
+use super::parts::{Part, beside};
 use super::{Mismatch, Relation};
 use crate::core::mapping::{self, Mapping};
 use crate::core::program::Program;
@@ -30,6 +31,10 @@ pub struct Partner {
     pub ours: String,
     /// How they were found.
     pub by: By,
+    /// Paths of the scalars, vectors and matrices of two buffers, theirs and ours:
+    /// `spots[].tint` and `lights[].color`.
+    #[serde(skip)]
+    pub parts: Vec<(String, String)>,
 }
 
 /// How two partners were found.
@@ -358,7 +363,16 @@ impl Matcher<'_> {
     }
 
     pub(super) fn found(&mut self, theirs: String, ours: String, by: By) {
-        let partner = Partner { theirs, ours, by };
+        self.found_parts(theirs, ours, by, Vec::new());
+    }
+
+    fn found_parts(&mut self, theirs: String, ours: String, by: By, parts: Vec<(String, String)>) {
+        let partner = Partner {
+            theirs,
+            ours,
+            by,
+            parts,
+        };
         if !self.partners.contains(&partner) {
             self.partners.push(partner);
         }
@@ -461,11 +475,10 @@ impl Matcher<'_> {
             && self.is_same_space(global, *our)
             && self.take(global, *our)
         {
-            self.found(
-                name,
-                mapping::name_of(self.ours, *our, &[]).to_string(),
-                *by,
-            );
+            let ours = mapping::name_of(self.ours, *our, &[]).to_string();
+            let theirs = Part::of(self.theirs, global, &[]);
+            let parts = beside(&Cast::Same, &theirs, &Part::of(self.ours, *our, &[]));
+            self.found_parts(name, ours, *by, parts);
             return;
         }
         let to = self.own_binding(global);
@@ -503,6 +516,11 @@ impl Matcher<'_> {
         };
         let theirs = mapping::name_of(self.theirs, global, to_steps);
         let ours = mapping::name_of(self.ours, our, from_steps);
+        let parts = beside(
+            &cast,
+            &Part::of(self.theirs, global, to_steps),
+            &Part::of(self.ours, our, from_steps),
+        );
         self.rules.push(Rule {
             to,
             to_steps: to_steps.to_vec(),
@@ -511,7 +529,7 @@ impl Matcher<'_> {
             cast,
             is_of_view: plain(&theirs.variable) != plain(&ours.variable) && by != By::Number,
         });
-        self.found(theirs.to_string(), ours.to_string(), by);
+        self.found_parts(theirs.to_string(), ours.to_string(), by, parts);
     }
 
     /// A part of a buffer whose whole has no partner.

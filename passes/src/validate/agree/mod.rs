@@ -16,9 +16,11 @@ use crate::core::plan::{GpuPass, Plan};
 use crate::core::program::Location;
 
 mod attributes;
+mod differences;
 mod draws;
 mod fed;
 mod matching;
+mod parts;
 mod quote;
 mod reads;
 mod rename;
