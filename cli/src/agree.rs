@@ -361,9 +361,12 @@ fn checked(
         ))
     })?;
     let partners = &agreement.partners;
-    let drawn = args
-        .drawing
-        .drawn(&asked.first, [&first, &second], asked.relation, partners)?;
+    let drawn = args.drawing.drawn(
+        [&asked.first, &asked.second],
+        [&first, &second],
+        asked.relation,
+        partners,
+    )?;
     let agreement = named_spots(agreement, named);
     let cost = [Cost::of(&first), Cost::of(&second)];
     Ok(Checked::Compared(Box::new(Pair::new(

@@ -19,8 +19,9 @@ use preshade::unstable::report::picture::file_name;
 /// The scene of `agree`.
 #[derive(clap::Args)]
 pub struct SceneArgs {
-    /// Also draw both programs in this scene, from each of its cameras, and time them. The scene has
-    /// a material with the first program.
+    /// Also draw both programs in this scene, from each of its cameras or from its light, and time
+    /// them. The first program is that of a material. A material with the second, if there is one,
+    /// has the values of what has no partner.
     #[arg(long, value_name = "FILE", conflicts_with = "pairs")]
     pub scene: Option<PathBuf>,
     /// Folder for the pictures of --scene: `CAMERA.first.png` and `CAMERA.difference.png`.
@@ -59,7 +60,7 @@ impl SceneArgs {
     /// Draws both programs, if there is a scene.
     pub fn drawn(
         &self,
-        shader: &ShaderArgs,
+        [shader, theirs]: [&ShaderArgs; 2],
         [first, second]: [&Plan; 2],
         relation: Relation,
         partners: &[Partner],
@@ -71,6 +72,7 @@ impl SceneArgs {
             .map_err(|e| Failure(e.render()))?;
         let mut scene = self.view.of(scene)?;
         let index = material(&scene, path, shader)?;
+        let own = with_shader(&scene, theirs).map(|i| scene.materials[i].clone());
         scene = scene.only(index);
         let of = |plan: &'_ Plan| {
             plan.main()
@@ -92,6 +94,7 @@ impl SceneArgs {
             vertex: &other.vertex,
             fragment: other.fragment.as_deref(),
             partners,
+            own: own.as_ref(),
         };
         let timing = TimingSettings {
             budget: Duration::from_secs_f64(self.seconds),
@@ -129,12 +132,7 @@ impl SceneArgs {
 
 /// The scene's material with the first program: the one of its file, or the only one.
 fn material(scene: &Scene, path: &Path, shader: &ShaderArgs) -> Result<usize, Failure> {
-    let full = |path: &Path| path.canonicalize().ok();
-    let given = shader.files.first().and_then(|f| full(f));
-    let is_it = |file: Option<&PathBuf>| file.and_then(|f| full(f)) == given;
-    let mut materials = scene.materials.iter();
-    let found = materials.position(|m| given.is_some() && is_it(m.file.as_ref()));
-    if let Some(index) = found {
+    if let Some(index) = with_shader(scene, shader) {
         return Ok(index);
     }
     match &scene.materials[..] {
@@ -154,6 +152,15 @@ fn material(scene: &Scene, path: &Path, shader: &ShaderArgs) -> Result<usize, Fa
             )))
         }
     }
+}
+
+/// The material of a scene whose shader is the first file of a side.
+fn with_shader(scene: &Scene, shader: &ShaderArgs) -> Option<usize> {
+    let full = |path: &Path| path.canonicalize().ok();
+    let given = shader.files.first().and_then(|f| full(f))?;
+    let is_it = |file: &PathBuf| full(file).is_some_and(|f| f == given);
+    let mut materials = scene.materials.iter();
+    materials.position(|m| m.file.as_ref().is_some_and(is_it))
 }
 
 /// What a scene showed, a line each.

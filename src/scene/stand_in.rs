@@ -21,6 +21,8 @@ pub struct StandIn<'a> {
     pub fragment: Option<&'a str>,
     /// Which of its variables and attributes is which of the material's.
     pub partners: &'a [Partner],
+    /// Has the values, textures and samplers of what has no partner.
+    pub own: Option<&'a Material>,
 }
 
 impl Scene {
@@ -37,7 +39,7 @@ impl Scene {
 
     /// A scene of one material with another program in its place. Every number, texture and
     /// attribute of the program is that of its partner in `frame`; what has no partner gets its
-    /// value by name, as in any scene.
+    /// value from a material of its own, or by name.
     ///
     /// # Errors
     /// As [`bind::draw`].
@@ -56,11 +58,13 @@ impl Scene {
             vertex: other.vertex.to_owned(),
             fragment: other.fragment.map(str::to_owned),
             state: state.clone(),
-            values: BTreeMap::new(),
-            textures: BTreeMap::new(),
-            samplers: BTreeMap::new(),
-            attributes: BTreeMap::new(),
-            ..own.clone()
+            ..other.own.cloned().unwrap_or_else(|| Material {
+                values: BTreeMap::new(),
+                textures: BTreeMap::new(),
+                samplers: BTreeMap::new(),
+                attributes: BTreeMap::new(),
+                ..own.clone()
+            })
         };
         for partner in other.partners {
             let stream = own.attributes.get(&partner.ours).unwrap_or(&partner.ours);

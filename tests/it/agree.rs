@@ -9,9 +9,9 @@ use std::path::{Path, PathBuf};
 use naga::back::wgsl;
 use naga::{Module, TypeInner};
 use preshade::unstable::emit::{self, Target};
-use preshade::unstable::front::{self, Options, Source};
+use preshade::unstable::front::{self, ClipSpace, Options, Source};
 use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::passes::plan::{GpuPass, Plan, Role};
+use preshade::unstable::passes::plan::{BindingSource, GpuPass, Plan, Role};
 use preshade::unstable::passes::state::MaterialState;
 use preshade::unstable::passes::validate::Effort;
 use preshade::unstable::passes::validate::agree::{Agreement, Outcome, Relation, agree};
@@ -76,7 +76,11 @@ fn compiled(original: &Plan, target: Target) -> Option<Plan> {
     let files = emit::emit(original, &[target], &emit::Options::default()).ok()?;
     let shaders = files.into_iter().filter(|f| !f.name.ends_with(".json"));
     let sources = shaders.map(|f| Source::from_bytes(f.name, f.bytes).unwrap());
-    plan(&sources.collect::<Vec<_>>(), &Options::default())
+    let options = Options {
+        clip_space: Some(ClipSpace::AsWritten),
+        ..Options::default()
+    };
+    plan(&sources.collect::<Vec<_>>(), &options)
 }
 
 /// A material with other names for everything that a host does not bind by name, as naga writes it.
@@ -137,6 +141,21 @@ fn rename(module: &mut Module) {
     }
 }
 
+/// Whether naga wrote a uniform for the host to set: OpenGL does not count instances from the draw's
+/// first one.
+fn needs_first_instance(plan: &Plan) -> bool {
+    let mut programs = plan.programs.values();
+    programs.any(|program| {
+        let types = program.module().types.iter();
+        let structs = types.filter_map(|(_, ty)| match &ty.inner {
+            TypeInner::Struct { members, .. } => Some(members.iter()),
+            _ => None,
+        });
+        let mut names = structs.flatten().filter_map(|m| m.name.as_deref());
+        names.any(|name| name == "naga_vs_first_instance")
+    })
+}
+
 /// The second programs that a material must agree with.
 fn partners(original: &Plan) -> Vec<(String, Relation, Plan)> {
     let mut all = Vec::new();
@@ -152,6 +171,14 @@ fn partners(original: &Plan) -> Vec<(String, Relation, Plan)> {
                 Role::Main => Relation::Same,
                 _ => continue,
             };
+            // Such a pass is a program beside others: it reads what they have drawn.
+            if pass
+                .bindings
+                .iter()
+                .any(|b| b.source != BindingSource::Author)
+            {
+                continue;
+            }
             let role = pass.role.name();
             let other = emitted(&variant, pass);
             all.extend(other.map(|p| (format!("{recipe}, {role}"), relation, p)));
@@ -159,7 +186,10 @@ fn partners(original: &Plan) -> Vec<(String, Relation, Plan)> {
     }
     let itself = [
         ("renamed", renamed(original)),
-        ("as GLSL", compiled(original, Target::Glsl450)),
+        (
+            "as GLSL",
+            compiled(original, Target::Glsl450).filter(|p| !needs_first_instance(p)),
+        ),
         ("as SPIR-V", compiled(original, Target::Spirv)),
     ];
     for (how, other) in itself {

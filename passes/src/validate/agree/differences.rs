@@ -119,6 +119,13 @@ impl Two<'_> {
     }
 }
 
+/// A written depth as it is stored: within 0 and 1. A compiler may clamp it already.
+pub(super) fn clamp_depth(ran: &mut Ran) {
+    if let Some(Value::Scalar(Scalar::F32(depth))) = ran.outputs.get_mut(&FRAG_DEPTH) {
+        *depth = depth.clamp(0.0, 1.0);
+    }
+}
+
 /// What differs from the velocity at rest on other inputs.
 pub(super) fn moving(
     inputs: &Inputs,

@@ -16,6 +16,7 @@ use crate::core::plan::{GpuPass, Plan};
 use crate::core::program::Location;
 
 mod attributes;
+mod buffers;
 mod differences;
 mod draws;
 mod fed;
@@ -24,6 +25,7 @@ mod parts;
 mod quote;
 mod reads;
 mod rename;
+mod sampled;
 mod trial;
 mod words;
 

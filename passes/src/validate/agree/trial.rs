@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::differences::moving;
+use super::differences::{self, moving};
 use super::fed::{self, Rule};
 use super::matching::Matching;
 use super::words::{self, Example};
@@ -64,6 +64,29 @@ struct Found {
     ended: u64,
     tried: u64,
     why: Option<String>,
+}
+
+impl Found {
+    /// A difference for huge numbers alone is a class of its own.
+    fn class_of(&self, class: Class, inputs: &Inputs) -> Class {
+        match is_plain(inputs) || self.examples.contains_key(&class) {
+            true => class,
+            false => Class::Extreme,
+        }
+    }
+
+    /// Whether it lacks an example of a difference. At a corner, the lines of the vertex stage are
+    /// known too.
+    fn wants(&self, class: Class, inputs: &Inputs, place: TestPoint) -> bool {
+        let known = self.examples.get(&self.class_of(class, inputs));
+        known.is_none_or(|k| {
+            is_plain(inputs) && k.place == TestPoint::Inside && place != TestPoint::Inside
+        })
+    }
+}
+
+fn is_plain(inputs: &Inputs) -> bool {
+    matches!(inputs.profile, Profile::Ordinary | Profile::Equal)
 }
 
 impl<'a> Two<'a> {
@@ -384,28 +407,19 @@ impl<'a> Two<'a> {
             let mut ended = true;
             for place in self.places(what) {
                 let mut tried = self.try_one(what, &inputs, place, stages, &mut rest);
-                // The whole programs have the last word.
-                if !is_whole && matches!(tried, Ok(Some(_))) {
+                // The whole programs have the last word on a difference of a new class.
+                if let (false, Ok(Some((class, _)))) = (is_whole, &tried) {
+                    if !found.wants(*class, &inputs, place) {
+                        continue;
+                    }
                     let inputs = self.inputs(seed, reading, rules, &read_by_whole);
                     tried = self.try_one(what, &inputs, place, whole, &mut rest);
                 }
                 match tried {
                     Ok(None) => {}
                     Ok(Some((class, output))) => {
-                        let is_plain = matches!(inputs.profile, Profile::Ordinary | Profile::Equal);
-                        let class = match class {
-                            class if !is_plain => {
-                                let known = found.examples.contains_key(&class);
-                                if known { class } else { Class::Extreme }
-                            }
-                            class => class,
-                        };
-                        // At a corner, the lines of the vertex stage are known too.
-                        let known = found.examples.get(&class);
-                        let is_better = known.is_none_or(|k| {
-                            is_plain && k.place == TestPoint::Inside && place != TestPoint::Inside
-                        });
-                        if is_better {
+                        if found.wants(class, &inputs, place) {
+                            let class = found.class_of(class, &inputs);
                             let rules = rules.to_vec();
                             let example = Example {
                                 seed,
@@ -459,16 +473,17 @@ impl<'a> Two<'a> {
         let attached = BTreeMap::new();
         let world = world::concrete(inputs, &attached, Texels::Waves);
         let steps = self.effort.steps;
-        let first = world.run(ours, place, steps, None)?;
-        let second = world.run(theirs, place, 4 * steps, None)?;
+        let mut first = world.run(ours, place, steps, None)?;
+        let mut second = world.run(theirs, place, 4 * steps, None)?;
+        differences::clamp_depth(&mut first);
+        differences::clamp_depth(&mut second);
         if let What::Still(slot) = what {
             return Ok(moving(inputs, &second, slot, rest));
         }
         let Some((class, output)) = self.difference(what, &first, &second) else {
             return Ok(None);
         };
-        let is_plain = matches!(inputs.profile, Profile::Ordinary | Profile::Equal);
-        let is_rounding = is_plain && self.is_rounding(what, inputs, place);
+        let is_rounding = is_plain(inputs) && self.is_rounding(what, inputs, place);
         Ok(Some((
             if is_rounding { Class::Rounding } else { class },
             output,
