@@ -12,6 +12,7 @@ use preshade::unstable::emit::{self, Target};
 use preshade::unstable::front::{self, ClipSpace, Options, Source};
 use preshade::unstable::passes::pass::Facts;
 use preshade::unstable::passes::plan::{BindingSource, GpuPass, Plan, Role};
+use preshade::unstable::passes::program::{Language, Program};
 use preshade::unstable::passes::state::MaterialState;
 use preshade::unstable::passes::validate::Effort;
 use preshade::unstable::passes::validate::agree::{Agreement, Outcome, Relation, agree};
@@ -76,8 +77,14 @@ fn compiled(original: &Plan, target: Target) -> Option<Plan> {
     let files = emit::emit(original, &[target], &emit::Options::default()).ok()?;
     let shaders = files.into_iter().filter(|f| !f.name.ends_with(".json"));
     let sources = shaders.map(|f| Source::from_bytes(f.name, f.bytes).unwrap());
+    // GLSL keeps its author's clip space.
+    let is_glsl = |program: &Program| program.language() == Language::Glsl;
+    let clip_space = match original.programs.values().any(is_glsl) {
+        true => None,
+        false => Some(ClipSpace::AsWritten),
+    };
     let options = Options {
-        clip_space: Some(ClipSpace::AsWritten),
+        clip_space,
         ..Options::default()
     };
     plan(&sources.collect::<Vec<_>>(), &options)

@@ -119,10 +119,14 @@ impl Two<'_> {
     }
 }
 
-/// A written depth as it is stored: within 0 and 1. A compiler may clamp it already.
+/// A written depth as it is stored: within 0 and 1. A compiler may clamp it already. No API says what
+/// NaN becomes; clamping makes it 0.
 pub(super) fn clamp_depth(ran: &mut Ran) {
     if let Some(Value::Scalar(Scalar::F32(depth))) = ran.outputs.get_mut(&FRAG_DEPTH) {
-        *depth = depth.clamp(0.0, 1.0);
+        *depth = match depth.is_nan() {
+            true => 0.0,
+            false => depth.clamp(0.0, 1.0),
+        };
     }
 }
 
