@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use preshade::unstable::passes::core::mapping::Mapping;
 use preshade::unstable::passes::naga::ShaderStage;
 use preshade::unstable::passes::plan::Plan;
@@ -39,8 +40,8 @@ pub struct AgreeArgs {
     #[arg(long, value_name = "FILE[,FILE]", value_delimiter = ',', num_args = 1)]
     with: Vec<PathBuf>,
     /// What the two should have in common.
-    #[arg(long = "as", value_enum, value_name = "RELATION")]
-    relation: Option<Wanted>,
+    #[arg(long = "as", value_name = "RELATION", value_parser = relations())]
+    relation: Option<Relation>,
     /// A variable, member or attribute of the other program, and the one of the first that it holds;
     /// may be given several times.
     #[arg(long, value_name = "THEIRS=OURS", value_parser = parse_map)]
@@ -95,45 +96,21 @@ enum Form {
     Markdown,
 }
 
-/// A relation, as an option.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-enum Wanted {
-    /// Positions, discards, depths and colours.
-    Same,
-    /// A depth pre-pass: positions bit for bit, discards and depths.
-    Prepass,
-    /// A shadow pass: discards and depths, positions as functions of the view.
-    Shadow,
-    /// Positions alone.
-    Position,
-    /// Discards and depths alone.
-    Discard,
-    /// A pre-pass whose velocity is constant while nothing moves.
-    Velocity,
-    /// A pre-pass that writes the normal which the first program writes.
-    Normal,
-}
-
-impl From<Wanted> for Relation {
-    fn from(wanted: Wanted) -> Self {
-        match wanted {
-            Wanted::Same => Self::Same,
-            Wanted::Prepass => Self::Prepass,
-            Wanted::Shadow => Self::Shadow,
-            Wanted::Position => Self::Position,
-            Wanted::Discard => Self::Discard,
-            Wanted::Velocity => Self::Velocity,
-            Wanted::Normal => Self::Normal,
-        }
-    }
-}
-
 /// A value of `--fail-on`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum FailOn {
     All,
     Nothing,
     Class(Class),
+}
+
+/// Reads a relation, with its meaning in the help.
+fn relations() -> impl TypedValueParser<Value = Relation> {
+    let known = Relation::ALL.map(|r| PossibleValue::new(r.name()).help(r.meaning()));
+    PossibleValuesParser::new(known).try_map(|name| {
+        let found = Relation::ALL.into_iter().find(|r| r.name() == name);
+        found.ok_or_else(|| format!("there is no relation `{name}`"))
+    })
 }
 
 fn parse_map(text: &str) -> Result<Mapping, String> {
@@ -187,7 +164,7 @@ impl AgreeArgs {
     }
 
     fn relation(&self) -> Result<Relation, Failure> {
-        self.relation.map(Relation::from).ok_or_else(|| {
+        self.relation.ok_or_else(|| {
             let names: Vec<&str> = Relation::ALL.iter().map(|r| r.name()).collect();
             Failure(format!(
                 "error: --as says what the two should have in common: {}",

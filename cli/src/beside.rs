@@ -176,11 +176,17 @@ pub fn told(beside: &Beside, relation: Relation) -> Vec<String> {
             beside.error.flip_mean,
             beside.error.changed_depth
         )),
-        _ => lines.push(format!(
-            "seen by `{camera}`: of {} depths, {first} alone has {}, {second} alone has {}, and {} \
-             are others (by up to {} steps)",
-            beside.covered, beside.lost, beside.kept, beside.moved, beside.error.depth_max_ulp
-        )),
+        _ => {
+            let mut line = format!(
+                "seen by `{camera}`: of {} depths, {first} alone has {}, and {second} alone has {}",
+                beside.covered, beside.lost, beside.kept
+            );
+            if beside.moved > 0 {
+                let (moved, steps) = (beside.moved, beside.moved_steps);
+                line.push_str(&format!("; {moved} differ, by up to {steps} steps"));
+            }
+            lines.push(line);
+        }
     }
     lines.extend(beside.times.as_ref().map(|times| {
         let [a, b] = &times.ms;

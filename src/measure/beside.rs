@@ -4,6 +4,7 @@
 use preshade_passes::state::MaterialState;
 use serde::Serialize;
 
+use super::error::ulps;
 use super::record::{Picture, Pictures};
 use super::{
     Clock, Error, ErrorLadder, Estimate, FrameTime, Session, TimingSettings, compare, time,
@@ -35,6 +36,8 @@ pub struct Beside {
     pub kept: u64,
     /// Both, at other depths.
     pub moved: u64,
+    /// Their largest distance, in steps between neighbouring 32-bit floats.
+    pub moved_steps: u64,
     /// All differences.
     pub error: ErrorLadder,
     /// The times, of the first camera.
@@ -154,6 +157,7 @@ fn drawn(
         lost: count(Cell::Lost),
         kept: count(Cell::Kept),
         moved: count(Cell::Moved),
+        moved_steps: moved_steps(&before, &after, &cells),
         error,
         times: times.transpose()?,
         pictures,
@@ -188,12 +192,22 @@ fn cells(before: &Rendered, after: &Rendered, clear: f32) -> impl Iterator<Item 
     })
 }
 
+/// The largest distance of two depths that both programs draw.
+fn moved_steps(before: &Rendered, after: &Rendered, cells: &[Cell]) -> u64 {
+    let (Some(a), Some(b)) = (&before.depth, &after.depth) else {
+        return 0;
+    };
+    let pairs = a.values.iter().zip(&b.values).zip(cells);
+    let moved = pairs.filter(|(_, cell)| **cell == Cell::Moved);
+    moved.map(|((a, b), _)| ulps(*a, *b)).max().unwrap_or(0)
+}
+
 /// Orange: drawn without depth.
 const LOST: [u8; 3] = [244, 144, 66];
 /// Blue: depth where nothing is drawn.
 const KEPT: [u8; 3] = [66, 160, 255];
-/// Purple: another depth.
-const MOVED: [u8; 3] = [200, 90, 220];
+/// A purple tint: another depth.
+const MOVED: [u8; 3] = [110, 50, 130];
 
 /// The first program's picture in dim grey, and the differences in colour: the worst of a pixel's
 /// samples.
@@ -206,7 +220,7 @@ fn difference(own: &Picture, cells: &[Cell], samples: usize) -> Picture {
         let [r, g, b] = match cells.iter().max() {
             Some(Cell::Lost) => LOST,
             Some(Cell::Kept) => KEPT,
-            Some(Cell::Moved) => MOVED,
+            Some(Cell::Moved) => MOVED.map(|c| c + grey / 3),
             _ => [grey; 3],
         };
         [r, g, b, 255]

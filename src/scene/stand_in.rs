@@ -3,12 +3,13 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use naga::{ArraySize, TypeInner};
 use preshade_passes::program::Program;
 use preshade_passes::state::MaterialState;
 use preshade_passes::validate::agree::Partner;
 
 use super::bind::{self, TextureContent};
-use super::{Draw, Frame, Material, Scene, SceneError, Value, material};
+use super::{Draw, Frame, Material, Scene, SceneError, Value, layout, material};
 
 /// Another author's program for a material.
 #[derive(Clone, Copy, Debug)]
@@ -97,9 +98,38 @@ impl Scene {
         for draw in &mut scene.draws {
             draw.values = values(self, own, draw, frame, other.partners)?;
         }
+        let lengths = lengths(&stand_in, &scene.draws);
+        stand_in.values.extend(lengths);
         scene.materials = vec![stand_in];
         Ok(scene)
     }
+}
+
+/// Zeros for each array without a length of its own, as many as its draws have values for.
+fn lengths(stand_in: &Material, draws: &[Draw]) -> BTreeMap<String, Value> {
+    let module = stand_in.program.module();
+    let length = |name: &str| {
+        let keys = draws.iter().flat_map(|draw| draw.values.keys());
+        let indices = keys.filter_map(|key| {
+            let rest = key.strip_prefix(name)?.strip_prefix('[')?;
+            rest.split_once(']')?.0.parse::<usize>().ok()
+        });
+        indices.max().map(|last| last + 1)
+    };
+    let arrays = material::globals(&stand_in.program).filter_map(|global| {
+        let TypeInner::Array {
+            base,
+            size: ArraySize::Dynamic,
+            ..
+        } = module.types[global.ty].inner
+        else {
+            return None;
+        };
+        let count = length(global.name)? * layout::scalar_count(module, base, 1);
+        let zeros = Value::Numbers(vec![0.0; count]);
+        Some((global.name.to_owned(), zeros))
+    });
+    arrays.collect()
 }
 
 /// The values of the partners of a draw's.

@@ -78,6 +78,21 @@ impl Relation {
         }
     }
 
+    /// What it compares, in a few words.
+    pub fn meaning(self) -> &'static str {
+        match self {
+            Self::Same => "Positions, discards, depths and colours",
+            Self::Prepass => "A depth pre-pass: positions bit for bit, discards and depths",
+            Self::Shadow => {
+                "A shadow pass: discards and depths, positions as functions of the view"
+            }
+            Self::Position => "Positions alone",
+            Self::Discard => "Discards and depths alone",
+            Self::Velocity => "A pre-pass whose velocity is constant while nothing moves",
+            Self::Normal => "A pre-pass that writes the normal which the first program writes",
+        }
+    }
+
     /// What to call the two programs.
     pub fn names(self) -> [&'static str; 2] {
         let second = match self {
