@@ -1,90 +1,16 @@
-//! `agree` over all fixtures, and the script of the GitHub Action.
+//! The script of `agree`'s GitHub Action.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use crate::hostile_support::{self, stderr};
-
-fn preshade() -> Command {
-    hostile_support::preshade(Path::new(env!("CARGO_MANIFEST_DIR")))
-}
+use crate::hostile_support::stderr;
 
 fn nowhere(name: &str) -> PathBuf {
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     let _ = fs::remove_dir_all(&path);
     fs::create_dir_all(&path).unwrap();
     path
-}
-
-/// Fixtures and the texts that preshade makes of them are two texts of one material.
-#[test]
-fn no_fixture_raises_a_false_alarm_against_its_own_passes() {
-    let mut compared = 0;
-    let mut fixtures: Vec<PathBuf> = fs::read_dir("../fixtures/shaders")
-        .unwrap()
-        .map(|e| e.unwrap().path())
-        .filter(|p| p.extension().is_some_and(|e| e == "wgsl"))
-        .collect();
-    fixtures.sort();
-    for fixture in fixtures {
-        let name = fixture.file_stem().unwrap().to_str().unwrap().to_owned();
-        for (pass, role) in [("depth-prepass", "prepass"), ("shadow", "shadow")] {
-            let out = nowhere(&format!("agree-{name}-{role}"));
-            let mut rewrite = preshade();
-            rewrite
-                .arg("rewrite")
-                .arg(&fixture)
-                .args(["--pass", pass, "--name", "m"]);
-            let made = rewrite.arg("-o").arg(&out).output().unwrap();
-            assert_eq!(made.status.code(), Some(0), "{}", stderr(&made));
-            let second = out.join(format!("m.{role}.wgsl"));
-            if !second.exists() {
-                // Refused.
-                continue;
-            }
-            let mut agree = preshade();
-            agree.arg("agree").arg(&fixture).arg("--with").arg(&second);
-            let held = agree
-                .args(["--as", role, "--inputs", "60"])
-                .output()
-                .unwrap();
-            let said = String::from_utf8_lossy(&held.stdout).into_owned();
-            assert!(!said.contains("error["), "{name}, {role}: {said}");
-            compared += 1;
-        }
-    }
-    assert!(compared > 40, "{compared}");
-}
-
-/// The same material in WGSL, and in what preshade writes of it in other languages.
-#[test]
-fn a_cross_compiled_shader_is_the_same() {
-    for name in ["toon", "foliage", "pbr", "grid"] {
-        let fixture = format!("../fixtures/shaders/{name}.wgsl");
-        let out = nowhere(&format!("agree-{name}-languages"));
-        let mut rewrite = preshade();
-        rewrite.args(["rewrite", &fixture, "--name", "m", "--emit", "glsl,spirv"]);
-        let made = rewrite.arg("-o").arg(&out).output().unwrap();
-        assert_eq!(made.status.code(), Some(0), "{}", stderr(&made));
-        let file = |name: &str| out.join(name).display().to_string();
-        let glsl = format!("{},{}", file("m.main.vert"), file("m.main.frag"));
-        let spirv = format!("{},{}", file("m.main.vert.spv"), file("m.main.frag.spv"));
-        for with in [glsl, spirv] {
-            let mut agree = preshade();
-            agree.args([
-                "agree", &fixture, "--with", &with, "--as", "discard", "--inputs", "60",
-            ]);
-            let held = agree.output().unwrap();
-            let said = String::from_utf8_lossy(&held.stdout).into_owned();
-            assert_eq!(
-                held.status.code(),
-                Some(0),
-                "{with}: {said}{}",
-                stderr(&held)
-            );
-        }
-    }
 }
 
 fn git(folder: &Path, args: &[&str]) -> Output {

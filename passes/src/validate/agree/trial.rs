@@ -21,8 +21,9 @@ use crate::validate::stage::{Slot, Stage};
 use crate::validate::term::{self, Symbolic};
 use crate::validate::world::{self, PassStages, TestPoint, Texels};
 
-/// One in this many inputs is also run if a proof depends on the slicer.
-const BESIDE: u64 = 8;
+/// One in this many inputs is run on the whole programs, also beside a proof that depends on the slicer:
+/// by default as many as in [validation](crate::validate).
+const BESIDE: u64 = 16;
 
 /// After a class of difference was found, one in this many inputs more look for another.
 const LONGER: u64 = 4;
@@ -407,13 +408,22 @@ impl<'a> Two<'a> {
             let mut ended = true;
             for place in self.places(what) {
                 let mut tried = self.try_one(what, &inputs, place, stages, &mut rest);
-                // The whole programs have the last word on a difference of a new class.
-                if let (false, Ok(Some((class, _)))) = (is_whole, &tried) {
+                if let Ok(Some((class, _))) = &tried {
                     if !found.wants(*class, &inputs, place) {
                         continue;
                     }
+                    // The whole programs have the last word on a difference of a new class.
                     let inputs = self.inputs(seed, reading, rules, &read_by_whole);
-                    tried = self.try_one(what, &inputs, place, whole, &mut rest);
+                    if !is_whole {
+                        tried = self.try_one(what, &inputs, place, whole, &mut rest);
+                    }
+                    if let Ok(Some((class, _))) = &mut tried
+                        && is_plain(&inputs)
+                        && !matches!(what, What::Still(_))
+                        && self.is_rounding(what, &inputs, place)
+                    {
+                        *class = Class::Rounding;
+                    }
                 }
                 match tried {
                     Ok(None) => {}
@@ -480,14 +490,7 @@ impl<'a> Two<'a> {
         if let What::Still(slot) = what {
             return Ok(moving(inputs, &second, slot, rest));
         }
-        let Some((class, output)) = self.difference(what, &first, &second) else {
-            return Ok(None);
-        };
-        let is_rounding = is_plain(inputs) && self.is_rounding(what, inputs, place);
-        Ok(Some((
-            if is_rounding { Class::Rounding } else { class },
-            output,
-        )))
+        Ok(self.difference(what, &first, &second))
     }
 
     fn by_terms(&self, what: What, place: TestPoint) -> bool {
