@@ -10,9 +10,10 @@ use naga::back::wgsl;
 use naga::{Module, TypeInner};
 use preshade::unstable::emit::{self, Target};
 use preshade::unstable::front::{self, ClipSpace, Options, Source};
+use preshade::unstable::passes::declared::Depth;
 use preshade::unstable::passes::pass::Facts;
 use preshade::unstable::passes::plan::{BindingSource, GpuPass, Plan, Role};
-use preshade::unstable::passes::program::{Language, Program};
+use preshade::unstable::passes::program::Program;
 use preshade::unstable::passes::state::MaterialState;
 use preshade::unstable::passes::validate::Effort;
 use preshade::unstable::passes::validate::agree::{Agreement, Outcome, Relation, agree};
@@ -78,8 +79,8 @@ fn compiled(original: &Plan, target: Target) -> Option<Plan> {
     let shaders = files.into_iter().filter(|f| !f.name.ends_with(".json"));
     let sources = shaders.map(|f| Source::from_bytes(f.name, f.bytes).unwrap());
     // GLSL keeps its author's clip space.
-    let is_glsl = |program: &Program| program.language() == Language::Glsl;
-    let clip_space = match original.programs.values().any(is_glsl) {
+    let is_open_gl = |program: &Program| program.declared().depth == Depth::OpenGl;
+    let clip_space = match original.programs.values().any(is_open_gl) {
         true => None,
         false => Some(ClipSpace::AsWritten),
     };
