@@ -3,6 +3,8 @@
 
     scripts/engine-passes.py ENGINE CHECKOUT OUT
 
+and puts a scene of ours beside them, for `--scene OUT/scene.toml`.
+
 ENGINE is rend3, fyrox, bloom or luanti; CHECKOUT is a folder with the engine's files. An engine puts
 a shader together at run time: of a template, of a RON file, of Rust strings, of a preamble. This
 script does the same with the engine's own text, and writes whole shaders to OUT. It changes no line
@@ -10,6 +12,7 @@ of a shader. docs/agree.md says what was found in them.
 """
 import pathlib
 import re
+import shutil
 import sys
 
 
@@ -186,3 +189,5 @@ if __name__ == "__main__":
     target = pathlib.Path(sys.argv[3])
     target.mkdir(parents=True, exist_ok=True)
     engines[sys.argv[1]](pathlib.Path(sys.argv[2]), target)
+    scene = pathlib.Path(__file__).parent / "engines" / f"{sys.argv[1]}.toml"
+    shutil.copy(scene, target / "scene.toml")

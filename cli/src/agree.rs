@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use preshade::unstable::passes::core::mapping::Mapping;
 use preshade::unstable::passes::naga::ShaderStage;
 use preshade::unstable::passes::plan::Plan;
@@ -11,6 +12,7 @@ use preshade::unstable::recipe::Recipe;
 use rayon::prelude::*;
 
 use crate::agreed::{Cost, Pair, Report};
+use crate::beside::SceneArgs;
 use crate::input::{ShaderArgs, is_stdin};
 use crate::pairs::{self, Asked};
 use crate::trees::{self, Tree};
@@ -26,6 +28,7 @@ Examples:
   preshade agree HEAD~1:shaders HEAD:shaders --as same             did this change the picture?
   preshade agree old/lit.wgsl new/lit.wgsl --as same --format markdown
   preshade agree shaders --pairs agree.toml --fail-on positions,keeps-hidden
+  preshade agree lit.wgsl --with depth.wgsl --as prepass --scene scene.toml --out pictures
 
 Bindings are matched by group and number, then by name and type, then by --map; attributes by
 location, then by name. Where number and name disagree, --as same takes the number, and the other
@@ -37,8 +40,8 @@ pub struct AgreeArgs {
     #[arg(long, value_name = "FILE[,FILE]", value_delimiter = ',', num_args = 1)]
     with: Vec<PathBuf>,
     /// What the two should have in common.
-    #[arg(long = "as", value_enum, value_name = "RELATION")]
-    relation: Option<Wanted>,
+    #[arg(long = "as", value_name = "RELATION", value_parser = relations())]
+    relation: Option<Relation>,
     /// A variable, member or attribute of the other program, and the one of the first that it holds;
     /// may be given several times.
     #[arg(long, value_name = "THEIRS=OURS", value_parser = parse_map)]
@@ -72,6 +75,8 @@ pub struct AgreeArgs {
     /// Define a macro for the other program instead of those of --define; may be given several times.
     #[arg(long, value_name = "NAME[=VALUE]")]
     with_define: Vec<String>,
+    #[command(flatten)]
+    drawing: SceneArgs,
     // Last: its help heading applies to the flags after it.
     #[command(flatten)]
     pub shader: ShaderArgs,
@@ -91,45 +96,21 @@ enum Form {
     Markdown,
 }
 
-/// A relation, as an option.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-enum Wanted {
-    /// Positions, discards, depths and colours.
-    Same,
-    /// A depth pre-pass: positions bit for bit, discards and depths.
-    Prepass,
-    /// A shadow pass: discards and depths, positions as functions of the view.
-    Shadow,
-    /// Positions alone.
-    Position,
-    /// Discards and depths alone.
-    Discard,
-    /// A pre-pass whose velocity is constant while nothing moves.
-    Velocity,
-    /// A pre-pass that writes the normal which the first program writes.
-    Normal,
-}
-
-impl From<Wanted> for Relation {
-    fn from(wanted: Wanted) -> Self {
-        match wanted {
-            Wanted::Same => Self::Same,
-            Wanted::Prepass => Self::Prepass,
-            Wanted::Shadow => Self::Shadow,
-            Wanted::Position => Self::Position,
-            Wanted::Discard => Self::Discard,
-            Wanted::Velocity => Self::Velocity,
-            Wanted::Normal => Self::Normal,
-        }
-    }
-}
-
 /// A value of `--fail-on`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum FailOn {
     All,
     Nothing,
     Class(Class),
+}
+
+/// Reads a relation, with its meaning in the help.
+fn relations() -> impl TypedValueParser<Value = Relation> {
+    let known = Relation::ALL.map(|r| PossibleValue::new(r.name()).help(r.meaning()));
+    PossibleValuesParser::new(known).try_map(|name| {
+        let found = Relation::ALL.into_iter().find(|r| r.name() == name);
+        found.ok_or_else(|| format!("there is no relation `{name}`"))
+    })
 }
 
 fn parse_map(text: &str) -> Result<Mapping, String> {
@@ -183,7 +164,7 @@ impl AgreeArgs {
     }
 
     fn relation(&self) -> Result<Relation, Failure> {
-        self.relation.map(Relation::from).ok_or_else(|| {
+        self.relation.ok_or_else(|| {
             let names: Vec<&str> = Relation::ALL.iter().map(|r| r.name()).collect();
             Failure(format!(
                 "error: --as says what the two should have in common: {}",
@@ -259,6 +240,7 @@ pub fn run(args: &AgreeArgs) -> Result<Ending, Failure> {
             None => Vec::new(),
         },
     };
+    args.drawing.check()?;
     let (asked, trees) = args.asked()?;
     let named = |text: &str| {
         trees
@@ -266,6 +248,9 @@ pub fn run(args: &AgreeArgs) -> Result<Ending, Failure> {
             .fold(text.to_owned(), |text, tree| tree.renamed(&text))
     };
     let is_one = asked.len() == 1 && trees.iter().all(|t| !t.is_folder());
+    if args.drawing.scene.is_some() && !is_one {
+        return Err(Failure("error: --scene is for one pair".to_owned()));
+    }
     let results: Vec<Result<Checked, Failure>> = asked
         .par_iter()
         .map(|asked| checked(args, asked, is_one, &named))
@@ -352,10 +337,17 @@ fn checked(
             files(&asked.second)
         ))
     })?;
+    let partners = &agreement.partners;
+    let drawn = args.drawing.drawn(
+        [&asked.first, &asked.second],
+        [&first, &second],
+        asked.relation,
+        partners,
+    )?;
     let agreement = named_spots(agreement, named);
     let cost = [Cost::of(&first), Cost::of(&second)];
     Ok(Checked::Compared(Box::new(Pair::new(
-        name, agreement, cost,
+        name, agreement, cost, drawn,
     ))))
 }
 

@@ -2,10 +2,13 @@
 
 use std::fmt::Write as _;
 
+use preshade::unstable::measure::Beside;
 use preshade::unstable::passes::validate::agree::{
     Agreement, Class, Finding, Outcome, Relation, Spot,
 };
 use serde::Serialize;
+
+use crate::beside::told as told_drawn;
 
 /// The static cost of each stage, in operations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -46,6 +49,8 @@ pub struct Pair {
     findings: Vec<Judged>,
     /// Static costs of the first and the second program.
     cost: [Cost; 2],
+    /// Both programs in a scene, by camera.
+    drawn: Vec<Beside>,
 }
 
 /// The result of all pairs.
@@ -75,7 +80,12 @@ impl Default for Report {
 }
 
 impl Pair {
-    pub fn new(name: String, mut agreement: Agreement, cost: [Cost; 2]) -> Self {
+    pub fn new(
+        name: String,
+        mut agreement: Agreement,
+        cost: [Cost; 2],
+        drawn: Vec<Beside>,
+    ) -> Self {
         let findings = std::mem::take(&mut agreement.findings);
         let judged = findings.into_iter().map(|finding| Judged {
             finding,
@@ -87,6 +97,7 @@ impl Pair {
             agreement,
             findings: judged.collect(),
             cost,
+            drawn,
         }
     }
 
@@ -185,6 +196,13 @@ impl Report {
             }
             for judged in &pair.findings {
                 told(&mut out, judged, pair.agreement.relation, verbose);
+            }
+            for line in pair
+                .drawn
+                .iter()
+                .flat_map(|b| told_drawn(b, pair.agreement.relation))
+            {
+                let _ = writeln!(out, "  {line}");
             }
             if pair.agreement.relation == Relation::Same {
                 for line in costs(&pair.cost) {
@@ -293,6 +311,16 @@ impl Report {
                     let _ = writeln!(out, "  - {who}: {}", told_spot(spot));
                 }
             }
+        }
+        for pair in self.pairs.iter().filter(|p| !p.drawn.is_empty()) {
+            let _ = writeln!(out, "\n`{}` in the scene:\n", pair.name);
+            let lines = pair
+                .drawn
+                .iter()
+                .flat_map(|b| told_drawn(b, pair.agreement.relation));
+            lines.for_each(|line| {
+                let _ = writeln!(out, "- {line}");
+            });
         }
         for waiver in &self.unused_waivers {
             let _ = writeln!(out, "\n{}", unused(waiver));

@@ -21,6 +21,7 @@ mod agree;
 mod agreed;
 mod apart;
 mod bench;
+mod beside;
 mod bounded;
 mod codes;
 mod completions;

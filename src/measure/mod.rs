@@ -13,6 +13,7 @@
 //! numbers. [`crossover`] finds the value of a scene's variable at which one variant overtakes
 //! another.
 
+pub mod beside;
 pub mod bounds;
 pub mod changing;
 pub mod constants;
@@ -44,6 +45,7 @@ pub mod verify;
 mod vertices;
 mod view;
 
+pub use beside::{Beside, Look, beside};
 pub use changing::changing;
 pub use constants::constants;
 pub use effects::{EffectUse, effects};

@@ -25,9 +25,11 @@ use super::{
 
 mod guessed;
 mod held;
+mod numbers;
 mod streams;
 
 pub(super) use held::uniforms;
+pub(super) use numbers::numbers;
 
 pub use guessed::{Guess, Guessed, guessed};
 
@@ -663,6 +665,7 @@ pub(super) fn made_up(read: &BufferRead, module: &naga::Module) -> Option<Vec<f6
         columns,
         rows,
         kind: scalar.kind,
+        width: scalar.width,
         semantic: None,
         bytes: 0..0,
     };

@@ -20,6 +20,8 @@ pub(crate) struct Leaf<'a> {
     pub rows: u32,
     /// Scalar kind.
     pub kind: ScalarKind,
+    /// Bytes of a scalar.
+    pub width: u8,
     /// The semantic that the author's values name.
     pub semantic: Option<Semantic>,
     /// Its bytes in the variable.
@@ -311,6 +313,7 @@ impl<'a> Packer<'a> {
                     columns,
                     rows,
                     kind: scalar.kind,
+                    width: scalar.width,
                     semantic: self.semantic,
                     bytes: offset..offset + leaf_size((columns, rows, scalar)),
                 })?;

@@ -24,6 +24,7 @@ mod roles;
 mod semantic;
 mod setup;
 mod size;
+mod stand_in;
 mod synthesise;
 mod value_path;
 mod variables;
@@ -38,6 +39,7 @@ pub use error::SceneError;
 pub use light::Light;
 pub use load::{load, load_with, load_within, read};
 pub use semantic::Semantic;
+pub use stand_in::StandIn;
 pub use synthesise::synthesise;
 pub use variables::{Variable, Variables};
 

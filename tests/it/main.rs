@@ -11,6 +11,7 @@ mod fuzz_support;
 mod results_support;
 
 mod adversarial;
+mod agree;
 mod build_script;
 mod combinations;
 mod dialects;

@@ -13,6 +13,7 @@ mod swiftshader_support;
 #[path = "../support/trees.rs"]
 mod trees;
 
+mod agree;
 mod cli;
 mod hostile;
 mod kept;

@@ -52,10 +52,10 @@ fn minor<F: Number>(m: &Columns<F>, column: usize, row: usize) -> Columns<F> {
     others.map(|(_, c)| without(c)).collect()
 }
 
-/// The inverse: cofactors divided by the determinant.
+/// The inverse: cofactors times the reciprocal of the determinant, as naga writes it in WGSL.
 pub(super) fn inverse<F: Number>(matrix: &Value<F>) -> Result<Value<F>, Stuck> {
     let m = columns(matrix)?;
-    let whole = determinant_of(&m)?;
+    let whole = of(B::Divide, F::of(1.0), determinant_of(&m)?)?;
     let size = m.len();
     let mut out = Vec::new();
     for column in 0..size {
@@ -66,7 +66,7 @@ pub(super) fn inverse<F: Number>(matrix: &Value<F>) -> Result<Value<F>, Stuck> {
                 0 => part,
                 _ => part.negated(),
             };
-            numbers.push(of(B::Divide, part, whole)?);
+            numbers.push(of(B::Multiply, part, whole)?);
         }
         out.push(Value::composite(&numbers));
     }

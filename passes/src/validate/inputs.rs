@@ -141,6 +141,16 @@ pub struct Inputs {
 impl Inputs {
     /// The inputs of a seed for the variables of a module, within a guard.
     pub fn new(module: &Module, guard: Option<&Guard>, seed: u64) -> Self {
+        Self::of_places(module, guard, seed, &|_| true)
+    }
+
+    /// The same inputs, without the buffers that are not `wanted`: values take time.
+    pub fn of_places(
+        module: &Module,
+        guard: Option<&Guard>,
+        seed: u64,
+        wanted: &dyn Fn((u32, u32)) -> bool,
+    ) -> Self {
         let profile = profile(seed);
         let (mut resources, mut left_out) = (BTreeMap::new(), Vec::new());
         for (_, global) in module.global_variables.iter() {
@@ -148,6 +158,9 @@ impl Inputs {
             if global.space == AddressSpace::Handle {
                 let size = texture_size(at).map(Value::u32);
                 resources.insert(at, Value::Composite(size.to_vec()));
+                continue;
+            }
+            if !wanted(at) {
                 continue;
             }
             if scalars(module, global.ty) > MOST_SCALARS {

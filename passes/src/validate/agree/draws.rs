@@ -1,5 +1,6 @@
 //! The inputs that both programs read.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use naga::{Expression, Literal};
@@ -8,11 +9,12 @@ use super::fed::{self, Rule};
 use super::trial::Two;
 use crate::validate::inputs::{Inputs, Random};
 use crate::validate::levels::{Levels, Reading};
+use crate::validate::world::PassStages;
 
 impl Two<'_> {
     /// Why no numbers can be tried: a stage reads a buffer that is too long to fill.
     pub(super) fn unfilled(&self) -> Option<String> {
-        let inputs = self.inputs(self.effort.seed, Reading::Level, &[]);
+        let inputs = self.inputs(self.effort.seed, Reading::Level, &[], &self.read(&[]));
         for stages in [self.first, self.second] {
             for stage in [Some(stages.vertex), stages.fragment].into_iter().flatten() {
                 let info = stage.program.info().get_entry_point(stage.entry);
@@ -29,10 +31,25 @@ impl Two<'_> {
         None
     }
 
-    /// The inputs of a seed.
-    pub(super) fn inputs(&self, seed: u64, reading: Reading, rules: &[Rule]) -> Inputs {
+    /// The buffers that both programs read, by group and binding.
+    pub(super) fn read(&self, rules: &[Rule]) -> BTreeSet<(u32, u32)> {
+        read_by([self.first, self.second], rules)
+    }
+
+    /// The inputs of a seed, in the buffers that are `read`.
+    pub(super) fn inputs(
+        &self,
+        seed: u64,
+        reading: Reading,
+        rules: &[Rule],
+        read: &BTreeSet<(u32, u32)>,
+    ) -> Inputs {
         let [ours, theirs] = [self.first, self.second].map(|s| s.vertex.module());
-        let inputs = Inputs::new(ours, None, seed).beside(Inputs::new(theirs, None, seed));
+        let first = Inputs::of_places(ours, None, seed, &|at| read.contains(&at));
+        let second = Inputs::of_places(theirs, None, seed, &|at| {
+            read.contains(&at) && !first.resources.contains_key(&at)
+        });
+        let inputs = first.beside(second);
         let mut inputs = inputs.with_levels(&Arc::new(Levels::all(reading)));
         fed::feed(rules, Arc::make_mut(&mut inputs.resources));
         for (location, component) in &self.matching.filled {
@@ -92,6 +109,19 @@ impl Two<'_> {
         all.extend(between);
         all
     }
+}
+
+/// The buffers that the stages of two programs read, and those that feed them.
+pub(super) fn read_by(two: [PassStages<'_>; 2], rules: &[Rule]) -> BTreeSet<(u32, u32)> {
+    let stages = two.into_iter().flat_map(|s| [Some(s.vertex), s.fragment]);
+    let read = stages.flatten().flat_map(|stage| {
+        let info = stage.program.info().get_entry_point(stage.entry);
+        let globals = stage.module().global_variables.iter();
+        let read = globals.filter(|(handle, _)| !info[*handle].is_empty());
+        read.filter_map(|(_, global)| crate::evaluate::place(global))
+            .collect::<Vec<_>>()
+    });
+    read.chain(rules.iter().map(|rule| rule.from)).collect()
 }
 
 fn literal(expression: &Expression) -> Option<f32> {

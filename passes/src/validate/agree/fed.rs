@@ -16,6 +16,10 @@ pub(super) enum Cast {
     Members(Vec<(usize, usize, Cast)>),
     /// Each element.
     Elements(Box<Cast>),
+    /// Theirs is a block with one member, as languages without loose uniforms have it.
+    Wrapped(Box<Cast>),
+    /// Ours is.
+    Unwrapped(Box<Cast>),
 }
 
 /// A part of a buffer of the second program that holds a part of a buffer of the first.
@@ -45,7 +49,6 @@ pub(super) fn cast(
         (T::Scalar(a) | T::Atomic(a), T::Scalar(b) | T::Atomic(b)) => {
             (a == b).then_some(Cast::Same)
         }
-        (a @ (T::Vector { .. } | T::Matrix { .. }), b) => (a == b).then_some(Cast::Same),
         (
             T::Array {
                 base: a, size: n, ..
@@ -63,6 +66,15 @@ pub(super) fn cast(
             })
         }
         (T::Struct { .. }, T::Struct { .. }) => of_members((theirs, their), (ours, our)),
+        (T::Struct { members, .. }, _) if let [one] = &members[..] => {
+            let inner = cast((theirs, one.ty), (ours, our))?;
+            Some(Cast::Wrapped(Box::new(inner)))
+        }
+        (_, T::Struct { members, .. }) if let [one] = &members[..] => {
+            let inner = cast((theirs, their), (ours, one.ty))?;
+            Some(Cast::Unwrapped(Box::new(inner)))
+        }
+        (a @ (T::Vector { .. } | T::Matrix { .. }), b) => (a == b).then_some(Cast::Same),
         _ => None,
     }
 }
@@ -148,6 +160,16 @@ fn overlay<F: Number>(to: &mut Value<F>, from: &Value<F>, cast: &Cast) {
         }
         (Cast::Elements(cast), Value::Composite(to), Value::Composite(from)) => {
             for (to, from) in to.iter_mut().zip(from) {
+                overlay(to, from, cast);
+            }
+        }
+        (Cast::Wrapped(cast), Value::Composite(to), from) => {
+            if let [to] = &mut to[..] {
+                overlay(to, from, cast);
+            }
+        }
+        (Cast::Unwrapped(cast), to, Value::Composite(from)) => {
+            if let [from] = &from[..] {
                 overlay(to, from, cast);
             }
         }

@@ -5,15 +5,15 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use naga::{
-    AddressSpace, Expression, GlobalVariable, Handle, Module, ResourceBinding, Type, TypeInner,
-};
+use naga::{AddressSpace, GlobalVariable, Handle, Module, ResourceBinding, Type, TypeInner};
 use serde::Serialize;
 
+use super::buffers::{Leaf, leaves};
 use super::fed::{Cast, Rule, cast, plain};
+use super::sampled::sampled;
 use super::{Mismatch, Relation};
 use crate::core::mapping::{self, Mapping};
-use crate::core::program::Program;
+use crate::core::program::{Language, Program};
 use crate::core::reflect;
 use crate::evaluate;
 use crate::validate::world::PassStages;
@@ -30,6 +30,10 @@ pub struct Partner {
     pub ours: String,
     /// How they were found.
     pub by: By,
+    /// Paths of the scalars, vectors and matrices of two buffers, theirs and ours:
+    /// `spots[].tint` and `lights[].color`.
+    #[serde(skip)]
+    pub parts: Vec<(String, String)>,
 }
 
 /// How two partners were found.
@@ -70,28 +74,22 @@ pub(super) struct Matching {
     pub(super) filled: Vec<(u32, u32)>,
 }
 
-/// A data part of the first program.
-struct Leaf {
-    global: Handle<GlobalVariable>,
-    steps: Vec<usize>,
-    ty: Handle<Type>,
-    name: String,
-}
-
 /// How a variable of ours fits, by its number if so told.
-type Fits<'a, T> = dyn Fn(&GlobalVariable, bool) -> Option<T> + 'a;
+pub(super) type Fits<'a, T> = dyn Fn(&GlobalVariable, bool) -> Option<T> + 'a;
 
 /// The search.
 pub(super) struct Matcher<'a> {
     pub(super) ours: &'a Module,
     pub(super) theirs: &'a Module,
+    /// Both programs, for what the IR can't say.
+    programs: [&'a Program; 2],
     pub(super) relation: Relation,
     pub(super) maps: &'a [Mapping],
     /// Named parts of our buffers.
-    leaves: Vec<Leaf>,
+    pub(super) leaves: Vec<Leaf>,
     /// New bindings of their variables.
     pub(super) bindings: BTreeMap<Handle<GlobalVariable>, ResourceBinding>,
-    rules: Vec<Rule>,
+    pub(super) rules: Vec<Rule>,
     partners: Vec<Partner>,
     lost: Vec<Lost>,
     /// Our place, and the place of theirs that has it now.
@@ -111,6 +109,7 @@ pub(super) fn matched(
     let mut matcher = Matcher {
         ours,
         theirs,
+        programs: [first.vertex.program, second.vertex.program],
         relation,
         maps,
         leaves: leaves(ours),
@@ -224,41 +223,6 @@ fn check(
     Ok(())
 }
 
-/// Members at any depth outside of arrays, and whole buffers, of the first program.
-fn leaves(module: &Module) -> Vec<Leaf> {
-    fn open(module: &Module, leaf: Leaf, all: &mut Vec<Leaf>) {
-        for (i, (name, ty)) in mapping::members(module, leaf.ty).into_iter().enumerate() {
-            let steps = [&leaf.steps[..], &[i]].concat();
-            let global = leaf.global;
-            open(
-                module,
-                Leaf {
-                    global,
-                    steps,
-                    ty,
-                    name,
-                },
-                all,
-            );
-        }
-        all.push(leaf);
-    }
-    let mut all = Vec::new();
-    for (global, variable) in module.global_variables.iter() {
-        if evaluate::place(variable).is_some() && variable.space != AddressSpace::Handle {
-            let name = variable.name.clone().unwrap_or_default();
-            let leaf = Leaf {
-                global,
-                steps: Vec::new(),
-                ty: variable.ty,
-                name,
-            };
-            open(module, leaf, &mut all);
-        }
-    }
-    all
-}
-
 impl Matcher<'_> {
     /// The name of a variable in both forms that partners compare.
     fn their_name(&self, global: Handle<GlobalVariable>) -> String {
@@ -270,9 +234,27 @@ impl Matcher<'_> {
         )
     }
 
+    /// Whether a variable and its next version are bound by number, whatever their names: both
+    /// authors gave the numbers, and in one language. OpenGL counts textures and buffers apart.
+    fn is_bound_by_number(&self, theirs: &GlobalVariable, ours: &GlobalVariable) -> bool {
+        let [first, second] = self.programs;
+        let is_authors = |program: &Program, variable: &GlobalVariable| {
+            let declared = program.declared();
+            program.language() != Language::Glsl
+                || declared
+                    .numbers
+                    .iter()
+                    .any(|n| Some(n.binding) == variable.binding)
+        };
+        self.relation == Relation::Same
+            && first.language() == second.language()
+            && is_authors(first, ours)
+            && is_authors(second, theirs)
+    }
+
     /// The partner of a variable among candidates: by number, or by name. Where the two disagree,
     /// the same host binds by number, and another pass has its own layout.
-    fn partner<T>(
+    pub(super) fn partner<T>(
         &self,
         global: Handle<GlobalVariable>,
         fits: &Fits<'_, T>,
@@ -296,7 +278,9 @@ impl Matcher<'_> {
             false => find(&named, false).map(|(h, fit)| (h, fit, By::Name)),
         };
         let by_number = find(&numbered, true).map(|(h, fit)| (h, fit, By::Number));
-        let same_host = self.relation == Relation::Same;
+        let same_host = by_number.as_ref().is_some_and(|(handle, ..)| {
+            self.is_bound_by_number(own, &self.ours.global_variables[*handle])
+        });
         match (by_number, by_name) {
             (Some(number), Some(name)) if number.0 == name.0 || same_host => Some(number),
             (_, Some(name)) => Some(name),
@@ -322,7 +306,11 @@ impl Matcher<'_> {
     }
 
     /// Gives their variable the place of ours, unless another of theirs has it.
-    fn take(&mut self, theirs: Handle<GlobalVariable>, ours: Handle<GlobalVariable>) -> bool {
+    pub(super) fn take(
+        &mut self,
+        theirs: Handle<GlobalVariable>,
+        ours: Handle<GlobalVariable>,
+    ) -> bool {
         let own = evaluate::place(&self.theirs.global_variables[theirs]);
         let Some(at) = self.ours.global_variables[ours].binding else {
             return false;
@@ -336,7 +324,7 @@ impl Matcher<'_> {
         false
     }
 
-    fn own_binding(&mut self, theirs: Handle<GlobalVariable>) -> (u32, u32) {
+    pub(super) fn own_binding(&mut self, theirs: Handle<GlobalVariable>) -> (u32, u32) {
         // The stages of a linked program may each declare it.
         let place = evaluate::place(&self.theirs.global_variables[theirs]);
         let known = self.bindings.iter().find(|(other, at)| {
@@ -358,7 +346,22 @@ impl Matcher<'_> {
     }
 
     pub(super) fn found(&mut self, theirs: String, ours: String, by: By) {
-        let partner = Partner { theirs, ours, by };
+        self.found_parts(theirs, ours, by, Vec::new());
+    }
+
+    pub(super) fn found_parts(
+        &mut self,
+        theirs: String,
+        ours: String,
+        by: By,
+        parts: Vec<(String, String)>,
+    ) {
+        let partner = Partner {
+            theirs,
+            ours,
+            by,
+            parts,
+        };
         if !self.partners.contains(&partner) {
             self.partners.push(partner);
         }
@@ -367,16 +370,24 @@ impl Matcher<'_> {
     /// A texture or sampler.
     fn resource(&mut self, global: Handle<GlobalVariable>) {
         let inner = &self.theirs.types[self.theirs.global_variables[global].ty].inner;
-        let fits =
-            |v: &GlobalVariable, _: bool| (self.ours.types[v.ty].inner == *inner).then_some(());
+        let fits = |v: &GlobalVariable, _: bool| {
+            let ours = &self.ours.types[v.ty].inner;
+            is_same_resource((self.theirs, inner), (self.ours, ours)).then_some(())
+        };
         let mapped = self.maps.iter().find_map(|map| {
             let their = map.theirs.resolve(self.theirs).ok()?;
             let our = map.ours.resolve(self.ours).ok()?;
             (their.global == global).then_some((our.global, By::Map))
         });
+        // A combined sampler's sampler has no name and number of its own.
+        let binding = self.theirs.global_variables[global].binding;
+        let mut combined = self.programs[1].declared().samplers.iter();
+        let is_combined = combined.any(|c| Some(c.sampler) == binding);
+        let of_texture = || Some((self.sampler_of_texture(global)?, By::Texture));
         let found = mapped
+            .or_else(|| is_combined.then(of_texture).flatten())
             .or_else(|| self.partner(global, &fits).map(|(h, (), by)| (h, by)))
-            .or_else(|| Some((self.sampler_of_texture(global)?, By::Texture)));
+            .or_else(of_texture);
         let name = mapping::name_of(self.theirs, global, &[]).to_string();
         match found {
             Some((our, by)) => {
@@ -411,7 +422,7 @@ impl Matcher<'_> {
         })
     }
 
-    fn lose(
+    pub(super) fn lose(
         &mut self,
         global: Handle<GlobalVariable>,
         at: (u32, u32),
@@ -432,185 +443,23 @@ impl Matcher<'_> {
             steps,
         });
     }
-
-    /// A buffer.
-    fn data(&mut self, global: Handle<GlobalVariable>) {
-        let variable = &self.theirs.global_variables[global];
-        let ty = variable.ty;
-        let mapped: Vec<(mapping::Place, mapping::Place)> = self
-            .maps
-            .iter()
-            .filter_map(|map| {
-                let their = map.theirs.resolve(self.theirs).ok()?;
-                let our = map.ours.resolve(self.ours).ok()?;
-                (their.global == global).then_some((their, our))
-            })
-            .collect();
-        let kind = std::mem::discriminant(&variable.space);
-        let fits = |v: &GlobalVariable, by_number: bool| {
-            let is_data = v.space != AddressSpace::Handle;
-            let is_kind = !by_number || std::mem::discriminant(&v.space) == kind;
-            (is_data && is_kind)
-                .then(|| cast((self.theirs, ty), (self.ours, v.ty)))
-                .flatten()
-        };
-        let whole = self.partner(global, &fits);
-        let name = mapping::name_of(self.theirs, global, &[]).to_string();
-        if let Some((our, Cast::Same, by)) = &whole
-            && mapped.is_empty()
-            && self.is_same_space(global, *our)
-            && self.take(global, *our)
-        {
-            self.found(
-                name,
-                mapping::name_of(self.ours, *our, &[]).to_string(),
-                *by,
-            );
-            return;
-        }
-        let to = self.own_binding(global);
-        match whole {
-            Some((our, cast, by)) => self.rule((global, to, &[]), (our, &[]), cast, by),
-            None => self.part(global, to, &mut Vec::new(), ty, &mapped),
-        }
-        for (their, our) in mapped {
-            if let Some(cast) = cast((self.theirs, their.ty), (self.ours, our.ty)) {
-                let theirs = (global, to, &their.steps[..]);
-                self.rule(theirs, (our.global, &our.steps), cast, By::Map);
-            }
-        }
-    }
-
-    fn is_same_space(&self, theirs: Handle<GlobalVariable>, ours: Handle<GlobalVariable>) -> bool {
-        let (a, b) = (
-            &self.theirs.global_variables[theirs],
-            &self.ours.global_variables[ours],
-        );
-        std::mem::discriminant(&a.space) == std::mem::discriminant(&b.space)
-            && a.binding.is_some()
-            && b.binding.is_some()
-    }
-
-    fn rule(
-        &mut self,
-        (global, to, to_steps): (Handle<GlobalVariable>, (u32, u32), &[usize]),
-        (our, from_steps): (Handle<GlobalVariable>, &[usize]),
-        cast: Cast,
-        by: By,
-    ) {
-        let Some(from) = evaluate::place(&self.ours.global_variables[our]) else {
-            return;
-        };
-        let theirs = mapping::name_of(self.theirs, global, to_steps);
-        let ours = mapping::name_of(self.ours, our, from_steps);
-        self.rules.push(Rule {
-            to,
-            to_steps: to_steps.to_vec(),
-            from,
-            from_steps: from_steps.to_vec(),
-            cast,
-            is_of_view: plain(&theirs.variable) != plain(&ours.variable) && by != By::Number,
-        });
-        self.found(theirs.to_string(), ours.to_string(), by);
-    }
-
-    /// A part of a buffer whose whole has no partner.
-    fn part(
-        &mut self,
-        global: Handle<GlobalVariable>,
-        to: (u32, u32),
-        steps: &mut Vec<usize>,
-        ty: Handle<Type>,
-        mapped: &[(mapping::Place, mapping::Place)],
-    ) {
-        if mapped
-            .iter()
-            .any(|(their, _)| steps.starts_with(&their.steps))
-        {
-            return;
-        }
-        let is_split = mapped
-            .iter()
-            .any(|(their, _)| their.steps.starts_with(steps));
-        if !is_split && let Some((our, from, cast)) = self.named(global, steps, ty) {
-            return self.rule((global, to, &steps[..]), (our, &from), cast, By::Name);
-        }
-        let members = mapping::members(self.theirs, ty);
-        if members.is_empty() {
-            return self.lose(global, to, steps.clone(), ty);
-        }
-        for (i, (_, member)) in members.iter().enumerate() {
-            steps.push(i);
-            self.part(global, to, steps, *member, mapped);
-            steps.pop();
-        }
-    }
-
-    /// The part of ours with the same path, or the only one with the same last name.
-    fn named(
-        &self,
-        global: Handle<GlobalVariable>,
-        steps: &[usize],
-        ty: Handle<Type>,
-    ) -> Option<(Handle<GlobalVariable>, Vec<usize>, Cast)> {
-        let path = mapping::name_of(self.theirs, global, steps);
-        let word = |text: &str| match self.relation {
-            Relation::Velocity => plain(without_previous(text)),
-            _ => plain(text),
-        };
-        let last = word(path.members.last().unwrap_or(&path.variable));
-        let fits: Vec<_> = self
-            .leaves
-            .iter()
-            .filter(|leaf| !last.is_empty() && plain(&leaf.name) == last)
-            .filter_map(|leaf| Some((leaf, cast((self.theirs, ty), (self.ours, leaf.ty))?)))
-            .collect();
-        let is_same_path = |leaf: &Leaf| {
-            let ours = mapping::name_of(self.ours, leaf.global, &leaf.steps);
-            let words = |p: &mapping::Path| {
-                let all = std::iter::once(&p.variable).chain(&p.members);
-                all.map(|w| word(w)).collect::<Vec<_>>()
-            };
-            words(&ours) == words(&path)
-        };
-        let chosen = fits
-            .iter()
-            .find(|(leaf, _)| is_same_path(leaf))
-            .or(match &fits[..] {
-                [one] => Some(one),
-                _ => None,
-            });
-        chosen.map(|(leaf, cast)| (leaf.global, leaf.steps.clone(), cast.clone()))
-    }
 }
 
-/// A name without the habits by which it says that it holds the last frame's value.
-fn without_previous(name: &str) -> &str {
-    let before = ["prev_", "previous_", "last_", "old_", "prev", "previous"];
-    let after = ["_prev", "_previous", "_last", "_old", "Prev", "Previous"];
-    let bare = before.iter().find_map(|p| name.strip_prefix(p));
-    let bare = bare.or_else(|| after.iter().find_map(|p| name.strip_suffix(p)));
-    bare.filter(|b| !b.is_empty()).unwrap_or(name)
-}
-
-/// Textures and samplers that are used together, both as variables.
-fn sampled(module: &Module) -> Vec<(Handle<GlobalVariable>, Handle<GlobalVariable>)> {
-    let functions = module.functions.iter().map(|(_, f)| f);
-    let all = functions.chain(module.entry_points.iter().map(|e| &e.function));
-    all.flat_map(|f| {
-        f.expressions.iter().filter_map(|(_, e)| match e {
-            Expression::ImageSample { image, sampler, .. } => {
-                match (&f.expressions[*image], &f.expressions[*sampler]) {
-                    (Expression::GlobalVariable(t), Expression::GlobalVariable(s)) => {
-                        Some((*t, *s))
-                    }
-                    _ => None,
-                }
-            }
-            _ => None,
-        })
-    })
-    .collect()
+/// Whether two textures, samplers or arrays of them are of one type.
+fn is_same_resource(
+    (theirs, their): (&Module, &TypeInner),
+    (ours, our): (&Module, &TypeInner),
+) -> bool {
+    match (their, our) {
+        (
+            TypeInner::BindingArray { base: a, size: n },
+            TypeInner::BindingArray { base: b, size: m },
+        ) => {
+            let inner = [&theirs.types[*a].inner, &ours.types[*b].inner];
+            n == m && is_same_resource((theirs, inner[0]), (ours, inner[1]))
+        }
+        _ => their == our,
+    }
 }
 
 /// A type as text.

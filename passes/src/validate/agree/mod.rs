@@ -16,12 +16,16 @@ use crate::core::plan::{GpuPass, Plan};
 use crate::core::program::Location;
 
 mod attributes;
+mod buffers;
+mod differences;
 mod draws;
 mod fed;
 mod matching;
+mod parts;
 mod quote;
 mod reads;
 mod rename;
+mod sampled;
 mod trial;
 mod words;
 
@@ -71,6 +75,21 @@ impl Relation {
             Self::Discard => "discard",
             Self::Velocity => "velocity",
             Self::Normal => "normal",
+        }
+    }
+
+    /// What it compares, in a few words.
+    pub fn meaning(self) -> &'static str {
+        match self {
+            Self::Same => "Positions, discards, depths and colours",
+            Self::Prepass => "A depth pre-pass: positions bit for bit, discards and depths",
+            Self::Shadow => {
+                "A shadow pass: discards and depths, positions as functions of the view"
+            }
+            Self::Position => "Positions alone",
+            Self::Discard => "Discards and depths alone",
+            Self::Velocity => "A pre-pass whose velocity is constant while nothing moves",
+            Self::Normal => "A pre-pass that writes the normal which the first program writes",
         }
     }
 

@@ -3,27 +3,30 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use naga::BuiltIn;
-
+use super::differences::{self, moving};
 use super::fed::{self, Rule};
 use super::matching::Matching;
 use super::words::{self, Example};
-use super::{Class, Finding, Held, Outcome, Relation, reads};
+use super::{Class, Finding, Held, Outcome, Relation, draws, reads};
 use crate::core::reflect::Io;
 use crate::core::state::DepthDirection;
-use crate::evaluate::{Number, Stuck, Value};
+use crate::evaluate::{Stuck, Value};
 use crate::slice::{Criterion, OutputFilter};
 use crate::validate::Effort;
-use crate::validate::compare::{self, Colors, Depths, Discards, Positions, Stores, text};
+use crate::validate::compare::{Colors, Stores};
 use crate::validate::inputs::{Inputs, Profile};
 use crate::validate::levels::Reading;
 use crate::validate::proof;
-use crate::validate::stage::{POSITION, Ran, Slot, Stage};
+use crate::validate::stage::{Slot, Stage};
 use crate::validate::term::{self, Symbolic};
 use crate::validate::world::{self, PassStages, TestPoint, Texels};
 
-/// One in this many inputs is also run if a proof depends on the slicer.
-const BESIDE: u64 = 8;
+/// One in this many inputs is run on the whole programs, also beside a proof that depends on the slicer:
+/// by default as many as in [validation](crate::validate).
+const BESIDE: u64 = 16;
+
+/// After a class of difference was found, one in this many inputs more look for another.
+const LONGER: u64 = 4;
 
 /// One in this many inputs must end.
 const QUOTA: u64 = 4;
@@ -55,8 +58,6 @@ pub(super) enum What {
     Still(Slot),
 }
 
-const FRAG_DEPTH: Slot = Slot::BuiltIn(BuiltIn::FragDepth);
-
 /// Examples by class.
 #[derive(Default)]
 struct Found {
@@ -64,6 +65,29 @@ struct Found {
     ended: u64,
     tried: u64,
     why: Option<String>,
+}
+
+impl Found {
+    /// A difference for huge numbers alone is a class of its own.
+    fn class_of(&self, class: Class, inputs: &Inputs) -> Class {
+        match is_plain(inputs) || self.examples.contains_key(&class) {
+            true => class,
+            false => Class::Extreme,
+        }
+    }
+
+    /// Whether it lacks an example of a difference. At a corner, the lines of the vertex stage are
+    /// known too.
+    fn wants(&self, class: Class, inputs: &Inputs, place: TestPoint) -> bool {
+        let known = self.examples.get(&self.class_of(class, inputs));
+        known.is_none_or(|k| {
+            is_plain(inputs) && k.place == TestPoint::Inside && place != TestPoint::Inside
+        })
+    }
+}
+
+fn is_plain(inputs: &Inputs) -> bool {
+    matches!(inputs.profile, Profile::Ordinary | Profile::Equal)
 }
 
 impl<'a> Two<'a> {
@@ -177,7 +201,7 @@ impl<'a> Two<'a> {
         let rules = &self.matching.rules;
         if is_comparable && places.iter().all(is_same) {
             let inputs = self.effort.inputs.div_ceil(BESIDE);
-            let found = self.tried(what, inputs, Reading::Level, rules);
+            let found = self.tried(what, inputs, Reading::Level, rules, &[]);
             if found.examples.is_empty() {
                 let outcome = Outcome::Proved {
                     slices: true,
@@ -194,7 +218,7 @@ impl<'a> Two<'a> {
             };
             return (outcome, self.of_view(promise, what));
         }
-        let found = self.tried(what, self.effort.inputs, Reading::Level, rules);
+        let found = self.tried(what, self.effort.inputs, Reading::Level, rules, &[]);
         self.concluded(promise, what, found)
     }
 
@@ -212,17 +236,21 @@ impl<'a> Two<'a> {
             };
             return (Outcome::NotEvaluated { why }, Vec::new());
         }
+        let is_of_fragment =
+            |class: &Class| matches!(class, Class::KeepsHidden | Class::Loses | Class::Color);
+        let classes = found.examples.keys().copied().filter(is_of_fragment);
+        let classes: Vec<Class> = classes.collect();
         let without_levels = std::cell::OnceCell::new();
         let mut findings = Vec::new();
         for (class, example) in found.examples {
-            let is_of_fragment = matches!(class, Class::KeepsHidden | Class::Loses | Class::Color);
-            let is_level = is_of_fragment && {
+            let is_level = is_of_fragment(&class) && {
                 let again = || {
                     self.tried(
                         what,
                         self.effort.inputs,
                         Reading::Ignored,
                         &self.matching.rules,
+                        &classes,
                     )
                 };
                 !without_levels
@@ -261,7 +289,7 @@ impl<'a> Two<'a> {
         if own.len() == self.matching.rules.len() {
             return Vec::new();
         }
-        let found = self.tried(what, self.effort.inputs, Reading::Level, &own);
+        let found = self.tried(what, self.effort.inputs, Reading::Level, &own, &[]);
         let mut examples = found.examples.into_iter();
         let seen = examples.find(|(class, _)| matches!(class, Class::KeepsHidden | Class::Loses));
         seen.map(|(_, example)| words::finding(self, promise, what, Class::ViewDependent, &example))
@@ -269,7 +297,7 @@ impl<'a> Two<'a> {
             .collect()
     }
 
-    fn stores(&self) -> Stores {
+    pub(super) fn stores(&self) -> Stores {
         match self.relation {
             Relation::Same => Stores::Same,
             _ => Stores::Ignored,
@@ -350,7 +378,15 @@ impl<'a> Two<'a> {
         }
     }
 
-    fn tried(&self, what: What, inputs: u64, reading: Reading, rules: &[Rule]) -> Found {
+    /// Runs both on inputs, until all classes of `until` are found, if it names any.
+    fn tried(
+        &self,
+        what: What,
+        count: u64,
+        reading: Reading,
+        rules: &[Rule],
+        until: &[Class],
+    ) -> Found {
         let mut found = Found::default();
         let mut rest = None;
         // Most inputs are tried on slices alone: a discard does not depend on the lights.
@@ -358,44 +394,42 @@ impl<'a> Two<'a> {
             |stages| words::Sliced::of(stages, &self.criteria(what), what == What::Positions);
         let sliced = [sliced(self.first), sliced(self.second)];
         let slices = [sliced[0].stages(self.first), sliced[1].stages(self.second)];
-        for seed in self.effort.seed..self.effort.seed + inputs {
-            let inputs = self.inputs(seed, reading, rules);
+        let whole = [self.first, self.second];
+        let [read_by_slices, read_by_whole] = [slices, whole].map(|s| draws::read_by(s, rules));
+        let mut last_new = None;
+        for seed in self.effort.seed..self.effort.seed + count {
+            let is_whole = seed.is_multiple_of(BESIDE) || self.stores() == Stores::Same;
+            let (stages, read) = match is_whole {
+                true => (whole, &read_by_whole),
+                false => (slices, &read_by_slices),
+            };
+            let inputs = self.inputs(seed, reading, rules, read);
             found.tried += 1;
             let mut ended = true;
             for place in self.places(what) {
-                let tried = match seed.is_multiple_of(BESIDE) || self.stores() == Stores::Same {
-                    true => {
-                        self.try_one(what, &inputs, place, [self.first, self.second], &mut rest)
+                let mut tried = self.try_one(what, &inputs, place, stages, &mut rest);
+                if let Ok(Some((class, _))) = &tried {
+                    if !found.wants(*class, &inputs, place) {
+                        continue;
                     }
-                    false => {
-                        let seen = self.try_one(what, &inputs, place, slices, &mut rest);
-                        // The whole programs have the last word.
-                        match seen {
-                            Ok(Some(_)) => {
-                                let whole = [self.first, self.second];
-                                self.try_one(what, &inputs, place, whole, &mut rest)
-                            }
-                            seen => seen,
-                        }
+                    // The whole programs have the last word on a difference of a new class.
+                    let inputs = self.inputs(seed, reading, rules, &read_by_whole);
+                    if !is_whole {
+                        tried = self.try_one(what, &inputs, place, whole, &mut rest);
                     }
-                };
+                    if let Ok(Some((class, _))) = &mut tried
+                        && is_plain(&inputs)
+                        && !matches!(what, What::Still(_))
+                        && self.is_rounding(what, &inputs, place)
+                    {
+                        *class = Class::Rounding;
+                    }
+                }
                 match tried {
                     Ok(None) => {}
                     Ok(Some((class, output))) => {
-                        let is_plain = matches!(inputs.profile, Profile::Ordinary | Profile::Equal);
-                        let class = match class {
-                            class if !is_plain => {
-                                let known = found.examples.contains_key(&class);
-                                if known { class } else { Class::Extreme }
-                            }
-                            class => class,
-                        };
-                        // At a corner, the lines of the vertex stage are known too.
-                        let known = found.examples.get(&class);
-                        let is_better = known.is_none_or(|k| {
-                            is_plain && k.place == TestPoint::Inside && place != TestPoint::Inside
-                        });
-                        if is_better {
+                        if found.wants(class, &inputs, place) {
+                            let class = found.class_of(class, &inputs);
                             let rules = rules.to_vec();
                             let example = Example {
                                 seed,
@@ -404,7 +438,11 @@ impl<'a> Two<'a> {
                                 reading,
                                 rules,
                             };
-                            found.examples.insert(class, example);
+                            if found.examples.insert(class, example).is_none()
+                                && !matches!(class, Class::Extreme | Class::Rounding)
+                            {
+                                last_new = Some(found.tried);
+                            }
                         }
                     }
                     Err(stuck) => {
@@ -417,6 +455,15 @@ impl<'a> Two<'a> {
             }
             found.ended += u64::from(ended);
             if found.ended == 0 && found.why.is_some() && found.tried > 24 {
+                break;
+            }
+            // They differ. Other classes are looked for a while longer.
+            let is_enough = |at| found.tried >= at + count.div_ceil(LONGER);
+            if until.is_empty() && last_new.is_some_and(is_enough) {
+                break;
+            }
+            let mut wanted = until.iter();
+            if !until.is_empty() && wanted.all(|class| found.examples.contains_key(class)) {
                 break;
             }
         }
@@ -436,129 +483,18 @@ impl<'a> Two<'a> {
         let attached = BTreeMap::new();
         let world = world::concrete(inputs, &attached, Texels::Waves);
         let steps = self.effort.steps;
-        let first = world.run(ours, place, steps, None)?;
-        let second = world.run(theirs, place, 4 * steps, None)?;
+        let mut first = world.run(ours, place, steps, None)?;
+        let mut second = world.run(theirs, place, 4 * steps, None)?;
+        differences::clamp_depth(&mut first);
+        differences::clamp_depth(&mut second);
         if let What::Still(slot) = what {
             return Ok(moving(inputs, &second, slot, rest));
         }
-        let Some((class, output)) = self.difference(what, &first, &second) else {
-            return Ok(None);
-        };
-        let is_plain = matches!(inputs.profile, Profile::Ordinary | Profile::Equal);
-        let is_rounding = is_plain && self.is_rounding(what, inputs, place);
-        Ok(Some((
-            if is_rounding { Class::Rounding } else { class },
-            output,
-        )))
-    }
-
-    /// Whether the two agree in twice the digits.
-    fn is_rounding(&self, what: What, inputs: &Inputs, place: TestPoint) -> bool {
-        let world = world::precise(inputs);
-        let run = |stages| world.run(stages, place, 4 * self.effort.steps, None);
-        let (Ok(first), Ok(second)) = (run(self.first), run(self.second)) else {
-            return false;
-        };
-        if first.discarded != second.discarded {
-            return false;
-        }
-        let slots: Vec<(Slot, Slot)> = match what {
-            What::Positions => vec![(POSITION, POSITION)],
-            What::Coverage => vec![(FRAG_DEPTH, FRAG_DEPTH)],
-            What::Outputs(ours, theirs) => vec![(ours, theirs)],
-            What::Colors | What::Still(_) => first.outputs.keys().map(|s| (*s, *s)).collect(),
-        };
-        slots.iter().all(
-            |(a, b)| match (first.outputs.get(a), second.outputs.get(b)) {
-                (Some(a), Some(b)) => compare::is_close(a, b, 1e-9),
-                (None, None) => true,
-                _ => first.discarded,
-            },
-        )
-    }
-
-    /// The first difference that the promise forbids.
-    fn difference<F: Number>(
-        &self,
-        what: What,
-        first: &Ran<F>,
-        second: &Ran<F>,
-    ) -> Option<(Class, [String; 3])> {
-        let told = |d: compare::Difference| [d.output, d.original, d.variant];
-        let of = |slots: (Slot, Slot), same: &dyn Fn(&Value<F>, &Value<F>) -> bool| {
-            let (a, b) = (first.outputs.get(&slots.0), second.outputs.get(&slots.1));
-            let said = |v: Option<&Value<F>>| v.map_or("nothing".to_owned(), text);
-            match (a, b) {
-                (None, None) => None,
-                (Some(a), Some(b)) if same(a, b) => None,
-                _ => Some([slots.0.to_string(), said(a), said(b)]),
-            }
-        };
-        if what == What::Positions {
-            return match self.relation {
-                Relation::Same => {
-                    let rule = compare::Rule::Vertices(Positions::Bits);
-                    compare::difference(rule, first, second).map(told)
-                }
-                _ => of((POSITION, POSITION), &compare::same_bits),
-            }
-            .map(|output| (Class::Position, output));
-        }
-        let said = |discarded: bool| if discarded { "discarded" } else { "kept" }.to_owned();
-        match (first.discarded, second.discarded) {
-            (true, true) => return None,
-            (false, false) => {}
-            (a, b) => {
-                let class = if a { Class::KeepsHidden } else { Class::Loses };
-                // `Colors` has been told already by the coverage.
-                let is_told = what != What::Coverage;
-                let output = ["the fragment".to_owned(), said(a), said(b)];
-                return (!is_told).then_some((class, output));
-            }
-        }
-        match what {
-            What::Coverage => {
-                let rule = compare::Rule::Fragments {
-                    colors: Colors::Ignored,
-                    discards: Discards::Same,
-                    // It may be biased.
-                    depths: match self.relation {
-                        Relation::Prepass => Depths::NotNearer(self.direction),
-                        _ => Depths::Same,
-                    },
-                    stores: Stores::Ignored,
-                };
-                let depth = compare::difference(rule, first, second).map(told);
-                let alpha = || {
-                    let of_alpha = |v: &Value<F>| v.parts().ok().and_then(|p| p.get(3).cloned());
-                    let same = |a: &Value<F>, b: &Value<F>| match (of_alpha(a), of_alpha(b)) {
-                        (Some(a), Some(b)) => compare::same_bits(&a, &b),
-                        _ => false,
-                    };
-                    let slot = Slot::Location(0, None);
-                    let is_asked = self.covers_by_alpha && second.outputs.contains_key(&slot);
-                    is_asked.then(|| of((slot, slot), &same)).flatten()
-                };
-                depth.or_else(alpha).map(|output| (Class::Depth, output))
-            }
-            What::Outputs(ours, theirs) => {
-                of((ours, theirs), &compare::same_bits).map(|output| (Class::Color, output))
-            }
-            _ => {
-                let rule = compare::Rule::Fragments {
-                    colors: Colors::Bits,
-                    discards: Discards::Same,
-                    depths: Depths::Same,
-                    stores: self.stores(),
-                };
-                let found = compare::difference(rule, first, second);
-                found.map(|d| (Class::Color, told(d)))
-            }
-        }
+        Ok(self.difference(what, &first, &second))
     }
 
     fn by_terms(&self, what: What, place: TestPoint) -> bool {
-        let inputs = self.inputs(1, Reading::Chosen, &[]);
+        let inputs = self.inputs(1, Reading::Chosen, &[], &self.read(&self.matching.rules));
         let [ours, theirs] = [self.first, self.second].map(|s| s.vertex.module());
         term::proved(self.effort.paths, || {
             let mut world = world::symbolic(ours, &inputs);
@@ -593,38 +529,4 @@ fn locations(outputs: &[Io]) -> Vec<Slot> {
         .iter()
         .filter_map(|io| io.binding.as_ref().map(Slot::of));
     slots.filter(|s| matches!(s, Slot::Location(..))).collect()
-}
-
-/// What differs from the velocity at rest on other inputs.
-fn moving(
-    inputs: &Inputs,
-    second: &Ran,
-    slot: Slot,
-    rest: &mut Option<Value>,
-) -> Option<(Class, [String; 3])> {
-    let is_plain = matches!(inputs.profile, Profile::Ordinary | Profile::Equal);
-    if second.discarded || !is_plain {
-        return None;
-    }
-    let value = second.outputs.get(&slot)?;
-    let parts = value
-        .parts()
-        .map(|p| Value::Composite(p[..p.len().min(2)].to_vec()));
-    let value = parts.unwrap_or_else(|_| value.clone());
-    let known = rest.get_or_insert_with(|| value.clone());
-    let numbers = |v: &Value| {
-        v.floats()
-            .or_else(|_| v.float().map(|x| vec![x]))
-            .unwrap_or_default()
-    };
-    let mut pairs = numbers(known).into_iter().zip(numbers(&value));
-    // A division by w and its product are rounded.
-    let is_far = |(a, b): (f32, f32)| (a - b).abs() > 1e-3 * (1.0 + a.abs());
-    let differs = pairs.any(is_far);
-    differs.then(|| {
-        (
-            Class::Moves,
-            ["the velocity".to_owned(), text(known), text(&value)],
-        )
-    })
 }

@@ -143,7 +143,8 @@ pub(super) fn finding(
     class: Class,
     example: &Example,
 ) -> Finding {
-    let inputs = two.inputs(example.seed, example.reading, &example.rules);
+    let read = two.read(&example.rules);
+    let inputs = two.inputs(example.seed, example.reading, &example.rules, &read);
     let attached = BTreeMap::new();
     let world = world::concrete(&inputs, &attached, Texels::Waves);
     let is_discard = example.output[0] == "the fragment";

@@ -1,0 +1,75 @@
+//! The script of `agree`'s GitHub Action.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use crate::hostile_support::stderr;
+
+fn nowhere(name: &str) -> PathBuf {
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = fs::remove_dir_all(&path);
+    fs::create_dir_all(&path).unwrap();
+    path
+}
+
+fn git(folder: &Path, args: &[&str]) -> Output {
+    let mut git = Command::new("git");
+    git.args(["-c", "user.name=a", "-c", "user.email=a@example.org"]);
+    let run = git.args(args).current_dir(folder).output().unwrap();
+    assert!(run.status.success(), "{}", stderr(&run));
+    run
+}
+
+/// The Action's script in a repository of two commits.
+#[test]
+fn the_action_reports_what_a_commit_changes() {
+    let repository = nowhere("agree-action");
+    let shaders = repository.join("shaders");
+    fs::create_dir_all(&shaders).unwrap();
+    let leaf = fs::read_to_string("../fixtures/agree/leaf.wgsl").unwrap();
+    fs::write(shaders.join("leaf.wgsl"), &leaf).unwrap();
+    let toon = fs::read_to_string("../fixtures/shaders/toon.wgsl").unwrap();
+    fs::write(shaders.join("toon.wgsl"), toon).unwrap();
+    git(&repository, &["init", "-q"]);
+    git(&repository, &["add", "."]);
+    git(&repository, &["commit", "-q", "-m", "one"]);
+    let run = |fail_on: &str| {
+        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scripts/agree-action.sh");
+        let summary = repository.join("summary.md");
+        let _ = fs::remove_file(&summary);
+        let mut bash = Command::new("bash");
+        bash.arg(script).args(["shaders", "HEAD~1", "HEAD"]);
+        bash.env("PRESHADE", env!("CARGO_BIN_EXE_preshade"));
+        bash.env("GITHUB_STEP_SUMMARY", &summary)
+            .env("FAIL_ON", fail_on);
+        let ran = bash.current_dir(&repository).output().unwrap();
+        (
+            ran.status.code(),
+            fs::read_to_string(&summary).unwrap_or_else(|_| stderr(&ran)),
+        )
+    };
+    fs::write(repository.join("README"), "nothing of shaders").unwrap();
+    git(&repository, &["add", "."]);
+    git(&repository, &["commit", "-q", "-m", "two"]);
+    assert_eq!(
+        run("all"),
+        (Some(0), "### Shaders: none changed\n".to_owned())
+    );
+    fs::write(
+        shaders.join("leaf.wgsl"),
+        leaf.replace("alpha < 0.5", "alpha < 0.4"),
+    )
+    .unwrap();
+    git(&repository, &["commit", "-q", "-a", "-m", "three"]);
+    let (status, summary) = run("all");
+    assert_eq!(status, Some(1), "{summary}");
+    assert!(summary.contains("### Shaders: 1 of 1 differ"), "{summary}");
+    assert!(summary.contains("Unchanged: 1."), "{summary}");
+    assert!(
+        summary.contains("its threshold is 0.5, not 0.4"),
+        "{summary}"
+    );
+    assert!(summary.contains("HEAD:shaders/leaf.wgsl:30"), "{summary}");
+    assert_eq!(run("none").0, Some(0));
+}

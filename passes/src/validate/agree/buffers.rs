@@ -1,0 +1,218 @@
+//! Finds which buffer, or part of one, of the second program is which of the first.
+
+use naga::{AddressSpace, GlobalVariable, Handle, Module, Type};
+
+use super::Relation;
+use super::fed::{Cast, Rule, cast, plain};
+use super::matching::{By, Matcher};
+use super::parts::{Part, beside};
+use crate::core::mapping;
+use crate::evaluate;
+
+/// A data part of the first program.
+pub(super) struct Leaf {
+    pub(super) global: Handle<GlobalVariable>,
+    pub(super) steps: Vec<usize>,
+    pub(super) ty: Handle<Type>,
+    pub(super) name: String,
+}
+
+/// Members at any depth outside of arrays, and whole buffers, of the first program.
+pub(super) fn leaves(module: &Module) -> Vec<Leaf> {
+    fn open(module: &Module, leaf: Leaf, all: &mut Vec<Leaf>) {
+        for (i, (name, ty)) in mapping::members(module, leaf.ty).into_iter().enumerate() {
+            let steps = [&leaf.steps[..], &[i]].concat();
+            let global = leaf.global;
+            open(
+                module,
+                Leaf {
+                    global,
+                    steps,
+                    ty,
+                    name,
+                },
+                all,
+            );
+        }
+        all.push(leaf);
+    }
+    let mut all = Vec::new();
+    for (global, variable) in module.global_variables.iter() {
+        if evaluate::place(variable).is_some() && variable.space != AddressSpace::Handle {
+            let name = variable.name.clone().unwrap_or_default();
+            let leaf = Leaf {
+                global,
+                steps: Vec::new(),
+                ty: variable.ty,
+                name,
+            };
+            open(module, leaf, &mut all);
+        }
+    }
+    all
+}
+
+impl Matcher<'_> {
+    /// A buffer.
+    pub(super) fn data(&mut self, global: Handle<GlobalVariable>) {
+        let variable = &self.theirs.global_variables[global];
+        let ty = variable.ty;
+        let mapped: Vec<(mapping::Place, mapping::Place)> = self
+            .maps
+            .iter()
+            .filter_map(|map| {
+                let their = map.theirs.resolve(self.theirs).ok()?;
+                let our = map.ours.resolve(self.ours).ok()?;
+                (their.global == global).then_some((their, our))
+            })
+            .collect();
+        let kind = std::mem::discriminant(&variable.space);
+        let fits = |v: &GlobalVariable, by_number: bool| {
+            let is_data = v.space != AddressSpace::Handle;
+            let is_kind = !by_number || std::mem::discriminant(&v.space) == kind;
+            (is_data && is_kind)
+                .then(|| cast((self.theirs, ty), (self.ours, v.ty)))
+                .flatten()
+        };
+        let whole = self.partner(global, &fits);
+        let name = mapping::name_of(self.theirs, global, &[]).to_string();
+        if let Some((our, Cast::Same, by)) = &whole
+            && mapped.is_empty()
+            && self.is_same_space(global, *our)
+            && self.take(global, *our)
+        {
+            let ours = mapping::name_of(self.ours, *our, &[]).to_string();
+            let theirs = Part::of(self.theirs, global, &[]);
+            let parts = beside(&Cast::Same, &theirs, &Part::of(self.ours, *our, &[]));
+            self.found_parts(name, ours, *by, parts);
+            return;
+        }
+        let to = self.own_binding(global);
+        match whole {
+            Some((our, cast, by)) => self.rule((global, to, &[]), (our, &[]), cast, by),
+            None => self.part(global, to, &mut Vec::new(), ty, &mapped),
+        }
+        for (their, our) in mapped {
+            if let Some(cast) = cast((self.theirs, their.ty), (self.ours, our.ty)) {
+                let theirs = (global, to, &their.steps[..]);
+                self.rule(theirs, (our.global, &our.steps), cast, By::Map);
+            }
+        }
+    }
+
+    fn is_same_space(&self, theirs: Handle<GlobalVariable>, ours: Handle<GlobalVariable>) -> bool {
+        let (a, b) = (
+            &self.theirs.global_variables[theirs],
+            &self.ours.global_variables[ours],
+        );
+        std::mem::discriminant(&a.space) == std::mem::discriminant(&b.space)
+            && a.binding.is_some()
+            && b.binding.is_some()
+    }
+
+    fn rule(
+        &mut self,
+        (global, to, to_steps): (Handle<GlobalVariable>, (u32, u32), &[usize]),
+        (our, from_steps): (Handle<GlobalVariable>, &[usize]),
+        cast: Cast,
+        by: By,
+    ) {
+        let Some(from) = evaluate::place(&self.ours.global_variables[our]) else {
+            return;
+        };
+        let theirs = mapping::name_of(self.theirs, global, to_steps);
+        let ours = mapping::name_of(self.ours, our, from_steps);
+        let parts = beside(
+            &cast,
+            &Part::of(self.theirs, global, to_steps),
+            &Part::of(self.ours, our, from_steps),
+        );
+        self.rules.push(Rule {
+            to,
+            to_steps: to_steps.to_vec(),
+            from,
+            from_steps: from_steps.to_vec(),
+            cast,
+            is_of_view: plain(&theirs.variable) != plain(&ours.variable) && by != By::Number,
+        });
+        self.found_parts(theirs.to_string(), ours.to_string(), by, parts);
+    }
+
+    /// A part of a buffer whose whole has no partner.
+    fn part(
+        &mut self,
+        global: Handle<GlobalVariable>,
+        to: (u32, u32),
+        steps: &mut Vec<usize>,
+        ty: Handle<Type>,
+        mapped: &[(mapping::Place, mapping::Place)],
+    ) {
+        if mapped
+            .iter()
+            .any(|(their, _)| steps.starts_with(&their.steps))
+        {
+            return;
+        }
+        let is_split = mapped
+            .iter()
+            .any(|(their, _)| their.steps.starts_with(steps));
+        if !is_split && let Some((our, from, cast)) = self.named(global, steps, ty) {
+            return self.rule((global, to, &steps[..]), (our, &from), cast, By::Name);
+        }
+        let members = mapping::members(self.theirs, ty);
+        if members.is_empty() {
+            return self.lose(global, to, steps.clone(), ty);
+        }
+        for (i, (_, member)) in members.iter().enumerate() {
+            steps.push(i);
+            self.part(global, to, steps, *member, mapped);
+            steps.pop();
+        }
+    }
+
+    /// The part of ours with the same path, or the only one with the same last name.
+    fn named(
+        &self,
+        global: Handle<GlobalVariable>,
+        steps: &[usize],
+        ty: Handle<Type>,
+    ) -> Option<(Handle<GlobalVariable>, Vec<usize>, Cast)> {
+        let path = mapping::name_of(self.theirs, global, steps);
+        let word = |text: &str| match self.relation {
+            Relation::Velocity => plain(without_previous(text)),
+            _ => plain(text),
+        };
+        let last = word(path.members.last().unwrap_or(&path.variable));
+        let fits: Vec<_> = self
+            .leaves
+            .iter()
+            .filter(|leaf| !last.is_empty() && plain(&leaf.name) == last)
+            .filter_map(|leaf| Some((leaf, cast((self.theirs, ty), (self.ours, leaf.ty))?)))
+            .collect();
+        let is_same_path = |leaf: &Leaf| {
+            let ours = mapping::name_of(self.ours, leaf.global, &leaf.steps);
+            let words = |p: &mapping::Path| {
+                let all = std::iter::once(&p.variable).chain(&p.members);
+                all.map(|w| word(w)).collect::<Vec<_>>()
+            };
+            words(&ours) == words(&path)
+        };
+        let chosen = fits
+            .iter()
+            .find(|(leaf, _)| is_same_path(leaf))
+            .or(match &fits[..] {
+                [one] => Some(one),
+                _ => None,
+            });
+        chosen.map(|(leaf, cast)| (leaf.global, leaf.steps.clone(), cast.clone()))
+    }
+}
+
+/// A name without the habits by which it says that it holds the last frame's value.
+fn without_previous(name: &str) -> &str {
+    let before = ["prev_", "previous_", "last_", "old_", "prev", "previous"];
+    let after = ["_prev", "_previous", "_last", "_old", "Prev", "Previous"];
+    let bare = before.iter().find_map(|p| name.strip_prefix(p));
+    let bare = bare.or_else(|| after.iter().find_map(|p| name.strip_suffix(p)));
+    bare.filter(|b| !b.is_empty()).unwrap_or(name)
+}

@@ -1,0 +1,165 @@
+//! What two runs differ in, and whether that is rounding alone.
+
+use naga::BuiltIn;
+
+use super::trial::{Two, What};
+use super::{Class, Relation};
+use crate::evaluate::{Number, Scalar, Value};
+use crate::validate::compare::{self, Colors, Depths, Discards, Positions, Stores, text};
+use crate::validate::inputs::{Inputs, Profile};
+use crate::validate::stage::{POSITION, Ran, Slot};
+use crate::validate::world::{self, TestPoint};
+
+const FRAG_DEPTH: Slot = Slot::BuiltIn(BuiltIn::FragDepth);
+
+impl Two<'_> {
+    /// Whether the two agree in twice the digits.
+    pub(super) fn is_rounding(&self, what: What, inputs: &Inputs, place: TestPoint) -> bool {
+        let world = world::precise(inputs);
+        let run = |stages| world.run(stages, place, 4 * self.effort.steps, None);
+        let (Ok(first), Ok(second)) = (run(self.first), run(self.second)) else {
+            return false;
+        };
+        if first.discarded != second.discarded {
+            return false;
+        }
+        let slots: Vec<(Slot, Slot)> = match what {
+            What::Positions => vec![(POSITION, POSITION)],
+            What::Coverage => vec![(FRAG_DEPTH, FRAG_DEPTH)],
+            What::Outputs(ours, theirs) => vec![(ours, theirs)],
+            What::Colors | What::Still(_) => first.outputs.keys().map(|s| (*s, *s)).collect(),
+        };
+        slots.iter().all(
+            |(a, b)| match (first.outputs.get(a), second.outputs.get(b)) {
+                (Some(a), Some(b)) => compare::is_close(a, b, 1e-9),
+                (None, None) => true,
+                _ => first.discarded,
+            },
+        )
+    }
+
+    /// The first difference that the promise forbids.
+    pub(super) fn difference<F: Number>(
+        &self,
+        what: What,
+        first: &Ran<F>,
+        second: &Ran<F>,
+    ) -> Option<(Class, [String; 3])> {
+        let told = |d: compare::Difference| [d.output, d.original, d.variant];
+        let of = |slots: (Slot, Slot), same: &dyn Fn(&Value<F>, &Value<F>) -> bool| {
+            let (a, b) = (first.outputs.get(&slots.0), second.outputs.get(&slots.1));
+            let said = |v: Option<&Value<F>>| v.map_or("nothing".to_owned(), text);
+            match (a, b) {
+                (None, None) => None,
+                (Some(a), Some(b)) if same(a, b) => None,
+                _ => Some([slots.0.to_string(), said(a), said(b)]),
+            }
+        };
+        if what == What::Positions {
+            return match self.relation {
+                Relation::Same => {
+                    let rule = compare::Rule::Vertices(Positions::Bits);
+                    compare::difference(rule, first, second).map(told)
+                }
+                _ => of((POSITION, POSITION), &compare::same_bits),
+            }
+            .map(|output| (Class::Position, output));
+        }
+        let said = |discarded: bool| if discarded { "discarded" } else { "kept" }.to_owned();
+        match (first.discarded, second.discarded) {
+            (true, true) => return None,
+            (false, false) => {}
+            (a, b) => {
+                let class = if a { Class::KeepsHidden } else { Class::Loses };
+                // `Colors` has been told already by the coverage.
+                let is_told = what != What::Coverage;
+                let output = ["the fragment".to_owned(), said(a), said(b)];
+                return (!is_told).then_some((class, output));
+            }
+        }
+        match what {
+            What::Coverage => {
+                let rule = compare::Rule::Fragments {
+                    colors: Colors::Ignored,
+                    discards: Discards::Same,
+                    // It may be biased.
+                    depths: match self.relation {
+                        Relation::Prepass => Depths::NotNearer(self.direction),
+                        _ => Depths::Same,
+                    },
+                    stores: Stores::Ignored,
+                };
+                let depth = compare::difference(rule, first, second).map(told);
+                let alpha = || {
+                    let of_alpha = |v: &Value<F>| v.parts().ok().and_then(|p| p.get(3).cloned());
+                    let same = |a: &Value<F>, b: &Value<F>| match (of_alpha(a), of_alpha(b)) {
+                        (Some(a), Some(b)) => compare::same_bits(&a, &b),
+                        _ => false,
+                    };
+                    let slot = Slot::Location(0, None);
+                    let is_asked = self.covers_by_alpha && second.outputs.contains_key(&slot);
+                    is_asked.then(|| of((slot, slot), &same)).flatten()
+                };
+                depth.or_else(alpha).map(|output| (Class::Depth, output))
+            }
+            What::Outputs(ours, theirs) => {
+                of((ours, theirs), &compare::same_bits).map(|output| (Class::Color, output))
+            }
+            _ => {
+                let rule = compare::Rule::Fragments {
+                    colors: Colors::Bits,
+                    discards: Discards::Same,
+                    depths: Depths::Same,
+                    stores: self.stores(),
+                };
+                let found = compare::difference(rule, first, second);
+                found.map(|d| (Class::Color, told(d)))
+            }
+        }
+    }
+}
+
+/// A written depth as it is stored: within 0 and 1. A compiler may clamp it already. No API says what
+/// NaN becomes; clamping makes it 0.
+pub(super) fn clamp_depth(ran: &mut Ran) {
+    if let Some(Value::Scalar(Scalar::F32(depth))) = ran.outputs.get_mut(&FRAG_DEPTH) {
+        *depth = match depth.is_nan() {
+            true => 0.0,
+            false => depth.clamp(0.0, 1.0),
+        };
+    }
+}
+
+/// What differs from the velocity at rest on other inputs.
+pub(super) fn moving(
+    inputs: &Inputs,
+    second: &Ran,
+    slot: Slot,
+    rest: &mut Option<Value>,
+) -> Option<(Class, [String; 3])> {
+    let is_plain = matches!(inputs.profile, Profile::Ordinary | Profile::Equal);
+    if second.discarded || !is_plain {
+        return None;
+    }
+    let value = second.outputs.get(&slot)?;
+    let parts = value
+        .parts()
+        .map(|p| Value::Composite(p[..p.len().min(2)].to_vec()));
+    let value = parts.unwrap_or_else(|_| value.clone());
+    let known = rest.get_or_insert_with(|| value.clone());
+    let numbers = |v: &Value| {
+        v.floats()
+            .or_else(|_| v.float().map(|x| vec![x]))
+            .unwrap_or_default()
+    };
+    let mut pairs = numbers(known).into_iter().zip(numbers(&value));
+    // A division by w and its product are rounded.
+    let is_far = |(a, b): (f32, f32)| (a - b).abs() > 1e-3 * (1.0 + a.abs());
+    let differs = pairs.any(is_far);
+    differs.then(|| {
+        (
+            Class::Moves,
+            ["the velocity".to_owned(), text(known), text(&value)],
+        )
+    })
+}

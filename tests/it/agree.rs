@@ -1,0 +1,272 @@
+//! `agree` raises no false alarm: every fixture is held against the passes that preshade derives
+//! from it, and against itself, renamed, formatted, and compiled to another language and back.
+//! `AGREE_INPUTS=480` tries as many inputs as the command does.
+#![cfg(all(feature = "glsl", feature = "spirv"))]
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use naga::back::wgsl;
+use naga::{Module, TypeInner};
+use preshade::unstable::emit::{self, Target};
+use preshade::unstable::front::{self, ClipSpace, Options, Source};
+use preshade::unstable::passes::declared::Depth;
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::plan::{BindingSource, GpuPass, Plan, Role};
+use preshade::unstable::passes::program::Program;
+use preshade::unstable::passes::state::MaterialState;
+use preshade::unstable::passes::validate::Effort;
+use preshade::unstable::passes::validate::agree::{Agreement, Outcome, Relation, agree};
+use preshade::unstable::recipe::Recipe;
+use rayon::prelude::*;
+
+use crate::fixtures_support::root;
+
+/// Passes that draw the author's geometry and promise the author's bits.
+const RECIPES: [&str; 5] = [
+    "depth-prepass",
+    "shadow",
+    "early-discard",
+    "early-alpha",
+    "visibility-buffer",
+];
+
+/// Files of each fixture with a vertex stage: WGSL files, and pairs of GLSL files.
+fn fixtures(folder: &Path, found: &mut Vec<Vec<PathBuf>>) {
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        // Inputs that broke a parser once.
+        if path.is_dir() && !path.ends_with("crashes") {
+            fixtures(&path, found);
+        }
+        match path.extension().and_then(|e| e.to_str()) {
+            Some("wgsl") => found.push(vec![path]),
+            Some("vert") => found.push(vec![path.clone(), path.with_extension("frag")]),
+            _ => {}
+        }
+    }
+}
+
+fn plan(sources: &[Source], options: &Options) -> Option<Plan> {
+    let parsed = front::parse(sources, options).ok()?;
+    Some(parsed.plan("m", &MaterialState::default()))
+}
+
+fn read(files: &[PathBuf]) -> Option<Plan> {
+    let sources = files.iter().map(|path| {
+        let name = path.file_name().unwrap().to_string_lossy();
+        Source::from_bytes(name, std::fs::read(path).unwrap()).unwrap()
+    });
+    plan(&sources.collect::<Vec<_>>(), &Options::default())
+}
+
+/// A pass as the text that is emitted of it.
+fn emitted(plan_of_all: &Plan, pass: &GpuPass) -> Option<Plan> {
+    let files = emit::emit(plan_of_all, &[Target::Wgsl], &emit::Options::default()).ok()?;
+    let name = format!("m.{}.wgsl", pass.program);
+    let file = files.into_iter().find(|f| f.name == name)?;
+    let options = Options {
+        vertex: Some(pass.vertex.clone()),
+        fragment: pass.fragment.clone(),
+        ..Options::default()
+    };
+    plan(&[Source::from_bytes(name, file.bytes).unwrap()], &options)
+}
+
+/// A material in another language.
+fn compiled(original: &Plan, target: Target) -> Option<Plan> {
+    let files = emit::emit(original, &[target], &emit::Options::default()).ok()?;
+    let shaders = files.into_iter().filter(|f| !f.name.ends_with(".json"));
+    let sources = shaders.map(|f| Source::from_bytes(f.name, f.bytes).unwrap());
+    // GLSL keeps its author's clip space.
+    let is_open_gl = |program: &Program| program.declared().depth == Depth::OpenGl;
+    let clip_space = match original.programs.values().any(is_open_gl) {
+        true => None,
+        false => Some(ClipSpace::AsWritten),
+    };
+    let options = Options {
+        clip_space,
+        ..Options::default()
+    };
+    plan(&sources.collect::<Vec<_>>(), &options)
+}
+
+/// A material with other names for everything that a host does not bind by name, as naga writes it.
+fn renamed(original: &Plan) -> Option<Plan> {
+    let pass = original.main()?;
+    let mut module = original.program(pass)?.module().clone();
+    rename(&mut module);
+    let info = naga::valid::Validator::new(
+        naga::valid::ValidationFlags::all(),
+        naga::valid::Capabilities::all(),
+    )
+    .validate(&module)
+    .ok()?;
+    let text = wgsl::write_string(&module, &info, wgsl::WriterFlags::EXPLICIT_TYPES).ok()?;
+    let options = Options {
+        vertex: Some(pass.vertex.clone()),
+        fragment: pass.fragment.clone(),
+        ..Options::default()
+    };
+    plan(&[Source::new("renamed.wgsl", text)], &options)
+}
+
+fn rename(module: &mut Module) {
+    let mut count = 0;
+    let mut next = move || {
+        count += 1;
+        Some(format!("item{count}"))
+    };
+    let types: Vec<_> = module.types.iter().map(|(h, ty)| (h, ty.clone())).collect();
+    for (handle, mut ty) in types {
+        // Results of built-in functions have names of their own.
+        let is_predeclared = ty.name.as_deref().is_none_or(|n| n.starts_with("__"));
+        if let (TypeInner::Struct { members, .. }, false) = (&mut ty.inner, is_predeclared) {
+            ty.name = next();
+            members.iter_mut().for_each(|m| m.name = next());
+            module.types.replace(handle, ty);
+        }
+    }
+    for (_, constant) in module.constants.iter_mut() {
+        constant.name = next();
+    }
+    for (_, global) in module.global_variables.iter_mut() {
+        if global.binding.is_some() {
+            global.name = next();
+        }
+    }
+    let entries = module.entry_points.iter_mut().map(|e| &mut e.function);
+    let functions = module.functions.iter_mut().map(|(_, f)| f);
+    for function in functions.chain(entries) {
+        function.name = next();
+        function.arguments.iter_mut().for_each(|a| a.name = next());
+        function
+            .local_variables
+            .iter_mut()
+            .for_each(|(_, l)| l.name = next());
+        let names = function.named_expressions.iter_mut();
+        names.for_each(|(_, name)| *name = next().unwrap_or_default());
+    }
+}
+
+/// Whether naga wrote a uniform for the host to set: OpenGL does not count instances from the draw's
+/// first one.
+fn needs_first_instance(plan: &Plan) -> bool {
+    let mut programs = plan.programs.values();
+    programs.any(|program| {
+        let types = program.module().types.iter();
+        let structs = types.filter_map(|(_, ty)| match &ty.inner {
+            TypeInner::Struct { members, .. } => Some(members.iter()),
+            _ => None,
+        });
+        let mut names = structs.flatten().filter_map(|m| m.name.as_deref());
+        names.any(|name| name == "naga_vs_first_instance")
+    })
+}
+
+/// The second programs that a material must agree with.
+fn partners(original: &Plan) -> Vec<(String, Relation, Plan)> {
+    let mut all = Vec::new();
+    for recipe in RECIPES {
+        let parsed = Recipe::parse_list(recipe).unwrap();
+        let Ok(variant) = parsed.apply(original, &Facts::without_ties()) else {
+            continue;
+        };
+        for pass in &variant.passes {
+            let relation = match pass.role {
+                Role::Prepass | Role::Ids => Relation::Prepass,
+                Role::Shadow => Relation::Shadow,
+                Role::Main => Relation::Same,
+                _ => continue,
+            };
+            // Such a pass is a program beside others: it reads what they have drawn.
+            if pass
+                .bindings
+                .iter()
+                .any(|b| b.source != BindingSource::Author)
+            {
+                continue;
+            }
+            let role = pass.role.name();
+            let other = emitted(&variant, pass);
+            all.extend(other.map(|p| (format!("{recipe}, {role}"), relation, p)));
+        }
+    }
+    let itself = [
+        ("renamed", renamed(original)),
+        (
+            "as GLSL",
+            compiled(original, Target::Glsl450).filter(|p| !needs_first_instance(p)),
+        ),
+        ("as SPIR-V", compiled(original, Target::Spirv)),
+    ];
+    for (how, other) in itself {
+        all.extend(other.map(|p| (how.to_owned(), Relation::Same, p)));
+    }
+    all
+}
+
+/// What counts: an alarm, or the words of each promise.
+fn judged(agreement: &Agreement) -> Vec<Result<&'static str, String>> {
+    let breaks = agreement.findings.iter();
+    let breaks = breaks.filter(|f| f.class.breaks(agreement.relation));
+    let alarms = breaks.map(|f| Err(format!("{}: {}", f.class.name(), f.words)));
+    let promises = agreement.promises.iter().map(|held| match &held.outcome {
+        Outcome::Proved { .. } => Ok("proved"),
+        Outcome::Agreed { .. } => Ok("agreed"),
+        Outcome::Differs => Ok("differs where it does not matter"),
+        Outcome::NotEvaluated { why } if std::env::var_os("AGREE_WHY").is_some() => {
+            eprintln!("{}: {why}", held.promise);
+            Ok("not evaluated")
+        }
+        Outcome::NotEvaluated { .. } => Ok("not evaluated"),
+    });
+    alarms.chain(promises).collect()
+}
+
+#[test]
+fn no_fixture_raises_a_false_alarm_against_itself() {
+    let inputs = std::env::var("AGREE_INPUTS").ok();
+    let effort = Effort {
+        inputs: inputs.map_or(24, |n| n.parse().unwrap()),
+        ..Effort::default()
+    };
+    let mut all = Vec::new();
+    fixtures(&root().join("fixtures"), &mut all);
+    all.sort();
+    let results: Vec<_> = all
+        .par_iter()
+        .filter_map(|files| Some((files, read(files)?)))
+        .flat_map_iter(|(files, original)| {
+            let name = files[0].file_name().unwrap().to_string_lossy().into_owned();
+            let mut results = Vec::new();
+            for (how, relation, other) in partners(&original) {
+                let held = agree(&original, &other, relation, &[], &effort);
+                let judged = match &held {
+                    Ok(agreement) => judged(agreement),
+                    Err(mismatch) => vec![Err(mismatch.to_string())],
+                };
+                let judged = judged
+                    .into_iter()
+                    .map(|j| j.map_err(|e| format!("{name}, {how}: {e}")));
+                let judged: Vec<_> = judged.collect();
+                results.push((how, judged));
+            }
+            results
+        })
+        .collect();
+    let mut counts: BTreeMap<(String, &str), usize> = BTreeMap::new();
+    let mut alarms = Vec::new();
+    for (how, judged) in &results {
+        *counts.entry((how.clone(), "pairs")).or_default() += 1;
+        for result in judged {
+            match result {
+                Ok(word) => *counts.entry((how.clone(), word)).or_default() += 1,
+                Err(alarm) => alarms.push(alarm.as_str()),
+            }
+        }
+    }
+    eprintln!("{} pairs: {counts:#?}", results.len());
+    assert!(alarms.is_empty(), "{}", alarms.join("\n"));
+    assert!(results.len() > 400, "{}", results.len());
+}
