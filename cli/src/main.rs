@@ -1,7 +1,7 @@
 //! `preshade` at the command line. One file a subcommand; data on stdout, messages on stderr.
 //!
-//! Exit status: 0 fine (a refusal is fine: the original is kept), 1 a contract broke, 2 bad usage
-//! or input, 3 `verify` measured nothing that a verdict could depend on.
+//! Exit status: 0 fine (a refusal is fine: the original is kept), 1 a contract or relation broke, 2
+//! bad usage or input, 3 `verify` or `agree` found nothing that a verdict could depend on.
 
 use std::ffi::OsString;
 use std::io::IsTerminal;
@@ -17,6 +17,8 @@ use preshade::unstable::nearest::nearest;
 use watch::Reads;
 
 mod adapters;
+mod agree;
+mod agreed;
 mod apart;
 mod bench;
 mod bounded;
@@ -38,6 +40,7 @@ mod lock;
 mod man;
 mod many;
 mod output;
+mod pairs;
 mod passes;
 mod plan;
 mod promises;
@@ -45,6 +48,7 @@ mod rewrite;
 mod rewritten;
 mod share;
 mod state;
+mod trees;
 mod variable;
 mod variants;
 mod verify;
@@ -65,6 +69,7 @@ Examples:
   preshade explain lit.wgsl
   preshade --explain blended
   preshade rewrite lit.wgsl --pass depth-prepass --emit wgsl,glsl -o out/
+  preshade agree lit.wgsl --with shadow.wgsl --as shadow
   preshade verify lit.wgsl
   preshade verify scene.toml --pass depth-prepass:form=equal --out report/
 
@@ -121,6 +126,9 @@ enum Command {
     Passes(passes::PassesArgs),
     /// Rewrites a shader by a recipe of passes.
     Rewrite(rewrite::RewriteArgs),
+    /// Holds two programs against each other: a hand-written depth or shadow pass against its main
+    /// pass, or shaders before and after an edit.
+    Agree(agree::AgreeArgs),
     /// Draws a scene or a shader with the original and its variants: error, time, verdict.
     Verify(verify::VerifyArgs),
     /// Chooses the passes that pay for each material of a scene on this adapter, by measurement.
@@ -145,6 +153,7 @@ impl Command {
             Self::Graph(a) => graph::run(a),
             Self::Passes(a) => passes::run(a),
             Self::Rewrite(a) => rewrite::run(a, config),
+            Self::Agree(a) => agree::run(a),
             Self::Verify(a) => verify::run(a),
             Self::Plan(a) => plan::run(a),
             Self::Explore(a) => explore::run(a),
@@ -161,6 +170,7 @@ impl Command {
             Self::Explain(a) => &a.shader.limits,
             Self::Graph(a) => &a.shader.limits,
             Self::Rewrite(a) => &a.shader.limits,
+            Self::Agree(a) => &a.shader.limits,
             Self::Verify(a) => &a.shader.limits,
             Self::Explore(a) => &a.shader.limits,
             Self::Plan(a) => &a.limits,
@@ -177,6 +187,13 @@ impl Command {
             Self::Rewrite(a) => return a.reads(),
             Self::Verify(a) => &a.shader,
             Self::Explore(a) => &a.shader,
+            Self::Agree(a) => {
+                return Some(Reads {
+                    files: a.reads(),
+                    includes: a.shader.glsl.include.clone(),
+                    ..Reads::default()
+                });
+            }
             Self::Plan(a) => {
                 return Some(Reads {
                     files: a.reads(),

@@ -7,6 +7,7 @@ mod hostile_support;
 #[path = "../support/trees.rs"]
 mod trees;
 
+mod agree;
 mod cli;
 mod hostile;
 mod many;

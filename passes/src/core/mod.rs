@@ -13,6 +13,7 @@ pub mod geometry;
 pub mod guard;
 pub mod limits;
 pub mod link;
+pub mod mapping;
 pub mod operands;
 pub mod pass;
 pub mod pattern;

@@ -230,10 +230,18 @@ impl<'a, F: Number> Machine<'a, F> {
         }
         let mut operands = vec![*coordinate];
         operands.extend(array_index);
+        let axes = match self.get(frame, *coordinate)? {
+            Value::Composite(parts) => parts.len(),
+            _ => 1,
+        };
+        sampling.axes = axes;
         let mut footprint = Vec::new();
         match level {
             SampleLevel::Auto | SampleLevel::Zero => {}
-            SampleLevel::Exact(l) => operands.push(*l),
+            SampleLevel::Exact(l) => {
+                sampling.level = Some(axes + array_index.iter().count());
+                operands.push(*l);
+            }
             SampleLevel::Bias(l) => footprint.push(*l),
             SampleLevel::Gradient { x, y } => footprint.extend([*x, *y]),
         }

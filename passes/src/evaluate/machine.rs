@@ -43,6 +43,8 @@ pub(super) struct Machine<'a, F: Number> {
 
 pub(super) struct Activation<'f, F> {
     pub(super) function: &'f Function,
+    /// Its handle; `None` for the function that the run began with.
+    handle: Option<Handle<Function>>,
     pub(super) arguments: Vec<Value<F>>,
     /// Address of the first local variable.
     pub(super) locals: usize,
@@ -82,7 +84,7 @@ impl<'a, F: Number> Machine<'a, F> {
         function: &'a Function,
         arguments: &[Value<F>],
     ) -> Result<RunResult<F>, Stuck> {
-        let result = self.call(function, arguments.to_vec())?;
+        let result = self.call((None, function), arguments.to_vec())?;
         Ok(RunResult {
             stored: self.stored(),
             result,
@@ -226,7 +228,7 @@ impl<'a, F: Number> Machine<'a, F> {
 
     fn call(
         &mut self,
-        function: &'a Function,
+        (handle, function): (Option<Handle<Function>>, &'a Function),
         arguments: Vec<Value<F>>,
     ) -> Result<Option<Value<F>>, Stuck> {
         let (locals, of_locals) = (self.memory.len(), self.of_locals);
@@ -239,6 +241,7 @@ impl<'a, F: Number> Machine<'a, F> {
         self.held += held;
         let mut frame = Activation {
             function,
+            handle,
             arguments,
             locals,
             values: vec![None; function.expressions.len()],
@@ -300,10 +303,13 @@ impl<'a, F: Number> Machine<'a, F> {
                     self.step()?;
                     let value = self.evaluate(frame, e)?;
                     if let Some(trace) = self.environment.trace {
+                        let compared = self.compared(frame, e)?;
                         trace.borrow_mut().push(Traced {
                             span: frame.function.expressions.get_span(e),
                             kind: kind(&frame.function.expressions[e]),
                             value: value.clone(),
+                            at: (frame.handle, e),
+                            compared,
                         });
                     }
                     self.keep(frame, e, value)?;
@@ -379,7 +385,8 @@ impl<'a, F: Number> Machine<'a, F> {
                     .iter()
                     .map(|a| self.get(frame, *a))
                     .collect::<Result<_, _>>()?;
-                let returned = self.call(&self.module.functions[*function], arguments)?;
+                let callee = (Some(*function), &self.module.functions[*function]);
+                let returned = self.call(callee, arguments)?;
                 if let (Some(result), Some(returned)) = (result, returned) {
                     self.keep(frame, *result, returned)?;
                 }
@@ -387,6 +394,28 @@ impl<'a, F: Number> Machine<'a, F> {
             other => return Err(Stuck::Unsupported(format!("{other:?}"))),
         }
         Ok(BlockEnd::Next)
+    }
+
+    /// The operands of a comparison of scalars.
+    fn compared(
+        &mut self,
+        frame: &mut Activation<'a, F>,
+        e: Handle<Expression>,
+    ) -> Result<Option<[Value<F>; 2]>, Stuck> {
+        use naga::BinaryOperator as B;
+        let Expression::Binary { op, left, right } = frame.function.expressions[e] else {
+            return Ok(None);
+        };
+        let is_comparison = matches!(
+            op,
+            B::Less | B::LessEqual | B::Greater | B::GreaterEqual | B::Equal | B::NotEqual
+        );
+        if !is_comparison {
+            return Ok(None);
+        }
+        let operands = [self.get(frame, left)?, self.get(frame, right)?];
+        let is_scalar = |v: &Value<F>| matches!(v, Value::Scalar(_));
+        Ok(operands.iter().all(is_scalar).then_some(operands))
     }
 
     /// The target of a pointer, for reading.

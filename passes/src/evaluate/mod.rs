@@ -83,6 +83,11 @@ pub struct Sampling {
     pub implicit: bool,
     /// Coordinates are clamped half a texel from the edge (`textureSampleBaseClampToEdge`).
     pub clamped: bool,
+    /// How many of the coordinates are along the texture's axes; the level depends on these. 0 for a
+    /// load.
+    pub axes: usize,
+    /// Which of the coordinates is an explicit level.
+    pub level: Option<usize>,
 }
 
 /// A derivative (`dpdx`, `fwidthFine`) of one component.
@@ -106,6 +111,13 @@ pub struct Traced<F = f32> {
     pub kind: &'static str,
     /// The computed or stored value.
     pub value: Value<F>,
+    /// Its function, `None` for the entry point's, and the expression.
+    pub at: (
+        Option<naga::Handle<Function>>,
+        naga::Handle<naga::Expression>,
+    ),
+    /// The operands of a comparison of scalars.
+    pub compared: Option<[Value<F>; 2]>,
 }
 
 /// The environment of an invocation.

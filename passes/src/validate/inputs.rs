@@ -7,7 +7,7 @@ use naga::{AddressSpace, ArraySize, BuiltIn, Handle, Module, ScalarKind, Type, T
 
 use super::levels::Levels;
 use super::stage::{POSITION, Slot, VaryingKind};
-use super::world::{plus, times};
+use super::world::{self, plus, times};
 use crate::core::guard::{Assumed, Guard, Place, ScalarType};
 use crate::core::reflect::Io;
 use crate::evaluate::{Lookup, Number, RUNTIME_ELEMENTS, Sampling, Scalar, Value, place, scalars};
@@ -182,6 +182,29 @@ impl Inputs {
         }
     }
 
+    /// The same inputs, with what `more` has beside them.
+    #[must_use]
+    pub fn beside(self, more: Self) -> Self {
+        let mut resources = Arc::unwrap_or_clone(more.resources);
+        resources.extend(Arc::unwrap_or_clone(self.resources));
+        let left_out = [self.left_out, more.left_out].concat();
+        Self {
+            resources: Arc::new(resources),
+            left_out,
+            ..self
+        }
+    }
+
+    /// Gives a channel of a texture one value everywhere.
+    pub fn fix_texel(&mut self, (group, binding): (u32, u32), channel: u32, value: f32) {
+        self.texels.insert((group, binding, channel), value);
+    }
+
+    /// Gives a component of an attribute one value at every vertex.
+    pub fn fix_attribute(&mut self, location: u32, component: u32, value: f32) {
+        self.attributes.insert((location, component), value);
+    }
+
     fn assume(&mut self, module: &Module, assumed: &Assumed) {
         let mut random = Random::new(self.seed, &assumed.name);
         let number = within(assumed, &mut random);
@@ -303,10 +326,9 @@ impl Inputs {
     /// A texel from 0 to 1: a smooth function of the coordinates, different for each texture,
     /// sampler and offset. An implicit level has no influence.
     pub fn texel(&self, lookup: &Lookup<'_>) -> [f32; 4] {
-        let sum = lookup
-            .coordinates
-            .iter()
-            .chain(self.levels.given(lookup))
+        let numbers = self.levels.numbers(lookup, world::slopes(self));
+        let sum = numbers
+            .into_iter()
             .fold(start(lookup.binding, lookup.sampling), |sum, c| {
                 sum * 1.7 + c.clamp(-1e6, 1e6)
             });

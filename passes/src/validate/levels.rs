@@ -34,14 +34,69 @@ impl Kinds {
 /// A texture by group and binding; `None` for a function's argument.
 type Texture = Option<(u32, u32)>;
 
+/// How texels depend on the mip level.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Reading {
+    /// On the gradients and biases of the chosen textures.
+    #[default]
+    Chosen,
+    /// On the level, however the lookup names it: an implicit level is that of the coordinates'
+    /// derivatives.
+    Level,
+    /// Not at all.
+    Ignored,
+}
+
 /// The textures whose lookups receive gradients or bias.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Levels {
+    reading: Reading,
     gradients: BTreeSet<(u32, u32)>,
     biases: BTreeSet<(u32, u32)>,
 }
 
+/// A level changes a texel as much as a place does.
+const LEVEL_SCALE: f32 = 16.0;
+
 impl Levels {
+    /// All textures alike.
+    pub fn all(reading: Reading) -> Self {
+        Self {
+            reading,
+            ..Self::default()
+        }
+    }
+
+    /// The numbers that decide a texel, with the derivatives of a unit along x and y.
+    pub fn numbers(&self, lookup: &Lookup<'_>, slopes: [f32; 2]) -> Vec<f32> {
+        let coordinates = lookup.coordinates.iter().copied();
+        let along = |scale: f32| {
+            let axes = &lookup.coordinates[..lookup.sampling.axes];
+            let slopes = slopes.into_iter();
+            slopes.flat_map(move |slope| axes.iter().map(move |c| c * slope * scale))
+        };
+        match (self.reading, lookup.footprint) {
+            (Reading::Chosen, _) => coordinates
+                .chain(self.given(lookup).iter().copied())
+                .collect(),
+            (Reading::Ignored, _) => {
+                let coordinates = coordinates.enumerate();
+                let coordinates = coordinates.filter(|(i, _)| Some(*i) != lookup.sampling.level);
+                coordinates.map(|(_, c)| c).collect()
+            }
+            (Reading::Level, []) if lookup.sampling.implicit => {
+                coordinates.chain(along(LEVEL_SCALE)).collect()
+            }
+            (Reading::Level, [bias]) => coordinates
+                .chain(along(bias.exp2() * LEVEL_SCALE))
+                .collect(),
+            (Reading::Level, gradients) => {
+                let gradients = gradients.iter().map(|g| g * LEVEL_SCALE);
+                coordinates.chain(gradients).collect()
+            }
+        }
+    }
+
     /// Compares an original and its variant. Lookups receive gradients if the original never uses
     /// an implicit level of that texture, biases if neither uses gradients, and both if no lookup
     /// changed its kind.

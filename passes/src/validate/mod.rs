@@ -24,6 +24,7 @@ use crate::core::guard::{Guard, Place as Assumed};
 use crate::core::plan::{Plan, Role};
 use crate::core::program::Program;
 
+pub mod agree;
 #[cfg(test)]
 mod broken_slicer;
 pub mod compare;

@@ -5,8 +5,9 @@ use super::inputs::{self, Inputs};
 use super::promise::Pair;
 use super::stage::Stage;
 use super::term;
-use super::world::{self, TestPoint, World};
+use super::world::{self, PassStages, TestPoint, World};
 use crate::core::guard::Place as Assumed;
+use crate::core::program::Program;
 use crate::graph::{FunctionId, Graph};
 use crate::rebuild::place::{self, PositionInvariance};
 use crate::slice::{self, Criterion, OutputFilter};
@@ -15,46 +16,7 @@ impl Pair<'_> {
     /// Whether a promise has equal slices in both: of the fragment stage, and of its inputs in the
     /// vertex stage.
     pub(super) fn slices_are_same(&self, place: TestPoint, colors: Colors) -> bool {
-        let mut vertex = vec![Criterion::Output(OutputFilter::Rasterization)];
-        if place != TestPoint::Vertex {
-            let mut wanted = match colors {
-                Colors::Bits | Colors::Numbers | Colors::Within(_) => {
-                    vec![Criterion::Output(OutputFilter::All)]
-                }
-                Colors::Alpha => vec![
-                    Criterion::Output(OutputFilter::FragDepth),
-                    Criterion::Component(OutputFilter::Location(0), 3),
-                ],
-                Colors::Ignored => vec![Criterion::Output(OutputFilter::FragDepth)],
-            };
-            wanted.push(Criterion::Discard);
-            let (Some(a), Some(b)) = (self.original.fragment, self.other.fragment) else {
-                return false;
-            };
-            // A slice of outputs excludes stores.
-            if self.stores() == Stores::Same && (stores(a) || stores(b)) {
-                return false;
-            }
-            let (Some(first), Some(second)) = (normal(a, &wanted), normal(b, &wanted)) else {
-                return false;
-            };
-            if first != second {
-                return false;
-            }
-            let read = first.read.iter().filter_map(|binding| match binding {
-                naga::Binding::Location { location, .. } => Some(*location),
-                naga::Binding::BuiltIn(_) => None,
-            });
-            vertex = read
-                .map(|l| Criterion::Output(OutputFilter::Location(l)))
-                .collect();
-            if place == TestPoint::Anywhere || vertex.is_empty() {
-                return true;
-            }
-            vertex.push(Criterion::Output(OutputFilter::Rasterization));
-        }
-        let found = normal(self.original.vertex, &vertex);
-        found.is_some() && found == normal(self.other.vertex, &vertex)
+        slices_are_same(self.original, self.other, place, colors, self.stores())
     }
 
     /// The number of paths over which both give the same results for every input, if proved.
@@ -75,6 +37,68 @@ impl Pair<'_> {
             Ok(compare::difference(rule, &original, &variant).is_none())
         })
     }
+}
+
+/// What decides a fragment, as far as colours are promised.
+pub(super) fn of_fragment(colors: Colors) -> Vec<Criterion> {
+    let mut wanted = match colors {
+        Colors::Bits | Colors::Numbers | Colors::Within(_) => {
+            vec![Criterion::Output(OutputFilter::All)]
+        }
+        Colors::Alpha => vec![
+            Criterion::Output(OutputFilter::FragDepth),
+            Criterion::Component(OutputFilter::Location(0), 3),
+        ],
+        Colors::Ignored => vec![Criterion::Output(OutputFilter::FragDepth)],
+    };
+    wanted.push(Criterion::Discard);
+    wanted
+}
+
+/// Whether two materials have equal slices at a place: of the fragment stage, and of its inputs in
+/// the vertex stage.
+pub(super) fn slices_are_same(
+    original: PassStages<'_>,
+    other: PassStages<'_>,
+    place: TestPoint,
+    colors: Colors,
+    compared: Stores,
+) -> bool {
+    let mut vertex = vec![Criterion::Output(OutputFilter::Rasterization)];
+    if place != TestPoint::Vertex {
+        let (Some(a), Some(b)) = (original.fragment, other.fragment) else {
+            return false;
+        };
+        // A slice of outputs excludes stores.
+        if compared == Stores::Same && (stores(a) || stores(b)) {
+            return false;
+        }
+        let wanted = of_fragment(colors);
+        let (Some(first), Some(second)) = (normal(a, &wanted), normal(b, &wanted)) else {
+            return false;
+        };
+        if first != second {
+            return false;
+        }
+        vertex = locations(&first.read);
+        if place == TestPoint::Anywhere || vertex.is_empty() {
+            return true;
+        }
+        vertex.push(Criterion::Output(OutputFilter::Rasterization));
+    }
+    let found = normal(original.vertex, &vertex);
+    found.is_some() && found == normal(other.vertex, &vertex)
+}
+
+/// The outputs of a vertex stage at the locations of these bindings.
+pub(super) fn locations(read: &[naga::Binding]) -> Vec<Criterion> {
+    let locations = read.iter().filter_map(|binding| match binding {
+        naga::Binding::Location { location, .. } => Some(*location),
+        naga::Binding::BuiltIn(_) => None,
+    });
+    locations
+        .map(|l| Criterion::Output(OutputFilter::Location(l)))
+        .collect()
 }
 
 /// Writes a number that a guard fixes into a buffer of terms.
@@ -128,22 +152,31 @@ struct Normal {
     read: Vec<naga::Binding>,
 }
 
-/// The slice of a stage. It is placed and sliced again, which removes all traces of its program.
-fn normal(stage: Stage<'_>, criteria: &[Criterion]) -> Option<Normal> {
+/// Name of the entry point of [`placed`].
+pub(super) const SLICE: &str = "preshade_slice";
+
+/// A slice of a stage as a program of its own, with the entry point [`SLICE`].
+pub(super) fn placed(stage: Stage<'_>, criteria: &[Criterion]) -> Option<Program> {
     let graph = Graph::build(stage.program);
     let slice = slice::backward(&graph, stage.entry, criteria);
     let module = place::entry_point(
         &graph,
         &slice,
         stage.module(),
-        "preshade_slice",
+        SLICE,
         "slice",
         PositionInvariance::AsWritten,
     );
     let kind = stage.module().entry_points[stage.entry].stage;
-    let module = place::retain(&module, &[(kind, "preshade_slice")]);
-    let placed = stage.program.with_module(module).ok()?;
-    let stage = Stage::new(&placed, kind, "preshade_slice")?;
+    let module = place::retain(&module, &[(kind, SLICE)]);
+    stage.program.with_module(module).ok()
+}
+
+/// The slice of a stage. It is placed and sliced again, which removes all traces of its program.
+fn normal(stage: Stage<'_>, criteria: &[Criterion]) -> Option<Normal> {
+    let kind = stage.module().entry_points[stage.entry].stage;
+    let placed = placed(stage, criteria)?;
+    let stage = Stage::new(&placed, kind, SLICE)?;
     let graph = Graph::build(&placed);
     Some(Normal {
         hash: slice::backward(&graph, stage.entry, criteria).hash(&graph),

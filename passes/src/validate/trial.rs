@@ -8,7 +8,7 @@ use super::inputs::{Inputs, Profile};
 use super::promise::Pair;
 use super::stage;
 use super::verdict::{Counterexample, Diverged, Verdict, not_evaluated};
-use super::world::{self, TestPoint, Texels, World};
+use super::world::{self, PassStages, TestPoint, Texels, World};
 use crate::evaluate::{self, Stuck, Traced, Value};
 
 /// One in this many inputs must terminate.
@@ -124,60 +124,8 @@ impl Pair<'_> {
         }
     }
 
-    /// The inputs of the original's stages, as text.
     pub(super) fn said(&self, inputs: &Inputs, place: TestPoint) -> Vec<(String, String)> {
-        let mut said = Vec::new();
-        let own = inputs.corner();
-        let vertex = self.original.vertex;
-        for io in vertex.inputs() {
-            let corners: &[usize] = match place {
-                TestPoint::Vertex => std::slice::from_ref(&own),
-                TestPoint::Corner(_) | TestPoint::Inside => &[0, 1, 2],
-                TestPoint::Anywhere => &[],
-            };
-            for corner in corners {
-                if let Some(value) = inputs.attribute(vertex.module(), &io, *corner) {
-                    let name = io.name.clone().unwrap_or_default();
-                    said.push((format!("{name} of vertex {corner}"), text(&value)));
-                }
-            }
-        }
-        if place == TestPoint::Inside {
-            let fragment = self.original.fragment.iter();
-            let mut kinds: Vec<_> = fragment
-                .flat_map(|f| f.inputs())
-                .filter_map(|io| stage::kind(io.binding.as_ref()?))
-                .collect();
-            kinds.sort_unstable();
-            kinds.dedup();
-            for kind in kinds {
-                let weights = format!("{:?}", inputs.weights(kind));
-                said.push((format!("weights of the corners, {kind:?}"), weights));
-            }
-        }
-        if let Some(fragment) = self
-            .original
-            .fragment
-            .filter(|_| place != TestPoint::Vertex)
-        {
-            for io in fragment.inputs() {
-                let is_own = matches!(io.binding, Some(naga::Binding::BuiltIn(_)));
-                if !(is_own || place == TestPoint::Anywhere) {
-                    continue;
-                }
-                if let Some(value) = inputs.fragment(fragment.module(), &io) {
-                    said.push((io.name.clone().unwrap_or_default(), text(&value)));
-                }
-            }
-        }
-        for (_, global) in vertex.module().global_variables.iter() {
-            let is_data = global.space != naga::AddressSpace::Handle;
-            let at = evaluate::place(global).filter(|_| is_data);
-            if let Some(value) = at.and_then(|at| inputs.resources.get(&at)) {
-                said.push((global.name.clone().unwrap_or_default(), text(value)));
-            }
-        }
-        said
+        said(self.original, inputs, place)
     }
 
     /// The first value in the source that both compute differently.
@@ -226,6 +174,62 @@ impl Pair<'_> {
         }
         None
     }
+}
+
+/// The inputs of the original's stages, as text.
+pub(super) fn said(
+    stages: PassStages<'_>,
+    inputs: &Inputs,
+    place: TestPoint,
+) -> Vec<(String, String)> {
+    let mut said = Vec::new();
+    let own = inputs.corner();
+    let vertex = stages.vertex;
+    for io in vertex.inputs() {
+        let corners: &[usize] = match place {
+            TestPoint::Vertex => std::slice::from_ref(&own),
+            TestPoint::Corner(_) | TestPoint::Inside => &[0, 1, 2],
+            TestPoint::Anywhere => &[],
+        };
+        for corner in corners {
+            if let Some(value) = inputs.attribute(vertex.module(), &io, *corner) {
+                let name = io.name.clone().unwrap_or_default();
+                said.push((format!("{name} of vertex {corner}"), text(&value)));
+            }
+        }
+    }
+    if place == TestPoint::Inside {
+        let fragment = stages.fragment.iter();
+        let mut kinds: Vec<_> = fragment
+            .flat_map(|f| f.inputs())
+            .filter_map(|io| stage::kind(io.binding.as_ref()?))
+            .collect();
+        kinds.sort_unstable();
+        kinds.dedup();
+        for kind in kinds {
+            let weights = format!("{:?}", inputs.weights(kind));
+            said.push((format!("weights of the corners, {kind:?}"), weights));
+        }
+    }
+    if let Some(fragment) = stages.fragment.filter(|_| place != TestPoint::Vertex) {
+        for io in fragment.inputs() {
+            let is_own = matches!(io.binding, Some(naga::Binding::BuiltIn(_)));
+            if !(is_own || place == TestPoint::Anywhere) {
+                continue;
+            }
+            if let Some(value) = inputs.fragment(fragment.module(), &io) {
+                said.push((io.name.clone().unwrap_or_default(), text(&value)));
+            }
+        }
+    }
+    for (_, global) in vertex.module().global_variables.iter() {
+        let is_data = global.space != naga::AddressSpace::Handle;
+        let at = evaluate::place(global).filter(|_| is_data);
+        if let Some(value) = at.and_then(|at| inputs.resources.get(&at)) {
+            said.push((global.name.clone().unwrap_or_default(), text(value)));
+        }
+    }
+    said
 }
 
 /// The colour rule for an input: rounding bounds hold for ordinary numbers only.

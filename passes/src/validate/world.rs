@@ -182,6 +182,44 @@ pub fn ranging<'a>(
     }
 }
 
+/// A world of numbers with twice the digits, which tells a difference from rounding.
+pub(super) fn precise(inputs: &Inputs) -> World<'_, f64> {
+    let exact = |value: Value| exactly::<f64>(&value);
+    World {
+        resources: Arc::new(
+            inputs
+                .resources
+                .iter()
+                .map(|(at, v)| (*at, exactly(v)))
+                .collect(),
+        ),
+        corner: inputs.corner(),
+        attribute: Box::new(move |module, io, corner| {
+            inputs.attribute(module, io, corner).map(exact)
+        }),
+        fragment: Box::new(move |module, io, _| inputs.fragment(module, io).map(exact)),
+        texel: Box::new(|lookup| {
+            let single =
+                |numbers: &[f64]| -> Vec<f32> { numbers.iter().map(|x| *x as f32).collect() };
+            let (coordinates, footprint) = (single(lookup.coordinates), single(lookup.footprint));
+            let texel = inputs.texel(&Lookup {
+                binding: lookup.binding,
+                coordinates: &coordinates,
+                footprint: &footprint,
+                sampling: lookup.sampling,
+            });
+            texel.map(f64::from)
+        }),
+        derivative: Box::new(|derivative| slope(inputs, derivative)),
+        inside: Box::new(|kind, corners: [f64; 3]| {
+            let parts = corners.iter().zip(inputs.weights(kind));
+            parts.fold(0.0, |sum, (corner, weight)| {
+                sum + corner * f64::from(weight)
+            })
+        }),
+    }
+}
+
 /// The derivatives of half of the fragments along x and y, per unit; the others have 0. A
 /// derivative is linear, and 0 for 0.
 pub fn slopes(inputs: &Inputs) -> [f32; 2] {
@@ -228,8 +266,8 @@ pub fn depths(inputs: &Inputs, module: &Module, io: Option<&Io>, clear: f32) -> 
     [own, other.clamp(0.0, 1.0)]
 }
 
-/// A world of terms, except for numbers that a guard fixes, which `inputs` contains.
-pub fn symbolic<'a>(module: &'a Module, inputs: &'a Inputs) -> World<'a, Symbolic> {
+/// The uniforms and buffers of a module, as terms.
+pub(super) fn buffers_of_terms(module: &Module) -> BTreeMap<(u32, u32), Value<Symbolic>> {
     let (mut resources, mut filled) = (BTreeMap::new(), 0_u32);
     for (_, global) in module.global_variables.iter() {
         let Some(at) = place(global) else { continue };
@@ -246,8 +284,13 @@ pub fn symbolic<'a>(module: &'a Module, inputs: &'a Inputs) -> World<'a, Symboli
         };
         resources.insert(at, value);
     }
+    resources
+}
+
+/// A world of terms, except for numbers that a guard fixes, which `inputs` contains.
+pub fn symbolic<'a>(module: &'a Module, inputs: &'a Inputs) -> World<'a, Symbolic> {
     World {
-        resources: Arc::new(resources),
+        resources: Arc::new(buffers_of_terms(module)),
         // A term stands for any.
         corner: 0,
         attribute: Box::new(|module, io, corner| {

@@ -6,6 +6,8 @@ mod common;
 mod metamorphic_support;
 mod uniformity_cases;
 
+mod agree;
+mod agree_planted;
 mod bound;
 mod budgets;
 mod contraction;
@@ -19,6 +21,7 @@ mod hoist;
 mod hoist_interpolated;
 mod implicit_inputs;
 mod metamorphic;
+mod outputs;
 mod skip_taps;
 mod slices;
 mod specialize;

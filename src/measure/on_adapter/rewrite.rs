@@ -401,6 +401,7 @@ impl Rewriter<'_> {
                     offset: offset.map_or(Ok([0; 3]), |o| self.offset(o))?,
                     implicit: matches!(level, SampleLevel::Auto | SampleLevel::Bias(_)),
                     clamped: *clamp_to_edge,
+                    ..Sampling::default()
                 };
                 (*image, operands, sampling, depth_ref.is_some())
             }

@@ -1,0 +1,436 @@
+//! `preshade agree`: holds two programs against each other, whoever wrote them.
+
+use std::path::{Path, PathBuf};
+
+use preshade::unstable::passes::core::mapping::Mapping;
+use preshade::unstable::passes::naga::ShaderStage;
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::validate::Effort;
+use preshade::unstable::passes::validate::agree::{self, Agreement, Class, Relation};
+use preshade::unstable::recipe::Recipe;
+use rayon::prelude::*;
+
+use crate::agreed::{Cost, Pair, Report};
+use crate::input::{ShaderArgs, is_stdin};
+use crate::pairs::{self, Asked};
+use crate::trees::{self, Tree};
+use crate::{Ending, Failure, output, unknown};
+
+/// Arguments of `agree`.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  preshade agree pbr.wgsl --with depth.wgsl --as prepass
+  preshade agree lit.wgsl --with lit.shadow.wgsl --as shadow --map light.view_proj=camera.view_proj
+  preshade agree lit.vert lit.frag --with shadow.vert,shadow.frag --as shadow
+  preshade agree HEAD~1:shaders HEAD:shaders --as same             did this change the picture?
+  preshade agree old/lit.wgsl new/lit.wgsl --as same --format markdown
+  preshade agree shaders --pairs agree.toml --fail-on positions,keeps-hidden
+
+Bindings are matched by group and number, then by name and type, then by --map; attributes by
+location, then by name. Where number and name disagree, --as same takes the number, and the other
+relations take the name. Exit status: 0 the two agree, 1 they don't, 2 bad usage or input, 3 nothing
+could be evaluated.")]
+pub struct AgreeArgs {
+    /// The files of the other program, separated by commas: one file with both entry points, or a
+    /// vertex and a fragment file.
+    #[arg(long, value_name = "FILE[,FILE]", value_delimiter = ',', num_args = 1)]
+    with: Vec<PathBuf>,
+    /// What the two should have in common.
+    #[arg(long = "as", value_enum, value_name = "RELATION")]
+    relation: Option<Wanted>,
+    /// A variable, member or attribute of the other program, and the one of the first that it holds;
+    /// may be given several times.
+    #[arg(long, value_name = "THEIRS=OURS", value_parser = parse_map)]
+    map: Vec<Mapping>,
+    /// A TOML file of pairs, each with `first`, `second` and `as`. Their paths are below FILE, a
+    /// folder.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["with", "map"])]
+    pairs: Option<PathBuf>,
+    /// A TOML file of findings to accept, each with `pair`, `class` and `reason`.
+    #[arg(long, value_name = "FILE")]
+    waivers: Option<PathBuf>,
+    /// The findings that make the exit status 1, separated by commas, or all, or none. Default: all
+    /// except view-dependent, extreme, and rounding where only `same` and `prepass` mind it.
+    #[arg(long, value_name = "CLASS,..", value_delimiter = ',', value_parser = parse_class)]
+    fail_on: Option<Vec<FailOn>>,
+    /// Inputs to try for each promise without a proof.
+    #[arg(long, value_name = "N", default_value_t = INPUTS, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
+    inputs: u64,
+    /// Print partners, and the inputs of each finding.
+    #[arg(short, long)]
+    verbose: bool,
+    /// Output form.
+    #[arg(long, value_enum, default_value_t = Form::Human)]
+    format: Form,
+    /// Vertex entry point of the other program, if it has several.
+    #[arg(long, value_name = "NAME")]
+    with_vertex: Option<String>,
+    /// Fragment entry point of the other program, if it has several.
+    #[arg(long, value_name = "NAME")]
+    with_fragment: Option<String>,
+    /// Define a macro for the other program instead of those of --define; may be given several times.
+    #[arg(long, value_name = "NAME[=VALUE]")]
+    with_define: Vec<String>,
+    // Last: its help heading applies to the flags after it.
+    #[command(flatten)]
+    pub shader: ShaderArgs,
+}
+
+/// Inputs of a promise, by default.
+const INPUTS: u64 = 480;
+
+/// Output form.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Form {
+    /// For people.
+    Human,
+    /// For programs.
+    Json,
+    /// For a comment on a pull request.
+    Markdown,
+}
+
+/// A relation, as an option.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Wanted {
+    /// Positions, discards, depths and colours.
+    Same,
+    /// A depth pre-pass: positions bit for bit, discards and depths.
+    Prepass,
+    /// A shadow pass: discards and depths, positions as functions of the view.
+    Shadow,
+    /// Positions alone.
+    Position,
+    /// Discards and depths alone.
+    Discard,
+    /// A pre-pass whose velocity is constant while nothing moves.
+    Velocity,
+    /// A pre-pass that writes the normal which the first program writes.
+    Normal,
+}
+
+impl From<Wanted> for Relation {
+    fn from(wanted: Wanted) -> Self {
+        match wanted {
+            Wanted::Same => Self::Same,
+            Wanted::Prepass => Self::Prepass,
+            Wanted::Shadow => Self::Shadow,
+            Wanted::Position => Self::Position,
+            Wanted::Discard => Self::Discard,
+            Wanted::Velocity => Self::Velocity,
+            Wanted::Normal => Self::Normal,
+        }
+    }
+}
+
+/// A value of `--fail-on`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum FailOn {
+    All,
+    Nothing,
+    Class(Class),
+}
+
+fn parse_map(text: &str) -> Result<Mapping, String> {
+    text.parse().map_err(|e| format!("{e}"))
+}
+
+fn parse_class(text: &str) -> Result<FailOn, String> {
+    match text {
+        "all" => return Ok(FailOn::All),
+        "none" => return Ok(FailOn::Nothing),
+        _ => {}
+    }
+    // The words that people use for a class.
+    let name = match text {
+        "positions" => "position",
+        "keeps" => "keeps-hidden",
+        "colors" | "colour" | "colours" => "color",
+        name => name,
+    };
+    let found = Class::ALL.into_iter().find(|c| c.name() == name);
+    found.map(FailOn::Class).ok_or_else(|| {
+        let names: Vec<&str> = Class::ALL.iter().map(|c| c.name()).collect();
+        unknown("class", text, &names)
+    })
+}
+
+impl AgreeArgs {
+    fn breaks(&self, class: Class, relation: Relation) -> bool {
+        match &self.fail_on {
+            None => class.breaks(relation),
+            Some(given) => given.iter().any(|f| match f {
+                FailOn::All => true,
+                FailOn::Nothing => false,
+                FailOn::Class(c) => *c == class,
+            }),
+        }
+    }
+
+    /// The arguments that read the other program.
+    fn other(&self, files: Vec<PathBuf>) -> ShaderArgs {
+        let mut other = ShaderArgs {
+            files,
+            vertex: self.with_vertex.clone(),
+            fragment: self.with_fragment.clone(),
+            ..self.shader.clone()
+        };
+        if !self.with_define.is_empty() {
+            other.glsl.define.clone_from(&self.with_define);
+        }
+        other
+    }
+
+    fn relation(&self) -> Result<Relation, Failure> {
+        self.relation.map(Relation::from).ok_or_else(|| {
+            let names: Vec<&str> = Relation::ALL.iter().map(|r| r.name()).collect();
+            Failure(format!(
+                "error: --as says what the two should have in common: {}",
+                names.join(", ")
+            ))
+        })
+    }
+
+    /// The pairs to check, and the trees that they are in.
+    fn asked(&self) -> Result<(Vec<Asked>, Vec<Tree>), Failure> {
+        if self
+            .shader
+            .files
+            .iter()
+            .chain(&self.with)
+            .any(|f| is_stdin(f))
+        {
+            return Err(Failure("error: agree reads files, not stdin".to_owned()));
+        }
+        if let Some(file) = &self.pairs {
+            let [folder] = &self.shader.files[..] else {
+                return Err(Failure(
+                    "error: with --pairs, FILE is the folder of the shaders".to_owned(),
+                ));
+            };
+            let asked = pairs::read(file, folder, &self.shader)?;
+            return Ok((asked, Vec::new()));
+        }
+        let relation = self.relation()?;
+        let pair = |first: ShaderArgs, second: ShaderArgs| Asked {
+            name: None,
+            first,
+            second,
+            relation,
+            maps: self.map.clone(),
+        };
+        match (&self.shader.files[..], &self.with[..]) {
+            ([..], [_, ..]) => {
+                let first = self.shader.clone();
+                Ok((vec![pair(first, self.other(self.with.clone()))], Vec::new()))
+            }
+            ([before, after], []) => {
+                let (before, after) = (Tree::open(before)?, Tree::open(after)?);
+                if before.is_folder() != after.is_folder() {
+                    return Err(Failure(format!(
+                        "error: {} and {} are a folder and a file",
+                        before.name(),
+                        after.name()
+                    )));
+                }
+                let asked = trees::pairs(
+                    [&before, &after],
+                    [&self.shader, &self.other(Vec::new())],
+                    &pair,
+                )?;
+                Ok((asked, vec![before, after]))
+            }
+            _ => Err(Failure(
+                "error: agree needs two programs: FIRST --with SECOND, or two files, folders or \
+                 REVISION:PATH"
+                    .to_owned(),
+            )),
+        }
+    }
+}
+
+/// Runs the command.
+pub fn run(args: &AgreeArgs) -> Result<Ending, Failure> {
+    let waivers = match &args.waivers {
+        Some(path) => pairs::waivers(path)?,
+        None => match &args.pairs {
+            Some(path) => pairs::waivers_beside(path)?,
+            None => Vec::new(),
+        },
+    };
+    let (asked, trees) = args.asked()?;
+    let named = |text: &str| {
+        trees
+            .iter()
+            .fold(text.to_owned(), |text, tree| tree.renamed(&text))
+    };
+    let is_one = asked.len() == 1 && trees.iter().all(|t| !t.is_folder());
+    let results: Vec<Result<Checked, Failure>> = asked
+        .par_iter()
+        .map(|asked| checked(args, asked, is_one, &named))
+        .collect();
+    let mut report = Report::default();
+    for result in results {
+        match result {
+            Ok(Checked::Compared(pair)) => report.pairs.push(*pair),
+            Ok(Checked::Unchanged) => report.unchanged += 1,
+            Ok(Checked::NoMaterial) => report.left_out += 1,
+            Err(Failure(why)) => report.errors.push(named(&why)),
+        }
+    }
+    report.waive(&waivers, |class, relation| args.breaks(class, relation));
+    match args.format {
+        // Nothing but errors.
+        Form::Human | Form::Markdown if report.pairs.is_empty() && report.unchanged == 0 => {}
+        Form::Human => output::table(&report.human(args.verbose))?,
+        Form::Markdown => output::table(&report.markdown())?,
+        Form::Json => output::json(&report)?,
+    }
+    if !report.errors.is_empty() {
+        return Err(Failure(report.errors.join("\n")));
+    }
+    Ok(match () {
+        () if report.is_broken() => Ending::ContractBroken,
+        () if report.is_nothing() && report.unchanged == 0 => Ending::NotMeasured,
+        () => Ending::Fine,
+    })
+}
+
+/// The result of a pair.
+enum Checked {
+    Compared(Box<Pair>),
+    /// Two folders have the same text, imports included.
+    Unchanged,
+    /// Its files are no material, in a folder.
+    NoMaterial,
+}
+
+/// Whether two plans are of one text.
+fn are_one_text(first: &Plan, second: &Plan) -> bool {
+    let texts = |plan: &Plan| {
+        let files = plan.main().and_then(|p| plan.program(p));
+        let files = files.map(|p| p.sources().files().iter().map(|f| f.text.clone()));
+        files.map(Iterator::collect::<Vec<_>>)
+    };
+    texts(first) == texts(second)
+}
+
+/// Checks one pair.
+fn checked(
+    args: &AgreeArgs,
+    asked: &Asked,
+    is_one: bool,
+    named: &dyn Fn(&str) -> String,
+) -> Result<Checked, Failure> {
+    let is_of_folders = !is_one && args.pairs.is_none();
+    if is_of_folders && asked.first.is_no_material() && asked.second.is_no_material() {
+        return Ok(Checked::NoMaterial);
+    }
+    let [first, second] = [plan(&asked.first)?, plan(&asked.second)?];
+    if is_of_folders && asked.relation == Relation::Same && are_one_text(&first, &second) {
+        return Ok(Checked::Unchanged);
+    }
+    let effort = Effort {
+        inputs: args.inputs,
+        ..Effort::default()
+    };
+    let name = asked.name.clone().unwrap_or_else(|| {
+        format!(
+            "{} {}",
+            files(&asked.first.files),
+            files(&asked.second.files)
+        )
+    });
+    let name = named(&name);
+    let agreement = agree::agree(&first, &second, asked.relation, &asked.maps, &effort);
+    let agreement = agreement.map_err(|e| {
+        let files = |s: &ShaderArgs| named(&files(&s.files));
+        Failure(format!(
+            "error: {e}\n = the first is {}, the second {}",
+            files(&asked.first),
+            files(&asked.second)
+        ))
+    })?;
+    let agreement = named_spots(agreement, named);
+    let cost = [Cost::of(&first), Cost::of(&second)];
+    Ok(Checked::Compared(Box::new(Pair::new(
+        name, agreement, cost,
+    ))))
+}
+
+/// The agreement with the names of files as the user gave them.
+fn named_spots(mut agreement: Agreement, named: &dyn Fn(&str) -> String) -> Agreement {
+    for finding in &mut agreement.findings {
+        let spots = [
+            &mut finding.first,
+            &mut finding.second,
+            &mut finding.first_decides,
+            &mut finding.second_decides,
+        ];
+        let places = spots
+            .into_iter()
+            .flatten()
+            .filter_map(|s| s.location.as_mut());
+        places.for_each(|place| place.file = named(&place.file));
+    }
+    agreement
+}
+
+/// The plan of a side as its author wrote it.
+fn plan(shader: &ShaderArgs) -> Result<Plan, Failure> {
+    if shader.is_scene() {
+        return Err(Failure(
+            "error: agree takes shaders: a scene's materials name theirs".to_owned(),
+        ));
+    }
+    let none = Recipe { steps: Vec::new() };
+    let materials = shader.plans(&none)?;
+    let plan = materials.asked.into_iter().next();
+    plan.ok_or_else(|| Failure("error: there is no material".to_owned()))
+}
+
+/// The files of a side, as one word.
+fn files(files: &[PathBuf]) -> String {
+    let names: Vec<String> = files.iter().map(|f| f.display().to_string()).collect();
+    names.join(",")
+}
+
+impl Cost {
+    /// The static cost of a plan's stages.
+    fn of(plan: &Plan) -> Self {
+        use preshade::unstable::passes::graph::Graph;
+        let Some((pass, program)) = plan.main().and_then(|p| Some((p, plan.program(p)?))) else {
+            return Self::default();
+        };
+        let graph = Graph::build(program);
+        let cost = |stage, name: &str| {
+            let (entry, _) = program.entry_point(stage, name)?;
+            Some(graph.entry_cost(entry))
+        };
+        Self {
+            vertex: cost(ShaderStage::Vertex, &pass.vertex),
+            fragment: pass
+                .fragment
+                .as_ref()
+                .and_then(|f| cost(ShaderStage::Fragment, f)),
+        }
+    }
+}
+
+impl AgreeArgs {
+    /// The files that it reads.
+    pub fn reads(&self) -> Vec<PathBuf> {
+        let files = self.shader.files.iter().chain(&self.with);
+        let files = files.chain(&self.pairs).chain(&self.waivers);
+        files.filter(|f| Path::new(f).exists()).cloned().collect()
+    }
+}
+
+/// Used by the type of a waiver's class.
+pub fn class_named(name: &str) -> Result<Class, String> {
+    match parse_class(name)? {
+        FailOn::Class(class) => Ok(class),
+        _ => Err("a waiver is for one class".to_owned()),
+    }
+}

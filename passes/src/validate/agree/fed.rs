@@ -1,0 +1,156 @@
+//! Feeds the second program the first one's values, where their buffers have other layouts.
+
+use std::collections::BTreeMap;
+
+use naga::{ArraySize, Handle, Module, Type, TypeInner};
+
+use crate::core::mapping::members;
+use crate::evaluate::{Number, Value};
+
+/// How a value of one type becomes one of another.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Cast {
+    /// As it is.
+    Same,
+    /// Each member from another one: their index, our index.
+    Members(Vec<(usize, usize, Cast)>),
+    /// Each element.
+    Elements(Box<Cast>),
+}
+
+/// A part of a buffer of the second program that holds a part of a buffer of the first.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Rule {
+    /// Their buffer's group and binding in the renamed program.
+    pub(super) to: (u32, u32),
+    /// The part of it.
+    pub(super) to_steps: Vec<usize>,
+    /// Our buffer.
+    pub(super) from: (u32, u32),
+    /// The part of it.
+    pub(super) from_steps: Vec<usize>,
+    /// How ours becomes theirs.
+    pub(super) cast: Cast,
+    /// The two have other names: in a frame, each view has its own value.
+    pub(super) is_of_view: bool,
+}
+
+/// How our type becomes theirs; `None` if they don't hold the same.
+pub(super) fn cast(
+    (theirs, their): (&Module, Handle<Type>),
+    (ours, our): (&Module, Handle<Type>),
+) -> Option<Cast> {
+    use TypeInner as T;
+    match (&theirs.types[their].inner, &ours.types[our].inner) {
+        (T::Scalar(a) | T::Atomic(a), T::Scalar(b) | T::Atomic(b)) => {
+            (a == b).then_some(Cast::Same)
+        }
+        (a @ (T::Vector { .. } | T::Matrix { .. }), b) => (a == b).then_some(Cast::Same),
+        (
+            T::Array {
+                base: a, size: n, ..
+            },
+            T::Array {
+                base: b, size: m, ..
+            },
+        ) => {
+            let element = cast((theirs, *a), (ours, *b))?;
+            let is_runtime = |size: &ArraySize| !matches!(size, ArraySize::Constant(_));
+            let is_same = n == m || (is_runtime(n) && is_runtime(m));
+            Some(match element {
+                Cast::Same if is_same => Cast::Same,
+                element => Cast::Elements(Box::new(element)),
+            })
+        }
+        (T::Struct { .. }, T::Struct { .. }) => of_members((theirs, their), (ours, our)),
+        _ => None,
+    }
+}
+
+/// Members are partners by name, or, if no name is common, by order.
+fn of_members(
+    (theirs, their): (&Module, Handle<Type>),
+    (ours, our): (&Module, Handle<Type>),
+) -> Option<Cast> {
+    let (a, b) = (members(theirs, their), members(ours, our));
+    let one = |(i, (_, their)): (usize, &(String, Handle<Type>)), j: usize| {
+        let (_, our) = b.get(j)?;
+        Some((i, j, cast((theirs, *their), (ours, *our))?))
+    };
+    let partner = |name: &str| b.iter().position(|(other, _)| plain(other) == plain(name));
+    let by_name: Option<Vec<_>> = a
+        .iter()
+        .enumerate()
+        .map(|member| one(member, partner(&member.1.0)?))
+        .collect();
+    let has_common = a.iter().any(|(name, _)| partner(name).is_some());
+    let all = match by_name {
+        Some(all) => all,
+        None if has_common || a.len() != b.len() => return None,
+        None => a
+            .iter()
+            .enumerate()
+            .map(|member| one(member, member.0))
+            .collect::<Option<_>>()?,
+    };
+    let is_same = a.len() == b.len() && all.iter().all(|(i, j, c)| i == j && *c == Cast::Same);
+    Some(match is_same {
+        true => Cast::Same,
+        false => Cast::Members(all),
+    })
+}
+
+/// A name without the habits of its language: `u_viewProj` and `view_proj` are one.
+pub(super) fn plain(name: &str) -> String {
+    let lower = name.to_lowercase();
+    let prefixes = ["u_", "a_", "v_", "m_", "g_", "in_"];
+    let bare = prefixes.iter().find_map(|p| lower.strip_prefix(p));
+    bare.unwrap_or(&lower).replace('_', "")
+}
+
+/// Writes what the rules say into the resources of a world.
+pub(super) fn feed<F: Number>(rules: &[Rule], resources: &mut BTreeMap<(u32, u32), Value<F>>) {
+    for rule in rules {
+        let from = resources.get(&rule.from);
+        let Some(from) = from.and_then(|v| part(v, &rule.from_steps)).cloned() else {
+            continue;
+        };
+        let to = resources.get_mut(&rule.to);
+        if let Some(to) = to.and_then(|v| part_mut(v, &rule.to_steps)) {
+            overlay(to, &from, &rule.cast);
+        }
+    }
+}
+
+fn part<'v, F>(value: &'v Value<F>, steps: &[usize]) -> Option<&'v Value<F>> {
+    steps.iter().try_fold(value, |value, step| match value {
+        Value::Composite(parts) => parts.get(*step),
+        _ => None,
+    })
+}
+
+fn part_mut<'v, F>(value: &'v mut Value<F>, steps: &[usize]) -> Option<&'v mut Value<F>> {
+    steps.iter().try_fold(value, |value, step| match value {
+        Value::Composite(parts) => parts.get_mut(*step),
+        _ => None,
+    })
+}
+
+fn overlay<F: Number>(to: &mut Value<F>, from: &Value<F>, cast: &Cast) {
+    match (cast, to, from) {
+        (Cast::Same, to, from) => *to = from.clone(),
+        (Cast::Members(all), Value::Composite(to), Value::Composite(from)) => {
+            for (i, j, cast) in all {
+                if let (Some(to), Some(from)) = (to.get_mut(*i), from.get(*j)) {
+                    overlay(to, from, cast);
+                }
+            }
+        }
+        (Cast::Elements(cast), Value::Composite(to), Value::Composite(from)) => {
+            for (to, from) in to.iter_mut().zip(from) {
+                overlay(to, from, cast);
+            }
+        }
+        _ => {}
+    }
+}

@@ -1,0 +1,368 @@
+//! Holds two programs against each other, whoever wrote them: a material's main pass, and a depth,
+//! shadow or velocity pass that somebody wrote by hand; or a shader before and after an edit.
+//!
+//! [`matching`] renames the second program's resources and attributes to the first's, so that both
+//! read one set of inputs. Each relation is a list of promises. A promise is proved as in
+//! [validation](super), or tried on inputs; a difference gets a [`Class`], the lines of both
+//! authors, and a sentence ([`words`]).
+
+use serde::{Deserialize, Serialize};
+
+use super::Effort;
+use super::stage::Stage;
+use super::world::PassStages;
+use crate::core::mapping::Mapping;
+use crate::core::plan::{GpuPass, Plan};
+use crate::core::program::Location;
+
+mod attributes;
+mod draws;
+mod fed;
+mod matching;
+mod quote;
+mod reads;
+mod rename;
+mod trial;
+mod words;
+
+pub use matching::{By, Partner};
+
+/// What two programs should have in common.
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, schemars::JsonSchema,
+)]
+#[serde(rename_all = "kebab-case")]
+pub enum Relation {
+    /// Everything: positions, discards, depths, colours and stores.
+    Same,
+    /// Positions bit for bit, discards and depths.
+    Prepass,
+    /// Discards and depths, and positions as functions of the view.
+    Shadow,
+    /// Positions.
+    Position,
+    /// Discards and depths.
+    Discard,
+    /// As a pre-pass; and if nothing moves, the velocity is constant.
+    Velocity,
+    /// As a pre-pass, and the normal, where both programs write one.
+    Normal,
+}
+
+impl Relation {
+    /// All of them.
+    pub const ALL: [Self; 7] = [
+        Self::Same,
+        Self::Prepass,
+        Self::Shadow,
+        Self::Position,
+        Self::Discard,
+        Self::Velocity,
+        Self::Normal,
+    ];
+
+    /// Its word in options.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Same => "same",
+            Self::Prepass => "prepass",
+            Self::Shadow => "shadow",
+            Self::Position => "position",
+            Self::Discard => "discard",
+            Self::Velocity => "velocity",
+            Self::Normal => "normal",
+        }
+    }
+
+    /// What to call the two programs.
+    pub fn names(self) -> [&'static str; 2] {
+        let second = match self {
+            Self::Same => return ["the first", "the second"],
+            Self::Prepass => "the pre-pass",
+            Self::Shadow => "the shadow pass",
+            Self::Position | Self::Discard => "the other pass",
+            Self::Velocity => "the velocity pass",
+            Self::Normal => "the normal pass",
+        };
+        ["the main pass", second]
+    }
+}
+
+/// The kind of a finding.
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, schemars::JsonSchema,
+)]
+#[serde(rename_all = "kebab-case")]
+pub enum Class {
+    /// Positions differ.
+    Position,
+    /// The second keeps what the first discards: depth where nothing is drawn.
+    KeepsHidden,
+    /// The second discards what the first keeps: drawn without depth.
+    Loses,
+    /// The depths that the fragment stages write differ.
+    Depth,
+    /// Colours, or contents of buffers, differ.
+    Color,
+    /// The velocity of what does not move varies.
+    Moves,
+    /// The second reads something that the first does not have.
+    Unmatched,
+    /// They differ in the mip level that they read alone.
+    LevelOnly,
+    /// They agree if both see the same view, and the discards depend on the view.
+    ViewDependent,
+    /// They differ as rounding does alone.
+    Rounding,
+    /// They differ for infinities, NaN and huge numbers alone.
+    Extreme,
+}
+
+impl Class {
+    /// All of them.
+    pub const ALL: [Self; 11] = [
+        Self::Position,
+        Self::KeepsHidden,
+        Self::Loses,
+        Self::Depth,
+        Self::Color,
+        Self::Moves,
+        Self::Unmatched,
+        Self::LevelOnly,
+        Self::ViewDependent,
+        Self::Rounding,
+        Self::Extreme,
+    ];
+
+    /// Its word in options and files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Position => "position",
+            Self::KeepsHidden => "keeps-hidden",
+            Self::Loses => "loses",
+            Self::Depth => "depth",
+            Self::Color => "color",
+            Self::Moves => "moves",
+            Self::Unmatched => "unmatched",
+            Self::LevelOnly => "level-only",
+            Self::ViewDependent => "view-dependent",
+            Self::Rounding => "rounding",
+            Self::Extreme => "extreme",
+        }
+    }
+
+    /// Whether such a finding breaks a relation unless the caller says otherwise. Another rounding
+    /// matters where depths are compared for equality, or a picture must not change.
+    pub fn breaks(self, relation: Relation) -> bool {
+        match self {
+            Self::ViewDependent | Self::Extreme => false,
+            Self::Rounding => matches!(relation, Relation::Same | Relation::Prepass),
+            _ => true,
+        }
+    }
+}
+
+/// A line of an author, and its value.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct Spot {
+    /// Its place.
+    pub location: Option<Location>,
+    /// The author's text.
+    pub text: String,
+    /// Its value on the inputs of the finding.
+    pub value: String,
+}
+
+/// A way in which the two programs do not agree.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct Finding {
+    /// Its kind.
+    pub class: Class,
+    /// The promise that it breaks.
+    pub promise: String,
+    /// The finding as a sentence.
+    pub words: String,
+    /// Where the first program first computes something that the second does not, or decides.
+    pub first: Option<Spot>,
+    /// The same of the second.
+    pub second: Option<Spot>,
+    /// The first program's comparison that decides a discard.
+    pub first_decides: Option<Spot>,
+    /// The same of the second.
+    pub second_decides: Option<Spot>,
+    /// The differing output: its name, the first's value and the second's.
+    pub output: Option<[String; 3]>,
+    /// Seed of the inputs.
+    pub seed: Option<u64>,
+    /// Each input's name and value.
+    pub inputs: Vec<(String, String)>,
+}
+
+/// The result for a promise.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "kebab-case", tag = "kind")]
+pub enum Outcome {
+    /// Both compute the same operations.
+    Proved {
+        /// Whether by equal slices; otherwise by terms.
+        slices: bool,
+        /// Inputs on which both were also run.
+        inputs: u64,
+    },
+    /// Equal on inputs.
+    Agreed {
+        /// Their number.
+        inputs: u64,
+    },
+    /// The findings say how.
+    Differs,
+    /// Not checked. Never counts as success.
+    NotEvaluated {
+        /// The reason.
+        why: String,
+    },
+}
+
+/// A promise and its result.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct Held {
+    /// The promise.
+    pub promise: String,
+    /// The result.
+    pub outcome: Outcome,
+}
+
+/// How two programs agree.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Agreement {
+    /// The relation.
+    pub relation: Relation,
+    /// Which resource and attribute is which.
+    pub partners: Vec<Partner>,
+    /// The promises.
+    pub promises: Vec<Held>,
+    /// The findings, worst first.
+    pub findings: Vec<Finding>,
+}
+
+/// Two programs that cannot be held against each other.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Mismatch {
+    /// A stage is missing.
+    #[error("{side} program has no {stage} stage")]
+    Stage {
+        /// `the first` or `the second`.
+        side: &'static str,
+        /// `vertex` or `fragment`.
+        stage: &'static str,
+    },
+    /// A mapping names something that is not there.
+    #[error("--map {map}: in the {side} program, {why}")]
+    Map {
+        /// The mapping.
+        map: String,
+        /// Whose name it is.
+        side: &'static str,
+        /// The reason.
+        why: String,
+    },
+    /// Nothing has a partner.
+    #[error(
+        "the two programs have no resource or attribute in common, by number, name or mapping: they \
+         are not of one material"
+    )]
+    Nothing,
+    /// The second program is not valid with the first one's numbers.
+    #[error("the second program cannot take the first one's bindings: {0}")]
+    Renamed(String),
+}
+
+/// Holds the main pass of `second` against the main pass of `first`.
+///
+/// # Errors
+///
+/// The two don't fit together.
+pub fn agree(
+    first: &Plan,
+    second: &Plan,
+    relation: Relation,
+    maps: &[Mapping],
+    effort: &Effort,
+) -> Result<Agreement, Mismatch> {
+    let sides = [(first, "the first"), (second, "the second")];
+    let [ours, theirs] = sides.map(|(plan, side)| {
+        let pass = plan.main().and_then(|p| Some((p, plan.program(p)?)));
+        let (pass, program) = pass.ok_or(Mismatch::Stage {
+            side,
+            stage: "vertex",
+        })?;
+        Ok((pass, super::with_overrides(program, None), side))
+    });
+    let ((ours, our_program, side), (theirs, their_program, other)) = (ours?, theirs?);
+    let first = stages(ours, &our_program, side)?;
+    let second = stages(theirs, &their_program, other)?;
+    if relation == Relation::Discard && first.fragment.is_none() && second.fragment.is_none() {
+        return Err(Mismatch::Stage {
+            side,
+            stage: "fragment",
+        });
+    }
+    let matching = matching::matched(first, second, relation, maps)?;
+    let renamed = stages(theirs, &matching.program, other)?;
+    let multisample = &ours.multisample;
+    let two = trial::Two {
+        first,
+        second: renamed,
+        matching: &matching,
+        relation,
+        effort: *effort,
+        covers_by_alpha: multisample.alpha_to_coverage,
+        direction: ours
+            .depth
+            .as_ref()
+            .and_then(|d| d.compare.direction())
+            .unwrap_or_default(),
+    };
+    let (promises, mut findings) = two.held();
+    findings.sort_by_key(|f| f.class);
+    Ok(Agreement {
+        relation,
+        partners: matching.partners.clone(),
+        promises,
+        findings,
+    })
+}
+
+fn stages<'p>(
+    pass: &GpuPass,
+    program: &'p crate::core::program::Program,
+    side: &'static str,
+) -> Result<PassStages<'p>, Mismatch> {
+    use naga::ShaderStage as S;
+    let missing = |stage| Mismatch::Stage { side, stage };
+    let vertex = Stage::new(program, S::Vertex, &pass.vertex).ok_or(missing("vertex"))?;
+    let fragment = pass
+        .fragment
+        .as_ref()
+        .map(|name| Stage::new(program, S::Fragment, name).ok_or(missing("fragment")));
+    Ok(PassStages {
+        vertex,
+        fragment: fragment.transpose()?,
+    })
+}
+
+impl Agreement {
+    /// Whether every promise was proved or tried, and none is broken.
+    pub fn holds(&self) -> bool {
+        let mut promises = self.promises.iter();
+        let is_held =
+            |h: &Held| !matches!(h.outcome, Outcome::Differs | Outcome::NotEvaluated { .. });
+        self.findings.is_empty() && promises.all(is_held)
+    }
+
+    /// Whether nothing at all was proved or tried.
+    pub fn is_nothing(&self) -> bool {
+        let mut promises = self.promises.iter();
+        promises.all(|h| matches!(h.outcome, Outcome::NotEvaluated { .. }))
+    }
+}

@@ -1,0 +1,102 @@
+//! The author's text and numbers, as a sentence quotes them.
+
+use crate::core::program::Program;
+use crate::evaluate::{Scalar, Value};
+use crate::validate::compare::text;
+
+/// The longest text that a sentence quotes.
+const MOST: usize = 60;
+
+/// The author's text of a span, on one line.
+pub(super) fn written(program: &Program, span: naga::Span) -> Option<String> {
+    let sources = program.sources();
+    let (file, range) = (sources.file_of(span)?, span.to_range()?);
+    let base = file.base as usize;
+    let (start, end) = (range.start - base, range.end - base);
+    // The span of a call is its function's name.
+    let text = file.text.get(start..end)?;
+    let rest = file.text.get(end..)?;
+    let is_name = text.chars().all(|c| c.is_alphanumeric() || c == '_');
+    let arguments = match is_name && rest.starts_with('(') {
+        true => parenthesis(rest),
+        false => 0,
+    };
+    let text = file.text.get(start..end + arguments)?;
+    let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    let end = line.floor_char_boundary(MOST);
+    Some(match end < line.len() {
+        true => format!("{}..", &line[..end]),
+        false => line,
+    })
+}
+
+/// The length of the parenthesis that a text begins with.
+fn parenthesis(text: &str) -> usize {
+    let mut open = 0;
+    for (at, c) in text.char_indices() {
+        match c {
+            '(' => open += 1,
+            ')' if open == 1 => return at + 1,
+            ')' => open -= 1,
+            _ => {}
+        }
+    }
+    0
+}
+
+/// A value in few digits.
+pub(super) fn short(value: &Value) -> String {
+    match value {
+        Value::Scalar(Scalar::F32(x)) => digits(*x),
+        Value::Composite(parts) if parts.iter().any(|p| matches!(p, Value::Composite(_))) => {
+            "(..)".to_owned()
+        }
+        Value::Composite(parts) if parts.len() <= 4 => {
+            let parts: Vec<String> = parts.iter().map(short).collect();
+            format!("({})", parts.join(", "))
+        }
+        other => text(other),
+    }
+}
+
+/// A text of values with three digits of each number.
+pub(super) fn fewer(text: &str) -> String {
+    let mut out = String::new();
+    let mut word = String::new();
+    let flush = |word: &mut String, out: &mut String| {
+        match word.parse::<f32>() {
+            Ok(number) if word.contains('.') => out.push_str(&digits(number)),
+            _ => out.push_str(word),
+        }
+        word.clear();
+    };
+    for c in text.chars() {
+        match c {
+            '(' | ')' | ',' | ' ' => {
+                flush(&mut word, &mut out);
+                out.push(c);
+            }
+            c => word.push(c),
+        }
+    }
+    flush(&mut word, &mut out);
+    out
+}
+
+/// Three digits.
+pub(super) fn digits(x: f32) -> String {
+    if x == 0.0 || !x.is_finite() {
+        return format!("{x}");
+    }
+    let size = x.abs().log10().floor() as i32;
+    match size {
+        -4..=5 => {
+            let text = format!("{:.*}", (2 - size).max(0) as usize, x);
+            match text.contains('.') {
+                true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
+                false => text,
+            }
+        }
+        _ => format!("{x:.2e}"),
+    }
+}

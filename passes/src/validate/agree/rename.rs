@@ -1,0 +1,69 @@
+//! Gives the second program the first one's numbers.
+
+use std::collections::BTreeMap;
+
+use naga::{AddressSpace, Expression, GlobalVariable, Handle, Module, StorageAccess, TypeInner};
+
+use super::Mismatch;
+use super::attributes::relocate;
+use super::matching::Matcher;
+use crate::validate::world::PassStages;
+
+impl Matcher<'_> {
+    /// Their module with our numbers.
+    pub(super) fn renamed(
+        &self,
+        second: PassStages<'_>,
+        locations: &BTreeMap<u32, u32>,
+    ) -> Result<Module, Mismatch> {
+        let mut module = self.theirs.clone();
+        for (global, at) in &self.bindings {
+            let variable = module.global_variables.get_mut(*global);
+            if variable.space == AddressSpace::Immediate {
+                variable.space = AddressSpace::Storage {
+                    access: StorageAccess::LOAD,
+                };
+            }
+            variable.binding = Some(*at);
+        }
+        self.join(&mut module);
+        let function = &mut module.entry_points[second.vertex.entry].function;
+        for argument in &mut function.arguments {
+            if argument.binding.is_some() {
+                relocate(&mut argument.binding, locations);
+                continue;
+            }
+            let mut ty = self.theirs.types[argument.ty].clone();
+            if let TypeInner::Struct { members, .. } = &mut ty.inner {
+                for member in members {
+                    relocate(&mut member.binding, locations);
+                }
+            }
+            argument.ty = module.types.insert(ty, naga::Span::UNDEFINED);
+        }
+        Ok(module)
+    }
+
+    /// Makes textures and samplers with one partner one variable: an entry point has a binding once.
+    fn join(&self, module: &mut Module) {
+        let mut first: BTreeMap<(u32, u32), Handle<GlobalVariable>> = BTreeMap::new();
+        let mut same = BTreeMap::new();
+        for (global, at) in &self.bindings {
+            if self.theirs.global_variables[*global].space == AddressSpace::Handle {
+                let known = *first.entry((at.group, at.binding)).or_insert(*global);
+                same.insert(*global, known);
+            }
+        }
+        let functions = module.functions.iter_mut().map(|(_, f)| f);
+        let entries = module.entry_points.iter_mut().map(|e| &mut e.function);
+        for function in functions.chain(entries) {
+            for (_, expression) in function.expressions.iter_mut() {
+                if let Expression::GlobalVariable(global) = expression
+                    && let Some(known) = same.get(global)
+                {
+                    *global = *known;
+                }
+            }
+        }
+    }
+}

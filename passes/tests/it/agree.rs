@@ -1,0 +1,255 @@
+//! Two programs held against each other, whoever wrote them.
+
+use std::sync::Arc;
+
+use preshade_passes::core::mapping::Mapping;
+use preshade_passes::naga::front::wgsl;
+use preshade_passes::plan::Plan;
+use preshade_passes::program::{Language, Program, SourceMap};
+use preshade_passes::state::MaterialState;
+use preshade_passes::validate::Effort;
+use preshade_passes::validate::agree::{Agreement, Class, Mismatch, Outcome, Relation, agree};
+
+const MAIN: &str = include_str!("../../../fixtures/agree/leaf.wgsl");
+const SHADOW: &str = include_str!("../../../fixtures/agree/leaf.shadow.wgsl");
+
+fn plan(name: &str, text: &str) -> Plan {
+    let module = wgsl::parse_str(text).unwrap();
+    let mut sources = SourceMap::new();
+    sources.add(name, text);
+    let fragment = module.entry_points.iter();
+    let fragment = fragment.filter(|e| e.stage == naga::ShaderStage::Fragment);
+    let fragment = fragment.map(|e| e.name.clone()).next();
+    let program = Program::new(module, Arc::new(sources), Language::Wgsl).unwrap();
+    let state = MaterialState::default();
+    Plan::original(name, program, "vs", fragment.as_deref(), &state)
+}
+
+fn held(
+    relation: Relation,
+    first: &str,
+    second: &str,
+    maps: &[&str],
+) -> Result<Agreement, Mismatch> {
+    let maps: Vec<Mapping> = maps.iter().map(|m| m.parse().unwrap()).collect();
+    let effort = Effort {
+        inputs: 480,
+        ..Effort::default()
+    };
+    let (first, second) = (plan("main.wgsl", first), plan("other.wgsl", second));
+    agree(&first, &second, relation, &maps, &effort)
+}
+
+fn classes(agreement: &Agreement) -> Vec<Class> {
+    agreement.findings.iter().map(|f| f.class).collect()
+}
+
+#[test]
+fn a_shadow_by_hand_agrees_though_its_bindings_and_structs_are_its_own() {
+    let agreement = held(Relation::Shadow, MAIN, SHADOW, &[]).unwrap();
+    // It multiplies its matrices in another order.
+    assert_eq!(classes(&agreement), [Class::Rounding]);
+    let coverage = &agreement.promises[1].outcome;
+    assert!(matches!(coverage, Outcome::Proved { .. }), "{agreement:#?}");
+}
+
+#[test]
+fn another_threshold_is_told_in_words_with_both_lines() {
+    let shadow = SHADOW.replace("alpha < 0.5", "alpha < 0.2");
+    let agreement = held(Relation::Shadow, MAIN, &shadow, &[]).unwrap();
+    let finding = &agreement.findings[0];
+    assert_eq!(finding.class, Class::KeepsHidden);
+    let said = &finding.words;
+    assert!(
+        said.starts_with("the shadow pass keeps this fragment at `alpha` = "),
+        "{said}"
+    );
+    assert!(
+        said.ends_with("the main pass discards it: its threshold is 0.5, not 0.2"),
+        "{said}"
+    );
+    let at = |spot: &Option<preshade_passes::validate::agree::Spot>| {
+        let place = spot.as_ref().unwrap().location.clone().unwrap();
+        (place.file, place.line)
+    };
+    assert_eq!(at(&finding.first_decides), ("main.wgsl".to_owned(), 30));
+    assert_eq!(at(&finding.second_decides), ("other.wgsl".to_owned(), 21));
+}
+
+#[test]
+fn what_the_shadow_forgets_is_found() {
+    for (forgotten, class) in [
+        (("uv * material.uv_scale", "uv"), Class::KeepsHidden),
+        ((" * material.opacity", ""), Class::KeepsHidden),
+        (("in.uv).a", "in.uv.yx).a"), Class::KeepsHidden),
+        (
+            ("sin(light.time + position.y)", "sin(light.time)"),
+            Class::Position,
+        ),
+        (
+            ("light.view_proj * model", "light.view_proj"),
+            Class::Position,
+        ),
+    ] {
+        let shadow = SHADOW.replace(forgotten.0, forgotten.1);
+        assert_ne!(shadow, SHADOW, "{forgotten:?}");
+        let agreement = held(Relation::Shadow, MAIN, &shadow, &[]).unwrap();
+        assert!(
+            classes(&agreement).contains(&class),
+            "{forgotten:?}: {agreement:#?}"
+        );
+    }
+}
+
+#[test]
+fn another_bias_is_another_level_alone() {
+    let biased = MAIN.replace("in.uv)", "in.uv, -1.0)");
+    let biased = biased.replace("textureSample(", "textureSampleBias(");
+    let agreement = held(Relation::Shadow, &biased, SHADOW, &[]).unwrap();
+    assert!(
+        classes(&agreement).contains(&Class::LevelOnly),
+        "{agreement:#?}"
+    );
+    assert!(
+        !classes(&agreement).contains(&Class::KeepsHidden),
+        "{agreement:#?}"
+    );
+    // Gradients of the coordinates are the implicit level.
+    let gradients = SHADOW.replace("in.uv)", "in.uv, dpdx(in.uv), dpdy(in.uv))");
+    let gradients = gradients.replace("textureSample(", "textureSampleGrad(");
+    let agreement = held(Relation::Discard, MAIN, &gradients, &[]).unwrap();
+    assert_eq!(classes(&agreement), [], "{agreement:#?}");
+}
+
+/// The light's matrix has a name of its own, in a buffer of another shape.
+#[test]
+fn a_name_without_a_partner_is_a_finding_until_a_map_gives_it_one() {
+    let shadow = SHADOW.replace("view_proj", "to_light");
+    let agreement = held(Relation::Shadow, MAIN, &shadow, &[]).unwrap();
+    assert_eq!(classes(&agreement), [Class::Unmatched], "{agreement:#?}");
+    let said = &agreement.findings[0].words;
+    assert!(said.contains("`light.to_light` (mat4x4<f32>)"), "{said}");
+    assert!(said.contains("`camera.view_proj`"), "{said}");
+    let maps = ["light.to_light=camera.view_proj"];
+    let agreement = held(Relation::Shadow, MAIN, &shadow, &maps).unwrap();
+    assert_eq!(classes(&agreement), [Class::Rounding], "{agreement:#?}");
+}
+
+#[test]
+fn discards_that_depend_on_the_view_are_told_apart() {
+    let main = MAIN.replace("alpha < 0.5", "alpha < 0.2 * camera.eye.x");
+    let shadow = SHADOW
+        .replace("time: f32 }", "time: f32, position: vec4<f32> }")
+        .replace("alpha < 0.5", "alpha < 0.2 * light.position.x");
+    let maps = [
+        "light.position=camera.eye",
+        "light.view_proj=camera.view_proj",
+    ];
+    let agreement = held(Relation::Shadow, &main, &shadow, &maps).unwrap();
+    assert!(
+        classes(&agreement).contains(&Class::ViewDependent),
+        "{agreement:#?}"
+    );
+    assert!(
+        !classes(&agreement).contains(&Class::KeepsHidden),
+        "{agreement:#?}"
+    );
+}
+
+#[test]
+fn a_velocity_pass_rests_if_nothing_moves() {
+    let velocity = "
+        struct Camera { view_proj: mat4x4<f32>, prev_view_proj: mat4x4<f32>, time: f32, prev_time: f32 }
+        @group(0) @binding(0) var<uniform> camera: Camera;
+        @group(1) @binding(0) var<uniform> model: mat4x4<f32>;
+        @group(1) @binding(1) var<uniform> prev_model: mat4x4<f32>;
+        struct Out { @builtin(position) position: vec4<f32>, @location(0) now: vec4<f32>, @location(1) before: vec4<f32> }
+        @vertex fn vs(@location(0) position: vec3<f32>) -> Out {
+            let now = position + vec3(sin(camera.time + position.y) * 0.1, 0.0, 0.0);
+            let before = position + vec3(sin(camera.prev_time + position.y) * 0.1, 0.0, 0.0);
+            let clip = camera.view_proj * (model * vec4(now, 1.0));
+            return Out(clip, clip, camera.prev_view_proj * (prev_model * vec4(before, 1.0)));
+        }
+        @fragment fn fs(in: Out) -> @location(0) vec2<f32> {
+            return (in.now.xy / in.now.w - in.before.xy / in.before.w) * 0.5;
+        }";
+    let main = MAIN.replace("discard;", "");
+    let agreement = held(Relation::Velocity, &main, velocity, &[]).unwrap();
+    assert_eq!(classes(&agreement), [], "{agreement:#?}");
+    // The previous position does not sway.
+    let stiff = velocity.replace("vec4(before, 1.0)", "vec4(position, 1.0)");
+    let agreement = held(Relation::Velocity, &main, &stiff, &[]).unwrap();
+    assert_eq!(classes(&agreement), [Class::Moves], "{agreement:#?}");
+}
+
+#[test]
+fn a_normal_pass_writes_the_normal_of_the_g_buffer() {
+    let main = "
+        @group(0) @binding(0) var<uniform> view: mat4x4<f32>;
+        struct V { @builtin(position) position: vec4<f32>, @location(0) n: vec3<f32> }
+        struct G { @location(0) albedo: vec4<f32>, @location(1) normal: vec4<f32> }
+        @vertex fn vs(@location(0) position: vec3<f32>, @location(1) normal: vec3<f32>) -> V {
+            return V(view * vec4(position, 1.0), normal); }
+        @fragment fn fs(in: V) -> G { return G(vec4(1.0), vec4(normalize(in.n), 1.0)); }";
+    let own = "
+        @group(0) @binding(0) var<uniform> view: mat4x4<f32>;
+        struct V { @builtin(position) position: vec4<f32>, @location(0) n: vec3<f32> }
+        @vertex fn vs(@location(0) position: vec3<f32>, @location(1) normal: vec3<f32>) -> V {
+            return V(view * vec4(position, 1.0), normal); }
+        @fragment fn fs(in: V) -> @location(0) vec4<f32> { return vec4(normalize(in.n), 1.0); }";
+    let agreement = held(Relation::Normal, main, own, &[]).unwrap();
+    assert!(agreement.holds(), "{agreement:#?}");
+    let raw = own.replace("normalize(in.n)", "in.n");
+    let agreement = held(Relation::Normal, main, &raw, &[]).unwrap();
+    assert_eq!(classes(&agreement), [Class::Color], "{agreement:#?}");
+}
+
+#[test]
+fn same_sees_colours_and_takes_numbers_over_names() {
+    let agreement = held(Relation::Same, MAIN, MAIN, &[]).unwrap();
+    assert!(agreement.holds(), "{agreement:#?}");
+    let renamed = MAIN
+        .replace("material", "surface")
+        .replace("texel", "t")
+        .replace("camera", "eye_data")
+        .replace("wind(", "sway(");
+    assert!(held(Relation::Same, MAIN, &renamed, &[]).unwrap().holds());
+    let darker = MAIN.replace("0.1);", "0.2);");
+    let agreement = held(Relation::Same, MAIN, &darker, &[]).unwrap();
+    assert_eq!(classes(&agreement), [Class::Color], "{agreement:#?}");
+    // The host's bindings have not changed with the names.
+    let swapped = "
+        @group(0) @binding(0) var<uniform> b: vec4<f32>;
+        @group(0) @binding(1) var<uniform> a: vec4<f32>;
+        @vertex fn vs(@location(0) p: vec4<f32>) -> @builtin(position) vec4<f32> { return p * a + b; }";
+    let plain = swapped
+        .replace("binding(0)", "binding(9)")
+        .replace("binding(1)", "binding(0)")
+        .replace("binding(9)", "binding(1)");
+    let agreement = held(Relation::Same, &plain, swapped, &[]).unwrap();
+    assert_eq!(classes(&agreement), [Class::Position], "{agreement:#?}");
+    assert!(
+        held(Relation::Position, &plain, swapped, &[])
+            .unwrap()
+            .holds()
+    );
+}
+
+#[test]
+fn what_does_not_fit_is_one_error() {
+    let other = "
+        @group(3) @binding(7) var<uniform> z: array<vec4<f32>, 3>;
+        @vertex fn vs(@location(5) q: vec2<u32>) -> @builtin(position) vec4<f32> { return z[q.x]; }";
+    assert_eq!(
+        held(Relation::Prepass, MAIN, other, &[]).unwrap_err(),
+        Mismatch::Nothing
+    );
+    for map in [
+        "light.none=camera.view_proj",
+        "light.time=camera.view_proj",
+        "light=nothing",
+    ] {
+        let error = held(Relation::Shadow, MAIN, SHADOW, &[map]).unwrap_err();
+        assert!(matches!(error, Mismatch::Map { .. }), "{error}");
+    }
+}
