@@ -114,7 +114,7 @@ pub(super) fn measure(
         if let Some(pass) = shadow_pass(plan) {
             listed.insert(plan.material.clone(), pass.view_dependent.clone());
             whole.push(whole_program(original.clone(), plan, pass));
-            shadows.push(shadow_alone(plan, pass));
+            shadows.push(alone(plan, pass));
         }
     }
     let mut report = ShadowReport {
@@ -193,14 +193,18 @@ fn map_of(plan: &Plan, pass: &GpuPass) -> Vec<Attachment> {
 
 fn into_map(mut pass: GpuPass) -> GpuPass {
     pass.phase = Phase::Depth;
+    // Its pictures are the frame's own colours.
+    for target in pass.targets.iter_mut().flatten() {
+        target.attachment = None;
+    }
     if let Some(depth) = &mut pass.depth {
         depth.attachment = SCENE_DEPTH.to_owned();
     }
     pass
 }
 
-/// The shadow pass by itself.
-fn shadow_alone(plan: &Plan, pass: &GpuPass) -> Plan {
+/// A pass outside of the frame by itself: its depth and its pictures are those of the frame.
+pub(super) fn alone(plan: &Plan, pass: &GpuPass) -> Plan {
     let mut alone = plan.clone();
     alone.attachments = map_of(plan, pass);
     alone.programs.retain(|key, _| *key == pass.program);
@@ -209,9 +213,9 @@ fn shadow_alone(plan: &Plan, pass: &GpuPass) -> Plan {
     alone
 }
 
-/// The author's program as a host without preshade draws it into the map: with the shadow pass's
-/// depth state and without colours.
-fn whole_program(mut original: Plan, plan: &Plan, shadow: &GpuPass) -> Plan {
+/// The author's program as a host without preshade draws it into the map: with the pass's depth
+/// state and without colours.
+pub(super) fn whole_program(mut original: Plan, plan: &Plan, shadow: &GpuPass) -> Plan {
     original.attachments = map_of(plan, shadow);
     for pass in &mut original.passes {
         pass.depth.clone_from(&shadow.depth);

@@ -141,7 +141,7 @@ pub struct Truth {
 
 /// A point of a triangle, and the result of both stages there.
 struct RoundedPoint<'a> {
-    vertices: &'a Vertices<Shadowed>,
+    vertices: &'a Vertices<'static, Shadowed>,
     /// The corners' vertices.
     corners: [u32; 3],
     instance: u32,

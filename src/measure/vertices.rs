@@ -12,14 +12,14 @@ use crate::scene::bind::DrawBindings;
 pub const STEPS: u64 = 200_000;
 
 /// The inputs of a vertex stage.
-pub struct Vertices<F: 'static = f32> {
+pub struct Vertices<'e, F: 'static = f32> {
     pub bound: DrawBindings,
-    /// Its uniforms and buffers. Texels are unknown here, and so is everything that depends on
+    /// Its uniforms and buffers. Texels are unknown at first, and so is everything that depends on
     /// them.
-    pub environment: Environment<'static, F>,
+    pub environment: Environment<'e, F>,
 }
 
-impl Vertices {
+impl Vertices<'_> {
     /// The inputs for a draw with this vertex stage, limited to the bindings that `reads` accepts.
     pub fn new(module: &Module, bound: DrawBindings, reads: impl Fn((u32, u32)) -> bool) -> Self {
         let mut resources = resources(module, &bound);
@@ -37,7 +37,7 @@ impl Vertices {
     }
 }
 
-impl Vertices {
+impl Vertices<'_> {
     /// The clip position at a vertex. `None`: the vertex stage cannot be run.
     pub fn position(
         &self,
@@ -59,7 +59,7 @@ impl Vertices {
     }
 }
 
-impl<F: Number> Vertices<F> {
+impl<F: Number> Vertices<'_, F> {
     /// Vertices of one instance, each as often as it is drawn.
     pub fn of_instance(&self) -> u32 {
         self.bound.call.count

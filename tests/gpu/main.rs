@@ -36,6 +36,7 @@ mod measure_verify;
 mod metamorphic_pictures;
 mod native_tessellation;
 mod noise_grid;
+mod outputs;
 mod plan_is_enough;
 mod plan_mutations;
 mod plan_needs;

@@ -1,5 +1,6 @@
 //! New programs out of slices and cuts of old ones: everything that writes naga IR.
 
+pub(crate) mod after;
 pub(crate) mod ahead;
 pub mod color;
 pub mod copy;
@@ -11,6 +12,7 @@ pub(crate) mod fetch;
 pub(crate) mod gradients;
 pub(crate) mod isolate;
 pub(crate) mod outline;
+pub(crate) mod outputs;
 pub mod place;
 pub mod quad;
 pub mod returns;

@@ -20,6 +20,7 @@ mod hoist;
 mod hoist_interpolated;
 mod implicit_inputs;
 mod metamorphic;
+mod outputs;
 mod skip_taps;
 mod slices;
 mod specialize;

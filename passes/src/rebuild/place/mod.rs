@@ -8,6 +8,7 @@
 use naga::Module;
 
 mod builder;
+mod copies;
 mod discard;
 mod function;
 mod interface;
@@ -16,6 +17,7 @@ mod retain;
 mod rewrite;
 
 pub use builder::CodeBuilder;
+pub(crate) use copies::copy_called;
 pub use discard::without_discard;
 pub(crate) use function::free_name;
 use interface::Placement;
