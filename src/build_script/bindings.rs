@@ -215,6 +215,7 @@ fn source(source: &BindingSource) -> String {
         BindingSource::Previous { group, binding, .. } => {
             format!("ResourceSource::Previous({:?})", group.zip(*binding))
         }
+        BindingSource::View { name } => format!("ResourceSource::View({name:?})"),
         BindingSource::Host { value } => match value {
             HostValue::DrawId => "ResourceSource::DrawId".to_owned(),
             HostValue::PointLight => "ResourceSource::PointLight".to_owned(),

@@ -177,6 +177,8 @@ pub enum ResourceSource {
     DrawId,
     /// A uniform buffer with position and range of a point light.
     PointLight,
+    /// The resource of this name of another view.
+    View(&'static str),
 }
 
 /// A texture that passes write or read. It has the size of the scene's colour.

@@ -5,6 +5,7 @@
 //! stage in both frames, and triangles are rasterised here. A pixel is compared where a triangle has
 //! the depth that was drawn.
 
+use std::cell::Cell;
 use std::collections::BTreeMap;
 
 use naga::ShaderStage;
@@ -59,6 +60,8 @@ pub struct VelocityReport {
     pub worst: f64,
     /// Camera, column and row of the largest difference.
     pub at: Option<(String, [u32; 2])>,
+    /// Why the first position that was not evaluated was not.
+    pub not_evaluated: Option<String>,
 }
 
 /// The part of a pixel that a velocity may be wrong by.
@@ -88,7 +91,9 @@ impl OutputsReport {
                 0 => Verdict::NotMeasured {
                     why: "no camera sees anything that has auxiliary pictures".to_owned(),
                 },
-                _ => Verdict::Holds,
+                _ => self
+                    .not_compared()
+                    .map_or(Verdict::Holds, |why| Verdict::NotMeasured { why }),
             };
         };
         let r#where = format!(
@@ -105,6 +110,18 @@ impl OutputsReport {
                 ),
             },
         }
+    }
+}
+
+impl OutputsReport {
+    /// Why no velocity was compared, if none was.
+    fn not_compared(&self) -> Option<String> {
+        let velocity = self.velocity.as_ref().filter(|v| v.pixels == 0)?;
+        let why = velocity.not_evaluated.as_deref();
+        Some(format!(
+            "no velocity was compared: {}",
+            why.unwrap_or("no triangle is in front of the camera in both frames")
+        ))
     }
 }
 
@@ -216,7 +233,10 @@ pub fn measure(
                 materials: &report.materials,
                 plans: session.originals(),
             };
-            velocity.add(&camera.name, &drawn, color, &positions.triangles());
+            let mut evaluated = positions.evaluated();
+            let why = evaluated.why.take();
+            velocity.not_evaluated = velocity.not_evaluated.take().or(why);
+            velocity.add(&camera.name, &drawn, color, &evaluated);
         }
         if i == 0 && settings.timed != Timed::No {
             let main = prepare(&main)?;
@@ -274,57 +294,97 @@ const MOST_RUNS: u64 = 40_000;
 
 impl Positions<'_> {
     /// The triangles of all draws; of a draw with very many instances, those of the first ones.
-    fn triangles(&self) -> Vec<Triangle> {
-        let draws = 0..self.scenes[1].draws.len();
-        draws
-            .flat_map(|i| self.of_draw(i).unwrap_or_default())
-            .collect()
+    fn evaluated(&self) -> Evaluated {
+        let is_filtered = Cell::new(false);
+        let (mut found, mut why) = (Vec::new(), None);
+        for index in 0..self.scenes[1].draws.len() {
+            let corners = [0, 1].map(|when| self.corners(index, when, &is_filtered));
+            let [before, now] = match corners {
+                [Ok(before), Ok(now)] => [before, now],
+                [Err(error), _] | [_, Err(error)] => {
+                    why = why.or(Some(error));
+                    continue;
+                }
+            };
+            let mut both = Vec::new();
+            for corner in before.into_iter().zip(now) {
+                both.push(match corner {
+                    (Ok(before), Ok(now)) => Some([before, now]),
+                    (Err(error), _) | (_, Err(error)) => {
+                        why = why.or(Some(error));
+                        None
+                    }
+                });
+            }
+            let triangles = both.as_chunks::<3>().0.iter();
+            found.extend(triangles.filter_map(|[a, b, c]| Some([(*a)?, (*b)?, (*c)?])));
+        }
+        Evaluated {
+            triangles: found,
+            is_filtered: is_filtered.get(),
+            why,
+        }
     }
 
-    fn of_draw(&self, index: usize) -> Option<Vec<Triangle>> {
-        let [before, now] = [0, 1].map(|when| {
-            let (scene, frame) = (self.scenes[when], &self.frames[when]);
-            let draw = scene.draws.get(index)?;
-            let material = scene.materials.get(draw.material)?;
-            if !self.materials.contains(&material.name) {
-                return None;
+    /// The position of each corner of a draw, in one of the frames; none of a material that is not
+    /// drawn. `is_filtered` is set if a position depends on a filtered texture.
+    ///
+    /// # Errors
+    ///
+    /// Why the draw cannot be evaluated.
+    fn corners(
+        &self,
+        index: usize,
+        when: usize,
+        is_filtered: &Cell<bool>,
+    ) -> Result<Vec<Position>, String> {
+        let (scene, frame) = (self.scenes[when], &self.frames[when]);
+        let missing = || "the scene has no such draw".to_owned();
+        let draw = scene.draws.get(index).ok_or_else(missing)?;
+        let material = scene.materials.get(draw.material).ok_or_else(missing)?;
+        if !self.materials.contains(&material.name) {
+            return Ok(Vec::new());
+        }
+        let plan = self.plans.get(draw.material).ok_or_else(missing)?;
+        let pass = plan.main().ok_or("the plan has no main pass")?;
+        let bound = bind::draw(scene, material, pass, draw, frame).map_err(|e| e.to_string())?;
+        let program = plan.program(pass).ok_or("the main pass has no program")?;
+        let entry = program.entry_point(ShaderStage::Vertex, &pass.vertex);
+        let (entry, _) = entry.ok_or("the main pass has no vertex stage")?;
+        let module = program.module();
+        let texture = |lookup: &Lookup<'_>| {
+            is_filtered.set(is_filtered.get() || lookup.sampling.sampler.is_some());
+            texels::texel(&bound, lookup)
+        };
+        let mut vertices = Vertices::new(module, bound.clone(), |_| true);
+        vertices.add_arrays(module);
+        vertices.environment.texture = &texture;
+        let most = MOST_RUNS / u64::from(bound.vertex_count.max(1));
+        let instances = u64::from(draw.instances).min(most).max(1);
+        let mut positions = Vec::new();
+        for instance in 0..instances as u32 {
+            let mut known: BTreeMap<u32, Position> = BTreeMap::new();
+            for corner in 0..bound.call.count {
+                let vertex = vertices::index(&bound, corner).ok_or("an index is out of bounds")?;
+                let run = || vertices.position(module, entry, vertex, instance);
+                positions.push(known.entry(vertex).or_insert_with(run).clone());
             }
-            let plan = self.plans.get(draw.material)?;
-            let pass = plan.main()?;
-            let bound = bind::draw(scene, material, pass, draw, frame).ok()?;
-            let program = plan.program(pass)?;
-            let (entry, _) = program.entry_point(ShaderStage::Vertex, &pass.vertex)?;
-            let module = program.module();
-            let texture = |lookup: &Lookup<'_>| texels::texel(&bound, lookup);
-            let mut vertices = Vertices::new(module, bound.clone(), |_| true);
-            vertices.environment.texture = &texture;
-            let instances = u64::from(draw.instances)
-                .min(MOST_RUNS / u64::from(bound.vertex_count.max(1)))
-                .max(1);
-            let mut positions = Vec::new();
-            for instance in 0..instances as u32 {
-                let mut known: BTreeMap<u32, Option<[f32; 4]>> = BTreeMap::new();
-                for corner in 0..bound.call.count {
-                    let vertex = vertices::index(&bound, corner)?;
-                    let run = || vertices.position(module, entry, vertex, instance);
-                    positions.push(*known.entry(vertex).or_insert_with(run));
-                }
-            }
-            Some(positions)
-        });
-        let corners: Vec<Option<[[f32; 4]; 2]>> = before?
-            .into_iter()
-            .zip(now?)
-            .map(|(before, now)| Some([before?, now?]))
-            .collect();
-        let triangles = corners.as_chunks::<3>().0.iter();
-        Some(
-            triangles
-                .filter_map(|[a, b, c]| Some([(*a)?, (*b)?, (*c)?]))
-                .collect(),
-        )
+        }
+        Ok(positions)
     }
 }
+
+/// What the interpreter says of the positions in both frames.
+struct Evaluated {
+    triangles: Vec<Triangle>,
+    /// Whether a position depends on a filtered texture.
+    is_filtered: bool,
+    /// Why the first position that is not known is not.
+    why: Option<String>,
+}
+
+/// A clip position, or why it is not known.
+type Position = Result<[f32; 4], String>;
 
 /// A point of a triangle at a pixel.
 #[derive(Clone, Copy)]
@@ -336,15 +396,19 @@ struct Hit {
 }
 
 impl VelocityReport {
-    fn add(&mut self, camera: &str, drawn: &Rendered, color: &ColorImage, all: &[Triangle]) {
+    fn add(&mut self, camera: &str, drawn: &Rendered, color: &ColorImage, all: &Evaluated) {
         let Some(depth) = &drawn.depth else { return };
         let [width, height] = depth.size;
         let mut hits: Vec<Option<Hit>> = vec![None; depth.values.len()];
-        for triangle in all {
+        let same = match all.is_filtered {
+            true => SAME_FILTERED,
+            false => SAME_DEPTH,
+        };
+        for triangle in &all.triangles {
             rasterise(triangle, depth.size, &mut |pixel, z, velocity| {
                 let apart = (z - f64::from(depth.values[pixel])).abs();
                 let nearest = hits[pixel].is_none_or(|hit| apart < hit.apart);
-                if apart < SAME_DEPTH && nearest {
+                if apart < same && nearest {
                     hits[pixel] = Some(Hit { apart, velocity });
                 }
             });
@@ -380,6 +444,10 @@ impl VelocityReport {
 
 /// Depths that count as equal: an adapter interpolates in 32-bit floats.
 const SAME_DEPTH: f64 = 4e-6;
+
+/// The same where a filtered texture moves vertices: adapters filter with as few as 8 bits, and we
+/// filter with 24.
+const SAME_FILTERED: f64 = 1e-3;
 
 /// Calls `hit` with each pixel whose centre a triangle covers, its depth and its velocity there. A
 /// triangle that reaches behind the camera in a frame has none.

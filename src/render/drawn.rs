@@ -308,7 +308,7 @@ fn frame_buffer(
     }))
 }
 
-/// The range of the point light of our pictures, which stands where the camera of the frame does.
+/// The range of the point light of our pictures, which stands at the origin.
 const LIGHT_RANGE: f32 = 100.0;
 
 /// The uniform buffers of a draw's bindings that the author does not have.

@@ -129,6 +129,12 @@ pub(super) fn fill<'a>(
                     place(b)
                 )
             })?),
+            BindingSource::View { name } => {
+                return Err(format!(
+                    "{} holds `{name}`, which is another view's",
+                    place(b)
+                ));
+            }
             BindingSource::Previous { .. } | BindingSource::Host { .. } => {
                 let buffer = made
                     .host(&b.source)

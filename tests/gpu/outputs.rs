@@ -30,7 +30,7 @@ const SCENES: [(&str, &str); 6] = [
 
 fn load(name: &str) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("fixtures/scenes/{name}.toml"));
-    let mut scene = scene::load(&path).unwrap().resized([160, 90]);
+    let mut scene = scene::load(&path).unwrap().resized([240, 135]);
     scene.cameras.truncate(1);
     scene.orders.truncate(1);
     scene

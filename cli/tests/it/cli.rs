@@ -177,7 +177,7 @@ fn without_a_pass_those_that_apply_are_named() {
     assert_eq!(
         stderr(&output),
         "note: no --pass is given, so `toon` is written as it is; \
-         these apply to it: depth-prepass, early-discard, shadow\n"
+         these apply to it: depth-prepass, early-discard, shadow, outputs\n"
     );
 }
 

@@ -21,3 +21,4 @@ pub mod uniformity;
 pub(crate) mod users;
 pub mod values;
 pub mod view;
+pub mod world;

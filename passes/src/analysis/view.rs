@@ -1,7 +1,8 @@
 //! Which uniforms follow the viewer. A shader has nothing but names to tell them by.
 
-use naga::{AddressSpace, TypeInner, VectorSize};
+use naga::{AddressSpace, Expression, TypeInner, VectorSize};
 
+use crate::analysis::values::{Node, ValueId, Values};
 use crate::core::program::Program;
 
 /// Uniforms with camera, view, eye or projection in their name or a member's, and members of such
@@ -52,6 +53,46 @@ pub fn view_dependent(program: &Program) -> Vec<String> {
         return matrices(module);
     }
     found
+}
+
+/// Whether a value is a read of one of these uniforms: variables, or members as
+/// `VARIABLE.MEMBER`. A read of a whole variable counts if a member is among them.
+pub fn is_read(values: &Values<'_, '_>, value: ValueId, names: &[String]) -> bool {
+    let Node::Expression(context, e, path) = &values.values[value].node else {
+        return false;
+    };
+    let function = values.function(*context).function;
+    let Expression::Load { pointer } = function.expressions[*e] else {
+        return false;
+    };
+    let (mut at, mut member) = (pointer, path.first().copied());
+    loop {
+        match function.expressions[at] {
+            Expression::AccessIndex { base, index } => (at, member) = (base, Some(index)),
+            Expression::Access { base, .. } => (at, member) = (base, None),
+            Expression::GlobalVariable(global) => {
+                let module = values.graph.module();
+                let global = &module.global_variables[global];
+                let variable = global.name.as_deref().unwrap_or_default();
+                let start = format!("{variable}.");
+                let own = match (&module.types[global.ty].inner, member) {
+                    (TypeInner::Struct { members, .. }, Some(index)) => members
+                        .get(index as usize)
+                        .and_then(|m| m.name.as_deref())
+                        .map(|name| format!("{start}{name}")),
+                    _ => None,
+                };
+                let is_whole = own.is_none();
+                return global.space == AddressSpace::Uniform
+                    && names.iter().any(|name| {
+                        name == variable
+                            || Some(name) == own.as_ref()
+                            || (is_whole && name.starts_with(&start))
+                    });
+            }
+            _ => return false,
+        }
+    }
 }
 
 /// Matrices of uniforms whose names are not those of an object. Where no name tells the camera's

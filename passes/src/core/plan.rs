@@ -214,6 +214,11 @@ pub enum BindingSource {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         binding: Option<u32>,
     },
+    /// A resource of another view than the author's, as the parameter `map` of `outputs` says.
+    View {
+        /// The variable's name in the mapping or the layout.
+        name: String,
+    },
     /// A uniform buffer that only the host can fill.
     Host {
         /// What to put into it.
@@ -447,6 +452,10 @@ pub struct GpuPass {
     /// pass): variable or member names.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub view_dependent: Vec<String>,
+    /// What the pass leaves out of the author's decisions about coverage, because it depends on the
+    /// viewer.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub left_out: Vec<String>,
 }
 
 /// A buffer of computed vertices, one for each draw of the material.
@@ -763,6 +772,7 @@ impl Plan {
             draws: Draws::All,
             geometry: Geometry::AsGiven,
             view_dependent: Vec::new(),
+            left_out: Vec::new(),
         };
         crate::core::reflect::fill(&mut pass, &program);
         let plan = Self {

@@ -15,6 +15,8 @@ pub(crate) mod outline;
 pub(crate) mod outputs;
 pub mod place;
 pub mod quad;
+pub(crate) mod remap;
 pub mod returns;
 pub(crate) mod snippet;
+pub(crate) mod viewer;
 pub mod writer;

@@ -35,6 +35,7 @@ use crate::analysis::view;
 use crate::core::contract::Contract;
 use crate::core::pass::{Example, Facts, Misnamed, Outcome, Pass, PassInfo, Refusal, Refused, Use};
 use crate::core::plan::{Attachment, AttachmentFormat, ClearValue, GpuPass, Phase, Plan, Role};
+use crate::core::program::Program;
 use crate::core::refusals::RefusalInfo;
 use crate::core::state::{
     AttachmentOps, ColorTarget, CompareFunction, DepthBias, DepthDirection, DepthState, Multisample,
@@ -43,14 +44,17 @@ use crate::rebuild::depth_only::{self, VertexStage};
 use crate::rebuild::depth_pass;
 use crate::rebuild::outputs::{self, Direction, Extended, Failed, Shows, Velocity, Wanted};
 use crate::rebuild::place::PositionInvariance;
+use crate::rebuild::viewer::{self, Dropped, Stays};
 use crate::slice::OutputFilter;
 
+mod distance;
 mod names;
+mod other_view;
 mod params;
 pub mod refusals;
 
 use params::list;
-pub use params::{Asked, ColourTarget, Params, Precision, Space};
+pub use params::{Asked, ColourTarget, Params, Precision, Space, Viewer};
 
 const NAME: &str = "outputs";
 
@@ -119,17 +123,27 @@ impl Pass for Outputs {
             let reason = "the plan already has a pass of outputs";
             return Err(vec![Refusal::new(NAME, &refusals::HAS_OUTPUTS, reason, remedy)].into());
         }
-        let from_light = asked.contains(&Asked::Shadow);
+        let from_light = asked.contains(&Asked::Shadow) || asked.contains(&Asked::Distance);
         if from_light && (asked.contains(&Asked::Depth) || asked.contains(&Asked::Velocity)) {
             return Err(vec![Refusal::new(
                 NAME,
                 &refusals::MIXED_VIEWS,
-                "`shadow` is drawn from a light's view, `depth` and `velocity` from the camera's",
+                "`shadow` and `distance` are drawn from a light's view, `depth` and `velocity` from \
+                 the camera's",
                 refusals::remedy(&refusals::MIXED_VIEWS),
             )]
             .into());
         }
-        let author = depth_pass::alone(plan, NAME)?;
+        let whole = depth_pass::alone(plan, NAME)?;
+        let dropped = match from_light && params.view == Viewer::Drop {
+            true => without_viewer(&whole)?,
+            false => None,
+        };
+        let of_light = dropped.as_ref().map(|d| with_main(plan, &d.program, None));
+        let author = match &of_light {
+            Some(plan) => depth_pass::alone(plan, NAME)?,
+            None => whole,
+        };
         // What decides coverage and depth is the author's alone: outputs decide nothing.
         let deciding = depth_only::slice(&author, VertexStage::Sliced, &[]);
         deciding.assumptions(&author, plan, NAME, &[PassEffect::SlicesForView])?;
@@ -145,7 +159,8 @@ impl Pass for Outputs {
             true => None,
             false => Some(outputs::extend(&author, &wanted).map_err(|why| failed(&why))?),
         };
-        let of_extended = extended.as_ref().map(|e| with_main(plan, e));
+        let of_extended = extended.as_ref();
+        let of_extended = of_extended.map(|e| with_main(plan, &e.program, Some(&e.fragment)));
         let opaque = match &of_extended {
             Some(plan) => depth_pass::alone(plan, NAME)?,
             None => author,
@@ -197,7 +212,8 @@ impl Pass for Outputs {
                 }
             }
         }
-        next.notes.extend(notes(&opaque, &wanted));
+        next.notes.extend(notes(&opaque, params, &wanted));
+        let of_view = other_view::apply(&mut next, &opaque, params)?;
         depth_pass::finish(&mut next, "original");
         let program = next.programs.get(Role::Outputs.name());
         let follows = program.filter(|_| from_light).map(view::view_dependent);
@@ -205,7 +221,9 @@ impl Pass for Outputs {
             if let Some(extended) = &extended {
                 extended.mark(&mut pass.attributes);
             }
+            other_view::mark(pass, &of_view);
             pass.view_dependent = follows.unwrap_or_default();
+            pass.left_out = dropped.map(|d| d.left_out).unwrap_or_default();
         }
         let names: Vec<&str> = list(Some(&params.write)).collect();
         let what = format!("vertex and fragment stage for {}", names.join(", "));
@@ -226,6 +244,7 @@ fn wanted(
             Asked::Depth | Asked::Shadow => continue,
             Asked::Normal => ("normal".to_owned(), normal(opaque, params)),
             Asked::Velocity => ("velocity".to_owned(), velocity(opaque, plan, facts, params)),
+            Asked::Distance => ("distance".to_owned(), distance::distance(opaque, params)),
             Asked::Id => ("id".to_owned(), Ok(Shows::Id)),
             Asked::Named(name) => (
                 name.replace(['@', '.'], "-"),
@@ -248,7 +267,7 @@ fn wanted(
 }
 
 /// What a host should know of the pictures.
-fn notes(opaque: &Opaque<'_>, wanted: &[Wanted]) -> Vec<String> {
+fn notes(opaque: &Opaque<'_>, params: &Params, wanted: &[Wanted]) -> Vec<String> {
     let mut found = Vec::new();
     if wanted.is_empty() {
         found.push(
@@ -257,6 +276,10 @@ fn notes(opaque: &Opaque<'_>, wanted: &[Wanted]) -> Vec<String> {
                 .to_owned(),
         );
     }
+    found.extend(wanted.iter().find_map(|w| match &w.shows {
+        Shows::Distance(of) => Some(distance::described(of, params)),
+        _ => None,
+    }));
     let module = opaque.program.module();
     if wanted.iter().any(|w| matches!(w.shows, Shows::Velocity(_))) {
         let info = opaque.program.info().get_entry_point(opaque.vertex);
@@ -330,13 +353,25 @@ fn failed(why: &Failed) -> Box<Refusal> {
     })
 }
 
-/// The plan with the extended program in its main pass.
-fn with_main(plan: &Plan, extended: &Extended) -> Plan {
+/// The material without what depends on the viewer; `None`: nothing does.
+fn without_viewer(opaque: &Opaque<'_>) -> Result<Option<Dropped>, Box<Refusal>> {
+    let follows = view::view_dependent(opaque.program);
+    viewer::dropped(opaque, &follows).map_err(|why| match why {
+        Stays::Built(why) => Box::new(Refusal::bug(NAME, why)),
+        Stays::Discard(place) => {
+            let code = &refusals::VIEWER_DECIDES;
+            let reason = format!("the discard {place} depends on the viewer alone");
+            Box::new(Refusal::new(NAME, code, reason, refusals::remedy(code)))
+        }
+    })
+}
+
+/// The plan with another program, and fragment stage, in its main pass.
+fn with_main(plan: &Plan, program: &Program, fragment: Option<&String>) -> Plan {
     let mut plan = plan.clone();
     for pass in plan.passes.iter_mut().filter(|p| p.role == Role::Main) {
-        pass.fragment = Some(extended.fragment.clone());
-        let program = extended.program.clone();
-        plan.programs.insert(pass.program.clone(), program);
+        pass.fragment = fragment.cloned().or(pass.fragment.take());
+        plan.programs.insert(pass.program.clone(), program.clone());
     }
     plan
 }

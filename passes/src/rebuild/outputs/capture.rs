@@ -94,6 +94,23 @@ impl Extending<'_, '_> {
         }
     }
 
+    /// Keeps a value in a variable of its own, so that it is available at the returns however the
+    /// entry point is rewritten before them.
+    pub(super) fn keep(&mut self, entry: usize, value: &Authored) -> Captured {
+        let Place::Expression(FunctionId::EntryPoint(_), e) = value.place else {
+            return self.capture(entry, value);
+        };
+        let variable = self.private(value);
+        let function = &mut self.module.entry_points[entry].function;
+        store_after(
+            function,
+            e,
+            &value.path,
+            Expression::GlobalVariable(variable),
+        );
+        Captured::Global(variable, Vec::new())
+    }
+
     /// An input, by index in the order of `reflect::inputs`.
     fn input(&self, fragment: usize, mut index: u32, mut path: Vec<u32>) -> Captured {
         let function = &self.module.entry_points[fragment].function;

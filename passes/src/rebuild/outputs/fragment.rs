@@ -6,8 +6,9 @@ use naga::{
 };
 
 use super::capture::Captured;
-use super::vertex::member;
-use super::{Direction, Extending, Failed, Shows, Varying, Varyings, Wanted, buffer};
+use super::vertex::{self, member};
+use super::{Direction, Distance, Extending, Failed, Member, Shows, Surface};
+use super::{Varying, Varyings, Wanted, buffer};
 use crate::core::plan::HostValue;
 use crate::core::reflect;
 use crate::rebuild::color::{empty_fragment, location};
@@ -41,6 +42,18 @@ enum Ready {
     Velocity([u32; 2]),
     Nothing,
     Id(u32, Handle<naga::GlobalVariable>, Handle<Type>),
+    Distance(Measured),
+}
+
+/// A distance that is ready to be written.
+struct Measured {
+    from: Captured,
+    light: Member,
+    /// Whether each of them has four components.
+    of_four: [bool; 2],
+    /// A number of its own; `None`: the fourth component of `light`, if `is_divided`.
+    range: Option<Member>,
+    is_divided: bool,
 }
 
 /// How a value fills a target.
@@ -195,6 +208,14 @@ impl Extending<'_, '_> {
                 });
                 (Ready::Id(argument, draw, ty), ty, "rg32uint")
             }
+            Shows::Distance(distance) => {
+                let ty = self.ty(TypeInner::Scalar(Scalar::F32));
+                let measured = self
+                    .measured(entry, distance, varyings)
+                    .ok_or_else(missing)?;
+                // A depth of 16 bits is of no use to a comparison of depths.
+                (Ready::Distance(measured), ty, "r32float")
+            }
             Shows::Nothing => {
                 let inner = TypeInner::Vector {
                     size: VectorSize::Quad,
@@ -202,6 +223,39 @@ impl Extending<'_, '_> {
                 };
                 (Ready::Nothing, self.ty(inner), "rgba8unorm")
             }
+        })
+    }
+
+    /// Prepares a distance. `None`: the vertex stage does not pass its position on.
+    fn measured(
+        &mut self,
+        entry: usize,
+        distance: &Distance,
+        varyings: &Varyings,
+    ) -> Option<Measured> {
+        let (from, from_four) = match &distance.from {
+            Surface::Value(value) => (self.capture(entry, value), is_four(&value.inner)),
+            Surface::World(_) => {
+                let argument = self.take(entry, varyings.world.as_ref()?);
+                (Captured::Argument(argument, Vec::new()), false)
+            }
+        };
+        let light = distance.light.unwrap_or_else(|| {
+            let four = self.ty(TypeInner::Vector {
+                size: VectorSize::Quad,
+                scalar: Scalar::F32,
+            });
+            (
+                self.host_uniform("point_light", four, HostValue::PointLight),
+                None,
+            )
+        });
+        Some(Measured {
+            from,
+            of_four: [from_four, is_four(type_of(&self.module, light))],
+            light,
+            range: distance.range,
+            is_divided: distance.range.is_some() || distance.light.is_none(),
         })
     }
 
@@ -278,6 +332,7 @@ impl Ready {
                     }
                 }
             }
+            Self::Distance(measured) => measured.write(writer),
             Self::Nothing => writer.expression(Expression::ZeroValue(ty)),
             Self::Velocity([now, before]) => velocity(writer, *now, *before, ty),
             Self::Id(instance, draw, ty) => {
@@ -291,6 +346,60 @@ impl Ready {
             }
         }
     }
+}
+
+impl Measured {
+    fn write(&self, writer: &mut FunctionWriter) -> Handle<Expression> {
+        use SwizzleComponent::{W, X, Y, Z};
+        let mut arg = self.from.read(writer);
+        if self.of_four[0] {
+            arg = vertex::three(writer, arg, [X, Y, Z, W]);
+        }
+        let light = buffer(&mut |e| writer.expression(e), self.light);
+        let arg1 = match self.of_four[1] {
+            true => vertex::three(writer, light, [X, Y, Z, W]),
+            false => light,
+        };
+        let distance = writer.expression(Expression::Math {
+            fun: MathFunction::Distance,
+            arg,
+            arg1: Some(arg1),
+            arg2: None,
+            arg3: None,
+        });
+        if !self.is_divided {
+            return distance;
+        }
+        let range = match self.range {
+            Some(range) => buffer(&mut |e| writer.expression(e), range),
+            None => writer.expression(Expression::AccessIndex {
+                base: light,
+                index: 3,
+            }),
+        };
+        binary(writer, BinaryOperator::Divide, distance, range)
+    }
+}
+
+/// The type of a buffer, or of a member of it.
+pub fn type_of(module: &naga::Module, (variable, member): Member) -> &TypeInner {
+    let inner = &module.types[module.global_variables[variable].ty].inner;
+    match (inner, member) {
+        (TypeInner::Struct { members, .. }, Some(index)) => {
+            &module.types[members[index as usize].ty].inner
+        }
+        _ => inner,
+    }
+}
+
+fn is_four(inner: &TypeInner) -> bool {
+    matches!(
+        inner,
+        TypeInner::Vector {
+            size: VectorSize::Quad,
+            ..
+        }
+    )
 }
 
 fn widen(
@@ -321,7 +430,7 @@ fn widen(
 fn turned(
     writer: &mut FunctionWriter,
     value: Handle<Expression>,
-    matrix: (Handle<naga::GlobalVariable>, Option<u32>),
+    matrix: Member,
     vec3: Handle<Type>,
 ) -> Handle<Expression> {
     let mut append = |e| writer.expression(e);

@@ -10,6 +10,7 @@ use naga::{
 
 use crate::analysis::authored::Authored;
 use crate::analysis::opaque::Opaque;
+use crate::analysis::world::World;
 use crate::core::plan::{AttributeUse, BindingSource, HostValue};
 use crate::core::program::Program;
 use crate::core::reflect;
@@ -18,6 +19,8 @@ mod capture;
 mod fragment;
 mod previous;
 mod vertex;
+
+pub use fragment::type_of;
 
 /// A picture to write.
 #[derive(Clone, Debug)]
@@ -41,6 +44,8 @@ pub enum Shows {
     Velocity(Velocity),
     /// Numbers of draw and instance.
     Id,
+    /// How far the surface is from a light.
+    Distance(Distance),
     /// Zeros, for an API that wants each bound target to be written.
     Nothing,
 }
@@ -49,9 +54,33 @@ pub enum Shows {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Direction {
     /// A matrix in a buffer that turns it first: the variable, and a member of it.
-    pub turned: Option<(Handle<GlobalVariable>, Option<u32>)>,
+    pub turned: Option<Member>,
     /// Whether it is encoded in two numbers.
     pub octahedral: bool,
+}
+
+/// A buffer, or a member of one.
+pub type Member = (Handle<GlobalVariable>, Option<u32>);
+
+/// What a distance is measured between.
+#[derive(Clone, Debug)]
+pub struct Distance {
+    /// The surface.
+    pub from: Surface,
+    /// The light's position, a vector of three or four; `None`: a uniform of the pass has it, with
+    /// the range as the fourth component.
+    pub light: Option<Member>,
+    /// A number that the distance is divided by.
+    pub range: Option<Member>,
+}
+
+/// Where a surface is.
+#[derive(Clone, Debug)]
+pub enum Surface {
+    /// A vector of three or four of the fragment stage.
+    Value(Authored),
+    /// A position of the vertex stage.
+    World(World),
 }
 
 /// What the position of the previous frame is computed from.
@@ -62,7 +91,7 @@ pub struct Velocity {
     /// Locations of attributes that change.
     pub moving: BTreeSet<u32>,
     /// Members of uniforms, or uniforms, that are taken as 0 in both frames.
-    pub jitter: Vec<(Handle<GlobalVariable>, Option<u32>)>,
+    pub jitter: Vec<Member>,
 }
 
 /// The extended material.
@@ -114,6 +143,8 @@ struct Varyings {
     clip: Option<[Varying; 2]>,
     /// Number of the instance.
     instance: Option<Varying>,
+    /// Position in the world.
+    world: Option<Varying>,
 }
 
 /// Extends the main pass of a material by outputs, at locations from 0.
@@ -238,7 +269,7 @@ fn is_position(binding: Option<&Binding>) -> bool {
 /// The expression of a buffer, or of a member of it.
 fn buffer(
     append: &mut dyn FnMut(Expression) -> Handle<Expression>,
-    (variable, member): (Handle<GlobalVariable>, Option<u32>),
+    (variable, member): Member,
 ) -> Handle<Expression> {
     let base = append(Expression::GlobalVariable(variable));
     let pointer = match member {

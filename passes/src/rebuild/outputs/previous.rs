@@ -7,7 +7,7 @@ use naga::{
     TypeInner,
 };
 
-use super::{Extending, Failed, Velocity, location_of};
+use super::{Extending, Failed, Member, Velocity, location_of};
 use crate::core::plan::BindingSource;
 use crate::core::{calls, reflect};
 use crate::graph::FunctionId;
@@ -20,9 +20,6 @@ const PREVIOUS: &str = "previous";
 
 /// Suffix of the functions without jitter.
 const STEADY: &str = "steady";
-
-/// A uniform, or a member of it.
-type Member = (Handle<GlobalVariable>, Option<u32>);
 
 impl Extending<'_, '_> {
     /// Functions that compute the position now and in the previous frame. The first is `None` where

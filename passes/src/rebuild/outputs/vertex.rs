@@ -1,11 +1,13 @@
 //! The vertex stage of an extended material: the author's, and what the fragment stage needs of it.
 
 use naga::{
-    Binding, BuiltIn, Expression, FunctionResult, Handle, Interpolation, Sampling, Scalar,
-    StructMember, SwizzleComponent, TypeInner, VectorSize,
+    BinaryOperator, Binding, BuiltIn, Expression, FunctionResult, Handle, Interpolation, Sampling,
+    Scalar, StructMember, SwizzleComponent, TypeInner, VectorSize,
 };
 
-use super::{Extending, Failed, Shows, Varying, Varyings, Wanted, is_position, varying};
+use super::capture::Captured;
+use super::{Extending, Failed, Shows, Surface, Varying, Varyings, Wanted, is_position, varying};
+use crate::analysis::world::World;
 use crate::core::reflect;
 use crate::rebuild::ahead::Ahead;
 use crate::rebuild::place::{self, CodeBuilder};
@@ -20,12 +22,37 @@ enum Carried {
     Clip(Handle<Expression>),
     /// A value of the prologue.
     Value(Handle<Expression>),
+    /// A position in the world.
+    World(Kept),
+}
+
+/// A position in the world: a vector and the matrices that turn it, outermost first.
+#[derive(Clone, Debug)]
+struct Kept {
+    vector: Captured,
+    matrices: Vec<Captured>,
+}
+
+impl Kept {
+    fn read(&self, writer: &mut FunctionWriter) -> Handle<Expression> {
+        let mut value = self.vector.read(writer);
+        for matrix in self.matrices.iter().rev() {
+            let left = matrix.read(writer);
+            value = writer.expression(Expression::Binary {
+                op: BinaryOperator::Multiply,
+                left,
+                right: value,
+            });
+        }
+        value
+    }
 }
 
 impl Extending<'_, '_> {
     /// Extends the vertex stage.
     pub(super) fn vertex_stage(&mut self, wanted: &[Wanted]) -> Result<Varyings, Failed> {
         let mut varyings = Varyings::default();
+        let kept = self.world(wanted);
         let mut next = self.free_location();
         let mut take = || {
             next += 1;
@@ -52,19 +79,52 @@ impl Extending<'_, '_> {
                 binding: varying(take(), Interpolation::Flat, Sampling::Either),
             });
         }
+        if kept.is_some() {
+            varyings.world = Some(Varying {
+                name: "world",
+                ty: self.vec3(),
+                binding: varying(take(), Interpolation::Perspective, Sampling::Center),
+            });
+        }
         let all = [
             varyings.clip.as_ref().map(|[now, _]| now),
             varyings.clip.as_ref().map(|[_, before]| before),
             varyings.instance.as_ref(),
+            varyings.world.as_ref(),
         ];
         if all.iter().any(Option::is_some) {
-            self.carry(&all, positions);
+            self.carry(&all, positions, kept);
         }
         Ok(varyings)
     }
 
+    /// Keeps the position in the world, if a distance is measured from it.
+    fn world(&mut self, wanted: &[Wanted]) -> Option<Kept> {
+        let world: &World = wanted.iter().find_map(|w| match &w.shows {
+            Shows::Distance(distance) => match &distance.from {
+                Surface::World(world) => Some(world),
+                Surface::Value(_) => None,
+            },
+            _ => None,
+        })?;
+        let vertex = self.opaque.vertex;
+        Some(Kept {
+            vector: self.keep(vertex, &world.vector),
+            matrices: world
+                .matrices
+                .iter()
+                .map(|m| self.keep(vertex, m))
+                .collect(),
+        })
+    }
+
     /// Makes the vertex stage return the varyings beside its own outputs.
-    fn carry(&mut self, all: &[Option<&Varying>; 3], positions: Option<(Option<Ahead>, Ahead)>) {
+    fn carry(
+        &mut self,
+        all: &[Option<&Varying>; 4],
+        positions: Option<(Option<Ahead>, Ahead)>,
+        kept: Option<Kept>,
+    ) {
         let entry = self.opaque.vertex;
         let mut carried = Vec::new();
         self.module = place::prologue(&self.module, entry, |build| {
@@ -80,6 +140,7 @@ impl Extending<'_, '_> {
                 let value = build.input("instance_index", varying.ty, &instance);
                 carried.push(Carried::Value(value));
             }
+            carried.extend(kept.map(Carried::World));
         });
         let module = &self.module;
         let function = &module.entry_points[entry].function;
@@ -116,10 +177,15 @@ impl Extending<'_, '_> {
             };
             let position = components[position?];
             for value in &carried {
-                components.push(match *value {
-                    Carried::Position => without_z(writer, position),
-                    Carried::Clip(clip) => without_z(writer, clip),
-                    Carried::Value(value) => value,
+                use SwizzleComponent::{W, X, Y, Z};
+                components.push(match value {
+                    Carried::Position => three(writer, position, [X, Y, W, W]),
+                    Carried::Clip(clip) => three(writer, *clip, [X, Y, W, W]),
+                    Carried::Value(value) => *value,
+                    Carried::World(kept) => {
+                        let world = kept.read(writer);
+                        three(writer, world, [X, Y, Z, W])
+                    }
                 });
             }
             Some(writer.expression(Expression::Compose { ty, components }))
@@ -136,12 +202,16 @@ fn called(build: &mut CodeBuilder<'_>, ahead: &Ahead, name: &str) -> Handle<Expr
     }
 }
 
-fn without_z(writer: &mut FunctionWriter, clip: Handle<Expression>) -> Handle<Expression> {
-    use SwizzleComponent::{W, X, Y};
+/// The first three components of `pattern`.
+pub(super) fn three(
+    writer: &mut FunctionWriter,
+    vector: Handle<Expression>,
+    pattern: [SwizzleComponent; 4],
+) -> Handle<Expression> {
     writer.expression(Expression::Swizzle {
         size: VectorSize::Tri,
-        vector: clip,
-        pattern: [X, Y, W, W],
+        vector,
+        pattern,
     })
 }
 

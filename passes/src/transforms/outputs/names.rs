@@ -13,14 +13,12 @@ use crate::analysis::opaque::Opaque;
 use crate::core::pass::{Facts, Misnamed, Refusal};
 use crate::core::reflect;
 use crate::core::refusals::RefusalInfo;
+use crate::rebuild::outputs::Member;
 
 /// Most candidates that a refusal lists.
 const MOST: usize = 12;
 
-/// A buffer, or a member of one.
-pub type Member = (Handle<GlobalVariable>, Option<u32>);
-
-fn refusal(code: &RefusalInfo, reason: impl Into<String>) -> Box<Refusal> {
+pub(super) fn refusal(code: &RefusalInfo, reason: impl Into<String>) -> Box<Refusal> {
     Box::new(Refusal::new(
         super::NAME,
         code,
@@ -46,12 +44,20 @@ pub fn misnamed(opaque: &Opaque<'_>, params: &Params) -> Option<Misnamed> {
         Asked::Named(name) => Some(name),
         _ => None,
     });
-    let mut named = named.chain(params.normal.clone());
+    let mut named = named
+        .chain(params.normal.clone())
+        .chain(params.position.clone());
     let of_value = named.find_map(|name| {
         let refused = value(opaque, &name).err()?;
         found(&name, refused, values().collect())
     });
-    let buffers = [&params.still, &params.jitter, &params.matrix];
+    let buffers = [
+        &params.still,
+        &params.jitter,
+        &params.matrix,
+        &params.light,
+        &params.range,
+    ];
     let mut buffers = buffers.into_iter().flat_map(|text| list(text.as_deref()));
     let of_value = of_value.or_else(|| {
         buffers.find_map(|name| found(name, member(module, name).err()?, paths().collect()))
@@ -113,6 +119,17 @@ pub fn value(opaque: &Opaque<'_>, name: &str) -> Result<Authored, Box<Refusal>> 
                 format!("`{name}` may be {}", listed(&several)),
             ))
         }
+    }
+}
+
+/// The values of the fragment stage that may be meant, for a message.
+pub fn described(opaque: &Opaque<'_>, is_candidate: &dyn Fn(&Authored) -> bool) -> String {
+    let mut all = all_values(opaque);
+    all.retain(is_candidate);
+    let all: Vec<String> = all.iter().map(|v| v.described(opaque.program)).collect();
+    match all.is_empty() {
+        true => "the fragment stage has no other candidate".to_owned(),
+        false => format!("candidates are {}", listed(&all)),
     }
 }
 

@@ -3,6 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::core::mapping::{Malformed, Mapping};
 use crate::core::state::DepthFormat;
 
 /// How precisely floats are stored.
@@ -26,6 +27,18 @@ pub enum Space {
     World,
 }
 
+/// What becomes of what depends on the viewer, in a picture that a light draws.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Viewer {
+    /// It follows the light: the host binds the light's view.
+    #[default]
+    Keep,
+    /// Discards and texture coordinates are those without it, as without parallax and fades. The
+    /// plan lists in `left_out` what that is. Positions keep it.
+    Drop,
+}
+
 /// What is bound where a pass needs no colour.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
@@ -41,8 +54,8 @@ pub enum ColourTarget {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Params {
-    /// What to write, joined by `+`: `depth`, `shadow`, `normal`, `velocity`, `id`, or the name of a
-    /// value in the fragment stage. `NAME@FUNCTION` is the value of one function. Depth is written
+    /// What to write, joined by `+`: `depth`, `shadow`, `distance`, `normal`, `velocity`, `id`, or the
+    /// name of a value in the fragment stage. `NAME@FUNCTION` is the value of one function. Depth is written
     /// with each.
     pub write: String,
     /// `normal`: the value to take, by its name. Default: the unit vector that meets a light in a
@@ -72,7 +85,32 @@ pub struct Params {
     /// by `+`. They count as 0 in both frames.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub jitter: Option<String>,
-    /// How precisely floats are stored.
+    /// `distance`: the position that it is measured from, by the name of a value of the fragment
+    /// stage. Default: the vector that the view's matrix turns into the clip position.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub position: Option<String>,
+    /// `distance`: the light's position, by the name of a uniform or a member of one. Default: a
+    /// uniform `point_light` that the plan lists, with the position and the range.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub light: Option<String>,
+    /// `distance`: a number that it is divided by, by its name. Default: the range in `point_light`;
+    /// with `light`, none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub range: Option<String>,
+    /// `shadow` and `distance`: what becomes of what depends on the viewer, such as parallax and
+    /// fades by distance.
+    #[serde(skip_serializing_if = "is_kept")]
+    pub view: Viewer,
+    /// Resources of another view that take the place of the author's, as `THEIRS=OURS`, joined by
+    /// `+`: `light.view_proj=camera.view_proj`. `GROUP:BINDING` may name their variable.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub map: Option<String>,
+    /// Declarations of the other view's resources, in WGSL; on the command line, the name of a file
+    /// that has them. Default: a struct of the members that `map` names, in their order, at the
+    /// author's group and binding.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub layout: Option<String>,
+    /// How precisely floats are stored. Distances always have 32 bits.
     pub precision: Precision,
     /// What is bound where nothing but depth is written.
     #[serde(skip_serializing_if = "is_none")]
@@ -92,11 +130,21 @@ impl Default for Params {
             still: None,
             moving: None,
             jitter: None,
+            position: None,
+            light: None,
+            range: None,
+            view: Viewer::default(),
+            map: None,
+            layout: None,
             precision: Precision::default(),
             colour_target: ColourTarget::default(),
             format: DepthFormat::default(),
         }
     }
+}
+
+fn is_kept(view: &Viewer) -> bool {
+    *view == Viewer::Keep
 }
 
 fn is_none(target: &ColourTarget) -> bool {
@@ -114,6 +162,8 @@ pub enum Asked {
     Normal,
     /// The way of each point since the previous frame.
     Velocity,
+    /// How far the surface is from a point light.
+    Distance,
     /// Numbers of draw and instance.
     Id,
     /// A value by its name.
@@ -121,6 +171,14 @@ pub enum Asked {
 }
 
 impl Params {
+    /// The mappings of `map`.
+    ///
+    /// # Errors
+    /// One is malformed.
+    pub fn mappings(&self) -> Result<Vec<Mapping>, Malformed> {
+        list(self.map.as_deref()).map(str::parse).collect()
+    }
+
     /// The words of `write`, each once.
     pub fn asked(&self) -> Vec<Asked> {
         let mut found = Vec::new();
@@ -130,6 +188,7 @@ impl Params {
                 "shadow" => Asked::Shadow,
                 "normal" => Asked::Normal,
                 "velocity" => Asked::Velocity,
+                "distance" => Asked::Distance,
                 "id" => Asked::Id,
                 name => Asked::Named(name.to_owned()),
             };
