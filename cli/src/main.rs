@@ -35,6 +35,7 @@ mod hints;
 mod input;
 mod keeper;
 mod kept;
+mod layouts;
 mod limits;
 mod lock;
 mod man;

@@ -1,173 +1,112 @@
 //! Auxiliary pictures, drawn: depths as of the whole program, velocities as the positions of two
-//! frames say, normals as of a geometry pass that was written by hand.
+//! frames say, normals as of a geometry pass that was written by hand, distances as the depths say.
 
-use std::path::Path;
+use std::collections::{BTreeMap, BTreeSet};
 
-use glam::{Mat4, Vec3};
-use preshade::unstable::measure::outputs::{OutputsReport, TOLERANCE, measure};
-use preshade::unstable::measure::{
-    self, Session, Settings, Timed, TimingSettings, Variant, verify,
-};
+use glam::{Mat4, Vec3, Vec4};
+use preshade::unstable::measure::outputs::TOLERANCE;
+use preshade::unstable::measure::{Session, Timed, verify};
 use preshade::unstable::passes::contract::Verdict;
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::passes::plan::{Attachment, GpuPass, Phase, Plan, Role, SCENE_DEPTH};
-use preshade::unstable::passes::reflect;
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::render::{Rendered, ShaderForm};
-use preshade::unstable::scene::{self, DrawOrder, Scene, Stream};
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::render::ShaderForm;
+use preshade::unstable::scene::{Draw, DrawOrder, Scene};
 
+use crate::outputs_support::{
+    Row, alone, drawn, earlier, fixtures, load, moving_scenes, normals, report, row, settings,
+    variant,
+};
 use crate::render_support::*;
 
-/// The scenes, each with the attributes that move in it.
-const SCENES: [(&str, &str); 6] = [
-    ("skinned", ""),
-    ("morphed", ""),
-    ("instanced", ",moving=model_0+model_1+model_2+model_3"),
-    ("wind", ""),
-    ("displaced", ""),
-    ("crowd", ",moving=instance_place"),
-];
-
-fn load(name: &str) -> Scene {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("fixtures/scenes/{name}.toml"));
-    let mut scene = scene::load(&path).unwrap().resized([240, 135]);
-    scene.cameras.truncate(1);
-    scene.orders.truncate(1);
-    scene
-}
-
-/// A variant in which every uniform counts as changing.
-fn variant(scene: &Scene, recipe: &str) -> Variant {
-    let recipe = Recipe::parse([recipe]).unwrap();
-    let variant = measure::variant(&measure::originals(scene), &recipe, &Facts::default());
-    assert!(variant.kept.is_empty(), "{:?}", variant.kept);
-    variant
-}
-
-fn settings() -> Settings {
-    Settings {
-        timed: Timed::No,
-        timing: TimingSettings::default(),
-        frames_per_camera: 1,
-        command: String::new(),
-    }
-}
-
-/// The draws a little earlier: elsewhere, turned, bent and blended otherwise.
-fn earlier(scene: &Scene) -> Scene {
-    let mut scene = scene.clone();
-    let turn = Mat4::from_rotation_z(0.03);
-    for draw in &mut scene.draws {
-        let aside = Mat4::from_translation(Vec3::new(0.03, -0.02, 0.04));
-        draw.transform = aside * draw.transform * Mat4::from_rotation_y(0.02);
-        let mut bent = Mat4::IDENTITY;
-        let joints = draw.joints.iter().map(|joint| {
-            bent *= turn;
-            *joint * bent
-        });
-        draw.joints = joints.collect();
-        for weight in &mut draw.morph_weights {
-            *weight *= 0.9;
-        }
-        for (name, stream) in &mut draw.instance_streams {
-            let Stream::Float { components, data } = stream else {
-                continue;
-            };
-            for instance in data.chunks_mut(*components as usize) {
-                match name.as_str() {
-                    "instance_transform" => instance[12] += 0.05,
-                    "instance_place" => instance[2] += 0.04,
-                    _ => {}
-                }
-            }
-        }
-    }
-    scene
-}
-
-fn report(scene: &Scene, earlier: &Scene, variant: &Variant) -> OutputsReport {
-    let session = Session::new(gpu(), scene, ShaderForm::Text).unwrap();
-    measure(&session, earlier, variant, &settings()).unwrap()
-}
+/// Large enough for `skinned` to have more than a thousand pixels.
+const SIZE: [u32; 2] = [240, 135];
 
 #[test]
 fn no_auxiliary_depth_differs_from_the_whole_programs() {
-    for (name, _) in SCENES {
-        let scene = load(name);
-        let report = report(&scene, &scene, &variant(&scene, "outputs:write=depth"));
+    for subject in moving_scenes(SIZE) {
+        for write in ["depth", "shadow", "distance", "normal+velocity+id"] {
+            let row = row(gpu(), &subject, write, Timed::No);
+            println!("{row:?}");
+            assert_eq!(row.refused, None);
+            assert_eq!((row.changed_depth, row.depth_max_ulp), (0, 0), "{row:?}");
+            assert!(row.covered > 1000, "{row:?}");
+            assert!(row.holds, "{row:?}");
+        }
+    }
+}
+
+/// What every fixture makes of a picture, in a scene made for it.
+fn everywhere(write: &str) -> (Vec<Row>, Vec<Row>) {
+    let rows = fixtures([64, 48]).into_iter().map(|subject| {
+        let row = row(gpu(), &subject, write, Timed::No);
+        println!("{row:?}");
+        row
+    });
+    rows.partition(|row| row.refused.is_none())
+}
+
+#[test]
+fn no_auxiliary_depth_of_a_fixture_differs() {
+    for (write, least) in [("depth", 35), ("shadow", 35)] {
+        let (applied, refused) = everywhere(write);
+        let seen: Vec<&Row> = applied.iter().filter(|r| r.covered > 0).collect();
+        let pixels: u64 = seen.iter().map(|r| r.covered).sum();
         println!(
-            "{name}: {} of {} depths differ",
-            report.changed_depth, report.covered
+            "{write}: {} fixtures compared in {pixels} pixels, {} not seen, {} refused",
+            seen.len(),
+            applied.len() - seen.len(),
+            refused.len()
         );
-        assert_eq!(
-            (report.changed_depth, report.depth_max_ulp),
-            (0, 0),
-            "{name}"
-        );
-        assert!(report.covered > 1000, "{name}: {} covered", report.covered);
-        assert_eq!(report.verdict(true), Verdict::Holds, "{name}");
+        for row in &applied {
+            assert_eq!((row.changed_depth, row.depth_max_ulp), (0, 0), "{row:?}");
+        }
+        assert!(seen.len() >= least, "{write}: {}", seen.len());
+        assert!(pixels > 20_000, "{write}: {pixels}");
     }
 }
 
 #[test]
-fn no_depth_beside_other_pictures_differs_either() {
-    for (name, moving) in SCENES {
-        let scene = load(name);
-        let recipe = format!("outputs:write=normal+velocity+id{moving}");
-        let report = report(&scene, &earlier(&scene), &variant(&scene, &recipe));
-        println!(
-            "{name}: {} of {} depths differ",
-            report.changed_depth, report.covered
-        );
-        assert_eq!(
-            (report.changed_depth, report.depth_max_ulp),
-            (0, 0),
-            "{name}"
-        );
+fn velocities_of_fixtures_are_those_of_the_positions_in_two_frames() {
+    let (applied, refused) = everywhere("velocity");
+    let compared: Vec<&Row> = applied
+        .iter()
+        .filter(|r| r.velocity.is_some_and(|(pixels, ..)| pixels > 0))
+        .collect();
+    let pixels: u64 = compared.iter().filter_map(|r| Some(r.velocity?.0)).sum();
+    println!(
+        "velocity: {} fixtures compared in {pixels} pixels, {} not, {} refused",
+        compared.len(),
+        applied.len() - compared.len(),
+        refused.len()
+    );
+    for row in &compared {
+        let (.., worst) = row.velocity.unwrap();
+        assert!(worst <= TOLERANCE, "{row:?}");
     }
-}
-
-#[test]
-fn no_depth_of_a_light_s_pictures_differs_from_the_whole_programs() {
-    for (name, _) in SCENES {
-        let mut scene = load(name);
-        scene.light.map = 128;
-        let variant = variant(&scene, "outputs:write=shadow");
-        let session = Session::new(gpu(), &scene, ShaderForm::Text).unwrap();
-        let outcome = verify(&session, &[variant], &settings(), &mut |_| {}).unwrap();
-        let report = outcome.report.variants.into_iter().nth(1).unwrap();
-        assert_eq!(report.verdict, Verdict::Holds, "{name}");
-        let shadow = report.shadow.unwrap();
-        println!(
-            "{name}: {} of {} depths differ",
-            shadow.changed_depth, shadow.covered
-        );
-        assert_eq!(shadow.changed_depth, 0, "{name}");
-        assert!(shadow.covered > 300, "{name}: {} covered", shadow.covered);
+    // What was not compared does not hold.
+    for row in applied
+        .iter()
+        .filter(|r| r.velocity.is_some_and(|v| v.0 == 0))
+    {
+        assert!(!row.holds, "{row:?}");
     }
+    assert!(compared.len() >= 30, "{}", compared.len());
+    assert!(pixels > 15_000, "{pixels}");
 }
 
 #[test]
 fn velocities_are_those_of_the_positions_in_two_frames() {
-    for (name, moving) in SCENES {
-        let scene = load(name);
+    for subject in moving_scenes(SIZE) {
         for precision in ["full", "half"] {
-            let recipe = format!("outputs:write=velocity,precision={precision}{moving}");
-            let report = report(&scene, &earlier(&scene), &variant(&scene, &recipe));
-            let velocity = report.velocity.unwrap();
-            println!("{name} {precision}: {velocity:?}");
-            assert!(
-                velocity.worst <= TOLERANCE,
-                "{name} {precision}: {velocity:?}"
-            );
+            let write = format!("velocity,precision={precision}");
+            let row = row(gpu(), &subject, &write, Timed::No);
+            println!("{row:?}");
+            let (pixels, left_out, longest, worst) = row.velocity.unwrap();
+            assert!(worst <= TOLERANCE, "{row:?}");
             // Everything moved, and most of the picture was compared.
-            assert!(velocity.longest > 0.5, "{name}: {velocity:?}");
-            assert!(velocity.pixels > 1000, "{name}: {velocity:?}");
-            if name != "crowd" {
-                assert!(
-                    velocity.left_out * 20 < velocity.pixels,
-                    "{name}: {velocity:?}"
-                );
+            assert!(longest > 0.5, "{row:?}");
+            assert!(pixels > 1000, "{row:?}");
+            if subject.name != "scene crowd" {
+                assert!(left_out * 20 < pixels, "{row:?}");
             }
         }
     }
@@ -181,9 +120,10 @@ fn a_plan_that_forgets_what_changed_is_broken() {
         ("morphed", "object"),
         ("wind", "globals"),
     ] {
-        let scene = load(name);
+        let scene = load(name, SIZE);
         let recipe = format!("outputs:write=velocity,precision=full,static={forgotten}");
-        let report = report(&scene, &earlier(&scene), &variant(&scene, &recipe));
+        let variant = variant(&scene, &recipe);
+        let report = report(gpu(), &scene, &earlier(&scene, true), &variant);
         let Verdict::Broken { r#where } = report.verdict(true) else {
             panic!("{name}: {:?}", report.velocity);
         };
@@ -192,14 +132,23 @@ fn a_plan_that_forgets_what_changed_is_broken() {
 }
 
 #[test]
+fn velocities_that_were_not_compared_do_not_hold() {
+    let scene = load("wind", SIZE);
+    let variant = variant(&scene, "outputs:write=velocity");
+    let mut report = report(gpu(), &scene, &earlier(&scene, true), &variant);
+    assert_eq!(report.verdict(true), Verdict::Holds);
+    report.velocity.as_mut().unwrap().pixels = 0;
+    report.velocity.as_mut().unwrap().not_evaluated = Some("it takes too many steps".to_owned());
+    let why = "no velocity was compared: it takes too many steps".to_owned();
+    assert_eq!(report.verdict(true), Verdict::NotMeasured { why });
+}
+
+#[test]
 fn verify_draws_auxiliary_pictures_and_judges_them() {
-    let scene = load("wind");
+    let scene = load("wind", SIZE);
     let variant = variant(&scene, "outputs:write=velocity");
     let session = Session::new(gpu(), &scene, ShaderForm::Text).unwrap();
-    let timed = Settings {
-        timed: Timed::Headline,
-        ..settings()
-    };
+    let timed = settings(Timed::Headline);
     let outcome = verify(&session, &[variant], &timed, &mut |_| {}).unwrap();
     let report = outcome.report.variants.into_iter().nth(1).unwrap();
     assert_eq!(report.verdict, Verdict::Holds);
@@ -208,92 +157,102 @@ fn verify_draws_auxiliary_pictures_and_judges_them() {
     assert!(outputs.velocity.unwrap().longest > 0.1);
 }
 
-/// The pass of outputs as the only one of a plan, with its pictures as the frame's colours.
-fn alone(plan: &Plan) -> Plan {
-    let pass = plan
-        .passes
-        .iter()
-        .find(|p| p.role == Role::Outputs)
-        .unwrap();
-    let mut pass: GpuPass = pass.clone();
-    let map = plan.attachment("outputs-depth").unwrap().clone();
-    pass.phase = Phase::Opaque;
-    pass.depth.as_mut().unwrap().attachment = SCENE_DEPTH.to_owned();
-    for target in pass.targets.iter_mut().flatten() {
-        target.attachment = None;
-    }
-    let mut alone = plan.clone();
-    alone.attachments = vec![Attachment {
-        name: SCENE_DEPTH.to_owned(),
-        ..map
-    }];
-    alone.passes = vec![pass];
-    alone
-}
-
-/// The same with a program that was written by hand.
-fn by_hand(plan: &Plan, file: &str) -> Plan {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/handwritten");
-    let program = program(&std::fs::read_to_string(path.join(file)).unwrap());
-    let mut plan = alone(plan);
-    let pass = &mut plan.passes[0];
-    pass.vertex = "vs_geometry".to_owned();
-    pass.fragment = Some("fs_geometry".to_owned());
-    reflect::fill(pass, &program);
-    plan.programs.insert(pass.program.clone(), program);
-    plan
-}
-
-fn drawn(scene: &Scene, plan: Plan) -> Rendered {
-    let session = Session::new(gpu(), scene, ShaderForm::Text).unwrap();
-    let mut prepared = session.prepare(&[plan]).unwrap();
-    let frame = scene.cameras[0].frames[0];
-    session
-        .draw(&mut prepared, &frame, DrawOrder::FrontToBack)
-        .unwrap()
-}
-
 #[test]
 fn normals_are_those_of_a_geometry_pass_written_by_hand() {
-    for (name, material, file) in [
-        ("atrium", "marble", "gbuffer-pbr.wgsl"),
-        ("morphed", "clay", "gbuffer-morphed.wgsl"),
-    ] {
-        let mut scene = load(name);
-        let index = scene
-            .materials
-            .iter()
-            .position(|m| m.name == material)
-            .unwrap();
-        scene.draws.retain(|d| d.material == index);
-        scene.materials = vec![scene.materials[index].clone()];
-        for draw in &mut scene.draws {
-            draw.material = 0;
-        }
-        let variant = variant(&scene, "outputs:write=normal,precision=full");
-        let plan = &variant.plans[0];
-        let ours = drawn(&scene, alone(plan));
-        let theirs = drawn(&scene, by_hand(plan, file));
-        let [ours, theirs] = [ours, theirs].map(|r| r.colors[0].clone().unwrap());
-        let pixels = (ours.size[0] * ours.size[1]) as usize;
-        let (mut covered, mut worst) = (0, 0.0_f32);
-        for pixel in 0..pixels {
-            let (a, b) = (ours.rgba(pixel), theirs.rgba(pixel));
-            covered += usize::from(b[3] == 1.0);
-            for (a, b) in a.into_iter().zip(b) {
-                worst = worst.max((a - b).abs());
-            }
-        }
-        println!("{name}: {covered} pixels, {worst} apart");
-        assert!(covered > 1000, "{name}: {covered}");
+    for normals in normals(gpu(), SIZE) {
+        println!("{normals:?}");
+        assert!(normals.covered > 1000, "{normals:?}");
         // Roundings of 32-bit floats alone: the two texts may be fused differently.
-        assert!(worst < 1e-5, "{name}: {worst}");
+        assert!(normals.worst < 1e-5, "{normals:?}");
     }
+}
+
+/// The light of our pictures stands at the origin, and its range is 100.
+#[test]
+fn distances_are_those_of_the_points_that_the_depths_say() {
+    for subject in moving_scenes(SIZE) {
+        let scene = &subject.scene;
+        let variant = variant(scene, "outputs:write=distance");
+        let plans: Vec<Plan> = variant.plans.iter().map(alone).collect();
+        let picture = drawn(gpu(), scene, &plans);
+        let frame = scene.cameras[0].frames[0];
+        let back = (frame.projection * frame.view).inverse();
+        let color = picture.colors[0].clone().unwrap();
+        let [width, height] = color.size;
+        let depths = picture.depth.unwrap().values;
+        let (mut covered, mut worst) = (0, 0.0_f32);
+        for (pixel, depth) in depths.into_iter().enumerate() {
+            // Far away, a step of the depth is long.
+            if depth == 0.0 || depth > 0.995 {
+                continue;
+            }
+            let (x, y) = (pixel as u32 % width, pixel as u32 / width);
+            let at =
+                [(x, width), (y, height)].map(|(i, n)| (i as f32 + 0.5) / n as f32 * 2.0 - 1.0);
+            let world = back * Vec4::new(at[0], -at[1], depth, 1.0);
+            let expected = (Vec3::from_slice(&world.to_array()) / world.w).length();
+            let [distance, ..] = color.rgba(pixel);
+            covered += 1;
+            worst = worst.max((distance * 100.0 - expected).abs() / expected.max(1.0));
+        }
+        println!("{}: {covered} distances, {worst} apart", subject.name);
+        assert!(covered > 500, "{}: {covered}", subject.name);
+        assert!(worst < 1e-3, "{}: {worst}", subject.name);
+    }
+}
+
+/// A leaf whose texture coordinates a viewer shifts, and that fades; and what is meant by the shadow
+/// without the viewer.
+const LEAF: &str = "
+struct Camera { view_proj: mat4x4<f32>, eye: vec3<f32> }
+@group(0) @binding(0) var<uniform> camera: Camera;
+struct VertexOut { @builtin(position) clip: vec4<f32>, @location(0) uv: vec2<f32>,
+    @location(1) world: vec3<f32> }
+@vertex fn vs(@location(0) position: vec3<f32>) -> VertexOut {
+    return VertexOut(camera.view_proj * vec4(position, 1.0), position.xy, position);
+}
+fn alpha_at(uv: vec2<f32>) -> f32 { return 0.5 + 0.5 * sin(uv.x * 9.0) * cos(uv.y * 7.0); }
+@fragment fn fs(in: VertexOut) -> @location(0) vec4<f32> {
+    SHIFT
+    if CUT { discard; }
+    return vec4(1.0);
+}";
+
+#[test]
+fn a_shadow_without_the_viewer_is_that_of_a_shader_without_it() {
+    let with = |shift: &str, cut: &str| LEAF.replace("SHIFT", shift).replace("CUT", cut);
+    let far = "let far = distance(camera.eye, in.world);";
+    let shader = with(far, "far > 10.03 || alpha_at(in.uv) < 0.4");
+    let by_hand = with("", "alpha_at(in.uv) < 0.4");
+    let [ours, theirs] = [shader, by_hand].map(|text| leaf(&text));
+    let mask = |scene: &Scene, recipe: &str| {
+        let variant = variant(scene, recipe);
+        assert!(variant.kept.is_empty(), "{:?}", variant.kept);
+        drawn(gpu(), scene, &[alone(&variant.plans[0])])
+            .depth
+            .unwrap()
+            .values
+    };
+    let dropped = mask(&ours, "outputs:write=shadow,view=drop");
+    let kept = mask(&ours, "outputs:write=shadow");
+    let meant = mask(&theirs, "outputs:write=shadow");
+    assert!(meant.iter().filter(|d| **d != 1.0).count() > 1000);
+    assert_eq!(dropped, meant);
+    assert_ne!(kept, meant);
+}
+
+/// A square in front of a camera that is 10 away from its middle.
+fn leaf(shader: &str) -> Scene {
+    let square = Draw {
+        values: BTreeMap::new(),
+        ..draw("leaf", Mat4::IDENTITY, [1.0; 4])
+    };
+    scene(SIZE, vec![material("leaf", shader)], vec![square])
 }
 
 #[test]
 fn ids_are_those_of_draws_and_instances() {
-    let scene = load("instanced");
+    let scene = load("instanced", SIZE);
     let variant = variant(&scene, "outputs:write=id");
     let session = Session::new(gpu(), &scene, ShaderForm::Text).unwrap();
     let plans: Vec<Plan> = variant.plans.iter().map(alone).collect();
@@ -303,7 +262,7 @@ fn ids_are_those_of_draws_and_instances() {
         .draw(&mut prepared, &frame, DrawOrder::FrontToBack)
         .unwrap();
     let color = picture.colors[0].clone().unwrap();
-    let mut seen = std::collections::BTreeSet::new();
+    let mut seen = BTreeSet::new();
     for pixel in 0..(color.size[0] * color.size[1]) as usize {
         let words = color.texel(pixel).as_chunks::<4>().0;
         let [draw, instance] = [0, 1].map(|i| u32::from_le_bytes(words[i]));

@@ -397,7 +397,18 @@ impl<'g, 'p> Stage<'g, 'p> {
                 };
                 self.stored_before(id, f, e, local).and_then(of)
             }
-            Expression::CallResult(_) => {
+            // Of a result of several numbers too: a march returns coordinates and a depth.
+            Expression::CallResult(_)
+            | Expression::Swizzle { .. }
+            | Expression::AccessIndex { .. } => {
+                let e = match f.function.expressions[e] {
+                    Expression::Swizzle { vector: base, .. }
+                    | Expression::AccessIndex { base, .. } => base,
+                    _ => e,
+                };
+                if !matches!(f.function.expressions[e], Expression::CallResult(_)) {
+                    return None;
+                }
                 let at = f.statements.evaluated_at(e)?;
                 let Statement::Call { arguments, .. } = f.statements.get(at).statement else {
                     return None;

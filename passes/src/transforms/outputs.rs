@@ -16,6 +16,7 @@
 //! |---|---|---|
 //! | `depth` | none | the camera's depth, as the main pass leaves it |
 //! | `shadow` | none | a light's depth, as by the pass `shadow` |
+//! | `distance` | `r32float` | how far the point is from a point light, divided by the light's range: 1 is at the end of it |
 //! | `normal` | `rgba16float` | the vector that meets the light in a dot product, and 1; with `octahedral` two numbers |
 //! | `velocity` | `rg16float` | where the point is, less where it was in the previous frame: x to the right and y down, in parts of the picture |
 //! | `id` | `rg32uint` | the host's number of the draw, `@builtin(instance_index)` |
@@ -28,6 +29,20 @@
 //! Textures count as unchanged. The difference is taken for each fragment, after the division by w,
 //! and so it is right between the vertices too. Where a point was behind the camera (w <= 0), it had
 //! no place in the picture, and the number has no meaning.
+//!
+//! `distance` is what the six faces of a point light's shadow map hold. It is measured from the
+//! vector that the view's matrix turns into the clip position. If one matrix combines model and view
+//! (`mvp`), there is no such vector: name a value of the fragment stage with `position`.
+//!
+//! A light draws `shadow` and `distance`, so uniforms of the viewer follow the light: the plan lists
+//! them in `view_dependent`. With `view=drop`, what the viewer decides about coverage is left out
+//! instead. A texture coordinate becomes the value from before the parallax. A condition of a
+//! discard becomes what it is without the fade. The plan lists both in `left_out`. Positions are
+//! unchanged: a billboard turns to the light.
+//!
+//! If the light's resources are declared differently from the camera's, `map` names what takes the
+//! place of what: `map=light.view_proj=camera.view_proj`. A slice that reads something without a
+//! partner is refused.
 
 use crate::analysis::implicit_inputs::PassEffect;
 use crate::analysis::opaque::Opaque;
@@ -69,8 +84,8 @@ impl Pass for Outputs {
 
     const INFO: PassInfo = PassInfo {
         name: NAME,
-        summary: "draws other pictures of the material: depth, normals, velocities, ids, or any \
-                  value by its name",
+        summary: "draws other pictures of the material: depth, distances, normals, velocities, ids, \
+                  or any value by its name",
         source: "the slices of depth-prepass; Cigolle et al., A Survey of Efficient \
                  Representations for Independent Unit Vectors (2014), for octahedral normals",
         when: "an effect (ambient occlusion, temporal antialiasing, motion blur, picking) needs \
@@ -100,6 +115,10 @@ impl Pass for Outputs {
         },
         Example {
             recipe: "outputs:write=normal+velocity",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "outputs:write=distance,view=drop",
             uses: &[Use::Compile],
         },
         Example {

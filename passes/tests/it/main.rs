@@ -21,6 +21,7 @@ mod hoist_interpolated;
 mod implicit_inputs;
 mod metamorphic;
 mod outputs;
+mod outputs_light;
 mod skip_taps;
 mod slices;
 mod specialize;

@@ -8,7 +8,7 @@ use preshade_passes::state::MaterialState;
 
 use crate::common;
 
-const SHADER: &str = "
+pub const SHADER: &str = "
 struct Camera { view_proj: mat4x4<f32>, view: mat4x4<f32>, eye: vec3<f32>, jitter: vec2<f32> }
 struct Light { direction: vec3<f32>, strength: f32 }
 @group(0) @binding(0) var<uniform> camera: Camera;
@@ -59,34 +59,34 @@ fn lit(n: vec3<f32>, v: vec3<f32>, l: vec3<f32>) -> f32 {
     return vec4(surface.albedo * lit(n, v, light.direction) * light.strength, 1.0);
 }";
 
-fn original(shader: &str) -> Plan {
+pub fn original(shader: &str) -> Plan {
     let state = MaterialState::default();
     Plan::original("test", common::program(shader), "vs", Some("fs"), &state)
 }
 
-fn params(recipe: &'static str) -> Params {
+pub fn params(recipe: &'static str) -> Params {
     serde_json::from_value(common::step(recipe).1).unwrap()
 }
 
-fn with_facts(shader: &str, recipe: &'static str, facts: &Facts) -> Result<Plan, String> {
+pub fn with_facts(shader: &str, recipe: &'static str, facts: &Facts) -> Result<Plan, String> {
     match Outputs::run(&original(shader), facts, &params(recipe)) {
         Ok(done) => Ok(done.plan),
         Err(refused) => Err(refused.first().to_string()),
     }
 }
 
-fn outputs(recipe: &'static str) -> Result<Plan, String> {
+pub fn outputs(recipe: &'static str) -> Result<Plan, String> {
     with_facts(SHADER, recipe, &Facts::default())
 }
 
-fn pass(plan: &Plan) -> &GpuPass {
+pub fn pass(plan: &Plan) -> &GpuPass {
     plan.passes
         .iter()
         .find(|p| p.role == Role::Outputs)
         .unwrap()
 }
 
-fn text(plan: &Plan) -> String {
+pub fn text(plan: &Plan) -> String {
     common::wgsl(plan.program(pass(plan)).unwrap())
 }
 
