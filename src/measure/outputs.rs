@@ -5,7 +5,6 @@
 //! stage in both frames, and triangles are rasterised here. A pixel is compared where a triangle has
 //! the depth that was drawn.
 
-use std::cell::Cell;
 use std::collections::BTreeMap;
 
 use naga::ShaderStage;
@@ -51,8 +50,9 @@ pub struct OutputsReport {
 pub struct VelocityReport {
     /// Pixels compared.
     pub pixels: u64,
-    /// Covered pixels that were not compared: of a triangle that was not evaluated, or that reaches
-    /// behind the camera.
+    /// Covered pixels that were not compared: of a triangle that was not evaluated, that reaches
+    /// behind the camera, or that a filtered texture moves. Adapters filter with as few as 8 bits,
+    /// so that they and the interpreter disagree on where such a triangle is.
     pub left_out: u64,
     /// Largest way of a pixel between the frames, in pixels.
     pub longest: f64,
@@ -295,10 +295,9 @@ const MOST_RUNS: u64 = 40_000;
 impl Positions<'_> {
     /// The triangles of all draws; of a draw with very many instances, those of the first ones.
     fn evaluated(&self) -> Evaluated {
-        let is_filtered = Cell::new(false);
         let (mut found, mut why) = (Vec::new(), None);
         for index in 0..self.scenes[1].draws.len() {
-            let corners = [0, 1].map(|when| self.corners(index, when, &is_filtered));
+            let corners = [0, 1].map(|when| self.corners(index, when));
             let [before, now] = match corners {
                 [Ok(before), Ok(now)] => [before, now],
                 [Err(error), _] | [_, Err(error)] => {
@@ -321,23 +320,17 @@ impl Positions<'_> {
         }
         Evaluated {
             triangles: found,
-            is_filtered: is_filtered.get(),
             why,
         }
     }
 
     /// The position of each corner of a draw, in one of the frames; none of a material that is not
-    /// drawn. `is_filtered` is set if a position depends on a filtered texture.
+    /// drawn.
     ///
     /// # Errors
     ///
     /// Why the draw cannot be evaluated.
-    fn corners(
-        &self,
-        index: usize,
-        when: usize,
-        is_filtered: &Cell<bool>,
-    ) -> Result<Vec<Position>, String> {
+    fn corners(&self, index: usize, when: usize) -> Result<Vec<Position>, String> {
         let (scene, frame) = (self.scenes[when], &self.frames[when]);
         let missing = || "the scene has no such draw".to_owned();
         let draw = scene.draws.get(index).ok_or_else(missing)?;
@@ -352,10 +345,7 @@ impl Positions<'_> {
         let entry = program.entry_point(ShaderStage::Vertex, &pass.vertex);
         let (entry, _) = entry.ok_or("the main pass has no vertex stage")?;
         let module = program.module();
-        let texture = |lookup: &Lookup<'_>| {
-            is_filtered.set(is_filtered.get() || lookup.sampling.sampler.is_some());
-            texels::texel(&bound, lookup)
-        };
+        let texture = |lookup: &Lookup<'_>| texels::texel(&bound, lookup);
         let mut vertices = Vertices::new(module, bound.clone(), |_| true);
         vertices.add_arrays(module);
         vertices.environment.texture = &texture;
@@ -377,8 +367,6 @@ impl Positions<'_> {
 /// What the interpreter says of the positions in both frames.
 struct Evaluated {
     triangles: Vec<Triangle>,
-    /// Whether a position depends on a filtered texture.
-    is_filtered: bool,
     /// Why the first position that is not known is not.
     why: Option<String>,
 }
@@ -400,15 +388,11 @@ impl VelocityReport {
         let Some(depth) = &drawn.depth else { return };
         let [width, height] = depth.size;
         let mut hits: Vec<Option<Hit>> = vec![None; depth.values.len()];
-        let same = match all.is_filtered {
-            true => SAME_FILTERED,
-            false => SAME_DEPTH,
-        };
         for triangle in &all.triangles {
             rasterise(triangle, depth.size, &mut |pixel, z, velocity| {
                 let apart = (z - f64::from(depth.values[pixel])).abs();
                 let nearest = hits[pixel].is_none_or(|hit| apart < hit.apart);
-                if apart < same && nearest {
+                if apart < SAME_DEPTH && nearest {
                     hits[pixel] = Some(Hit { apart, velocity });
                 }
             });
@@ -444,10 +428,6 @@ impl VelocityReport {
 
 /// Depths that count as equal: an adapter interpolates in 32-bit floats.
 const SAME_DEPTH: f64 = 4e-6;
-
-/// The same where a filtered texture moves vertices: adapters filter with as few as 8 bits, and we
-/// filter with 24.
-const SAME_FILTERED: f64 = 1e-3;
 
 /// Calls `hit` with each pixel whose centre a triangle covers, its depth and its velocity there. A
 /// triangle that reaches behind the camera in a frame has none.

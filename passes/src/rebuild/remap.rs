@@ -63,10 +63,12 @@ pub fn remap(
     layout: Option<&str>,
 ) -> Result<Remapped, Unmapped> {
     let mut module = module.clone();
+    let mut all = Vec::new();
     let mut ours = Vec::new();
     for mapping in mappings {
         let place = mapping.ours.resolve(author)?;
         let name = name_of(author, place.global, &place.steps);
+        all.push((mapping, place));
         // What the slice does not read needs no partner.
         if let Ok(place) = name.resolve(&module) {
             ours.push((mapping, place));
@@ -74,10 +76,6 @@ pub fn remap(
     }
     check_reads(&module, &ours)?;
     let replaced: BTreeSet<Handle<GlobalVariable>> = ours.iter().map(|(_, p)| p.global).collect();
-    let numbers: BTreeMap<_, _> = replaced
-        .iter()
-        .filter_map(|global| Some((*global, module.global_variables[*global].binding?)))
-        .collect();
     // Their numbers are free for the other view.
     for global in &replaced {
         let free = unused_group(&module);
@@ -85,7 +83,7 @@ pub fn remap(
     }
     let (text, names) = match layout {
         Some(text) => (text.to_owned(), BTreeMap::new()),
-        None => declared(&module, &ours, &numbers)?,
+        None => declared(author, &all)?,
     };
     let declared = naga::front::wgsl::parse_str(&text)
         .map_err(|e| Unmapped::Unfit(format!("the layout is no WGSL: {}", e.message())))?;
@@ -190,11 +188,12 @@ fn unused_group(module: &Module) -> ResourceBinding {
     }
 }
 
-/// Declarations of what the mappings name, and names for the variables that they number.
+/// Declarations of all that the mappings name, whatever a slice reads of it, and names for the
+/// variables that they number. So all slices of a material, and materials with one layout, agree on
+/// them.
 fn declared(
-    module: &Module,
+    author: &Module,
     ours: &[(&Mapping, Place)],
-    numbers: &BTreeMap<Handle<GlobalVariable>, ResourceBinding>,
 ) -> Result<(String, BTreeMap<String, String>), Unmapped> {
     let mut names = BTreeMap::new();
     let mut variables: Vec<(&str, Vec<(&Mapping, &Place)>)> = Vec::new();
@@ -206,11 +205,10 @@ fn declared(
         }
     }
     let mut text = String::new();
-    let mut taken: Vec<ResourceBinding> = module
-        .global_variables
-        .iter()
-        .filter_map(|(_, g)| g.binding)
-        .collect();
+    let is_replaced = |global| ours.iter().any(|(_, place)| place.global == global);
+    let others = author.global_variables.iter();
+    let others = others.filter(|(global, _)| !is_replaced(*global));
+    let mut taken: Vec<ResourceBinding> = others.filter_map(|(_, g)| g.binding).collect();
     for (i, (variable, parts)) in variables.into_iter().enumerate() {
         let given = variable.split_once(':').and_then(|(group, binding)| {
             Some(ResourceBinding {
@@ -222,12 +220,9 @@ fn declared(
             Some(at) => format!("view_{}_{}", at.group, at.binding),
             None => variable.to_owned(),
         };
-        let first = parts
-            .first()
-            .and_then(|(_, place)| numbers.get(&place.global));
-        let mut at = given
-            .or(first.copied())
-            .unwrap_or_else(|| unused_group(module));
+        let first = parts.first();
+        let first = first.and_then(|(_, place)| author.global_variables[place.global].binding);
+        let mut at = given.or(first).unwrap_or_else(|| unused_group(author));
         while given.is_none() && taken.contains(&at) {
             at.binding += 1;
         }
@@ -239,7 +234,7 @@ fn declared(
         };
         let mut members = String::new();
         for (mapping, place) in &parts {
-            let ty = written(&module.types[place.ty].inner).ok_or_else(needs_layout)?;
+            let ty = written(&author.types[place.ty].inner).ok_or_else(needs_layout)?;
             match &mapping.theirs.members[..] {
                 [] if parts.len() == 1 => members = ty,
                 [one] if !one.starts_with(|c: char| c.is_ascii_digit()) => {

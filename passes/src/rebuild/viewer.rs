@@ -9,8 +9,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use naga::{
-    BinaryOperator, Binding, BuiltIn, Expression, Handle, Literal, LocalVariable, MathFunction,
-    Module, Span, Statement, UnaryOperator,
+    Arena, BinaryOperator, Binding, BuiltIn, Expression, Function, Handle, Literal, LocalVariable,
+    MathFunction, Module, Span, Statement, UnaryOperator,
 };
 
 use crate::analysis::opaque::Opaque;
@@ -20,6 +20,7 @@ use crate::analysis::view;
 use crate::core::operands;
 use crate::core::program::Program;
 use crate::core::reflect;
+use crate::graph::rate::Rate;
 use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId, text};
 use crate::rebuild::place::{self, Replacement, Rewrite};
 
@@ -216,6 +217,7 @@ impl<'g, 'p> Stage<'g, 'p> {
                     arguments: BTreeMap::new(),
                 }
             });
+            decide(place::function_mut(&mut module, id));
         }
         (module, told)
     }
@@ -361,7 +363,8 @@ impl<'g, 'p> Stage<'g, 'p> {
         depth: u32,
     ) -> Option<Handle<Expression>> {
         if !self.depends(id, e) {
-            return Some(e);
+            // Of `1.0 - fade` nothing remains.
+            return self.is_varying(id, e).then_some(e);
         }
         let module = self.graph.module();
         let inner = f.ty(module, e);
@@ -419,12 +422,22 @@ impl<'g, 'p> Stage<'g, 'p> {
                     .filter(|a| f.ty(module, *a) == inner);
                 let mut free = alike.filter(|a| !self.depends(id, *a));
                 match (free.next(), free.next()) {
-                    (Some(one), None) => Some(one),
+                    (Some(one), None) => self.base(id, f, one, depth),
                     _ => None,
                 }
             }
             _ => None,
         }
+    }
+
+    /// Whether an expression differs from fragment to fragment.
+    fn is_varying(&self, id: FunctionId, e: Handle<Expression>) -> bool {
+        let contexts = self.values.contexts.iter().enumerate();
+        let mut contexts = contexts.filter(|(_, c)| c.function == id);
+        contexts.any(|(i, _)| {
+            let value = self.values.named(i, e);
+            value.is_some_and(|v| self.values.values[v].fact.rate > Rate::Instance)
+        })
     }
 
     /// The last value that a variable certainly has, of those that do not depend on the viewer or
@@ -445,7 +458,7 @@ impl<'g, 'p> Stage<'g, 'p> {
             }
             let is_certain = is_whole && f.statements.get(store).parent.is_none();
             match (is_certain, self.depends(id, value)) {
-                (true, false) => last = Some(value),
+                (true, false) => last = self.base(id, f, value, 1).or(last),
                 (true, true) => last = self.base(id, f, value, 4).or(last),
                 (false, true) => {}
                 // It may have another value, which is not the viewer's.
@@ -484,6 +497,37 @@ impl<'g, 'p> Stage<'g, 'p> {
             let of = self.graph.name(id);
             Some(line.map_or_else(|| format!("in `{of}`"), |line| format!("at line {line}")))
         })
+    }
+}
+
+/// Replaces each `if` whose condition is a constant by what it does.
+fn decide(function: &mut Function) {
+    let Function {
+        body, expressions, ..
+    } = function;
+    operands::visit_mut(body, &mut |statement| {
+        if let Statement::If {
+            condition,
+            accept,
+            reject,
+        } = statement
+            && let Some(value) = constant(expressions, *condition)
+        {
+            let taken = if value { accept } else { reject };
+            *statement = Statement::Block(std::mem::take(taken));
+        }
+    });
+}
+
+/// The value of a constant condition.
+fn constant(expressions: &Arena<Expression>, e: Handle<Expression>) -> Option<bool> {
+    match expressions[e] {
+        Expression::Literal(Literal::Bool(value)) => Some(value),
+        Expression::Unary {
+            op: UnaryOperator::LogicalNot,
+            expr,
+        } => constant(expressions, expr).map(|value| !value),
+        _ => None,
     }
 }
 

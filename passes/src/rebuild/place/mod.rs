@@ -23,7 +23,9 @@ pub(crate) use function::free_name;
 use interface::Placement;
 pub use interface::{PositionInvariance, io_struct, with_invariant_position};
 pub use retain::retain;
-pub use rewrite::{Replacement, Replacements, Rewrite, prologue, prologue_replacing, rewritten};
+pub use rewrite::{
+    Replacement, Replacements, Rewrite, function_mut, prologue, prologue_replacing, rewritten,
+};
 
 use crate::graph::Graph;
 use crate::slice::Slice;

@@ -92,7 +92,8 @@ pub fn rewritten(
     module
 }
 
-fn function_mut(module: &mut Module, id: FunctionId) -> &mut Function {
+/// A function of a module.
+pub fn function_mut(module: &mut Module, id: FunctionId) -> &mut Function {
     match id {
         FunctionId::Function(h) => &mut module.functions[h],
         FunctionId::EntryPoint(i) => &mut module.entry_points[i].function,
