@@ -3,7 +3,8 @@
 //!
 //! The positions are independent of the variant: the interpreter runs the author's whole vertex
 //! stage in both frames, and triangles are rasterised here. A pixel is compared where a triangle has
-//! the depth that was drawn.
+//! the depth that was drawn. Of a draw with very many instances, the first ones are drawn and
+//! compared.
 
 use std::collections::BTreeMap;
 
@@ -224,19 +225,14 @@ pub fn measure(
         let (drawn, reference) = (subject.render()?, reference.render()?);
         let (a, b) = (depth(&reference), depth(&drawn));
         report.add(&camera.name, &a, &compare(&a, &b)?);
-        if let (Some(location), Some(velocity)) = (location, &mut report.velocity)
-            && let Some(Some(color)) = drawn.colors.get(location)
-        {
+        if let (Some(location), Some(velocity)) = (location, &mut report.velocity) {
             let positions = Positions {
-                scenes: [&earlier, &scene],
+                scenes: [&earlier, &scene].map(with_few_instances),
                 frames: [before, now],
                 materials: &report.materials,
                 plans: session.originals(),
             };
-            let mut evaluated = positions.evaluated();
-            let why = evaluated.why.take();
-            velocity.not_evaluated = velocity.not_evaluated.take().or(why);
-            velocity.add(&camera.name, &drawn, color, &evaluated);
+            positions.compare(session, (&alone, location), velocity)?;
         }
         if i == 0 && settings.timed != Timed::No {
             let main = prepare(&main)?;
@@ -280,20 +276,57 @@ fn covered(picture: &Rendered) -> impl Iterator<Item = bool> {
 /// A triangle: clip positions of its corners, each before and now.
 type Triangle = [[[f32; 4]; 2]; 3];
 
+/// The scene with so few instances of each draw that all positions can be evaluated.
+fn with_few_instances(scene: &Scene) -> Scene {
+    let mut scene = scene.clone();
+    let meshes = &scene.meshes;
+    for draw in &mut scene.draws {
+        let vertices = meshes.get(draw.mesh).map_or(1, |mesh| mesh.vertex_count);
+        let most = MOST_RUNS / vertices.max(1);
+        draw.instances = draw.instances.min(most.max(1));
+    }
+    scene
+}
+
 /// The author's positions.
 struct Positions<'a> {
     /// Before and now.
-    scenes: [&'a Scene; 2],
+    scenes: [Scene; 2],
     frames: [Frame; 2],
     materials: &'a [String],
     plans: &'a [Plan],
 }
 
 /// Most runs of the vertex stage for each draw and frame.
-const MOST_RUNS: u64 = 40_000;
+const MOST_RUNS: u32 = 40_000;
 
 impl Positions<'_> {
-    /// The triangles of all draws; of a draw with very many instances, those of the first ones.
+    /// Draws velocities and compares them.
+    fn compare(
+        &self,
+        session: &Session<'_>,
+        (alone, location): (&[Plan], usize),
+        report: &mut VelocityReport,
+    ) -> Result<(), Error> {
+        let [earlier, scene] = &self.scenes;
+        let previous = SceneInputs::new(session.gpu(), earlier)?;
+        let inputs = SceneInputs::new(session.gpu(), scene)?.after(&previous);
+        let variant = RenderVariant::new(alone, session.form())?;
+        let mut prepared = Prepared::new(&inputs, &variant, &FrameSettings::of(scene))?;
+        prepared.aim(&self.frames[1], DrawOrder::FrontToBack);
+        let drawn = prepared.render()?;
+        let Some(Some(color)) = drawn.colors.get(location) else {
+            return Ok(());
+        };
+        let mut evaluated = self.evaluated();
+        let why = evaluated.why.take();
+        report.not_evaluated = report.not_evaluated.take().or(why);
+        let camera = scene.cameras.first().map_or("", |c| &c.name);
+        report.add(camera, &drawn, color, &evaluated);
+        Ok(())
+    }
+
+    /// The triangles of all draws.
     fn evaluated(&self) -> Evaluated {
         let (mut found, mut why) = (Vec::new(), None);
         for index in 0..self.scenes[1].draws.len() {
@@ -331,7 +364,7 @@ impl Positions<'_> {
     ///
     /// Why the draw cannot be evaluated.
     fn corners(&self, index: usize, when: usize) -> Result<Vec<Position>, String> {
-        let (scene, frame) = (self.scenes[when], &self.frames[when]);
+        let (scene, frame) = (&self.scenes[when], &self.frames[when]);
         let missing = || "the scene has no such draw".to_owned();
         let draw = scene.draws.get(index).ok_or_else(missing)?;
         let material = scene.materials.get(draw.material).ok_or_else(missing)?;
@@ -349,10 +382,8 @@ impl Positions<'_> {
         let mut vertices = Vertices::new(module, bound.clone(), |_| true);
         vertices.add_arrays(module);
         vertices.environment.texture = &texture;
-        let most = MOST_RUNS / u64::from(bound.vertex_count.max(1));
-        let instances = u64::from(draw.instances).min(most).max(1);
         let mut positions = Vec::new();
-        for instance in 0..instances as u32 {
+        for instance in 0..draw.instances {
             let mut known: BTreeMap<u32, Position> = BTreeMap::new();
             for corner in 0..bound.call.count {
                 let vertex = vertices::index(&bound, corner).ok_or("an index is out of bounds")?;
