@@ -36,6 +36,7 @@ mod hints;
 mod input;
 mod keeper;
 mod kept;
+mod layouts;
 mod limits;
 mod lock;
 mod man;

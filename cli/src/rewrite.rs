@@ -18,6 +18,7 @@ use rayon::prelude::*;
 
 use crate::depfile;
 use crate::input::{Materials, ShaderArgs};
+use crate::layouts;
 use crate::many::{self, Chosen, Job, Sum};
 use crate::output;
 use crate::rewritten::{Content, Made, OnAdapter, Report, Rewritten, Times, Written};
@@ -155,7 +156,8 @@ impl From<EmitTarget> for Target {
 /// Rewrites a material, every material of a scene, or many with `--out-dir`. `config` is the
 /// configuration file.
 pub fn run(args: &RewriteArgs, config: Option<&Path>) -> Result<Ending, Failure> {
-    let recipe = Recipe::parse(&args.passes)?;
+    let mut recipe = Recipe::parse(&args.passes)?;
+    layouts::read(&mut recipe)?;
     let targets: Vec<Target> = args.emit.iter().map(|t| Target::from(*t)).collect();
     let nowhere = args.out.is_none() && args.out_dir.is_none();
     if nowhere && targets.contains(&Target::Spirv) {

@@ -3,7 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use preshade_passes::plan::{BindingLayout, BindingSource, BindingUse, Plan};
+use preshade_passes::plan::{BindingLayout, BindingSource, BindingUse, HostValue, Plan};
 
 use super::generate::json;
 use super::wgpu_words as words;
@@ -212,5 +212,13 @@ fn source(source: &BindingSource) -> String {
         BindingSource::Attachment { name } => format!("ResourceSource::Attachment({name:?})"),
         BindingSource::SceneColor { location } => format!("ResourceSource::SceneColor({location})"),
         BindingSource::Geometry { part } => format!("ResourceSource::Geometry({:?})", json(part)),
+        BindingSource::Previous { group, binding, .. } => {
+            format!("ResourceSource::Previous({:?})", group.zip(*binding))
+        }
+        BindingSource::View { name } => format!("ResourceSource::View({name:?})"),
+        BindingSource::Host { value } => match value {
+            HostValue::DrawId => "ResourceSource::DrawId".to_owned(),
+            HostValue::PointLight => "ResourceSource::PointLight".to_owned(),
+        },
     }
 }

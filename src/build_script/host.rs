@@ -86,6 +86,8 @@ pub struct PipelineOptions<'a> {
 pub enum Phase {
     /// Shadow maps: the light's view, outside the camera's frame.
     Shadow,
+    /// Auxiliary pictures of the camera's view, outside the frame.
+    Outputs,
     /// Depth and ids of opaque draws.
     Depth,
     /// Pixels are classified by material.
@@ -168,6 +170,15 @@ pub enum ResourceSource {
     SceneColor(u32),
     /// A part of the draw's geometry, as the plan's JSON.
     Geometry(&'static str),
+    /// What the author's resource of this group and binding held in the previous frame; `None` for
+    /// the immediate data.
+    Previous(Option<(u32, u32)>),
+    /// A uniform buffer with the number of the draw, from 1.
+    DrawId,
+    /// A uniform buffer with position and range of a point light.
+    PointLight,
+    /// The resource of this name of another view.
+    View(&'static str),
 }
 
 /// A texture that passes write or read. It has the size of the scene's colour.
@@ -604,7 +615,11 @@ impl Pass {
     fn samples_with(&self, options: &PipelineOptions<'_>) -> Result<u32, Unfit> {
         let built = self.multisample.count;
         match options.samples {
-            Some(samples) if samples == built || self.phase == Phase::Shadow => Ok(built),
+            Some(samples)
+                if samples == built || matches!(self.phase, Phase::Shadow | Phase::Outputs) =>
+            {
+                Ok(built)
+            }
             Some(samples) if self.samples_are_free => Ok(samples),
             Some(samples) => Err(Unfit::Host(format!(
                 "the pass `{}` is of a variant that was made for {built} samples a pixel, not for \

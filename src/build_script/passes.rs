@@ -3,8 +3,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use preshade_passes::plan::{
-    Attachment, BindingUse, ClearValue, ComputePass, Draws, GpuPass, Phase, Plan, SamplesPassed,
-    SelfTest, SelfTestDraw,
+    Attachment, BindingUse, ClearValue, ComputePass, Draws, GpuPass, Plan, SamplesPassed, SelfTest,
+    SelfTestDraw,
 };
 use preshade_passes::program::Program;
 use preshade_passes::reflect;
@@ -97,7 +97,7 @@ fn raster(
     let program = plan.program(pass);
     no_arrays(program, &pass.bindings)?;
     let immediates = program.map_or(0, |p| reflect::immediate_size(p, &reflect::stages(pass)));
-    let free = pass.phase == Phase::Shadow || samples_are_free(plan);
+    let free = !pass.phase.is_of_frame() || samples_are_free(plan);
     let depth = pass.depth.as_ref().map(|d| depth(plan, pass, d));
     let depth = depth.transpose()?.flatten();
     let depth = depth.map_or("None".to_owned(), |d| format!("Some({d})"));

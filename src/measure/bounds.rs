@@ -174,7 +174,7 @@ impl MaterialTriangles {
 /// The varyings at vertices, as arguments of the value's function, with the errors an adapter may
 /// make. Each vertex runs once.
 struct Arguments {
-    vertices: Vertices<Affine>,
+    vertices: Vertices<'static, Affine>,
     known: HashMap<(u32, u32), Vec<Value<Affine>>>,
 }
 

@@ -5,7 +5,7 @@
 //!
 //! [`error`] compares pictures, [`shading`] counts fragments and depth ties, [`timing`] times
 //! frames, [`statistics`] reads the adapter's counters, [`shadow`] draws shadow passes under the
-//! light. [`frequency`], [`mod@interpolation`] and [`bounds`] find values that can be interpolated.
+//! light, and [`outputs`] auxiliary pictures. [`frequency`], [`mod@interpolation`] and [`bounds`] find values that can be interpolated.
 //! [`mod@changing`], [`mod@constants`], [`mod@ranges`] and [`mod@undrawn`] read a scene's files
 //! without drawing.
 //! [`mod@truth`] compares with exact arithmetic, [`mod@junctions`] finds T-junctions,
@@ -26,6 +26,7 @@ pub mod groups;
 pub mod interpolation;
 pub mod junctions;
 pub mod on_adapter;
+pub mod outputs;
 pub mod ranges;
 pub mod rasterizer;
 pub mod record;
@@ -36,6 +37,7 @@ mod slivers;
 pub mod statistics;
 mod subject;
 pub(crate) mod telling;
+mod texels;
 pub mod timing;
 pub mod truth;
 pub mod undrawn;
@@ -57,6 +59,7 @@ pub use groups::{MOST_GROUPS, grouped, grouped_for};
 pub use interpolation::interpolation;
 pub use junctions::{Junction, junctions};
 pub use on_adapter::validate_on;
+pub use outputs::OutputsReport;
 pub use ranges::ranges;
 pub use rasterizer::rasterizer;
 pub use session::Session;

@@ -155,7 +155,7 @@ impl Sample {
     /// # Errors
     /// Why the vertex stage cannot be run.
     fn of(
-        vertices: &Vertices,
+        vertices: &Vertices<'_>,
         module: &Module,
         entry: usize,
         most: u64,

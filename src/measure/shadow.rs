@@ -26,6 +26,9 @@ pub struct ShadowReport {
     pub map: [u32; 2],
     /// Materials with a shadow pass. No other material is drawn.
     pub materials: Vec<String>,
+    /// What the passes leave out of the author's decisions about coverage.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub left_out: Vec<String>,
     /// Pixels of the maps with anything in them, over all cameras.
     pub covered: u64,
     /// Pixels whose depth bits differ, over all cameras.
@@ -47,6 +50,15 @@ impl ShadowReport {
     /// Whether the maps keep the promise to be equal. `invariant`: every material drawn marks its
     /// position `@invariant`. Without it, two programs may round positions differently.
     pub fn verdict(&self, invariant: bool) -> Verdict {
+        if !self.left_out.is_empty() {
+            return Verdict::NotMeasured {
+                why: format!(
+                    "its shadow leaves out what depends on the viewer, and the original does not: \
+                     {}",
+                    self.left_out.join("; ")
+                ),
+            };
+        }
         let Some((camera, [x, y])) = &self.first_difference else {
             return match self.covered {
                 0 => Verdict::NotMeasured {
@@ -102,7 +114,7 @@ fn shadow_pass(plan: &Plan) -> Option<&GpuPass> {
 /// # Errors
 ///
 /// As [`Session::new`] and [`Session::draw`].
-pub(super) fn measure(
+pub fn measure(
     session: &Session<'_>,
     variant: &Variant,
     settings: &Settings,
@@ -110,16 +122,19 @@ pub(super) fn measure(
     let (gpu, scene) = (session.gpu(), session.scene());
     let (mut whole, mut shadows) = (Vec::new(), Vec::new());
     let mut listed = BTreeMap::new();
+    let mut left_out = Vec::new();
     for (original, plan) in session.originals().iter().zip(&variant.plans) {
         if let Some(pass) = shadow_pass(plan) {
             listed.insert(plan.material.clone(), pass.view_dependent.clone());
+            left_out.extend(pass.left_out.iter().cloned());
             whole.push(whole_program(original.clone(), plan, pass));
-            shadows.push(shadow_alone(plan, pass));
+            shadows.push(alone(plan, pass));
         }
     }
     let mut report = ShadowReport {
         map: [scene.light.map; 2],
         materials: listed.keys().cloned().collect(),
+        left_out,
         covered: 0,
         changed_depth: 0,
         depth_max_ulp: 0,
@@ -193,14 +208,18 @@ fn map_of(plan: &Plan, pass: &GpuPass) -> Vec<Attachment> {
 
 fn into_map(mut pass: GpuPass) -> GpuPass {
     pass.phase = Phase::Depth;
+    // Its pictures are the frame's own colours.
+    for target in pass.targets.iter_mut().flatten() {
+        target.attachment = None;
+    }
     if let Some(depth) = &mut pass.depth {
         depth.attachment = SCENE_DEPTH.to_owned();
     }
     pass
 }
 
-/// The shadow pass by itself.
-fn shadow_alone(plan: &Plan, pass: &GpuPass) -> Plan {
+/// A pass outside of the frame by itself: its depth and its pictures are those of the frame.
+pub(super) fn alone(plan: &Plan, pass: &GpuPass) -> Plan {
     let mut alone = plan.clone();
     alone.attachments = map_of(plan, pass);
     alone.programs.retain(|key, _| *key == pass.program);
@@ -209,9 +228,9 @@ fn shadow_alone(plan: &Plan, pass: &GpuPass) -> Plan {
     alone
 }
 
-/// The author's program as a host without preshade draws it into the map: with the shadow pass's
-/// depth state and without colours.
-fn whole_program(mut original: Plan, plan: &Plan, shadow: &GpuPass) -> Plan {
+/// The author's program as a host without preshade draws it into the map: with the pass's depth
+/// state and without colours.
+pub(super) fn whole_program(mut original: Plan, plan: &Plan, shadow: &GpuPass) -> Plan {
     original.attachments = map_of(plan, shadow);
     for pass in &mut original.passes {
         pass.depth.clone_from(&shadow.depth);

@@ -130,7 +130,7 @@ fn slivers(
             let mut is_ahead = true;
             for (at, corner) in (first..).zip(&mut corners) {
                 let vertex = vertices::index(&vertices.bound, at)?;
-                let clip = vertices.position(module, entry, vertex, instance)?;
+                let clip = vertices.position(module, entry, vertex, instance).ok()?;
                 let clip = Vec4::from_array(clip);
                 is_ahead &= clip.w > 0.0;
                 let ndc = clip.xy() / clip.w;

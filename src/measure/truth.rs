@@ -16,7 +16,7 @@ use std::collections::BTreeMap;
 use naga::{Binding, BuiltIn, ShaderStage};
 use preshade_passes::bound::exactly;
 use preshade_passes::evaluate::{
-    Derivative, Environment, Lookup, Number, Scalar, Shadowed, Stuck, Value, from_bytes, ulps,
+    Derivative, Environment, Lookup, Number, Scalar, Shadowed, Stuck, Value, ulps,
 };
 use preshade_passes::plan::Plan;
 use preshade_passes::reflect::Io;
@@ -26,7 +26,7 @@ use preshade_passes::validate::stage::{At, POSITION, Ran, Slot, Stage, VaryingKi
 use serde::Serialize;
 
 use super::vertices::{self, STEPS, Vertices};
-use crate::scene::bind::{self, DrawBindings};
+use crate::scene::bind;
 use crate::scene::{Draw, Scene};
 
 /// The points to evaluate.
@@ -141,7 +141,7 @@ pub struct Truth {
 
 /// A point of a triangle, and the result of both stages there.
 struct RoundedPoint<'a> {
-    vertices: &'a Vertices<Shadowed>,
+    vertices: &'a Vertices<'static, Shadowed>,
     /// The corners' vertices.
     corners: [u32; 3],
     instance: u32,
@@ -214,7 +214,7 @@ pub fn truth_beyond(
         let bound = bind::draw(scene, &scene.materials[material], pass, draw, frame)
             .map_err(|e| e.to_string())?;
         let mut resources = vertices::resources(module, &bound);
-        resources.extend(of_any_length(module, &bound));
+        resources.extend(vertices::of_any_length(module, &bound));
         for (at, numbers) in exactly(draw) {
             let resource = resources.get_mut(&at);
             let resource = resource.ok_or("a uniform is named that there is not")?;
@@ -292,31 +292,6 @@ pub fn truth_beyond(
         .into_iter()
         .map(|(output, seen)| seen.told(name, output))
         .collect())
-}
-
-/// Runtime-sized arrays get as many elements as their buffer has bytes for.
-fn of_any_length(
-    module: &naga::Module,
-    bound: &DrawBindings,
-) -> BTreeMap<(u32, u32), Value<Shadowed>> {
-    let globals = module.global_variables.iter();
-    globals
-        .filter_map(|(_, global)| {
-            let at = global.binding.as_ref().map(|b| (b.group, b.binding))?;
-            let naga::TypeInner::Array {
-                base,
-                size: naga::ArraySize::Dynamic,
-                stride,
-            } = module.types[global.ty].inner
-            else {
-                return None;
-            };
-            let buffer = bound.buffers.iter().find(|b| (b.group, b.binding) == at)?;
-            let elements = buffer.data.bytes.chunks_exact(stride as usize);
-            let elements = elements.map(|bytes| from_bytes(module, base, bytes));
-            Some((at, Value::Composite(elements.collect::<Option<_>>()?)))
-        })
-        .collect()
 }
 
 /// A value with the truths of its floats put in their place; `None`: there are not enough.

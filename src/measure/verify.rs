@@ -10,7 +10,9 @@ use preshade_passes::plan::Plan;
 
 use super::shading::Counter;
 use super::telling::{self, Colours, decides_coverage, undiscarded};
-use super::{Clock, Discarded, Error, Session, TimingSettings, View, counting, shadow, time};
+use super::{
+    Clock, Discarded, Error, Session, TimingSettings, View, counting, outputs, shadow, time,
+};
 use crate::measure::record::{KeptMaterial, ORIGINAL, Pictures, Report, SCHEMA, Unfinished};
 use crate::scene::{Frame, bind};
 use measurement::Measurement;
@@ -235,6 +237,11 @@ impl Run<'_, '_> {
                 let what = format!("`{}` under the light", variant.name);
                 (self.progress)(VerifyProgress::at(1.0 - f64::EPSILON, what));
                 subject.measure_shadow(self.session, variant, self.settings);
+            }
+            if self.lost.is_none() && variant.plans.iter().any(outputs::has_outputs) {
+                let what = format!("the auxiliary pictures of `{}`", variant.name);
+                (self.progress)(VerifyProgress::at(1.0 - f64::EPSILON, what));
+                subject.measure_outputs(self.session, variant, self.settings);
             }
             subject.run_self_tests(self.session, self.lost.as_deref());
         }

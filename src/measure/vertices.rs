@@ -1,6 +1,7 @@
 //! The vertex stage of a draw, run by the interpreter.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use naga::{GlobalVariable, Module};
 use preshade_passes::bound;
@@ -12,14 +13,14 @@ use crate::scene::bind::DrawBindings;
 pub const STEPS: u64 = 200_000;
 
 /// The inputs of a vertex stage.
-pub struct Vertices<F: 'static = f32> {
+pub struct Vertices<'e, F: 'static = f32> {
     pub bound: DrawBindings,
-    /// Its uniforms and buffers. Texels are unknown here, and so is everything that depends on
+    /// Its uniforms and buffers. Texels are unknown at first, and so is everything that depends on
     /// them.
-    pub environment: Environment<'static, F>,
+    pub environment: Environment<'e, F>,
 }
 
-impl Vertices {
+impl Vertices<'_> {
     /// The inputs for a draw with this vertex stage, limited to the bindings that `reads` accepts.
     pub fn new(module: &Module, bound: DrawBindings, reads: impl Fn((u32, u32)) -> bool) -> Self {
         let mut resources = resources(module, &bound);
@@ -37,16 +38,26 @@ impl Vertices {
     }
 }
 
-impl Vertices {
-    /// The clip position at a vertex. `None`: the vertex stage cannot be run.
+impl Vertices<'_> {
+    /// Fills in arrays of any length.
+    pub fn add_arrays(&mut self, module: &Module) {
+        let arrays = of_any_length(module, &self.bound);
+        Arc::make_mut(&mut self.environment.resources).extend(arrays);
+    }
+
+    /// The clip position at a vertex.
+    ///
+    /// # Errors
+    ///
+    /// Why the vertex stage cannot be run, in a user's words.
     pub fn position(
         &self,
         module: &Module,
         entry: usize,
         vertex: u32,
         instance: u32,
-    ) -> Option<[f32; 4]> {
-        let outcome = self.outcome(module, entry, vertex, instance).ok()?;
+    ) -> Result<[f32; 4], String> {
+        let outcome = self.outcome(module, entry, vertex, instance)?;
         let mut outputs = outputs(module, &module.entry_points[entry].function, outcome);
         let is_position = |binding: &_| {
             matches!(
@@ -54,12 +65,15 @@ impl Vertices {
                 naga::Binding::BuiltIn(naga::BuiltIn::Position { .. })
             )
         };
-        let (_, position) = outputs.find(|(binding, _)| is_position(binding))?;
-        position.floats().ok()?.try_into().ok()
+        let position = outputs.find(|(binding, _)| is_position(binding));
+        let floats = position.and_then(|(_, value)| value.floats().ok());
+        floats
+            .and_then(|floats| floats.try_into().ok())
+            .ok_or_else(|| "it returns no position".to_owned())
     }
 }
 
-impl<F: Number> Vertices<F> {
+impl<F: Number> Vertices<'_, F> {
     /// Vertices of one instance, each as often as it is drawn.
     pub fn of_instance(&self) -> u32 {
         self.bound.call.count
@@ -257,6 +271,31 @@ pub fn resource<F: Number>(
     let at = (at.group, at.binding);
     let buffer = bound.buffers.iter().find(|b| (b.group, b.binding) == at)?;
     evaluate::from_bytes(module, global.ty, &buffer.data.bytes)
+}
+
+/// Runtime-sized arrays get as many elements as their buffer has bytes for.
+pub fn of_any_length<F: Number>(
+    module: &Module,
+    bound: &DrawBindings,
+) -> BTreeMap<(u32, u32), Value<F>> {
+    let globals = module.global_variables.iter();
+    globals
+        .filter_map(|(_, global)| {
+            let at = global.binding.as_ref().map(|b| (b.group, b.binding))?;
+            let naga::TypeInner::Array {
+                base,
+                size: naga::ArraySize::Dynamic,
+                stride,
+            } = module.types[global.ty].inner
+            else {
+                return None;
+            };
+            let buffer = bound.buffers.iter().find(|b| (b.group, b.binding) == at)?;
+            let elements = buffer.data.bytes.chunks_exact(stride as usize);
+            let elements = elements.map(|bytes| evaluate::from_bytes(module, base, bytes));
+            Some((at, Value::Composite(elements.collect::<Option<_>>()?)))
+        })
+        .collect()
 }
 
 /// The vertex that the draw's `at`-th corner is.

@@ -85,7 +85,7 @@ pub(super) fn prepare(
                     .of(gpu, plan, &pass.geometry, &pass.bindings, (index, bound))
                     .map_err(failed)?;
                 let drawn = table
-                    .of(gpu, &pass.bindings, (index, bound))
+                    .of(gpu, &pass.bindings, (index, bound, bound))
                     .map_err(failed)?;
                 let (made, workgroups) = match (&subdivided, &pass.geometry) {
                     (Some(subdivided), _) => (
@@ -110,9 +110,14 @@ pub(super) fn prepare(
                     ),
                     (None, _) => return Err(failed("it computes no geometry".to_owned())),
                 };
-                let filled =
-                    layout::fill(&pass.bindings, bound, targets, made, &gpu.device.limits())
-                        .map_err(failed)?;
+                let filled = layout::fill(
+                    &pass.bindings,
+                    [bound; 2],
+                    targets,
+                    made,
+                    &gpu.device.limits(),
+                )
+                .map_err(failed)?;
                 let groups = layout::bind(gpu, inputs.compiled(), &what, &filled)?;
                 if pipeline.is_none() {
                     let layouts: Vec<_> = groups.iter().map(|(g, l, _)| (*g, l)).collect();

@@ -6,7 +6,7 @@ use preshade_passes::draw_table::{self, DRAWS, Entry, IDS};
 use preshade_passes::geometry::{Formats, Geometry, Stream, declared_format};
 use preshade_passes::plan::{
     Attachment, BindingKind, BindingSource, BindingUse, ComputePass, FrameBuffer, FrameWords,
-    GeometryPart, Plan,
+    GeometryPart, HostValue, Plan,
 };
 
 use preshade_passes::visibility_buffer::Words;
@@ -44,6 +44,8 @@ pub(super) struct Drawn {
     /// The buffers of computed vertices.
     vertices: BTreeMap<String, wgpu::Buffer>,
     number: u64,
+    /// Uniform buffers that the author does not have, each with its source.
+    host: Vec<(BindingSource, wgpu::Buffer)>,
     pub triangles: u32,
 }
 
@@ -135,7 +137,7 @@ impl DrawTable {
         &self,
         gpu: &Gpu,
         bindings: &[BindingUse],
-        (index, draw): (usize, &DrawInputs),
+        (index, draw, previous): (usize, &DrawInputs, &DrawInputs),
     ) -> Result<Drawn, String> {
         let listed = bindings.iter().find_map(|b| match &b.source {
             BindingSource::Geometry {
@@ -190,6 +192,7 @@ impl DrawTable {
             frame,
             vertices: computed,
             number: index as u64,
+            host: host(gpu, bindings, index, previous),
             entry: buffer(gpu, &words, wgpu::BufferUsages::UNIFORM),
             table: self.table.clone(),
             triangles: draw.call.count / 3,
@@ -305,6 +308,37 @@ fn frame_buffer(
     }))
 }
 
+/// The range of the point light of our pictures, which stands at the origin.
+const LIGHT_RANGE: f32 = 100.0;
+
+/// The uniform buffers of a draw's bindings that the author does not have.
+fn host(
+    gpu: &Gpu,
+    bindings: &[BindingUse],
+    index: usize,
+    previous: &DrawInputs,
+) -> Vec<(BindingSource, wgpu::Buffer)> {
+    let words = |b: &BindingUse| match &b.source {
+        BindingSource::Host {
+            value: HostValue::DrawId,
+        } => Some(vec![index as u32 + 1]),
+        BindingSource::Host {
+            value: HostValue::PointLight,
+        } => Some([0.0, 0.0, 0.0, LIGHT_RANGE].map(f32::to_bits).to_vec()),
+        BindingSource::Previous { group: None, .. } => {
+            let bytes = previous.immediates(u32::MAX);
+            let words = bytes.as_chunks::<4>().0.iter();
+            Some(words.map(|w| u32::from_le_bytes(*w)).collect())
+        }
+        _ => None,
+    };
+    let filled = bindings.iter().filter_map(|b| {
+        let made = buffer(gpu, &words(b)?, wgpu::BufferUsages::UNIFORM);
+        Some((b.source.clone(), made))
+    });
+    filled.collect()
+}
+
 /// Fails with a message if an attribute's storage differs from its declared type.
 fn check_formats(
     bindings: &[BindingUse],
@@ -360,6 +394,12 @@ impl Drawn {
             )),
             _ => None,
         }
+    }
+
+    /// The uniform buffer of a source that is not the author's.
+    pub fn host(&self, source: &BindingSource) -> Option<&wgpu::Buffer> {
+        let found = self.host.iter().find(|(of, _)| of == source);
+        found.map(|(_, buffer)| buffer)
     }
 
     /// A placeholder for draws without indices.

@@ -549,7 +549,13 @@ impl<'a> Prepared<'a> {
                 render.set_immediates(0, &draw.immediates(item.immediates));
             }
             for (slot, source) in item.vertex_buffers.iter().enumerate() {
-                let vertex = &draw.vertex_buffers[*source];
+                let own = draw.vertex_buffers.get(*source);
+                let vertex = own.or_else(|| {
+                    let previous = self.inputs.previous(item.draw)?;
+                    let source = source.checked_sub(draw.vertex_buffers.len())?;
+                    previous.vertex_buffers.get(source)
+                });
+                let Some(vertex) = vertex else { continue };
                 render.set_vertex_buffer(slot as u32, vertex.buffer.slice(..));
             }
             let bind::Call {
@@ -645,7 +651,8 @@ impl FrameBuilder<'_, '_> {
     ) -> Result<Option<Item>, Error> {
         let gpu = self.inputs.gpu();
         let gpu_pass = found.pass;
-        let Some(bound) = self.inputs.draw(index) else {
+        let (Some(bound), Some(previous)) = (self.inputs.draw(index), self.inputs.previous(index))
+        else {
             return Ok(None);
         };
         let (geometry, bindings) = (&gpu_pass.geometry, &gpu_pass.bindings);
@@ -655,7 +662,7 @@ impl FrameBuilder<'_, '_> {
             .map_err(|message| found.failed(message))?;
         let drawn = self
             .table
-            .of(gpu, bindings, (index, bound))
+            .of(gpu, bindings, (index, bound, previous))
             .map_err(|message| found.failed(message))?;
         let made = match &subdivided {
             Some(subdivided) => Made::Subdivided(subdivided),
@@ -671,6 +678,7 @@ impl FrameBuilder<'_, '_> {
             stages: found.stages,
             frame: &pass.frame,
             draw: bound,
+            previous,
             made,
         };
         build.requirements()?;

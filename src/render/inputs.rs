@@ -23,6 +23,8 @@ pub struct SceneInputs<'a> {
     /// Each material's original pass. It binds everything that any variant can bind.
     authored: Vec<GpuPass>,
     draws: Vec<DrawInputs>,
+    /// The resources of the previous frame, of the same draws.
+    previous: Option<&'a SceneInputs<'a>>,
     compiled: Option<Compiled>,
 }
 
@@ -172,8 +174,19 @@ impl<'a> SceneInputs<'a> {
             scene,
             authored,
             draws,
+            previous: None,
             compiled: None,
         })
+    }
+
+    /// With the resources of the previous frame, for passes that read them. Both have the same
+    /// draws. Without, the previous frame counts as equal to the current one.
+    #[must_use]
+    pub fn after(self, previous: &'a SceneInputs<'a>) -> Self {
+        Self {
+            previous: Some(previous),
+            ..self
+        }
     }
 
     /// Lets its frames share shaders and pipelines. Then [`super::Prepared::creation`] is not what
@@ -280,6 +293,12 @@ impl<'a> SceneInputs<'a> {
 
     pub(super) fn draw(&self, index: usize) -> Option<&DrawInputs> {
         self.draws.get(index)
+    }
+
+    /// The draw in the previous frame.
+    pub(super) fn previous(&self, index: usize) -> Option<&DrawInputs> {
+        self.previous
+            .map_or_else(|| self.draw(index), |p| p.draw(index))
     }
 }
 

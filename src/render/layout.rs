@@ -64,6 +64,14 @@ pub(super) enum Made<'a> {
 }
 
 impl<'a> Made<'a> {
+    /// The uniform buffer of a source that is not the author's.
+    fn host(self, source: &BindingSource) -> Option<&'a wgpu::Buffer> {
+        match self {
+            Self::Subdivided(_) => None,
+            Self::Drawn(drawn) => drawn.host(source),
+        }
+    }
+
     fn part(
         self,
         b: &BindingUse,
@@ -97,7 +105,7 @@ impl<'a> Made<'a> {
 /// binding, or the resource does not fit the layout.
 pub(super) fn fill<'a>(
     bindings: &'a [BindingUse],
-    draw: &'a DrawInputs,
+    [draw, previous]: [&'a DrawInputs; 2],
     targets: &'a Targets,
     made: Made<'a>,
     limits: &wgpu::Limits,
@@ -109,6 +117,29 @@ pub(super) fn fill<'a>(
                 Filled::Author(draw.resources.get(&(b.group, b.binding)).ok_or_else(|| {
                     format!("{} is not a binding the author's program uses", place(b))
                 })?)
+            }
+            BindingSource::Previous {
+                group: Some(group),
+                binding: Some(binding),
+                ..
+            } => Filled::Author(previous.resources.get(&(*group, *binding)).ok_or_else(|| {
+                format!(
+                    "{} has the content of group {group}, binding {binding}, which the author's \
+                     program does not use",
+                    place(b)
+                )
+            })?),
+            BindingSource::View { name } => {
+                return Err(format!(
+                    "{} holds `{name}`, which is another view's",
+                    place(b)
+                ));
+            }
+            BindingSource::Previous { .. } | BindingSource::Host { .. } => {
+                let buffer = made
+                    .host(&b.source)
+                    .ok_or_else(|| format!("{} holds what we cannot give it", place(b)))?;
+                Filled::Geometry(buffer, wgpu::BufferBindingType::Uniform)
             }
             BindingSource::Geometry { part } => {
                 let (buffer, ty) = made.part(b, part, draw)?;

@@ -25,7 +25,7 @@ pub(super) struct PipelineKey {
 
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct VertexLayout {
-    /// Index in the draw's vertex buffers.
+    /// Index in the draw's vertex buffers, which those of the previous frame follow.
     pub source: usize,
     pub stride: u64,
     pub step: wgpu::VertexStepMode,
@@ -43,6 +43,8 @@ pub(super) struct Build<'b> {
     pub stages: &'b (ShaderStageRef, Option<ShaderStageRef>),
     pub frame: &'b FramePass,
     pub draw: &'b DrawInputs,
+    /// The draw in the previous frame.
+    pub previous: &'b DrawInputs,
     pub made: Made<'b>,
 }
 
@@ -93,13 +95,15 @@ impl Build<'_> {
     pub fn vertex_layout(&self) -> Result<Vec<VertexLayout>, Error> {
         let mut layouts: Vec<VertexLayout> = Vec::new();
         for wanted in &self.pass.attributes {
-            let (source, buffer, attribute) = self
-                .draw
-                .vertex_buffers
-                .iter()
-                .enumerate()
+            let (of, first) = match wanted.previous_of {
+                None => (self.draw, 0),
+                Some(_) => (self.previous, self.draw.vertex_buffers.len()),
+            };
+            let location = wanted.previous_of.unwrap_or(wanted.location);
+            let (source, buffer, attribute) = (first..)
+                .zip(&of.vertex_buffers)
                 .find_map(|(i, b)| {
-                    let a = b.attributes.iter().find(|a| a.location == wanted.location)?;
+                    let a = b.attributes.iter().find(|a| a.location == location)?;
                     Some((i, b, a))
                 })
                 .ok_or_else(|| {
@@ -117,7 +121,7 @@ impl Build<'_> {
             let at = wgpu::VertexAttribute {
                 format: attribute.format,
                 offset: attribute.offset,
-                shader_location: attribute.location,
+                shader_location: wanted.location,
             };
             match layouts.iter_mut().find(|l| l.source == source) {
                 Some(layout) => layout.attributes.push(at),
@@ -137,7 +141,7 @@ impl Build<'_> {
         let bindings = &self.pass.bindings;
         let filled = layout::fill(
             bindings,
-            self.draw,
+            [self.draw, self.previous],
             self.targets,
             self.made,
             &self.gpu.device.limits(),

@@ -4,7 +4,7 @@ use preshade_passes::contract::Verdict;
 
 use super::headline::{headline, verdict};
 use crate::measure::record::{PathTime, Report, VariantReport};
-use crate::measure::{Clock, Estimate, ShadowReport};
+use crate::measure::{Clock, Estimate, OutputsReport, ShadowReport};
 use crate::render::SelfTestResult;
 
 /// A cell with the estimate that colours it, if any.
@@ -170,6 +170,9 @@ pub(super) fn notes(report: &Report) -> String {
         if let Some(shadow) = &v.shadow {
             out.push_str(&under_the_light(&v.name, shadow));
         }
+        if let Some(outputs) = &v.outputs {
+            out.push_str(&aside(&v.name, outputs));
+        }
         for junction in &v.junctions {
             out.push_str(&format!(
                 "{}: {} edges of draw `{}` are edges of `{}` too, which is not divided alike: \
@@ -266,6 +269,29 @@ fn under_the_light(name: &str, shadow: &ShadowReport) -> String {
         line.push_str(&format!(
             "; {:.3} ms by whole programs, {:.3} ms by shadow passes: {:.2}x [{:.2}, {:.2}]",
             whole.estimate.median, time.estimate.median, speedup.median, speedup.low, speedup.high
+        ));
+    }
+    line + "\n"
+}
+
+/// The results and the costs of auxiliary pictures.
+fn aside(name: &str, outputs: &OutputsReport) -> String {
+    let mut line = format!(
+        "{name}: {} of {} auxiliary depths differ",
+        outputs.changed_depth, outputs.covered
+    );
+    if let Some(velocity) = &outputs.velocity {
+        line.push_str(&format!(
+            "; velocities of {} pixels are right to {:.4} pixels, and up to {:.2} pixels long",
+            velocity.pixels, velocity.worst, velocity.longest
+        ));
+    }
+    if let (Some(main), Some(time), Some(speedup)) =
+        (&outputs.main_ms, &outputs.time_ms, &outputs.speedup)
+    {
+        line.push_str(&format!(
+            "; {:.3} ms by main passes, {:.3} ms by auxiliary passes: {:.2}x [{:.2}, {:.2}]",
+            main.estimate.median, time.estimate.median, speedup.median, speedup.low, speedup.high
         ));
     }
     line + "\n"

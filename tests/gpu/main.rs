@@ -12,6 +12,8 @@ mod interfaces;
 #[path = "../../passes/tests/it/metamorphic_support.rs"]
 mod metamorphic_support;
 mod native;
+#[path = "../support/outputs_support.rs"]
+mod outputs_support;
 #[path = "../support/render_support/mod.rs"]
 mod render_support;
 #[path = "../support/swiftshader_support.rs"]
@@ -36,6 +38,7 @@ mod measure_verify;
 mod metamorphic_pictures;
 mod native_tessellation;
 mod noise_grid;
+mod outputs;
 mod plan_is_enough;
 mod plan_mutations;
 mod plan_needs;

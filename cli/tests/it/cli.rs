@@ -177,7 +177,45 @@ fn without_a_pass_those_that_apply_are_named() {
     assert_eq!(
         stderr(&output),
         "note: no --pass is given, so `toon` is written as it is; \
-         these apply to it: depth-prepass, early-discard, shadow\n"
+         these apply to it: depth-prepass, early-discard, shadow, outputs\n"
+    );
+}
+
+#[test]
+fn another_view_s_layout_is_read_from_a_file() {
+    let out = nowhere("layout");
+    fs::create_dir_all(&out).unwrap();
+    let layout = out.join("light.txt");
+    let text = "// The light's.\nstruct Light { position: vec3<f32>, view_proj: mat4x4<f32> }\n\
+        @group(2) @binding(1) var<uniform> light: Light;\n";
+    fs::write(&layout, text).unwrap();
+    let pass =
+        |layout: &str| format!("outputs:write=shadow,map=light.view_proj=camera,layout={layout}");
+    let rewrite = |layout: &str| {
+        let (pass, out) = (pass(layout), out.to_str().unwrap());
+        run(&[
+            "rewrite",
+            "../fixtures/pages/leaf.wgsl",
+            "--pass",
+            &pass,
+            "-o",
+            out,
+        ])
+    };
+    let output = rewrite(layout.to_str().unwrap());
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let made = fs::read_to_string(out.join("leaf.outputs.wgsl")).unwrap();
+    assert!(
+        made.contains("@group(2) @binding(1) var<uniform> light: Light;"),
+        "{made}"
+    );
+    assert!(made.contains("light.view_proj * "), "{made}");
+    let output = rewrite("none.wgsl");
+    assert_eq!(output.status.code(), Some(2));
+    let said = stderr(&output);
+    assert!(
+        said.contains("the layout `none.wgsl` cannot be read: "),
+        "{said}"
     );
 }
 

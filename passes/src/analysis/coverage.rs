@@ -48,6 +48,11 @@ impl Decides {
 
     /// The slice that decides coverage and depth.
     pub fn slice(self, graph: &Graph, entry: usize) -> Slice {
+        slice::backward(graph, entry, &self.criteria())
+    }
+
+    /// The targets of that slice.
+    pub fn criteria(self) -> Vec<Criterion> {
         let mut criteria = vec![
             Criterion::Discard,
             Criterion::Output(OutputFilter::FragDepth),
@@ -56,7 +61,7 @@ impl Decides {
             self.alpha
                 .then_some(Criterion::Component(OutputFilter::Location(0), ALPHA)),
         );
-        slice::backward(graph, entry, &criteria)
+        criteria
     }
 }
 

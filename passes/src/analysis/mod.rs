@@ -1,11 +1,13 @@
 //! Questions that any pass may ask about a program. An analysis reads the graph and changes nothing.
 
+pub mod authored;
 pub mod contraction;
 pub mod coverage;
 pub(crate) mod discontinuity;
 pub(crate) mod effects;
 pub mod hazard;
 pub(crate) mod implicit_inputs;
+pub mod lit;
 pub(crate) mod near_plane;
 pub mod neighbours;
 pub mod opaque;
@@ -18,3 +20,5 @@ pub(crate) mod simplify;
 pub mod uniformity;
 pub(crate) mod users;
 pub mod values;
+pub mod view;
+pub mod world;

@@ -174,7 +174,7 @@ pub enum FrameError {
 }
 
 impl FramePlan {
-    /// Merges plans. Shadow passes are skipped: they run under the host's light view, outside the
+    /// Merges plans. Passes of shadow maps and auxiliary pictures are skipped: they run outside the
     /// camera's frame.
     ///
     /// # Errors
@@ -195,7 +195,7 @@ impl FramePlan {
                         .any(|t| t.attachment.as_deref() == Some(name))
                 };
                 plan.passes.iter().any(|p| {
-                    p.phase != Phase::Shadow
+                    p.phase.is_of_frame()
                         && (p.depth.as_ref().is_some_and(|d| d.attachment == name) || targets(p))
                 })
             };

@@ -48,6 +48,8 @@ pub enum Role {
     Main,
     /// Depth only, under a light's view.
     Shadow,
+    /// Auxiliary pictures of the material: normals, velocities, ids.
+    Outputs,
     /// Depth, and the id of the nearest triangle: no shading.
     Ids,
     /// Once per frame: the number of the draw that each pixel shows, as a depth to compare with.
@@ -65,6 +67,7 @@ impl Role {
             Self::Prepass => "prepass",
             Self::Main => "main",
             Self::Shadow => "shadow",
+            Self::Outputs => "outputs",
             Self::Ids => "ids",
             Self::Classify => "classify",
             Self::Resolve => "resolve",
@@ -87,6 +90,9 @@ impl Role {
 pub enum Phase {
     /// Shadow maps: the host's light view, outside the camera's frame.
     Shadow,
+    /// Auxiliary pictures of the camera's view, with a depth of their own. The host draws them when
+    /// it needs them, outside the plan's frame.
+    Outputs,
     /// Opaque draws, depth or ids only.
     Depth,
     /// Finds the material of each pixel, over all materials.
@@ -98,6 +104,13 @@ pub enum Phase {
     Opaque,
     /// Blended draws, last, in the host's order.
     Blended,
+}
+
+impl Phase {
+    /// Whether its passes belong to the camera's frame. The host draws the others by themselves.
+    pub fn is_of_frame(self) -> bool {
+        !matches!(self, Self::Shadow | Self::Outputs)
+    }
 }
 
 /// Format of an attachment, in WebGPU's spelling.
@@ -189,6 +202,39 @@ pub enum BindingSource {
         /// The part of it.
         part: GeometryPart,
     },
+    /// The content that an author's resource had when the previous frame was drawn. In the first
+    /// frame, bind the current content.
+    Previous {
+        /// The author's variable.
+        of: String,
+        /// Its group; `None` for immediate data, whose bytes go into this uniform buffer.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        group: Option<u32>,
+        /// Its binding.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        binding: Option<u32>,
+    },
+    /// A resource of another view than the author's, as the parameter `map` of `outputs` says.
+    View {
+        /// The variable's name in the mapping or the layout.
+        name: String,
+    },
+    /// A uniform buffer that only the host can fill.
+    Host {
+        /// What to put into it.
+        value: HostValue,
+    },
+}
+
+/// The content of a uniform buffer that the host fills.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum HostValue {
+    /// One `u32`: the number of the draw. 0 is the value of pixels without a draw, so number draws
+    /// from 1.
+    DrawId,
+    /// Four `f32`: position of a point light in the space that the plan names, and its range.
+    PointLight,
 }
 
 /// A part of a draw's geometry, as a buffer for shaders.
@@ -337,6 +383,10 @@ pub struct AttributeUse {
     /// WGSL type, `vec3<f32>` say.
     #[serde(rename = "type")]
     pub ty: String,
+    /// The location of the author's attribute of which this one has the previous frame's values.
+    /// `None`: it is the author's own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub previous_of: Option<u32>,
 }
 
 /// The material's draws that a pass includes.
@@ -402,6 +452,10 @@ pub struct GpuPass {
     /// pass): variable or member names.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub view_dependent: Vec<String>,
+    /// What the pass leaves out of the author's decisions about coverage, because it depends on the
+    /// viewer.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub left_out: Vec<String>,
 }
 
 /// A buffer of computed vertices, one for each draw of the material.
@@ -718,6 +772,7 @@ impl Plan {
             draws: Draws::All,
             geometry: Geometry::AsGiven,
             view_dependent: Vec::new(),
+            left_out: Vec::new(),
         };
         crate::core::reflect::fill(&mut pass, &program);
         let plan = Self {

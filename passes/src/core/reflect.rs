@@ -287,7 +287,7 @@ pub fn bindings(
 }
 
 /// Fills a pass's bindings, attributes, features and limits from its entry points. A binding with
-/// an attachment or geometry as its source keeps it.
+/// another source than the author keeps it, and so does an attribute.
 pub fn fill(pass: &mut GpuPass, program: &Program) {
     let module = program.module();
     let bindings = bindings(program, &stages(pass), &pass.bindings);
@@ -298,6 +298,8 @@ pub fn fill(pass: &mut GpuPass, program: &Program) {
     pass.features = of_pass(pass, program);
     pass.features.extend(depth);
     pass.features.sort_unstable();
+    let known = std::mem::take(&mut pass.attributes);
+    let previous_of = |location| known.iter().find(|a| a.location == location)?.previous_of;
     pass.attributes = match program.entry_point(ShaderStage::Vertex, &pass.vertex) {
         None => Vec::new(),
         Some((_, entry)) => inputs(module, &entry.function)
@@ -307,6 +309,7 @@ pub fn fill(pass: &mut GpuPass, program: &Program) {
                     location,
                     name: io.name.unwrap_or_default(),
                     ty: wgsl_type(module, io.ty),
+                    previous_of: previous_of(location),
                 }),
                 _ => None,
             })

@@ -1,4 +1,4 @@
-//! A part of a fragment stage that runs ahead of the author's code, in the same invocation.
+//! A part of a stage that runs ahead of the author's code, in the same invocation.
 
 use naga::{
     AddressSpace, Binding, Expression, Function, GlobalVariable, Handle, Module, Span, Statement,
@@ -10,7 +10,7 @@ use crate::graph::Graph;
 use crate::rebuild::place::{self, CodeBuilder, PositionInvariance};
 use crate::slice::Slice;
 
-/// A function made of a slice of a fragment stage.
+/// A function made of a slice of a stage.
 #[derive(Clone, Debug)]
 pub struct Ahead {
     /// The function.
@@ -63,6 +63,22 @@ impl Ahead {
             private,
         };
         Some((module, ahead))
+    }
+
+    /// Takes the inputs at other locations: `to` gives the new one.
+    pub fn relocate(&mut self, to: &dyn Fn(u32) -> u32) {
+        let bindings = self
+            .arguments
+            .iter_mut()
+            .flat_map(|argument| match argument {
+                Argument::Input(_, binding) => vec![binding],
+                Argument::Struct(_, members) => members.iter_mut().map(|(_, b)| b).collect(),
+            });
+        for binding in bindings {
+            if let Binding::Location { location, .. } = binding {
+                *location = to(*location);
+            }
+        }
     }
 
     /// Calls the function in a prologue, and puts private variables back after it.

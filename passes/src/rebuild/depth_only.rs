@@ -99,13 +99,18 @@ pub struct Placed {
     pub fragment: Option<String>,
 }
 
-/// Slices a material.
-pub fn slice(opaque: &Opaque, stage: VertexStage) -> DepthOnly {
+/// Slices a material to what decides position, coverage and depth, and to `outputs` of its fragment
+/// stage.
+pub fn slice(opaque: &Opaque, stage: VertexStage, outputs: &[OutputFilter]) -> DepthOnly {
     let graph = &opaque.graph;
     let fragment = opaque
         .fragment
-        .filter(|_| opaque.decides.anything())
-        .map(|entry| opaque.decides.slice(graph, entry));
+        .filter(|_| opaque.decides.anything() || !outputs.is_empty())
+        .map(|entry| {
+            let mut criteria = opaque.decides.criteria();
+            criteria.extend(outputs.iter().cloned().map(Criterion::Output));
+            slice::backward(graph, entry, &criteria)
+        });
     let mut criteria = vec![Criterion::Output(OutputFilter::Rasterization)];
     if let Some(fragment) = &fragment {
         let entry = &opaque.program.module().entry_points[fragment.entry];

@@ -7,11 +7,31 @@ use super::depth_only::{Invariance, Placed};
 use super::place;
 use crate::analysis::coverage;
 use crate::analysis::opaque::Opaque;
+use crate::analysis::refusals;
 use crate::core::contract::{Assumption, Contract};
 use crate::core::pass::Refusal;
 use crate::core::plan::{Draws, GpuPass, Phase, Plan, Role};
 use crate::core::reflect;
 use crate::core::state::DepthState;
+
+/// The material, for a picture of its own that has one sample and no colour of the author's: alpha
+/// to coverage does not apply there.
+///
+/// # Errors
+/// As [`Opaque::examine`], and for a material that alpha covers.
+pub fn alone<'p>(plan: &'p Plan, name: &'static str) -> Result<Opaque<'p>, Vec<Refusal>> {
+    let opaque = Opaque::examine(plan, name)?;
+    if opaque.decides.alpha {
+        return Err(vec![Refusal::new(
+            name,
+            &refusals::ALPHA_TO_COVERAGE,
+            "coverage comes from alpha, sample by sample, and a picture of one sample, such as a \
+             shadow map, has no colour target to take alpha from",
+            "test alpha by discard",
+        )]);
+    }
+    Ok(opaque)
+}
 
 /// The program of a pre-pass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,5 +1,6 @@
 //! New programs out of slices and cuts of old ones: everything that writes naga IR.
 
+pub(crate) mod after;
 pub(crate) mod ahead;
 pub mod color;
 pub mod copy;
@@ -11,9 +12,12 @@ pub(crate) mod fetch;
 pub(crate) mod gradients;
 pub(crate) mod isolate;
 pub(crate) mod outline;
+pub(crate) mod outputs;
 pub mod place;
 pub mod quad;
+pub(crate) mod remap;
 pub mod returns;
 pub(crate) mod snippet;
 pub mod variable;
+pub(crate) mod viewer;
 pub mod writer;

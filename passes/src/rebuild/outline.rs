@@ -16,11 +16,11 @@ use naga::{
 use crate::analysis::values::{ContextId, Values};
 use crate::core::program::Program;
 use crate::graph::{FunctionId, Graph, operands};
+use crate::rebuild::after::after;
 use crate::rebuild::color::location;
 use crate::rebuild::isolate::isolate;
 use crate::rebuild::place::{self, PositionInvariance};
 use crate::rebuild::returns;
-use crate::rebuild::writer::FunctionWriter;
 use crate::slice::{self, Criterion, OutputFilter};
 
 /// A value to return.
@@ -415,34 +415,27 @@ fn capture(
             .map(|(i, w)| (w.expression, i as u32))
             .collect();
         let is_struct = wanted.len() > 1;
-        FunctionWriter::rewrite(function, &mut |writer, mut statement, span| {
-            let mut evaluated = Vec::new();
-            match &mut statement {
-                Statement::Emit(range) => evaluated.extend(range.clone()),
-                Statement::Call {
-                    function,
-                    arguments,
-                    result,
-                } => {
-                    if passed_on.contains(function) {
-                        arguments.push(pointer);
-                    }
-                    evaluated.extend(*result);
-                }
-                _ => {}
+        operands::visit_mut(&mut function.body, &mut |statement| {
+            if let Statement::Call {
+                function,
+                arguments,
+                ..
+            } = statement
+                && passed_on.contains(function)
+            {
+                arguments.push(pointer);
             }
-            writer.statement(statement, span);
-            for value in evaluated {
-                let Some(index) = captures.get(&value).copied() else {
-                    continue;
-                };
-                let base = pointer;
-                let pointer = match is_struct {
-                    true => writer.expression(Expression::AccessIndex { base, index }),
-                    false => base,
-                };
-                writer.statement(Statement::Store { pointer, value }, Span::UNDEFINED);
-            }
+        });
+        after(function, &mut |writer, value| {
+            let Some(index) = captures.get(&value).copied() else {
+                return;
+            };
+            let base = pointer;
+            let pointer = match is_struct {
+                true => writer.expression(Expression::AccessIndex { base, index }),
+                false => base,
+            };
+            writer.statement(Statement::Store { pointer, value }, Span::UNDEFINED);
         });
         if matches!(id, FunctionId::EntryPoint(_)) {
             returns::rewrite(function, &mut |writer, _| {

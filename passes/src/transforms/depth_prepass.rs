@@ -205,7 +205,7 @@ impl Pass for DepthPrepass {
 
     fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
         let opaque = check(plan, facts, params)?;
-        let slice = depth_only::slice(&opaque, params.vertex());
+        let slice = depth_only::slice(&opaque, params.vertex(), &[]);
         let mut effects = vec![PassEffect::RejectsEarly, PassEffect::Slices];
         effects.extend((params.form == PrepassForm::Biased).then_some(PassEffect::Biases));
         let given = slice.assumptions(&opaque, plan, Self::INFO.name, &effects)?;

@@ -261,7 +261,7 @@ impl Pass for EarlyDiscard {
 
     fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
         let opaque = check(plan, facts, params)?;
-        let slice = depth_only::slice(&opaque, params.vertex());
+        let slice = depth_only::slice(&opaque, params.vertex(), &[]);
         let mut effects = vec![
             PassEffect::LeavesEarly,
             PassEffect::Slices,

@@ -4,6 +4,7 @@ pub mod depth_prepass;
 pub mod early_alpha;
 pub mod early_discard;
 pub mod hoist;
+pub mod outputs;
 pub mod shadow;
 pub mod skip_taps;
 pub mod specialize;
@@ -22,6 +23,7 @@ pub const PASSES: &[&dyn AnyPass] = &[
     &Erased::<early_alpha::EarlyAlpha>::NEW,
     &Erased::<early_discard::EarlyDiscard>::NEW,
     &Erased::<shadow::Shadow>::NEW,
+    &Erased::<outputs::Outputs>::NEW,
     &Erased::<hoist::Hoist>::NEW,
     &Erased::<tessellate::Tessellate>::NEW,
     &Erased::<skip_taps::SkipTaps>::NEW,

@@ -15,18 +15,15 @@
 //! replace the projection of the vertex stage. An alpha or a displacement that depends on the
 //! camera would follow the light.
 
-use naga::{AddressSpace, TypeInner, VectorSize};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::analysis::coverage;
 use crate::analysis::implicit_inputs::PassEffect;
-use crate::analysis::opaque::Opaque;
-use crate::analysis::refusals as shared;
+use crate::analysis::view;
 use crate::core::contract::Contract;
-use crate::core::pass::{Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Use};
+use crate::core::pass::{Example, Facts, Outcome, Pass, PassInfo, Refused, Use};
 use crate::core::plan::{Attachment, Phase, Plan, Role, Step};
-use crate::core::program::Program;
 use crate::core::refusals::RefusalInfo;
 use crate::core::state::{
     AttachmentOps, CompareFunction, DepthBias, DepthDirection, DepthFormat, DepthState, Multisample,
@@ -84,8 +81,8 @@ impl Pass for Shadow {
     }];
 
     fn run(plan: &Plan, _facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
-        let opaque = check(plan)?;
-        let slice = depth_only::slice(&opaque, VertexStage::Sliced);
+        let opaque = depth_pass::alone(plan, Self::INFO.name)?;
+        let slice = depth_only::slice(&opaque, VertexStage::Sliced, &[]);
         // A light's view promises no picture of the author's: only what it cannot draw counts.
         slice.assumptions(&opaque, plan, Self::INFO.name, &[PassEffect::SlicesForView])?;
         let mut next = plan.clone();
@@ -139,107 +136,10 @@ impl Pass for Shadow {
             pass.view_dependent = next
                 .programs
                 .get(Role::Shadow.name())
-                .map(view_dependent)
+                .map(view::view_dependent)
                 .unwrap_or_default();
         }
         let what = "depth-only vertex and fragment stage for a light's view".to_owned();
         Ok(slice.outcome(&opaque, what, next))
     }
-}
-
-/// A light's view has one sample and no colour, so alpha to coverage does not apply.
-fn check(plan: &Plan) -> Result<Opaque<'_>, Vec<Refusal>> {
-    let opaque = Opaque::examine(plan, Shadow::INFO.name)?;
-    if opaque.decides.alpha {
-        return Err(vec![Refusal::new(
-            Shadow::INFO.name,
-            &shared::ALPHA_TO_COVERAGE,
-            "coverage comes from alpha, sample by sample, and a shadow map has one sample and no \
-             colour target to take alpha from",
-            "test alpha by discard",
-        )]);
-    }
-    Ok(opaque)
-}
-
-/// Uniforms with camera, view, eye or projection in their name or a member's, and members of such
-/// structs that give its place or range. The name is all that a shader reveals about a matrix.
-/// `verify` takes these from the light and all others from the camera. If no name tells, all
-/// matrices that the pass reads count, except those of an object.
-fn view_dependent(program: &Program) -> Vec<String> {
-    let module = program.module();
-    let says_view = |name: &str| {
-        let name = name.to_lowercase();
-        let part_of = [
-            "camera", "view", "eye", "proj", "mvp", "screen", "clip", "znear", "zfar",
-        ];
-        let whole = ["vp", "near", "far", "near_plane", "far_plane", "transform"];
-        part_of.iter().any(|w| name.contains(w)) || whole.contains(&name.trim_start_matches("u_"))
-    };
-    let says_place = |name: &str| {
-        let name = name.to_lowercase();
-        ["pos", "origin", "near", "far", "matrix", "vp"]
-            .iter()
-            .any(|w| name.contains(w))
-    };
-    let mut found = Vec::new();
-    for (_, global) in module
-        .global_variables
-        .iter()
-        .filter(|(_, g)| g.space == AddressSpace::Uniform)
-    {
-        let variable = global.name.clone().unwrap_or_default();
-        let struct_name = module.types[global.ty].name.as_deref().unwrap_or("");
-        let of_view = says_view(&variable) || says_view(struct_name);
-        let members = match &module.types[global.ty].inner {
-            TypeInner::Struct { members, .. } => members.as_slice(),
-            _ => &[],
-        };
-        if says_view(&variable) && members.is_empty() {
-            found.push(variable.clone());
-        }
-        found.extend(
-            members
-                .iter()
-                .filter_map(|m| m.name.as_deref())
-                .filter(|m| says_view(m) || (of_view && says_place(m)))
-                .map(|m| format!("{variable}.{m}")),
-        );
-    }
-    if found.is_empty() {
-        return matrices(module);
-    }
-    found
-}
-
-/// Matrices of uniforms whose names are not those of an object. Where no name tells the camera's
-/// matrix, it is among them.
-fn matrices(module: &naga::Module) -> Vec<String> {
-    let is_of_object = |name: &str| {
-        let name = name.to_lowercase();
-        let of_object = [
-            "model", "world", "object", "local", "bone", "joint", "instance",
-        ];
-        of_object.iter().any(|w| name.contains(w))
-    };
-    let is_matrix = |ty: naga::Handle<naga::Type>| {
-        let inner = &module.types[ty].inner;
-        matches!(inner, TypeInner::Matrix { columns, rows, .. }
-            if (*columns, *rows) == (VectorSize::Quad, VectorSize::Quad))
-    };
-    let uniforms = module.global_variables.iter().map(|(_, global)| global);
-    let uniforms = uniforms.filter(|global| global.space == AddressSpace::Uniform);
-    let paths = uniforms.flat_map(|global| {
-        let variable = global.name.clone().unwrap_or_default();
-        match &module.types[global.ty].inner {
-            TypeInner::Struct { members, .. } => {
-                let matrices = members.iter().filter(|m| is_matrix(m.ty));
-                let names = matrices.filter_map(|m| m.name.as_deref());
-                names.map(|name| format!("{variable}.{name}")).collect()
-            }
-            _ if is_matrix(global.ty) => vec![variable],
-            _ => Vec::new(),
-        }
-    });
-    paths.filter(|path| !is_of_object(path)).collect()
 }

@@ -278,7 +278,7 @@ impl<'a> SplitMaterial<'a> {
         if !refusals.is_empty() {
             return Err(refusals);
         }
-        let depth = depth_only::slice(&opaque, params.vertex(&opaque));
+        let depth = depth_only::slice(&opaque, params.vertex(&opaque), &[]);
         let effects = [PassEffect::RejectsEarly, PassEffect::Slices];
         let given = depth.assumptions(&opaque, plan, VisibilityBuffer::INFO.name, &effects)?;
         Ok(Self {

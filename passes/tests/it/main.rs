@@ -21,6 +21,8 @@ mod hoist;
 mod hoist_interpolated;
 mod implicit_inputs;
 mod metamorphic;
+mod outputs;
+mod outputs_light;
 mod skip_taps;
 mod slices;
 mod specialize;

@@ -110,7 +110,7 @@ impl SelfTest {
         let samples = |a: &Attachment| {
             let draws = self.runs.iter().flat_map(|r| r.draws);
             let mut on_it = draws.filter(|d| d.attachment == a.name);
-            let is_scenes = on_it.any(|d| d.pass.phase != Phase::Shadow);
+            let is_scenes = on_it.any(|d| !matches!(d.pass.phase, Phase::Shadow | Phase::Outputs));
             options.samples.filter(|_| is_scenes).unwrap_or(a.samples)
         };
         let texture = |a: &Attachment| (a.name, a.texture_with(device, size, samples(a)));

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::error::counted;
 use super::statistics::Invocations;
-use super::{Clock, ErrorLadder, Estimate, FrameTime, Junction, ShadowReport};
+use super::{Clock, ErrorLadder, Estimate, FrameTime, Junction, OutputsReport, ShadowReport};
 use crate::render::{AdapterReport, SelfTestResult, SubdivisionCost};
 use crate::scene::DrawOrder;
 use crate::scene::bind::Guessed;
@@ -96,6 +96,9 @@ pub struct VariantReport {
     pub cost: Option<Cost>,
     /// Its shadow passes under the scene's light; `None`: it has none.
     pub shadow: Option<ShadowReport>,
+    /// Its auxiliary pictures; `None`: it has none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub outputs: Option<OutputsReport>,
     /// The self-tests of its plans, in the scene's order of materials. Empty where no plan has one.
     pub self_test: Vec<SelfTestReport>,
     /// Edges that it divides in one draw and not in the draw beside it. Empty where nothing is subdivided.
@@ -186,6 +189,7 @@ impl VariantReport {
             shaded_per_pixel: None,
             cost: None,
             shadow: None,
+            outputs: None,
             self_test: Vec::new(),
             junctions: Vec::new(),
             kept: Vec::new(),

@@ -72,8 +72,8 @@ impl Measurement<'_> {
             }
             (Verdict::Broken { r#where }, _) => self.broken(gpu, r#where.clone()),
             (_, Some(why)) => not_measured(why),
-            (verdict, None) => match self.shadow.take() {
-                Some(shadow) => shadow,
+            (verdict, None) => match self.aside.take() {
+                Some(aside) => aside,
                 None if is_empty && away => not_measured(telling::FACES_AWAY),
                 None if is_empty && self.report.name != ORIGINAL => {
                     not_measured("no opaque surface is seen in any view")

@@ -14,8 +14,8 @@ use crate::measure::record::{
 use crate::measure::statistics::invocations;
 use crate::measure::verdict::{breaks, nothing_drawn};
 use crate::measure::{
-    Counter, Error, ErrorLadder, Session, Shading, Timing, View, counting, junctions, shadow,
-    slivers, subject::Subject,
+    Counter, Error, ErrorLadder, Session, Shading, Timing, View, counting, junctions, outputs,
+    shadow, slivers, subject::Subject,
 };
 use crate::render::{Gpu, Rendered, SelfTestResult, self_test};
 use crate::scene::Frame;
@@ -34,9 +34,9 @@ pub(super) struct Measurement<'a> {
     pub(super) worst: Option<((f64, u64), Option<Worst>)>,
     /// The pictures from the other cameras.
     pub(super) elsewhere: OtherCameras,
-    /// The verdict on its shadow passes under the light. `None`: it has none, or they were not
-    /// drawn yet.
-    pub(super) shadow: Option<Verdict>,
+    /// The verdict on its passes outside of the frame: shadow maps and auxiliary pictures. `None`: it
+    /// has none, or they were not drawn yet.
+    pub(super) aside: Option<Verdict>,
     /// Pixels with anything opaque in them, over the views counted.
     pub(super) covered: Option<u64>,
     /// The reason for an empty picture. `None`: blended draws, which are not counted, may be in it.
@@ -166,7 +166,7 @@ impl<'a> Measurement<'a> {
             pictures: None,
             worst: None,
             elsewhere: OtherCameras::default(),
-            shadow: None,
+            aside: None,
             covered: None,
             empty: nothing_drawn(&variant.plans),
             unmet: None,
@@ -315,12 +315,48 @@ impl<'a> Measurement<'a> {
             .iter()
             .filter(|p| shadow::has_shadow(p))
             .all(shadow::has_invariant_position);
-        self.shadow = Some(match shadow::measure(session, variant, settings) {
+        let verdict = match shadow::measure(session, variant, settings) {
             Ok(report) => self.report.shadow.insert(report).verdict(invariant),
             Err(error) => Verdict::NotMeasured {
                 why: format!("its shadow pass: {error}"),
             },
-        });
+        };
+        self.judge_aside(verdict);
+    }
+
+    /// Draws its auxiliary pictures and keeps the result.
+    pub(super) fn measure_outputs(
+        &mut self,
+        session: &Session<'_>,
+        variant: &Variant,
+        settings: &Settings,
+    ) {
+        let drawn = variant.plans.iter().filter(|p| outputs::has_outputs(p));
+        let invariant = drawn.into_iter().all(shadow::has_invariant_position);
+        let measured = outputs::measure(session, session.scene(), variant, settings);
+        let verdict = match measured {
+            Ok(report) => self.report.outputs.insert(report).verdict(invariant),
+            Err(error) => Verdict::NotMeasured {
+                why: format!("its auxiliary pictures: {error}"),
+            },
+        };
+        self.judge_aside(verdict);
+    }
+
+    /// Keeps the worst verdict on passes outside of the frame.
+    fn judge_aside(&mut self, verdict: Verdict) {
+        let rank = |verdict: &Verdict| match verdict {
+            Verdict::Broken { .. } => 2,
+            Verdict::NotMeasured { .. } => 1,
+            _ => 0,
+        };
+        if self
+            .aside
+            .as_ref()
+            .is_none_or(|known| rank(known) < rank(&verdict))
+        {
+            self.aside = Some(verdict);
+        }
     }
 
     /// Runs the self-tests of its plans. They do not affect the verdict: they are for hosts, which

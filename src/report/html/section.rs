@@ -127,6 +127,17 @@ fn told(v: &VariantReport) -> Vec<(&'static str, String)> {
             format!("{changed} of {covered} depths differ in a {w}x{h} map; shadow passes {time}"),
         )
     }));
+    facts.extend(v.outputs.as_ref().map(|o| {
+        let (changed, covered) = (o.changed_depth, o.covered);
+        let time = or_dash(o.speedup, frontier::speedup);
+        let right = o.velocity.as_ref().map_or_else(String::new, |v| {
+            format!("; velocities are right to {:.4} pixels", v.worst)
+        });
+        (
+            "auxiliary pictures",
+            format!("{changed} of {covered} depths differ{right}; auxiliary passes {time}"),
+        )
+    }));
     facts.extend(v.junctions.iter().map(|j| {
         (
             "T-junctions",

@@ -222,7 +222,7 @@ impl Counting {
         let raster = plan
             .passes
             .iter()
-            .filter(|p| p.phase != Phase::Shadow)
+            .filter(|p| p.phase.is_of_frame())
             .map(|pass| {
                 let fragment = pass.fragment.as_deref().map(|f| cost(&pass.program, f));
                 PassShape {

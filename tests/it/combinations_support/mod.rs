@@ -116,6 +116,12 @@ fn value(
                 .collect();
             Some(json!(names.get(random.below(names.len()))?))
         }
+        (_, "write") => {
+            let all = ["depth", "normal", "velocity", "id", "shadow", "distance"];
+            let count = 1 + random.below(2);
+            let words: Vec<&str> = (0..count).map(|_| all[random.below(all.len())]).collect();
+            Some(json!(words.join("+")))
+        }
         _ => {
             // Lists of values that a search found: no random word is one.
             let _ = pass;

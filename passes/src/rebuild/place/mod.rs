@@ -8,6 +8,7 @@
 use naga::Module;
 
 mod builder;
+mod copies;
 mod discard;
 mod function;
 mod interface;
@@ -16,12 +17,15 @@ mod retain;
 mod rewrite;
 
 pub use builder::CodeBuilder;
+pub(crate) use copies::copy_called;
 pub use discard::without_discard;
 pub(crate) use function::free_name;
 use interface::Placement;
 pub use interface::{PositionInvariance, io_struct, with_invariant_position};
 pub use retain::retain;
-pub use rewrite::{Replacement, Replacements, Rewrite, prologue, prologue_replacing, rewritten};
+pub use rewrite::{
+    Replacement, Replacements, Rewrite, function_mut, prologue, prologue_replacing, rewritten,
+};
 
 use crate::graph::Graph;
 use crate::slice::Slice;

@@ -18,6 +18,8 @@ use crate::rebuild::writer::FunctionWriter;
 pub enum Replacement {
     /// A value of the prologue.
     Value(Handle<Expression>),
+    /// Another expression of the author's, evaluated before it.
+    Other(Handle<Expression>),
     /// The same texture sample, with gradients from the prologue.
     Gradients {
         /// Along x.
@@ -90,7 +92,8 @@ pub fn rewritten(
     module
 }
 
-fn function_mut(module: &mut Module, id: FunctionId) -> &mut Function {
+/// A function of a module.
+pub fn function_mut(module: &mut Module, id: FunctionId) -> &mut Function {
     match id {
         FunctionId::Function(h) => &mut module.functions[h],
         FunctionId::EntryPoint(i) => &mut module.entry_points[i].function,
@@ -115,6 +118,11 @@ impl<'a> CopyFunction<'a> for AuthorCopy<'a> {
             copying.copies.insert(e, *value);
             return;
         }
+        if let Some(Replacement::Other(other)) = replacement {
+            let value = copying.copies.mapped(*other);
+            copying.copies.insert(e, value);
+            return;
+        }
         let mut copy = copying
             .copies
             .with_operands(&copying.original.expressions[e]);
@@ -127,7 +135,7 @@ impl<'a> CopyFunction<'a> for AuthorCopy<'a> {
                 (Replacement::Gradients { x, y } | Replacement::Footprint { x, y }, _) => {
                     SampleLevel::Gradient { x, y }
                 }
-                (Replacement::Value(_), level) => level,
+                (Replacement::Value(_) | Replacement::Other(_), level) => level,
             };
         }
         copying.append(e, copy);
@@ -136,7 +144,9 @@ impl<'a> CopyFunction<'a> for AuthorCopy<'a> {
     fn result(&mut self, e: Handle<Expression>) -> Handle<Expression> {
         self.expression(e);
         let copying = &mut self.copying;
-        if let Some(Replacement::Value(_)) = self.rewrite.replacements.get(&e) {
+        if let Some(Replacement::Value(_) | Replacement::Other(_)) =
+            self.rewrite.replacements.get(&e)
+        {
             // The call still returns a result, which nobody reads.
             let expression = copying.original.expressions[e].clone();
             let span = copying.original.expressions.get_span(e);

@@ -1,0 +1,194 @@
+//! The values of a stage that the author gave a name: inputs, `let`s, variables and their members.
+
+use naga::{Expression, Function, GlobalVariable, Handle, LocalVariable, Module, Span, TypeInner};
+
+use crate::core::calls;
+use crate::core::program::Program;
+use crate::core::reflect;
+use crate::graph::FunctionId;
+
+/// Members of members that are looked at.
+const DEEPEST: usize = 3;
+
+/// Where a named value is found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// An input of the entry point, by index in [`reflect::inputs`].
+    Input(usize),
+    /// An argument of a function that the entry point calls.
+    Argument(FunctionId, u32),
+    /// An expression.
+    Expression(FunctionId, Handle<Expression>),
+    /// A variable of a function.
+    Local(FunctionId, Handle<LocalVariable>),
+    /// A private variable of the module.
+    Global(Handle<GlobalVariable>),
+}
+
+/// A scalar or vector that the author named.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Authored {
+    /// The name: `normal`, or `surface.normal` for a member.
+    pub name: String,
+    /// Name of its function; empty for inputs and variables of the module.
+    pub function: String,
+    /// Where the value that has the name is.
+    pub place: Place,
+    /// The members that lead from there to the scalar or vector.
+    pub path: Vec<u32>,
+    /// Its type.
+    pub inner: TypeInner,
+    /// Where it is in the source; undefined for inputs.
+    pub span: Span,
+}
+
+impl Authored {
+    /// Whether a user means this value by `name`: its name, or the end of it behind a dot, with
+    /// `@FUNCTION` behind where several functions have one.
+    pub fn is_called(&self, name: &str) -> bool {
+        let (name, function) = match name.split_once('@') {
+            Some((name, function)) => (name, Some(function)),
+            None => (name, None),
+        };
+        let is_end = || {
+            let end = self.name.strip_suffix(name);
+            end.is_some_and(|rest| rest.ends_with('.'))
+        };
+        function.is_none_or(|f| f == self.function) && (self.name == name || is_end())
+    }
+
+    /// For messages: name, type, function and line.
+    pub fn described(&self, program: &Program) -> String {
+        let ty = match self.inner {
+            TypeInner::Vector { size, .. } => format!("vec{}", size as u8),
+            _ => "scalar".to_owned(),
+        };
+        let at = match program.sources().locate(self.span) {
+            Some(at) => format!(", line {}", at.line),
+            None => String::new(),
+        };
+        let of = match self.function.is_empty() {
+            true => String::new(),
+            false => format!("@{}", self.function),
+        };
+        format!("`{}{of}` ({ty}{at})", self.name)
+    }
+}
+
+/// The named scalars and vectors of an entry point and of the functions that it calls.
+pub fn of_entry(program: &Program, entry: usize) -> Vec<Authored> {
+    let module = program.module();
+    let mut found = Vec::new();
+    let point = &module.entry_points[entry];
+    let arguments = point.function.arguments.iter();
+    let prefixes = arguments.flat_map(|argument| {
+        let own = argument.name.clone().unwrap_or_default();
+        match reflect::members(module, argument.ty) {
+            Some(members) if argument.binding.is_none() => vec![format!("{own}."); members.len()],
+            _ => vec![String::new()],
+        }
+    });
+    let inputs = reflect::inputs(module, &point.function);
+    for (i, (input, prefix)) in inputs.into_iter().zip(prefixes).enumerate() {
+        let name = format!("{prefix}{}", input.name.unwrap_or_default());
+        let at = (String::new(), Place::Input(i), Span::UNDEFINED);
+        open(module, &mut found, name, &module.types[input.ty].inner, at);
+    }
+    let called = calls::called(module, &point.function.body);
+    for function in called.iter().rev() {
+        let id = FunctionId::Function(*function);
+        of_function(program, &mut found, id, &module.functions[*function]);
+    }
+    of_function(
+        program,
+        &mut found,
+        FunctionId::EntryPoint(entry),
+        &point.function,
+    );
+    let info = program.info().get_entry_point(entry);
+    for (handle, global) in module.global_variables.iter() {
+        if global.space == naga::AddressSpace::Private
+            && !info[handle].is_empty()
+            && let Some(name) = global.name.clone()
+        {
+            let span = module.global_variables.get_span(handle);
+            let at = (String::new(), Place::Global(handle), span);
+            open(module, &mut found, name, &module.types[global.ty].inner, at);
+        }
+    }
+    found
+}
+
+fn of_function(program: &Program, found: &mut Vec<Authored>, id: FunctionId, f: &Function) {
+    let module = program.module();
+    let (info, name) = match id {
+        FunctionId::Function(h) => (&program.info()[h], f.name.clone().unwrap_or_default()),
+        FunctionId::EntryPoint(i) => (
+            program.info().get_entry_point(i),
+            module.entry_points[i].name.clone(),
+        ),
+    };
+    if let FunctionId::Function(_) = id {
+        for (i, argument) in f.arguments.iter().enumerate() {
+            let own = argument.name.clone().unwrap_or_default();
+            let at = (name.clone(), Place::Argument(id, i as u32), Span::UNDEFINED);
+            open(module, found, own, &module.types[argument.ty].inner, at);
+        }
+    }
+    for (e, own) in &f.named_expressions {
+        // An argument has its own name, and a pointer no value.
+        if matches!(f.expressions[*e], Expression::FunctionArgument(_)) {
+            continue;
+        }
+        let at = (
+            name.clone(),
+            Place::Expression(id, *e),
+            f.expressions.get_span(*e),
+        );
+        let inner = info[*e].ty.inner_with(&module.types);
+        open(module, found, own.clone(), inner, at);
+    }
+    for (local, variable) in f.local_variables.iter() {
+        if let Some(own) = variable.name.clone() {
+            let at = (
+                name.clone(),
+                Place::Local(id, local),
+                f.local_variables.get_span(local),
+            );
+            open(module, found, own, &module.types[variable.ty].inner, at);
+        }
+    }
+}
+
+/// Adds a value, or the scalars and vectors among its members.
+fn open(
+    module: &Module,
+    found: &mut Vec<Authored>,
+    name: String,
+    inner: &TypeInner,
+    (function, place, span): (String, Place, Span),
+) {
+    let mut work = vec![(name, inner.clone(), Vec::new())];
+    while let Some((name, inner, path)) = work.pop() {
+        match inner {
+            TypeInner::Scalar(_) | TypeInner::Vector { .. } => found.push(Authored {
+                name,
+                function: function.clone(),
+                place,
+                path,
+                inner,
+                span,
+            }),
+            TypeInner::Struct { members, .. } if path.len() < DEEPEST => {
+                for (i, member) in members.iter().enumerate().rev() {
+                    let own = member.name.as_deref().unwrap_or("?");
+                    let mut path = path.clone();
+                    path.push(i as u32);
+                    let inner = module.types[member.ty].inner.clone();
+                    work.push((format!("{name}.{own}"), inner, path));
+                }
+            }
+            _ => {}
+        }
+    }
+}

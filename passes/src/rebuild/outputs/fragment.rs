@@ -1,0 +1,519 @@
+//! The fragment stage of an extended material: the author's decisions, and other outputs.
+
+use naga::{
+    BinaryOperator, Binding, BuiltIn, Expression, FunctionArgument, FunctionResult, Handle,
+    Literal, MathFunction, Scalar, ScalarKind, SwizzleComponent, Type, TypeInner, VectorSize,
+};
+
+use super::capture::Captured;
+use super::vertex::{self, member};
+use super::{Direction, Distance, Extending, Failed, Member, Shows, Surface};
+use super::{Varying, Varyings, Wanted, buffer};
+use crate::core::plan::HostValue;
+use crate::core::reflect;
+use crate::rebuild::color::{empty_fragment, location};
+use crate::rebuild::place;
+use crate::rebuild::returns;
+use crate::rebuild::snippet::link_snippet;
+use crate::rebuild::writer::FunctionWriter;
+
+/// Name of the fragment stage of a material that has none.
+const OWN: &str = "fragment";
+
+/// Octahedral normals (Cigolle et al., "A Survey of Efficient Representations for Independent Unit
+/// Vectors", 2014), from -1 to 1.
+const OCTAHEDRAL: &str = "\
+fn octahedral(v: vec3<f32>) -> vec2<f32> {
+    let flat = v.xy / (abs(v.x) + abs(v.y) + abs(v.z));
+    let side = select(vec2<f32>(-1.0), vec2<f32>(1.0), flat >= vec2<f32>(0.0));
+    return select((1.0 - abs(flat.yx)) * side, flat, v.z >= 0.0);
+}";
+
+/// An output that is ready to be written.
+enum Ready {
+    /// A value, with the type that it is converted to.
+    Value(Captured, Widened),
+    Direction(
+        Captured,
+        Handle<Type>,
+        Direction,
+        Option<Handle<naga::Function>>,
+    ),
+    Velocity([u32; 2]),
+    Nothing,
+    Id(u32, Handle<naga::GlobalVariable>, Handle<Type>),
+    Distance(Measured),
+}
+
+/// A distance that is ready to be written.
+struct Measured {
+    from: Captured,
+    light: Member,
+    /// Whether each of them has four components.
+    of_four: [bool; 2],
+    /// A number of its own; `None`: the fourth component of `light`, if `is_divided`.
+    range: Option<Member>,
+    is_divided: bool,
+}
+
+/// How a value fills a target.
+#[derive(Clone, Copy, Debug)]
+struct Widened {
+    /// Half floats become floats first.
+    from_half: bool,
+    /// The type of four components that one of three is filled up to with 1.
+    filled: Option<(Handle<Type>, ScalarKind)>,
+}
+
+impl Extending<'_, '_> {
+    /// Extends the fragment stage, or makes one. Returns its name and the targets' formats.
+    pub(super) fn fragment_stage(
+        &mut self,
+        wanted: &[Wanted],
+        varyings: &Varyings,
+    ) -> Result<(String, Vec<&'static str>), Failed> {
+        let entry = self.opaque.fragment.unwrap_or_else(|| {
+            self.module.entry_points.push(empty_fragment(OWN));
+            self.module.entry_points.len() - 1
+        });
+        let own = self.module.entry_points[entry].function.result.clone();
+        let mut ready = Vec::new();
+        let mut formats = Vec::new();
+        let mut members = Vec::new();
+        for (i, wanted) in wanted.iter().enumerate() {
+            let (made, ty, format) = self.ready(entry, wanted, varyings)?;
+            ready.push(made);
+            formats.push(format);
+            let name = wanted
+                .name
+                .replace(|c: char| !c.is_ascii_alphanumeric(), "_");
+            members.push(member(name, ty, Some(location(i as u32))));
+        }
+        let depth = self.depth_output(own.as_ref());
+        if let Some((_, ty)) = depth {
+            let binding = Binding::BuiltIn(BuiltIn::FragDepth);
+            members.push(member("depth".to_owned(), ty, Some(binding)));
+        }
+        let result = match &members[..] {
+            [one] => FunctionResult {
+                ty: one.ty,
+                binding: one.binding.clone(),
+            },
+            _ => {
+                let name = Some("Outputs".to_owned());
+                let ty = place::io_struct(&mut self.module, name, members.clone());
+                FunctionResult { ty, binding: None }
+            }
+        };
+        let types: Vec<Handle<Type>> = members.iter().map(|m| m.ty).collect();
+        let is_single = members.len() == 1;
+        let function = &mut self.module.entry_points[entry].function;
+        function.result = Some(result.clone());
+        returns::rewrite(function, &mut |writer, returned| {
+            let mut components: Vec<_> = ready
+                .iter()
+                .zip(&types)
+                .map(|(ready, ty)| ready.write(writer, *ty))
+                .collect();
+            if let Some((index, _)) = depth {
+                let base = returned?;
+                components.push(match index {
+                    Some(index) => writer.expression(Expression::AccessIndex { base, index }),
+                    None => base,
+                });
+            }
+            match is_single {
+                true => components.pop(),
+                false => Some(writer.expression(Expression::Compose {
+                    ty: result.ty,
+                    components,
+                })),
+            }
+        });
+        let name = self.module.entry_points[entry].name.clone();
+        Ok((name, formats))
+    }
+
+    /// The depth among the author's outputs: its member, unless it is the only one, and its type.
+    fn depth_output(&self, own: Option<&FunctionResult>) -> Option<(Option<u32>, Handle<Type>)> {
+        let own = own?;
+        let depth = Some(Binding::BuiltIn(BuiltIn::FragDepth));
+        if own.binding == depth {
+            return Some((None, own.ty));
+        }
+        let members = reflect::members(&self.module, own.ty)?;
+        let mut members = (0..).zip(members);
+        let (index, (ty, _)) = members.find(|(_, (_, binding))| Some(binding) == depth.as_ref())?;
+        Some((Some(index), ty))
+    }
+
+    /// Prepares an output: with the type of its output, and the format of its target.
+    fn ready(
+        &mut self,
+        entry: usize,
+        wanted: &Wanted,
+        varyings: &Varyings,
+    ) -> Result<(Ready, Handle<Type>, &'static str), Failed> {
+        let missing = || Failed::Built(format!("`{}` has no varying", wanted.name));
+        Ok(match &wanted.shows {
+            Shows::Value(value) => {
+                let (inner, widened) = self.widen(&value.inner);
+                let format = format(&inner, wanted.full);
+                let format = format.ok_or_else(|| Failed::Type(value.name.clone()))?;
+                let captured = self.capture(entry, value);
+                (Ready::Value(captured, widened), self.ty(inner), format)
+            }
+            Shows::Direction(value, direction) => {
+                let vec3 = self.vec3();
+                let captured = self.capture(entry, value);
+                let mut encode = None;
+                let mut size = VectorSize::Quad;
+                if direction.octahedral {
+                    let module = std::mem::take(&mut self.module);
+                    let (module, function) = link_snippet(module, OCTAHEDRAL)
+                        .map_err(|e| Failed::Built(e.to_string()))?;
+                    self.module = module;
+                    encode = Some(function);
+                    size = VectorSize::Bi;
+                }
+                let inner = TypeInner::Vector {
+                    size,
+                    scalar: Scalar::F32,
+                };
+                let format = format(&inner, wanted.full);
+                let format = format.ok_or_else(|| Failed::Type(value.name.clone()))?;
+                let ready = Ready::Direction(captured, vec3, *direction, encode);
+                (ready, self.ty(inner), format)
+            }
+            Shows::Velocity(_) => {
+                let [now, before] = varyings.clip.as_ref().ok_or_else(missing)?;
+                let inner = TypeInner::Vector {
+                    size: VectorSize::Bi,
+                    scalar: Scalar::F32,
+                };
+                let format = match wanted.full {
+                    true => "rg32float",
+                    false => "rg16float",
+                };
+                let arguments = [self.take(entry, now), self.take(entry, before)];
+                (Ready::Velocity(arguments), self.ty(inner), format)
+            }
+            Shows::Id => {
+                let instance = varyings.instance.as_ref().ok_or_else(missing)?;
+                let argument = self.take(entry, instance);
+                let draw = self.host_uniform("draw_id", instance.ty, HostValue::DrawId);
+                let ty = self.ty(TypeInner::Vector {
+                    size: VectorSize::Bi,
+                    scalar: Scalar::U32,
+                });
+                (Ready::Id(argument, draw, ty), ty, "rg32uint")
+            }
+            Shows::Distance(distance) => {
+                let ty = self.ty(TypeInner::Scalar(Scalar::F32));
+                let measured = self
+                    .measured(entry, distance, varyings)
+                    .ok_or_else(missing)?;
+                // A depth of 16 bits is of no use to a comparison of depths.
+                (Ready::Distance(measured), ty, "r32float")
+            }
+            Shows::Nothing => {
+                let inner = TypeInner::Vector {
+                    size: VectorSize::Quad,
+                    scalar: Scalar::F32,
+                };
+                (Ready::Nothing, self.ty(inner), "rgba8unorm")
+            }
+        })
+    }
+
+    /// Prepares a distance. `None`: the vertex stage does not pass its position on.
+    fn measured(
+        &mut self,
+        entry: usize,
+        distance: &Distance,
+        varyings: &Varyings,
+    ) -> Option<Measured> {
+        let (from, from_four) = match &distance.from {
+            Surface::Value(value) => (self.capture(entry, value), is_four(&value.inner)),
+            Surface::World(_) => {
+                let argument = self.take(entry, varyings.world.as_ref()?);
+                (Captured::Argument(argument, Vec::new()), false)
+            }
+        };
+        let light = distance.light.unwrap_or_else(|| {
+            let four = self.ty(TypeInner::Vector {
+                size: VectorSize::Quad,
+                scalar: Scalar::F32,
+            });
+            (
+                self.host_uniform("point_light", four, HostValue::PointLight),
+                None,
+            )
+        });
+        Some(Measured {
+            from,
+            of_four: [from_four, is_four(type_of(&self.module, light))],
+            light,
+            range: distance.range,
+            is_divided: distance.range.is_some() || distance.light.is_none(),
+        })
+    }
+
+    /// Adds a varying to the arguments of the fragment stage.
+    fn take(&mut self, entry: usize, varying: &Varying) -> u32 {
+        let arguments = &mut self.module.entry_points[entry].function.arguments;
+        arguments.push(FunctionArgument {
+            name: Some(varying.name.to_owned()),
+            ty: varying.ty,
+            binding: Some(varying.binding.clone()),
+        });
+        arguments.len() as u32 - 1
+    }
+
+    /// The type that a target takes for a value. There are no targets of three components, nor of
+    /// half floats.
+    fn widen(&mut self, inner: &TypeInner) -> (TypeInner, Widened) {
+        let mut scalar = inner.scalar().unwrap_or(Scalar::F32);
+        let from_half = scalar == Scalar::F16;
+        if from_half {
+            scalar = Scalar::F32;
+        }
+        let (inner, is_filled) = match inner {
+            TypeInner::Vector { size, .. } => {
+                let is_filled = *size == VectorSize::Tri;
+                let size = if is_filled { VectorSize::Quad } else { *size };
+                (TypeInner::Vector { size, scalar }, is_filled)
+            }
+            _ => (TypeInner::Scalar(scalar), false),
+        };
+        let ty = self.ty(inner.clone());
+        let filled = is_filled.then_some((ty, scalar.kind));
+        (inner, Widened { from_half, filled })
+    }
+}
+
+/// The format of a target for values of a type. `None` if there is none.
+fn format(inner: &TypeInner, full: bool) -> Option<&'static str> {
+    let (size, scalar) = match inner {
+        TypeInner::Scalar(scalar) => (1, *scalar),
+        TypeInner::Vector { size, scalar } => (*size as u32, *scalar),
+        _ => return None,
+    };
+    let names = match (scalar.kind, scalar.width, full) {
+        (ScalarKind::Float, 4, false) => ["r16float", "rg16float", "rgba16float"],
+        (ScalarKind::Float, 4, true) => ["r32float", "rg32float", "rgba32float"],
+        (ScalarKind::Uint, 4, _) => ["r32uint", "rg32uint", "rgba32uint"],
+        (ScalarKind::Sint, 4, _) => ["r32sint", "rg32sint", "rgba32sint"],
+        _ => return None,
+    };
+    Some(names[size.min(3) as usize - 1])
+}
+
+impl Ready {
+    /// Writes the value of an output of type `ty`.
+    fn write(&self, writer: &mut FunctionWriter, ty: Handle<Type>) -> Handle<Expression> {
+        match self {
+            Self::Value(captured, widened) => {
+                let value = captured.read(writer);
+                widen(writer, value, *widened)
+            }
+            Self::Direction(captured, vec3, direction, encode) => {
+                let read = captured.read(writer);
+                let value = match direction.turned {
+                    Some(matrix) => turned(writer, read, matrix, *vec3),
+                    None => read,
+                };
+                match encode {
+                    Some(function) => writer.call(*function, vec![value]),
+                    None => {
+                        let one = writer.expression(Expression::Literal(Literal::F32(1.0)));
+                        let components = vec![value, one];
+                        writer.expression(Expression::Compose { ty, components })
+                    }
+                }
+            }
+            Self::Distance(measured) => measured.write(writer),
+            Self::Nothing => writer.expression(Expression::ZeroValue(ty)),
+            Self::Velocity([now, before]) => velocity(writer, *now, *before, ty),
+            Self::Id(instance, draw, ty) => {
+                let instance = writer.expression(Expression::FunctionArgument(*instance));
+                let mut append = |e| writer.expression(e);
+                let draw = buffer(&mut append, (*draw, None));
+                writer.expression(Expression::Compose {
+                    ty: *ty,
+                    components: vec![draw, instance],
+                })
+            }
+        }
+    }
+}
+
+impl Measured {
+    fn write(&self, writer: &mut FunctionWriter) -> Handle<Expression> {
+        use SwizzleComponent::{W, X, Y, Z};
+        let mut arg = self.from.read(writer);
+        if self.of_four[0] {
+            arg = vertex::three(writer, arg, [X, Y, Z, W]);
+        }
+        let light = buffer(&mut |e| writer.expression(e), self.light);
+        let arg1 = match self.of_four[1] {
+            true => vertex::three(writer, light, [X, Y, Z, W]),
+            false => light,
+        };
+        let distance = writer.expression(Expression::Math {
+            fun: MathFunction::Distance,
+            arg,
+            arg1: Some(arg1),
+            arg2: None,
+            arg3: None,
+        });
+        if !self.is_divided {
+            return distance;
+        }
+        let range = match self.range {
+            Some(range) => buffer(&mut |e| writer.expression(e), range),
+            None => writer.expression(Expression::AccessIndex {
+                base: light,
+                index: 3,
+            }),
+        };
+        binary(writer, BinaryOperator::Divide, distance, range)
+    }
+}
+
+/// The type of a buffer, or of a member of it.
+pub fn type_of(module: &naga::Module, (variable, member): Member) -> &TypeInner {
+    let inner = &module.types[module.global_variables[variable].ty].inner;
+    match (inner, member) {
+        (TypeInner::Struct { members, .. }, Some(index)) => {
+            &module.types[members[index as usize].ty].inner
+        }
+        _ => inner,
+    }
+}
+
+fn is_four(inner: &TypeInner) -> bool {
+    matches!(
+        inner,
+        TypeInner::Vector {
+            size: VectorSize::Quad,
+            ..
+        }
+    )
+}
+
+fn widen(
+    writer: &mut FunctionWriter,
+    mut value: Handle<Expression>,
+    widened: Widened,
+) -> Handle<Expression> {
+    if widened.from_half {
+        value = writer.expression(Expression::As {
+            expr: value,
+            kind: ScalarKind::Float,
+            convert: Some(4),
+        });
+    }
+    let Some((ty, kind)) = widened.filled else {
+        return value;
+    };
+    let one = writer.expression(Expression::Literal(match kind {
+        ScalarKind::Uint => Literal::U32(1),
+        ScalarKind::Sint => Literal::I32(1),
+        _ => Literal::F32(1.0),
+    }));
+    let components = vec![value, one];
+    writer.expression(Expression::Compose { ty, components })
+}
+
+/// A direction, turned by a matrix of three or four columns and normalised.
+fn turned(
+    writer: &mut FunctionWriter,
+    value: Handle<Expression>,
+    matrix: Member,
+    vec3: Handle<Type>,
+) -> Handle<Expression> {
+    let mut append = |e| writer.expression(e);
+    let matrix = buffer(&mut append, matrix);
+    // The upper left 3x3 part, column by column: of a 4x4 matrix too.
+    let mut sum = None;
+    for index in 0..3 {
+        let column = writer.expression(Expression::AccessIndex {
+            base: matrix,
+            index,
+        });
+        let column = three(writer, column, vec3);
+        let scale = writer.expression(Expression::AccessIndex { base: value, index });
+        let term = binary(writer, BinaryOperator::Multiply, column, scale);
+        sum = Some(match sum {
+            Some(sum) => binary(writer, BinaryOperator::Add, sum, term),
+            None => term,
+        });
+    }
+    writer.expression(Expression::Math {
+        fun: MathFunction::Normalize,
+        arg: sum.unwrap_or(value),
+        arg1: None,
+        arg2: None,
+        arg3: None,
+    })
+}
+
+/// The first three components of a vector.
+fn three(
+    writer: &mut FunctionWriter,
+    vector: Handle<Expression>,
+    ty: Handle<Type>,
+) -> Handle<Expression> {
+    let components = (0..3)
+        .map(|index| {
+            writer.expression(Expression::AccessIndex {
+                base: vector,
+                index,
+            })
+        })
+        .collect();
+    writer.expression(Expression::Compose { ty, components })
+}
+
+fn binary(
+    writer: &mut FunctionWriter,
+    op: BinaryOperator,
+    left: Handle<Expression>,
+    right: Handle<Expression>,
+) -> Handle<Expression> {
+    writer.expression(Expression::Binary { op, left, right })
+}
+
+/// `(now.xy / now.w - before.xy / before.w) * vec2(0.5, -0.5)`, where the third component is w.
+fn velocity(
+    writer: &mut FunctionWriter,
+    now: u32,
+    before: u32,
+    ty: Handle<Type>,
+) -> Handle<Expression> {
+    use SwizzleComponent::{X, Y};
+    let [now, before] = [now, before].map(|argument| {
+        let clip = writer.expression(Expression::FunctionArgument(argument));
+        let xy = writer.expression(Expression::Swizzle {
+            size: VectorSize::Bi,
+            vector: clip,
+            pattern: [X, Y, Y, Y],
+        });
+        let w = writer.expression(Expression::AccessIndex {
+            base: clip,
+            index: 2,
+        });
+        let w = writer.expression(Expression::Splat {
+            size: VectorSize::Bi,
+            value: w,
+        });
+        binary(writer, BinaryOperator::Divide, xy, w)
+    });
+    let difference = binary(writer, BinaryOperator::Subtract, now, before);
+    let components = [0.5, -0.5]
+        .map(|half| writer.expression(Expression::Literal(Literal::F32(half))))
+        .to_vec();
+    let half = writer.expression(Expression::Compose { ty, components });
+    binary(writer, BinaryOperator::Multiply, difference, half)
+}

@@ -1,0 +1,280 @@
+//! A material with other outputs: the author's stages, extended by what auxiliary pictures show.
+//! Slices of the result are programs of these pictures.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use naga::{
+    AddressSpace, Binding, BuiltIn, Expression, GlobalVariable, Handle, Interpolation, Module,
+    ResourceBinding, Sampling, Scalar, Span, Type, TypeInner, VectorSize,
+};
+
+use crate::analysis::authored::Authored;
+use crate::analysis::opaque::Opaque;
+use crate::analysis::world::World;
+use crate::core::plan::{AttributeUse, BindingSource, HostValue};
+use crate::core::program::Program;
+use crate::core::reflect;
+
+mod capture;
+mod fragment;
+mod previous;
+mod vertex;
+
+pub use fragment::type_of;
+
+/// A picture to write.
+#[derive(Clone, Debug)]
+pub struct Wanted {
+    /// Name of its output.
+    pub name: String,
+    /// What it shows.
+    pub shows: Shows,
+    /// Whether its target holds floats of 32 bits, in place of 16.
+    pub full: bool,
+}
+
+/// What a picture shows.
+#[derive(Clone, Debug)]
+pub enum Shows {
+    /// A value of the fragment stage.
+    Value(Authored),
+    /// A direction of the fragment stage.
+    Direction(Authored, Direction),
+    /// Where a point is on the screen, less where it was in the previous frame.
+    Velocity(Velocity),
+    /// Numbers of draw and instance.
+    Id,
+    /// How far the surface is from a light.
+    Distance(Distance),
+    /// Zeros, for an API that wants each bound target to be written.
+    Nothing,
+}
+
+/// How a direction is written.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Direction {
+    /// A matrix in a buffer that turns it first: the variable, and a member of it.
+    pub turned: Option<Member>,
+    /// Whether it is encoded in two numbers.
+    pub octahedral: bool,
+}
+
+/// A buffer, or a member of one.
+pub type Member = (Handle<GlobalVariable>, Option<u32>);
+
+/// What a distance is measured between.
+#[derive(Clone, Debug)]
+pub struct Distance {
+    /// The surface.
+    pub from: Surface,
+    /// The light's position, a vector of three or four; `None`: a uniform of the pass has it, with
+    /// the range as the fourth component.
+    pub light: Option<Member>,
+    /// A number that the distance is divided by.
+    pub range: Option<Member>,
+}
+
+/// Where a surface is.
+#[derive(Clone, Debug)]
+pub enum Surface {
+    /// A vector of three or four of the fragment stage.
+    Value(Authored),
+    /// A position of the vertex stage.
+    World(World),
+}
+
+/// What the position of the previous frame is computed from.
+#[derive(Clone, Debug, Default)]
+pub struct Velocity {
+    /// Buffers that do not change.
+    pub still: BTreeSet<Handle<GlobalVariable>>,
+    /// Locations of attributes that change.
+    pub moving: BTreeSet<u32>,
+    /// Members of uniforms, or uniforms, that are taken as 0 in both frames.
+    pub jitter: Vec<Member>,
+}
+
+/// The extended material.
+#[derive(Debug)]
+pub struct Extended {
+    /// Its program, with the author's entry points extended.
+    pub program: Program,
+    /// Name of the fragment entry point.
+    pub fragment: String,
+    /// Format of the target of each output, by location.
+    pub formats: Vec<&'static str>,
+    /// Sources of bindings that the author does not have.
+    pub bindings: BTreeMap<(u32, u32), BindingSource>,
+    /// Attributes of the previous frame: location, and that of the author's.
+    pub attributes: BTreeMap<u32, u32>,
+}
+
+/// Why a material cannot be extended.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Failed {
+    /// No target has a format for the value of this name.
+    Type(String),
+    /// The position of the previous frame cannot be computed, for this reason.
+    Previous(String),
+    /// The result is invalid: a bug.
+    Built(String),
+}
+
+/// A material that is being extended.
+struct Extending<'o, 'p> {
+    opaque: &'o Opaque<'p>,
+    module: Module,
+    bindings: BTreeMap<(u32, u32), BindingSource>,
+    attributes: BTreeMap<u32, u32>,
+}
+
+/// A value that the vertex stage passes on.
+#[derive(Clone, Debug)]
+struct Varying {
+    name: &'static str,
+    ty: Handle<Type>,
+    binding: Binding,
+}
+
+/// The values that the vertex stage passes on.
+#[derive(Clone, Debug, Default)]
+struct Varyings {
+    /// Clip position without z, now and in the previous frame.
+    clip: Option<[Varying; 2]>,
+    /// Number of the instance.
+    instance: Option<Varying>,
+    /// Position in the world.
+    world: Option<Varying>,
+}
+
+/// Extends the main pass of a material by outputs, at locations from 0.
+///
+/// # Errors
+/// [`Failed`].
+pub fn extend(opaque: &Opaque<'_>, wanted: &[Wanted]) -> Result<Extended, Failed> {
+    let mut extending = Extending {
+        opaque,
+        module: opaque.program.module().clone(),
+        bindings: BTreeMap::new(),
+        attributes: BTreeMap::new(),
+    };
+    let varyings = extending.vertex_stage(wanted)?;
+    let (fragment, formats) = extending.fragment_stage(wanted, &varyings)?;
+    let program = opaque.program.with_module(extending.module);
+    Ok(Extended {
+        program: program.map_err(|e| Failed::Built(e.to_string()))?,
+        fragment,
+        formats,
+        bindings: extending.bindings,
+        attributes: extending.attributes,
+    })
+}
+
+impl Extended {
+    /// Marks the attributes of the previous frame.
+    pub fn mark(&self, attributes: &mut [AttributeUse]) {
+        for attribute in attributes {
+            attribute.previous_of = self.attributes.get(&attribute.location).copied();
+        }
+    }
+}
+
+impl Extending<'_, '_> {
+    fn ty(&mut self, inner: TypeInner) -> Handle<Type> {
+        let ty = Type { name: None, inner };
+        self.module.types.insert(ty, Span::UNDEFINED)
+    }
+
+    fn vec3(&mut self) -> Handle<Type> {
+        self.ty(TypeInner::Vector {
+            size: VectorSize::Tri,
+            scalar: Scalar::F32,
+        })
+    }
+
+    /// The first location that neither stage has between the two.
+    fn free_location(&self) -> u32 {
+        let module = &self.module;
+        let vertex = &module.entry_points[self.opaque.vertex].function;
+        let fragment = self
+            .opaque
+            .fragment
+            .map(|f| &module.entry_points[f].function);
+        let outputs = reflect::outputs(module, vertex);
+        let inputs = fragment.map(|f| reflect::inputs(module, f));
+        let all = outputs.into_iter().chain(inputs.into_iter().flatten());
+        let locations = all.filter_map(|io| location_of(io.binding.as_ref()));
+        locations.max().map_or(0, |most| most + 1)
+    }
+
+    /// The first binding behind all others of a group.
+    fn free_binding(&self, group: u32) -> ResourceBinding {
+        let globals = self.module.global_variables.iter();
+        let of_group = globals.filter_map(|(_, g)| g.binding.filter(|b| b.group == group));
+        let binding = of_group.map(|b| b.binding + 1).max().unwrap_or(0);
+        ResourceBinding { group, binding }
+    }
+
+    /// A uniform that the host fills, in the last group of the author's: that of the most frequent
+    /// changes, by custom.
+    fn host_uniform(
+        &mut self,
+        name: &str,
+        ty: Handle<Type>,
+        value: HostValue,
+    ) -> Handle<GlobalVariable> {
+        let globals = self.module.global_variables.iter();
+        let groups = globals.filter_map(|(_, g)| Some(g.binding?.group));
+        let at = self.free_binding(groups.max().unwrap_or(0));
+        self.bindings
+            .insert((at.group, at.binding), BindingSource::Host { value });
+        let variable = GlobalVariable {
+            name: Some(name.to_owned()),
+            space: AddressSpace::Uniform,
+            binding: Some(at),
+            ty,
+            init: None,
+            memory_decorations: naga::MemoryDecorations::empty(),
+        };
+        self.module
+            .global_variables
+            .append(variable, Span::UNDEFINED)
+    }
+}
+
+/// The location of a binding.
+fn location_of(binding: Option<&Binding>) -> Option<u32> {
+    match binding {
+        Some(Binding::Location { location, .. }) => Some(*location),
+        _ => None,
+    }
+}
+
+/// A varying.
+fn varying(location: u32, interpolation: Interpolation, sampling: Sampling) -> Binding {
+    Binding::Location {
+        location,
+        interpolation: Some(interpolation),
+        sampling: Some(sampling),
+        blend_src: None,
+        per_primitive: false,
+    }
+}
+
+/// Whether a binding is a vertex stage's position.
+fn is_position(binding: Option<&Binding>) -> bool {
+    matches!(binding, Some(Binding::BuiltIn(BuiltIn::Position { .. })))
+}
+
+/// The expression of a buffer, or of a member of it.
+fn buffer(
+    append: &mut dyn FnMut(Expression) -> Handle<Expression>,
+    (variable, member): Member,
+) -> Handle<Expression> {
+    let base = append(Expression::GlobalVariable(variable));
+    let pointer = match member {
+        Some(index) => append(Expression::AccessIndex { base, index }),
+        None => base,
+    };
+    append(Expression::Load { pointer })
+}

@@ -1,0 +1,230 @@
+//! The vertex stage of an extended material: the author's, and what the fragment stage needs of it.
+
+use naga::{
+    BinaryOperator, Binding, BuiltIn, Expression, FunctionResult, Handle, Interpolation, Sampling,
+    Scalar, StructMember, SwizzleComponent, TypeInner, VectorSize,
+};
+
+use super::capture::Captured;
+use super::{Extending, Failed, Shows, Surface, Varying, Varyings, Wanted, is_position, varying};
+use crate::analysis::world::World;
+use crate::core::reflect;
+use crate::rebuild::ahead::Ahead;
+use crate::rebuild::place::{self, CodeBuilder};
+use crate::rebuild::returns;
+use crate::rebuild::writer::FunctionWriter;
+
+/// What a varying carries.
+enum Carried {
+    /// The position that the author's code returns, without z.
+    Position,
+    /// A position of ours, without z.
+    Clip(Handle<Expression>),
+    /// A value of the prologue.
+    Value(Handle<Expression>),
+    /// A position in the world.
+    World(Kept),
+}
+
+/// A position in the world: a vector and the matrices that turn it, outermost first.
+#[derive(Clone, Debug)]
+struct Kept {
+    vector: Captured,
+    matrices: Vec<Captured>,
+}
+
+impl Kept {
+    fn read(&self, writer: &mut FunctionWriter) -> Handle<Expression> {
+        let mut value = self.vector.read(writer);
+        for matrix in self.matrices.iter().rev() {
+            let left = matrix.read(writer);
+            value = writer.expression(Expression::Binary {
+                op: BinaryOperator::Multiply,
+                left,
+                right: value,
+            });
+        }
+        value
+    }
+}
+
+impl Extending<'_, '_> {
+    /// Extends the vertex stage.
+    pub(super) fn vertex_stage(&mut self, wanted: &[Wanted]) -> Result<Varyings, Failed> {
+        let mut varyings = Varyings::default();
+        let kept = self.world(wanted);
+        let mut next = self.free_location();
+        let mut take = || {
+            next += 1;
+            next - 1
+        };
+        let velocity = wanted.iter().find_map(|w| match &w.shows {
+            Shows::Velocity(velocity) => Some(velocity),
+            _ => None,
+        });
+        let mut positions = None;
+        if let Some(velocity) = velocity {
+            positions = Some(self.positions(velocity)?);
+            let ty = self.vec3();
+            varyings.clip = Some(["clip_now", "clip_before"].map(|name| Varying {
+                name,
+                ty,
+                binding: varying(take(), Interpolation::Perspective, Sampling::Center),
+            }));
+        }
+        if wanted.iter().any(|w| matches!(w.shows, Shows::Id)) {
+            varyings.instance = Some(Varying {
+                name: "instance",
+                ty: self.ty(TypeInner::Scalar(Scalar::U32)),
+                binding: varying(take(), Interpolation::Flat, Sampling::Either),
+            });
+        }
+        if kept.is_some() {
+            varyings.world = Some(Varying {
+                name: "world",
+                ty: self.vec3(),
+                binding: varying(take(), Interpolation::Perspective, Sampling::Center),
+            });
+        }
+        let all = [
+            varyings.clip.as_ref().map(|[now, _]| now),
+            varyings.clip.as_ref().map(|[_, before]| before),
+            varyings.instance.as_ref(),
+            varyings.world.as_ref(),
+        ];
+        if all.iter().any(Option::is_some) {
+            self.carry(&all, positions, kept);
+        }
+        Ok(varyings)
+    }
+
+    /// Keeps the position in the world, if a distance is measured from it.
+    fn world(&mut self, wanted: &[Wanted]) -> Option<Kept> {
+        let world: &World = wanted.iter().find_map(|w| match &w.shows {
+            Shows::Distance(distance) => match &distance.from {
+                Surface::World(world) => Some(world),
+                Surface::Value(_) => None,
+            },
+            _ => None,
+        })?;
+        let vertex = self.opaque.vertex;
+        Some(Kept {
+            vector: self.keep(vertex, &world.vector),
+            matrices: world
+                .matrices
+                .iter()
+                .map(|m| self.keep(vertex, m))
+                .collect(),
+        })
+    }
+
+    /// Makes the vertex stage return the varyings beside its own outputs.
+    fn carry(
+        &mut self,
+        all: &[Option<&Varying>; 4],
+        positions: Option<(Option<Ahead>, Ahead)>,
+        kept: Option<Kept>,
+    ) {
+        let entry = self.opaque.vertex;
+        let mut carried = Vec::new();
+        self.module = place::prologue(&self.module, entry, |build| {
+            if let Some((now, before)) = positions {
+                carried.push(match now {
+                    None => Carried::Position,
+                    Some(now) => Carried::Clip(called(build, &now, "now")),
+                });
+                carried.push(Carried::Clip(called(build, &before, "before")));
+            }
+            if let Some(varying) = all[2] {
+                let instance = Binding::BuiltIn(BuiltIn::InstanceIndex);
+                let value = build.input("instance_index", varying.ty, &instance);
+                carried.push(Carried::Value(value));
+            }
+            carried.extend(kept.map(Carried::World));
+        });
+        let module = &self.module;
+        let function = &module.entry_points[entry].function;
+        let mut members: Vec<StructMember> = reflect::outputs(module, function)
+            .into_iter()
+            .map(|io| {
+                member(
+                    io.name.unwrap_or_else(|| "position".to_owned()),
+                    io.ty,
+                    io.binding,
+                )
+            })
+            .collect();
+        let own = members.len() as u32;
+        let position = members.iter().position(|m| is_position(m.binding.as_ref()));
+        let is_struct = function
+            .result
+            .as_ref()
+            .is_some_and(|r| r.binding.is_none());
+        members.extend(all.iter().flatten().map(|varying| {
+            let binding = Some(varying.binding.clone());
+            member(varying.name.to_owned(), varying.ty, binding)
+        }));
+        let ty = place::io_struct(&mut self.module, Some("Varyings".to_owned()), members);
+        let function = &mut self.module.entry_points[entry].function;
+        function.result = Some(FunctionResult { ty, binding: None });
+        returns::rewrite(function, &mut |writer, value| {
+            let value = value?;
+            let mut components: Vec<_> = match is_struct {
+                false => vec![value],
+                true => (0..own)
+                    .map(|index| writer.expression(Expression::AccessIndex { base: value, index }))
+                    .collect(),
+            };
+            let position = components[position?];
+            for value in &carried {
+                use SwizzleComponent::{W, X, Y, Z};
+                components.push(match value {
+                    Carried::Position => three(writer, position, [X, Y, W, W]),
+                    Carried::Clip(clip) => three(writer, *clip, [X, Y, W, W]),
+                    Carried::Value(value) => *value,
+                    Carried::World(kept) => {
+                        let world = kept.read(writer);
+                        three(writer, world, [X, Y, Z, W])
+                    }
+                });
+            }
+            Some(writer.expression(Expression::Compose { ty, components }))
+        });
+    }
+}
+
+/// The result of a function that computes a position.
+fn called(build: &mut CodeBuilder<'_>, ahead: &Ahead, name: &str) -> Handle<Expression> {
+    match ahead.call(build, name) {
+        Some(result) => result,
+        // A position slice has a result.
+        None => build.literal(naga::Literal::F32(0.0)),
+    }
+}
+
+/// The first three components of `pattern`.
+pub(super) fn three(
+    writer: &mut FunctionWriter,
+    vector: Handle<Expression>,
+    pattern: [SwizzleComponent; 4],
+) -> Handle<Expression> {
+    writer.expression(Expression::Swizzle {
+        size: VectorSize::Tri,
+        vector,
+        pattern,
+    })
+}
+
+/// A member whose offset follows from the struct's.
+pub(super) fn member(
+    name: String,
+    ty: Handle<naga::Type>,
+    binding: Option<Binding>,
+) -> StructMember {
+    StructMember {
+        name: Some(name),
+        ty,
+        binding,
+        offset: 0,
+    }
+}

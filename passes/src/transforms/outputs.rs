@@ -1,0 +1,442 @@
+//! `outputs`: auxiliary pictures of a material, sliced from the material itself.
+//!
+//! Goal: one material, every pass it needs. Renderers draw a material's depth, normals, velocities
+//! and ids by shaders that somebody copied from it, and the copies drift: another alpha threshold,
+//! no displacement, no skinning. Here the material is extended by the outputs that you ask for, and
+//! then sliced to them and to what decides position and coverage.
+//!
+//! ```text
+//! before:  main     vs + fs
+//!
+//! after:   outputs  vs_outputs + fs_outputs      targets outputs-normal, outputs-velocity; depth outputs-depth
+//!          main     vs + fs                      as it was
+//! ```
+//!
+//! | output | target | value |
+//! |---|---|---|
+//! | `depth` | none | the camera's depth, as the main pass leaves it |
+//! | `shadow` | none | a light's depth, as by the pass `shadow` |
+//! | `distance` | `r32float` | how far the point is from a point light, divided by the light's range: 1 is at the end of it |
+//! | `normal` | `rgba16float` | the vector that meets the light in a dot product, and 1; with `octahedral` two numbers |
+//! | `velocity` | `rg16float` | where the point is, less where it was in the previous frame: x to the right and y down, in parts of the picture |
+//! | `id` | `rg32uint` | the host's number of the draw, `@builtin(instance_index)` |
+//! | a name | by its type | that value of the fragment stage, at the end of the stage; a vector of three is filled up with 1 |
+//!
+//! Where a material draws nothing, the targets keep their clear value, 0.
+//!
+//! `velocity` evaluates the position twice. The second time it reads copies of the buffers, which
+//! the plan lists with the source `previous`: the host keeps what they held in the previous frame.
+//! Textures count as unchanged. The difference is taken for each fragment, after the division by w,
+//! and so it is right between the vertices too. Where a point was behind the camera (w <= 0), it had
+//! no place in the picture, and the number has no meaning.
+//!
+//! `distance` is what the six faces of a point light's shadow map hold. It is measured from the
+//! vector that the view's matrix turns into the clip position. If one matrix combines model and view
+//! (`mvp`), there is no such vector: name a value of the fragment stage with `position`.
+//!
+//! A light draws `shadow` and `distance`, so uniforms of the viewer follow the light: the plan lists
+//! them in `view_dependent`. With `view=drop`, what the viewer decides about coverage is left out
+//! instead. A texture coordinate becomes the value from before the parallax. A condition of a
+//! discard becomes what it is without the fade. The plan lists both in `left_out`. Positions are
+//! unchanged: a billboard turns to the light.
+//!
+//! If the light's resources are declared differently from the camera's, `map` names what takes the
+//! place of what: `map=light.view_proj=camera.view_proj`. A slice that reads something without a
+//! partner is refused.
+
+use crate::analysis::implicit_inputs::PassEffect;
+use crate::analysis::opaque::Opaque;
+use crate::analysis::view;
+use crate::core::contract::Contract;
+use crate::core::pass::{Example, Facts, Misnamed, Outcome, Pass, PassInfo, Refusal, Refused, Use};
+use crate::core::plan::{Attachment, AttachmentFormat, ClearValue, GpuPass, Phase, Plan, Role};
+use crate::core::program::Program;
+use crate::core::refusals::RefusalInfo;
+use crate::core::state::{
+    AttachmentOps, ColorTarget, CompareFunction, DepthBias, DepthDirection, DepthState, Multisample,
+};
+use crate::rebuild::depth_only::{self, VertexStage};
+use crate::rebuild::depth_pass;
+use crate::rebuild::outputs::{self, Direction, Extended, Failed, Shows, Velocity, Wanted};
+use crate::rebuild::place::PositionInvariance;
+use crate::rebuild::viewer::{self, Dropped, Stays};
+use crate::slice::OutputFilter;
+
+mod distance;
+mod names;
+mod other_view;
+mod params;
+pub mod refusals;
+
+use params::list;
+pub use params::{Asked, ColourTarget, Params, Precision, Space, Viewer};
+
+const NAME: &str = "outputs";
+
+/// The start of the names of attachments.
+pub const ATTACHMENT: &str = "outputs-";
+
+/// The pass.
+pub struct Outputs;
+
+impl Pass for Outputs {
+    type Params = Params;
+
+    const INFO: PassInfo = PassInfo {
+        name: NAME,
+        summary: "draws other pictures of the material: depth, distances, normals, velocities, ids, \
+                  or any value by its name",
+        source: "the slices of depth-prepass; Cigolle et al., A Survey of Efficient \
+                 Representations for Independent Unit Vectors (2014), for octahedral normals",
+        when: "an effect (ambient occlusion, temporal antialiasing, motion blur, picking) needs \
+               more of a material than its colour",
+        hurts: "never by itself: the main pass is untouched, and the host decides when to draw it",
+        reads_scene: true,
+    };
+
+    const REFUSALS: &'static [RefusalInfo] = refusals::REFUSALS;
+
+    const EXAMPLES: &'static [Example] = &[
+        Example {
+            recipe: "outputs:write=velocity+id",
+            uses: &[
+                Use::Snapshot,
+                Use::Inject,
+                Use::Fuzz,
+                Use::Growth,
+                Use::Page("pages/leaf"),
+                Use::Picture {
+                    scene: "fixtures/scenes/wind.toml --size 256x144 --frames 1 --order \
+                            front-to-back",
+                    caption: "the main pass is as it was; velocities and ids are drawn beside it",
+                    rows: 1,
+                },
+            ],
+        },
+        Example {
+            recipe: "outputs:write=normal+velocity",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "outputs:write=distance,view=drop",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "outputs:write=depth,colour-target=bound",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "outputs:write=normal,octahedral=true",
+            uses: &[Use::Snapshot],
+        },
+    ];
+
+    fn misnamed(plan: &Plan, params: &Params) -> Option<Misnamed> {
+        names::misnamed(&depth_pass::alone(plan, NAME).ok()?, params)
+    }
+
+    fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
+        let asked = params.asked();
+        if plan.passes.iter().any(|p| p.role == Role::Outputs) {
+            let remedy = refusals::remedy(&refusals::HAS_OUTPUTS);
+            let reason = "the plan already has a pass of outputs";
+            return Err(vec![Refusal::new(NAME, &refusals::HAS_OUTPUTS, reason, remedy)].into());
+        }
+        let from_light = asked.contains(&Asked::Shadow) || asked.contains(&Asked::Distance);
+        if from_light && (asked.contains(&Asked::Depth) || asked.contains(&Asked::Velocity)) {
+            return Err(vec![Refusal::new(
+                NAME,
+                &refusals::MIXED_VIEWS,
+                "`shadow` and `distance` are drawn from a light's view, `depth` and `velocity` from \
+                 the camera's",
+                refusals::remedy(&refusals::MIXED_VIEWS),
+            )]
+            .into());
+        }
+        let whole = depth_pass::alone(plan, NAME)?;
+        let dropped = match from_light && params.view == Viewer::Drop {
+            true => without_viewer(&whole)?,
+            false => None,
+        };
+        let of_light = dropped.as_ref().map(|d| with_main(plan, &d.program, None));
+        let author = match &of_light {
+            Some(plan) => depth_pass::alone(plan, NAME)?,
+            None => whole,
+        };
+        // What decides coverage and depth is the author's alone: outputs decide nothing.
+        let deciding = depth_only::slice(&author, VertexStage::Sliced, &[]);
+        deciding.assumptions(&author, plan, NAME, &[PassEffect::SlicesForView])?;
+        let mut wanted = wanted(&author, plan, (facts, params), &asked)?;
+        if wanted.is_empty() && params.colour_target == ColourTarget::Bound {
+            wanted.push(Wanted {
+                name: "colour".to_owned(),
+                shows: Shows::Nothing,
+                full: false,
+            });
+        }
+        let extended = match wanted.is_empty() {
+            true => None,
+            false => Some(outputs::extend(&author, &wanted).map_err(|why| failed(&why))?),
+        };
+        let of_extended = extended.as_ref();
+        let of_extended = of_extended.map(|e| with_main(plan, &e.program, Some(&e.fragment)));
+        let opaque = match &of_extended {
+            Some(plan) => depth_pass::alone(plan, NAME)?,
+            None => author,
+        };
+        let locations: Vec<OutputFilter> = (0..wanted.len() as u32)
+            .map(OutputFilter::Location)
+            .collect();
+        let slice = depth_only::slice(&opaque, VertexStage::Sliced, &locations);
+        let placed = slice.place(&opaque, NAME, PositionInvariance::AsWritten, None);
+        let mut next = plan.clone();
+        let depth = depth_state(&opaque, params, from_light);
+        let phase = match from_light {
+            true => Phase::Shadow,
+            false => Phase::Outputs,
+        };
+        let attachment = attachment(&opaque, plan, params, from_light);
+        depth_pass::insert_own(
+            &mut next,
+            &opaque,
+            placed,
+            Role::Outputs,
+            phase,
+            depth,
+            NAME,
+        )?;
+        next.attachments.push(attachment);
+        let contract = Contract::exact();
+        next.steps.push(slice.step(&opaque, NAME, params, contract));
+        let is_own = |p: &&mut GpuPass| p.role == Role::Outputs;
+        if let Some(pass) = next.passes.iter_mut().find(is_own) {
+            pass.multisample = Multisample::default();
+            if let Some(extended) = &extended {
+                bind(pass, extended);
+                for (wanted, format) in wanted.iter().zip(&extended.formats) {
+                    let name = format!("{ATTACHMENT}{}", wanted.name);
+                    next.attachments.push(Attachment {
+                        name: name.clone(),
+                        format: AttachmentFormat::Color((*format).to_owned()),
+                        samples: 1,
+                        sampled: true,
+                        clear: ClearValue::Color([0.0; 4]),
+                    });
+                    let written = !matches!(wanted.shows, Shows::Nothing);
+                    pass.targets.push(Some(ColorTarget {
+                        attachment: Some(name),
+                        write_mask: if written { 0b1111 } else { 0 },
+                        ..ColorTarget::opaque(*format)
+                    }));
+                }
+            }
+        }
+        next.notes.extend(notes(&opaque, params, &wanted));
+        let of_view = other_view::apply(&mut next, &opaque, params)?;
+        depth_pass::finish(&mut next, "original");
+        let program = next.programs.get(Role::Outputs.name());
+        let follows = program.filter(|_| from_light).map(view::view_dependent);
+        if let Some(pass) = next.passes.iter_mut().find(is_own) {
+            if let Some(extended) = &extended {
+                extended.mark(&mut pass.attributes);
+            }
+            other_view::mark(pass, &of_view);
+            pass.view_dependent = follows.unwrap_or_default();
+            pass.left_out = dropped.map(|d| d.left_out).unwrap_or_default();
+        }
+        let names: Vec<&str> = list(Some(&params.write)).collect();
+        let what = format!("vertex and fragment stage for {}", names.join(", "));
+        Ok(slice.outcome(&opaque, what, next))
+    }
+}
+
+/// What the words of `write` mean in this material, depths apart.
+fn wanted(
+    opaque: &Opaque<'_>,
+    plan: &Plan,
+    (facts, params): (&Facts, &Params),
+    asked: &[Asked],
+) -> Result<Vec<Wanted>, Vec<Refusal>> {
+    let (mut found, mut refusals) = (Vec::new(), Vec::new());
+    for asked in asked {
+        let (name, shows) = match asked {
+            Asked::Depth | Asked::Shadow => continue,
+            Asked::Normal => ("normal".to_owned(), normal(opaque, params)),
+            Asked::Velocity => ("velocity".to_owned(), velocity(opaque, plan, facts, params)),
+            Asked::Distance => ("distance".to_owned(), distance::distance(opaque, params)),
+            Asked::Id => ("id".to_owned(), Ok(Shows::Id)),
+            Asked::Named(name) => (
+                name.replace(['@', '.'], "-"),
+                names::value(opaque, name).map(Shows::Value),
+            ),
+        };
+        match shows {
+            Ok(shows) => found.push(Wanted {
+                name,
+                shows,
+                full: params.precision == Precision::Full,
+            }),
+            Err(refusal) => refusals.push(*refusal),
+        }
+    }
+    match refusals.is_empty() {
+        true => Ok(found),
+        false => Err(refusals),
+    }
+}
+
+/// What a host should know of the pictures.
+fn notes(opaque: &Opaque<'_>, params: &Params, wanted: &[Wanted]) -> Vec<String> {
+    let mut found = Vec::new();
+    if wanted.is_empty() {
+        found.push(
+            "the pass `outputs` writes no colour: WebGL refuses it while a colour target is bound; \
+             `colour-target=bound` writes one"
+                .to_owned(),
+        );
+    }
+    found.extend(wanted.iter().find_map(|w| match &w.shows {
+        Shows::Distance(of) => Some(distance::described(of, params)),
+        _ => None,
+    }));
+    let module = opaque.program.module();
+    if wanted.iter().any(|w| matches!(w.shows, Shows::Velocity(_))) {
+        let info = opaque.program.info().get_entry_point(opaque.vertex);
+        let textures = module.global_variables.iter().filter(|(handle, global)| {
+            let inner = &module.types[global.ty].inner;
+            matches!(inner, naga::TypeInner::Image { .. }) && !info[*handle].is_empty()
+        });
+        let names = textures.filter_map(|(_, global)| global.name.as_deref());
+        let names: Vec<String> = names.map(|name| format!("`{name}`")).collect();
+        if !names.is_empty() {
+            let names = names.join(", ");
+            found.push(format!(
+                "velocities take what the vertex stage samples as unchanged: {names}"
+            ));
+        }
+    }
+    found
+}
+
+fn normal(opaque: &Opaque<'_>, params: &Params) -> Result<Shows, Box<Refusal>> {
+    let value = names::normal(opaque, params.normal.as_deref())?;
+    let module = opaque.program.module();
+    let turned = params.matrix.as_deref();
+    let turned = turned.map(|name| names::matrix(module, name)).transpose()?;
+    if params.space.is_some() && turned.is_none() {
+        let reason = format!(
+            "a shader does not say which axes {} refers to, and no matrix is named: {}",
+            value.described(opaque.program),
+            names::matrices(module)
+        );
+        let remedy = refusals::remedy(&refusals::UNKNOWN_SPACE);
+        return Err(Box::new(Refusal::new(
+            NAME,
+            &refusals::UNKNOWN_SPACE,
+            reason,
+            remedy,
+        )));
+    }
+    let octahedral = params.octahedral;
+    Ok(Shows::Direction(value, Direction { turned, octahedral }))
+}
+
+fn velocity(
+    opaque: &Opaque<'_>,
+    plan: &Plan,
+    facts: &Facts,
+    params: &Params,
+) -> Result<Shows, Box<Refusal>> {
+    let module = opaque.program.module();
+    let still = list(params.still.as_deref());
+    let jitter = list(params.jitter.as_deref());
+    Ok(Shows::Velocity(Velocity {
+        still: names::still(opaque, &plan.material, facts, still)?,
+        moving: names::attributes(opaque, list(params.moving.as_deref()))?,
+        jitter: jitter
+            .map(|name| names::member(module, name))
+            .collect::<Result<_, _>>()?,
+    }))
+}
+
+fn failed(why: &Failed) -> Box<Refusal> {
+    let refusal =
+        |code: &RefusalInfo, reason: String| Refusal::new(NAME, code, reason, code.remedy);
+    Box::new(match why {
+        Failed::Type(name) => refusal(
+            &refusals::OUTPUT_TYPE,
+            format!("no colour target holds values of the type of `{name}`"),
+        ),
+        Failed::Previous(why) => refusal(&refusals::NO_PREVIOUS, why.clone()),
+        Failed::Built(why) => Refusal::bug(NAME, why),
+    })
+}
+
+/// The material without what depends on the viewer; `None`: nothing does.
+fn without_viewer(opaque: &Opaque<'_>) -> Result<Option<Dropped>, Box<Refusal>> {
+    let follows = view::view_dependent(opaque.program);
+    viewer::dropped(opaque, &follows).map_err(|why| match why {
+        Stays::Built(why) => Box::new(Refusal::bug(NAME, why)),
+        Stays::Discard(place) => {
+            let code = &refusals::VIEWER_DECIDES;
+            let reason = format!("the discard {place} depends on the viewer alone");
+            Box::new(Refusal::new(NAME, code, reason, refusals::remedy(code)))
+        }
+    })
+}
+
+/// The plan with another program, and fragment stage, in its main pass.
+fn with_main(plan: &Plan, program: &Program, fragment: Option<&String>) -> Plan {
+    let mut plan = plan.clone();
+    for pass in plan.passes.iter_mut().filter(|p| p.role == Role::Main) {
+        pass.fragment = fragment.cloned().or(pass.fragment.take());
+        plan.programs.insert(pass.program.clone(), program.clone());
+    }
+    plan
+}
+
+/// Marks the bindings that the author does not have.
+fn bind(pass: &mut GpuPass, extended: &Extended) {
+    for binding in &mut pass.bindings {
+        if let Some(source) = extended.bindings.get(&(binding.group, binding.binding)) {
+            binding.source = source.clone();
+        }
+    }
+}
+
+/// The depth that the pass tests and writes. A light has forward depth, and a bias that the host
+/// knows.
+fn depth_state(opaque: &Opaque<'_>, params: &Params, from_light: bool) -> DepthState {
+    let attachment = format!("{ATTACHMENT}depth");
+    match from_light {
+        true => DepthState {
+            attachment,
+            compare: CompareFunction::Less,
+            write: true,
+            bias: DepthBias::default(),
+            read_only: false,
+            ops: AttachmentOps::default(),
+            stencil_ops: params.format.has_stencil().then(AttachmentOps::default),
+        },
+        false => DepthState {
+            attachment,
+            ops: AttachmentOps::default(),
+            ..opaque.depth.clone()
+        },
+    }
+}
+
+fn attachment(opaque: &Opaque<'_>, plan: &Plan, params: &Params, from_light: bool) -> Attachment {
+    let (format, direction) = match from_light {
+        true => (params.format, DepthDirection::Forward),
+        false => (
+            plan.depth_format(&opaque.depth.attachment)
+                .unwrap_or_default(),
+            opaque.direction,
+        ),
+    };
+    Attachment {
+        sampled: true,
+        ..Attachment::depth(format!("{ATTACHMENT}depth"), format, direction, 1)
+    }
+}

@@ -1,0 +1,111 @@
+//! What a distance is measured between.
+
+use naga::{Module, ScalarKind, TypeInner, VectorSize};
+
+use super::names::{self, refusal};
+use super::{Params, refusals};
+use crate::analysis::opaque::Opaque;
+use crate::analysis::view;
+use crate::analysis::world::{self, NoWorld};
+use crate::core::pass::Refusal;
+use crate::rebuild::outputs::{Distance, Member, Shows, Surface, type_of};
+
+/// The surface, the light and the range of the parameters.
+pub fn distance(opaque: &Opaque<'_>, params: &Params) -> Result<Shows, Box<Refusal>> {
+    let module = opaque.program.module();
+    let light = params.light.as_deref();
+    let range = params.range.as_deref();
+    Ok(Shows::Distance(Distance {
+        from: surface(opaque, params.position.as_deref())?,
+        light: light.map(|name| light_of(module, name)).transpose()?,
+        range: range.map(|name| range_of(module, name)).transpose()?,
+    }))
+}
+
+fn surface(opaque: &Opaque<'_>, name: Option<&str>) -> Result<Surface, Box<Refusal>> {
+    if let Some(name) = name {
+        let value = names::value(opaque, name)?;
+        return match is_position(&value.inner) {
+            true => Ok(Surface::Value(value)),
+            false => Err(refusal(
+                &refusals::NOT_A_POSITION,
+                format!("{} is not", value.described(opaque.program)),
+            )),
+        };
+    }
+    let follows = view::view_dependent(opaque.program);
+    let why = match world::position(&opaque.graph, opaque.vertex, &follows) {
+        Ok(world) => return Ok(Surface::World(world)),
+        Err(NoWorld::None) => {
+            "no product of a view's matrix and a vector leads to the position".to_owned()
+        }
+        Err(NoWorld::Several) => {
+            "several products of a view's matrix and a vector lead to the position".to_owned()
+        }
+        Err(NoWorld::Combined(name)) => format!(
+            "`{name}` turns from the object's own space to the view's at once, so the vertex stage \
+             has no position in the world"
+        ),
+    };
+    let candidates = names::described(opaque, &|value| is_position(&value.inner));
+    Err(refusal(
+        &refusals::NO_POSITION,
+        format!("{why}; {candidates}"),
+    ))
+}
+
+/// The range as a message tells it.
+pub fn described(distance: &Distance, params: &Params) -> String {
+    let surface = match &distance.from {
+        Surface::Value(value) => format!("`{}`", value.name),
+        Surface::World(world) => world.described(),
+    };
+    let (light, divided) = match (&params.light, &params.range) {
+        (None, None) => (
+            "`point_light.xyz`",
+            ", divided by `point_light.w`".to_owned(),
+        ),
+        (None, Some(range)) => ("`point_light.xyz`", format!(", divided by `{range}`")),
+        (Some(light), None) => (light.as_str(), String::new()),
+        (Some(light), Some(range)) => (light.as_str(), format!(", divided by `{range}`")),
+    };
+    format!(
+        "`outputs-distance` holds the distance of {surface} from {light}{divided}: give the \
+             light's position in the same space"
+    )
+}
+
+fn light_of(module: &Module, name: &str) -> Result<Member, Box<Refusal>> {
+    let found = names::member(module, name)?;
+    match is_position(type_of(module, found)) {
+        true => Ok(found),
+        false => Err(refusal(
+            &refusals::NOT_A_POSITION,
+            format!("`{name}` is not"),
+        )),
+    }
+}
+
+fn range_of(module: &Module, name: &str) -> Result<Member, Box<Refusal>> {
+    let found = names::member(module, name)?;
+    let is_float = |inner: &TypeInner| {
+        matches!(inner, TypeInner::Scalar(scalar)
+            if scalar.kind == ScalarKind::Float && scalar.width == 4)
+    };
+    match is_float(type_of(module, found)) {
+        true => Ok(found),
+        false => Err(refusal(
+            &refusals::NO_SUCH_NAME,
+            format!("`{name}` is no number of type f32"),
+        )),
+    }
+}
+
+/// Whether a value may be a position: a vector of three floats, or of four.
+fn is_position(inner: &TypeInner) -> bool {
+    matches!(
+        inner,
+        TypeInner::Vector { size: VectorSize::Tri | VectorSize::Quad, scalar }
+            if scalar.kind == ScalarKind::Float && scalar.width == 4
+    )
+}

@@ -1,0 +1,362 @@
+//! What the names among the parameters mean.
+
+use std::collections::BTreeSet;
+
+use naga::{
+    AddressSpace, Binding, GlobalVariable, Handle, Module, ScalarKind, TypeInner, VectorSize,
+};
+
+use super::{Asked, Params, list, refusals};
+use crate::analysis::authored::{self, Authored};
+use crate::analysis::lit;
+use crate::analysis::opaque::Opaque;
+use crate::core::pass::{Facts, Misnamed, Refusal};
+use crate::core::reflect;
+use crate::core::refusals::RefusalInfo;
+use crate::rebuild::outputs::Member;
+
+/// Most candidates that a refusal lists.
+const MOST: usize = 12;
+
+pub(super) fn refusal(code: &RefusalInfo, reason: impl Into<String>) -> Box<Refusal> {
+    Box::new(Refusal::new(
+        super::NAME,
+        code,
+        reason,
+        refusals::remedy(code),
+    ))
+}
+
+/// The first name among the parameters that the material lacks.
+pub fn misnamed(opaque: &Opaque<'_>, params: &Params) -> Option<Misnamed> {
+    let module = opaque.program.module();
+    let values = || all_values(opaque).into_iter().map(|v| v.name);
+    let paths = || buffers(module).into_iter().map(|(path, _)| path);
+    let missing = |refused: &Refusal| refused.code == refusals::NO_SUCH_NAME.code;
+    let found = |name: &str, refused: Box<Refusal>, known: Vec<String>| {
+        missing(&refused).then(|| Misnamed {
+            message: refused.reason,
+            name: name.to_owned(),
+            known,
+        })
+    };
+    let named = params.asked().into_iter().filter_map(|asked| match asked {
+        Asked::Named(name) => Some(name),
+        _ => None,
+    });
+    let mut named = named
+        .chain(params.normal.clone())
+        .chain(params.position.clone());
+    let of_value = named.find_map(|name| {
+        let refused = value(opaque, &name).err()?;
+        found(&name, refused, values().collect())
+    });
+    let buffers = [
+        &params.still,
+        &params.jitter,
+        &params.matrix,
+        &params.light,
+        &params.range,
+    ];
+    let mut buffers = buffers.into_iter().flat_map(|text| list(text.as_deref()));
+    let of_value = of_value.or_else(|| {
+        buffers.find_map(|name| found(name, member(module, name).err()?, paths().collect()))
+    });
+    of_value.or_else(|| {
+        list(params.moving.as_deref()).find_map(|name| {
+            let refused = attributes(opaque, std::iter::once(name)).err()?;
+            found(
+                name,
+                refused,
+                attribute_names(opaque)
+                    .into_iter()
+                    .map(|(n, _)| n)
+                    .collect(),
+            )
+        })
+    })
+}
+
+/// Words of a list for a message.
+fn listed(all: &[String]) -> String {
+    let more = all.len().saturating_sub(MOST);
+    let shown = all[..all.len() - more].join(", ");
+    match more {
+        0 => shown,
+        _ => format!("{shown} and {more} more"),
+    }
+}
+
+/// The value of the fragment stage that the author calls `name`.
+pub fn value(opaque: &Opaque<'_>, name: &str) -> Result<Authored, Box<Refusal>> {
+    let all = all_values(opaque);
+    let called: Vec<&Authored> = all.iter().filter(|v| v.is_called(name)).collect();
+    // A whole name counts before the end of another.
+    let exact = called
+        .iter()
+        .filter(|v| name.split('@').next() == Some(&v.name));
+    let exact: Vec<&Authored> = exact.copied().collect();
+    match (&exact[..], &called[..]) {
+        ([one], _) | ([], [one]) => Ok((*one).clone()),
+        ([], []) => {
+            let known: Vec<String> = all.iter().map(|v| v.described(opaque.program)).collect();
+            let known = match known.is_empty() {
+                true => "it has no named values".to_owned(),
+                false => format!("it has {}", listed(&known)),
+            };
+            Err(refusal(
+                &refusals::NO_SUCH_NAME,
+                format!("the fragment stage has no value `{name}`: {known}"),
+            ))
+        }
+        ([], several) | (several, _) => {
+            let several: Vec<String> = several
+                .iter()
+                .map(|v| v.described(opaque.program))
+                .collect();
+            Err(refusal(
+                &refusals::AMBIGUOUS_NAME,
+                format!("`{name}` may be {}", listed(&several)),
+            ))
+        }
+    }
+}
+
+/// The values of the fragment stage that may be meant, for a message.
+pub fn described(opaque: &Opaque<'_>, is_candidate: &dyn Fn(&Authored) -> bool) -> String {
+    let mut all = all_values(opaque);
+    all.retain(is_candidate);
+    let all: Vec<String> = all.iter().map(|v| v.described(opaque.program)).collect();
+    match all.is_empty() {
+        true => "the fragment stage has no other candidate".to_owned(),
+        false => format!("candidates are {}", listed(&all)),
+    }
+}
+
+fn all_values(opaque: &Opaque<'_>) -> Vec<Authored> {
+    let fragment = opaque
+        .fragment
+        .map(|f| authored::of_entry(opaque.program, f));
+    fragment.unwrap_or_default()
+}
+
+/// The material's normal: by name, or by its role.
+pub fn normal(opaque: &Opaque<'_>, name: Option<&str>) -> Result<Authored, Box<Refusal>> {
+    if let Some(name) = name {
+        let found = value(opaque, name)?;
+        return match is_direction(&found) {
+            true => Ok(found),
+            false => Err(refusal(
+                &refusals::NOT_A_DIRECTION,
+                format!(
+                    "{} is not a vec3 of floats",
+                    found.described(opaque.program)
+                ),
+            )),
+        };
+    }
+    let fragment = opaque.fragment.map(|f| lit::normals(&opaque.graph, f));
+    let mut found = fragment.unwrap_or_default();
+    if found.len() == 1
+        && let Some(only) = found.pop()
+    {
+        return Ok(only);
+    }
+    let mut candidates = found;
+    let reason = match candidates.is_empty() {
+        true => {
+            candidates = all_values(opaque);
+            candidates.retain(is_direction);
+            "no unit vector meets a light's vector in a dot product"
+        }
+        false => "several unit vectors meet a light's vector in a dot product",
+    };
+    let candidates: Vec<String> = candidates
+        .iter()
+        .map(|v| v.described(opaque.program))
+        .collect();
+    let candidates = match candidates.is_empty() {
+        true => "the fragment stage names no vec3".to_owned(),
+        false => format!("candidates are {}", listed(&candidates)),
+    };
+    Err(refusal(
+        &refusals::NO_NORMAL,
+        format!("{reason}; {candidates}"),
+    ))
+}
+
+fn is_direction(value: &Authored) -> bool {
+    matches!(
+        value.inner,
+        TypeInner::Vector { size: VectorSize::Tri, scalar }
+            if scalar.kind == ScalarKind::Float && scalar.width == 4
+    )
+}
+
+/// All buffers and their members by path.
+fn buffers(module: &Module) -> Vec<(String, Member)> {
+    let mut found = Vec::new();
+    for (handle, global) in module.global_variables.iter() {
+        if !matches!(
+            global.space,
+            AddressSpace::Uniform | AddressSpace::Storage { .. } | AddressSpace::Immediate
+        ) {
+            continue;
+        }
+        let name = global.name.clone().unwrap_or_default();
+        if let TypeInner::Struct { members, .. } = &module.types[global.ty].inner {
+            for (i, member) in (0..).zip(members) {
+                let own = member.name.as_deref().unwrap_or("?");
+                // An unnamed GLSL block has no prefix.
+                let path = match name.is_empty() {
+                    true => own.to_owned(),
+                    false => format!("{name}.{own}"),
+                };
+                found.push((path, (handle, Some(i))));
+            }
+        }
+        found.push((name, (handle, None)));
+    }
+    found
+}
+
+/// The buffer, or the member of one, of that name or path.
+pub fn member(module: &Module, name: &str) -> Result<Member, Box<Refusal>> {
+    let all = buffers(module);
+    let end = format!(".{name}");
+    let exact = all.iter().filter(|(path, _)| path == name);
+    let mut called: Vec<&(String, Member)> = exact.collect();
+    if called.is_empty() {
+        called = all
+            .iter()
+            .filter(|(path, _)| path.ends_with(&end))
+            .collect();
+    }
+    match called[..] {
+        [(_, one)] => Ok(*one),
+        [] => {
+            let known: Vec<String> = all.iter().map(|(path, _)| format!("`{path}`")).collect();
+            Err(refusal(
+                &refusals::NO_SUCH_NAME,
+                format!(
+                    "no buffer or member is called `{name}`: there are {}",
+                    listed(&known)
+                ),
+            ))
+        }
+        _ => {
+            let several: Vec<String> = called.iter().map(|(path, _)| format!("`{path}`")).collect();
+            Err(refusal(
+                &refusals::AMBIGUOUS_NAME,
+                format!("`{name}` may be {}", listed(&several)),
+            ))
+        }
+    }
+}
+
+/// A matrix of three or four columns and rows.
+pub fn matrix(module: &Module, name: &str) -> Result<Member, Box<Refusal>> {
+    let found = member(module, name)?;
+    match is_matrix(module, found) {
+        true => Ok(found),
+        false => Err(refusal(
+            &refusals::NO_SUCH_NAME,
+            format!(
+                "`{name}` is no matrix of 3x3 or 4x4 floats: {}",
+                matrices(module)
+            ),
+        )),
+    }
+}
+
+/// The matrices that there are, for a message.
+pub fn matrices(module: &Module) -> String {
+    let all = buffers(module).into_iter();
+    let all = all.filter(|(_, member)| is_matrix(module, *member));
+    let all: Vec<String> = all.map(|(path, _)| format!("`{path}`")).collect();
+    match all.is_empty() {
+        true => "the material has none".to_owned(),
+        false => format!("the material has {}", listed(&all)),
+    }
+}
+
+fn is_matrix(module: &Module, (variable, member): Member) -> bool {
+    let mut inner = &module.types[module.global_variables[variable].ty].inner;
+    if let (TypeInner::Struct { members, .. }, Some(index)) = (inner, member) {
+        inner = &module.types[members[index as usize].ty].inner;
+    }
+    matches!(inner, TypeInner::Matrix { columns, rows, scalar }
+        if columns == rows && *columns >= VectorSize::Tri && scalar.width == 4)
+}
+
+/// Buffers that do not change: those of these names, and uniforms that were measured not to.
+pub fn still<'n>(
+    opaque: &Opaque<'_>,
+    material: &str,
+    facts: &Facts,
+    names: impl Iterator<Item = &'n str>,
+) -> Result<BTreeSet<Handle<GlobalVariable>>, Box<Refusal>> {
+    let module = opaque.program.module();
+    let mut found = BTreeSet::new();
+    for name in names {
+        let (variable, of) = member(module, name)?;
+        if of.is_some() {
+            let whole = module.global_variables[variable].name.as_deref();
+            return Err(refusal(
+                &refusals::NO_SUCH_NAME,
+                format!(
+                    "`{name}` is a member: a host keeps whole buffers, so name the variable `{}`",
+                    whole.unwrap_or_default()
+                ),
+            ));
+        }
+        found.insert(variable);
+    }
+    if let Some(changing) = &facts.changing {
+        let uniforms = module.global_variables.iter();
+        let uniforms = uniforms.filter(|(_, g)| g.space == AddressSpace::Uniform);
+        for (handle, global) in uniforms {
+            let at = global.binding.map(|b| (b.group, b.binding));
+            let changes = changing
+                .iter()
+                .any(|c| c.material == material && Some((c.group, c.binding)) == at);
+            if !changes {
+                found.insert(handle);
+            }
+        }
+    }
+    Ok(found)
+}
+
+/// Locations of the attributes of these names.
+pub fn attributes<'n>(
+    opaque: &Opaque<'_>,
+    names: impl Iterator<Item = &'n str>,
+) -> Result<BTreeSet<u32>, Box<Refusal>> {
+    let attributes = attribute_names(opaque);
+    let location = |name: &str| {
+        let found = attributes.iter().find(|(own, _)| *own == name);
+        found.map(|(_, location)| *location).ok_or_else(|| {
+            let known: Vec<String> = attributes.iter().map(|(n, _)| format!("`{n}`")).collect();
+            refusal(
+                &refusals::NO_SUCH_NAME,
+                format!(
+                    "no attribute is called `{name}`: there are {}",
+                    listed(&known)
+                ),
+            )
+        })
+    };
+    names.map(location).collect()
+}
+
+/// Names of all attributes, with their locations.
+fn attribute_names(opaque: &Opaque<'_>) -> Vec<(String, u32)> {
+    let module = opaque.program.module();
+    let inputs = reflect::inputs(module, &module.entry_points[opaque.vertex].function);
+    let attributes = inputs.into_iter().filter_map(|io| match io.binding {
+        Some(Binding::Location { location, .. }) => Some((io.name?, location)),
+        _ => None,
+    });
+    attributes.collect()
+}

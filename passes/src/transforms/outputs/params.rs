@@ -1,0 +1,207 @@
+//! The parameters.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::core::mapping::{Malformed, Mapping};
+use crate::core::state::DepthFormat;
+
+/// How precisely floats are stored.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Precision {
+    /// 16 bits a component.
+    #[default]
+    Half,
+    /// 32 bits a component.
+    Full,
+}
+
+/// The axes that a normal refers to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Space {
+    /// The camera's.
+    View,
+    /// The world's.
+    World,
+}
+
+/// What becomes of what depends on the viewer, in a picture that a light draws.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Viewer {
+    /// It follows the light: the host binds the light's view.
+    #[default]
+    Keep,
+    /// Discards and texture coordinates are those without it, as without parallax and fades. The
+    /// plan lists in `left_out` what that is. Positions keep it.
+    Drop,
+}
+
+/// What is bound where a pass needs no colour.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum ColourTarget {
+    /// Nothing.
+    #[default]
+    None,
+    /// A target whose colour nobody reads. WebGL refuses a draw that writes no colour to it.
+    Bound,
+}
+
+/// Parameters.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Params {
+    /// What to write, joined by `+`: `depth`, `shadow`, `distance`, `normal`, `velocity`, `id`, or the
+    /// name of a value in the fragment stage. `NAME@FUNCTION` is the value of one function. Depth is written
+    /// with each.
+    pub write: String,
+    /// `normal`: the value to take, by its name. Default: the unit vector that meets a light in a
+    /// dot product, if there is only one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub normal: Option<String>,
+    /// `normal`: the axes that the picture is to refer to. A shader does not say which axes its own
+    /// vectors refer to, so give the `matrix` too. Default: those of the author's value.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub space: Option<Space>,
+    /// `normal`: the matrix that turns the value into `space`, by its name: `camera.view`, say. The
+    /// result is normalised.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub matrix: Option<String>,
+    /// `normal`: whether to write two numbers from -1 to 1, octahedral, in place of three.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub octahedral: bool,
+    /// `velocity`: buffers that are the same in each frame, by the names of their variables, joined
+    /// by `+`. Default: uniforms that were measured not to change.
+    #[serde(rename = "static", skip_serializing_if = "Option::is_none")]
+    pub still: Option<String>,
+    /// `velocity`: attributes that change from frame to frame (transforms of instances, vertices
+    /// that the CPU moves), by name, joined by `+`. Default: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub moving: Option<String>,
+    /// `velocity`: uniforms, or members of them, that shift the picture by a part of a pixel, joined
+    /// by `+`. They count as 0 in both frames.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub jitter: Option<String>,
+    /// `distance`: the position that it is measured from, by the name of a value of the fragment
+    /// stage. Default: the vector that the view's matrix turns into the clip position.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub position: Option<String>,
+    /// `distance`: the light's position, by the name of a uniform or a member of one. Default: a
+    /// uniform `point_light` that the plan lists, with the position and the range.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub light: Option<String>,
+    /// `distance`: a number that it is divided by, by its name. Default: the range in `point_light`;
+    /// with `light`, none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub range: Option<String>,
+    /// `shadow` and `distance`: what becomes of what depends on the viewer, such as parallax and
+    /// fades by distance.
+    #[serde(skip_serializing_if = "is_kept")]
+    pub view: Viewer,
+    /// Resources of another view that take the place of the author's, as `THEIRS=OURS`, joined by
+    /// `+`: `light.view_proj=camera.view_proj`. `GROUP:BINDING` may name their variable.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub map: Option<String>,
+    /// Declarations of the other view's resources, in WGSL; on the command line, the name of a file
+    /// that has them. Default: a struct of the members that `map` names, in their order, at the
+    /// author's group and binding.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub layout: Option<String>,
+    /// How precisely floats are stored. Distances always have 32 bits.
+    pub precision: Precision,
+    /// What is bound where nothing but depth is written.
+    #[serde(skip_serializing_if = "is_none")]
+    pub colour_target: ColourTarget,
+    /// `shadow`: format of the shadow map. Other depths have that of the scene's.
+    pub format: DepthFormat,
+}
+
+impl Default for Params {
+    fn default() -> Self {
+        Self {
+            write: "depth".to_owned(),
+            normal: None,
+            space: None,
+            matrix: None,
+            octahedral: false,
+            still: None,
+            moving: None,
+            jitter: None,
+            position: None,
+            light: None,
+            range: None,
+            view: Viewer::default(),
+            map: None,
+            layout: None,
+            precision: Precision::default(),
+            colour_target: ColourTarget::default(),
+            format: DepthFormat::default(),
+        }
+    }
+}
+
+fn is_kept(view: &Viewer) -> bool {
+    *view == Viewer::Keep
+}
+
+fn is_none(target: &ColourTarget) -> bool {
+    *target == ColourTarget::None
+}
+
+/// What a word of `write` asks for.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Asked {
+    /// The camera's depth.
+    Depth,
+    /// A light's depth.
+    Shadow,
+    /// A normal.
+    Normal,
+    /// The way of each point since the previous frame.
+    Velocity,
+    /// How far the surface is from a point light.
+    Distance,
+    /// Numbers of draw and instance.
+    Id,
+    /// A value by its name.
+    Named(String),
+}
+
+impl Params {
+    /// The mappings of `map`.
+    ///
+    /// # Errors
+    /// One is malformed.
+    pub fn mappings(&self) -> Result<Vec<Mapping>, Malformed> {
+        list(self.map.as_deref()).map(str::parse).collect()
+    }
+
+    /// The words of `write`, each once.
+    pub fn asked(&self) -> Vec<Asked> {
+        let mut found = Vec::new();
+        for word in list(Some(&self.write)) {
+            let asked = match word {
+                "depth" => Asked::Depth,
+                "shadow" => Asked::Shadow,
+                "normal" => Asked::Normal,
+                "velocity" => Asked::Velocity,
+                "distance" => Asked::Distance,
+                "id" => Asked::Id,
+                name => Asked::Named(name.to_owned()),
+            };
+            if !found.contains(&asked) {
+                found.push(asked);
+            }
+        }
+        found
+    }
+}
+
+/// The names of a list that is joined by `+`.
+pub fn list(text: Option<&str>) -> impl Iterator<Item = &str> {
+    let names = text.unwrap_or_default().split('+');
+    names.map(str::trim).filter(|name| !name.is_empty())
+}

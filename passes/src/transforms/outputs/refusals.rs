@@ -1,0 +1,58 @@
+//! The refusals of `outputs`.
+
+use crate::core::refusals::refusals;
+
+refusals! {
+    AMBIGUOUS_NAME = "ambiguous-name":
+        "Several values of the material have the name that you gave.",
+        "Write `NAME@FUNCTION`, or the whole path of a member: `surface.normal`.";
+    HAS_OUTPUTS = "has-outputs":
+        "The plan already has a pass of outputs.",
+        "Name all outputs in one step: `outputs:write=normal+velocity`.";
+    MIXED_VIEWS = "mixed-views":
+        "A shadow map and distances are drawn from a light's view, depth and velocity from the camera's.",
+        "Write them by two recipes, or take `shadow` for the map.";
+    NO_NORMAL = "no-normal":
+        "No vector of the fragment stage, or more than one, plays the role of a normal: to be of \
+         length 1, to come from the vertices, and to meet a light's vector in a dot product.",
+        "Name it: `normal=NAME`.";
+    NO_POSITION = "no-position":
+        "A distance is measured from a position in the world, and the vertex stage has none in sight, \
+         or several.",
+        "Name a value of the fragment stage: `position=in.world`.";
+    NO_PREVIOUS = "no-previous":
+        "The position of the previous frame cannot be computed: it depends on what a host cannot \
+         keep.",
+        "Read it from a buffer that shaders do not write.";
+    NO_SUCH_NAME = "no-such-name":
+        "The material has no value, buffer or attribute of that name.",
+        "Take one of those listed.";
+    NOT_A_DIRECTION = "not-a-direction":
+        "A normal is a vector of three floats, and the value that you named is not.",
+        "Name another, or write it as a value: `write=NAME`.";
+    NOT_A_POSITION = "not-a-position":
+        "A position is a vector of three or four floats, and the value that you named is not.",
+        "Name another.";
+    OTHER_VIEW = "other-view":
+        "The other view's resources do not fit the mapping.",
+        "Give their declarations: `layout=view.wgsl`.";
+    OTHER_VIEW_LACKS = "other-view-lacks":
+        "The slice reads something of the author's view that the other view does not have.",
+        "Map it to something of the other view: `map=light.position=camera.position`.";
+    OUTPUT_TYPE = "output-type":
+        "No colour target holds values of that type.",
+        "Name a float, an integer, or a vector of these, of 16 or 32 bits.";
+    VIEWER_DECIDES = "viewer-decides":
+        "What is drawn depends on the viewer, and nothing remains if that is left out.",
+        "Keep it: `view=keep`. It then follows the light.";
+    UNKNOWN_SPACE = "unknown-space":
+        "A shader does not say which axes its vectors refer to.",
+        "Name the matrix that turns the value: `matrix=camera.view`. Or leave `space` out.";
+}
+
+/// The remedy in the middle of a message.
+pub(super) fn remedy(code: &crate::core::refusals::RefusalInfo) -> String {
+    let text = code.remedy.trim_end_matches('.');
+    let (first, rest) = text.split_at(1);
+    first.to_lowercase() + rest
+}

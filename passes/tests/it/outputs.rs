@@ -1,0 +1,336 @@
+//! Auxiliary pictures: which values they take, what the previous frame is computed from, and what is
+//! refused.
+
+use preshade_passes::outputs::{Outputs, Params};
+use preshade_passes::pass::{Changing, Facts, Pass};
+use preshade_passes::plan::{BindingSource, GpuPass, HostValue, Plan, Role};
+use preshade_passes::state::MaterialState;
+
+use crate::common;
+
+pub const SHADER: &str = "
+struct Camera { view_proj: mat4x4<f32>, view: mat4x4<f32>, eye: vec3<f32>, jitter: vec2<f32> }
+struct Light { direction: vec3<f32>, strength: f32 }
+@group(0) @binding(0) var<uniform> camera: Camera;
+@group(0) @binding(1) var<uniform> light: Light;
+@group(1) @binding(0) var<uniform> model: mat4x4<f32>;
+@group(1) @binding(1) var map: texture_2d<f32>;
+@group(1) @binding(2) var map_sampler: sampler;
+struct Varyings {
+    @builtin(position) clip: vec4<f32>,
+    @location(0) normal: vec3<f32>,
+    @location(1) uv: vec2<f32>,
+    @location(2) world: vec3<f32>,
+}
+struct Surface { albedo: vec3<f32>, roughness: f32 }
+fn clip_of(world: vec4<f32>) -> vec4<f32> {
+    var clip = camera.view_proj * world;
+    clip.x += camera.jitter.x * clip.w;
+    clip.y += camera.jitter.y * clip.w;
+    return clip;
+}
+@vertex fn vs(@location(0) position: vec3<f32>, @location(1) normal: vec3<f32>,
+    @location(2) uv: vec2<f32>, @location(3) offset: vec3<f32>) -> Varyings {
+    var out: Varyings;
+    let world = model * vec4(position + offset, 1.0);
+    out.clip = clip_of(world);
+    out.normal = (model * vec4(normal, 0.0)).xyz;
+    out.uv = uv;
+    out.world = world.xyz;
+    return out;
+}
+fn surface_of(uv: vec2<f32>) -> Surface {
+    var s: Surface;
+    let texel = textureSample(map, map_sampler, uv);
+    s.albedo = texel.rgb;
+    s.roughness = texel.a;
+    return s;
+}
+fn lit(n: vec3<f32>, v: vec3<f32>, l: vec3<f32>) -> f32 {
+    let h = normalize(v + l);
+    return max(dot(n, l), 0.0) + pow(max(dot(n, h), 0.0), 8.0);
+}
+@fragment fn fs(in: Varyings, @builtin(front_facing) front: bool) -> @location(0) vec4<f32> {
+    let surface = surface_of(in.uv);
+    if surface.roughness < 0.1 { discard; }
+    var n = normalize(in.normal);
+    if !front { n = -n; }
+    let v = normalize(camera.eye - in.world);
+    return vec4(surface.albedo * lit(n, v, light.direction) * light.strength, 1.0);
+}";
+
+pub fn original(shader: &str) -> Plan {
+    let state = MaterialState::default();
+    Plan::original("test", common::program(shader), "vs", Some("fs"), &state)
+}
+
+pub fn params(recipe: &'static str) -> Params {
+    serde_json::from_value(common::step(recipe).1).unwrap()
+}
+
+pub fn with_facts(shader: &str, recipe: &'static str, facts: &Facts) -> Result<Plan, String> {
+    match Outputs::run(&original(shader), facts, &params(recipe)) {
+        Ok(done) => Ok(done.plan),
+        Err(refused) => Err(refused.first().to_string()),
+    }
+}
+
+pub fn outputs(recipe: &'static str) -> Result<Plan, String> {
+    with_facts(SHADER, recipe, &Facts::default())
+}
+
+pub fn pass(plan: &Plan) -> &GpuPass {
+    plan.passes
+        .iter()
+        .find(|p| p.role == Role::Outputs)
+        .unwrap()
+}
+
+pub fn text(plan: &Plan) -> String {
+    common::wgsl(plan.program(pass(plan)).unwrap())
+}
+
+/// Names of the buffers of the previous frame.
+fn previous(plan: &Plan) -> Vec<&str> {
+    let sources = pass(plan).bindings.iter().map(|b| &b.source);
+    let names = sources.filter_map(|source| match source {
+        BindingSource::Previous { of, .. } => Some(of.as_str()),
+        _ => None,
+    });
+    names.collect()
+}
+
+#[test]
+fn depth_alone_is_what_decides_position_and_coverage() {
+    let plan = outputs("outputs:write=depth").unwrap();
+    let text = text(&plan);
+    assert!(
+        text.contains("discard") && !text.contains("light"),
+        "{text}"
+    );
+    assert!(pass(&plan).targets.is_empty());
+    let depth = pass(&plan).depth.as_ref().unwrap();
+    assert_eq!(depth.attachment, "outputs-depth");
+    // The main pass is the author's.
+    let main = plan.main().unwrap();
+    assert!(plan.program(main).unwrap().is_as_written());
+}
+
+#[test]
+fn shadow_writes_the_same_program_as_the_pass_of_that_name() {
+    use preshade_passes::shadow::{self, Shadow};
+    let by_outputs = outputs("outputs:write=shadow").unwrap();
+    let plan = original(SHADER);
+    let by_shadow = Shadow::run(&plan, &Facts::default(), &shadow::Params::default());
+    let Ok(by_shadow) = by_shadow else {
+        panic!("shadow is refused")
+    };
+    let shadow = by_shadow
+        .plan
+        .passes
+        .iter()
+        .find(|p| p.role == Role::Shadow);
+    let shadow = shadow.unwrap();
+    let own = common::wgsl(by_shadow.plan.program(shadow).unwrap());
+    assert_eq!(text(&by_outputs), own.replace("_shadow", "_outputs"));
+    assert_eq!(pass(&by_outputs).view_dependent, shadow.view_dependent);
+    assert_eq!(pass(&by_outputs).phase, shadow.phase);
+}
+
+#[test]
+fn the_normal_is_the_vector_that_meets_the_light() {
+    let plan = outputs("outputs:write=normal").unwrap();
+    let text = text(&plan);
+    // Two-sided: the value after the author turned it.
+    assert!(text.contains("n = -("), "{text}");
+    assert!(!text.contains("light") && !text.contains("eye -"), "{text}");
+    let target = pass(&plan).targets[0].as_ref().unwrap();
+    assert_eq!(target.format, "rgba16float");
+    assert_eq!(target.attachment.as_deref(), Some("outputs-normal"));
+    // Nothing but the normal and what decides coverage is passed on.
+    assert!(!text.contains("out.world"), "{text}");
+}
+
+#[test]
+fn a_material_without_light_lists_its_candidates() {
+    let dark = SHADER.replace("lit(n, v, light.direction) * light.strength", "n");
+    let refused = with_facts(&dark, "outputs:write=normal", &Facts::default()).unwrap_err();
+    assert!(refused.starts_with("outputs[no-normal]"), "{refused}");
+    for candidate in [
+        "`in.normal` (vec3)",
+        "`n@fs` (vec3, line ",
+        "`v@fs` (vec3, line ",
+    ] {
+        assert!(refused.contains(candidate), "{candidate}: {refused}");
+    }
+    let plan = with_facts(&dark, "outputs:write=normal,normal=n", &Facts::default()).unwrap();
+    assert!(text(&plan).contains("n = -("));
+}
+
+#[test]
+fn two_normals_are_refused_by_both_names() {
+    let two = SHADER.replace("let v = normalize", "let smooth_n = normalize(in.normal + vec3(0.0, 0.1, 0.0)); let k = dot(smooth_n, light.direction); let v = k * normalize");
+    let refused = with_facts(&two, "outputs:write=normal", &Facts::default()).unwrap_err();
+    assert!(refused.contains("several unit vectors"), "{refused}");
+    assert!(refused.contains("@fs` (vec3, line "), "{refused}");
+}
+
+#[test]
+fn a_normal_in_other_axes_needs_a_matrix() {
+    let refused = outputs("outputs:write=normal,space=view").unwrap_err();
+    assert!(refused.starts_with("outputs[unknown-space]"), "{refused}");
+    assert!(
+        refused.contains("`camera.view`") && refused.contains("`model`"),
+        "{refused}"
+    );
+    let plan =
+        outputs("outputs:write=normal,space=view,matrix=camera.view,octahedral=true").unwrap();
+    let text = text(&plan);
+    assert!(
+        text.contains("octahedral(") && text.contains("camera.view"),
+        "{text}"
+    );
+    let target = pass(&plan).targets[0].as_ref().unwrap();
+    assert_eq!(target.format, "rg16float");
+}
+
+#[test]
+fn a_value_is_found_by_name_member_and_function() {
+    for (recipe, format) in [
+        ("outputs:write=surface.albedo", "rgba16float"),
+        ("outputs:write=albedo@fs", "rgba16float"),
+        ("outputs:write=h,precision=full", "rgba32float"),
+        ("outputs:write=s.roughness", "r16float"),
+        ("outputs:write=uv@surface_of", "rg16float"),
+        ("outputs:write=in.uv", "rg16float"),
+        ("outputs:write=n@lit", "rgba16float"),
+    ] {
+        let plan = outputs(recipe);
+        let plan = plan.unwrap_or_else(|why| panic!("{recipe}: {why}"));
+        let target = pass(&plan).targets[0].as_ref().unwrap();
+        assert_eq!(target.format, format, "{recipe}");
+        text(&plan);
+    }
+    let refused = outputs("outputs:write=n").unwrap_err();
+    assert!(refused.starts_with("outputs[ambiguous-name]"), "{refused}");
+    assert!(
+        refused.contains("`n@lit`") && refused.contains("`n@fs`"),
+        "{refused}"
+    );
+    let refused = outputs("outputs:write=sheen").unwrap_err();
+    assert!(refused.starts_with("outputs[no-such-name]"), "{refused}");
+    let slip =
+        Outputs::misnamed(&original(SHADER), &params("outputs:write=suface.albedo")).unwrap();
+    assert!(
+        slip.known.contains(&"surface.albedo".to_owned()),
+        "{slip:?}"
+    );
+}
+
+#[test]
+fn velocity_keeps_copies_of_what_the_position_reads() {
+    let plan = outputs("outputs:write=velocity").unwrap();
+    assert_eq!(previous(&plan), ["camera", "model"]);
+    let text = text(&plan);
+    assert!(text.contains("= camera_previous.view_proj;"), "{text}");
+    assert!(text.contains("fn clip_of_previous("), "{text}");
+    assert!(!text.contains("previous_previous"), "{text}");
+    // Each copy has a number of its own.
+    let numbers = pass(&plan).bindings.iter().map(|b| (b.group, b.binding));
+    let mut numbers: Vec<_> = numbers.collect();
+    numbers.dedup();
+    assert_eq!(numbers.len(), pass(&plan).bindings.len());
+    let plan = outputs("outputs:write=velocity,static=model").unwrap();
+    assert_eq!(previous(&plan), ["camera"]);
+    let refused = outputs("outputs:write=velocity,static=camera.view").unwrap_err();
+    assert!(refused.contains("name the variable `camera`"), "{refused}");
+}
+
+#[test]
+fn uniforms_that_were_measured_not_to_change_have_no_copy() {
+    let changing = |binding| Changing {
+        material: "test".to_owned(),
+        group: 0,
+        binding,
+        member: Some("view_proj".to_owned()),
+    };
+    let facts = Facts {
+        changing: Some(vec![changing(0)]),
+        ..Facts::default()
+    };
+    let plan = with_facts(SHADER, "outputs:write=velocity", &facts).unwrap();
+    assert_eq!(previous(&plan), ["camera"]);
+}
+
+#[test]
+fn jitter_counts_as_zero_in_both_frames() {
+    let plan = outputs("outputs:write=velocity,jitter=camera.jitter").unwrap();
+    let text = text(&plan);
+    // The position that is drawn has it.
+    assert!(text.contains("camera.jitter.x"), "{text}");
+    assert!(!text.contains("camera_previous.jitter"), "{text}");
+    let is_called = |name: &str| text.contains(&format!("= {name}(position, offset)"));
+    assert!(is_called("position_steady_outputs"), "{text}");
+    assert!(is_called("position_previous_outputs"), "{text}");
+}
+
+#[test]
+fn attributes_that_move_have_a_copy() {
+    let plan = outputs("outputs:write=velocity,moving=offset").unwrap();
+    let attributes = pass(&plan).attributes.iter();
+    let attributes: Vec<_> = attributes.map(|a| (a.location, a.previous_of)).collect();
+    assert_eq!(attributes, [(0, None), (2, None), (3, None), (4, Some(3))]);
+    let refused = outputs("outputs:write=velocity,moving=offsets").unwrap_err();
+    assert!(refused.starts_with("outputs[no-such-name]"), "{refused}");
+}
+
+#[test]
+fn id_takes_the_draw_from_the_host() {
+    let plan = outputs("outputs:write=id").unwrap();
+    let host = BindingSource::Host {
+        value: HostValue::DrawId,
+    };
+    let draw = pass(&plan).bindings.iter().find(|b| b.source == host);
+    assert_eq!(draw.map(|b| (b.group, b.binding)), Some((1, 3)));
+    assert!(text(&plan).contains("@builtin(instance_index)"));
+}
+
+#[test]
+fn a_material_without_fragment_stage_has_outputs_too() {
+    let program = common::program(SHADER);
+    let state = MaterialState::default();
+    let plan = Plan::original("test", program, "vs", None, &state);
+    let done = Outputs::run(
+        &plan,
+        &Facts::default(),
+        &params("outputs:write=velocity+id"),
+    );
+    let Ok(done) = done else { panic!("refused") };
+    assert_eq!(pass(&done.plan).targets.len(), 2);
+    text(&done.plan);
+}
+
+#[test]
+fn a_bound_colour_target_is_written() {
+    let plan = outputs("outputs:write=shadow,colour-target=bound").unwrap();
+    let text = text(&plan);
+    assert!(text.contains("-> @location(0) vec4<f32>"), "{text}");
+    let target = pass(&plan).targets[0].as_ref().unwrap();
+    assert_eq!(
+        (target.format.as_str(), target.write_mask),
+        ("rgba8unorm", 0)
+    );
+    // Without it, a note tells hosts of WebGL.
+    let plan = outputs("outputs:write=shadow").unwrap();
+    assert!(plan.notes.iter().any(|n| n.contains("colour-target=bound")));
+}
+
+#[test]
+fn views_are_not_mixed_and_a_plan_has_one_pass_of_outputs() {
+    let refused = outputs("outputs:write=shadow+velocity").unwrap_err();
+    assert!(refused.starts_with("outputs[mixed-views]"), "{refused}");
+    let plan = outputs("outputs:write=id").unwrap();
+    let again = Outputs::run(&plan, &Facts::default(), &Params::default());
+    let Err(refused) = again else { panic!("twice") };
+    assert_eq!(refused.first().code, "has-outputs");
+}
