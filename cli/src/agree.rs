@@ -31,8 +31,8 @@ Examples:
   preshade agree lit.wgsl --with depth.wgsl --as prepass --scene scene.toml --out pictures
 
 Bindings are matched by group and number, then by name and type, then by --map; attributes by
-location, then by name. Where number and name disagree, --as same takes the number, and the other
-relations take the name. Exit status: 0 the two agree, 1 they don't, 2 bad usage or input, 3 nothing
+location, then by name. Where number and name disagree, --as same takes the number if both programs
+are of one language; otherwise the name decides. Exit status: 0 the two agree, 1 they don't, 2 bad usage or input, 3 nothing
 could be evaluated.")]
 pub struct AgreeArgs {
     /// The files of the other program, separated by commas: one file with both entry points, or a
