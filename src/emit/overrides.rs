@@ -151,6 +151,10 @@ impl SpecIds {
     }
 }
 
+/// The first id of a constant that a pass brings into a stage where its own is taken. Authors may
+/// use lower ones for constants that the IR no longer has.
+const MOVED_IDS: u32 = 1000;
+
 /// A private variable that stands for a specialisation constant. Its initial value is the default.
 #[derive(Clone, Debug)]
 pub(super) struct Variable {
@@ -184,6 +188,7 @@ pub(super) struct Specialised<'p> {
     pub(super) variables: Vec<Variable>,
     /// The names of overrides that are computed.
     computed: Vec<String>,
+    notes: Vec<String>,
 }
 
 impl<'p> Specialised<'p> {
@@ -199,6 +204,7 @@ impl<'p> Specialised<'p> {
             settled: None,
             variables: Vec::new(),
             computed: Vec::new(),
+            notes: Vec::new(),
         };
         if program.module().overrides.is_empty() {
             return Ok(out);
@@ -227,9 +233,23 @@ impl<'p> Specialised<'p> {
                 out.computed.push(name.clone());
                 continue;
             }
-            let Some((id, own_name)) = ids.0.get(name).cloned() else {
+            let Some((own_id, own_name)) = ids.0.get(name).cloned() else {
                 continue;
             };
+            // A pass may bring the constants of both stages into one.
+            let is_taken = |id: u32| out.variables.iter().any(|v| v.constant.id == id);
+            let is_known = |id: u32| ids.0.values().any(|(known, _)| *known == id);
+            let mut free = (MOVED_IDS..).filter(|id| !is_taken(*id) && !is_known(*id));
+            let id = match is_taken(own_id) {
+                true => free.next().unwrap_or(own_id),
+                false => own_id,
+            };
+            if id != own_id {
+                out.notes.push(format!(
+                    "{file}: the constant `{own_name}` has the id {id}, as another one of this \
+                     stage has its own, {own_id}"
+                ));
+            }
             let marker = format!("{stem}{id}x");
             let global = variable(&mut changed, &marker, of, default);
             sources.insert(handle, Source::Variable(global));
@@ -287,7 +307,12 @@ impl<'p> Specialised<'p> {
             constants: constants
                 .map(|v| (v.key.clone(), v.constant.clone()))
                 .collect(),
-            notes: self.computed.iter().map(note).collect(),
+            notes: self
+                .computed
+                .iter()
+                .map(note)
+                .chain(self.notes.iter().cloned())
+                .collect(),
             ..StageFile::new(file, entry)
         }
     }

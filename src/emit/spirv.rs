@@ -97,7 +97,7 @@ pub(super) fn write(
         ReadBack::Differs(difference).unread(name, Target::Spirv)?;
     }
     // naga's reader takes no arrays whose lengths are specialisation constants either.
-    for (length, default) in constants::size(&mut words, &program.declared().lengths) {
+    for (length, default) in constants::size(&mut words, &program.declared().lengths, module) {
         stage_file.add_length(length, default);
     }
     match demoting.is_some() {

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 
-use naga::{Handle, Module, Override, Type, TypeInner};
+use naga::{Handle, Module, Override, Scalar, Type, TypeInner};
 use preshade_passes::declared::{Declared, LengthConstant};
 use preshade_passes::evaluate::overrides;
 
@@ -58,15 +58,22 @@ fn with_id(module: &Module, id: u32) -> Option<Handle<Override>> {
     found.map(|(of, _)| of)
 }
 
-/// Whether the stages that read the constant declare it alike.
+/// Whether the stages that read a constant of this id have this one, and declare it alike.
 fn is_one(modules: &[Module], of: &LengthConstant) -> bool {
+    let scalar = match of.is_signed {
+        true => Scalar::I32,
+        false => Scalar::U32,
+    };
     let declarations = modules.iter().filter_map(|module| {
         let Override { name, ty, init, .. } = &module.overrides[with_id(module, of.id)?];
         let init = init.map(|init| format!("{:?}", module.global_expressions[init]));
-        Some((name, module.types[*ty].inner.scalar(), init))
+        Some((name.as_ref(), module.types[*ty].inner.scalar(), init))
     });
     let declarations: Vec<_> = declarations.collect();
-    declarations.windows(2).all(|two| two[0] == two[1])
+    let is_it = |(name, ty, _): &(Option<&String>, Option<Scalar>, Option<String>)| {
+        *name == Some(&of.own) && *ty == Some(scalar)
+    };
+    declarations.iter().all(is_it) && declarations.windows(2).all(|two| two[0] == two[1])
 }
 
 /// The type names of arrays of resources that two stages declare with other lengths.

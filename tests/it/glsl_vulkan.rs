@@ -445,6 +445,16 @@ float sum(float of[TAPS]) { float s = 0.0; for (int i = 0; i < TAPS; i++) s += o
         .find(|f| f.name.ends_with(".frag.spv"))
         .unwrap();
     assert_eq!(spec_lengths(&words.bytes), ["constant 7"]);
+    // `spirv-cross` reads no zero of such a type.
+    let module = rspirv::dr::load_bytes(&words.bytes).unwrap();
+    let is_array = |id: u32| {
+        let mut types = module.types_global_values.iter();
+        types.any(|i| i.result_id == Some(id) && i.class.opcode == rspirv::spirv::Op::TypeArray)
+    };
+    let mut zeros = module.types_global_values.iter();
+    assert!(!zeros.any(|i| {
+        i.class.opcode == rspirv::spirv::Op::ConstantNull && i.result_type.is_some_and(is_array)
+    }));
     let glsl = written(&plan, Target::GlslVulkan);
     assert!(!glsl.contains("TAPS") && glsl.contains("[4]"), "{glsl}");
 }
@@ -547,6 +557,30 @@ layout(binding = 1) uniform V { vec4 own[Q]; };",
     assert!(
         glsl.contains("layout(constant_id = 7) const float SCALE"),
         "{glsl}"
+    );
+}
+
+/// The resolve of a visibility buffer has the constants of both stages.
+#[test]
+fn constants_of_one_id_get_two_in_one_stage() {
+    let vertex = "#version 460
+layout(constant_id = 0) const float SCALE = 2.0;
+layout(location = 0) in vec4 p;
+layout(location = 0) out vec2 uv;
+void main() { uv = p.xy * SCALE; gl_Position = p * SCALE; }
+";
+    let declared = "layout(constant_id = 0) const float BRIGHT = 3.0;";
+    let parsed = read(vertex, &fragment(declared, "c = uv.xyxy * BRIGHT;"));
+    let recipe = Recipe::parse(["visibility-buffer:budget=0.05"]).unwrap();
+    let plan = recipe
+        .apply(&plan(parsed), &Facts::default())
+        .unwrap_or_else(|r| panic!("{r}"));
+    let files = emit::emit(&plan, &[Target::Spirv], &emit::Options::default()).unwrap();
+    let json = files.iter().find(|f| f.name.ends_with(".json")).unwrap();
+    let json = String::from_utf8_lossy(&json.bytes);
+    assert!(
+        json.contains("as another one of this stage has its own, 0"),
+        "{json}"
     );
 }
 

@@ -186,6 +186,18 @@ impl LengthConstant {
         matches!(ty.inner, naga::TypeInner::Array { .. }) && name.is_some_and(Self::is_type_name)
     }
 
+    /// Whether such an array is in a type.
+    pub fn is_in(module: &Module, ty: Handle<naga::Type>) -> bool {
+        let ty = &module.types[ty];
+        match &ty.inner {
+            naga::TypeInner::Array { base, .. } => Self::is_of(ty) || Self::is_in(module, *base),
+            naga::TypeInner::Struct { members, .. } => {
+                members.iter().any(|m| Self::is_in(module, m.ty))
+            }
+            _ => false,
+        }
+    }
+
     /// Whether it is the name of such arrays.
     pub fn is_type_name(name: &str) -> bool {
         let id = name.strip_prefix(Self::PREFIX);

@@ -9,8 +9,9 @@
 //! OpIAdd %int %9 %9                       OpIAdd %int %7 %7
 //! ```
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
+use naga::Module;
 use preshade_passes::declared::LengthConstant;
 use rspirv::dr::{Builder, Instruction, Operand};
 use rspirv::spirv::{Decoration, Op};
@@ -82,10 +83,15 @@ fn specialise(module: &mut Builder, id: u32) -> Option<()> {
 pub(super) fn size<'l>(
     module: &mut Builder,
     lengths: &'l [LengthConstant],
+    of: &Module,
 ) -> Vec<(&'l LengthConstant, u32)> {
+    let mut sized = HashSet::new();
     let lengths = lengths.iter();
-    let found = lengths.filter_map(|length| Some((length, size_by(module, length)?)));
+    let found = lengths.filter_map(|length| Some((length, size_by(module, length, &mut sized)?)));
     let found = found.collect();
+    if !has_initial_values(of) {
+        drop_initial_zeros(module, sized);
+    }
     // Those of constants with their defaults.
     let is_of_length = |i: &Instruction| match i.operands.get(1) {
         Some(Operand::LiteralString(name)) => LengthConstant::is_type_name(name),
@@ -96,7 +102,58 @@ pub(super) fn size<'l>(
     found
 }
 
-fn size_by(module: &mut Builder, length: &LengthConstant) -> Option<u32> {
+/// Whether the author gave such an array an initial value.
+fn has_initial_values(module: &Module) -> bool {
+    let functions = module.functions.iter().map(|(_, f)| f);
+    let functions = functions.chain(module.entry_points.iter().map(|e| &e.function));
+    let locals = functions.flat_map(|f| f.local_variables.iter());
+    let locals = locals.map(|(_, l)| (l.ty, l.init));
+    let globals = module.global_variables.iter().map(|(_, g)| (g.ty, g.init));
+    let mut all = locals.chain(globals).filter(|(_, init)| init.is_some());
+    all.any(|(ty, _)| LengthConstant::is_in(module, ty))
+}
+
+/// Leaves variables of these arrays uninitialised, as authors must in GLSL. naga writes zeros, which
+/// `spirv-cross` does not read.
+fn drop_initial_zeros(module: &mut Builder, mut sized: HashSet<u32>) {
+    let globals = &module.module_ref().types_global_values;
+    let mut pointers = HashSet::new();
+    let mut zeros = HashSet::new();
+    // Parts come first.
+    for i in globals {
+        let Some(id) = i.result_id else { continue };
+        let is_of_sized = ids(i).any(|part| sized.contains(&part));
+        match i.class.opcode {
+            Op::TypeStruct | Op::TypeArray if is_of_sized => drop(sized.insert(id)),
+            Op::TypePointer if is_of_sized => drop(pointers.insert(id)),
+            Op::ConstantNull if i.result_type.is_some_and(|ty| sized.contains(&ty)) => {
+                zeros.insert(id);
+            }
+            _ => {}
+        }
+    }
+    let drop_zero = |i: &mut Instruction| {
+        let is_zero = ids(i).next().is_some_and(|value| zeros.contains(&value));
+        let is_sized = i.result_type.is_some_and(|ty| pointers.contains(&ty));
+        if i.class.opcode == Op::Variable && is_sized && is_zero {
+            i.operands.truncate(1);
+        }
+    };
+    let module = module.module_mut();
+    module.types_global_values.iter_mut().for_each(drop_zero);
+    for function in &mut module.functions {
+        let all = function.blocks.iter_mut().flat_map(|b| &mut b.instructions);
+        all.for_each(drop_zero);
+    }
+    let used: HashSet<u32> = module.all_inst_iter().flat_map(ids).collect();
+    let is_unused = |i: &Instruction| {
+        i.result_id
+            .is_some_and(|id| zeros.contains(&id) && !used.contains(&id))
+    };
+    module.types_global_values.retain(|i| !is_unused(i));
+}
+
+fn size_by(module: &mut Builder, length: &LengthConstant, sized: &mut HashSet<u32>) -> Option<u32> {
     let name = Operand::LiteralString(length.type_name());
     let (of_arrays, names) = std::mem::take(&mut module.module_mut().debug_names)
         .into_iter()
@@ -123,6 +180,7 @@ fn size_by(module: &mut Builder, length: &LengthConstant) -> Option<u32> {
     for array in globals.iter_mut().filter(|i| is_array(i)) {
         array.operands[1] = Operand::IdRef(constant);
     }
+    sized.extend(arrays);
     // An array's length comes before it.
     let at = globals.iter().position(|i| i.result_id == Some(constant))?;
     let constant = globals.remove(at);

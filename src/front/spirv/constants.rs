@@ -14,8 +14,8 @@ use crate::words::{after_variables, decorations, globals, ids, literal, names};
 /// The constants that give the lengths of arrays, in all modules of a material.
 #[derive(Default)]
 pub(super) struct Lengths {
-    /// Those of arrays that get named types.
-    pub(super) kept: BTreeMap<u32, LengthConstant>,
+    /// Those of arrays that get named types, with their defaults.
+    pub(super) kept: BTreeMap<u32, (LengthConstant, u32)>,
     /// Ids and names of those whose defaults are final.
     pub(super) fixed: BTreeSet<(u32, String)>,
 }
@@ -33,13 +33,21 @@ impl Lengths {
         let known = Known::of(module);
         let unnamed = unnamed(module, &known.globals);
         for ty in arrays(module) {
-            let Some((length, _)) = known.length(ty) else {
+            let Some((length, default)) = known.length(ty) else {
                 continue;
             };
             let is_unnamed = ty.result_id.is_some_and(|ty| unnamed.contains(&ty));
             match known.itself(length).filter(|_| !is_unnamed) {
                 Some(constant) => {
-                    self.kept.insert(constant.id, constant);
+                    let constant = (constant, default);
+                    let first = self.kept.entry(constant.0.id);
+                    let first = first.or_insert_with(|| constant.clone());
+                    // A pass may bring the arrays of both stages into one.
+                    if *first != constant {
+                        let both = [&constant.0, &first.0];
+                        let both = both.map(|of| (of.id, of.own.clone()));
+                        self.fixed.extend(both);
+                    }
                 }
                 None => known.roots(length, &mut self.fixed),
             }
@@ -99,7 +107,7 @@ pub(super) fn settle(module: &mut Builder, lengths: &Lengths) {
             array.operands[1] = Operand::IdRef(value);
         }
         let kept = known.itself(length);
-        if let Some(kept) = kept.and_then(|kept| lengths.kept.get(&kept.id)) {
+        if let Some((kept, _)) = kept.and_then(|kept| lengths.kept.get(&kept.id)) {
             let names = &mut module.module_mut().debug_names;
             names.retain(|i| !(i.class.opcode == Op::Name && ids(i).next() == Some(ty)));
             module.name(ty, kept.type_name());

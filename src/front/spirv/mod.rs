@@ -125,7 +125,8 @@ pub(super) fn parse(
             &mut declared,
         )?);
     }
-    declared.lengths.extend(lengths.kept.into_values());
+    let kept = lengths.kept.into_values();
+    declared.lengths.extend(kept.map(|(length, _)| length));
     interface::match_interpolation(&mut modules);
     modules.iter_mut().for_each(wrapped_main::inline);
     declared.samplers = places.samplers;
