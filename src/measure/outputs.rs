@@ -8,10 +8,11 @@
 
 use std::collections::BTreeMap;
 
-use naga::ShaderStage;
+use naga::{Binding, BuiltIn, ShaderStage};
 use preshade_passes::contract::Verdict;
 use preshade_passes::evaluate::Lookup;
 use preshade_passes::plan::{GpuPass, Phase, Plan};
+use preshade_passes::reflect;
 use serde::{Deserialize, Serialize};
 
 use super::error::counted;
@@ -328,6 +329,15 @@ impl Positions<'_> {
 
     /// The triangles of all draws.
     fn evaluated(&self) -> Evaluated {
+        // A pixel's triangle is found by its depth.
+        if self.plans.iter().any(writes_depth) {
+            return Evaluated {
+                triangles: Vec::new(),
+                why: Some(
+                    "a material writes its own depth, which is that of no triangle".to_owned(),
+                ),
+            };
+        }
         let (mut found, mut why) = (Vec::new(), None);
         for index in 0..self.scenes[1].draws.len() {
             let corners = [0, 1].map(|when| self.corners(index, when));
@@ -395,6 +405,24 @@ impl Positions<'_> {
     }
 }
 
+/// Whether the main pass has a depth of its own.
+fn writes_depth(plan: &Plan) -> bool {
+    let main = plan
+        .main()
+        .and_then(|pass| Some((pass, plan.program(pass)?)));
+    let Some((pass, program)) = main else {
+        return false;
+    };
+    let name = pass.fragment.as_deref().unwrap_or_default();
+    let Some((index, _)) = program.entry_point(ShaderStage::Fragment, name) else {
+        return false;
+    };
+    let module = program.module();
+    let outputs = reflect::outputs(module, &module.entry_points[index].function);
+    let depth = Some(Binding::BuiltIn(BuiltIn::FragDepth));
+    outputs.iter().any(|output| output.binding == depth)
+}
+
 /// What the interpreter says of the positions in both frames.
 struct Evaluated {
     triangles: Vec<Triangle>,
@@ -419,11 +447,21 @@ impl VelocityReport {
         let Some(depth) = &drawn.depth else { return };
         let [width, height] = depth.size;
         let mut hits: Vec<Option<Hit>> = vec![None; depth.values.len()];
+        // Pixels of which two triangles have the depth and other velocities.
+        let mut tied = vec![false; depth.values.len()];
+        let sizes = [width, height].map(f64::from);
+        let differs = |a: [f64; 2], b: [f64; 2]| {
+            (0..2).any(|axis| (a[axis] - b[axis]).abs() * sizes[axis] > TOLERANCE)
+        };
         for triangle in &all.triangles {
             rasterise(triangle, depth.size, &mut |pixel, z, velocity| {
                 let apart = (z - f64::from(depth.values[pixel])).abs();
-                let nearest = hits[pixel].is_none_or(|hit| apart < hit.apart);
-                if apart < SAME_DEPTH && nearest {
+                if apart >= SAME_DEPTH {
+                    return;
+                }
+                let known = hits[pixel];
+                tied[pixel] |= known.is_some_and(|hit| differs(hit.velocity, velocity));
+                if known.is_none_or(|hit| apart < hit.apart) {
                     hits[pixel] = Some(Hit { apart, velocity });
                 }
             });
@@ -433,7 +471,7 @@ impl VelocityReport {
             if !is_covered {
                 continue;
             }
-            let Some(hit) = hits[pixel] else {
+            let Some(hit) = hits[pixel].filter(|_| !tied[pixel]) else {
                 self.left_out += 1;
                 continue;
             };

@@ -82,6 +82,25 @@ const INFORMATIVE: &[(&str, &str)] = &[
         "no stage of a render pass: mutated in compute passes",
     ),
     (
+        "passes[].bindings[].source.of",
+        "the previous frame's copies: `outputs.rs` compares velocities with the positions of two frames",
+    ),
+    ("passes[].bindings[].source.group", "of the same copies"),
+    ("passes[].bindings[].source.binding", "of the same copies"),
+    (
+        "passes[].bindings[].source.part.attribute.previous_of",
+        "of the same copies",
+    ),
+    ("passes[].attributes[].previous_of", "of the same copies"),
+    (
+        "passes[].bindings[].source.value",
+        "what a host computes: `outputs.rs` compares ids and distances",
+    ),
+    (
+        "passes[].left_out",
+        "what `view=drop` leaves out, for readers",
+    ),
+    (
         "passes[].view_dependent",
         "uniforms of a light's view: `measure_shadow.rs` shows that a list that forgets one is \
          broken",
