@@ -186,16 +186,15 @@ impl LengthConstant {
         matches!(ty.inner, naga::TypeInner::Array { .. }) && name.is_some_and(Self::is_type_name)
     }
 
-    /// Whether such an array is in a type.
-    pub fn is_in(module: &Module, ty: Handle<naga::Type>) -> bool {
-        let ty = &module.types[ty];
-        match &ty.inner {
-            naga::TypeInner::Array { base, .. } => Self::is_of(ty) || Self::is_in(module, *base),
-            naga::TypeInner::Struct { members, .. } => {
-                members.iter().any(|m| Self::is_in(module, m.ty))
-            }
-            _ => false,
-        }
+    /// Whether an array of any such length is in a type.
+    pub fn is_any_in(module: &Module, ty: Handle<naga::Type>) -> bool {
+        has_array(module, ty, &Self::is_of)
+    }
+
+    /// Whether an array of this length is in a type.
+    pub fn is_in(&self, module: &Module, ty: Handle<naga::Type>) -> bool {
+        let name = Some(self.type_name());
+        has_array(module, ty, &|ty| ty.name == name)
     }
 
     /// Whether it is the name of such arrays.
@@ -216,6 +215,18 @@ impl LengthConstant {
             o.id.map(u32::from) == Some(self.id) && o.name.as_deref().is_some_and(is_own)
         });
         found.map(|(handle, _)| handle)
+    }
+}
+
+/// Whether an array is in a type for which `is_it` holds.
+fn has_array(module: &Module, ty: Handle<naga::Type>, is_it: &dyn Fn(&naga::Type) -> bool) -> bool {
+    let ty = &module.types[ty];
+    match &ty.inner {
+        naga::TypeInner::Array { base, .. } => is_it(ty) || has_array(module, *base, is_it),
+        naga::TypeInner::Struct { members, .. } => {
+            members.iter().any(|m| has_array(module, m.ty, is_it))
+        }
+        _ => false,
     }
 }
 

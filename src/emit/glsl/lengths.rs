@@ -20,8 +20,7 @@ use crate::emit::plan_json::StageFile;
 /// naga initialises all variables; it cannot copy one either, nor have one in another array.
 pub(crate) fn is_expressible(program: &Program, length: &LengthConstant) -> bool {
     let (module, info) = (program.module(), program.info());
-    let wanted = length.type_name();
-    let has_it = |ty: Handle<Type>| has_name(module, ty, &wanted);
+    let has_it = |ty: Handle<Type>| length.is_in(module, ty);
     let is_inner = |(_, ty): (Handle<Type>, &Type)| match ty.inner {
         TypeInner::Array { base, .. } => match module.types[base].inner {
             TypeInner::Array { .. } => has_it(base),
@@ -50,18 +49,6 @@ pub(crate) fn is_expressible(program: &Program, length: &LengthConstant) -> bool
     let mut entries = module.entry_points.iter().enumerate();
     functions.all(|(handle, function)| is_free(function, &info[handle]))
         && entries.all(|(n, entry)| is_free(&entry.function, info.get_entry_point(n)))
-}
-
-/// Whether the type has an array of this name.
-fn has_name(module: &Module, ty: Handle<Type>, wanted: &str) -> bool {
-    let Type { name, inner } = &module.types[ty];
-    match inner {
-        TypeInner::Array { base, .. } => {
-            name.as_deref() == Some(wanted) || has_name(module, *base, wanted)
-        }
-        TypeInner::Struct { members, .. } => members.iter().any(|m| has_name(module, m.ty, wanted)),
-        _ => false,
-    }
 }
 
 /// The constants, with their type names, and numbers that stand for them in naga's text: no other
@@ -100,13 +87,14 @@ pub(super) fn numbered(program: &Program, module: &Module) -> Option<Module> {
     if program.declared().lengths.is_empty() {
         return None;
     }
+    let named: Vec<_> = named(program).collect();
     let mut out = module.clone();
     for (handle, ty) in module.types.iter() {
-        let mut named = named(program);
+        let mut named = named.iter();
         let found = named.find(|(name, ..)| ty.name.as_ref() == Some(name));
         if let Some((_, number, _)) = found
             && let TypeInner::Array { base, stride, .. } = ty.inner
-            && let Some(number) = NonZeroU32::new(number)
+            && let Some(number) = NonZeroU32::new(*number)
         {
             let size = ArraySize::Constant(number);
             let name = ty.name.clone();

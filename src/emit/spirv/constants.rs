@@ -89,7 +89,7 @@ pub(super) fn size<'l>(
     let lengths = lengths.iter();
     let found = lengths.filter_map(|length| Some((length, size_by(module, length, &mut sized)?)));
     let found = found.collect();
-    if !has_initial_values(of) {
+    if !sized.is_empty() && !has_initial_values(of) {
         drop_initial_zeros(module, sized);
     }
     // Those of constants with their defaults.
@@ -110,7 +110,7 @@ fn has_initial_values(module: &Module) -> bool {
     let locals = locals.map(|(_, l)| (l.ty, l.init));
     let globals = module.global_variables.iter().map(|(_, g)| (g.ty, g.init));
     let mut all = locals.chain(globals).filter(|(_, init)| init.is_some());
-    all.any(|(ty, _)| LengthConstant::is_in(module, ty))
+    all.any(|(ty, _)| LengthConstant::is_any_in(module, ty))
 }
 
 /// Leaves variables of these arrays uninitialised, as authors must in GLSL. naga writes zeros, which
