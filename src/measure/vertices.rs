@@ -267,10 +267,15 @@ pub fn resource<F: Number>(
     global: &GlobalVariable,
     bound: &DrawBindings,
 ) -> Option<Value<F>> {
+    evaluate::from_bytes(module, global.ty, bytes_of(global, bound)?)
+}
+
+/// The content of a buffer variable in a draw.
+fn bytes_of<'b>(global: &GlobalVariable, bound: &'b DrawBindings) -> Option<&'b [u8]> {
     let at = global.binding.as_ref()?;
     let at = (at.group, at.binding);
     let buffer = bound.buffers.iter().find(|b| (b.group, b.binding) == at)?;
-    evaluate::from_bytes(module, global.ty, &buffer.data.bytes)
+    Some(&buffer.data.bytes)
 }
 
 /// Runtime-sized arrays get as many elements as their buffer has bytes for.
@@ -290,8 +295,7 @@ pub fn of_any_length<F: Number>(
             else {
                 return None;
             };
-            let buffer = bound.buffers.iter().find(|b| (b.group, b.binding) == at)?;
-            let elements = buffer.data.bytes.chunks_exact(stride as usize);
+            let elements = bytes_of(global, bound)?.chunks_exact(stride as usize);
             let elements = elements.map(|bytes| evaluate::from_bytes(module, base, bytes));
             Some((at, Value::Composite(elements.collect::<Option<_>>()?)))
         })

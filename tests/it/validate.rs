@@ -11,6 +11,29 @@ use rayon::prelude::*;
 
 use crate::fixtures_support::{materials, original, recipes};
 
+/// The checks of every fixture by each of the recipes that applies to it, with their names.
+fn checks(recipes: &[&str], effort: &Effort) -> Vec<(String, Check)> {
+    materials()
+        .par_iter()
+        .filter(|files| cfg!(feature = "glsl") || files.len() == 1)
+        .flat_map_iter(|files| {
+            let files: Vec<_> = files.iter().map(std::path::PathBuf::as_path).collect();
+            let original = original(&files);
+            let mut checks = Vec::new();
+            for recipe in recipes {
+                let parsed = Recipe::parse_list(recipe).unwrap();
+                let Ok(variant) = parsed.apply(&original, &Facts::without_ties()) else {
+                    continue;
+                };
+                let name = format!("{} by {recipe}", original.material);
+                let of = validate(&original, &variant, effort);
+                checks.extend(of.into_iter().map(|check| (name.clone(), check)));
+            }
+            checks
+        })
+        .collect()
+}
+
 #[test]
 fn no_recipe_breaks_a_promise_of_a_fixture() {
     let effort = Effort {
@@ -19,25 +42,10 @@ fn no_recipe_breaks_a_promise_of_a_fixture() {
         paths: 16,
         ..Effort::default()
     };
-    let checks: Vec<(String, Check)> = materials()
-        .par_iter()
-        .filter(|files| cfg!(feature = "glsl") || files.len() == 1)
-        .flat_map_iter(|files| {
-            let files: Vec<_> = files.iter().map(std::path::PathBuf::as_path).collect();
-            let original = original(&files);
-            let mut checks = Vec::new();
-            for recipe in recipes(&[Use::Snapshot, Use::Compile, Use::Validate]) {
-                let parsed = Recipe::parse_list(recipe).unwrap();
-                let Ok(variant) = parsed.apply(&original, &Facts::without_ties()) else {
-                    continue;
-                };
-                let name = format!("{} by {recipe}", original.material);
-                let of = validate(&original, &variant, &effort);
-                checks.extend(of.into_iter().map(|check| (name.clone(), check)));
-            }
-            checks
-        })
-        .collect();
+    let checks = checks(
+        &recipes(&[Use::Snapshot, Use::Compile, Use::Validate]),
+        &effort,
+    );
     let mut kinds: BTreeMap<&str, usize> = BTreeMap::new();
     let mut reasons: BTreeMap<String, usize> = BTreeMap::new();
     let mut broken = Vec::new();
@@ -71,27 +79,12 @@ fn every_resolve_of_a_fixture_is_evaluated() {
         paths: 16,
         ..Effort::default()
     };
-    let checks: Vec<(String, Check)> = materials()
-        .par_iter()
-        .filter(|files| cfg!(feature = "glsl") || files.len() == 1)
-        .flat_map_iter(|files| {
-            let files: Vec<_> = files.iter().map(std::path::PathBuf::as_path).collect();
-            let original = original(&files);
-            let mut checks = Vec::new();
-            for more in ["", ",select=id,vertices=kept"] {
-                let recipe = format!("visibility-buffer:budget=0.05{more}");
-                let parsed = Recipe::parse_list(&recipe).unwrap();
-                let Ok(variant) = parsed.apply(&original, &Facts::without_ties()) else {
-                    continue;
-                };
-                let name = format!("{} by {recipe}", original.material);
-                let of = validate(&original, &variant, &effort).into_iter();
-                let of = of.filter(|c| [Role::Ids, Role::Resolve].contains(&c.role));
-                checks.extend(of.map(|check| (name.clone(), check)));
-            }
-            checks
-        })
-        .collect();
+    let recipes = [
+        "visibility-buffer:budget=0.05",
+        "visibility-buffer:budget=0.05,select=id,vertices=kept",
+    ];
+    let mut checks = checks(&recipes, &effort);
+    checks.retain(|(_, check)| [Role::Ids, Role::Resolve].contains(&check.role));
     let told = |(name, check): &(String, Check)| {
         let (role, promise) = (check.role.name(), &check.promise);
         format!("{name}, {role}: {promise}: {}", check.verdict)
