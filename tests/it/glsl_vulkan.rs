@@ -479,12 +479,39 @@ fn a_length_in_an_expression_is_the_constant() {
 fn a_block_of_push_constants_has_lengths() {
     let declared = "layout(constant_id = 7) const int TAPS = 4;
 layout(push_constant) uniform P { vec4 after; vec4 weights[TAPS]; } p;";
-    let body = "c = vec4(0.0); for (int i = 0; i < TAPS; i++) c += p.weights[i];";
+    let body = "c = p.after; for (int i = 0; i < TAPS; i++) c += p.weights[i];";
     let glsl = written(
         &plan(read(VERTEX, &fragment(declared, body))),
         Target::GlslVulkan,
     );
     assert!(glsl.contains("weights[TAPS]"), "{glsl}");
+}
+
+/// Both stages call their blocks `P`, so one of them gets another name.
+#[test]
+fn each_stage_has_its_own_range_of_push_constants() {
+    let vertex = VERTEX
+        .replace(
+            "void main",
+            "layout(push_constant) uniform P { mat4 m; } pc;\nvoid main",
+        )
+        .replace("gl_Position = p", "gl_Position = pc.m * p");
+    let declared =
+        "layout(push_constant) uniform P { layout(offset = 64) vec4 tint; float k; } pc;";
+    let plan = plan(read(
+        &vertex,
+        &fragment(declared, "c = pc.tint.zyxw * pc.k;"),
+    ));
+    let glsl = written(&plan, Target::GlslVulkan);
+    let offsets: Vec<&str> = glsl
+        .lines()
+        .filter_map(|line| line.trim().strip_prefix("layout(offset = "))
+        .collect();
+    assert_eq!(
+        offsets,
+        ["0) mat4x4 m;", "64) vec4 tint;", "80) float k;"],
+        "{glsl}"
+    );
 }
 
 /// Two constants of one default, which the vertex stage does not have.

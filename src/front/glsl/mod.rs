@@ -7,8 +7,9 @@
 //! `preprocess` runs directives and macros; `syntax` parses; `shadow_samplers` types Vulkan's samplers;
 //! `stage` collects a stage's declarations; `interface` assigns bindings and locations to both stages; `declared` records the
 //! author's own; `lower` prints; `source_marks` maps the printed text to the source, and
-//! `map_spans` applies that map to the module. `placeholders`, `atomics`, `binding_arrays`, `built_ins`
-//! and `lengths` add to the IR what naga's front end lacks.
+//! `map_spans` applies that map to the module. `member_loads` narrows what naga loads.
+//! `placeholders`, `atomics`, `binding_arrays`, `built_ins` and `lengths` add to the IR what naga's
+//! front end lacks.
 
 mod atomics;
 mod built_ins;
@@ -18,6 +19,7 @@ mod include;
 mod interface;
 mod lengths;
 mod lower;
+mod member_loads;
 mod parser_messages;
 mod placeholders;
 mod preprocess;
@@ -417,6 +419,7 @@ fn read(
         .parse(&NagaOptions::from(stage), text)
         .map(|mut module| {
             binding_arrays::replace(&mut module);
+            member_loads::narrow(&mut module);
             module
         })
         .map_err(|errors| {
