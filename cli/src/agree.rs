@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use preshade::unstable::passes::core::mapping::Mapping;
+use preshade::unstable::passes::declared::Depth;
 use preshade::unstable::passes::naga::ShaderStage;
 use preshade::unstable::passes::plan::Plan;
 use preshade::unstable::passes::validate::Effort;
@@ -13,7 +14,7 @@ use rayon::prelude::*;
 
 use crate::agreed::{Cost, Pair, Report};
 use crate::beside::SceneArgs;
-use crate::input::{ShaderArgs, is_stdin};
+use crate::input::{Clip, ShaderArgs, is_stdin};
 use crate::pairs::{self, Asked};
 use crate::trees::{self, Tree};
 use crate::{Ending, Failure, output, unknown};
@@ -328,27 +329,68 @@ fn checked(
         )
     });
     let name = named(&name);
-    let agreement = agree::agree(&first, &second, asked.relation, &asked.maps, &effort);
-    let agreement = agreement.map_err(|e| {
-        let files = |s: &ShaderArgs| named(&files(&s.files));
-        Failure(format!(
-            "error: {e}\n = the first is {}, the second {}",
-            files(&asked.first),
-            files(&asked.second)
-        ))
-    })?;
+    let compare = |first: &Plan, second: &Plan| {
+        let agreement = agree::agree(first, second, asked.relation, &asked.maps, &effort);
+        agreement.map_err(|e| {
+            let files = |s: &ShaderArgs| named(&files(&s.files));
+            Failure(format!(
+                "error: {e}\n = the first is {}, the second {}",
+                files(&asked.first),
+                files(&asked.second)
+            ))
+        })
+    };
+    let mut sides = [asked.first.clone(), asked.second.clone()];
+    let mut plans = [first, second];
+    let mut agreement = compare(&plans[0], &plans[1])?;
+    let mut notes = Vec::new();
+    if is_elsewhere(&agreement)
+        && let Some(side) = of_another_clip_space(&sides, &plans)
+    {
+        let mut as_written = sides[side].clone();
+        as_written.glsl.clip = Some(Clip::ZeroToOne);
+        let mut again = plans.clone();
+        again[side] = plan(&as_written)?;
+        let compared = compare(&again[0], &again[1])?;
+        if !is_elsewhere(&compared) {
+            notes.push(format!(
+                "positions are compared as written: only with OpenGL's depths, from -1 to 1, does {} \
+                 differ",
+                named(&files(&as_written.files))
+            ));
+            (agreement, plans, sides[side]) = (compared, again, as_written);
+        }
+    }
+    let [first, second] = &plans;
     let partners = &agreement.partners;
-    let drawn = args.drawing.drawn(
-        [&asked.first, &asked.second],
-        [&first, &second],
-        asked.relation,
-        partners,
-    )?;
+    let drawn = args
+        .drawing
+        .drawn(sides.each_ref(), [first, second], asked.relation, partners)?;
     let agreement = named_spots(agreement, named);
-    let cost = [Cost::of(&first), Cost::of(&second)];
+    let cost = [Cost::of(first), Cost::of(second)];
     Ok(Checked::Compared(Box::new(Pair::new(
-        name, agreement, cost, drawn,
+        name, agreement, notes, cost, drawn,
     ))))
+}
+
+fn is_elsewhere(agreement: &Agreement) -> bool {
+    let mut findings = agreement.findings.iter();
+    findings.any(|f| f.class == Class::Position)
+}
+
+/// The side that was taken for OpenGL's, if only the other was not. The host's matrices decide, and a
+/// text does not say which they are.
+fn of_another_clip_space(sides: &[ShaderArgs; 2], plans: &[Plan; 2]) -> Option<usize> {
+    let is_open_gl = |plan: &Plan| {
+        let program = plan.main().and_then(|p| plan.program(p));
+        program.is_some_and(|p| p.declared().depth == Depth::OpenGl)
+    };
+    let side = match plans.each_ref().map(is_open_gl) {
+        [true, false] => 0,
+        [false, true] => 1,
+        _ => return None,
+    };
+    sides[side].glsl.clip.is_none().then_some(side)
 }
 
 /// The agreement with the names of files as the user gave them.

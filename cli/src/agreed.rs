@@ -47,6 +47,8 @@ pub struct Pair {
     /// The findings of the agreement, judged.
     #[serde(rename = "judged")]
     findings: Vec<Judged>,
+    /// How the programs were read, a sentence each.
+    notes: Vec<String>,
     /// Static costs of the first and the second program.
     cost: [Cost; 2],
     /// Both programs in a scene, by camera.
@@ -83,6 +85,7 @@ impl Pair {
     pub fn new(
         name: String,
         mut agreement: Agreement,
+        notes: Vec<String>,
         cost: [Cost; 2],
         drawn: Vec<Beside>,
     ) -> Self {
@@ -96,6 +99,7 @@ impl Pair {
             name,
             agreement,
             findings: judged.collect(),
+            notes,
             cost,
             drawn,
         }
@@ -190,6 +194,9 @@ impl Report {
                         .unwrap_or_default();
                     let _ = writeln!(out, "  `{}` is `{}` by {by}", partner.theirs, partner.ours);
                 }
+            }
+            for note in &pair.notes {
+                let _ = writeln!(out, "  note: {note}");
             }
             for held in &pair.agreement.promises {
                 let _ = writeln!(out, "  {}: {}", held.promise, pair.outcome(&held.promise));
@@ -310,6 +317,11 @@ impl Report {
                 for (who, spot) in lines(finding, pair.agreement.relation) {
                     let _ = writeln!(out, "  - {who}: {}", told_spot(spot));
                 }
+            }
+        }
+        for pair in &self.pairs {
+            for note in &pair.notes {
+                let _ = writeln!(out, "\n`{}`: {note}", pair.name);
             }
         }
         for pair in self.pairs.iter().filter(|p| !p.drawn.is_empty()) {
