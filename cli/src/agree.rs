@@ -174,8 +174,8 @@ impl AgreeArgs {
         })
     }
 
-    /// The pairs to check, and the trees that they are in.
-    fn asked(&self) -> Result<(Vec<Asked>, Vec<Tree>), Failure> {
+    /// The pairs to check.
+    fn asked(&self) -> Result<Everything, Failure> {
         if self
             .shader
             .files
@@ -185,14 +185,17 @@ impl AgreeArgs {
         {
             return Err(Failure("error: agree reads files, not stdin".to_owned()));
         }
+        let of_pairs = |pairs| Everything {
+            pairs,
+            ..Everything::default()
+        };
         if let Some(file) = &self.pairs {
             let [folder] = &self.shader.files[..] else {
                 return Err(Failure(
                     "error: with --pairs, FILE is the folder of the shaders".to_owned(),
                 ));
             };
-            let asked = pairs::read(file, folder, &self.shader)?;
-            return Ok((asked, Vec::new()));
+            return Ok(of_pairs(pairs::read(file, folder, &self.shader)?));
         }
         let relation = self.relation()?;
         let pair = |first: ShaderArgs, second: ShaderArgs| Asked {
@@ -203,9 +206,16 @@ impl AgreeArgs {
             maps: self.map.clone(),
         };
         match (&self.shader.files[..], &self.with[..]) {
-            ([..], [_, ..]) => {
+            (ours, with @ [_, ..]) => {
+                if let Some(folder) = ours.iter().chain(with).find(|f| f.is_dir()) {
+                    return Err(Failure(format!(
+                        "error: {} is a folder\n = --with is for one program; `preshade agree FIRST \
+                         SECOND` takes two folders",
+                        folder.display()
+                    )));
+                }
                 let first = self.shader.clone();
-                Ok((vec![pair(first, self.other(self.with.clone()))], Vec::new()))
+                Ok(of_pairs(vec![pair(first, self.other(self.with.clone()))]))
             }
             ([before, after], []) => {
                 let (before, after) = (Tree::open(before)?, Tree::open(after)?);
@@ -216,12 +226,16 @@ impl AgreeArgs {
                         after.name()
                     )));
                 }
-                let asked = trees::pairs(
+                let (pairs, alone) = trees::pairs(
                     [&before, &after],
                     [&self.shader, &self.other(Vec::new())],
                     &pair,
                 )?;
-                Ok((asked, vec![before, after]))
+                Ok(Everything {
+                    pairs,
+                    alone,
+                    trees: vec![before, after],
+                })
             }
             _ => Err(Failure(
                 "error: agree needs two programs: FIRST --with SECOND, or two files, folders or \
@@ -242,7 +256,11 @@ pub fn run(args: &AgreeArgs) -> Result<Ending, Failure> {
         },
     };
     args.drawing.check()?;
-    let (asked, trees) = args.asked()?;
+    let Everything {
+        pairs: asked,
+        alone,
+        trees,
+    } = args.asked()?;
     let named = |text: &str| {
         trees
             .iter()
@@ -257,6 +275,7 @@ pub fn run(args: &AgreeArgs) -> Result<Ending, Failure> {
         .map(|asked| checked(args, asked, is_one, &named))
         .collect();
     let mut report = Report::default();
+    report.alone = alone;
     for result in results {
         match result {
             Ok(Checked::Compared(pair)) => report.pairs.push(*pair),
@@ -281,6 +300,16 @@ pub fn run(args: &AgreeArgs) -> Result<Ending, Failure> {
         () if report.is_nothing() && report.unchanged == 0 => Ending::NotMeasured,
         () => Ending::Fine,
     })
+}
+
+/// What is asked for.
+#[derive(Default)]
+struct Everything {
+    pairs: Vec<Asked>,
+    /// Sentences on materials that are in one folder alone.
+    alone: Vec<String>,
+    /// The trees that the pairs are in.
+    trees: Vec<Tree>,
 }
 
 /// The result of a pair.
@@ -419,7 +448,20 @@ fn plan(shader: &ShaderArgs) -> Result<Plan, Failure> {
         ));
     }
     let none = Recipe { steps: Vec::new() };
-    let materials = shader.plans(&none)?;
+    // A message on what a text lacks does not name it.
+    let of_which = |Failure(why)| match shader
+        .files
+        .iter()
+        .any(|f| why.contains(&files(&[f.clone()])))
+    {
+        true => Failure(why),
+        false => Failure(format!(
+            "{}\n = in {}",
+            why.trim_end(),
+            files(&shader.files)
+        )),
+    };
+    let materials = shader.plans(&none).map_err(of_which)?;
     let plan = materials.asked.into_iter().next();
     plan.ok_or_else(|| Failure("error: there is no material".to_owned()))
 }

@@ -60,6 +60,8 @@ pub struct Pair {
 pub struct Report {
     schema: &'static str,
     pub pairs: Vec<Pair>,
+    /// Sentences on materials that are in one of two folders alone.
+    pub alone: Vec<String>,
     /// Files in both folders that are no materials.
     pub left_out: usize,
     /// Pairs of two folders with the same text.
@@ -73,6 +75,7 @@ impl Default for Report {
         Self {
             schema: "preshade.agree.v1",
             pairs: Vec::new(),
+            alone: Vec::new(),
             left_out: 0,
             unchanged: 0,
             unused_waivers: Vec::new(),
@@ -220,6 +223,9 @@ impl Report {
         if self.unchanged > 0 {
             let _ = writeln!(out, "{} unchanged", self.unchanged);
         }
+        for alone in &self.alone {
+            let _ = writeln!(out, "{alone}");
+        }
         if self.left_out > 0 {
             let _ = writeln!(out, "{} left out: no materials", self.left_out);
         }
@@ -243,6 +249,9 @@ impl Report {
         };
         if self.unchanged > 0 {
             let _ = writeln!(out, "Unchanged: {}.\n", self.unchanged);
+        }
+        for alone in &self.alone {
+            let _ = writeln!(out, "{}.\n", cell(alone));
         }
         if self.pairs.is_empty() {
             return out;
