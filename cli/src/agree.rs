@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use preshade::unstable::passes::core::mapping::Mapping;
+use preshade::unstable::passes::declared::Depth;
 use preshade::unstable::passes::naga::ShaderStage;
 use preshade::unstable::passes::plan::Plan;
 use preshade::unstable::passes::validate::Effort;
@@ -13,7 +14,7 @@ use rayon::prelude::*;
 
 use crate::agreed::{Cost, Pair, Report};
 use crate::beside::SceneArgs;
-use crate::input::{ShaderArgs, is_stdin};
+use crate::input::{Clip, ShaderArgs, is_stdin};
 use crate::pairs::{self, Asked};
 use crate::trees::{self, Tree};
 use crate::{Ending, Failure, output, unknown};
@@ -173,8 +174,8 @@ impl AgreeArgs {
         })
     }
 
-    /// The pairs to check, and the trees that they are in.
-    fn asked(&self) -> Result<(Vec<Asked>, Vec<Tree>), Failure> {
+    /// The pairs to check.
+    fn asked(&self) -> Result<Everything, Failure> {
         if self
             .shader
             .files
@@ -184,14 +185,17 @@ impl AgreeArgs {
         {
             return Err(Failure("error: agree reads files, not stdin".to_owned()));
         }
+        let of_pairs = |pairs| Everything {
+            pairs,
+            ..Everything::default()
+        };
         if let Some(file) = &self.pairs {
             let [folder] = &self.shader.files[..] else {
                 return Err(Failure(
                     "error: with --pairs, FILE is the folder of the shaders".to_owned(),
                 ));
             };
-            let asked = pairs::read(file, folder, &self.shader)?;
-            return Ok((asked, Vec::new()));
+            return Ok(of_pairs(pairs::read(file, folder, &self.shader)?));
         }
         let relation = self.relation()?;
         let pair = |first: ShaderArgs, second: ShaderArgs| Asked {
@@ -202,9 +206,16 @@ impl AgreeArgs {
             maps: self.map.clone(),
         };
         match (&self.shader.files[..], &self.with[..]) {
-            ([..], [_, ..]) => {
+            (ours, with @ [_, ..]) => {
+                if let Some(folder) = ours.iter().chain(with).find(|f| f.is_dir()) {
+                    return Err(Failure(format!(
+                        "error: {} is a folder\n = --with is for one program; `preshade agree FIRST \
+                         SECOND` takes two folders",
+                        folder.display()
+                    )));
+                }
                 let first = self.shader.clone();
-                Ok((vec![pair(first, self.other(self.with.clone()))], Vec::new()))
+                Ok(of_pairs(vec![pair(first, self.other(self.with.clone()))]))
             }
             ([before, after], []) => {
                 let (before, after) = (Tree::open(before)?, Tree::open(after)?);
@@ -215,12 +226,16 @@ impl AgreeArgs {
                         after.name()
                     )));
                 }
-                let asked = trees::pairs(
+                let (pairs, alone) = trees::pairs(
                     [&before, &after],
                     [&self.shader, &self.other(Vec::new())],
                     &pair,
                 )?;
-                Ok((asked, vec![before, after]))
+                Ok(Everything {
+                    pairs,
+                    alone,
+                    trees: vec![before, after],
+                })
             }
             _ => Err(Failure(
                 "error: agree needs two programs: FIRST --with SECOND, or two files, folders or \
@@ -241,7 +256,11 @@ pub fn run(args: &AgreeArgs) -> Result<Ending, Failure> {
         },
     };
     args.drawing.check()?;
-    let (asked, trees) = args.asked()?;
+    let Everything {
+        pairs: asked,
+        alone,
+        trees,
+    } = args.asked()?;
     let named = |text: &str| {
         trees
             .iter()
@@ -256,6 +275,7 @@ pub fn run(args: &AgreeArgs) -> Result<Ending, Failure> {
         .map(|asked| checked(args, asked, is_one, &named))
         .collect();
     let mut report = Report::default();
+    report.alone = alone;
     for result in results {
         match result {
             Ok(Checked::Compared(pair)) => report.pairs.push(*pair),
@@ -280,6 +300,16 @@ pub fn run(args: &AgreeArgs) -> Result<Ending, Failure> {
         () if report.is_nothing() && report.unchanged == 0 => Ending::NotMeasured,
         () => Ending::Fine,
     })
+}
+
+/// What is asked for.
+#[derive(Default)]
+struct Everything {
+    pairs: Vec<Asked>,
+    /// Sentences on materials that are in one folder alone.
+    alone: Vec<String>,
+    /// The trees that the pairs are in.
+    trees: Vec<Tree>,
 }
 
 /// The result of a pair.
@@ -328,27 +358,68 @@ fn checked(
         )
     });
     let name = named(&name);
-    let agreement = agree::agree(&first, &second, asked.relation, &asked.maps, &effort);
-    let agreement = agreement.map_err(|e| {
-        let files = |s: &ShaderArgs| named(&files(&s.files));
-        Failure(format!(
-            "error: {e}\n = the first is {}, the second {}",
-            files(&asked.first),
-            files(&asked.second)
-        ))
-    })?;
+    let compare = |first: &Plan, second: &Plan| {
+        let agreement = agree::agree(first, second, asked.relation, &asked.maps, &effort);
+        agreement.map_err(|e| {
+            let files = |s: &ShaderArgs| named(&files(&s.files));
+            Failure(format!(
+                "error: {e}\n = the first is {}, the second {}",
+                files(&asked.first),
+                files(&asked.second)
+            ))
+        })
+    };
+    let mut sides = [asked.first.clone(), asked.second.clone()];
+    let mut plans = [first, second];
+    let mut agreement = compare(&plans[0], &plans[1])?;
+    let mut notes = Vec::new();
+    if is_elsewhere(&agreement)
+        && let Some(side) = of_another_clip_space(&sides, &plans)
+    {
+        let mut as_written = sides[side].clone();
+        as_written.glsl.clip = Some(Clip::ZeroToOne);
+        let mut again = plans.clone();
+        again[side] = plan(&as_written)?;
+        let compared = compare(&again[0], &again[1])?;
+        if !is_elsewhere(&compared) {
+            notes.push(format!(
+                "positions are compared as written: only with OpenGL's depths, from -1 to 1, does {} \
+                 differ",
+                named(&files(&as_written.files))
+            ));
+            (agreement, plans, sides[side]) = (compared, again, as_written);
+        }
+    }
+    let [first, second] = &plans;
     let partners = &agreement.partners;
-    let drawn = args.drawing.drawn(
-        [&asked.first, &asked.second],
-        [&first, &second],
-        asked.relation,
-        partners,
-    )?;
+    let drawn = args
+        .drawing
+        .drawn(sides.each_ref(), [first, second], asked.relation, partners)?;
     let agreement = named_spots(agreement, named);
-    let cost = [Cost::of(&first), Cost::of(&second)];
+    let cost = [Cost::of(first), Cost::of(second)];
     Ok(Checked::Compared(Box::new(Pair::new(
-        name, agreement, cost, drawn,
+        name, agreement, notes, cost, drawn,
     ))))
+}
+
+fn is_elsewhere(agreement: &Agreement) -> bool {
+    let mut findings = agreement.findings.iter();
+    findings.any(|f| f.class == Class::Position)
+}
+
+/// The side that was taken for OpenGL's, if only the other was not. The host's matrices decide, and a
+/// text does not say which they are.
+fn of_another_clip_space(sides: &[ShaderArgs; 2], plans: &[Plan; 2]) -> Option<usize> {
+    let is_open_gl = |plan: &Plan| {
+        let program = plan.main().and_then(|p| plan.program(p));
+        program.is_some_and(|p| p.declared().depth == Depth::OpenGl)
+    };
+    let side = match plans.each_ref().map(is_open_gl) {
+        [true, false] => 0,
+        [false, true] => 1,
+        _ => return None,
+    };
+    sides[side].glsl.clip.is_none().then_some(side)
 }
 
 /// The agreement with the names of files as the user gave them.
@@ -377,7 +448,20 @@ fn plan(shader: &ShaderArgs) -> Result<Plan, Failure> {
         ));
     }
     let none = Recipe { steps: Vec::new() };
-    let materials = shader.plans(&none)?;
+    // A message on what a text lacks does not name it.
+    let of_which = |Failure(why)| match shader
+        .files
+        .iter()
+        .any(|f| why.contains(&files(&[f.clone()])))
+    {
+        true => Failure(why),
+        false => Failure(format!(
+            "{}\n = in {}",
+            why.trim_end(),
+            files(&shader.files)
+        )),
+    };
+    let materials = shader.plans(&none).map_err(of_which)?;
     let plan = materials.asked.into_iter().next();
     plan.ok_or_else(|| Failure("error: there is no material".to_owned()))
 }

@@ -47,6 +47,8 @@ pub struct Pair {
     /// The findings of the agreement, judged.
     #[serde(rename = "judged")]
     findings: Vec<Judged>,
+    /// How the programs were read, a sentence each.
+    notes: Vec<String>,
     /// Static costs of the first and the second program.
     cost: [Cost; 2],
     /// Both programs in a scene, by camera.
@@ -58,6 +60,8 @@ pub struct Pair {
 pub struct Report {
     schema: &'static str,
     pub pairs: Vec<Pair>,
+    /// Sentences on materials that are in one of two folders alone.
+    pub alone: Vec<String>,
     /// Files in both folders that are no materials.
     pub left_out: usize,
     /// Pairs of two folders with the same text.
@@ -71,6 +75,7 @@ impl Default for Report {
         Self {
             schema: "preshade.agree.v1",
             pairs: Vec::new(),
+            alone: Vec::new(),
             left_out: 0,
             unchanged: 0,
             unused_waivers: Vec::new(),
@@ -83,6 +88,7 @@ impl Pair {
     pub fn new(
         name: String,
         mut agreement: Agreement,
+        notes: Vec<String>,
         cost: [Cost; 2],
         drawn: Vec<Beside>,
     ) -> Self {
@@ -96,6 +102,7 @@ impl Pair {
             name,
             agreement,
             findings: judged.collect(),
+            notes,
             cost,
             drawn,
         }
@@ -191,6 +198,9 @@ impl Report {
                     let _ = writeln!(out, "  `{}` is `{}` by {by}", partner.theirs, partner.ours);
                 }
             }
+            for note in &pair.notes {
+                let _ = writeln!(out, "  note: {note}");
+            }
             for held in &pair.agreement.promises {
                 let _ = writeln!(out, "  {}: {}", held.promise, pair.outcome(&held.promise));
             }
@@ -212,6 +222,9 @@ impl Report {
         }
         if self.unchanged > 0 {
             let _ = writeln!(out, "{} unchanged", self.unchanged);
+        }
+        for alone in &self.alone {
+            let _ = writeln!(out, "{alone}");
         }
         if self.left_out > 0 {
             let _ = writeln!(out, "{} left out: no materials", self.left_out);
@@ -236,6 +249,9 @@ impl Report {
         };
         if self.unchanged > 0 {
             let _ = writeln!(out, "Unchanged: {}.\n", self.unchanged);
+        }
+        for alone in &self.alone {
+            let _ = writeln!(out, "{}.\n", cell(alone));
         }
         if self.pairs.is_empty() {
             return out;
@@ -310,6 +326,11 @@ impl Report {
                 for (who, spot) in lines(finding, pair.agreement.relation) {
                     let _ = writeln!(out, "  - {who}: {}", told_spot(spot));
                 }
+            }
+        }
+        for pair in &self.pairs {
+            for note in &pair.notes {
+                let _ = writeln!(out, "\n`{}`: {note}", pair.name);
             }
         }
         for pair in self.pairs.iter().filter(|p| !p.drawn.is_empty()) {

@@ -136,19 +136,21 @@ fn git_bytes(args: &[&str]) -> Result<Vec<u8>, String> {
     }
 }
 
-/// The pairs of two files, or of the materials with one path in two folders.
+/// The pairs of two files, or of the materials with one path in two folders; and the materials that
+/// are in one of the folders alone.
 pub fn pairs(
     [before, after]: [&Tree; 2],
     [first, second]: [&ShaderArgs; 2],
     pair: &dyn Fn(ShaderArgs, ShaderArgs) -> Asked,
-) -> Result<Vec<Asked>, Failure> {
+) -> Result<(Vec<Asked>, Vec<String>), Failure> {
     let of = |shader: &ShaderArgs, files: Vec<PathBuf>| ShaderArgs {
         files,
         ..shader.clone()
     };
     if !before.is_folder() {
         let side = |shader, tree: &Tree| of(shader, vec![tree.path.clone()]);
-        return Ok(vec![pair(side(first, before), side(second, after))]);
+        let one = pair(side(first, before), side(second, after));
+        return Ok((vec![one], Vec::new()));
     }
     let materials = |tree: &Tree, shader: &ShaderArgs| {
         let shader = of(shader, vec![tree.path.clone()]);
@@ -163,19 +165,23 @@ pub fn pairs(
         Ok::<BTreeMap<String, ShaderArgs>, Failure>(named.collect())
     };
     let (mut old, new) = (materials(before, first)?, materials(after, second)?);
-    let both = new.into_iter().filter_map(|(name, second)| {
-        let first = old.remove(&name)?;
-        Some(Asked {
-            name: Some(name),
-            ..pair(first, second)
-        })
-    });
-    let both: Vec<Asked> = both.collect();
+    let (mut both, mut alone) = (Vec::new(), Vec::new());
+    let only = |tree: &Tree, name: &str| format!("{name} is only in {}", tree.given);
+    for (name, second) in new {
+        match old.remove(&name) {
+            Some(first) => both.push(Asked {
+                name: Some(name),
+                ..pair(first, second)
+            }),
+            None => alone.push(only(after, &name)),
+        }
+    }
+    alone.extend(old.keys().map(|name| only(before, name)));
     match both.is_empty() {
         true => Err(Failure(format!(
             "error: {} and {} have no shader in common",
             before.given, after.given
         ))),
-        false => Ok(both),
+        false => Ok((both, alone)),
     }
 }

@@ -222,6 +222,61 @@ fn the_adapter_is_given_named_gradients() {
     assert!(broken(&checks).is_some(), "{}", said(&checks));
 }
 
+/// Textures that functions receive, and pass on, are those of the callers there as well: their texels
+/// and their sizes.
+#[test]
+fn the_adapter_looks_up_in_textures_that_functions_receive() {
+    const FUNCTIONS: &str = "
+@group(1) @binding(2) var mask: texture_2d<u32>;
+fn beside(of: texture_2d<f32>, by: sampler, at: vec2<f32>) -> vec4<f32> {
+    return textureSample(of, by, at - 1.0 / vec2<f32>(textureDimensions(of)));
+}
+fn smooth_at(at: vec2<f32>, of: texture_2d<f32>, weight: f32, by: sampler) -> vec4<f32> {
+    return beside(of, by, at - weight) - beside(of, by, at);
+}
+fn level(of: texture_2d<u32>, at: vec2<f32>) -> f32 {
+    return f32(textureLoad(of, vec2<i32>(at * 8.0), 0).r + textureNumLevels(of));
+}
+";
+    let text = MATERIAL.replace(
+        "textureSample(picture, filtering, in.uv, vec2(1, 0))",
+        "smooth_at(in.uv, picture, 0.25, filtering) + level(mask, in.uv) \
+         + smooth_at(in.uv, other, 0.25, filtering)",
+    );
+    assert_ne!(text, MATERIAL);
+    let other = "@group(1) @binding(3) var other: texture_2d<f32>;\n";
+    let text = format!("{text}{FUNCTIONS}{other}");
+    let state = MaterialState::default();
+    let original = Plan::original("test", program(&text), "vs", Some("fs"), &state);
+    let variant = applied(&original, "depth-prepass");
+    let checks = validate_on(gpu(), &original, &variant, &EFFORT, &|_, _| {});
+    assert!(
+        checks.iter().all(|c| c.verdict.holds()),
+        "{}",
+        said(&checks)
+    );
+    // One of the two textures is the other.
+    let mut wrong = variant.clone();
+    for program in wrong.programs.values_mut() {
+        let mut module = program.module().clone();
+        let named = |name: &str| {
+            let mut all = module.global_variables.iter();
+            all.find_map(|(h, g)| (g.name.as_deref() == Some(name)).then_some(h))
+        };
+        let [from, to] = [named("picture").unwrap(), named("other").unwrap()];
+        for function in functions(&mut module) {
+            for (_, expression) in function.expressions.iter_mut() {
+                if *expression == Expression::GlobalVariable(from) {
+                    *expression = Expression::GlobalVariable(to);
+                }
+            }
+        }
+        *program = program.with_module(module).unwrap();
+    }
+    let checks = validate_on(gpu(), &original, &wrong, &EFFORT, &|_, _| {});
+    assert!(broken(&checks).is_some(), "{}", said(&checks));
+}
+
 /// Some of the fixture materials (all with `PRESHADE_ADAPTER_FIXTURES=all`): nothing is broken,
 /// most can be run, and what cannot says why.
 #[test]

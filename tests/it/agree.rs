@@ -270,3 +270,139 @@ fn no_fixture_raises_a_false_alarm_against_itself() {
     assert!(alarms.is_empty(), "{}", alarms.join("\n"));
     assert!(results.len() > 400, "{}", results.len());
 }
+
+/// A material with a texture that decides a discard, one for the colour, and others.
+fn combined(order: &[&str], is_vulkan: bool, discards_by: &str) -> Plan {
+    let (version, numbered) = match is_vulkan {
+        true => ("#version 450\n", true),
+        false => ("#version 300 es\nprecision highp float;\n", false),
+    };
+    let place = |location: u32| match numbered {
+        true => format!("layout(location = {location}) "),
+        false => String::new(),
+    };
+    let samplers: String = (0..order.len())
+        .map(|i| match numbered {
+            true => format!(
+                "layout(set = 1, binding = {i}) uniform sampler2D {};\n",
+                order[i]
+            ),
+            false => format!("uniform sampler2D {};\n", order[i]),
+        })
+        .collect();
+    let matrix = match numbered {
+        true => "layout(set = 0, binding = 0) uniform Draw { mat4 mvp; };",
+        false => "uniform mat4 mvp;",
+    };
+    let [zero, one] = [place(0), place(1)];
+    let vertex = format!(
+        "{version}{zero}in vec3 position;\n{one}in vec2 uv;\n{zero}out vec2 v;\n{matrix}\n\
+         void main() {{ v = uv; gl_Position = mvp * vec4(position, 1.0); }}\n"
+    );
+    let fragment = format!(
+        "{version}{zero}in vec2 v;\n{zero}out vec4 color;\n{samplers}\
+         float alpha(sampler2D map, vec2 at) {{ return texture(map, at).a; }}\n\
+         void main() {{ if (alpha({discards_by}, v) < 0.5) discard; color = texture(base, v); }}\n"
+    );
+    let sources = [
+        Source::new("m.vert", vertex),
+        Source::new("m.frag", fragment),
+    ];
+    plan(&sources, &Options::default()).unwrap()
+}
+
+/// As the combined samplers of [`combined`], with one sampler for all textures.
+const SHARED: &str = "
+@group(0) @binding(0) var<uniform> mvp: mat4x4<f32>;
+@group(1) @binding(0) var mask: texture_2d<f32>;
+@group(1) @binding(1) var base: texture_2d<f32>;
+@group(1) @binding(2) var filtering: sampler;
+struct Varyings { @builtin(position) position: vec4<f32>, @location(0) v: vec2<f32> }
+@vertex fn vs(@location(0) position: vec3<f32>, @location(1) uv: vec2<f32>) -> Varyings {
+    return Varyings(mvp * vec4(position, 1.0), uv);
+}
+@fragment fn fs(in: Varyings) -> @location(0) vec4<f32> {
+    if textureSample(mask, filtering, in.v).a < 0.5 { discard; }
+    return textureSample(base, filtering, in.v);
+}
+";
+
+fn agrees(first: &Plan, second: &Plan, relation: Relation) -> bool {
+    let effort = Effort {
+        inputs: 24,
+        ..Effort::default()
+    };
+    agree(first, second, relation, &[], &effort)
+        .unwrap()
+        .holds()
+}
+
+/// The sampler of a combined one has a number of ours, which depends on the order of declarations.
+#[test]
+fn combined_samplers_follow_their_textures() {
+    let orders: [&[&str]; 5] = [
+        &["base", "mask"],
+        &["mask", "base"],
+        &["base", "unused", "mask"],
+        &["mask", "unused", "base"],
+        &["unused", "mask", "base"],
+    ];
+    let shared = plan(&[Source::new("shared.wgsl", SHARED)], &Options::default()).unwrap();
+    for is_vulkan in [false, true] {
+        // A host binds Vulkan's sets by number, so another order is another picture there.
+        let relation = match is_vulkan {
+            false => Relation::Same,
+            true => Relation::Prepass,
+        };
+        for first in orders {
+            let ours = combined(first, is_vulkan, "mask");
+            for second in orders {
+                let theirs = combined(second, is_vulkan, "mask");
+                assert!(
+                    agrees(&ours, &theirs, relation),
+                    "{first:?} {second:?} {is_vulkan}"
+                );
+                let wrong = combined(second, is_vulkan, "base");
+                assert!(
+                    !agrees(&ours, &wrong, relation),
+                    "{first:?} {second:?} {is_vulkan}"
+                );
+            }
+            if is_vulkan {
+                assert!(agrees(&ours, &shared, Relation::Same), "{first:?}");
+                assert!(agrees(&shared, &ours, Relation::Same), "{first:?}");
+            }
+            for pass in derived(&ours, is_vulkan) {
+                assert!(agrees(&ours, &pass, Relation::Prepass), "{first:?}");
+            }
+        }
+    }
+}
+
+/// The pre-passes that preshade writes as GLSL.
+fn derived(original: &Plan, is_vulkan: bool) -> Vec<Plan> {
+    let recipe = Recipe::parse_list("depth-prepass").unwrap();
+    let variant = recipe.apply(original, &Facts::without_ties()).unwrap();
+    let options = Options {
+        clip_space: is_vulkan.then_some(ClipSpace::AsWritten),
+        ..Options::default()
+    };
+    let targets = [Target::Glsl450, Target::GlslVulkan, Target::GlslEs300];
+    let passes = targets.map(|target| {
+        let files = emit::emit(&variant, &[target], &emit::Options::default()).unwrap();
+        let files = files.into_iter().filter(|f| f.name.contains("prepass"));
+        let sources: Vec<_> = files
+            .map(|f| Source::from_bytes(f.name, f.bytes).unwrap())
+            .collect();
+        // A host sets the clip space of Vulkan's GLSL, whoever wrote it.
+        let options = match target {
+            Target::GlslVulkan => Options {
+                clip_space: Some(ClipSpace::AsWritten),
+                ..Options::default()
+            },
+            _ => options.clone(),
+        };
+        plan(&sources, &options).unwrap()
+    });
+    passes.into()
+}

@@ -1,8 +1,6 @@
 //! Evaluates expressions.
 
-use naga::{
-    DerivativeAxis, DerivativeControl, Expression, Function, GlobalVariable, Handle, SampleLevel,
-};
+use naga::{DerivativeAxis, DerivativeControl, Expression, GlobalVariable, Handle, SampleLevel};
 
 use super::machine::{Activation, Machine, part};
 use super::number::Number;
@@ -130,7 +128,7 @@ impl<'a, F: Number> Machine<'a, F> {
                 operands.extend([array_index, sample, level].into_iter().flatten());
                 let how = (&[][..], Sampling::default());
                 let texel = self.lookup(frame, *image, &operands, how)?;
-                self.texel(*image, function, texel)?
+                self.texel(frame, *image, texel)?
             }
             Expression::ArrayLength(array) => {
                 let pointer = self.get(frame, *array)?;
@@ -252,7 +250,7 @@ impl<'a, F: Number> Machine<'a, F> {
         let texel = self.lookup(frame, *image, &operands, (&footprint, sampling))?;
         Ok(match depth_ref {
             Some(_) => Value::number(texel[0]),
-            None => self.texel(*image, frame.function, texel)?,
+            None => self.texel(frame, *image, texel)?,
         })
     }
 
@@ -287,16 +285,21 @@ impl<'a, F: Number> Machine<'a, F> {
     /// Converts the caller's texel to the texture's class: one float for depth, whole numbers for
     /// integers.
     fn texel(
-        &self,
+        &mut self,
+        frame: &mut Activation<'a, F>,
         image: Handle<Expression>,
-        function: &Function,
         texel: [F; 4],
     ) -> Result<Value<F>, Stuck> {
-        use naga::{ImageClass, ScalarKind};
-        let class = match function.expressions[image] {
-            Expression::GlobalVariable(g) => {
-                match self.module.types[self.module.global_variables[g].ty].inner {
-                    naga::TypeInner::Image { class, .. } => Some(class),
+        use naga::{ImageClass, ScalarKind, TypeInner};
+        let class = match self.get(frame, image)? {
+            Value::Resource(texture) => {
+                let types = &self.module.types;
+                let mut ty = &types[self.module.global_variables[texture].ty].inner;
+                if let TypeInner::BindingArray { base, .. } = ty {
+                    ty = &types[*base].inner;
+                }
+                match ty {
+                    TypeInner::Image { class, .. } => Some(*class),
                     _ => None,
                 }
             }

@@ -31,6 +31,17 @@ pub enum Profile {
     Extreme,
 }
 
+impl Profile {
+    /// Random numbers that a number of a buffer takes.
+    fn draws(self) -> u64 {
+        match self {
+            Self::Ordinary | Self::Extreme => 1,
+            Self::Mixed => 2,
+            Self::Equal => 0,
+        }
+    }
+}
+
 /// The profile of the n-th input; half of them are ordinary.
 pub fn profile(n: u64) -> Profile {
     match n % 6 {
@@ -83,22 +94,30 @@ const INTEGERS: [u32; 10] = [
 #[derive(Clone, Debug)]
 pub struct Random(u64);
 
+/// What the state grows by.
+const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
+
 impl Random {
     /// From a seed and a purpose.
     pub fn new(seed: u64, of: &str) -> Self {
         let hash = of.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |h, b| {
             (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3)
         });
-        Self(hash ^ seed.wrapping_mul(0x9e37_79b9_7f4a_7c15))
+        Self(hash ^ seed.wrapping_mul(STEP))
     }
 
     /// The next.
     pub fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        self.0 = self.0.wrapping_add(STEP);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
         z ^ (z >> 31)
+    }
+
+    /// Leaves out the next `count`.
+    fn skip(&mut self, count: u64) {
+        self.0 = self.0.wrapping_add(STEP.wrapping_mul(count));
     }
 
     /// A number below `n`.
@@ -141,15 +160,16 @@ pub struct Inputs {
 impl Inputs {
     /// The inputs of a seed for the variables of a module, within a guard.
     pub fn new(module: &Module, guard: Option<&Guard>, seed: u64) -> Self {
-        Self::of_places(module, guard, seed, &|_| true)
+        Self::of_places(module, guard, seed, &|_, _| true)
     }
 
-    /// The same inputs, without the buffers that are not `wanted`: values take time.
+    /// The same inputs, without the buffers that are not `wanted`, and nothing in the members of a
+    /// struct that are not: values take time.
     pub fn of_places(
         module: &Module,
         guard: Option<&Guard>,
         seed: u64,
-        wanted: &dyn Fn((u32, u32)) -> bool,
+        wanted: &dyn Fn((u32, u32), Option<usize>) -> bool,
     ) -> Self {
         let profile = profile(seed);
         let (mut resources, mut left_out) = (BTreeMap::new(), Vec::new());
@@ -160,18 +180,40 @@ impl Inputs {
                 resources.insert(at, Value::Composite(size.to_vec()));
                 continue;
             }
-            if !wanted(at) {
+            if !wanted(at, None) {
                 continue;
             }
-            if scalars(module, global.ty) > MOST_SCALARS {
+            let filled = match &module.types[global.ty].inner {
+                TypeInner::Struct { members, .. } => {
+                    let members = members.iter().enumerate();
+                    let wanted = members.filter(|(i, _)| wanted(at, Some(*i)));
+                    let scalars = wanted.map(|(_, member)| scalars(module, member.ty));
+                    scalars.fold(0, u32::saturating_add)
+                }
+                _ => scalars(module, global.ty),
+            };
+            if filled > MOST_SCALARS {
                 left_out.push(at);
                 continue;
             }
             let name = format!("resource {} {}", at.0, at.1);
             let mut random = Random::new(seed, &name);
-            if let Some(value) = value(module, global.ty, profile, Of::Draw, &mut random) {
-                resources.insert(at, value);
-            }
+            let mut part = |ty, member| match wanted(at, member) {
+                true => value(module, ty, profile, Of::Draw, &mut random),
+                false => {
+                    random.skip(profile.draws() * u64::from(scalars(module, ty)));
+                    Some(Value::Composite(Vec::new()))
+                }
+            };
+            let value = match &module.types[global.ty].inner {
+                TypeInner::Struct { members, .. } => {
+                    let members = members.iter().enumerate();
+                    let parts = members.map(|(i, member)| part(member.ty, Some(i)));
+                    parts.collect::<Option<_>>().map(Value::Composite)
+                }
+                _ => part(global.ty, None),
+            };
+            resources.extend(value.map(|value| (at, value)));
         }
         let mut this = Self {
             seed,
@@ -603,5 +645,35 @@ pub fn set<F: Number>(
             }
         }
         _ => {}
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_member_is_the_same_with_and_without_others() {
+        let text = "
+            struct Light { at: vec3<f32>, kind: u32 }
+            struct Frame { view: mat4x4<f32>, lights: array<Light, 3>, count: i32, wind: vec2<f32> }
+            @group(0) @binding(0) var<uniform> frame: Frame;
+            @fragment fn fs() -> @location(0) vec4<f32> { return vec4(frame.wind, 0.0, 1.0); }";
+        let module = naga::front::wgsl::parse_str(text).unwrap();
+        for seed in 0..12 {
+            let whole = Inputs::new(&module, None, seed);
+            let part = Inputs::of_places(&module, None, seed, &|_, member| member != Some(1));
+            let members = |inputs: &Inputs| inputs.resources[&(0, 0)].parts().unwrap().to_vec();
+            let (whole, part) = (members(&whole), members(&part));
+            for member in [0, 2, 3] {
+                assert_eq!(
+                    format!("{:?}", whole[member]),
+                    format!("{:?}", part[member]),
+                    "{seed}"
+                );
+            }
+            assert_eq!(part[1].parts().unwrap().len(), 0);
+        }
     }
 }

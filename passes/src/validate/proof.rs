@@ -160,11 +160,14 @@ struct Normal {
 pub(super) const SLICE: &str = "preshade_slice";
 
 /// A slice of a stage as a program of its own, with the entry point [`SLICE`].
-pub(super) fn placed(stage: Stage<'_>, criteria: &[Criterion]) -> Option<Program> {
-    let graph = Graph::build(stage.program);
-    let slice = slice::backward(&graph, stage.entry, criteria);
+pub(super) fn placed(
+    graph: &Graph<'_>,
+    stage: Stage<'_>,
+    criteria: &[Criterion],
+) -> Option<Program> {
+    let slice = slice::backward(graph, stage.entry, criteria);
     let module = place::entry_point(
-        &graph,
+        graph,
         &slice,
         stage.module(),
         SLICE,
@@ -179,7 +182,7 @@ pub(super) fn placed(stage: Stage<'_>, criteria: &[Criterion]) -> Option<Program
 /// The slice of a stage. It is placed and sliced again, which removes all traces of its program.
 fn normal(stage: Stage<'_>, criteria: &[Criterion]) -> Option<Normal> {
     let kind = stage.module().entry_points[stage.entry].stage;
-    let placed = placed(stage, criteria)?;
+    let placed = placed(&Graph::build(stage.program), stage, criteria)?;
     let stage = Stage::new(&placed, kind, SLICE)?;
     let graph = Graph::build(&placed);
     Some(Normal {

@@ -70,42 +70,79 @@ impl<F: Number> World<'_, F> {
         steps: u64,
         trace: Option<&RefCell<Vec<Traced<F>>>>,
     ) -> Result<Ran<F>, Stuck> {
-        let environment = |trace| Environment {
+        match (place, stages.fragment) {
+            (TestPoint::Vertex, _) => self.vertex(stages.vertex, self.corner, steps, trace),
+            // Only depth is drawn.
+            (_, None) => Ok(Ran {
+                outputs: BTreeMap::new(),
+                discarded: false,
+                stored: BTreeMap::new(),
+                flips: 0,
+            }),
+            (TestPoint::Anywhere, Some(fragment)) => {
+                let own = |io: &Io| (self.fragment)(fragment.module(), io, 0);
+                fragment.run(&own, &self.environment(steps, trace))
+            }
+            (_, Some(fragment)) => {
+                // Traces only the vertex whose numbers are not interpolated.
+                let traced = |corner| trace.filter(|_| place == TestPoint::Corner(corner));
+                let corners = self.corners(stages.vertex, steps, &traced)?;
+                self.shaded(fragment, place, &corners, steps, trace)
+            }
+        }
+    }
+
+    fn environment<'e>(
+        &'e self,
+        steps: u64,
+        trace: Option<&'e RefCell<Vec<Traced<F>>>>,
+    ) -> Environment<'e, F> {
+        Environment {
             resources: Arc::clone(&self.resources),
             texture: &*self.texel,
             derivative: Some(&*self.derivative),
             trace,
             steps,
-        };
-        let vertex = |corner: usize, trace| {
-            let module = stages.vertex.module();
-            let input = |io: &Io| (self.attribute)(module, io, corner);
-            stages.vertex.run(&input, &environment(trace))
-        };
-        if place == TestPoint::Vertex {
-            return vertex(self.corner, trace);
         }
-        let Some(fragment) = stages.fragment else {
-            // Only depth is drawn.
-            return Ok(Ran {
-                outputs: BTreeMap::new(),
-                discarded: false,
-                stored: BTreeMap::new(),
-                flips: 0,
-            });
-        };
+    }
+
+    fn vertex(
+        &self,
+        stage: Stage<'_>,
+        corner: usize,
+        steps: u64,
+        trace: Option<&RefCell<Vec<Traced<F>>>>,
+    ) -> Result<Ran<F>, Stuck> {
+        let module = stage.module();
+        let input = |io: &Io| (self.attribute)(module, io, corner);
+        stage.run(&input, &self.environment(steps, trace))
+    }
+
+    /// Runs a vertex stage at the corners of the triangle.
+    pub(super) fn corners<'t>(
+        &self,
+        stage: Stage<'_>,
+        steps: u64,
+        traced: &dyn Fn(usize) -> Option<&'t RefCell<Vec<Traced<F>>>>,
+    ) -> Result<[Ran<F>; 3], Stuck>
+    where
+        F: 't,
+    {
+        let vertex = |corner| self.vertex(stage, corner, steps, traced(corner));
+        Ok([vertex(0)?, vertex(1)?, vertex(2)?])
+    }
+
+    /// Runs a fragment stage between corners, or at one of them.
+    pub(super) fn shaded(
+        &self,
+        fragment: Stage<'_>,
+        place: TestPoint,
+        corners: &[Ran<F>; 3],
+        steps: u64,
+        trace: Option<&RefCell<Vec<Traced<F>>>>,
+    ) -> Result<Ran<F>, Stuck> {
         let module = fragment.module();
         let own = |io: &Io| (self.fragment)(module, io, 0);
-        if place == TestPoint::Anywhere {
-            return fragment.run(&own, &environment(trace));
-        }
-        // Traces only the vertex whose numbers are not interpolated.
-        let traced = |corner| trace.filter(|_| place == TestPoint::Corner(corner));
-        let corners = [
-            vertex(0, traced(0))?,
-            vertex(1, traced(1))?,
-            vertex(2, traced(2))?,
-        ];
         let at = match place {
             TestPoint::Corner(corner) => At::Corner(corner),
             _ => At::Inside(&*self.inside),
@@ -114,7 +151,7 @@ impl<F: Number> World<'_, F> {
             Some(naga::Binding::Location { .. }) => interpolated(io, corners.each_ref(), &at),
             _ => own(io),
         };
-        fragment.run(&input, &environment(trace))
+        fragment.run(&input, &self.environment(steps, trace))
     }
 }
 

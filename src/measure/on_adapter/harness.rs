@@ -25,6 +25,7 @@ use preshade_passes::validate::world::{PassStages, TestPoint};
 
 use super::body::{Body, WORD, ty};
 use super::rewrite::{Ours, rewritten};
+use super::textures::settled;
 
 /// Name of the entry point.
 pub const ENTRY: &str = "main";
@@ -98,7 +99,7 @@ pub fn harness(
     let vertex = (at != TestPoint::Anywhere).then_some(stages.vertex);
     let wanted: Vec<_> = vertex.into_iter().chain(fragment).map(entry).collect();
     let wanted: Vec<_> = wanted.iter().map(|(s, n)| (*s, n.as_str())).collect();
-    let source = place::retain(stages.vertex.module(), &wanted);
+    let source = settled(&place::retain(stages.vertex.module(), &wanted))?;
     let info = validated(&source)?;
     let mut making = Making::new(&source)?;
     let ours = making.variables(&source, levels)?;

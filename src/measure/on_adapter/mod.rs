@@ -9,6 +9,7 @@
 mod body;
 mod harness;
 mod rewrite;
+mod textures;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

@@ -66,7 +66,7 @@ pub fn rewritten(
     for argument in &old.arguments {
         match module.types[argument.ty].inner {
             TypeInner::Image { .. } | TypeInner::Sampler { .. } => {
-                return Err("it passes a texture to a function".to_owned());
+                return Err("it passes a texture of several to a function".to_owned());
             }
             TypeInner::Pointer { space, .. } | TypeInner::ValuePointer { space, .. }
                 if !matches!(space, AddressSpace::Function | AddressSpace::Private) =>

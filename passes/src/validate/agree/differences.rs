@@ -38,6 +38,25 @@ impl Two<'_> {
         )
     }
 
+    /// The first buffer that two vertices or discarded fragments leave otherwise. A stage that cannot
+    /// write a buffer leaves none.
+    fn stored<F: Number>(
+        &self,
+        what: What,
+        first: &Ran<F>,
+        second: &Ran<F>,
+    ) -> Option<(Class, [String; 3])> {
+        if self.stores(what) == Stores::Ignored {
+            return None;
+        }
+        let mut ours = first.stored.iter();
+        ours.find_map(|(at, ours)| {
+            let theirs = second.stored.get(at)?;
+            let output = [format!("buffer {at:?}"), text(ours), text(theirs)];
+            (!compare::same_bits(ours, theirs)).then_some((Class::Color, output))
+        })
+    }
+
     /// The first difference that the promise forbids.
     pub(super) fn difference<F: Number>(
         &self,
@@ -59,7 +78,11 @@ impl Two<'_> {
             return match self.relation {
                 Relation::Same => {
                     let rule = compare::Rule::Vertices(Positions::Bits);
-                    compare::difference(rule, first, second).map(told)
+                    let moved = compare::difference(rule, first, second).map(told);
+                    if moved.is_none() {
+                        return self.stored(what, first, second);
+                    }
+                    moved
                 }
                 _ => of((POSITION, POSITION), &compare::same_bits),
             }
@@ -67,7 +90,7 @@ impl Two<'_> {
         }
         let said = |discarded: bool| if discarded { "discarded" } else { "kept" }.to_owned();
         match (first.discarded, second.discarded) {
-            (true, true) => return None,
+            (true, true) => return self.stored(what, first, second),
             (false, false) => {}
             (a, b) => {
                 let class = if a { Class::KeepsHidden } else { Class::Loses };
@@ -110,7 +133,7 @@ impl Two<'_> {
                     colors: Colors::Bits,
                     discards: Discards::Same,
                     depths: Depths::Same,
-                    stores: self.stores(),
+                    stores: self.stores(what),
                 };
                 let found = compare::difference(rule, first, second);
                 found.map(|d| (Class::Color, told(d)))

@@ -1,11 +1,12 @@
 //! The inputs that both programs read.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use naga::{Expression, Literal};
 
 use super::fed::{self, Rule};
+use super::reads;
 use super::trial::Two;
 use crate::validate::inputs::{Inputs, Random};
 use crate::validate::levels::{Levels, Reading};
@@ -31,8 +32,8 @@ impl Two<'_> {
         None
     }
 
-    /// The buffers that both programs read, by group and binding.
-    pub(super) fn read(&self, rules: &[Rule]) -> BTreeSet<(u32, u32)> {
+    /// What both programs read.
+    pub(super) fn read(&self, rules: &[Rule]) -> Read {
         read_by([self.first, self.second], rules)
     }
 
@@ -42,12 +43,17 @@ impl Two<'_> {
         seed: u64,
         reading: Reading,
         rules: &[Rule],
-        read: &BTreeSet<(u32, u32)>,
+        read: &Read,
     ) -> Inputs {
         let [ours, theirs] = [self.first, self.second].map(|s| s.vertex.module());
-        let first = Inputs::of_places(ours, None, seed, &|at| read.contains(&at));
-        let second = Inputs::of_places(theirs, None, seed, &|at| {
-            read.contains(&at) && !first.resources.contains_key(&at)
+        let is_read = |at: (u32, u32), member: Option<usize>| match (read.get(&at), member) {
+            (None, _) => false,
+            (Some(None), _) | (Some(Some(_)), None) => true,
+            (Some(Some(members)), Some(member)) => members.contains(&member),
+        };
+        let first = Inputs::of_places(ours, None, seed, &is_read);
+        let second = Inputs::of_places(theirs, None, seed, &|at, member| {
+            is_read(at, member) && !first.resources.contains_key(&at)
         });
         let inputs = first.beside(second);
         let mut inputs = inputs.with_levels(&Arc::new(Levels::all(reading)));
@@ -111,17 +117,28 @@ impl Two<'_> {
     }
 }
 
-/// The buffers that the stages of two programs read, and those that feed them.
-pub(super) fn read_by(two: [PassStages<'_>; 2], rules: &[Rule]) -> BTreeSet<(u32, u32)> {
+/// Buffers by group and binding, and their members by index, or `None` for the whole.
+pub(super) type Read = BTreeMap<(u32, u32), Option<BTreeSet<usize>>>;
+
+/// What the stages of two programs read, and what feeds it.
+pub(super) fn read_by(two: [PassStages<'_>; 2], rules: &[Rule]) -> Read {
     let stages = two.into_iter().flat_map(|s| [Some(s.vertex), s.fragment]);
-    let read = stages.flatten().flat_map(|stage| {
-        let info = stage.program.info().get_entry_point(stage.entry);
-        let globals = stage.module().global_variables.iter();
-        let read = globals.filter(|(handle, _)| !info[*handle].is_empty());
-        read.filter_map(|(_, global)| crate::evaluate::place(global))
-            .collect::<Vec<_>>()
-    });
-    read.chain(rules.iter().map(|rule| rule.from)).collect()
+    let read = stages
+        .flatten()
+        .flat_map(|stage| reads::parts(stage, &|_| true));
+    let fed = rules
+        .iter()
+        .map(|rule| (rule.from, rule.from_steps.clone()));
+    let mut all = Read::new();
+    for (at, steps) in read.chain(fed) {
+        let members = all.entry(at).or_insert_with(|| Some(BTreeSet::new()));
+        match (steps.first(), members) {
+            (Some(member), Some(members)) => _ = members.insert(*member),
+            (None, members) => *members = None,
+            (Some(_), None) => {}
+        }
+    }
+    all
 }
 
 fn literal(expression: &Expression) -> Option<f32> {

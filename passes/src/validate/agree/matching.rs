@@ -11,7 +11,7 @@ use serde::Serialize;
 use super::buffers::{Leaf, leaves};
 use super::fed::{Cast, Rule, cast, plain};
 use super::sampled::sampled;
-use super::{Mismatch, Relation};
+use super::{Mismatch, Relation, rename};
 use crate::core::mapping::{self, Mapping};
 use crate::core::program::{Language, Program};
 use crate::core::reflect;
@@ -64,6 +64,8 @@ pub(super) struct Lost {
 
 /// The second program in the first one's terms.
 pub(super) struct Matching {
+    /// The first program, if samplers of it count as one.
+    pub(super) first: Option<Program>,
     pub(super) program: Program,
     pub(super) rules: Vec<Rule>,
     pub(super) partners: Vec<Partner>,
@@ -95,6 +97,10 @@ pub(super) struct Matcher<'a> {
     /// Our place, and the place of theirs that has it now.
     taken: BTreeMap<(u32, u32), Option<(u32, u32)>>,
     own: u32,
+    /// The textures and samplers that each program uses together: ours, theirs.
+    sampled: [Vec<(Handle<GlobalVariable>, Handle<GlobalVariable>)>; 2],
+    /// Samplers of ours that count as another one of ours.
+    joined: BTreeMap<Handle<GlobalVariable>, Handle<GlobalVariable>>,
 }
 
 /// Matches the second program with the first.
@@ -119,6 +125,8 @@ pub(super) fn matched(
         lost: Vec::new(),
         taken: BTreeMap::new(),
         own: 0,
+        sampled: [sampled(ours), sampled(theirs)],
+        joined: BTreeMap::new(),
     };
     let used = used(second);
     // A sampler may follow its texture.
@@ -128,12 +136,19 @@ pub(super) fn matched(
     };
     for global in used.iter().filter(|g| !is_sampler(**g)) {
         match theirs.global_variables[*global].space {
-            AddressSpace::Handle => matcher.resource(*global),
+            AddressSpace::Handle => matcher.bind(*global, matcher.resource(*global)),
             _ => matcher.data(*global),
         }
     }
-    for global in used.iter().filter(|g| is_sampler(**g)) {
-        matcher.resource(*global);
+    let samplers = used.iter().copied().filter(|g| is_sampler(*g));
+    let samplers: Vec<_> = samplers.map(|g| (g, matcher.resource(g))).collect();
+    for (theirs, found) in &samplers {
+        if let Some((ours, _)) = found {
+            matcher.share(*theirs, *ours);
+        }
+    }
+    for (theirs, found) in samplers {
+        matcher.bind(theirs, found);
     }
     let (locations, lost_inputs, filled) = matcher.attributes(first, second);
     let is_strange =
@@ -142,9 +157,17 @@ pub(super) fn matched(
         return Err(Mismatch::Nothing);
     }
     let module = matcher.renamed(second, &locations)?;
-    let program = second.vertex.program.with_module(module);
-    let program = program.map_err(|e| Mismatch::Renamed(e.to_string()))?;
+    let renamed = |program: &Program, module| {
+        let program = program.with_module(module);
+        program.map_err(|e| Mismatch::Renamed(e.to_string()))
+    };
+    let program = renamed(second.vertex.program, module)?;
+    let first = match matcher.joined.is_empty() {
+        true => None,
+        false => Some(renamed(first.vertex.program, matcher.joined_ours())?),
+    };
     Ok(Matching {
+        first,
         program,
         rules: matcher.rules,
         partners: matcher.partners,
@@ -367,8 +390,8 @@ impl Matcher<'_> {
         }
     }
 
-    /// A texture or sampler.
-    fn resource(&mut self, global: Handle<GlobalVariable>) {
+    /// The partner of a texture or sampler.
+    fn resource(&self, global: Handle<GlobalVariable>) -> Option<(Handle<GlobalVariable>, By)> {
         let inner = &self.theirs.types[self.theirs.global_variables[global].ty].inner;
         let fits = |v: &GlobalVariable, _: bool| {
             let ours = &self.ours.types[v.ty].inner;
@@ -379,23 +402,38 @@ impl Matcher<'_> {
             let our = map.ours.resolve(self.ours).ok()?;
             (their.global == global).then_some((our.global, By::Map))
         });
-        // A combined sampler's sampler has no name and number of its own.
-        let binding = self.theirs.global_variables[global].binding;
-        let mut combined = self.programs[1].declared().samplers.iter();
-        let is_combined = combined.any(|c| Some(c.sampler) == binding);
-        let of_texture = || Some((self.sampler_of_texture(global)?, By::Texture));
-        let found = mapped
-            .or_else(|| is_combined.then(of_texture).flatten())
+        let is_hidden = self.is_hidden(1, global);
+        let of_texture = || Some((*self.samplers_of_textures(global).first()?, By::Texture));
+        mapped
+            .or_else(|| is_hidden.then(of_texture).flatten())
             .or_else(|| self.partner(global, &fits).map(|(h, (), by)| (h, by)))
-            .or_else(of_texture);
-        let name = mapping::name_of(self.theirs, global, &[]).to_string();
+            .or_else(of_texture)
+    }
+
+    /// Whether a variable is the sampler of a combined one, which has no name and number of its own.
+    /// Our program is the first.
+    fn is_hidden(&self, program: usize, sampler: Handle<GlobalVariable>) -> bool {
+        let module = [self.ours, self.theirs][program];
+        let binding = module.global_variables[sampler].binding;
+        let mut combined = self.programs[program].declared().samplers.iter();
+        combined.any(|c| Some(c.sampler) == binding)
+    }
+
+    /// Gives a texture or sampler the binding of its partner.
+    fn bind(
+        &mut self,
+        global: Handle<GlobalVariable>,
+        found: Option<(Handle<GlobalVariable>, By)>,
+    ) {
         match found {
             Some((our, by)) => {
                 // Two samplers of theirs may be one of ours; `join` makes them one variable.
-                if let Some(at) = self.ours.global_variables[our].binding {
+                if let Some(at) = self.ours.global_variables[self.root(our)].binding {
                     self.bindings.insert(global, at);
                 }
-                self.found(name, mapping::name_of(self.ours, our, &[]).to_string(), by);
+                let [theirs, ours] = [(self.theirs, global), (self.ours, our)]
+                    .map(|(module, global)| mapping::name_of(module, global, &[]).to_string());
+                self.found(theirs, ours, by);
             }
             None => {
                 let at = self.own_binding(global);
@@ -405,21 +443,50 @@ impl Matcher<'_> {
         }
     }
 
-    /// Our sampler that is used with the partner of a texture that their sampler is used with.
-    fn sampler_of_texture(
-        &self,
-        sampler: Handle<GlobalVariable>,
-    ) -> Option<Handle<GlobalVariable>> {
-        let their = sampled(self.theirs);
-        let texture = their.iter().find(|(_, s)| *s == sampler)?.0;
-        let at = self.bindings.get(&texture)?;
+    /// Our samplers that are used with the partners of the textures that their sampler is used with.
+    fn samplers_of_textures(&self, sampler: Handle<GlobalVariable>) -> Vec<Handle<GlobalVariable>> {
+        let [ours, theirs] = &self.sampled;
         let wanted = &self.theirs.types[self.theirs.global_variables[sampler].ty].inner;
-        sampled(self.ours).into_iter().find_map(|(t, s)| {
-            let of = self.ours.global_variables[t].binding.as_ref()?;
-            let is_it =
-                of == at && self.ours.types[self.ours.global_variables[s].ty].inner == *wanted;
-            is_it.then_some(s)
-        })
+        let textures = theirs.iter().filter(|(_, s)| *s == sampler);
+        let places = textures.filter_map(|(texture, _)| self.bindings.get(texture));
+        let of_place = |at: &ResourceBinding| {
+            let at = *at;
+            ours.iter().filter_map(move |(texture, sampler)| {
+                let variables = &self.ours.global_variables;
+                let is_it = variables[*texture].binding == Some(at)
+                    && self.ours.types[variables[*sampler].ty].inner == *wanted;
+                is_it.then_some(*sampler)
+            })
+        };
+        places.flat_map(of_place).collect()
+    }
+
+    /// Makes our samplers one if theirs shares a sampler where ours has combined ones: these may all
+    /// have one state.
+    fn share(&mut self, theirs: Handle<GlobalVariable>, ours: Handle<GlobalVariable>) {
+        for sampler in self.samplers_of_textures(theirs) {
+            let [from, to] = [sampler, ours].map(|s| self.root(s));
+            // Two samplers with names of their own stay two.
+            match () {
+                () if from == to => {}
+                () if self.is_hidden(0, from) => _ = self.joined.insert(from, to),
+                () if self.is_hidden(0, to) => _ = self.joined.insert(to, from),
+                () => {}
+            }
+        }
+    }
+
+    fn root(&self, sampler: Handle<GlobalVariable>) -> Handle<GlobalVariable> {
+        let next = self.joined.get(&sampler);
+        next.map_or(sampler, |next| self.root(*next))
+    }
+
+    /// Our module with the samplers that count as one.
+    fn joined_ours(&self) -> Module {
+        let mut module = self.ours.clone();
+        let roots = self.joined.keys().map(|s| (*s, self.root(*s)));
+        rename::join(&mut module, &roots.collect());
+        module
     }
 
     pub(super) fn lose(

@@ -328,6 +328,10 @@ pub fn agree(
     }
     let matching = matching::matched(first, second, relation, maps)?;
     let renamed = stages(theirs, &matching.program, other)?;
+    let first = match &matching.first {
+        Some(program) => stages(ours, program, side)?,
+        None => first,
+    };
     let multisample = &ours.multisample;
     let two = trial::Two {
         first,

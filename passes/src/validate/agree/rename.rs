@@ -26,7 +26,7 @@ impl Matcher<'_> {
             }
             variable.binding = Some(*at);
         }
-        self.join(&mut module);
+        join(&mut module, &self.joined());
         let function = &mut module.entry_points[second.vertex.entry].function;
         for argument in &mut function.arguments {
             if argument.binding.is_some() {
@@ -44,25 +44,33 @@ impl Matcher<'_> {
         Ok(module)
     }
 
-    /// Makes textures and samplers with one partner one variable: an entry point has a binding once.
-    fn join(&self, module: &mut Module) {
+    /// Textures and samplers with one partner are one variable: an entry point has a binding once.
+    fn joined(&self) -> BTreeMap<Handle<GlobalVariable>, Handle<GlobalVariable>> {
         let mut first: BTreeMap<(u32, u32), Handle<GlobalVariable>> = BTreeMap::new();
-        let mut same = BTreeMap::new();
-        for (global, at) in &self.bindings {
-            if self.theirs.global_variables[*global].space == AddressSpace::Handle {
-                let known = *first.entry((at.group, at.binding)).or_insert(*global);
-                same.insert(*global, known);
-            }
-        }
-        let functions = module.functions.iter_mut().map(|(_, f)| f);
-        let entries = module.entry_points.iter_mut().map(|e| &mut e.function);
-        for function in functions.chain(entries) {
-            for (_, expression) in function.expressions.iter_mut() {
-                if let Expression::GlobalVariable(global) = expression
-                    && let Some(known) = same.get(global)
-                {
-                    *global = *known;
-                }
+        let resources = self.bindings.iter().filter(|(global, _)| {
+            self.theirs.global_variables[**global].space == AddressSpace::Handle
+        });
+        let known = resources.map(|(global, at)| {
+            let known = *first.entry((at.group, at.binding)).or_insert(*global);
+            (*global, known)
+        });
+        known.collect()
+    }
+}
+
+/// Reads other variables in place of some.
+pub(super) fn join(
+    module: &mut Module,
+    same: &BTreeMap<Handle<GlobalVariable>, Handle<GlobalVariable>>,
+) {
+    let functions = module.functions.iter_mut().map(|(_, f)| f);
+    let entries = module.entry_points.iter_mut().map(|e| &mut e.function);
+    for function in functions.chain(entries) {
+        for (_, expression) in function.expressions.iter_mut() {
+            if let Expression::GlobalVariable(global) = expression
+                && let Some(known) = same.get(global)
+            {
+                *global = *known;
             }
         }
     }

@@ -1,12 +1,13 @@
 //! Proves the promises of a relation, or tries them on inputs and sorts the differences by class.
 
+use std::cell::OnceCell;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::differences::{self, moving};
 use super::fed::{self, Rule};
 use super::matching::Matching;
-use super::words::{self, Example};
+use super::words::{self, Example, Sliced};
 use super::{Class, Finding, Held, Outcome, Relation, draws, reads};
 use crate::core::reflect::Io;
 use crate::core::state::DepthDirection;
@@ -17,7 +18,7 @@ use crate::validate::compare::{Colors, Stores};
 use crate::validate::inputs::{Inputs, Profile};
 use crate::validate::levels::Reading;
 use crate::validate::proof;
-use crate::validate::stage::{Slot, Stage};
+use crate::validate::stage::{Ran, Slot, Stage};
 use crate::validate::term::{self, Symbolic};
 use crate::validate::world::{self, PassStages, TestPoint, Texels};
 
@@ -88,6 +89,41 @@ impl Found {
 
 fn is_plain(inputs: &Inputs) -> bool {
     matches!(inputs.profile, Profile::Ordinary | Profile::Equal)
+}
+
+/// A triangle of both programs.
+struct Draw<'i> {
+    inputs: &'i Inputs,
+    stages: [PassStages<'i>; 2],
+    /// What the vertex stages made of its corners, which all fragments share.
+    corners: [OnceCell<Result<[Ran; 3], Stuck>>; 2],
+}
+
+impl<'i> Draw<'i> {
+    fn new(inputs: &'i Inputs, stages: [PassStages<'i>; 2]) -> Self {
+        Self {
+            inputs,
+            stages,
+            corners: [OnceCell::new(), OnceCell::new()],
+        }
+    }
+
+    /// Runs a program at a place.
+    fn run(&self, program: usize, place: TestPoint, steps: u64) -> Result<Ran, Stuck> {
+        let attached = BTreeMap::new();
+        let world = world::concrete(self.inputs, &attached, Texels::Waves);
+        let stages = self.stages[program];
+        let (Some(fragment), TestPoint::Corner(_) | TestPoint::Inside) = (stages.fragment, place)
+        else {
+            return world.run(stages, place, steps, None);
+        };
+        let corners =
+            self.corners[program].get_or_init(|| world.corners(stages.vertex, steps, &|_| None));
+        match corners {
+            Ok(corners) => world.shaded(fragment, place, corners, steps, None),
+            Err(stuck) => Err(stuck.clone()),
+        }
+    }
 }
 
 impl<'a> Two<'a> {
@@ -161,16 +197,11 @@ impl<'a> Two<'a> {
         Ok(What::Outputs(ours, theirs))
     }
 
-    fn places(&self, what: What) -> Vec<TestPoint> {
+    /// The places that are compared; of the corners one, since they are alike.
+    fn places(what: What, corner: usize) -> Vec<TestPoint> {
         match what {
             What::Positions => vec![TestPoint::Vertex],
-            What::Colors => vec![
-                TestPoint::Corner(0),
-                TestPoint::Corner(1),
-                TestPoint::Corner(2),
-                TestPoint::Inside,
-            ],
-            _ => vec![TestPoint::Corner(0), TestPoint::Inside],
+            _ => vec![TestPoint::Corner(corner), TestPoint::Inside],
         }
     }
 
@@ -183,7 +214,8 @@ impl<'a> Two<'a> {
     }
 
     fn promise(&self, promise: &str, what: What) -> (Outcome, Vec<Finding>) {
-        let lost = self.lost(promise, what);
+        let sliced = Sliced::of_both(self, &self.criteria(what), what == What::Positions);
+        let lost = self.lost(promise, &sliced[1]);
         if let Some(first) = lost.first() {
             let why = first.words.clone();
             return (Outcome::NotEvaluated { why }, lost);
@@ -192,22 +224,23 @@ impl<'a> Two<'a> {
             return (Outcome::NotEvaluated { why }, Vec::new());
         }
         let is_comparable = !matches!(what, What::Outputs(..) | What::Still(_));
-        let places = self.places(what);
-        let colors = self.colors(what);
-        let compared = self.stores();
-        let is_same = |place: &TestPoint| {
-            proof::slices_are_same(self.first, self.second, *place, colors, compared)
+        let places = Self::places(what, 0);
+        let is_same = || {
+            let (colors, compared) = (self.colors(what), self.stores(what));
+            proof::slices_are_same(self.first, self.second, places[0], colors, compared)
         };
-        let rules = &self.matching.rules;
-        if is_comparable && places.iter().all(is_same) {
-            let inputs = self.effort.inputs.div_ceil(BESIDE);
-            let found = self.tried(what, inputs, Reading::Level, rules, &[]);
+        let tried = |inputs| {
+            let rules = &self.matching.rules;
+            self.tried((what, &sliced), inputs, Reading::Level, rules, &[])
+        };
+        if is_comparable && is_same() {
+            let found = tried(self.effort.inputs.div_ceil(BESIDE));
             if found.examples.is_empty() {
                 let outcome = Outcome::Proved {
                     slices: true,
                     inputs: found.ended,
                 };
-                return (outcome, self.of_view(promise, what));
+                return (outcome, self.of_view(promise, (what, &sliced)));
             }
         }
         let by_terms = || places.iter().all(|place| self.by_terms(what, *place));
@@ -216,13 +249,18 @@ impl<'a> Two<'a> {
                 slices: false,
                 inputs: 0,
             };
-            return (outcome, self.of_view(promise, what));
+            return (outcome, self.of_view(promise, (what, &sliced)));
         }
-        let found = self.tried(what, self.effort.inputs, Reading::Level, rules, &[]);
-        self.concluded(promise, what, found)
+        let found = tried(self.effort.inputs);
+        self.concluded(promise, (what, &sliced), found)
     }
 
-    fn concluded(&self, promise: &str, what: What, found: Found) -> (Outcome, Vec<Finding>) {
+    fn concluded(
+        &self,
+        promise: &str,
+        (what, sliced): (What, &[Sliced; 2]),
+        found: Found,
+    ) -> (Outcome, Vec<Finding>) {
         if found.examples.is_empty() {
             let why = match (found.ended, found.why) {
                 (0, None) => "no input came to an end within the step limit".to_owned(),
@@ -232,7 +270,12 @@ impl<'a> Two<'a> {
                     found.tried,
                     why.map_or(String::new(), |w| format!(": {w}"))
                 ),
-                (inputs, _) => return (Outcome::Agreed { inputs }, self.of_view(promise, what)),
+                (inputs, _) => {
+                    return (
+                        Outcome::Agreed { inputs },
+                        self.of_view(promise, (what, sliced)),
+                    );
+                }
             };
             return (Outcome::NotEvaluated { why }, Vec::new());
         }
@@ -240,14 +283,14 @@ impl<'a> Two<'a> {
             |class: &Class| matches!(class, Class::KeepsHidden | Class::Loses | Class::Color);
         let classes = found.examples.keys().copied().filter(is_of_fragment);
         let classes: Vec<Class> = classes.collect();
-        let without_levels = std::cell::OnceCell::new();
+        let without_levels = OnceCell::new();
         let mut findings = Vec::new();
         for (class, example) in found.examples {
             let is_level = is_of_fragment(&class) && {
                 let again = || {
                     self.tried(
-                        what,
-                        self.effort.inputs,
+                        (what, sliced),
+                        found.tried.max(self.effort.inputs / 2),
                         Reading::Ignored,
                         &self.matching.rules,
                         &classes,
@@ -275,7 +318,7 @@ impl<'a> Two<'a> {
     }
 
     /// A shadow pass that agrees if it sees the camera's view may disagree where it sees its own.
-    fn of_view(&self, promise: &str, what: What) -> Vec<Finding> {
+    fn of_view(&self, promise: &str, (what, sliced): (What, &[Sliced; 2])) -> Vec<Finding> {
         if self.relation != Relation::Shadow || what != What::Coverage {
             return Vec::new();
         }
@@ -289,7 +332,8 @@ impl<'a> Two<'a> {
         if own.len() == self.matching.rules.len() {
             return Vec::new();
         }
-        let found = self.tried(what, self.effort.inputs, Reading::Level, &own, &[]);
+        let inputs = self.effort.inputs;
+        let found = self.tried((what, sliced), inputs, Reading::Level, &own, &[]);
         let mut examples = found.examples.into_iter();
         let seen = examples.find(|(class, _)| matches!(class, Class::KeepsHidden | Class::Loses));
         seen.map(|(_, example)| words::finding(self, promise, what, Class::ViewDependent, &example))
@@ -297,16 +341,16 @@ impl<'a> Two<'a> {
             .collect()
     }
 
-    pub(super) fn stores(&self) -> Stores {
-        match self.relation {
-            Relation::Same => Stores::Same,
+    /// Whether the contents of buffers are compared: with the outputs of each stage.
+    pub(super) fn stores(&self, what: What) -> Stores {
+        match (self.relation, what) {
+            (Relation::Same, What::Positions | What::Colors) => Stores::Same,
             _ => Stores::Ignored,
         }
     }
 
     /// What the second program's slice reads and the first does not have.
-    fn lost(&self, promise: &str, what: What) -> Vec<Finding> {
-        let sliced = words::Sliced::of(self.second, &self.criteria(what), what == What::Positions);
+    fn lost(&self, promise: &str, sliced: &Sliced) -> Vec<Finding> {
         let stages = sliced.stages(self.second);
         let all = [Some(stages.vertex), stages.fragment];
         let is_read = |at: (u32, u32), steps: &[usize]| {
@@ -381,7 +425,7 @@ impl<'a> Two<'a> {
     /// Runs both on inputs, until all classes of `until` are found, if it names any.
     fn tried(
         &self,
-        what: What,
+        (what, sliced): (What, &[Sliced; 2]),
         count: u64,
         reading: Reading,
         rules: &[Rule],
@@ -390,24 +434,22 @@ impl<'a> Two<'a> {
         let mut found = Found::default();
         let mut rest = None;
         // Most inputs are tried on slices alone: a discard does not depend on the lights.
-        let sliced =
-            |stages| words::Sliced::of(stages, &self.criteria(what), what == What::Positions);
-        let sliced = [sliced(self.first), sliced(self.second)];
         let slices = [sliced[0].stages(self.first), sliced[1].stages(self.second)];
         let whole = [self.first, self.second];
         let [read_by_slices, read_by_whole] = [slices, whole].map(|s| draws::read_by(s, rules));
         let mut last_new = None;
         for seed in self.effort.seed..self.effort.seed + count {
-            let is_whole = seed.is_multiple_of(BESIDE) || self.stores() == Stores::Same;
+            let is_whole = seed.is_multiple_of(BESIDE) || self.stores(what) == Stores::Same;
             let (stages, read) = match is_whole {
                 true => (whole, &read_by_whole),
                 false => (slices, &read_by_slices),
             };
             let inputs = self.inputs(seed, reading, rules, read);
+            let draw = Draw::new(&inputs, stages);
             found.tried += 1;
             let mut ended = true;
-            for place in self.places(what) {
-                let mut tried = self.try_one(what, &inputs, place, stages, &mut rest);
+            for place in Self::places(what, inputs.corner()) {
+                let mut tried = self.try_one(what, &draw, place, &mut rest);
                 if let Ok(Some((class, _))) = &tried {
                     if !found.wants(*class, &inputs, place) {
                         continue;
@@ -415,7 +457,8 @@ impl<'a> Two<'a> {
                     // The whole programs have the last word on a difference of a new class.
                     let inputs = self.inputs(seed, reading, rules, &read_by_whole);
                     if !is_whole {
-                        tried = self.try_one(what, &inputs, place, whole, &mut rest);
+                        let draw = Draw::new(&inputs, whole);
+                        tried = self.try_one(what, &draw, place, &mut rest);
                     }
                     if let Ok(Some((class, _))) = &mut tried
                         && is_plain(&inputs)
@@ -475,20 +518,17 @@ impl<'a> Two<'a> {
     fn try_one(
         &self,
         what: What,
-        inputs: &Inputs,
+        draw: &Draw<'_>,
         place: TestPoint,
-        [ours, theirs]: [PassStages<'_>; 2],
         rest: &mut Option<Value>,
     ) -> Result<Option<(Class, [String; 3])>, Stuck> {
-        let attached = BTreeMap::new();
-        let world = world::concrete(inputs, &attached, Texels::Waves);
         let steps = self.effort.steps;
-        let mut first = world.run(ours, place, steps, None)?;
-        let mut second = world.run(theirs, place, 4 * steps, None)?;
+        let mut first = draw.run(0, place, steps)?;
+        let mut second = draw.run(1, place, 4 * steps)?;
         differences::clamp_depth(&mut first);
         differences::clamp_depth(&mut second);
         if let What::Still(slot) = what {
-            return Ok(moving(inputs, &second, slot, rest));
+            return Ok(moving(draw.inputs, &second, slot, rest));
         }
         Ok(self.difference(what, &first, &second))
     }

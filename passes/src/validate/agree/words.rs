@@ -51,8 +51,10 @@ impl Sliced {
         criteria: &[Criterion],
         is_of_positions: bool,
     ) -> Self {
+        // Both stages are of one program.
+        let graph = Graph::build(stages.vertex.program);
         let fragment = stages.fragment.filter(|_| !is_of_positions);
-        let fragment = fragment.and_then(|f| proof::placed(f, criteria));
+        let fragment = fragment.and_then(|f| proof::placed(&graph, f, criteria));
         let read = fragment.as_ref().and_then(|program| {
             let stage = Stage::new(program, naga::ShaderStage::Fragment, SLICE)?;
             Some(
@@ -68,6 +70,7 @@ impl Sliced {
         let of_position = match is_of_positions {
             true => BTreeSet::new(),
             false => {
+                let spans = |stage, criteria: &[Criterion]| spans(&graph, stage, criteria);
                 let mut own = spans(stages.vertex, std::slice::from_ref(&position));
                 let mut others = spans(stages.vertex, &varyings);
                 others.extend(stages.fragment.iter().flat_map(|f| spans(*f, criteria)));
@@ -77,11 +80,20 @@ impl Sliced {
         };
         let wanted = [varyings, vec![position]].concat();
         Self {
-            vertex: proof::placed(stages.vertex, &wanted),
+            vertex: proof::placed(&graph, stages.vertex, &wanted),
             fragment,
             is_of_positions,
             of_position,
         }
+    }
+
+    /// The slices of both programs.
+    pub(super) fn of_both(
+        two: &Two<'_>,
+        criteria: &[Criterion],
+        is_of_positions: bool,
+    ) -> [Self; 2] {
+        [two.first, two.second].map(|stages| Self::of(stages, criteria, is_of_positions))
     }
 
     /// Whether what is at a place may decide the criteria.
@@ -105,9 +117,8 @@ impl Sliced {
 }
 
 /// The places that a slice keeps.
-fn spans(stage: Stage<'_>, criteria: &[Criterion]) -> BTreeSet<SpanRange> {
-    let graph = Graph::build(stage.program);
-    let slice = slice::backward(&graph, stage.entry, criteria);
+fn spans(graph: &Graph<'_>, stage: Stage<'_>, criteria: &[Criterion]) -> BTreeSet<SpanRange> {
+    let slice = slice::backward(graph, stage.entry, criteria);
     let of_part = |part: &slice::Part| {
         let function = graph.function(part.function).function;
         let kept = part.kept.expressions.iter();
@@ -153,7 +164,7 @@ pub(super) fn finding(
         false => two.criteria(what),
     };
     let is_of_positions = what == What::Positions;
-    let sliced = [two.first, two.second].map(|s| Sliced::of(s, &criteria, is_of_positions));
+    let sliced = Sliced::of_both(two, &criteria, is_of_positions);
     let run = |sliced: &'_ Sliced, whole| {
         let stages = sliced.stages(whole);
         let trace = RefCell::new(Vec::new());

@@ -103,7 +103,18 @@ impl Lower<'_, '_> {
             return Ok(held);
         }
         let place = self.place(expr.span);
-        Ok(match &expr.content {
+        let is_literal = matches!(
+            expr.content,
+            ExprData::IntConst(_)
+                | ExprData::UIntConst(_)
+                | ExprData::BoolConst(_)
+                | ExprData::FloatConst(_)
+        );
+        let mark = match is_literal {
+            true => self.mark(expr.span),
+            false => String::new(),
+        };
+        let mut ex = match &expr.content {
             ExprData::Variable(name) => {
                 let mark = self.mark(expr.span);
                 let mut ex = self.variable(name.as_str(), expr)?;
@@ -164,9 +175,14 @@ impl Lower<'_, '_> {
                 let mark = self.mark(expr.span);
                 let mut ex = self.call(name, arguments, expr)?;
                 ex.text = mark + &ex.text;
+                self.mark_end(&mut ex, ")", expr);
                 ex
             }
-            ExprData::Dot(of, name) => self.dot(of, name.as_str(), expr)?,
+            ExprData::Dot(of, name) => {
+                let mut ex = self.dot(of, name.as_str(), expr)?;
+                self.mark_end(&mut ex, &format!(".{name}"), expr);
+                ex
+            }
             ExprData::PostInc(of) => self.stepped(of, "++", true)?,
             ExprData::PostDec(of) => self.stepped(of, "--", true)?,
             ExprData::Comma(a, b) => {
@@ -181,7 +197,16 @@ impl Lower<'_, '_> {
                 let text = format!("{}, {}", a.text, b.at(level::ASSIGNMENT));
                 Ex::new(text, b.ty, level::COMMA)
             }
-        })
+        };
+        ex.text.insert_str(0, &mark);
+        Ok(ex)
+    }
+
+    /// Marks the end of an expression, by which naga's spans begin or end.
+    fn mark_end(&mut self, ex: &mut Ex, end: &str, expr: &Expr) {
+        if let Some(before) = ex.text.strip_suffix(end) {
+            ex.text = format!("{before}{}{end}", self.mark(expr.span));
+        }
     }
 
     fn variable(&mut self, name: &str, expr: &Expr) -> Result<Ex, Error> {
