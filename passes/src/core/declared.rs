@@ -22,6 +22,8 @@ pub struct Declared {
     pub constants: Vec<SpecConstant>,
     /// The specialisation constants that give the lengths of arrays.
     pub lengths: Vec<LengthConstant>,
+    /// The specialisation constants that are no override in the IR: their defaults are final.
+    pub finals: Vec<FinalConstant>,
     /// The structs that the IR has under another name, as each layout is a struct of its own: its
     /// name and the author's.
     pub copies: Vec<(String, String)>,
@@ -165,6 +167,17 @@ pub struct LengthConstant {
     pub own: String,
     /// Whether it is an `int` and not a `uint`.
     pub is_signed: bool,
+}
+
+/// A specialisation constant whose value had to be known when the text was read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FinalConstant {
+    /// The author's `constant_id`.
+    pub id: u32,
+    /// The author's name.
+    pub own: String,
+    /// Its default, which is its value; `None` if it is not an integer or a boolean.
+    pub default: Option<i64>,
 }
 
 impl LengthConstant {
