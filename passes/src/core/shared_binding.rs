@@ -70,7 +70,7 @@ pub(super) fn two_in_one_place(module: &Module) -> Option<(Span, String, &'stati
         );
         let remedy = match is_immediate {
             true => {
-                "declare one push-constant block in both stages, with the members of both at their \
+                "declare one block of push constants in both stages, with the members of both at their \
                  offsets"
             }
             false => "give one of them another binding, or declare one variable for both stages",
