@@ -10,6 +10,7 @@ pub(super) mod lacks;
 mod layout;
 pub(super) mod lengths;
 mod loose_uniforms;
+mod narrow;
 mod read_back;
 mod reserved_words;
 mod text;
@@ -226,6 +227,7 @@ pub(super) fn write_vulkan(
         what,
         remedy: "emit SPIR-V".to_owned(),
     })?;
+    let text = narrow::narrowed(text, &vulkan.program, stage, entry);
     Ok((text, stage_file))
 }
 

@@ -1275,3 +1275,47 @@ layout(binding = 2) uniform U { int n; } u;",
     assert!(array.contains("an element of `maps`"), "{array}");
     assert!(array.contains("textureLod"), "{array}");
 }
+
+/// WebGPU needs four components of each output. Vulkan's targets have the author's.
+#[test]
+fn outputs_keep_their_components_in_vulkans_targets() {
+    for (ty, is_float) in [
+        ("float", true),
+        ("vec2", true),
+        ("uvec3", false),
+        ("vec4", true),
+    ] {
+        let value = match is_float {
+            true => format!("{ty}(uv.x)"),
+            false => format!("{ty}(uint(uv.x))"),
+        };
+        let text = format!(
+            "#version 450
+layout(location = 0) in vec2 uv;
+layout(location = 0) out {ty} coverage;
+layout(depth_greater) out float gl_FragDepth;
+void main() {{
+    if (uv.y > 0.5) {{ coverage = {value}; gl_FragDepth = 0.5; return; }}
+    coverage = {value} + {value};
+    gl_FragDepth = gl_FragCoord.z;
+}}
+"
+        );
+        let plan = plan(read(VERTEX, &text));
+        let glsl = written(&plan, Target::GlslVulkan);
+        assert!(glsl.contains(&format!("out {ty} coverage;")), "{glsl}");
+        // Both texts are read as their author wrote them.
+        read(VERTEX, glsl_stage(&plan, ".frag").as_str());
+        let wgsl = written(&plan, Target::Wgsl);
+        assert!(wgsl.contains("@location(0) coverage"), "{wgsl}");
+        written(&plan, Target::Spirv);
+    }
+}
+
+/// The text of a stage in Vulkan's GLSL.
+fn glsl_stage(plan: &Plan, ending: &str) -> String {
+    let options = emit::Options::default();
+    let files = emit::emit(plan, &[Target::GlslVulkan], &options).unwrap();
+    let file = files.iter().find(|f| f.name.ends_with(ending)).unwrap();
+    String::from_utf8_lossy(&file.bytes).into_owned()
+}

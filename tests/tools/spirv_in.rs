@@ -719,6 +719,47 @@ void main() {
     assert!(wgsl.contains("array<vec4<f32>, 5>"), "{wgsl}");
 }
 
+/// Also where the IR fills it up to four components.
+#[test]
+fn an_output_keeps_its_components() {
+    let dir = scratch();
+    for (ty, bound) in [
+        ("float", ""),
+        ("vec2", ""),
+        ("float", "depth_less"),
+        ("vec3", "depth_less"),
+    ] {
+        let depth = match bound {
+            "" => ["", ""],
+            _ => [
+                "layout(depth_less) out float gl_FragDepth;",
+                "gl_FragDepth = 0.5;",
+            ],
+        };
+        let text = format!(
+            "#version 450
+layout(set=0, binding=0) uniform sampler2D maps[2];
+layout(location=0) in vec2 v; layout(location=0) out {ty} coverage;
+{}
+void main() {{
+    if (v.y > 0.5) {{ coverage = {ty}(v.x); return; }}
+    coverage = {ty}(texture(maps[1], v).x);
+    {}
+}}
+",
+            depth[0], depth[1]
+        );
+        let sources = [Source::new("m.vert", VERTEX), Source::new("m.frag", text)];
+        let parsed = front::parse(&sources, &front::Options::default());
+        let parsed = parsed.unwrap_or_else(|e| panic!("{}", e.render(front::Color::Never)));
+        written(&parsed, "narrow", &dir);
+        let reflected = reflection_support::reflect(&dir.join("m.main.frag.spv")).unwrap();
+        let outputs = format!("{:?}", reflected["outputs"]);
+        assert!(outputs.contains(&format!("{ty:?}")), "{outputs}");
+        assert!(outputs.contains("\"coverage\""), "{outputs}");
+    }
+}
+
 /// Also the only one.
 #[test]
 fn an_output_keeps_its_name() {
