@@ -685,10 +685,11 @@ layout(location=0) in vec2 v; layout(location=0) out vec4 o;
 layout(constant_id=0) const int N = 4;
 layout(constant_id=1) const bool B = true;
 const int M = N * 2 + 1;
-layout(binding=1) uniform L { vec4 l[M]; vec4 k[N / 2 + (N & 3)]; } u;
+layout(binding=1) uniform L { vec4 l[M]; } u;
+layout(binding=2) uniform K { vec4 k[N / 2 + (N & 3)]; } w;
 void main() {
     vec3 a = vec3(0.0);
-    for (int i = 0; i < M; i++) a += u.l[i].xyz * u.k[1].x;
+    for (int i = 0; i < M; i++) a += u.l[i].xyz * w.k[1].x;
     if (!B) a = vec3(M) * v.x;
     o = vec4(a, 1.0);
 }
