@@ -1251,7 +1251,7 @@ fn a_visibility_buffer_refuses_split_push_constants_and_arrays_by_name() {
     let recipe = Recipe::parse(["visibility-buffer:budget=0.05"]).unwrap();
     let refused = |vertex: &str, text: &str| {
         let outcome = recipe.apply(&plan(read(vertex, text)), &Facts::default());
-        outcome.unwrap_err().to_string()
+        format!("{:?}", outcome.unwrap_err())
     };
     let vertex = VERTEX.replace(
         "void main() { uv = p.xy; gl_Position = p; }",
