@@ -1346,3 +1346,38 @@ fn glsl_stage(plan: &Plan, ending: &str) -> String {
     let file = files.iter().find(|f| f.name.ends_with(ending)).unwrap();
     String::from_utf8_lossy(&file.bytes).into_owned()
 }
+
+/// A constant with another constant as its value has its length. A converted value is another one.
+#[test]
+fn an_alias_of_a_constant_gives_the_length_of_arrays() {
+    let text = |alias: &str| {
+        let declared = format!(
+            "layout(constant_id = 7) const int TAPS = 4;
+const int COUNT = TAPS;
+{alias}
+layout(binding = 0) uniform W {{ vec4 weights[SIZE]; }};"
+        );
+        let body = "c = vec4(0.0); for (int i = 0; i < COUNT; i++) c += weights[i];";
+        read(VERTEX, &fragment(&declared, body))
+    };
+    let parsed = text("const int SIZE = COUNT;");
+    let declared = parsed.program.declared();
+    let named: Vec<&str> = declared.lengths.iter().map(|l| l.own.as_str()).collect();
+    assert_eq!(named, ["TAPS"], "{:?}", declared.notes);
+    let plan = plan(parsed);
+    let glsl = written(&plan, Target::GlslVulkan);
+    assert!(glsl.contains("vec4 weights[TAPS];"), "{glsl}");
+    let files = emit::emit(&plan, &[Target::Spirv], &emit::Options::default()).unwrap();
+    let words = files
+        .iter()
+        .find(|f| f.name.ends_with(".frag.spv"))
+        .unwrap();
+    assert_eq!(spec_lengths(&words.bytes), ["constant 7"]);
+    for other in [
+        "const uint SIZE = uint(COUNT);",
+        "const int SIZE = min(COUNT, 100);",
+    ] {
+        let parsed = text(other);
+        assert_eq!(parsed.program.declared().lengths, [], "{other}");
+    }
+}
