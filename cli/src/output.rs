@@ -114,21 +114,33 @@ pub fn message(text: &str) {
 /// Interval of progress messages without a bar.
 const SILENCE: Duration = Duration::from_secs(10);
 
-/// Progress of a command: a bar on a terminal, otherwise a line from time to time.
+/// Progress of a command: a bar or a spinner on a terminal, otherwise a line from time to time.
 pub struct ProgressLine {
     bar: Option<ProgressBar>,
     began: Instant,
     told: Cell<Instant>,
     what: RefCell<String>,
-    /// Steps done, of 1000.
-    done: Cell<u64>,
+    /// Steps done, of 1000; `None` if nobody knows how many there are.
+    done: Cell<Option<u64>>,
 }
 
 /// Starts progress of 1000 steps.
 pub fn bar() -> ProgressLine {
+    progress(Some(0), "{bar:30} {elapsed} {wide_msg}")
+}
+
+/// Starts progress of an unknown number of steps.
+pub fn spinner() -> ProgressLine {
+    progress(None, "{spinner} {elapsed} {wide_msg}")
+}
+
+fn progress(done: Option<u64>, template: &str) -> ProgressLine {
     let bar = io::stderr().is_terminal().then(|| {
-        let bar = ProgressBar::new(1000);
-        if let Ok(style) = ProgressStyle::with_template("{bar:30} {elapsed} {wide_msg}") {
+        let bar = match done {
+            Some(_) => ProgressBar::new(1000),
+            None => ProgressBar::new_spinner(),
+        };
+        if let Ok(style) = ProgressStyle::with_template(template) {
             bar.set_style(style);
         }
         bar
@@ -138,7 +150,7 @@ pub fn bar() -> ProgressLine {
         began: Instant::now(),
         told: Cell::new(Instant::now()),
         what: RefCell::default(),
-        done: Cell::new(0),
+        done: Cell::new(done),
     }
 }
 
@@ -161,7 +173,7 @@ impl ProgressLine {
         match &self.bar {
             Some(bar) => bar.set_position(done),
             None => {
-                self.done.set(done);
+                self.done.set(Some(done));
                 self.tell();
             }
         }
@@ -171,7 +183,7 @@ impl ProgressLine {
     pub fn reset(&self) {
         match &self.bar {
             Some(bar) => bar.reset(),
-            None => self.done.set(0),
+            None => self.done.set(self.done.get().map(|_| 0)),
         }
     }
 
@@ -196,8 +208,10 @@ impl ProgressLine {
             return;
         }
         self.told.set(Instant::now());
-        let (seconds, percent) = (self.began.elapsed().as_secs(), self.done.get() / 10);
-        message(&format!("{seconds} s: {}, {percent} %", self.what.borrow()));
+        let seconds = self.began.elapsed().as_secs();
+        let done = self.done.get().map(|done| format!(", {} %", done / 10));
+        let done = done.unwrap_or_default();
+        message(&format!("{seconds} s: {}{done}", self.what.borrow()));
     }
 }
 

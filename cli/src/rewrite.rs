@@ -435,7 +435,7 @@ fn make(
             made.messages
                 .push(format!("{level}: `{}`: {note}{advice}", plan.material));
         }
-        let bar = args.validate.then(output::bar);
+        let bar = args.validate.then(output::spinner);
         let told = |role: Role, promise: &str| {
             if let Some(bar) = &bar {
                 bar.set_message(format!(
@@ -456,7 +456,7 @@ fn make(
             })
         });
         let checks = validation.iter().flatten();
-        made.messages.extend(checks.map(|c| said(&plan, "", c)));
+        made.messages.extend(said(&plan.material, "", checks));
         let validation_on = validation.as_ref().and_then(|_| {
             let gpu = adapter().as_ref()?;
             Some(OnAdapter {
@@ -472,8 +472,7 @@ fn make(
         match &validation_on {
             Some(OnAdapter { adapter, checks }) => {
                 let place = format!(" on {adapter}");
-                made.messages
-                    .extend(checks.iter().map(|c| said(&plan, &place, c)));
+                made.messages.extend(said(&plan.material, &place, checks));
             }
             None if args.validate => made.messages.push(format!(
                 "note: `{}` is not run on an adapter: none is at hand",
@@ -537,25 +536,47 @@ fn notes(files: &[File]) -> Vec<String> {
     plan.map_or_else(Vec::new, |file| file.plan.notes)
 }
 
-/// The result of a check, as a message.
-fn said(plan: &Plan, place: &str, check: &Check) -> String {
+/// The results of checks, as messages: one for all that fail to run for one reason.
+fn said<'c>(
+    material: &str,
+    place: &str,
+    checks: impl IntoIterator<Item = &'c Check>,
+) -> Vec<String> {
+    let mut groups: Vec<Vec<&Check>> = Vec::new();
+    for check in checks {
+        let is_unrun = matches!(check.verdict, Verdict::NotEvaluable { .. });
+        let same = |group: &&mut Vec<&Check>| group[0].verdict == check.verdict;
+        match groups.iter_mut().find(same).filter(|_| is_unrun) {
+            Some(group) => group.push(check),
+            None => groups.push(vec![check]),
+        }
+    }
+    let groups = groups.iter();
+    groups
+        .map(|group| message(material, place, group))
+        .collect()
+}
+
+/// A message on checks of one verdict.
+fn message(material: &str, place: &str, checks: &[&Check]) -> String {
+    let check = checks[0];
     let level = match check.verdict {
         Verdict::Counterexample(_) => "error",
         Verdict::NotEvaluable { .. } => "warning",
         Verdict::Proved { .. } | Verdict::Agreed { .. } => "note",
     };
+    let promises = checks
+        .iter()
+        .map(|check| format!("{} pass, {}", check.role.name(), check.promise));
     let line = format!(
-        "{level}: `{}`, {} pass, {}{place}: {}",
-        plan.material,
-        check.role.name(),
-        check.promise,
+        "{level}: `{material}`, {}{place}: {}",
+        promises.collect::<Vec<_>>().join("; "),
         check.verdict
     );
     match check.verdict.is_broken() {
         true => format!(
-            "{line}\nnothing is written of `{}`: this is a bug in preshade, please report it with \
-             the shader",
-            plan.material
+            "{line}\nnothing is written of `{material}`: this is a bug in preshade, please report \
+             it with the shader"
         ),
         false => line,
     }
@@ -652,4 +673,38 @@ pub fn check_name(material: &str) -> Result<(), Failure> {
         )));
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Check, Role, Verdict, said};
+
+    #[test]
+    fn checks_that_cannot_run_for_one_reason_are_one_warning() {
+        let check = |role, promise: &str, verdict| Check {
+            role,
+            promise: promise.to_owned(),
+            verdict,
+        };
+        let unrun = |why: &str| Verdict::NotEvaluable {
+            why: why.to_owned(),
+        };
+        let agreed = || Verdict::Agreed {
+            inputs: 3,
+            compared: 0,
+            unsure: 0,
+        };
+        let checks = [
+            check(Role::Main, "positions", unrun("no buffers")),
+            check(Role::Main, "depths", agreed()),
+            check(Role::Main, "colours", unrun("no buffers")),
+            check(Role::Main, "discards", agreed()),
+            check(Role::Main, "ids", unrun("a budget")),
+        ];
+        let said = said("m", " on this adapter", &checks);
+        assert_eq!(said.len(), 4, "{said:?}");
+        let first = "warning: `m`, main pass, positions; main pass, colours on this adapter: not \
+                     evaluated: no buffers";
+        assert_eq!(said[0], first);
+    }
 }

@@ -10,6 +10,7 @@ pub(super) mod lacks;
 mod layout;
 pub(super) mod lengths;
 mod loose_uniforms;
+mod narrow;
 mod read_back;
 mod reserved_words;
 mod text;
@@ -226,6 +227,7 @@ pub(super) fn write_vulkan(
         what,
         remedy: "emit SPIR-V".to_owned(),
     })?;
+    let text = narrow::narrowed(text, &vulkan.program, stage, entry);
     Ok((text, stage_file))
 }
 
@@ -284,6 +286,8 @@ pub(super) fn write(
         None => (program.module(), program.info()),
     };
     lacks::refuse_module(module, info, name, target)?;
+    let untested = lacks::without_conservative_test(module, target);
+    let module = untested.as_ref().unwrap_or(module);
     let with_lengths = match target {
         Target::GlslVulkan => lengths::numbered(program, module),
         _ => None,
@@ -345,6 +349,11 @@ pub(super) fn write(
             .unwrap_or_default(),
         ..StageFile::new(name, "main")
     };
+    if untested.is_some() {
+        let note = "the bound of the written depth (`layout(depth_greater)` or its like) is left out, \
+                    which this GLSL lacks: the picture is the same, and hidden fragments may run";
+        stage_file.notes.push(format!("{name}: {note}"));
+    }
     for (uniform, mapping) in &reflection.texture_mapping {
         if let Some(texture) = at(mapping.texture) {
             stage_file.textures.push(GlslTexture {

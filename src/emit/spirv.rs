@@ -19,6 +19,7 @@ mod combined;
 mod constants;
 mod demote;
 mod interface;
+mod narrow;
 mod rows;
 mod sample_mask;
 
@@ -117,6 +118,9 @@ pub(super) fn write(
         stage_file.notes.push(format!("{name}: {note}"));
     }
     rows::rename_copies(&mut words, program.declared());
+    if stage == ShaderStage::Fragment {
+        narrow::narrow(&mut words, program.declared());
+    }
     if program.declared().mains.contains(&stage) {
         // Hosts give pipelines the author's name, and each stage has a file of its own.
         stage_file.entry_point = "main".to_owned();

@@ -4,7 +4,7 @@
 use std::collections::BTreeSet;
 
 use naga::{Handle, Module, Override, Scalar, Type, TypeInner};
-use preshade_passes::declared::{Declared, LengthConstant};
+use preshade_passes::declared::{Declared, FinalConstant, LengthConstant};
 use preshade_passes::evaluate::overrides;
 
 use super::error::{Code, Error};
@@ -21,35 +21,43 @@ pub(super) fn settle(modules: &mut [Module], declared: &mut Declared) -> Result<
     declared.lengths = agreed;
     for of in apart {
         let constant = (of.id, of.own);
-        fix(modules, &constant)?;
-        declared.notes.push(fixed_note(&constant));
+        fix(modules, constant, declared)?;
     }
     Ok(())
 }
 
 /// Makes the default of a specialisation constant final: its id and its name.
-pub(super) fn fix(modules: &mut [Module], (id, own): &(u32, String)) -> Result<(), Error> {
+pub(super) fn fix(
+    modules: &mut [Module],
+    (id, own): (u32, String),
+    declared: &mut Declared,
+) -> Result<(), Error> {
+    let mut default = None;
     for module in modules {
-        let Some(of) = with_id(module, *id) else {
+        let Some(of) = with_id(module, id) else {
             continue;
         };
-        if module.overrides[of].name.as_ref() != Some(own) {
+        if module.overrides[of].name.as_ref() != Some(&own) {
             continue;
         }
+        default = default.or(overrides::integer_default(module, of));
         *module = overrides::fixed(module, of).ok_or_else(|| {
             let message = format!("the specialisation constant {id}, `{own}`, has no default");
             Error::new(Code::Unsupported, message)
         })?;
     }
+    record(FinalConstant { id, own, default }, declared);
     Ok(())
 }
 
-/// The note on it.
-pub(super) fn fixed_note((id, own): &(u32, String)) -> String {
-    format!(
+/// Records that the default of a constant is final, with a note.
+pub(super) fn record(constant: FinalConstant, declared: &mut Declared) {
+    let FinalConstant { id, own, .. } = &constant;
+    declared.notes.push(format!(
         "the specialisation constant {id}, `{own}`, gives a length or another number that must be \
          known here: its default is final, and it is no constant of the output"
-    )
+    ));
+    declared.finals.push(constant);
 }
 
 fn with_id(module: &Module, id: u32) -> Option<Handle<Override>> {

@@ -479,12 +479,39 @@ fn a_length_in_an_expression_is_the_constant() {
 fn a_block_of_push_constants_has_lengths() {
     let declared = "layout(constant_id = 7) const int TAPS = 4;
 layout(push_constant) uniform P { vec4 after; vec4 weights[TAPS]; } p;";
-    let body = "c = vec4(0.0); for (int i = 0; i < TAPS; i++) c += p.weights[i];";
+    let body = "c = p.after; for (int i = 0; i < TAPS; i++) c += p.weights[i];";
     let glsl = written(
         &plan(read(VERTEX, &fragment(declared, body))),
         Target::GlslVulkan,
     );
     assert!(glsl.contains("weights[TAPS]"), "{glsl}");
+}
+
+/// Both stages call their blocks `P`, so one of them gets another name.
+#[test]
+fn each_stage_has_its_own_range_of_push_constants() {
+    let vertex = VERTEX
+        .replace(
+            "void main",
+            "layout(push_constant) uniform P { mat4 m; } pc;\nvoid main",
+        )
+        .replace("gl_Position = p", "gl_Position = pc.m * p");
+    let declared =
+        "layout(push_constant) uniform P { layout(offset = 64) vec4 tint; float k; } pc;";
+    let plan = plan(read(
+        &vertex,
+        &fragment(declared, "c = pc.tint.zyxw * pc.k;"),
+    ));
+    let glsl = written(&plan, Target::GlslVulkan);
+    let offsets: Vec<&str> = glsl
+        .lines()
+        .filter_map(|line| line.trim().strip_prefix("layout(offset = "))
+        .collect();
+    assert_eq!(
+        offsets,
+        ["0) mat4x4 m;", "64) vec4 tint;", "80) float k;"],
+        "{glsl}"
+    );
 }
 
 /// Two constants of one default, which the vertex stage does not have.
@@ -1101,4 +1128,256 @@ fn attributes_may_be_arrays() {
     );
     let error = refused(&self::plan(read(VERTEX, &text)));
     assert!(error.contains("vectors of integers"), "{error}");
+}
+
+/// Vulkan's targets and GLSL 4.50 keep the bound of a written depth; others drop it with a note.
+#[test]
+fn the_bound_of_a_written_depth_is_kept() {
+    let text = |bound: &str| {
+        let declared = format!("layout({bound}) out float gl_FragDepth;");
+        let body = "c = uv.xyxy; gl_FragDepth = gl_FragCoord.z;";
+        plan(read(VERTEX, &fragment(&declared, body)))
+    };
+    for (bound, mode, word) in [
+        ("depth_greater", 14, "greater_equal"),
+        ("depth_less", 15, "less_equal"),
+        ("depth_unchanged", 16, "unchanged"),
+    ] {
+        let plan = text(bound);
+        for target in [Target::GlslVulkan, Target::Glsl450] {
+            let glsl = written(&plan, target);
+            let declared = format!("layout ({bound}) out float gl_FragDepth;");
+            assert!(glsl.contains(&declared), "{glsl}");
+        }
+        let wgsl = written(&plan, Target::Wgsl);
+        let attribute = format!("@early_depth_test({word})");
+        assert!(wgsl.contains(&attribute), "{wgsl}");
+        let modes = execution_modes(&plan);
+        assert!(modes.contains(&mode), "{bound}: {modes:?}");
+
+        let files = emit::emit(&plan, &[Target::GlslEs300], &emit::Options::default()).unwrap();
+        let all: String = files
+            .iter()
+            .map(|f| String::from_utf8_lossy(&f.bytes).into_owned())
+            .collect();
+        assert!(!all.contains(&format!("({bound}) out")), "{all}");
+        assert!(all.contains("the bound of the written depth"), "{all}");
+    }
+    let any = text("depth_any");
+    assert!(!written(&any, Target::Wgsl).contains("early_depth_test"));
+    assert!(execution_modes(&any).iter().all(|m| !(14..=16).contains(m)));
+}
+
+/// The execution modes of the fragment stage in SPIR-V.
+fn execution_modes(plan: &Plan) -> Vec<u32> {
+    let files = emit::emit(plan, &[Target::Spirv], &emit::Options::default()).unwrap();
+    let file = files
+        .iter()
+        .find(|f| f.name.ends_with(".frag.spv"))
+        .unwrap();
+    let words = file.bytes.chunks_exact(4);
+    let words: Vec<u32> = words
+        .map(|w| u32::from_le_bytes([w[0], w[1], w[2], w[3]]))
+        .collect();
+    let mut at = 5;
+    let mut modes = Vec::new();
+    while let Some(word) = words.get(at) {
+        if word & 0xffff == 16 {
+            modes.push(words[at + 2]);
+        }
+        at += (word >> 16) as usize;
+    }
+    modes
+}
+
+/// A host sets constants and the visibility of resources for each stage.
+#[test]
+fn hoist_notes_what_the_vertex_stage_reads_now() {
+    let declared = "layout(constant_id = 3) const float GAIN = 0.25;
+layout(set = 1, binding = 2) uniform L { vec4 l[4]; } lights;
+layout(push_constant) uniform P { vec4 tint; } pc;";
+    let body = "vec3 a = vec3(0.0);
+    for (int i = 0; i < 4; i++) a += exp(-dot(uv.xyx, lights.l[i].xyz) * GAIN) * pc.tint.xyz;
+    c = vec4(a, 1.0);";
+    let original = plan(read(VERTEX, &fragment(declared, body)));
+    let recipe = Recipe::parse(["hoist:budget=0.1,finite=assumed"]).unwrap();
+    let hoisted = recipe
+        .apply(&original, &Facts::default())
+        .unwrap_or_else(|r| panic!("{r}"));
+    let notes = hoisted.notes.join("\n");
+    for part in [
+        "the constant 3, `GAIN`",
+        "binding 2 of group 1",
+        "the first 16 bytes of the push constants",
+        "`VkSpecializationInfo`",
+        "`stageFlags`",
+    ] {
+        assert!(notes.contains(part), "{part}: {notes}");
+    }
+    // What the vertex stage reads already needs no note.
+    let vertex = VERTEX.replace(
+        "void main() {",
+        "layout(constant_id = 3) const float GAIN = 0.25;
+layout(set = 1, binding = 2) uniform L { vec4 l[4]; } lights;
+layout(push_constant) uniform P { vec4 tint; } pc;
+void main() {",
+    );
+    let vertex = vertex.replace("= p; }", "= p * GAIN + lights.l[0] + pc.tint; }");
+    let original = plan(read(&vertex, &fragment(declared, body)));
+    let hoisted = recipe
+        .apply(&original, &Facts::default())
+        .unwrap_or_else(|r| panic!("{r}"));
+    let notes = hoisted.notes.join("\n");
+    assert!(!notes.contains("only the fragment stage"), "{notes}");
+}
+
+/// What has a name and still can't be set is refused by this name.
+#[test]
+fn final_constants_and_push_constants_are_refused_by_name() {
+    let declared = "layout(constant_id = 7) const int TAPS = 4;
+layout(constant_id = 8) const bool WARM = true;
+layout(push_constant) uniform P { vec4 tint; int mode; } pc;
+layout(binding = 0) uniform W { vec4 weights[TAPS + 1]; };";
+    let body =
+        "c = weights[0] * (WARM ? pc.tint : vec4(0.5)); if (pc.mode == 1) c.x = float(TAPS);";
+    let original = plan(read(VERTEX, &fragment(declared, body)));
+    let wrong = |set: &str| {
+        let recipe = Recipe::parse([format!("specialize:set={set}").as_str()]).unwrap();
+        let checked = recipe.check_names(std::slice::from_ref(&original));
+        checked.map_err(|e| e.to_string())
+    };
+    let refused = wrong("TAPS=2").unwrap_err();
+    assert!(
+        refused.contains("`TAPS` has its default as its value, 4"),
+        "{refused}"
+    );
+    assert!(
+        refused.contains("change the default in the text"),
+        "{refused}"
+    );
+    for name in ["mode", "pc.mode"] {
+        let refused = wrong(&format!("{name}=1")).unwrap_err();
+        assert!(
+            refused.contains(&format!("`{name}` is a push constant")),
+            "{refused}"
+        );
+    }
+    assert!(wrong("TAP=2").unwrap_err().contains("is named `TAP`"));
+    // Its own value may be set, beside another.
+    assert_eq!(wrong("TAPS=4+WARM=false"), Ok(()));
+    let recipe = Recipe::parse(["specialize:set=TAPS=4+WARM=false"]).unwrap();
+    let plan = recipe
+        .apply(&original, &Facts::default())
+        .unwrap_or_else(|r| panic!("{r}"));
+    assert!(!written(&plan, Target::Wgsl).contains("tint *"));
+}
+
+/// A visibility buffer's refusals say what to do about push constants and arrays of textures.
+#[test]
+fn a_visibility_buffer_refuses_split_push_constants_and_arrays_by_name() {
+    let recipe = Recipe::parse(["visibility-buffer:budget=0.05"]).unwrap();
+    let refused = |vertex: &str, text: &str| {
+        let outcome = recipe.apply(&plan(read(vertex, text)), &Facts::default());
+        format!("{:?}", outcome.unwrap_err())
+    };
+    let vertex = VERTEX.replace(
+        "void main() { uv = p.xy; gl_Position = p; }",
+        "layout(push_constant) uniform V { mat4 m; } pv;
+void main() { uv = p.xy; gl_Position = pv.m * p; }",
+    );
+    let split = fragment(
+        "layout(push_constant) uniform F { layout(offset = 64) vec4 tint; } pf;",
+        "c = uv.xyxy * pf.tint;",
+    );
+    let split = refused(&vertex, &split);
+    assert!(split.contains("one block of push constants"), "{split}");
+    assert!(!split.contains("another binding"), "{split}");
+
+    let array = fragment(
+        "layout(binding = 0) uniform texture2D maps[4]; layout(binding = 1) uniform sampler s;
+layout(binding = 2) uniform U { int n; } u;",
+        "c = texture(sampler2D(maps[u.n], s), uv);",
+    );
+    let array = refused(VERTEX, &array);
+    assert!(array.contains("an element of `maps`"), "{array}");
+    assert!(array.contains("textureLod"), "{array}");
+}
+
+/// WebGPU needs four components of each output. Vulkan's targets have the author's.
+#[test]
+fn outputs_keep_their_components_in_vulkans_targets() {
+    for (ty, is_float) in [
+        ("float", true),
+        ("vec2", true),
+        ("uvec3", false),
+        ("vec4", true),
+    ] {
+        let value = match is_float {
+            true => format!("{ty}(uv.x)"),
+            false => format!("{ty}(uint(uv.x))"),
+        };
+        let text = format!(
+            "#version 450
+layout(location = 0) in vec2 uv;
+layout(location = 0) out {ty} coverage;
+layout(depth_greater) out float gl_FragDepth;
+void main() {{
+    if (uv.y > 0.5) {{ coverage = {value}; gl_FragDepth = 0.5; return; }}
+    coverage = {value} + {value};
+    gl_FragDepth = gl_FragCoord.z;
+}}
+"
+        );
+        let plan = plan(read(VERTEX, &text));
+        let glsl = written(&plan, Target::GlslVulkan);
+        assert!(glsl.contains(&format!("out {ty} coverage;")), "{glsl}");
+        // Both texts are read as their author wrote them.
+        read(VERTEX, glsl_stage(&plan, ".frag").as_str());
+        let wgsl = written(&plan, Target::Wgsl);
+        assert!(wgsl.contains("@location(0) coverage"), "{wgsl}");
+        written(&plan, Target::Spirv);
+    }
+}
+
+/// The text of a stage in Vulkan's GLSL.
+fn glsl_stage(plan: &Plan, ending: &str) -> String {
+    let options = emit::Options::default();
+    let files = emit::emit(plan, &[Target::GlslVulkan], &options).unwrap();
+    let file = files.iter().find(|f| f.name.ends_with(ending)).unwrap();
+    String::from_utf8_lossy(&file.bytes).into_owned()
+}
+
+/// A constant with another constant as its value has its length. A converted value is another one.
+#[test]
+fn an_alias_of_a_constant_gives_the_length_of_arrays() {
+    let text = |alias: &str| {
+        let declared = format!(
+            "layout(constant_id = 7) const int TAPS = 4;
+const int COUNT = TAPS;
+{alias}
+layout(binding = 0) uniform W {{ vec4 weights[SIZE]; }};"
+        );
+        let body = "c = vec4(0.0); for (int i = 0; i < COUNT; i++) c += weights[i];";
+        read(VERTEX, &fragment(&declared, body))
+    };
+    let parsed = text("const int SIZE = COUNT;");
+    let declared = parsed.program.declared();
+    let named: Vec<&str> = declared.lengths.iter().map(|l| l.own.as_str()).collect();
+    assert_eq!(named, ["TAPS"], "{:?}", declared.notes);
+    let plan = plan(parsed);
+    let glsl = written(&plan, Target::GlslVulkan);
+    assert!(glsl.contains("vec4 weights[TAPS];"), "{glsl}");
+    let files = emit::emit(&plan, &[Target::Spirv], &emit::Options::default()).unwrap();
+    let words = files
+        .iter()
+        .find(|f| f.name.ends_with(".frag.spv"))
+        .unwrap();
+    assert_eq!(spec_lengths(&words.bytes), ["constant 7"]);
+    for other in [
+        "const uint SIZE = uint(COUNT);",
+        "const int SIZE = min(COUNT, 100);",
+    ] {
+        let parsed = text(other);
+        assert_eq!(parsed.program.declared().lengths, [], "{other}");
+    }
 }

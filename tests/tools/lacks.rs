@@ -147,13 +147,12 @@ fn depths_and_targets() -> Vec<Case> {
              return O(vec4<f32>(v.uv, 0.0, 1.0), v.position.z);"
         )
     };
-    let early = |name: &'static str, es: &'static str| {
-        writes(name, "", depth, &stage(name), [Read, Read, Refused(es)])
-    };
+    let early =
+        |name: &'static str, es: Said| writes(name, "", depth, &stage(name), [Read, Read, es]);
     vec![
-        early("less_equal", "a conservative early depth test"),
-        early("greater_equal", "a conservative early depth test"),
-        early("force", "a forced early depth test"),
+        early("less_equal", Read),
+        early("greater_equal", Read),
+        early("force", Refused("a forced early depth test")),
         writes(
             "dual source",
             "enable dual_source_blending;\n",

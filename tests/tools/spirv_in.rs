@@ -675,3 +675,113 @@ fn broken_modules_are_errors() {
         assert_eq!(error.code(), front::Code::Parse, "{to}: {error}");
     }
 }
+
+/// `spirv-opt` makes constants of specialisation constants, and leaves the operations on them.
+#[test]
+fn frozen_constants_are_read() {
+    let dir = scratch();
+    let text = "#version 450
+layout(location=0) in vec2 v; layout(location=0) out vec4 o;
+layout(constant_id=0) const int N = 4;
+layout(constant_id=1) const bool B = true;
+const int M = N * 2 + 1;
+layout(binding=1) uniform L { vec4 l[M]; } u;
+layout(binding=2) uniform K { vec4 k[N / 2 + (N & 3)]; } w;
+void main() {
+    vec3 a = vec3(0.0);
+    for (int i = 0; i < M; i++) a += u.l[i].xyz * w.k[1].x;
+    if (!B) a = vec3(M) * v.x;
+    o = vec4(a, 1.0);
+}
+";
+    let path = dir.join("frozen.frag");
+    std::fs::write(&path, text).unwrap();
+    let words = glslang(&path, &[], &dir);
+    let (from, to) = (dir.join("from.spv"), dir.join("frozen.spv"));
+    std::fs::write(&from, words).unwrap();
+    let options = [
+        "--set-spec-const-default-value",
+        "0:6",
+        "--freeze-spec-const",
+    ];
+    let mut all: Vec<&std::ffi::OsStr> = options.iter().map(AsRef::as_ref).collect();
+    all.extend([from.as_os_str(), "-o".as_ref(), to.as_os_str()]);
+    run("spirv-opt", &all);
+    let vertex = dir.join("frozen.vert");
+    std::fs::write(&vertex, VERTEX).unwrap();
+    let vertex = glslang(&vertex, &[], &dir);
+    let parsed = read(&[
+        ("m.vert.spv", vertex),
+        ("m.frag.spv", std::fs::read(to).unwrap()),
+    ]);
+    let parsed = parsed.unwrap_or_else(|e| panic!("{}", e.render(front::Color::Never)));
+    let wgsl = written(&parsed, "frozen", &dir).wgsl;
+    assert!(wgsl.contains("array<vec4<f32>, 13>"), "{wgsl}");
+    assert!(wgsl.contains("array<vec4<f32>, 5>"), "{wgsl}");
+}
+
+/// Also where the IR fills it up to four components.
+#[test]
+fn an_output_keeps_its_components() {
+    let dir = scratch();
+    for (ty, bound) in [
+        ("float", ""),
+        ("vec2", ""),
+        ("float", "depth_less"),
+        ("vec3", "depth_less"),
+    ] {
+        let depth = match bound {
+            "" => ["", ""],
+            _ => [
+                "layout(depth_less) out float gl_FragDepth;",
+                "gl_FragDepth = 0.5;",
+            ],
+        };
+        let text = format!(
+            "#version 450
+layout(set=0, binding=0) uniform sampler2D maps[2];
+layout(location=0) in vec2 v; layout(location=0) out {ty} coverage;
+{}
+void main() {{
+    if (v.y > 0.5) {{ coverage = {ty}(v.x); return; }}
+    coverage = {ty}(texture(maps[1], v).x);
+    {}
+}}
+",
+            depth[0], depth[1]
+        );
+        let sources = [Source::new("m.vert", VERTEX), Source::new("m.frag", text)];
+        let parsed = front::parse(&sources, &front::Options::default());
+        let parsed = parsed.unwrap_or_else(|e| panic!("{}", e.render(front::Color::Never)));
+        written(&parsed, "narrow", &dir);
+        let reflected = reflection_support::reflect(&dir.join("m.main.frag.spv")).unwrap();
+        let outputs = format!("{:?}", reflected["outputs"]);
+        assert!(outputs.contains(&format!("{ty:?}")), "{outputs}");
+        assert!(outputs.contains("\"coverage\""), "{outputs}");
+    }
+}
+
+/// Also the only one.
+#[test]
+fn an_output_keeps_its_name() {
+    let dir = scratch();
+    let text = "#version 450
+layout(location=0) in vec2 v; layout(location=0) out float coverage;
+void main() { coverage = v.x; }
+";
+    let parsed = of_texts(VERTEX, text, &[], &dir);
+    let parsed = parsed.unwrap_or_else(|e| panic!("{}", e.render(front::Color::Never)));
+    let plan = parsed.plan("m", &MaterialState::default());
+    let targets = [Target::GlslVulkan, Target::Spirv];
+    let files = emit::emit(&plan, &targets, &emit::Options::default()).unwrap();
+    let fragments: Vec<_> = files.iter().filter(|f| f.name.contains(".frag")).collect();
+    assert_eq!(fragments.len(), 2);
+    for file in fragments {
+        let text = String::from_utf8_lossy(&file.bytes);
+        let name = match file.name.ends_with(".spv") {
+            true => "coverage\0",
+            false => "out float coverage;",
+        };
+        assert!(text.contains(name), "{}: {text}", file.name);
+    }
+}

@@ -22,6 +22,8 @@ pub struct Declared {
     pub constants: Vec<SpecConstant>,
     /// The specialisation constants that give the lengths of arrays.
     pub lengths: Vec<LengthConstant>,
+    /// The specialisation constants that are no override in the IR: their defaults are final.
+    pub finals: Vec<FinalConstant>,
     /// The structs that the IR has under another name, as each layout is a struct of its own: its
     /// name and the author's.
     pub copies: Vec<(String, String)>,
@@ -50,6 +52,14 @@ pub struct Declared {
 }
 
 impl Declared {
+    /// The outputs of the fragment stage that a text of Vulkan's declares with fewer components than
+    /// the IR has.
+    pub fn widened(&self) -> impl Iterator<Item = &Located> {
+        let is_narrow = |l: &&Located| l.components().is_some_and(|n| n < 4);
+        let targets = self.targets.iter().filter(|_| self.y_down);
+        targets.filter(is_narrow)
+    }
+
     /// Adds the constants of the second stage that have an override of their own.
     pub fn tell_apart(&mut self, constants: Vec<SpecConstant>) {
         let note = |c: &SpecConstant| {
@@ -167,6 +177,17 @@ pub struct LengthConstant {
     pub is_signed: bool,
 }
 
+/// A specialisation constant whose value had to be known when the text was read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FinalConstant {
+    /// The author's `constant_id`.
+    pub id: u32,
+    /// The author's name.
+    pub own: String,
+    /// Its default, which is its value; `None` if it is not an integer or a boolean.
+    pub default: Option<i64>,
+}
+
 impl LengthConstant {
     const PREFIX: &str = "preshade_length_";
 
@@ -239,6 +260,30 @@ pub struct Located {
     pub location: u32,
     /// Who chose it.
     pub chosen: Chosen,
+}
+
+impl Located {
+    /// The components of a scalar or a vector.
+    pub fn components(&self) -> Option<u32> {
+        let Type::Plain(name) = &self.declaration.ty else {
+            return None;
+        };
+        match name.as_str() {
+            "float" | "int" | "uint" => Some(1),
+            name if name.contains("vec") => name.chars().next_back()?.to_digit(10),
+            _ => None,
+        }
+    }
+
+    /// The name in the IR of the vector of four that stands for it.
+    pub fn widened_name(&self) -> String {
+        format!("{}_rgba", self.declaration.name)
+    }
+
+    /// Whether it has such a name, with an ending if that was taken.
+    pub fn is_widened_as(&self, name: &str) -> bool {
+        name.starts_with(&self.widened_name())
+    }
 }
 
 /// Who chose a location.

@@ -738,14 +738,13 @@ fn shared_binding(
     if !is_bug(&refused) {
         return refused;
     }
-    let Some((span, reason)) = shared() else {
+    let Some((span, reason, remedy)) = shared() else {
         return refused;
     };
     if run(&shared_binding::apart(plan)).is_err_and(|refused| is_bug(&refused)) {
         return refused;
     }
     for refusal in refused.refusals.iter_mut().filter(|r| is_internal(r)) {
-        let remedy = refusals::SHARED_BINDING.remedy;
         let code = &refusals::SHARED_BINDING;
         let named = Refusal::new(&refusal.pass, code, reason.clone(), remedy);
         let mut sources = plan.programs.values().map(Program::sources);

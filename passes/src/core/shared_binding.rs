@@ -45,14 +45,16 @@ pub(super) fn apart(plan: &Plan) -> Plan {
     plan
 }
 
-/// The second of two variables at one binding, or of immediate data, and both in words.
-pub(super) fn two_in_one_place(module: &Module) -> Option<(Span, String)> {
+/// The second of two variables at one binding, or of immediate data, both in words, and a remedy.
+pub(super) fn two_in_one_place(module: &Module) -> Option<(Span, String, &'static str)> {
     let globals = || module.global_variables.iter();
     globals().find_map(|(handle, global)| {
         let is_immediate = global.space == AddressSpace::Immediate;
         let place = match global.binding {
             Some(at) => format!("have group {} binding {}", at.group, at.binding),
-            None if is_immediate => "are immediate data".to_owned(),
+            None if is_immediate => {
+                "are immediate data (push constants), a block a stage".to_owned()
+            }
             None => return None,
         };
         let is_same = |g: &GlobalVariable| match global.binding {
@@ -66,6 +68,13 @@ pub(super) fn two_in_one_place(module: &Module) -> Option<(Span, String)> {
             name(first),
             name(global)
         );
-        Some((module.global_variables.get_span(handle), reason))
+        let remedy = match is_immediate {
+            true => {
+                "declare one block of push constants in both stages, with the members of both at their \
+                 offsets"
+            }
+            false => "give one of them another binding, or declare one variable for both stages",
+        };
+        Some((module.global_variables.get_span(handle), reason, remedy))
     })
 }

@@ -444,6 +444,7 @@ fn access<F: Number>(base: &Value<F>, index: usize) -> Result<Value<F>, Stuck> {
             path: path.iter().copied().chain([index]).collect(),
         }),
         Value::Composite(_) => part(base, index).cloned(),
+        Value::Resource(_) => Err(Stuck::Unsupported("arrays of resources".to_owned())),
         other => Err(Stuck::Type(format!("an access into {other:?}"))),
     }
 }

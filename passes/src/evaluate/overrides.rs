@@ -87,6 +87,15 @@ pub(crate) fn number(value: &Value) -> Option<f64> {
     }
 }
 
+/// The default of an override, if it is an integer or a boolean.
+pub fn integer_default(module: &Module, of: Handle<Override>) -> Option<i64> {
+    let value = evaluate::default_constant::<f32>(module, module.overrides[of].init?).ok()?;
+    match value {
+        Value::Scalar(Scalar::F32(_)) => None,
+        value => number(&value).map(|n| n as i64),
+    }
+}
+
 /// The defaults of other overrides that depend only on `given` ones.
 pub(crate) fn derived(module: &Module, given: &[Assumed]) -> Vec<Assumed> {
     let mut values: BTreeMap<Handle<Override>, Value> = BTreeMap::new();

@@ -66,6 +66,7 @@ mod flow;
 mod form;
 mod iteration;
 pub mod movable;
+mod moved;
 pub mod pack;
 mod params;
 pub mod refusals;
@@ -529,9 +530,13 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         mut given: Vec<Assumption>,
     ) -> Plan {
         let mut next = plan.clone();
+        let mut moved = None;
         for pass in &mut next.passes {
             if pass.program == material.pass.program {
+                let before = pass.clone();
                 reflect::fill(pass, &program);
+                moved =
+                    moved.or_else(|| moved::note((&before, material.program), (pass, &program)));
             }
         }
         next.programs.insert(material.pass.program.clone(), program);
@@ -568,6 +573,7 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         next.contract = next.contract.and(contract);
         next.fallback = Some("original".to_owned());
         next.notes.push(self.describe());
+        next.notes.extend(moved);
         if !self.unknown.is_empty() {
             next.notes.push(not_here(&self.unknown));
         }

@@ -197,7 +197,7 @@ impl Pass for Specialize {
 
     fn misnamed(plan: &Plan, params: &Params) -> Option<Misnamed> {
         let (_, program) = examine(plan).ok()?;
-        assume::misnamed(program.module(), params.set.as_deref()?)
+        assume::misnamed(program, params.set.as_deref()?)
     }
 
     fn expected(_params: &Params) -> Expected {
@@ -434,13 +434,7 @@ fn assumptions(
     facts: &Facts,
     params: &Params,
 ) -> Result<Assumptions, Box<Refusal>> {
-    Assumptions::new(
-        program.module(),
-        &plan.material,
-        facts,
-        params.set.as_deref(),
-    )
-    .map_err(|e| {
+    Assumptions::new(program, &plan.material, facts, params.set.as_deref()).map_err(|e| {
         Box::new(refusal(
             &refusals::UNFIT_VALUES,
             e.to_string(),

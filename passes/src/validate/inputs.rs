@@ -1,6 +1,6 @@
 //! Ordinary and adversarial inputs of both stages.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use naga::{
@@ -8,6 +8,7 @@ use naga::{
 };
 
 use super::levels::Levels;
+use super::numbers::Numbers;
 use super::stage::{POSITION, Slot, VaryingKind};
 use super::world::{self, plus, times};
 use crate::core::guard::{Assumed, Guard, Place, ScalarType};
@@ -155,6 +156,8 @@ pub struct Inputs {
     texels: BTreeMap<(u32, u32, u32), f32>,
     /// Attribute components that a guard fixes.
     attributes: BTreeMap<(u32, u32), f32>,
+    /// Numbers that inputs reach.
+    numbers: Option<Arc<Numbers>>,
 }
 
 impl Inputs {
@@ -223,6 +226,7 @@ impl Inputs {
             levels: Arc::default(),
             texels: BTreeMap::new(),
             attributes: BTreeMap::new(),
+            numbers: None,
         };
         for assumed in guard.into_iter().flat_map(|g| &g.values) {
             this.assume(module, assumed);
@@ -248,6 +252,31 @@ impl Inputs {
         Self {
             resources: Arc::new(resources),
             left_out,
+            ..self
+        }
+    }
+
+    /// Lets inputs reach the numbers that programs compare with ([`Numbers::spread`]). Texture sizes
+    /// stay.
+    #[must_use]
+    pub(super) fn spread(mut self, numbers: &Arc<Numbers>, modules: [&Module; 2]) -> Self {
+        let globals = modules.iter().flat_map(|m| m.global_variables.iter());
+        let buffers = globals.filter(|(_, g)| g.space != AddressSpace::Handle);
+        let buffers: BTreeSet<_> = buffers.filter_map(|(_, global)| place(global)).collect();
+        let resources = Arc::make_mut(&mut self.resources);
+        for (at, value) in resources.iter_mut().filter(|(at, _)| buffers.contains(at)) {
+            let mut random = Random::new(self.seed, &format!("spread {} {}", at.0, at.1));
+            let mut change = |value: &mut Value| match self.seed.is_multiple_of(2) {
+                true => numbers.enlarge(value, &mut random),
+                false => numbers.spread(value, &mut random),
+            };
+            match value {
+                Value::Composite(members) => members.iter_mut().for_each(change),
+                one => change(one),
+            }
+        }
+        Self {
+            numbers: Some(Arc::clone(numbers)),
             ..self
         }
     }
@@ -331,11 +360,20 @@ impl Inputs {
             }
             // One triangle is of one instance.
             Slot::BuiltIn(BuiltIn::InstanceIndex | BuiltIn::BaseInstance) => {
-                return Some(Value::u32((self.seed % 3) as u32));
+                let own = (self.seed % 3) as u32;
+                let mut random = Random::new(self.seed, "instance");
+                let numbers = self.numbers.as_ref();
+                let index = numbers.map_or(own, |n| n.integer(own, &mut random));
+                return Some(Value::u32(index));
             }
             _ => {}
         }
         let mut value = value(module, io.ty, self.profile, Of::Vertex, &mut random)?;
+        if let Some(numbers) = &self.numbers {
+            // All corners have one scale, and numbers of their own.
+            let mut scale = Random::new(self.seed, &format!("spread {slot}"));
+            numbers.spread_at(&mut value, &mut scale, &mut random);
+        }
         if let Slot::Location(location, _) = slot {
             match &mut value {
                 Value::Composite(parts) => {
@@ -362,7 +400,13 @@ impl Inputs {
         if slot == POSITION {
             // Within the target and the depth planes.
             let pixel = |random: &mut Random| random.below(64) as f32 + 0.5;
-            let at = [pixel(&mut random), pixel(&mut random)];
+            let mut at = [pixel(&mut random), pixel(&mut random)];
+            if let Some(numbers) = &self.numbers {
+                at = at.map(|own| match random.below(2) {
+                    0 => own,
+                    _ => numbers.float(&mut random).abs().min(16_384.0).floor() + 0.5,
+                });
+            }
             let depth = match random.below(8) {
                 0 => 0.0,
                 1 => 1.0,

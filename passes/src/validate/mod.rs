@@ -38,6 +38,7 @@ mod drawn;
 pub mod elsewhere;
 pub mod inputs;
 pub mod levels;
+mod numbers;
 mod promise;
 mod proof;
 mod quad;

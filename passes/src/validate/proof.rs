@@ -55,6 +55,8 @@ pub(super) fn of_fragment(colors: Colors) -> Vec<Criterion> {
         ],
         Colors::Ignored => vec![Criterion::Output(OutputFilter::FragDepth)],
     };
+    let mask = naga::Binding::BuiltIn(naga::BuiltIn::SampleMask);
+    wanted.push(Criterion::Output(OutputFilter::Binding(mask)));
     wanted.push(Criterion::Discard);
     wanted
 }

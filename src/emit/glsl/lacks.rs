@@ -6,8 +6,8 @@
 use naga::back::glsl;
 use naga::valid::{FunctionInfo, ModuleInfo};
 use naga::{
-    AddressSpace, Binding, BuiltIn, EarlyDepthTest, Expression, Function, ImageClass, Module,
-    TypeInner,
+    AddressSpace, Binding, BuiltIn, EarlyDepthTest, EntryPoint, Expression, Function, ImageClass,
+    Module, TypeInner,
 };
 use preshade_passes::reflect;
 
@@ -30,8 +30,6 @@ enum Construct {
     IntegerMix,
     /// `@early_depth_test(force)`.
     ForcedTest,
-    /// `@early_depth_test(..)` that allows a range of depths.
-    ConservativeTest,
     /// Any of these words in naga's text.
     Words(&'static [&'static str]),
 }
@@ -99,8 +97,6 @@ const LACKS: &[(Construct, &[Target], &str, &str)] = &[
     (Construct::IntegerMix, ES, "a choice between vectors of integers", NOT_ES),
     // GLSL ES 3.10.
     (Construct::ForcedTest, ES, "a forced early depth test", NOT_ES),
-    // GLSL 4.20, or extensions that glslang does not know; WebGL's is EXT_conservative_depth.
-    (Construct::ConservativeTest, ES_AND_TESS, "a conservative early depth test", NOT_ES),
     // GLSL ES 3.10.
     (Words(&["sampler2DMS", "isampler2DMS", "usampler2DMS"]), ES, "multisampled textures", NOT_ES),
     // GLSL ES 3.10.
@@ -135,6 +131,22 @@ pub(super) fn refuse_module(
         }
     }
     Ok(())
+}
+
+/// The module without a conservative early depth test, if the target has none: GLSL has them since
+/// 4.20, and in extensions that not every compiler knows. It is a hint: the picture stays the same.
+pub(super) fn without_conservative_test(module: &Module, target: Target) -> Option<Module> {
+    let is_conservative =
+        |e: &EntryPoint| matches!(e.early_depth_test, Some(EarlyDepthTest::Allow { .. }));
+    let is_lacking = ES_AND_TESS.contains(&target);
+    if !is_lacking || !module.entry_points.iter().any(is_conservative) {
+        return None;
+    }
+    let mut module = module.clone();
+    for entry in &mut module.entry_points {
+        entry.early_depth_test = None;
+    }
+    Some(module)
 }
 
 /// Refuses naga's text of a stage that uses a function that the target lacks.
@@ -214,10 +226,6 @@ fn found(module: &Module, info: &ModuleInfo, construct: Construct) -> Option<Str
         let found = all.find(|g| wanted(g.space, &module.types[g.ty].inner))?;
         Some(found.name.clone().unwrap_or_default())
     };
-    let early = |forced: bool| {
-        let test = entry.early_depth_test?;
-        ((test == EarlyDepthTest::Force) == forced).then(String::new)
-    };
     match construct {
         Builtin(wanted) => {
             let inputs = reflect::inputs(module, &entry.function).into_iter();
@@ -230,8 +238,10 @@ fn found(module: &Module, info: &ModuleInfo, construct: Construct) -> Option<Str
         }
         Construct::Immediates => global(&|space, _| space == AddressSpace::Immediate),
         Construct::BindingArray => global(&|_, ty| matches!(ty, TypeInner::BindingArray { .. })),
-        Construct::ForcedTest => early(true),
-        Construct::ConservativeTest => early(false),
+        Construct::ForcedTest => {
+            let is_forced = entry.early_depth_test == Some(EarlyDepthTest::Force);
+            is_forced.then(String::new)
+        }
         Construct::DepthLoad | Construct::DepthSample | Construct::IntegerMix => {
             let functions = module.functions.iter().map(|(h, f)| (f, &info[h]));
             let mut functions = functions.chain([(&entry.function, info.get_entry_point(0))]);

@@ -153,6 +153,9 @@ fn push_constants(text: &str, instance: &str, ty: &TypeInner) -> Result<String, 
     let (line, of) = lines
         .next()
         .ok_or_else(|| Unexpected("the immediate data".to_owned()))?;
+    // If both stages have a block of this name, the second has a number behind it.
+    let authors = of.trim_end_matches(|c: char| c.is_ascii_digit());
+    let authors = [&of, authors.strip_suffix('_').unwrap_or(&of)];
     let head = format!("struct {of} {{\n");
     let body = text
         .split_once(&head)
@@ -162,7 +165,7 @@ fn push_constants(text: &str, instance: &str, ty: &TypeInner) -> Result<String, 
             let lines: Vec<&str> = body.lines().collect();
             let offsets = lines.iter().zip(members).map(|(line, member)| {
                 let own = words(line).last().map(|(word, _)| word);
-                match own.is_some_and(|own| declared::is_padding(&of, own)) {
+                match own.is_some_and(|own| authors.iter().any(|a| declared::is_padding(a, own))) {
                     true => String::new(),
                     false => format!("    layout(offset = {}) {}\n", member.offset, line.trim()),
                 }

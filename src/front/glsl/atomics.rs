@@ -42,9 +42,6 @@ pub(super) fn replace(
     } = module;
     let functions = functions.iter_mut().map(|(_, f)| f);
     for function in functions.chain(entry_points.iter_mut().map(|e| &mut e.function)) {
-        load_late(function, &|g| {
-            matches!(global_variables[g].space, AddressSpace::Storage { .. })
-        });
         let mut refused = None;
         let expressions = &mut function.expressions;
         operands::visit_mut(&mut function.body, &mut |statement| {
@@ -168,45 +165,6 @@ fn images(module: &mut Module, placeholders: &Placeholders) {
             *access = StorageAccess::all();
         }
         module.global_variables[global].ty = module.types.insert(ty, Span::UNDEFINED);
-    }
-}
-
-/// Reads members instead of the structs that they are in: a struct with an atomic member is no
-/// value.
-///
-/// ```text
-/// %1 = Load { pointer: %0 }                      %1 = AccessIndex { base: %0, index: 3 }
-/// %2 = AccessIndex { base: %1, index: 3 }        %2 = Load { pointer: %1 }
-/// ```
-fn load_late(function: &mut Function, is_storage: &dyn Fn(Handle<GlobalVariable>) -> bool) {
-    let mut uses: FastHashMap<Handle<Expression>, usize> = FastHashMap::default();
-    for (_, expression) in function.expressions.iter() {
-        for operand in operands::of_expression(expression) {
-            *uses.entry(operand).or_default() += 1;
-        }
-    }
-    operands::visit(&function.body, &mut |statement| {
-        for operand in operands::of_statement(statement) {
-            *uses.entry(operand).or_default() += 1;
-        }
-    });
-    let expressions = &mut function.expressions;
-    let all: Vec<Handle<Expression>> = expressions.iter().map(|(h, _)| h).collect();
-    for member in all {
-        let Expression::AccessIndex { base: load, index } = expressions[member] else {
-            continue;
-        };
-        let Expression::Load { pointer } = expressions[load] else {
-            continue;
-        };
-        let is_part = part_of(expressions, pointer).is_some_and(|(g, _)| is_storage(g));
-        if is_part && uses.get(&load) == Some(&1) {
-            expressions[load] = Expression::AccessIndex {
-                base: pointer,
-                index,
-            };
-            expressions[member] = Expression::Load { pointer: load };
-        }
     }
 }
 

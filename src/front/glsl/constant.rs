@@ -13,6 +13,8 @@ pub(super) struct Constants {
     known: HashMap<String, ConstantValue>,
     /// Specialisation constants and what follows from them.
     defaults: HashMap<String, (ConstantValue, Specialised)>,
+    /// Constants that are a specialisation constant under another name: `const int M = N;`.
+    aliases: HashMap<String, (u32, String)>,
     /// The specialisation constant whose default counts as one more: see [`lengths`](super::lengths).
     raised: Option<u32>,
 }
@@ -28,9 +30,12 @@ impl Constants {
         }
     }
 
-    /// The specialisation constant of that name, if it is one itself.
+    /// The specialisation constant of that name, if it is one itself or an alias of one.
     pub(super) fn specialised(&self, name: &str) -> Option<(u32, String)> {
         let (_, from) = self.defaults.get(name)?;
+        if let Some(of) = self.aliases.get(name) {
+            return Some(of.clone());
+        }
         let mut from = from.iter();
         match (from.next(), from.next()) {
             (Some(of), None) if of.1 == name => Some(of.clone()),
@@ -72,7 +77,12 @@ pub(super) fn declare(
     id: Option<u32>,
 ) {
     // The name is visible behind its value.
+    let alias = value.and_then(|e| alias_of(e, ty, constants));
     let assumed = value.and_then(|e| assume(e, constants));
+    constants.aliases.remove(name);
+    if let (Some(of), None) = (alias, id) {
+        constants.aliases.insert(name.to_owned(), of);
+    }
     constants.known.remove(name);
     constants.known.remove(&length_of(name));
     constants.defaults.remove(name);
@@ -110,6 +120,16 @@ pub(super) fn declare(
             false => constants.defaults.insert(name, (Int(n), from)).is_some(),
         };
     }
+}
+
+/// The specialisation constant that a value of this type is, unconverted.
+fn alias_of(e: &Expr, ty: &Ty, constants: &Constants) -> Option<(u32, String)> {
+    let ExprData::Variable(name) = &e.content else {
+        return None;
+    };
+    let (value, _) = constants.defaults.get(name.as_str())?;
+    let is_same = converted(value.clone(), ty).as_ref() == Some(value);
+    constants.specialised(name.as_str()).filter(|_| is_same)
 }
 
 /// Converts the value to `ty`.

@@ -7,8 +7,9 @@
 //! `preprocess` runs directives and macros; `syntax` parses; `shadow_samplers` types Vulkan's samplers;
 //! `stage` collects a stage's declarations; `interface` assigns bindings and locations to both stages; `declared` records the
 //! author's own; `lower` prints; `source_marks` maps the printed text to the source, and
-//! `map_spans` applies that map to the module. `placeholders`, `atomics`, `binding_arrays`, `built_ins`
-//! and `lengths` add to the IR what naga's front end lacks.
+//! `map_spans` applies that map to the module. `member_loads` narrows what naga loads.
+//! `placeholders`, `atomics`, `binding_arrays`, `built_ins` and `lengths` add to the IR what naga's
+//! front end lacks.
 
 mod atomics;
 mod built_ins;
@@ -18,6 +19,7 @@ mod include;
 mod interface;
 mod lengths;
 mod lower;
+mod member_loads;
 mod parser_messages;
 mod placeholders;
 mod preprocess;
@@ -32,7 +34,10 @@ use std::path::Path;
 
 use naga::front::glsl::{Frontend, Options as NagaOptions};
 use naga::proc::{Alignment, Layouter};
-use naga::{AddressSpace, Handle, Module, ShaderStage, Span, Type, TypeInner};
+use naga::{
+    AddressSpace, ConservativeDepth, EarlyDepthTest, Handle, Module, ShaderStage, Span, Type,
+    TypeInner,
+};
 use preshade_passes::declared::Declared;
 use preshade_passes::link::offset;
 use preshade_passes::program::SourceMap;
@@ -169,9 +174,8 @@ fn rewritten(
     let others = candidates.filter(|of| !declared.lengths.contains(of));
     let mut fixed = lowered.fixed;
     fixed.extend(others.map(|of| (of.id, of.own)));
-    for constant in &fixed {
-        length_constants::fix(&mut modules, constant)?;
-        declared.notes.push(length_constants::fixed_note(constant));
+    for constant in fixed {
+        length_constants::fix(&mut modules, constant, &mut declared)?;
     }
     Ok((modules, declared))
 }
@@ -187,6 +191,12 @@ fn modules(lowered: &Lowered, texts: &[Text<'_>]) -> Result<Vec<Module>, Error> 
             atomics::replace(&mut module, &lowered.placeholders, &place)?;
             built_ins::replace(&mut module, lowered.clip_distances.as_deref());
             lowered.opened.iter().for_each(|o| o.close(&mut module));
+            if let Some(conservative) = lowered.depth {
+                for entry in &mut module.entry_points {
+                    let bound = EarlyDepthTest::Allow { conservative };
+                    entry.early_depth_test.get_or_insert(bound);
+                }
+            }
             map_spans::map_spans(&mut module, &place);
             finish(&mut module, text.stage);
             Ok(module)
@@ -236,6 +246,8 @@ pub(super) struct LoweredStage {
     placeholders: Placeholders,
     /// The array that stands for `gl_ClipDistance`.
     clip_distances: Option<String>,
+    /// The bound of `gl_FragDepth`, which naga's front end does not read.
+    depth: Option<ConservativeDepth>,
 }
 
 /// A material's stages in naga's dialect.
@@ -283,6 +295,7 @@ fn lower(
                 given: lowered.given,
                 placeholders: lowered.placeholders,
                 clip_distances: lowered.clip_distances,
+                depth: stage.depth.filter(|_| stage.used.contains("gl_FragDepth")),
             })
         })
         .collect();
@@ -345,6 +358,9 @@ fn read_by_naga(texts: &[Text<'_>]) -> Option<Vec<Module>> {
                 "align =",
                 "origin_upper_left",
                 "pixel_center_integer",
+                "depth_greater",
+                "depth_less",
+                "depth_unchanged",
             ];
             let mut words = text.text.split(|c: char| !c.is_alphanumeric() && c != '_');
             // naga reads some that no language has, and others wrongly.
@@ -417,6 +433,7 @@ fn read(
         .parse(&NagaOptions::from(stage), text)
         .map(|mut module| {
             binding_arrays::replace(&mut module);
+            member_loads::narrow(&mut module);
             module
         })
         .map_err(|errors| {

@@ -4,7 +4,7 @@
 
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
-use preshade_passes::declared::LengthConstant;
+use preshade_passes::declared::{FinalConstant, LengthConstant};
 use rspirv::dr::{Block, Builder, Instruction, Module, Operand};
 use rspirv::spirv::{Decoration, Op, StorageClass, Word};
 
@@ -27,6 +27,29 @@ impl Lengths {
         let Self { kept, fixed } = &mut out;
         kept.retain(|id, _| fixed.iter().all(|(fixed, _)| fixed != id));
         out
+    }
+
+    /// Those whose defaults are final, with these.
+    pub(super) fn finals<'m>(
+        &self,
+        modules: impl Iterator<Item = &'m Module>,
+    ) -> Vec<FinalConstant> {
+        let all: Vec<Known> = modules.map(Known::of).collect();
+        let default = |constant: &(u32, String)| {
+            let mut found = all.iter().flat_map(|known| {
+                let is_it =
+                    |id: &Word| known.ids[id] == constant.0 && known.name(*id) == constant.1;
+                let id = known.ids.keys().copied().find(is_it)?;
+                known.values.get(&id).copied()
+            });
+            found.next()
+        };
+        let finals = self.fixed.iter().map(|constant| FinalConstant {
+            id: constant.0,
+            own: constant.1.clone(),
+            default: default(constant),
+        });
+        finals.collect()
     }
 
     fn add(&mut self, module: &Module) {
@@ -144,7 +167,8 @@ struct Known {
     names: HashMap<Word, String>,
     /// The defaults of integers of 32 bits, and of booleans.
     values: HashMap<Word, i64>,
-    /// Those that a specialisation constant decides.
+    /// The specialisation constants, and the operations and composites of others, of which naga's
+    /// reader knows no value.
     specialised: HashSet<Word>,
     /// Those that functions compute, in order: the operations, and the composites of specialised
     /// parts, which naga's reader takes for constants.
@@ -168,16 +192,13 @@ impl Known {
             let op = i.class.opcode;
             let is_specialised = match op {
                 Op::SpecConstant | Op::SpecConstantTrue | Op::SpecConstantFalse => true,
+                // Also where its operands are plain constants, because `spirv-opt` froze them.
                 Op::SpecConstantOp => {
                     known.computed.push(id);
-                    ids(i).any(|id| known.specialised.contains(&id))
+                    true
                 }
                 Op::SpecConstantComposite => {
-                    let is = |id: &Word| {
-                        let part = known.globals.get(id).map(|i| i.class.opcode);
-                        known.specialised.contains(id) || part == Some(Op::SpecConstantOp)
-                    };
-                    let is_specialised = ids(i).any(|id| is(&id));
+                    let is_specialised = ids(i).any(|id| known.specialised.contains(&id));
                     if is_specialised {
                         known.computed.push(id);
                     }
@@ -272,6 +293,10 @@ impl Known {
                     let [a, b] = [of(0)?, of(1)?];
                     a.checked_rem(b)?.checked_add(b)?.checked_rem(b)?
                 }
+                Op::SNegate => of(0)?.checked_neg()?,
+                Op::BitwiseAnd | Op::LogicalAnd => of(0)? & of(1)?,
+                Op::BitwiseOr | Op::LogicalOr => of(0)? | of(1)?,
+                Op::BitwiseXor => of(0)? ^ of(1)?,
                 Op::ShiftLeftLogical => of(0)?.checked_shl(u32::try_from(of(1)?).ok()?)?,
                 Op::Select if of(0)? != 0 => of(1)?,
                 Op::Select => of(2)?,

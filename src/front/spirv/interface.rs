@@ -382,16 +382,14 @@ pub(super) fn name_outputs(module: &mut Module) {
         };
         let ty = result.ty;
         let TypeInner::Struct { members, .. } = &module.types[ty].inner else {
+            name_single_output(module, index);
             continue;
         };
         let Some(names) = output_names(module, &entry.function, members.len()) else {
             continue;
         };
         let mut new = module.types[ty].clone();
-        new.name.get_or_insert_with(|| {
-            let stage = super::super::declaration::stage_name(entry.stage);
-            format!("{}{}Output", stage[..1].to_uppercase(), &stage[1..])
-        });
+        new.name.get_or_insert_with(|| struct_name(entry.stage));
         if let TypeInner::Struct { members, .. } = &mut new.inner {
             for (member, name) in members.iter_mut().zip(names) {
                 if member.name.is_none() {
@@ -405,6 +403,70 @@ pub(super) fn name_outputs(module: &mut Module) {
     }
 }
 
+fn struct_name(stage: naga::ShaderStage) -> String {
+    let stage = super::super::declaration::stage_name(stage);
+    format!("{}{}Output", stage[..1].to_uppercase(), &stage[1..])
+}
+
+/// Puts the only output into a struct, whose member has the variable's name: a result by itself has
+/// none.
+fn name_single_output(module: &mut Module, index: usize) -> Option<()> {
+    let entry = &module.entry_points[index];
+    let result = entry.function.result.clone()?;
+    if !matches!(result.binding, Some(naga::Binding::Location { .. })) {
+        return None;
+    }
+    let mut body = entry.function.body.iter().enumerate().rev();
+    let (at, value) = body.find_map(|(at, s)| match s {
+        Statement::Return { value } => Some((at, (*value)?)),
+        _ => None,
+    })?;
+    let name = loaded_from(module, &entry.function, value)?;
+    let mut layouter = naga::proc::Layouter::default();
+    layouter.update(module.to_ctx()).ok()?;
+    let member = naga::StructMember {
+        name: Some(name),
+        ty: result.ty,
+        binding: result.binding,
+        offset: 0,
+    };
+    let outputs = naga::Type {
+        name: Some(struct_name(entry.stage)),
+        inner: TypeInner::Struct {
+            members: vec![member],
+            span: layouter[result.ty].to_stride(),
+        },
+    };
+    let ty = module.types.insert(outputs, naga::Span::UNDEFINED);
+    let function = &mut module.entry_points[index].function;
+    let span = function.expressions.get_span(value);
+    let components = vec![value];
+    let whole = Expression::Compose { ty, components };
+    let whole = function.expressions.append(whole, span);
+    let mut end = naga::Block::new();
+    let range = naga::Range::new_from_bounds(whole, whole);
+    end.push(Statement::Emit(range), span);
+    end.push(Statement::Return { value: Some(whole) }, span);
+    function.body.splice(at..=at, end);
+    function.result = Some(naga::FunctionResult { ty, binding: None });
+    Some(())
+}
+
+/// The name of the variable that a value is loaded from.
+fn loaded_from(
+    module: &Module,
+    function: &Function,
+    value: naga::Handle<Expression>,
+) -> Option<String> {
+    let Expression::Load { pointer } = function.expressions[value] else {
+        return None;
+    };
+    match function.expressions[pointer] {
+        Expression::GlobalVariable(handle) => module.global_variables[handle].name.clone(),
+        _ => None,
+    }
+}
+
 /// The names of the private variables that the entry point's `return` puts together.
 fn output_names(module: &Module, function: &Function, count: usize) -> Option<Vec<Option<String>>> {
     let value = function.body.iter().rev().find_map(|s| match s {
@@ -414,15 +476,7 @@ fn output_names(module: &Module, function: &Function, count: usize) -> Option<Ve
     let Expression::Compose { components, .. } = &function.expressions[value] else {
         return None;
     };
-    let name = |component| {
-        let Expression::Load { pointer } = function.expressions[component] else {
-            return None;
-        };
-        match function.expressions[pointer] {
-            Expression::GlobalVariable(handle) => module.global_variables[handle].name.clone(),
-            _ => None,
-        }
-    };
-    let names: Vec<Option<String>> = components.iter().map(|c| name(*c)).collect();
+    let names = components.iter();
+    let names: Vec<Option<String>> = names.map(|c| loaded_from(module, function, *c)).collect();
     (names.len() == count).then_some(names)
 }

@@ -113,8 +113,9 @@ pub(super) fn parse(
         places.take(module);
     }
     let lengths = constants::Lengths::of(stages.iter().map(|(_, module, _)| module));
-    let notes = lengths.fixed.iter().map(length_constants::fixed_note);
-    declared.notes.extend(notes);
+    for constant in lengths.finals(stages.iter().map(|(_, module, _)| module)) {
+        length_constants::record(constant, &mut declared);
+    }
     let mut modules = Vec::new();
     for (_, module, mut text) in stages {
         modules.push(one(

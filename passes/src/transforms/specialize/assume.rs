@@ -8,9 +8,10 @@ use naga::{
 };
 
 use super::known::{AbstractValue, Scalar, Sources};
-use crate::core::declared::LengthConstant;
+use crate::core::declared::{FinalConstant, LengthConstant};
 use crate::core::guard::{Assumed, Bounds, Guard, Place, ScalarType};
 use crate::core::pass::{Facts, Misnamed};
+use crate::core::program::Program;
 use crate::evaluate::interval::Interval;
 use crate::evaluate::{self, overrides};
 
@@ -175,6 +176,18 @@ pub enum Unfit {
     /// A constant that gives the length of an array, and its default.
     #[error("`{0}` gives the length of an array, which stays as long as its default says: {1}")]
     Length(String, String),
+    /// A constant whose value the reader of the text had to know, and its default.
+    #[error(
+        "`{0}` has its default as its value, {1}, because it gives a length or another number that \
+         must be known when the text is read: change the default in the text"
+    )]
+    Final(String, String),
+    /// A push constant.
+    #[error(
+        "`{0}` is a push constant (immediate data), which `specialize` cannot take for known: read \
+         it from a uniform buffer or a specialisation constant"
+    )]
+    Immediate(String),
     /// The name has two values.
     #[error("`{0}` is given twice")]
     Twice(String),
@@ -199,13 +212,14 @@ impl Assumptions {
     /// # Errors
     /// A setting does not fit the material.
     pub fn new(
-        module: &Module,
+        program: &Program,
         material: &str,
         facts: &Facts,
         settings: Option<&str>,
     ) -> Result<Self, Unfit> {
+        let module = program.module();
         let mut values: Vec<Assumed> = match settings {
-            Some(settings) => set(module, settings)?,
+            Some(settings) => set(program, settings)?,
             None => Vec::new(),
         };
         for constant in facts.constants.iter().filter(|c| c.material == material) {
@@ -370,8 +384,9 @@ fn separate(settings: &str) -> Vec<String> {
 }
 
 /// The first error in the names and numbers of `settings`.
-pub(super) fn misnamed(module: &Module, settings: &str) -> Option<Misnamed> {
-    let unfit = set(module, settings).err()?;
+pub(super) fn misnamed(program: &Program, settings: &str) -> Option<Misnamed> {
+    let module = program.module();
+    let unfit = set(program, settings).err()?;
     let message = unfit.to_string();
     let (name, known) = match unfit {
         Unfit::Unknown(name) => {
@@ -383,6 +398,8 @@ pub(super) fn misnamed(module: &Module, settings: &str) -> Option<Misnamed> {
         Unfit::Ambiguous(name, _)
         | Unfit::Value(name, _)
         | Unfit::Length(name, _)
+        | Unfit::Final(name, _)
+        | Unfit::Immediate(name)
         | Unfit::Twice(name) => (name, Vec::new()),
     };
     Some(Misnamed {
@@ -400,9 +417,47 @@ fn fixed_length(module: &Module, constant: &Override) -> Option<f64> {
     overrides::number(&evaluate::default_constant(module, constant.init?).ok()?)
 }
 
+/// Whether a path ends in the name of a member, or in several.
+fn ends_so(path: &str, name: &str) -> bool {
+    path.strip_suffix(name)
+        .is_some_and(|rest| rest.ends_with('.'))
+}
+
+/// Why nothing can be set that no uniform and no override is named; `None` if it is a constant that
+/// has this value anyway.
+fn unknown(program: &Program, name: &str, value: f64) -> Option<Unfit> {
+    let named = |constant: &&FinalConstant| constant.own == name;
+    if let Some(constant) = program.declared().finals.iter().find(named) {
+        let default = constant.default;
+        return match default.is_some_and(|default| default as f64 == value) {
+            true => None,
+            false => {
+                let default = default.map_or("a number".to_owned(), |n| n.to_string());
+                Some(Unfit::Final(name.to_owned(), default))
+            }
+        };
+    }
+    let module = program.module();
+    let mut is_immediate = false;
+    for (_, global) in module.global_variables.iter() {
+        if global.space == AddressSpace::Immediate {
+            let own = global.name.clone().unwrap_or_default();
+            scalars(module, global.ty, own, 0, &mut |leaf| {
+                is_immediate |= leaf.name == name || ends_so(&leaf.name, name);
+                AbstractValue::Unknown
+            });
+        }
+    }
+    Some(match is_immediate {
+        true => Unfit::Immediate(name.to_owned()),
+        false => Unfit::Unknown(name.to_owned()),
+    })
+}
+
 /// The assumptions in `name=value+name=value`. A name is a full path, or a suffix that only one
 /// path has.
-fn set(module: &Module, settings: &str) -> Result<Vec<Assumed>, Unfit> {
+fn set(program: &Program, settings: &str) -> Result<Vec<Assumed>, Unfit> {
+    let module = program.module();
     let scalars = uniform_scalars(module);
     let mut out = Vec::new();
     for setting in separate(settings) {
@@ -418,13 +473,9 @@ fn set(module: &Module, settings: &str) -> Result<Vec<Assumed>, Unfit> {
                 Err(_) => return Err(Unfit::Syntax(setting)),
             },
         };
-        let ends_so = |path: &str| {
-            path.strip_suffix(name)
-                .is_some_and(|rest| rest.ends_with('.'))
-        };
         let whole: Vec<&UniformScalar> = scalars.iter().filter(|s| s.name == name).collect();
         let found = match whole.is_empty() {
-            true => scalars.iter().filter(|s| ends_so(&s.name)).collect(),
+            true => scalars.iter().filter(|s| ends_so(&s.name, name)).collect(),
             false => whole,
         };
         let constant = module
@@ -446,7 +497,10 @@ fn set(module: &Module, settings: &str) -> Result<Vec<Assumed>, Unfit> {
                 };
                 (place, ty, name.to_owned())
             }
-            ([], None) => return Err(Unfit::Unknown(name.to_owned())),
+            ([], None) => match unknown(program, name, value) {
+                Some(unfit) => return Err(unfit),
+                None => continue,
+            },
             (several, _) => {
                 let names: Vec<&str> = several.iter().map(|s| s.name.as_str()).collect();
                 return Err(Unfit::Ambiguous(name.to_owned(), names.join(" or ")));

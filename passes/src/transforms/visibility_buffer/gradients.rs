@@ -91,6 +91,10 @@ pub fn remedy(info: &RefusalInfo) -> &'static str {
         "no-gradient-form" => {
             "use textureSampleCompareLevel, which samples level 0, or sample an explicit level"
         }
+        "array-gradient" => {
+            "sample it with explicit gradients or an explicit level (`textureGrad` or `textureLod` \
+             in GLSL), or declare one texture with layers"
+        }
         "gradient-of-gradient" => "sample with explicit gradients or an explicit level",
         _ => "leave it as it is",
     }
@@ -342,13 +346,21 @@ fn sites(values: &Values<'_, '_>, like: &Rasterizer) -> Result<Sites, Failed> {
         if let Effect::ImplicitLod = effect
             && !has_gradient_form(values.graph.module(), f.function, expression)
         {
-            return Err(Failed::Refused(
-                &refusals::NO_GRADIENT_FORM,
-                "a texture is sampled at an implicit level of detail, and its type cannot be \
-                 sampled with gradients"
-                    .to_owned(),
-                span,
-            ));
+            let array = array(values.graph.module(), f.function, expression);
+            return Err(match array {
+                Some(array) => Failed::Refused(
+                    &refusals::ARRAY_GRADIENT,
+                    format!("an element of `{array}` is sampled at an implicit level of detail"),
+                    span,
+                ),
+                None => Failed::Refused(
+                    &refusals::NO_GRADIENT_FORM,
+                    "a texture is sampled at an implicit level of detail, and its type cannot be \
+                     sampled with gradients"
+                        .to_owned(),
+                    span,
+                ),
+            });
         }
         if repeats(values, context, e) {
             return Err(Failed::Refused(
@@ -444,6 +456,25 @@ fn has_gradient_form(module: &Module, function: &naga::Function, sample: &Expres
             ..
         })
     )
+}
+
+/// The array of textures that a sample reads an element of.
+fn array<'m>(
+    module: &'m Module,
+    function: &naga::Function,
+    sample: &Expression,
+) -> Option<&'m str> {
+    let Expression::ImageSample { image, .. } = sample else {
+        return None;
+    };
+    let base = match function.expressions[*image] {
+        Expression::Access { base, .. } | Expression::AccessIndex { base, .. } => base,
+        _ => return None,
+    };
+    match function.expressions[base] {
+        Expression::GlobalVariable(g) => module.global_variables[g].name.as_deref(),
+        _ => None,
+    }
 }
 
 /// The type of a texture.

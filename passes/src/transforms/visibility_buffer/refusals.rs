@@ -42,6 +42,9 @@ refusals! {
     NO_COLOR = "no-color":
         "The fragment stage writes no colour, so there is nothing to shade later.",
         "Leave the material as it is.";
+    ARRAY_GRADIENT = "array-gradient":
+        "An element of an array of textures is sampled at an implicit level of detail.",
+        "Sample with explicit gradients or an explicit level, or use one texture with layers.";
     NO_GRADIENT_FORM = "no-gradient-form":
         "A texture is sampled at an implicit level of detail, and its type cannot be sampled with \
          gradients.",

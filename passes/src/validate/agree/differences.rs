@@ -1,41 +1,62 @@
 //! What two runs differ in, and whether that is rounding alone.
 
+use std::collections::BTreeSet;
+
 use naga::BuiltIn;
 
 use super::trial::{Two, What};
 use super::{Class, Relation};
 use crate::evaluate::{Number, Scalar, Value};
-use crate::validate::compare::{self, Colors, Depths, Discards, Positions, Stores, text};
+use crate::validate::compare::{self, Colors, Depths, Discards, Stores, text};
 use crate::validate::inputs::{Inputs, Profile};
 use crate::validate::stage::{POSITION, Ran, Slot};
 use crate::validate::world::{self, TestPoint};
 
 const FRAG_DEPTH: Slot = Slot::BuiltIn(BuiltIn::FragDepth);
+const SAMPLE_MASK: Slot = Slot::BuiltIn(BuiltIn::SampleMask);
 
 impl Two<'_> {
     /// Whether the two agree in twice the digits.
     pub(super) fn is_rounding(&self, what: What, inputs: &Inputs, place: TestPoint) -> bool {
         let world = world::precise(inputs);
         let run = |stages| world.run(stages, place, 4 * self.effort.steps, None);
-        let (Ok(first), Ok(second)) = (run(self.first), run(self.second)) else {
+        let (Ok(first), Ok(mut second)) = (run(self.first), run(self.second)) else {
             return false;
         };
-        if first.discarded != second.discarded {
-            return false;
+        // What is close counts as equal.
+        let snap = |ours: Option<&Value<f64>>, theirs: Option<&mut Value<f64>>| {
+            if let (Some(ours), Some(theirs)) = (ours, theirs)
+                && compare::is_close(ours, theirs, 1e-9)
+            {
+                theirs.clone_from(ours);
+            }
+        };
+        for (slot, ours) in &first.outputs {
+            snap(Some(ours), second.outputs.get_mut(slot));
         }
-        let slots: Vec<(Slot, Slot)> = match what {
-            What::Positions => vec![(POSITION, POSITION)],
-            What::Coverage => vec![(FRAG_DEPTH, FRAG_DEPTH)],
-            What::Outputs(ours, theirs) => vec![(ours, theirs)],
-            What::Colors | What::Still(_) => first.outputs.keys().map(|s| (*s, *s)).collect(),
+        if let What::Outputs(ours, theirs) = what {
+            snap(first.outputs.get(&ours), second.outputs.get_mut(&theirs));
+        }
+        for (at, ours) in &first.stored {
+            snap(Some(ours), second.stored.get_mut(at));
+        }
+        first.discarded == second.discarded && self.difference(what, &first, &second).is_none()
+    }
+
+    /// The samples that a fragment covers, as bits.
+    pub(super) fn covered<F: Number>(&self, ran: &Ran<F>) -> u32 {
+        let all = match self.samples {
+            // Four is what WebGPU has otherwise.
+            0 | 1 => 0b1111,
+            n => u32::MAX >> 32_u32.saturating_sub(n),
         };
-        slots.iter().all(
-            |(a, b)| match (first.outputs.get(a), second.outputs.get(b)) {
-                (Some(a), Some(b)) => compare::is_close(a, b, 1e-9),
-                (None, None) => true,
-                _ => first.discarded,
-            },
-        )
+        let mask = match ran.outputs.get(&SAMPLE_MASK) {
+            _ if ran.discarded => 0,
+            Some(Value::Scalar(Scalar::U32(mask))) => *mask,
+            Some(Value::Scalar(Scalar::I32(mask))) => *mask as u32,
+            _ => u32::MAX,
+        };
+        mask & all
     }
 
     /// The first buffer that two vertices or discarded fragments leave otherwise. A stage that cannot
@@ -75,29 +96,46 @@ impl Two<'_> {
             }
         };
         if what == What::Positions {
-            return match self.relation {
-                Relation::Same => {
-                    let rule = compare::Rule::Vertices(Positions::Bits);
-                    let moved = compare::difference(rule, first, second).map(told);
-                    if moved.is_none() {
-                        return self.stored(what, first, second);
-                    }
-                    moved
-                }
-                _ => of((POSITION, POSITION), &compare::same_bits),
-            }
-            .map(|output| (Class::Position, output));
+            let slots: BTreeSet<Slot> = first
+                .outputs
+                .keys()
+                .chain(second.outputs.keys())
+                .copied()
+                .collect();
+            // Only points have a size.
+            let counts = |slot: &Slot| match slot {
+                Slot::BuiltIn(BuiltIn::PointSize) => self.relation == Relation::Same,
+                Slot::BuiltIn(_) => true,
+                Slot::Location(..) => false,
+            };
+            let mut slots = slots.into_iter().filter(counts).chain([POSITION]);
+            let moved = slots.find_map(|slot| of((slot, slot), &compare::same_bits));
+            let moved = moved.map(|output| (Class::Position, output));
+            return moved.or_else(|| self.stored(what, first, second));
         }
-        let said = |discarded: bool| if discarded { "discarded" } else { "kept" }.to_owned();
-        match (first.discarded, second.discarded) {
-            (true, true) => return self.stored(what, first, second),
-            (false, false) => {}
+        let [ours, theirs] = [self.covered(first), self.covered(second)];
+        match (ours, theirs) {
+            (0, 0) => return self.stored(what, first, second),
+            (a, b) if a == b => {}
+            // `Colors` has been told already by the coverage.
+            _ if what != What::Coverage => return None,
             (a, b) => {
-                let class = if a { Class::KeepsHidden } else { Class::Loses };
-                // `Colors` has been told already by the coverage.
-                let is_told = what != What::Coverage;
-                let output = ["the fragment".to_owned(), said(a), said(b)];
-                return (!is_told).then_some((class, output));
+                let class = if b & !a != 0 {
+                    Class::KeepsHidden
+                } else {
+                    Class::Loses
+                };
+                let said =
+                    |samples: u32| if samples == 0 { "discarded" } else { "kept" }.to_owned();
+                let output = match a == 0 || b == 0 {
+                    true => ["the fragment".to_owned(), said(a), said(b)],
+                    false => [
+                        SAMPLE_MASK.to_string(),
+                        format!("{a:#b}"),
+                        format!("{b:#b}"),
+                    ],
+                };
+                return Some((class, output));
             }
         }
         match what {
@@ -135,8 +173,13 @@ impl Two<'_> {
                     depths: Depths::Same,
                     stores: self.stores(what),
                 };
-                let found = compare::difference(rule, first, second);
-                found.map(|d| (Class::Color, told(d)))
+                let found = compare::difference(rule, first, second).map(told);
+                let more = || {
+                    let mut slots = second.outputs.keys();
+                    let added = slots.find(|slot| !first.outputs.contains_key(*slot))?;
+                    of((*added, *added), &compare::same_bits)
+                };
+                found.or_else(more).map(|output| (Class::Color, output))
             }
         }
     }

@@ -3,12 +3,11 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use naga::{Expression, Literal};
-
 use super::fed::{self, Rule};
 use super::reads;
 use super::trial::Two;
-use crate::validate::inputs::{Inputs, Random};
+use crate::evaluate::{Scalar, Value};
+use crate::validate::inputs::{Inputs, Profile, Random};
 use crate::validate::levels::{Levels, Reading};
 use crate::validate::world::PassStages;
 
@@ -55,7 +54,10 @@ impl Two<'_> {
         let second = Inputs::of_places(theirs, None, seed, &|at, member| {
             is_read(at, member) && !first.resources.contains_key(&at)
         });
-        let inputs = first.beside(second);
+        let mut inputs = first.beside(second);
+        if inputs.profile == Profile::Ordinary && !seed.is_multiple_of(6) {
+            inputs = inputs.spread(&self.numbers, [ours, theirs]);
+        }
         let mut inputs = inputs.with_levels(&Arc::new(Levels::all(reading)));
         fed::feed(rules, Arc::make_mut(&mut inputs.resources));
         for (location, component) in &self.matching.filled {
@@ -67,12 +69,15 @@ impl Two<'_> {
     }
 
     /// In a quarter of the inputs, textures have the numbers that the programs compare with, and
-    /// numbers between them: a threshold shows.
+    /// numbers between them: a threshold shows. A number of a buffer may be one, too.
     fn fix_texels(&self, inputs: &mut Inputs) {
         if !inputs.seed.is_multiple_of(4) {
             return;
         }
-        let numbers = self.thresholds();
+        let mut numbers = self.numbers.thresholds();
+        for value in inputs.resources.values() {
+            few_scalars(value, &mut numbers);
+        }
         let mut random = Random::new(inputs.seed, "thresholds");
         let module = self.first.vertex.module();
         for (_, global) in module.global_variables.iter() {
@@ -86,34 +91,6 @@ impl Two<'_> {
                 }
             }
         }
-    }
-
-    /// The numbers from 0 to 1 in the fragment stages, and those halfway between two of them.
-    fn thresholds(&self) -> Vec<f32> {
-        let mut all = Vec::new();
-        for stages in [self.first, self.second] {
-            let Some(fragment) = stages.fragment else {
-                continue;
-            };
-            let module = fragment.module();
-            let functions = module.functions.iter().map(|(_, f)| f);
-            for function in functions.chain([fragment.function()]) {
-                let literals = function.expressions.iter().filter_map(|(_, e)| literal(e));
-                all.extend(literals);
-            }
-            all.extend(
-                module
-                    .global_expressions
-                    .iter()
-                    .filter_map(|(_, e)| literal(e)),
-            );
-        }
-        all.retain(|n| (0.0..=1.0).contains(n));
-        all.sort_by(f32::total_cmp);
-        all.dedup();
-        let between: Vec<f32> = all.windows(2).map(|w| (w[0] + w[1]) / 2.0).collect();
-        all.extend(between);
-        all
     }
 }
 
@@ -141,10 +118,19 @@ pub(super) fn read_by(two: [PassStages<'_>; 2], rules: &[Rule]) -> Read {
     all
 }
 
-fn literal(expression: &Expression) -> Option<f32> {
-    match expression {
-        Expression::Literal(Literal::F32(number)) => Some(*number),
-        Expression::Literal(Literal::AbstractFloat(number)) => Some(*number as f32),
-        _ => None,
+/// Floats of a value that are no part of a matrix or a longer array.
+fn few_scalars(value: &Value, out: &mut Vec<f32>) {
+    let is_nested = |v: &Value| matches!(v, Value::Composite(_));
+    match value {
+        Value::Scalar(Scalar::F32(x)) => out.push(*x),
+        Value::Composite(members) => {
+            for member in members {
+                match member {
+                    Value::Composite(parts) if parts.iter().any(is_nested) => {}
+                    other => few_scalars(other, out),
+                }
+            }
+        }
+        _ => {}
     }
 }

@@ -6,9 +6,12 @@
 //! [validation](super), or tried on inputs; a difference gets a [`Class`], the lines of both
 //! authors, and a sentence (`words`).
 
+use std::sync::Arc;
+
 use serde::{Deserialize, Serialize};
 
 use super::Effort;
+use super::numbers::Numbers;
 use super::stage::Stage;
 use super::world::PassStages;
 use crate::core::mapping::Mapping;
@@ -340,6 +343,8 @@ pub fn agree(
         relation,
         effort: *effort,
         covers_by_alpha: multisample.alpha_to_coverage,
+        samples: multisample.count,
+        numbers: Arc::new(Numbers::of([first, renamed])),
         direction: ours
             .depth
             .as_ref()

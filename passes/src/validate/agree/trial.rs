@@ -12,11 +12,14 @@ use super::{Class, Finding, Held, Outcome, Relation, draws, reads};
 use crate::core::reflect::Io;
 use crate::core::state::DepthDirection;
 use crate::evaluate::{Stuck, Value};
+use crate::graph::effect::Effect;
+use crate::graph::{FunctionId, Graph};
 use crate::slice::{Criterion, OutputFilter};
 use crate::validate::Effort;
 use crate::validate::compare::{Colors, Stores};
 use crate::validate::inputs::{Inputs, Profile};
 use crate::validate::levels::Reading;
+use crate::validate::numbers::Numbers;
 use crate::validate::proof;
 use crate::validate::stage::{Ran, Slot, Stage};
 use crate::validate::term::{self, Symbolic};
@@ -28,6 +31,12 @@ const BESIDE: u64 = 16;
 
 /// After a class of difference was found, one in this many inputs more look for another.
 const LONGER: u64 = 4;
+
+/// One in this many inputs should keep a fragment, and one discard it.
+const RARE: u64 = 8;
+
+/// Otherwise this many times as many inputs are tried.
+const MORE: u64 = 4;
 
 /// One in this many inputs must end.
 const QUOTA: u64 = 4;
@@ -41,8 +50,12 @@ pub(super) struct Two<'a> {
     pub(super) effort: Effort,
     /// The first program's alpha decides coverage.
     pub(super) covers_by_alpha: bool,
+    /// Its samples in a pixel.
+    pub(super) samples: u32,
     /// Which way its depth grows.
     pub(super) direction: DepthDirection,
+    /// What both compare with.
+    pub(super) numbers: Arc<Numbers>,
 }
 
 /// What a promise compares.
@@ -66,6 +79,17 @@ struct Found {
     ended: u64,
     tried: u64,
     why: Option<String>,
+    /// On ordinary numbers.
+    seen: Seen,
+    /// Places that differ, by class.
+    hits: BTreeMap<Class, u64>,
+}
+
+/// The number of fragments that a program kept, and that a program discarded.
+#[derive(Clone, Copy, Debug, Default)]
+struct Seen {
+    kept: u64,
+    discarded: u64,
 }
 
 impl Found {
@@ -261,6 +285,15 @@ impl<'a> Two<'a> {
         (what, sliced): (What, &[Sliced; 2]),
         found: Found,
     ) -> (Outcome, Vec<Finding>) {
+        let mut classes = found.examples.keys();
+        let is_equal = classes.all(|c| matches!(c, Class::Extreme | Class::Rounding));
+        if is_equal
+            && found.ended > 0
+            && let Some(why) = self.unseen(what, found.seen)
+        {
+            let why = why.to_owned();
+            return (Outcome::NotEvaluated { why }, Vec::new());
+        }
         if found.examples.is_empty() {
             let why = match (found.ended, found.why) {
                 (0, None) => "no input came to an end within the step limit".to_owned(),
@@ -283,6 +316,10 @@ impl<'a> Two<'a> {
             |class: &Class| matches!(class, Class::KeepsHidden | Class::Loses | Class::Color);
         let classes = found.examples.keys().copied().filter(is_of_fragment);
         let classes: Vec<Class> = classes.collect();
+        // Where a difference is rare, its absence needs more inputs.
+        let rarest = found.hits.values().min().copied().unwrap_or(1);
+        let enough = found.tried.max(self.effort.inputs / 2);
+        let enough = enough * (8 / rarest.max(1)).clamp(1, 8);
         let without_levels = OnceCell::new();
         let mut findings = Vec::new();
         for (class, example) in found.examples {
@@ -290,7 +327,7 @@ impl<'a> Two<'a> {
                 let again = || {
                     self.tried(
                         (what, sliced),
-                        found.tried.max(self.effort.inputs / 2),
+                        enough,
                         Reading::Ignored,
                         &self.matching.rules,
                         &classes,
@@ -315,6 +352,32 @@ impl<'a> Two<'a> {
             findings.retain(|f| f.class == Class::Rounding);
         }
         (Outcome::Differs, findings)
+    }
+
+    /// Whether a fragment stage has a discard.
+    fn discards(&self) -> bool {
+        let mut fragments = [self.first, self.second]
+            .into_iter()
+            .flat_map(|s| s.fragment);
+        fragments.any(|stage| {
+            let graph = Graph::build(stage.program);
+            let effects = graph.effects(FunctionId::EntryPoint(stage.entry));
+            effects.contains(&Effect::Discard)
+        })
+    }
+
+    /// Why the inputs say nothing about fragments.
+    fn unseen(&self, what: What, seen: Seen) -> Option<&'static str> {
+        match seen {
+            _ if what == What::Positions => None,
+            Seen { kept: 0, .. } => {
+                Some("both discard each fragment that was tried, so nothing was compared")
+            }
+            Seen { discarded: 0, .. } if what == What::Coverage && self.discards() => {
+                Some("neither discards any fragment that was tried")
+            }
+            _ => None,
+        }
     }
 
     /// A shadow pass that agrees if it sees the camera's view may disagree where it sees its own.
@@ -438,7 +501,21 @@ impl<'a> Two<'a> {
         let whole = [self.first, self.second];
         let [read_by_slices, read_by_whole] = [slices, whole].map(|s| draws::read_by(s, rules));
         let mut last_new = None;
-        for seed in self.effort.seed..self.effort.seed + count {
+        let discards = OnceCell::new();
+        for seed in self.effort.seed.. {
+            // If fragments are rarely kept, or rarely discarded, more inputs follow.
+            let Seen { kept, discarded } = found.seen;
+            let is_rare = |n: u64| n * RARE < found.tried;
+            let wants_more = || {
+                what != What::Positions
+                    && until.is_empty()
+                    && found.tried < MORE * count
+                    && (is_rare(kept)
+                        || is_rare(discarded) && *discards.get_or_init(|| self.discards()))
+            };
+            if found.tried >= count && !wants_more() {
+                break;
+            }
             let is_whole = seed.is_multiple_of(BESIDE) || self.stores(what) == Stores::Same;
             let (stages, read) = match is_whole {
                 true => (whole, &read_by_whole),
@@ -449,8 +526,9 @@ impl<'a> Two<'a> {
             found.tried += 1;
             let mut ended = true;
             for place in Self::places(what, inputs.corner()) {
-                let mut tried = self.try_one(what, &draw, place, &mut rest);
+                let mut tried = self.try_one(what, &draw, place, &mut rest, &mut found.seen);
                 if let Ok(Some((class, _))) = &tried {
+                    *found.hits.entry(*class).or_default() += 1;
                     if !found.wants(*class, &inputs, place) {
                         continue;
                     }
@@ -458,7 +536,7 @@ impl<'a> Two<'a> {
                     let inputs = self.inputs(seed, reading, rules, &read_by_whole);
                     if !is_whole {
                         let draw = Draw::new(&inputs, whole);
-                        tried = self.try_one(what, &draw, place, &mut rest);
+                        tried = self.try_one(what, &draw, place, &mut rest, &mut found.seen);
                     }
                     if let Ok(Some((class, _))) = &mut tried
                         && is_plain(&inputs)
@@ -497,7 +575,7 @@ impl<'a> Two<'a> {
                 }
             }
             found.ended += u64::from(ended);
-            if found.ended == 0 && found.why.is_some() && found.tried > 24 {
+            if found.ended == 0 && found.tried > 24 {
                 break;
             }
             // They differ. Other classes are looked for a while longer.
@@ -521,10 +599,16 @@ impl<'a> Two<'a> {
         draw: &Draw<'_>,
         place: TestPoint,
         rest: &mut Option<Value>,
+        seen: &mut Seen,
     ) -> Result<Option<(Class, [String; 3])>, Stuck> {
         let steps = self.effort.steps;
         let mut first = draw.run(0, place, steps)?;
         let mut second = draw.run(1, place, 4 * steps)?;
+        if is_plain(draw.inputs) {
+            let discards = [&first, &second].map(|ran| self.covered(ran) == 0);
+            seen.kept += u64::from(discards.contains(&false));
+            seen.discarded += u64::from(discards.contains(&true));
+        }
         differences::clamp_depth(&mut first);
         differences::clamp_depth(&mut second);
         if let What::Still(slot) = what {

@@ -4,7 +4,7 @@ use std::cell::{Cell, RefCell};
 use std::collections::{HashMap, HashSet};
 
 use glsl_lang::ast::{self, DeclarationData, ExprData, ExternalDeclarationData, NodeSpan};
-use naga::{ShaderStage, Span};
+use naga::{ConservativeDepth, ShaderStage, Span};
 use preshade_passes::declared::{self, LengthConstant};
 
 use super::constant::{self, ConstantValue, Constants, Specialised};
@@ -137,6 +137,8 @@ pub(super) struct GlslStage<'u> {
     /// The position is `invariant`, or something is `precise`.
     pub invariant: bool,
     pub early_fragment_tests: bool,
+    /// The written depths that the fragment stage promises: `layout(depth_greater)`.
+    pub depth: Option<ConservativeDepth>,
     /// Default layouts of uniform and storage blocks: `layout(row_major) uniform;`.
     defaults: [OfBlocks; 2],
     /// `gl_FragCoord` counts from the top.
@@ -194,6 +196,7 @@ impl<'u> GlslStage<'u> {
             used: HashSet::new(),
             invariant: unit.invariant_all,
             early_fragment_tests: false,
+            depth: None,
             defaults: [OfBlocks::default(); 2],
             origin_upper_left: false,
             clip_distances: None,
@@ -341,9 +344,11 @@ impl<'u> GlslStage<'u> {
         }
         let text = name.as_str().to_owned();
         if text.starts_with("gl_") {
-            // A redeclaration, which may add `invariant` or change the origin of `gl_FragCoord`.
+            // A redeclaration, which may add `invariant`, change the origin of `gl_FragCoord`, or
+            // bound `gl_FragDepth`.
             self.invariant |= text == "gl_Position" && (qualifiers.invariant || qualifiers.precise);
             self.origin_upper_left |= qualifiers.says("origin_upper_left");
+            self.depth = qualifiers.conservative_depth().or(self.depth);
             self.clip_distance(&text, &ty);
             if qualifiers.says("pixel_center_integer") {
                 return Err(unsupported(

@@ -4,7 +4,7 @@ use glsl_lang::ast::{
     self, InterpolationQualifierData, LayoutQualifierSpecData, StorageQualifierData,
     TypeQualifierSpecData,
 };
-use naga::ShaderStage;
+use naga::{ConservativeDepth, ShaderStage};
 
 use super::{GlslStage, unsupported};
 use crate::front::error::Error;
@@ -45,6 +45,17 @@ impl Qualifiers {
 
     pub(in crate::front::glsl) fn says(&self, key: &str) -> bool {
         self.layout.iter().any(|(k, _)| k == key)
+    }
+
+    /// The bound of the depth. `depth_any`, the default, is none.
+    pub(in crate::front::glsl) fn conservative_depth(&self) -> Option<ConservativeDepth> {
+        let bounds = [
+            ("depth_greater", ConservativeDepth::GreaterEqual),
+            ("depth_less", ConservativeDepth::LessEqual),
+            ("depth_unchanged", ConservativeDepth::Unchanged),
+        ];
+        let found = bounds.into_iter().find(|(word, _)| self.says(word));
+        found.map(|(_, bound)| bound)
     }
 }
 
