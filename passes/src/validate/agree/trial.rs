@@ -157,6 +157,11 @@ impl<'a> Two<'a> {
     pub(super) fn held(&self) -> (Vec<Held>, Vec<Finding>) {
         let (mut held, mut findings) = (Vec::new(), Vec::new());
         for (promise, what) in self.promises() {
+            // A velocity that varies at rest is wrong in motion, too.
+            let is_moving = matches!(what, Ok(What::Moving(_)));
+            if is_moving && findings.iter().any(|f: &Finding| f.class == Class::Moves) {
+                continue;
+            }
             let (outcome, found) = match what {
                 Ok(what) => self.promise(promise, what),
                 Err(why) => (Outcome::NotEvaluated { why }, Vec::new()),
