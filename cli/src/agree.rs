@@ -452,7 +452,7 @@ fn plan(shader: &ShaderArgs) -> Result<Plan, Failure> {
     let of_which = |Failure(why)| match shader
         .files
         .iter()
-        .any(|f| why.contains(&files(&[f.clone()])))
+        .any(|f| why.contains(&files(std::slice::from_ref(f))))
     {
         true => Failure(why),
         false => Failure(format!(

@@ -42,6 +42,7 @@ mod numbers;
 mod promise;
 mod proof;
 mod quad;
+mod random;
 mod resolve;
 mod split;
 pub mod stage;

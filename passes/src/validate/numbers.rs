@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 
 use naga::{Expression, Literal, Statement, SwitchValue, TypeInner};
 
-use super::inputs::Random;
+use super::random::Random;
 use super::stage::Stage;
 use super::world::PassStages;
 use crate::core::{calls, operands};

@@ -253,3 +253,140 @@ fn what_does_not_fit_is_one_error() {
         assert!(matches!(error, Mismatch::Map { .. }), "{error}");
     }
 }
+
+/// A material whose bits are chosen by the faults below.
+const WIDE: &str = "
+    struct Camera { view_proj: mat4x4<f32>, eye: vec4<f32>, fade_far: f32 }
+    @group(0) @binding(0) var<uniform> camera: Camera;
+    @group(0) @binding(1) var<uniform> flags: vec4<u32>;
+    @group(0) @binding(2) var<uniform> bones: array<mat4x4<f32>, 32>;
+    @group(0) @binding(3) var albedo: texture_2d<f32>;
+    @group(0) @binding(4) var own: sampler;
+    struct V { @builtin(position) position: vec4<f32>, @location(0) world: vec3<f32>, @location(1) uv: vec2<f32> }
+    @vertex fn vs(@location(0) p: vec3<f32>, @location(1) bone: u32, @builtin(instance_index) i: u32) -> V {
+        var q = bones[bone] * vec4(p, 1.0);
+        if (flags.x & 64u) != 0u { q.y += 1.0; }
+        if i > 20u { q.x += 1.0; }
+        return V(camera.view_proj * q, p, p.xy);
+    }
+    struct F { @location(0) color: vec4<f32>, @builtin(sample_mask) mask: u32 }
+    @fragment fn fs(in: V) -> F {
+        let texel = textureSample(albedo, own, in.uv);
+        if distance(camera.eye.xyz, in.world) > 30.0 { discard; }
+        if texel.a < 0.5 { discard; }
+        return F(texel, select(3u, 15u, texel.r > 0.4));
+    }";
+
+#[test]
+fn what_ordinary_numbers_seldom_reach_is_found() {
+    let alike = held(Relation::Prepass, WIDE, WIDE, &[]).unwrap();
+    assert!(alike.holds(), "{alike:#?}");
+    let faults: [(&str, &str, &[Class]); 9] = [
+        ("& 64u", "& 128u", &[Class::Position]),
+        ("i > 20u", "i > 30u", &[Class::Position]),
+        ("bones[bone]", "bones[min(bone, 20u)]", &[Class::Position]),
+        ("> 30.0", "> 50.0", &[Class::KeepsHidden]),
+        (
+            "if distance(camera.eye.xyz, in.world) > 30.0 { discard; }",
+            "",
+            &[Class::KeepsHidden],
+        ),
+        ("texel.a < 0.5", "texel.a < 0.3", &[Class::KeepsHidden]),
+        ("texel.a < 0.5", "texel.a <= 0.5", &[Class::Loses]),
+        ("texel.r > 0.4", "texel.r > 0.2", &[Class::KeepsHidden]),
+        ("own", "other", &[Class::Unmatched]),
+    ];
+    for (from, to, expected) in faults {
+        let mut other = WIDE.replace(from, to);
+        if to == "other" {
+            other = other.replace("@binding(4)", "@binding(5)");
+        }
+        let agreement = held(Relation::Prepass, WIDE, &other, &[]).unwrap();
+        let found = classes(&agreement);
+        assert!(
+            expected.iter().all(|class| found.contains(class)),
+            "{from}: {found:?}"
+        );
+    }
+}
+
+#[test]
+fn clip_distances_and_alpha_to_coverage_are_compared() {
+    let clipped = "
+        enable clip_distances;
+        @group(0) @binding(0) var<uniform> m: mat4x4<f32>;
+        struct V { @builtin(position) position: vec4<f32>, @builtin(clip_distances) clip: array<f32, 1> }
+        @vertex fn vs(@location(0) p: vec3<f32>) -> V { return V(m * vec4(p, 1.0), array<f32, 1>(p.x)); }";
+    let whole = "
+        @group(0) @binding(0) var<uniform> m: mat4x4<f32>;
+        @vertex fn vs(@location(0) p: vec3<f32>) -> @builtin(position) vec4<f32> { return m * vec4(p, 1.0); }";
+    for relation in [Relation::Prepass, Relation::Shadow, Relation::Position] {
+        let agreement = held(relation, clipped, whole, &[]).unwrap();
+        assert_eq!(classes(&agreement), [Class::Position], "{agreement:#?}");
+    }
+}
+
+#[test]
+fn a_store_of_another_number_is_no_rounding() {
+    let text = "
+        @group(0) @binding(0) var<storage, read_write> seen: array<u32, 4>;
+        @vertex fn vs(@location(0) p: vec4<f32>) -> @builtin(position) vec4<f32> { return p; }
+        @fragment fn fs() -> @location(0) vec4<f32> { seen[1] = 5u; return vec4(1.0); }";
+    let agreement = held(Relation::Same, text, &text.replace("5u", "9u"), &[]).unwrap();
+    assert_eq!(classes(&agreement), [Class::Color], "{agreement:#?}");
+}
+
+#[test]
+fn a_velocity_follows_the_motion() {
+    let main = "
+        struct Camera { view_proj: mat4x4<f32>, prev_view_proj: mat4x4<f32> }
+        @group(0) @binding(0) var<uniform> camera: Camera;
+        @vertex fn vs(@location(0) p: vec3<f32>) -> @builtin(position) vec4<f32> {
+            return camera.view_proj * vec4(p, 1.0); }
+        @fragment fn fs() -> @location(0) vec4<f32> { return vec4(1.0); }";
+    let velocity = "
+        struct Camera { view_proj: mat4x4<f32>, prev_view_proj: mat4x4<f32> }
+        @group(0) @binding(0) var<uniform> camera: Camera;
+        struct V { @builtin(position) position: vec4<f32>, @location(0) now: vec4<f32>, @location(1) before: vec4<f32> }
+        @vertex fn vs(@location(0) p: vec3<f32>) -> V {
+            let now = camera.view_proj * vec4(p, 1.0);
+            return V(now, now, camera.prev_view_proj * vec4(p, 1.0)); }
+        @fragment fn fs(in: V) -> @location(0) vec2<f32> {
+            return clamp(in.now.xy / in.now.w - in.before.xy / in.before.w, vec2(-1.0), vec2(1.0)); }";
+    let agreement = held(Relation::Velocity, main, velocity, &[]).unwrap();
+    assert!(agreement.holds(), "{agreement:#?}");
+    for (from, to) in [
+        ("camera.prev_view_proj *", "camera.view_proj *"),
+        ("in.before.xy / in.before.w", "in.before.xy / in.now.w"),
+        ("in.before.xy /", "in.before.yx /"),
+        ("in.now.xy / in.now.w", "in.before.xy / in.before.w"),
+    ] {
+        let agreement = held(Relation::Velocity, main, &velocity.replace(from, to), &[]).unwrap();
+        assert_eq!(
+            classes(&agreement),
+            [Class::Moves],
+            "{from}: {agreement:#?}"
+        );
+    }
+    // Grass sways, and its last frame has this frame's time.
+    let sways = |text: &str| {
+        text.replace(
+            "camera: Camera;",
+            "camera: Camera; @group(0) @binding(1) var<uniform> time: f32;",
+        )
+        .replace(
+            "vec4(p, 1.0)",
+            "vec4(p.x + sin(time + p.x) * p.y, p.yz, 1.0)",
+        )
+    };
+    let agreement = held(Relation::Velocity, &sways(main), &sways(velocity), &[]).unwrap();
+    let said: Vec<&str> = agreement
+        .findings
+        .iter()
+        .map(|f| f.words.as_str())
+        .collect();
+    assert_eq!(
+        said,
+        ["the position depends on `time`, and the velocity pass reads no previous value of it"]
+    );
+}

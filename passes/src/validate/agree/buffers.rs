@@ -74,7 +74,9 @@ impl Matcher<'_> {
                 .then(|| cast((self.theirs, ty), (self.ours, v.ty)))
                 .flatten()
         };
-        let whole = self.partner(global, &fits);
+        // What the last frame had is no partner of the same name: it was another value of this frame's.
+        let is_split = self.is_split_by_frame(global, &[], ty);
+        let whole = self.partner(global, &fits).filter(|_| !is_split);
         let name = mapping::name_of(self.theirs, global, &[]).to_string();
         if let Some((our, Cast::Same, by)) = &whole
             && mapped.is_empty()
@@ -98,6 +100,17 @@ impl Matcher<'_> {
                 self.rule(theirs, (our.global, &our.steps), cast, By::Map);
             }
         }
+    }
+
+    fn is_split_by_frame(
+        &self,
+        global: Handle<GlobalVariable>,
+        steps: &[usize],
+        ty: Handle<Type>,
+    ) -> bool {
+        self.relation == Relation::Velocity
+            && (steps.is_empty() && is_previous_path(&mapping::name_of(self.theirs, global, steps))
+                || holds_previous(self.theirs, ty))
     }
 
     fn is_same_space(&self, theirs: Handle<GlobalVariable>, ours: Handle<GlobalVariable>) -> bool {
@@ -134,6 +147,9 @@ impl Matcher<'_> {
             from_steps: from_steps.to_vec(),
             cast,
             is_of_view: plain(&theirs.variable) != plain(&ours.variable) && by != By::Number,
+            is_previous: self.relation == Relation::Velocity
+                && is_previous_path(&theirs)
+                && !is_previous_path(&ours),
         });
         self.found_parts(theirs.to_string(), ours.to_string(), by, parts);
     }
@@ -153,9 +169,10 @@ impl Matcher<'_> {
         {
             return;
         }
-        let is_split = mapped
-            .iter()
-            .any(|(their, _)| their.steps.starts_with(steps));
+        let is_split = holds_previous(self.theirs, ty) && self.relation == Relation::Velocity
+            || mapped
+                .iter()
+                .any(|(their, _)| their.steps.starts_with(steps));
         if !is_split && let Some((our, from, cast)) = self.named(global, steps, ty) {
             return self.rule((global, to, &steps[..]), (our, &from), cast, By::Name);
         }
@@ -179,7 +196,7 @@ impl Matcher<'_> {
     ) -> Option<(Handle<GlobalVariable>, Vec<usize>, Cast)> {
         let path = mapping::name_of(self.theirs, global, steps);
         let word = |text: &str| match self.relation {
-            Relation::Velocity => plain(without_previous(text)),
+            Relation::Velocity => plain(&without_previous(text)),
             _ => plain(text),
         };
         let last = word(path.members.last().unwrap_or(&path.variable));
@@ -208,11 +225,45 @@ impl Matcher<'_> {
     }
 }
 
-/// A name without the habits by which it says that it holds the last frame's value.
-fn without_previous(name: &str) -> &str {
-    let before = ["prev_", "previous_", "last_", "old_", "prev", "previous"];
-    let after = ["_prev", "_previous", "_last", "_old", "Prev", "Previous"];
-    let bare = before.iter().find_map(|p| name.strip_prefix(p));
-    let bare = bare.or_else(|| after.iter().find_map(|p| name.strip_suffix(p)));
-    bare.filter(|b| !b.is_empty()).unwrap_or(name)
+/// The words by which a name says that it holds the last frame's value.
+const PREVIOUS: [&str; 6] = ["prev", "previous", "last", "old", "history", "before"];
+
+/// A name without such words: `prevViewProj` and `view_proj_last` are `view_proj`. Empty if it has no
+/// other word.
+fn without_previous(name: &str) -> String {
+    let mut words: Vec<String> = Vec::new();
+    let mut was_lower = false;
+    for c in name.chars() {
+        if c == '_' || c.is_ascii_uppercase() && was_lower {
+            words.push(String::new());
+        }
+        if c != '_' {
+            match words.last_mut() {
+                Some(word) => word.push(c.to_ascii_lowercase()),
+                None => words.push(c.to_ascii_lowercase().to_string()),
+            }
+        }
+        was_lower = c.is_ascii_lowercase();
+    }
+    words.retain(|word| !PREVIOUS.contains(&word.as_str()));
+    words.join("_")
+}
+
+/// Whether a name says that it holds the last frame's value.
+fn is_previous(name: &str) -> bool {
+    let bare = without_previous(name);
+    plain(&bare) != plain(name)
+}
+
+fn is_previous_path(path: &mapping::Path) -> bool {
+    std::iter::once(&path.variable)
+        .chain(&path.members)
+        .any(|name| is_previous(name))
+}
+
+/// Whether a type has a member of the last frame, outside of arrays.
+fn holds_previous(module: &Module, ty: Handle<Type>) -> bool {
+    let members = mapping::members(module, ty);
+    let mut members = members.iter();
+    members.any(|(name, ty)| is_previous(name) || holds_previous(module, *ty))
 }

@@ -37,6 +37,8 @@ pub(super) struct Rule {
     pub(super) cast: Cast,
     /// The two have other names: in a frame, each view has its own value.
     pub(super) is_of_view: bool,
+    /// Theirs is the value of the previous frame.
+    pub(super) is_previous: bool,
 }
 
 /// How our type becomes theirs; `None` if they don't hold the same.
@@ -134,21 +136,24 @@ pub(super) fn feed<F: Number>(rules: &[Rule], resources: &mut BTreeMap<(u32, u32
     }
 }
 
-fn part<'v, F>(value: &'v Value<F>, steps: &[usize]) -> Option<&'v Value<F>> {
+pub(super) fn part<'v, F>(value: &'v Value<F>, steps: &[usize]) -> Option<&'v Value<F>> {
     steps.iter().try_fold(value, |value, step| match value {
         Value::Composite(parts) => parts.get(*step),
         _ => None,
     })
 }
 
-fn part_mut<'v, F>(value: &'v mut Value<F>, steps: &[usize]) -> Option<&'v mut Value<F>> {
+pub(super) fn part_mut<'v, F>(
+    value: &'v mut Value<F>,
+    steps: &[usize],
+) -> Option<&'v mut Value<F>> {
     steps.iter().try_fold(value, |value, step| match value {
         Value::Composite(parts) => parts.get_mut(*step),
         _ => None,
     })
 }
 
-fn overlay<F: Number>(to: &mut Value<F>, from: &Value<F>, cast: &Cast) {
+pub(super) fn overlay<F: Number>(to: &mut Value<F>, from: &Value<F>, cast: &Cast) {
     match (cast, to, from) {
         (Cast::Same, to, from) => *to = from.clone(),
         (Cast::Members(all), Value::Composite(to), Value::Composite(from)) => {

@@ -48,6 +48,8 @@ pub enum By {
     Map,
     /// The texture that a sampler is used with.
     Texture,
+    /// Number, and the order of members: no name is common.
+    Order,
 }
 
 /// A part of a variable of the second program without a partner.
@@ -379,6 +381,12 @@ impl Matcher<'_> {
         by: By,
         parts: Vec<(String, String)>,
     ) {
+        let last = |path: &str| plain(path.rsplit('.').next().unwrap_or(path));
+        let mut members = parts.iter().filter(|(theirs, _)| theirs.contains('.'));
+        let by = match members.any(|(theirs, ours)| last(theirs) != last(ours)) {
+            true if by == By::Number => By::Order,
+            _ => by,
+        };
         let partner = Partner {
             theirs,
             ours,
@@ -403,7 +411,14 @@ impl Matcher<'_> {
             (their.global == global).then_some((our.global, By::Map))
         });
         let is_hidden = self.is_hidden(1, global);
-        let of_texture = || Some((*self.samplers_of_textures(global).first()?, By::Texture));
+        // Another sampler may filter otherwise, so one with a name has no partner by its texture.
+        let of_texture = || {
+            let all = self.samplers_of_textures(global);
+            let mut all = all
+                .into_iter()
+                .filter(|s| is_hidden || self.is_hidden(0, *s));
+            Some((all.next()?, By::Texture))
+        };
         mapped
             .or_else(|| is_hidden.then(of_texture).flatten())
             .or_else(|| self.partner(global, &fits).map(|(h, (), by)| (h, by)))

@@ -24,6 +24,7 @@ mod differences;
 mod draws;
 mod fed;
 mod matching;
+mod motion;
 mod parts;
 mod quote;
 mod reads;
@@ -50,7 +51,7 @@ pub enum Relation {
     Position,
     /// Discards and depths.
     Discard,
-    /// As a pre-pass; and if nothing moves, the velocity is constant.
+    /// As a pre-pass; and the velocity is constant if nothing moves, and follows what moves.
     Velocity,
     /// As a pre-pass, and the normal, where both programs write one.
     Normal,
@@ -91,7 +92,7 @@ impl Relation {
             }
             Self::Position => "Positions alone",
             Self::Discard => "Discards and depths alone",
-            Self::Velocity => "A pre-pass whose velocity is constant while nothing moves",
+            Self::Velocity => "A pre-pass whose velocity follows the motion of the main pass",
             Self::Normal => "A pre-pass that writes the normal which the first program writes",
         }
     }
@@ -126,7 +127,7 @@ pub enum Class {
     Depth,
     /// Colours, or contents of buffers, differ.
     Color,
-    /// The velocity of what does not move varies.
+    /// The velocity of what does not move varies, or it does not follow what moves.
     Moves,
     /// The second reads something that the first does not have.
     Unmatched,

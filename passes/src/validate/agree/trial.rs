@@ -70,6 +70,8 @@ pub(super) enum What {
     Outputs(Slot, Slot),
     /// An output of the second, which does not vary.
     Still(Slot),
+    /// An output of the second, which follows the first one's positions.
+    Moving(Slot),
 }
 
 /// Examples by class.
@@ -116,7 +118,7 @@ fn is_plain(inputs: &Inputs) -> bool {
 }
 
 /// A triangle of both programs.
-struct Draw<'i> {
+pub(super) struct Draw<'i> {
     inputs: &'i Inputs,
     stages: [PassStages<'i>; 2],
     /// What the vertex stages made of its corners, which all fragments share.
@@ -124,7 +126,7 @@ struct Draw<'i> {
 }
 
 impl<'i> Draw<'i> {
-    fn new(inputs: &'i Inputs, stages: [PassStages<'i>; 2]) -> Self {
+    pub(super) fn new(inputs: &'i Inputs, stages: [PassStages<'i>; 2]) -> Self {
         Self {
             inputs,
             stages,
@@ -133,7 +135,7 @@ impl<'i> Draw<'i> {
     }
 
     /// Runs a program at a place.
-    fn run(&self, program: usize, place: TestPoint, steps: u64) -> Result<Ran, Stuck> {
+    pub(super) fn run(&self, program: usize, place: TestPoint, steps: u64) -> Result<Ran, Stuck> {
         let attached = BTreeMap::new();
         let world = world::concrete(self.inputs, &attached, Texels::Waves);
         let stages = self.stages[program];
@@ -155,6 +157,11 @@ impl<'a> Two<'a> {
     pub(super) fn held(&self) -> (Vec<Held>, Vec<Finding>) {
         let (mut held, mut findings) = (Vec::new(), Vec::new());
         for (promise, what) in self.promises() {
+            // A velocity that varies at rest is wrong in motion, too.
+            let is_moving = matches!(what, Ok(What::Moving(_)));
+            if is_moving && findings.iter().any(|f: &Finding| f.class == Class::Moves) {
+                continue;
+            }
             let (outcome, found) = match what {
                 Ok(what) => self.promise(promise, what),
                 Err(why) => (Outcome::NotEvaluated { why }, Vec::new()),
@@ -186,18 +193,23 @@ impl<'a> Two<'a> {
             R::Prepass | R::Shadow => vec![positions, coverage],
             R::Position => vec![positions],
             R::Discard => vec![coverage],
-            R::Velocity => vec![positions, coverage, ("velocity at rest", self.velocity())],
+            R::Velocity => vec![
+                positions,
+                coverage,
+                ("velocity at rest", self.velocity().map(What::Still)),
+                ("velocity in motion", self.velocity().map(What::Moving)),
+            ],
             R::Normal => vec![positions, coverage, ("normals", self.normal())],
         }
     }
 
-    fn velocity(&self) -> Result<What, String> {
+    fn velocity(&self) -> Result<Slot, String> {
         let outputs = self.second.fragment.map(Stage::outputs).unwrap_or_default();
         let named = named(&outputs, &["velocity", "motion"]);
         let slots = locations(&outputs);
         match (named, &slots[..]) {
-            (Some(slot), _) => Ok(What::Still(slot)),
-            (None, [one]) => Ok(What::Still(*one)),
+            (Some(slot), _) => Ok(slot),
+            (None, [one]) => Ok(*one),
             (None, []) => Err("the velocity pass has no output".to_owned()),
             (None, _) => Err(
                 "no output of the velocity pass has `velocity` or `motion` in its name".to_owned(),
@@ -231,7 +243,7 @@ impl<'a> Two<'a> {
 
     fn colors(&self, what: What) -> Colors {
         match what {
-            What::Colors | What::Outputs(..) | What::Still(_) => Colors::Bits,
+            What::Colors | What::Outputs(..) | What::Still(_) | What::Moving(_) => Colors::Bits,
             What::Coverage if self.covers_by_alpha => Colors::Alpha,
             _ => Colors::Ignored,
         }
@@ -246,6 +258,9 @@ impl<'a> Two<'a> {
         }
         if let Some(why) = self.unfilled() {
             return (Outcome::NotEvaluated { why }, Vec::new());
+        }
+        if let What::Moving(slot) = what {
+            return self.motion(promise, slot, &sliced);
         }
         let is_comparable = !matches!(what, What::Outputs(..) | What::Still(_));
         let places = Self::places(what, 0);
@@ -478,7 +493,7 @@ impl<'a> Two<'a> {
             Slot::BuiltIn(_) => Criterion::Output(OutputFilter::FragDepth),
         };
         match what {
-            What::Outputs(_, theirs) | What::Still(theirs) => {
+            What::Outputs(_, theirs) | What::Still(theirs) | What::Moving(theirs) => {
                 vec![output(theirs), Criterion::Discard]
             }
             _ => proof::of_fragment(self.colors(what)),
