@@ -10,7 +10,7 @@ use crate::analysis::values::ContextId;
 use crate::analysis::viewer::{self, Changes, Instead, Stage, Unclear};
 use crate::core::operands;
 use crate::core::program::Program;
-use crate::graph::{Graph, text};
+use crate::graph::{FunctionGraph, Graph, text};
 use crate::rebuild::isolate::isolate;
 use crate::rebuild::place::{self, Replacement, Rewrite};
 
@@ -136,7 +136,7 @@ fn told(stage: &Stage<'_, '_>, changes: &Changes) -> Vec<String> {
         .map(|((context, e), instead)| {
             let f = stage.f(*context);
             let written = |e| text::expression(module, f, e);
-            let at = line(stage, f.function.expressions.get_span(*e));
+            let at = line(stage, span_of(f, *e));
             let own = written(*e);
             match *instead {
                 Instead::Other(other) => {
@@ -146,6 +146,21 @@ fn told(stage: &Stage<'_, '_>, changes: &Changes) -> Vec<String> {
             }
         })
         .collect()
+}
+
+/// The place of an expression, or of one that reads it: loads of variables have none.
+fn span_of(f: &FunctionGraph<'_>, e: Handle<Expression>) -> Span {
+    let expressions = &f.function.expressions;
+    let span = expressions.get_span(e);
+    if span.is_defined() {
+        return span;
+    }
+    let mut users = expressions
+        .iter()
+        .filter(|(_, user)| operands::of_expression(user).contains(&e));
+    users
+        .next()
+        .map_or(span, |(user, _)| expressions.get_span(user))
 }
 
 fn line(stage: &Stage<'_, '_>, span: Span) -> String {

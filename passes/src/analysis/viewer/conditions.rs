@@ -3,14 +3,14 @@
 use naga::{BinaryOperator, Expression, Handle, Literal, LocalVariable, Statement, UnaryOperator};
 
 use super::rest::{self, Joined, Mode, Rest};
-use super::{At, Changes, Instead, Stage, Unclear};
+use super::{At, Changes, Instead, Reads, Stage, Unclear};
 use crate::graph::{FunctionGraph, StmtId};
 
 /// What remains of a condition.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Part {
-    /// A condition of the author's, and whether it reads the material's textures.
-    Author { tested: bool },
+    /// A condition of the author's, and what it reads.
+    Author(Reads),
     /// Nothing: the viewer alone decides it.
     Viewer,
 }
@@ -65,12 +65,16 @@ impl Stage<'_, '_> {
         Ok(changes)
     }
 
+    /// Whether nothing remains of a condition without the viewer.
+    pub(super) fn is_viewers(&self, at: At) -> bool {
+        self.neutral(at, false, &mut Changes::new()) == Ok(Part::Viewer)
+    }
+
     /// Takes the viewer out of a condition. Where the viewer alone decides a part, it counts as
     /// `kept`, unless the author's part decides beside it.
     fn neutral(&self, at: At, kept: bool, changes: &mut Changes) -> Result<Part, Unclear> {
         if !self.depends(at) {
-            let tested = self.is_textured(at);
-            return Ok(Part::Author { tested });
+            return Ok(Part::Author(self.reads(at)));
         }
         let (context, e) = at;
         let f = self.f(context);
@@ -117,9 +121,7 @@ impl Stage<'_, '_> {
         match rest::of(self, at, Mode::Alpha) {
             Rest::Author(author) => {
                 changes.extend(author.changes);
-                Ok(Part::Author {
-                    tested: self.is_textured(at),
-                })
+                Ok(Part::Author(self.reads(at)))
             }
             Rest::Nothing => Ok(Part::Viewer),
             Rest::Unclear => Err(Unclear(at)),
@@ -140,17 +142,17 @@ impl Stage<'_, '_> {
         for ((side, negated), part) in sides.iter().zip(&mut parts) {
             *part = self.neutral(*side, kept != *negated, changes)?;
         }
-        let (viewer, author, tested) = match parts {
+        let (viewer, author, reads) = match parts {
             [Part::Viewer, Part::Viewer] => return Ok(Part::Viewer),
-            [Part::Author { tested: a }, Part::Author { tested: b }] => {
-                return Ok(Part::Author { tested: a || b });
-            }
-            [Part::Viewer, Part::Author { tested }] => (sides[0], sides[1], tested),
-            [Part::Author { tested }, Part::Viewer] => (sides[1], sides[0], tested),
+            [Part::Author(a), Part::Author(b)] => return Ok(Part::Author(a.max(b))),
+            [Part::Viewer, Part::Author(reads)] => (sides[0], sides[1], reads),
+            [Part::Author(reads), Part::Viewer] => (sides[1], sides[0], reads),
         };
         // `near && alpha < 0.5` is `alpha < 0.5`; of `near && odd_pixel` nothing remains.
-        if !either && !tested {
-            return Ok(Part::Viewer);
+        match reads {
+            Reads::Nothing if !either => return Ok(Part::Viewer),
+            Reads::Inputs if !either => return Err(Unclear(author.0)),
+            _ => {}
         }
         match (whole, viewer) {
             (Some(whole), _) => changes.insert(whole, Instead::Other(author.0.1)),
@@ -158,7 +160,7 @@ impl Stage<'_, '_> {
                 changes.insert(side, Instead::Bool((kept == either) != negated))
             }
         };
-        Ok(Part::Author { tested })
+        Ok(Part::Author(reads))
     }
 
     fn comparison(
@@ -174,7 +176,6 @@ impl Stage<'_, '_> {
             false => Rest::Author(rest::Author::default()),
         });
         let unclear = Err(Unclear(at));
-        let tested = self.is_textured(at);
         match rests {
             [Rest::Unclear, _] | [_, Rest::Unclear] => unclear,
             [Rest::Nothing, Rest::Nothing] => Ok(Part::Viewer),
@@ -186,7 +187,7 @@ impl Stage<'_, '_> {
                 }
                 changes.extend(a.changes);
                 changes.extend(b.changes);
-                Ok(Part::Author { tested })
+                Ok(Part::Author(self.reads(at)))
             }
             [Rest::Author(author), Rest::Nothing] => {
                 self.with_threshold(at, author, sides, changes)
@@ -206,14 +207,14 @@ impl Stage<'_, '_> {
         [value, threshold]: [At; 2],
         changes: &mut Changes,
     ) -> Result<Part, Unclear> {
-        if !self.is_textured(value) {
+        if self.reads(value) == Reads::Nothing {
             return Ok(Part::Viewer);
         }
         match rest::of(self, threshold, Mode::Threshold) {
             Rest::Author(other) => {
                 changes.extend(author.changes);
                 changes.extend(other.changes);
-                Ok(Part::Author { tested: true })
+                Ok(Part::Author(self.reads(at)))
             }
             _ => Err(Unclear(at)),
         }

@@ -2,7 +2,7 @@
 
 use naga::{Block, Span, Statement};
 
-use super::Stage;
+use super::{Reads, Stage};
 use crate::analysis::values::ContextId;
 use crate::core::operands;
 use crate::graph::{FunctionId, StmtId};
@@ -10,9 +10,9 @@ use crate::graph::{FunctionId, StmtId};
 /// How the discards of a block depend on conditions inside it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Kills {
-    /// Some run whatever the material's textures hold.
+    /// Some run whatever the material holds, or may do so.
     pub direct: bool,
-    /// Some run if a condition that reads the material's textures says so.
+    /// Some run if a condition that reads the material says so.
     pub tested: bool,
 }
 
@@ -73,16 +73,24 @@ impl Stage<'_, '_> {
                         inner = self.f(context).statements.get(inner).end;
                     }
                 }
-                match statement {
-                    Statement::If { condition, .. }
-                        if found.any() && self.is_textured((context, *condition)) =>
-                    {
-                        Kills {
-                            direct: false,
-                            tested: true,
-                        }
-                    }
-                    _ => found,
+                let Statement::If { condition, .. } = statement else {
+                    return found;
+                };
+                let at = (context, *condition);
+                if !found.any() || self.is_viewers(at) {
+                    return found;
+                }
+                match self.reads(at) {
+                    Reads::Nothing => found,
+                    // A pattern on the surface, or an alpha that the shader computes.
+                    Reads::Inputs => Kills {
+                        direct: true,
+                        tested: true,
+                    },
+                    Reads::Textures => Kills {
+                        direct: false,
+                        tested: true,
+                    },
                 }
             }
         }

@@ -62,9 +62,22 @@ pub struct Stage<'g, 'p> {
     dependent: Vec<bool>,
     /// Whether coverage depends on each value.
     decides: Vec<bool>,
+    /// Whether each value depends on an interpolated input.
+    interpolated: Vec<bool>,
     /// Whether each value depends on a texture that is read at interpolated coordinates: the
     /// material's, and no pattern of pixels.
     textured: Vec<bool>,
+}
+
+/// What a value that the viewer has no part in reads of the material.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Reads {
+    /// Nothing that differs on its surface: uniforms, the pixel's place.
+    Nothing,
+    /// Interpolated inputs.
+    Inputs,
+    /// Textures.
+    Textures,
 }
 
 impl<'g, 'p> Stage<'g, 'p> {
@@ -92,6 +105,7 @@ impl<'g, 'p> Stage<'g, 'p> {
             values,
             dependent,
             decides,
+            interpolated,
             textured,
         })
     }
@@ -129,6 +143,18 @@ impl<'g, 'p> Stage<'g, 'p> {
 
     fn is_textured(&self, at: At) -> bool {
         self.is(&self.textured, at)
+    }
+
+    /// What a value reads of the material. Of one that loses the viewer, an input at least is left.
+    fn reads(&self, at: At) -> Reads {
+        let depends = self.depends(at);
+        match self.is_textured(at) {
+            true => Reads::Textures,
+            false if depends || (self.is(&self.interpolated, at) && self.is_varying(at)) => {
+                Reads::Inputs
+            }
+            false => Reads::Nothing,
+        }
     }
 
     /// Whether an expression differs from fragment to fragment.

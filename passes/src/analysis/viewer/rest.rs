@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 
 use naga::{BinaryOperator, Expression, Handle, Literal, MathFunction, TypeInner};
 
-use super::{At, Changes, Instead, Stage};
+use super::{At, Changes, Instead, Reads, Stage};
 
 /// What a value is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -185,6 +185,14 @@ impl Search<'_, '_, '_> {
         }
     }
 
+    /// The same, where an author's value takes part that may be an alpha.
+    fn wall_beside(&self, at: At, free: At) -> Rest {
+        match self.mode == Mode::Alpha && self.stage.reads(free) != Reads::Nothing {
+            true => Rest::Unclear,
+            false => self.wall(at),
+        }
+    }
+
     /// Whether a value that does not depend on the viewer is the author's own.
     fn is_base(&self, at: At) -> bool {
         !self.stage.depends(at) && (self.mode == Mode::Threshold || self.stage.is_varying(at))
@@ -280,7 +288,7 @@ impl Search<'_, '_, '_> {
                     && !self.has_constant(free);
                 match is_said {
                     true => self.take(at, free, Joined::Sum),
-                    false => self.wall(at),
+                    false => self.wall_beside(at, free),
                 }
             }
             Rest::Unclear => Rest::Unclear,
@@ -366,7 +374,7 @@ impl Search<'_, '_, '_> {
                 };
                 match is_said {
                     true => self.take(at, free, Joined::Product),
-                    false => self.wall(at),
+                    false => self.wall_beside(at, free),
                 }
             }
             Rest::Nothing => self.wall(at),
