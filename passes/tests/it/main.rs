@@ -34,3 +34,4 @@ mod trim_loop;
 mod uniformity;
 mod validate;
 mod validate_resolve;
+mod zz_try;
