@@ -34,4 +34,3 @@ mod trim_loop;
 mod uniformity;
 mod validate;
 mod validate_resolve;
-mod zz_try;
