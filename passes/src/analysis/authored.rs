@@ -2,10 +2,11 @@
 
 use naga::{Expression, Function, GlobalVariable, Handle, LocalVariable, Module, Span, TypeInner};
 
+use crate::analysis::values::{ContextId, Values};
 use crate::core::calls;
 use crate::core::program::Program;
 use crate::core::reflect;
-use crate::graph::FunctionId;
+use crate::graph::{FunctionId, Graph, StmtId, text};
 
 /// Members of members that are looked at.
 const DEEPEST: usize = 3;
@@ -40,9 +41,52 @@ pub struct Authored {
     pub inner: TypeInner,
     /// Where it is in the source; undefined for inputs.
     pub span: Span,
+    /// The calls that lead from the entry point to its function, where one chain of calls is meant.
+    pub calls: Vec<StmtId>,
 }
 
 impl Authored {
+    /// The value of an expression in one chain of calls. `None`: it is no value that a statement
+    /// computes, or that a caller gives.
+    pub fn at(values: &Values<'_, '_>, context: ContextId, e: Handle<Expression>) -> Option<Self> {
+        let id = values.contexts[context].function;
+        let f = values.function(context);
+        let place = match f.function.expressions[e] {
+            Expression::FunctionArgument(i) => Place::Argument(id, i),
+            _ => {
+                f.statements.evaluated_at(e)?;
+                Place::Expression(id, e)
+            }
+        };
+        let mut calls = Vec::new();
+        let mut at = context;
+        while let Some((caller, call)) = values.contexts[at].call {
+            calls.push(call);
+            at = caller;
+        }
+        calls.reverse();
+        Some(Self {
+            name: text::expression(values.graph.module(), f, e),
+            function: values.graph.name(id),
+            place,
+            path: Vec::new(),
+            inner: f.ty(values.graph.module(), e).clone(),
+            span: match place {
+                Place::Expression(..) => f.function.expressions.get_span(e),
+                _ => Span::UNDEFINED,
+            },
+            calls,
+        })
+    }
+
+    /// The function that the value is in; `None` for inputs and variables of the module.
+    pub fn function_id(&self) -> Option<FunctionId> {
+        match self.place {
+            Place::Argument(id, _) | Place::Expression(id, _) | Place::Local(id, _) => Some(id),
+            Place::Input(_) | Place::Global(_) => None,
+        }
+    }
+
     /// Whether a user means this value by `name`: its name, or the end of it behind a dot, with
     /// `@FUNCTION` behind where several functions have one.
     pub fn is_called(&self, name: &str) -> bool {
@@ -72,6 +116,33 @@ impl Authored {
             false => format!("@{}", self.function),
         };
         format!("`{}{of}` ({ty}{at})", self.name)
+    }
+}
+
+/// The calls that lead to a function from an entry point: those of the function itself or, if there
+/// is one alone, of its caller.
+pub fn calls_of(graph: &Graph<'_>, entry: usize, function: FunctionId) -> Vec<Span> {
+    let module = graph.module();
+    let called = calls::called(module, &module.entry_points[entry].function.body);
+    let callers = called.iter().map(|h| FunctionId::Function(*h));
+    let callers: Vec<FunctionId> = callers.chain([FunctionId::EntryPoint(entry)]).collect();
+    let mut function = function;
+    loop {
+        let FunctionId::Function(callee) = function else {
+            return Vec::new();
+        };
+        let sites: Vec<(FunctionId, Span)> = callers
+            .iter()
+            .flat_map(|caller| {
+                let f = graph.function(*caller);
+                let sites = f.calls().filter(|(_, to)| *to == callee);
+                sites.map(|(at, _)| (*caller, f.statements.get(at).span))
+            })
+            .collect();
+        match sites[..] {
+            [(caller @ FunctionId::Function(_), _)] => function = caller,
+            _ => return sites.into_iter().map(|(_, span)| span).collect(),
+        }
     }
 }
 
@@ -178,6 +249,7 @@ fn open(
                 path,
                 inner,
                 span,
+                calls: Vec::new(),
             }),
             TypeInner::Struct { members, .. } if path.len() < DEEPEST => {
                 for (i, member) in members.iter().enumerate().rev() {

@@ -9,7 +9,7 @@ use naga::{
 use crate::analysis::authored::{Authored, Place};
 use crate::analysis::reach::with_operands;
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
-use crate::graph::{Graph, text};
+use crate::graph::Graph;
 
 /// Every unit vector that a dot product multiplies with a vector of a buffer (a light's direction or
 /// position, the camera's place), and that no such vector takes part in. A value is found once,
@@ -41,7 +41,7 @@ pub fn normals(graph: &Graph<'_>, fragment: usize) -> Vec<Authored> {
                     continue;
                 };
                 let normal = source(&values, as_read);
-                if !known.contains(&normal)
+                if !known.iter().any(|other| is_same(&values, *other, normal))
                     && is_unit(&values, normal, DEEPEST)
                     && reads(&values, light).of_buffer
                     && reads(&values, normal) == INTERPOLATED
@@ -66,45 +66,42 @@ const INTERPOLATED: Reads = Reads {
 
 /// An input or a whole expression, with the author's name for it or its text.
 fn authored(values: &Values<'_, '_>, value: ValueId) -> Option<Authored> {
-    let module = values.graph.module();
-    let (name, function, place, span, inner) = match &values.values[value].node {
+    match &values.values[value].node {
         Node::Input(i) => {
             let input = &values.inputs[*i];
-            let name = input.name.clone().unwrap_or_default();
-            let inner = module.types[input.ty].inner.clone();
-            (
-                name,
-                String::new(),
-                Place::Input(*i),
-                Span::UNDEFINED,
-                inner,
-            )
+            Some(Authored {
+                name: input.name.clone().unwrap_or_default(),
+                function: String::new(),
+                place: Place::Input(*i),
+                path: Vec::new(),
+                inner: values.graph.module().types[input.ty].inner.clone(),
+                span: Span::UNDEFINED,
+                calls: Vec::new(),
+            })
         }
+        Node::Expression(context, e, path) if path.is_empty() => Authored::at(values, *context, *e),
+        _ => None,
+    }
+}
+
+/// Whether two values are one: the same operation, in two calls or written twice, on the same
+/// operands.
+fn is_same(values: &Values<'_, '_>, a: ValueId, b: ValueId) -> bool {
+    let of = |value: ValueId| match &values.values[value].node {
         Node::Expression(context, e, path) if path.is_empty() => {
-            let id = values.contexts[*context].function;
-            let f = values.function(*context);
-            f.statements.evaluated_at(*e)?;
-            let name = text::expression(module, f, *e);
-            let span = f.function.expressions.get_span(*e);
-            let inner = f.ty(module, *e).clone();
-            (
-                name,
-                values.graph.name(id),
-                Place::Expression(id, *e),
-                span,
-                inner,
-            )
+            Some((values.contexts[*context].function, *e))
         }
-        _ => return None,
+        _ => None,
     };
-    Some(Authored {
-        name,
-        function,
-        place,
-        path: Vec::new(),
-        inner,
-        span,
-    })
+    let is_normalized = |value: ValueId| {
+        of(value).is_some_and(|(id, e)| {
+            let f = values.graph.function(id).function;
+            let fun = MathFunction::Normalize;
+            matches!(&f.expressions[e], Expression::Math { fun: own, .. } if *own == fun)
+        })
+    };
+    let is_one = || (of(a).is_some() && of(a) == of(b)) || (is_normalized(a) && is_normalized(b));
+    a == b || (is_one() && values.values[a].operands == values.values[b].operands)
 }
 
 fn is_vec3(inner: &TypeInner) -> bool {

@@ -21,4 +21,5 @@ pub mod uniformity;
 pub(crate) mod users;
 pub mod values;
 pub mod view;
+pub mod viewer;
 pub mod world;

@@ -1,128 +1,356 @@
-//! Which uniforms follow the viewer. A shader has nothing but names to tell them by.
+//! Which uniforms follow the viewer: those that a name and a type give away, the matrix that leads
+//! to the clip position, and those that the user names.
 
-use naga::{AddressSpace, Expression, TypeInner, VectorSize};
+use std::collections::BTreeSet;
 
-use crate::analysis::values::{Node, ValueId, Values};
+use naga::{
+    AddressSpace, BinaryOperator, Binding, BuiltIn, Expression, GlobalVariable, Handle, Module,
+    ShaderStage, Type, TypeInner, VectorSize,
+};
+
+use crate::analysis::values::{ContextId, Node, ValueId, Values};
 use crate::core::program::Program;
+use crate::graph::Graph;
 
-/// Uniforms with camera, view, eye or projection in their name or a member's, and members of such
-/// structs that give its place or range. The name is all that a shader reveals about a matrix.
-/// `verify` takes these from the light and all others from the camera. If no name tells, all
-/// matrices that the pass reads count, except those of an object.
-pub fn view_dependent(program: &Program) -> Vec<String> {
-    let module = program.module();
-    let says_view = |name: &str| {
-        let name = name.to_lowercase();
-        let part_of = [
-            "camera", "view", "eye", "proj", "mvp", "screen", "clip", "znear", "zfar",
-        ];
-        let whole = ["vp", "near", "far", "near_plane", "far_plane", "transform"];
-        part_of.iter().any(|w| name.contains(w)) || whole.contains(&name.trim_start_matches("u_"))
-    };
-    let says_place = |name: &str| {
-        let name = name.to_lowercase();
-        ["pos", "origin", "near", "far", "matrix", "vp"]
-            .iter()
-            .any(|w| name.contains(w))
-    };
-    let mut found = Vec::new();
-    for (_, global) in module
-        .global_variables
+mod names;
+
+pub use names::is_axis;
+
+/// What the user says about uniforms, by their paths ([`parts`]).
+#[derive(Clone, Debug, Default)]
+pub struct Said {
+    /// They follow the viewer.
+    pub follow: Vec<String>,
+    /// They do not, whatever their names say.
+    pub stay: Vec<String>,
+}
+
+/// The uniforms that the stages of a program read and that follow the viewer: variables, or members
+/// as `VARIABLE.MEMBER`. `verify` takes these from the light and all others from the camera.
+pub fn view_dependent(program: &Program, said: &Said) -> Vec<String> {
+    let graph = Graph::build(program);
+    let points = program.module().entry_points.iter();
+    let stage = |of: ShaderStage| points.clone().position(|point| point.stage == of);
+    let stages = (stage(ShaderStage::Vertex), stage(ShaderStage::Fragment));
+    of_stages(&graph, stages, said)
+}
+
+/// [`view_dependent`] of a vertex and a fragment entry point.
+pub fn of_stages(
+    graph: &Graph<'_>,
+    (vertex, fragment): (Option<usize>, Option<usize>),
+    said: &Said,
+) -> Vec<String> {
+    let module = graph.module();
+    let all = paths(module);
+    let mut found: BTreeSet<String> = all
         .iter()
-        .filter(|(_, g)| g.space == AddressSpace::Uniform)
-    {
-        let variable = global.name.clone().unwrap_or_default();
-        let struct_name = module.types[global.ty].name.as_deref().unwrap_or("");
-        let of_view = says_view(&variable) || says_view(struct_name);
-        let members = match &module.types[global.ty].inner {
-            TypeInner::Struct { members, .. } => members.as_slice(),
-            _ => &[],
+        .filter(|path| path.follows(module))
+        .map(|path| path.text(module))
+        .collect();
+    let mut read = BTreeSet::new();
+    let mut is_known = true;
+    for stage in [vertex, fragment].into_iter().flatten() {
+        let Ok(values) = Values::new(graph, stage) else {
+            is_known = false;
+            continue;
         };
-        if says_view(&variable) && members.is_empty() {
-            found.push(variable.clone());
+        read.extend((0..values.values.len()).filter_map(|value| read_path(&values, value)));
+        if vertex == Some(stage) {
+            found.extend(to_clip(&values));
         }
-        found.extend(
-            members
-                .iter()
-                .filter_map(|m| m.name.as_deref())
-                .filter(|m| says_view(m) || (of_view && says_place(m)))
-                .map(|m| format!("{variable}.{m}")),
-        );
     }
-    if found.is_empty() {
-        return matrices(module);
+    found.extend(said.follow.iter().cloned());
+    let is_read = |name: &String| !is_known || read.iter().any(|path| is_part(path, name));
+    let stays = |name: &String| said.stay.iter().any(|own| is_part(own, name));
+    let ordered = all.iter().map(|path| path.text(module));
+    let mut listed: Vec<String> = Vec::new();
+    for name in ordered.filter(|name| found.contains(name) && is_read(name) && !stays(name)) {
+        // A whole variable stands for its members.
+        let is_listed = |whole: &String| name.starts_with(&format!("{whole}."));
+        if !listed.iter().any(is_listed) {
+            listed.push(name);
+        }
+    }
+    listed
+}
+
+/// The paths of all uniforms and their members, in order.
+pub fn parts(module: &Module) -> Vec<String> {
+    paths(module).iter().map(|path| path.text(module)).collect()
+}
+
+/// Whether a value is a read of one of these uniforms ([`view_dependent`]), or of a part of one, or
+/// of a whole that one is a part of.
+pub fn is_read(values: &Values<'_, '_>, value: ValueId, names: &[String]) -> bool {
+    let path = read_path(values, value);
+    path.is_some_and(|path| names.iter().any(|name| is_part(&path, name)))
+}
+
+/// Whether one of two paths is the other, or leads to it.
+fn is_part(a: &str, b: &str) -> bool {
+    let (long, short) = if a.len() < b.len() { (b, a) } else { (a, b) };
+    long.strip_prefix(short)
+        .is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+}
+
+/// A uniform, or a member of one.
+#[derive(Clone, Debug)]
+pub(crate) struct Path {
+    variable: Handle<GlobalVariable>,
+    members: Vec<u32>,
+    ty: Handle<Type>,
+}
+
+impl Path {
+    /// The types from the variable's on, with the name of what has each.
+    fn steps<'m>(&self, module: &'m Module) -> Vec<(&'m str, Handle<Type>)> {
+        let global = &module.global_variables[self.variable];
+        let mut ty = global.ty;
+        let mut steps = vec![(global.name.as_deref().unwrap_or_default(), ty)];
+        for index in &self.members {
+            let TypeInner::Struct { members, .. } = &module.types[ty].inner else {
+                break;
+            };
+            let Some(member) = members.get(*index as usize) else {
+                break;
+            };
+            ty = member.ty;
+            steps.push((member.name.as_deref().unwrap_or_default(), ty));
+        }
+        steps
+    }
+
+    fn text(&self, module: &Module) -> String {
+        let steps = self.steps(module);
+        let names: Vec<&str> = steps.iter().map(|(name, _)| *name).collect();
+        names.join(".")
+    }
+}
+
+/// All uniforms, and below each its members.
+fn paths(module: &Module) -> Vec<Path> {
+    let mut found = Vec::new();
+    for (variable, global) in module.global_variables.iter() {
+        if !is_uniform(global.space) {
+            continue;
+        }
+        let mut work = vec![Path {
+            variable,
+            members: Vec::new(),
+            ty: global.ty,
+        }];
+        while let Some(path) = work.pop() {
+            if let TypeInner::Struct { members, .. } = &module.types[path.ty].inner {
+                work.extend(
+                    (0..members.len() as u32)
+                        .zip(members)
+                        .rev()
+                        .map(|(index, member)| {
+                            let mut members = path.members.clone();
+                            members.push(index);
+                            Path {
+                                variable,
+                                members,
+                                ty: member.ty,
+                            }
+                        }),
+                );
+            }
+            found.push(path);
+        }
     }
     found
 }
 
-/// Whether a value is a read of one of these uniforms: variables, or members as
-/// `VARIABLE.MEMBER`. A read of a whole variable counts if a member is among them.
-pub fn is_read(values: &Values<'_, '_>, value: ValueId, names: &[String]) -> bool {
+fn is_uniform(space: AddressSpace) -> bool {
+    matches!(space, AddressSpace::Uniform | AddressSpace::Immediate)
+}
+
+/// The path of the uniform, or member of one, that a value is a read of.
+fn read_path(values: &Values<'_, '_>, value: ValueId) -> Option<String> {
     let Node::Expression(context, e, path) = &values.values[value].node else {
-        return false;
+        return None;
     };
-    let function = values.function(*context).function;
-    let Expression::Load { pointer } = function.expressions[*e] else {
-        return false;
+    let module = values.graph.module();
+    let (mut context, mut steps) = (*context, Vec::new());
+    let Expression::Load { mut pointer } = values.function(context).function.expressions[*e] else {
+        return None;
     };
-    let (mut at, mut member) = (pointer, path.first().copied());
-    loop {
-        match function.expressions[at] {
-            Expression::AccessIndex { base, index } => (at, member) = (base, Some(index)),
-            Expression::Access { base, .. } => (at, member) = (base, None),
-            Expression::GlobalVariable(global) => {
-                let module = values.graph.module();
-                let global = &module.global_variables[global];
-                let variable = global.name.as_deref().unwrap_or_default();
-                let start = format!("{variable}.");
-                let own = match (&module.types[global.ty].inner, member) {
-                    (TypeInner::Struct { members, .. }, Some(index)) => members
-                        .get(index as usize)
-                        .and_then(|m| m.name.as_deref())
-                        .map(|name| format!("{start}{name}")),
-                    _ => None,
-                };
-                let is_whole = own.is_none();
-                return global.space == AddressSpace::Uniform
-                    && names.iter().any(|name| {
-                        name == variable
-                            || Some(name) == own.as_ref()
-                            || (is_whole && name.starts_with(&start))
-                    });
+    let variable = loop {
+        match values.function(context).function.expressions[pointer] {
+            Expression::AccessIndex { base, index } => {
+                steps.push(Some(index));
+                pointer = base;
             }
-            _ => return false,
+            Expression::Access { base, .. } => {
+                steps.push(None);
+                pointer = base;
+            }
+            Expression::GlobalVariable(variable) => break variable,
+            Expression::FunctionArgument(i) => {
+                let (caller, call) = values.contexts[context].call?;
+                let outer = values.function(caller).statements.get(call).statement;
+                let naga::Statement::Call { arguments, .. } = outer else {
+                    return None;
+                };
+                (context, pointer) = (caller, *arguments.get(i as usize)?);
+            }
+            _ => return None,
         }
+    };
+    let global = &module.global_variables[variable];
+    if !is_uniform(global.space) {
+        return None;
+    }
+    // Elements and components are no parts of their own.
+    let all = steps
+        .into_iter()
+        .rev()
+        .chain(path.iter().copied().map(Some));
+    let mut ty = global.ty;
+    let mut members = Vec::new();
+    for step in all {
+        let (TypeInner::Struct { members: own, .. }, Some(index)) = (&module.types[ty].inner, step)
+        else {
+            break;
+        };
+        let Some(member) = own.get(index as usize) else {
+            break;
+        };
+        members.push(index);
+        ty = member.ty;
+    }
+    let path = Path {
+        variable,
+        members,
+        ty,
+    };
+    Some(path.text(module))
+}
+
+/// The uniforms among the matrices that turn a vector into the clip position: the last one, and
+/// those in front of it up to the view's, as far as names tell. An object's is none of these.
+fn to_clip(values: &Values<'_, '_>) -> BTreeSet<String> {
+    let outputs = values.outputs().into_iter();
+    let positions = outputs
+        .filter(|(binding, _)| matches!(binding, Some(Binding::BuiltIn(BuiltIn::Position { .. }))));
+    let mut work: Vec<ValueId> = positions.map(|(_, value)| value).collect();
+    let mut seen = vec![false; values.values.len()];
+    let mut found = BTreeSet::new();
+    while let Some(value) = work.pop() {
+        if std::mem::replace(&mut seen[value], true) {
+            continue;
+        }
+        if product(values, value).is_none() {
+            work.extend(&values.values[value].operands);
+            continue;
+        }
+        let mut factors = Vec::new();
+        factors_of(values, value, &mut factors);
+        for (i, factor) in factors.into_iter().enumerate() {
+            let Some(path) = factor.and_then(|value| read_path(values, value)) else {
+                break;
+            };
+            if i > 0 && names::is_of_object(&path) {
+                break;
+            }
+            let is_whole = names::says_view(&path);
+            found.insert(path);
+            if is_whole {
+                break;
+            }
+        }
+    }
+    found
+}
+
+/// A matrix times a vector, or a vector times a matrix: the factors, outermost first.
+fn product(
+    values: &Values<'_, '_>,
+    value: ValueId,
+) -> Option<(ContextId, [Handle<Expression>; 2], bool)> {
+    let Node::Expression(context, e, path) = &values.values[value].node else {
+        return None;
+    };
+    let f = values.function(*context);
+    let Expression::Binary {
+        op: BinaryOperator::Multiply,
+        left,
+        right,
+    } = f.function.expressions[*e]
+    else {
+        return None;
+    };
+    let module = values.graph.module();
+    let is_matrix = |e| matches!(f.ty(module, e), TypeInner::Matrix { columns, .. } if *columns == VectorSize::Quad);
+    let is_vector =
+        |e| matches!(f.ty(module, e), TypeInner::Vector { size, .. } if *size == VectorSize::Quad);
+    let factors = match (path.is_empty(), is_matrix(left), is_matrix(right)) {
+        (true, true, false) if is_vector(right) => ([left, right], false),
+        (true, false, true) if is_vector(left) => ([right, left], true),
+        _ => return None,
+    };
+    Some((*context, factors.0, factors.1))
+}
+
+/// The matrices of nested products, outermost first. `None`: a matrix that is computed otherwise.
+fn factors_of(values: &Values<'_, '_>, value: ValueId, found: &mut Vec<Option<ValueId>>) {
+    let value = source(values, value);
+    let Some((context, [matrix, vector], is_row)) = product(values, value) else {
+        return;
+    };
+    match values.named(context, matrix) {
+        Some(matrix) => matrices_of(values, matrix, is_row, found),
+        None => found.push(None),
+    }
+    if let Some(vector) = values.named(context, vector) {
+        factors_of(values, vector, found);
     }
 }
 
-/// Matrices of uniforms whose names are not those of an object. Where no name tells the camera's
-/// matrix, it is among them.
-fn matrices(module: &naga::Module) -> Vec<String> {
-    let is_of_object = |name: &str| {
-        let name = name.to_lowercase();
-        let of_object = [
-            "model", "world", "object", "local", "bone", "joint", "instance",
-        ];
-        of_object.iter().any(|w| name.contains(w))
-    };
-    let is_matrix = |ty: naga::Handle<naga::Type>| {
-        let inner = &module.types[ty].inner;
-        matches!(inner, TypeInner::Matrix { columns, rows, .. }
-            if (*columns, *rows) == (VectorSize::Quad, VectorSize::Quad))
-    };
-    let uniforms = module.global_variables.iter().map(|(_, global)| global);
-    let uniforms = uniforms.filter(|global| global.space == AddressSpace::Uniform);
-    let paths = uniforms.flat_map(|global| {
-        let variable = global.name.clone().unwrap_or_default();
-        match &module.types[global.ty].inner {
-            TypeInner::Struct { members, .. } => {
-                let matrices = members.iter().filter(|m| is_matrix(m.ty));
-                let names = matrices.filter_map(|m| m.name.as_deref());
-                names.map(|name| format!("{variable}.{name}")).collect()
+fn matrices_of(
+    values: &Values<'_, '_>,
+    value: ValueId,
+    is_row: bool,
+    found: &mut Vec<Option<ValueId>>,
+) {
+    let value = source(values, value);
+    if let Node::Expression(context, e, _) = &values.values[value].node
+        && let Expression::Binary {
+            op: BinaryOperator::Multiply,
+            left,
+            right,
+        } = values.function(*context).function.expressions[*e]
+    {
+        let sides = if is_row { [right, left] } else { [left, right] };
+        for side in sides {
+            match values.named(*context, side) {
+                Some(side) => matrices_of(values, side, is_row, found),
+                None => found.push(None),
             }
-            _ if is_matrix(global.ty) => vec![variable],
-            _ => Vec::new(),
         }
-    });
-    paths.filter(|path| !is_of_object(path)).collect()
+        return;
+    }
+    found.push(Some(value));
+}
+
+/// The value that a variable, a result or a member was given, if it was given one alone.
+fn source(values: &Values<'_, '_>, mut value: ValueId) -> ValueId {
+    loop {
+        let is_copy = match &values.values[value].node {
+            Node::Version(..) => true,
+            Node::Expression(context, e, _) => matches!(
+                values.function(*context).function.expressions[*e],
+                Expression::Load { .. }
+                    | Expression::CallResult(_)
+                    | Expression::AccessIndex { .. }
+            ),
+            _ => false,
+        };
+        match values.values[value].operands[..] {
+            [one] if is_copy => value = one,
+            _ => return value,
+        }
+    }
 }

@@ -1,12 +1,13 @@
 //! Finds the position of a vertex in the world by its role: the vector that the view's matrix turns
 //! into the clip position.
 
-use naga::{BinaryOperator, Binding, BuiltIn, Expression, Handle, Span, TypeInner, VectorSize};
+use naga::{BinaryOperator, Binding, BuiltIn, Expression, Handle, Literal, TypeInner, VectorSize};
 
-use crate::analysis::authored::{Authored, Place};
+use crate::analysis::authored::Authored;
 use crate::analysis::reach::with_users;
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
 use crate::analysis::view;
+use crate::graph::memory::Origin;
 use crate::graph::{Graph, text};
 
 /// A vector of four, and the matrices that turn it into the world, outermost first.
@@ -16,6 +17,8 @@ pub struct World {
     pub vector: Authored,
     /// The matrices.
     pub matrices: Vec<Authored>,
+    /// Whether the fourth component is the literal 1.
+    pub is_point: bool,
 }
 
 impl World {
@@ -34,6 +37,10 @@ pub enum NoWorld {
     None,
     /// Several do.
     Several,
+    /// One leads to it on some ways only.
+    NotAlways,
+    /// The vector of this name depends on the viewer already: it may be relative to the camera.
+    Relative(String),
     /// The matrix of this name turns from an object's own space to the view's at once.
     Combined(String),
 }
@@ -45,24 +52,39 @@ pub enum NoWorld {
 /// [`NoWorld`].
 pub fn position(graph: &Graph<'_>, vertex: usize, follows: &[String]) -> Result<World, NoWorld> {
     let values = Values::new(graph, vertex).map_err(|_| NoWorld::None)?;
-    let sources = (0..values.values.len()).filter(|v| view::is_read(&values, *v, follows));
+    let dependent = |names: &[String]| {
+        let sources = (0..values.values.len()).filter(|v| view::is_read(&values, *v, names));
+        with_users(&values, sources.collect())
+    };
+    // A billboard's axes turn it, and leave it in the world.
+    let is_axis = |name: &&String| view::is_axis(name);
+    let places: Vec<String> = follows.iter().filter(|n| !is_axis(n)).cloned().collect();
     let search = Search {
-        dependent: with_users(&values, sources.collect()),
+        dependent: dependent(follows),
+        places: dependent(&places),
         values: &values,
     };
-    let positions = values
+    let positions: Vec<ValueId> = values
         .outputs()
         .into_iter()
-        .filter(|(binding, _)| matches!(binding, Some(Binding::BuiltIn(BuiltIn::Position { .. }))));
+        .filter(|(binding, _)| matches!(binding, Some(Binding::BuiltIn(BuiltIn::Position { .. }))))
+        .map(|(_, value)| value)
+        .collect();
     let mut products = Vec::new();
     let mut seen = vec![false; values.values.len()];
-    for (_, value) in positions {
-        search.below(value, &mut seen, &mut products);
+    for value in &positions {
+        search.below(*value, &mut seen, &mut products);
     }
-    match products[..] {
-        [] => Err(NoWorld::None),
-        [product] => search.world(product),
-        _ => Err(NoWorld::Several),
+    let [(product, at)] = products[..] else {
+        return Err(match products.is_empty() {
+            true => NoWorld::None,
+            false => NoWorld::Several,
+        });
+    };
+    let through = search.through(at);
+    match positions.iter().all(|value| through[*value]) {
+        true => search.world(product),
+        false => Err(NoWorld::NotAlways),
     }
 }
 
@@ -78,6 +100,8 @@ struct Search<'v, 'g, 'p> {
     values: &'v Values<'g, 'p>,
     /// Whether each value depends on the viewer.
     dependent: Vec<bool>,
+    /// Whether each value depends on more of the viewer than on its axes.
+    places: Vec<bool>,
 }
 
 impl Search<'_, '_, '_> {
@@ -87,7 +111,7 @@ impl Search<'_, '_, '_> {
     }
 
     /// The innermost products with matrices of the view that a value is computed from.
-    fn below(&self, value: ValueId, seen: &mut [bool], found: &mut Vec<Product>) {
+    fn below(&self, value: ValueId, seen: &mut [bool], found: &mut Vec<(Product, ValueId)>) {
         let mut work = vec![value];
         while let Some(value) = work.pop() {
             if std::mem::replace(&mut seen[value], true) {
@@ -105,7 +129,7 @@ impl Search<'_, '_, '_> {
                 self.below(vector, seen, &mut inner);
             }
             match inner.is_empty() {
-                true => found.push(product),
+                true => found.push((product, value)),
                 false => found.extend(inner),
             }
         }
@@ -132,10 +156,92 @@ impl Search<'_, '_, '_> {
         })
     }
 
+    /// Whether each value is computed from the product `at`, whichever way the program takes.
+    fn through(&self, at: ValueId) -> Vec<bool> {
+        let all = &self.values.values;
+        let mut held = vec![true; all.len()];
+        // Values of loops lead to themselves, so all count until one is found not to.
+        let mut work: Vec<ValueId> = (0..all.len()).collect();
+        while let Some(value) = work.pop() {
+            if value == at || !held[value] {
+                continue;
+            }
+            let is_through = match self.choices(value) {
+                Some(choices) => choices.iter().all(|v| held[*v]),
+                None => {
+                    let is_data = |v: &&ValueId| !matches!(all[**v].node, Node::Control(..));
+                    let mut operands = all[value].operands.iter().filter(is_data);
+                    operands.any(|v| held[*v])
+                }
+            };
+            if !is_through {
+                held[value] = false;
+                work.extend(&self.values.users()[value]);
+            }
+        }
+        held
+    }
+
+    /// The values of which a value is one: of several definitions or returns.
+    fn choices(&self, value: ValueId) -> Option<Vec<ValueId>> {
+        let all = &self.values.values;
+        match &all[value].node {
+            Node::Version(context, version) => {
+                let memory = &self.values.function(*context).memory;
+                let is_choice = matches!(memory.origin(*version), Origin::Phi { .. });
+                is_choice.then(|| all[value].operands.clone())
+            }
+            Node::Expression(context, e, _) => {
+                let function = self.values.function(*context).function;
+                match function.expressions[*e] {
+                    Expression::CallResult(_) => {
+                        let is_data = |v: &&ValueId| !matches!(all[**v].node, Node::Control(..));
+                        Some(
+                            all[value]
+                                .operands
+                                .iter()
+                                .filter(is_data)
+                                .copied()
+                                .collect(),
+                        )
+                    }
+                    Expression::Select { accept, reject, .. } => [accept, reject]
+                        .into_iter()
+                        .map(|e| self.values.named(*context, e))
+                        .collect(),
+                    _ => None,
+                }
+            }
+            _ => None,
+        }
+    }
+
+    /// Whether a vector of four ends in the literal 1.
+    fn is_point(&self, context: ContextId, e: Handle<Expression>) -> bool {
+        let (context, e) = self.origin(context, e);
+        let expressions = &self.values.function(context).function.expressions;
+        let Expression::Compose { components, .. } = &expressions[e] else {
+            return false;
+        };
+        components
+            .last()
+            .is_some_and(|last| expressions[*last] == Expression::Literal(Literal::F32(1.0)))
+    }
+
     fn world(&self, product: Product) -> Result<World, NoWorld> {
+        let Product {
+            context, vector, ..
+        } = product;
+        let value = self.values.named(context, vector);
+        if value.is_some_and(|v| self.places[v]) {
+            let f = self.values.function(context);
+            let name = text::expression(self.values.graph.module(), f, vector);
+            return Err(NoWorld::Relative(name));
+        }
         let matrices = self.free(product.context, product.matrix)?;
-        let authored = |(context, e)| self.authored(context, e).ok_or(NoWorld::None);
+        let authored = |(context, e)| Authored::at(self.values, context, e).ok_or(NoWorld::None);
         Ok(World {
+            is_point: matrices.is_empty() && self.is_point(context, vector),
             vector: authored((product.context, product.vector))?,
             matrices: matrices
                 .into_iter()
@@ -199,30 +305,6 @@ impl Search<'_, '_, '_> {
                 _ => return known,
             }
         }
-    }
-
-    fn authored(&self, context: ContextId, e: Handle<Expression>) -> Option<Authored> {
-        let module = self.values.graph.module();
-        let id = self.values.contexts[context].function;
-        let f = self.values.function(context);
-        let place = match f.function.expressions[e] {
-            Expression::FunctionArgument(i) => Place::Argument(id, i),
-            _ => {
-                f.statements.evaluated_at(e)?;
-                Place::Expression(id, e)
-            }
-        };
-        Some(Authored {
-            name: text::expression(module, f, e),
-            function: self.values.graph.name(id),
-            place,
-            path: Vec::new(),
-            inner: f.ty(module, e).clone(),
-            span: match place {
-                Place::Expression(..) => f.function.expressions.get_span(e),
-                _ => Span::UNDEFINED,
-            },
-        })
     }
 }
 

@@ -16,13 +16,13 @@
 //! |---|---|---|
 //! | `depth` | none | the camera's depth, as the main pass leaves it |
 //! | `shadow` | none | a light's depth, as by the pass `shadow` |
-//! | `distance` | `r32float` | how far the point is from a point light, divided by the light's range: 1 is at the end of it |
+//! | `distance` | `r32float` | how far the point is from a point light, divided by the light's range: 1 is at the end of it, and where no surface is |
 //! | `normal` | `rgba16float` | the vector that meets the light in a dot product, and 1; with `octahedral` two numbers |
 //! | `velocity` | `rg16float` | where the point is, less where it was in the previous frame: x to the right and y down, in parts of the picture |
 //! | `id` | `rg32uint` | the host's number of the draw, `@builtin(instance_index)` |
 //! | a name | by its type | that value of the fragment stage, at the end of the stage; a vector of three is filled up with 1 |
 //!
-//! Where a material draws nothing, the targets keep their clear value, 0.
+//! Where a material draws nothing, the other targets keep their clear value, 0.
 //!
 //! `velocity` evaluates the position twice. The second time it reads copies of the buffers, which
 //! the plan lists with the source `previous`: the host keeps what they held in the previous frame.
@@ -35,10 +35,11 @@
 //! (`mvp`), there is no such vector: name a value of the fragment stage with `position`.
 //!
 //! A light draws `shadow` and `distance`, so uniforms of the viewer follow the light: the plan lists
-//! them in `view_dependent`. With `view=drop`, what the viewer decides about coverage is left out
-//! instead. A texture coordinate becomes the value from before the parallax. A condition of a
-//! discard becomes what it is without the fade. The plan lists both in `left_out`. Positions are
-//! unchanged: a billboard turns to the light.
+//! them in `view_dependent`. Their names and types tell them, and `viewer` the others. With
+//! `view=drop`, what the viewer decides about coverage is left out instead. A texture coordinate
+//! loses its parallax and keeps its tiling. A discard's condition loses the fade. The plan lists both
+//! in `left_out`. If it cannot be said what a test of a texture is without the viewer, the pass
+//! refuses. Positions are unchanged: a billboard turns to the light.
 //!
 //! If the light's resources are declared differently from the camera's, `map` names what takes the
 //! place of what: `map=light.view_proj=camera.view_proj`. A slice that reads something without a
@@ -46,7 +47,7 @@
 
 use crate::analysis::implicit_inputs::PassEffect;
 use crate::analysis::opaque::Opaque;
-use crate::analysis::view;
+use crate::analysis::view::{self, Said};
 use crate::core::contract::Contract;
 use crate::core::pass::{Example, Facts, Misnamed, Outcome, Pass, PassInfo, Refusal, Refused, Use};
 use crate::core::plan::{Attachment, AttachmentFormat, ClearValue, GpuPass, Phase, Plan, Role};
@@ -62,7 +63,9 @@ use crate::rebuild::place::PositionInvariance;
 use crate::rebuild::viewer::{self, Dropped, Stays};
 use crate::slice::OutputFilter;
 
+mod calls;
 mod distance;
+mod follows;
 mod names;
 mod other_view;
 mod params;
@@ -72,6 +75,10 @@ use params::list;
 pub use params::{Asked, ColourTarget, Params, Precision, Space, Viewer};
 
 const NAME: &str = "outputs";
+
+const NOTHING_DROPPED: &str = "`view=drop` left nothing out: no discard reads a uniform that \
+                               follows the viewer. If one does under another name, name it: \
+                               `viewer=frame.e`";
 
 /// The start of the names of attachments.
 pub const ATTACHMENT: &str = "outputs-";
@@ -132,7 +139,10 @@ impl Pass for Outputs {
     ];
 
     fn misnamed(plan: &Plan, params: &Params) -> Option<Misnamed> {
-        names::misnamed(&depth_pass::alone(plan, NAME).ok()?, params)
+        let opaque = depth_pass::alone(plan, NAME).ok()?;
+        let viewer = params.viewer.as_deref();
+        names::misnamed(&opaque, params)
+            .or_else(|| follows::misnamed(opaque.program.module(), viewer))
     }
 
     fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
@@ -154,8 +164,10 @@ impl Pass for Outputs {
             .into());
         }
         let whole = depth_pass::alone(plan, NAME)?;
-        let dropped = match from_light && params.view == Viewer::Drop {
-            true => without_viewer(&whole)?,
+        let said = follows::said(whole.program.module(), params.viewer.as_deref())?;
+        let drops = from_light && params.view == Viewer::Drop;
+        let dropped = match drops {
+            true => without_viewer(&whole, &said)?,
             false => None,
         };
         let of_light = dropped.as_ref().map(|d| with_main(plan, &d.program, None));
@@ -166,7 +178,7 @@ impl Pass for Outputs {
         // What decides coverage and depth is the author's alone: outputs decide nothing.
         let deciding = depth_only::slice(&author, VertexStage::Sliced, &[]);
         deciding.assumptions(&author, plan, NAME, &[PassEffect::SlicesForView])?;
-        let mut wanted = wanted(&author, plan, (facts, params), &asked)?;
+        let mut wanted = wanted(&author, plan, (facts, params, &said), &asked)?;
         if wanted.is_empty() && params.colour_target == ColourTarget::Bound {
             wanted.push(Wanted {
                 name: "colour".to_owned(),
@@ -220,7 +232,7 @@ impl Pass for Outputs {
                         format: AttachmentFormat::Color((*format).to_owned()),
                         samples: 1,
                         sampled: true,
-                        clear: ClearValue::Color([0.0; 4]),
+                        clear: clear_value(wanted),
                     });
                     let written = !matches!(wanted.shows, Shows::Nothing);
                     pass.targets.push(Some(ColorTarget {
@@ -232,10 +244,13 @@ impl Pass for Outputs {
             }
         }
         next.notes.extend(notes(&opaque, params, &wanted));
+        next.notes
+            .extend((drops && dropped.is_none()).then(|| NOTHING_DROPPED.to_owned()));
         let of_view = other_view::apply(&mut next, &opaque, params)?;
         depth_pass::finish(&mut next, "original");
         let program = next.programs.get(Role::Outputs.name());
-        let follows = program.filter(|_| from_light).map(view::view_dependent);
+        let program = program.filter(|_| from_light);
+        let follows = program.map(|program| view::view_dependent(program, &said));
         if let Some(pass) = next.passes.iter_mut().find(is_own) {
             if let Some(extended) = &extended {
                 extended.mark(&mut pass.attributes);
@@ -250,11 +265,20 @@ impl Pass for Outputs {
     }
 }
 
+/// What a picture holds where no surface is.
+fn clear_value(wanted: &Wanted) -> ClearValue {
+    let clear = match &wanted.shows {
+        Shows::Distance(distance) => distance.clear_value(),
+        _ => 0.0,
+    };
+    ClearValue::Color([clear, 0.0, 0.0, 0.0])
+}
+
 /// What the words of `write` mean in this material, depths apart.
 fn wanted(
     opaque: &Opaque<'_>,
     plan: &Plan,
-    (facts, params): (&Facts, &Params),
+    (facts, params, said): (&Facts, &Params, &Said),
     asked: &[Asked],
 ) -> Result<Vec<Wanted>, Vec<Refusal>> {
     let (mut found, mut refusals) = (Vec::new(), Vec::new());
@@ -263,11 +287,16 @@ fn wanted(
             Asked::Depth | Asked::Shadow => continue,
             Asked::Normal => ("normal".to_owned(), normal(opaque, params)),
             Asked::Velocity => ("velocity".to_owned(), velocity(opaque, plan, facts, params)),
-            Asked::Distance => ("distance".to_owned(), distance::distance(opaque, params)),
+            Asked::Distance => (
+                "distance".to_owned(),
+                distance::distance(opaque, params, said),
+            ),
             Asked::Id => ("id".to_owned(), Ok(Shows::Id)),
             Asked::Named(name) => (
                 name.replace(['@', '.'], "-"),
-                names::value(opaque, name).map(Shows::Value),
+                names::value(opaque, name)
+                    .and_then(|value| calls::single(opaque, value))
+                    .map(Shows::Value),
             ),
         };
         match shows {
@@ -319,7 +348,7 @@ fn notes(opaque: &Opaque<'_>, params: &Params, wanted: &[Wanted]) -> Vec<String>
 }
 
 fn normal(opaque: &Opaque<'_>, params: &Params) -> Result<Shows, Box<Refusal>> {
-    let value = names::normal(opaque, params.normal.as_deref())?;
+    let value = calls::single(opaque, names::normal(opaque, params.normal.as_deref())?)?;
     let module = opaque.program.module();
     let turned = params.matrix.as_deref();
     let turned = turned.map(|name| names::matrix(module, name)).transpose()?;
@@ -373,15 +402,12 @@ fn failed(why: &Failed) -> Box<Refusal> {
 }
 
 /// The material without what depends on the viewer; `None`: nothing does.
-fn without_viewer(opaque: &Opaque<'_>) -> Result<Option<Dropped>, Box<Refusal>> {
-    let follows = view::view_dependent(opaque.program);
+fn without_viewer(opaque: &Opaque<'_>, said: &Said) -> Result<Option<Dropped>, Box<Refusal>> {
+    let stages = (Some(opaque.vertex), opaque.fragment);
+    let follows = view::of_stages(&opaque.graph, stages, said);
     viewer::dropped(opaque, &follows).map_err(|why| match why {
         Stays::Built(why) => Box::new(Refusal::bug(NAME, why)),
-        Stays::Discard(place) => {
-            let code = &refusals::VIEWER_DECIDES;
-            let reason = format!("the discard {place} depends on the viewer alone");
-            Box::new(Refusal::new(NAME, code, reason, refusals::remedy(code)))
-        }
+        Stays::Discard(why) => names::refusal(&refusals::VIEWER_DECIDES, why),
     })
 }
 

@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::analysis::coverage;
 use crate::analysis::implicit_inputs::PassEffect;
-use crate::analysis::view;
+use crate::analysis::view::{self, Said};
 use crate::core::contract::Contract;
 use crate::core::pass::{Example, Facts, Outcome, Pass, PassInfo, Refused, Use};
 use crate::core::plan::{Attachment, Phase, Plan, Role, Step};
@@ -136,7 +136,7 @@ impl Pass for Shadow {
             pass.view_dependent = next
                 .programs
                 .get(Role::Shadow.name())
-                .map(view::view_dependent)
+                .map(|program| view::view_dependent(program, &Said::default()))
                 .unwrap_or_default();
         }
         let what = "depth-only vertex and fragment stage for a light's view".to_owned();

@@ -22,6 +22,7 @@ mod hoist_interpolated;
 mod implicit_inputs;
 mod metamorphic;
 mod outputs;
+mod outputs_drop;
 mod outputs_light;
 mod skip_taps;
 mod slices;

@@ -334,3 +334,54 @@ fn views_are_not_mixed_and_a_plan_has_one_pass_of_outputs() {
     let Err(refused) = again else { panic!("twice") };
     assert_eq!(refused.first().code, "has-outputs");
 }
+
+/// Two lights' calls of one function.
+const TWICE: &str = "
+@group(0) @binding(0) var<uniform> vp: mat4x4<f32>;
+@group(0) @binding(1) var<uniform> light: vec4<f32>;
+struct Out { @builtin(position) position: vec4<f32>, @location(0) n: vec3<f32>, @location(1) k: vec3<f32> }
+@vertex fn vs(@location(0) p: vec3<f32>, @location(1) n: vec3<f32>) -> Out { return Out(vp * vec4(p, 1.0), n, p); }
+fn lit(v: vec3<f32>, l: vec3<f32>) -> f32 { let u = normalize(v); return dot(u, l); }
+@fragment fn fs(i: Out) -> @location(0) vec4<f32> {
+    if i.k.x > 0.5 { return vec4(1.0); }
+    let a = lit(i.n, light.xyz);
+    let b = lit(SECOND);
+    return vec4(a, b, 0.0, 1.0);
+}";
+
+#[test]
+fn a_normal_is_that_of_the_call_that_meets_the_light() {
+    let shader = TWICE.replace("SECOND", "i.k, vec3(0.0, 1.0, 0.0)");
+    let own = text(&with_facts(&shader, "outputs:write=normal", &Facts::default()).unwrap());
+    assert_eq!(own.matches("kept_value = ").count(), 1, "{own}");
+    // The other call is not there.
+    assert!(own.contains("i.n") && !own.contains("lit_1("), "{own}");
+    // Two calls with one normal are no two normals.
+    let shader = TWICE.replace("SECOND", "i.n, light.yzw");
+    with_facts(&shader, "outputs:write=normal", &Facts::default()).unwrap();
+}
+
+#[test]
+fn a_name_that_several_calls_compute_is_refused() {
+    let shader = TWICE.replace("SECOND", "i.k, vec3(0.0, 1.0, 0.0)");
+    for recipe in [
+        "outputs:write=u",
+        "outputs:write=normal,normal=u",
+        "outputs:write=distance,position=u",
+    ] {
+        let refused = with_facts(&shader, recipe, &Facts::default()).unwrap_err();
+        assert!(refused.starts_with("outputs[several-calls]"), "{refused}");
+        assert!(refused.contains("2 calls (lines 9, 10)"), "{refused}");
+    }
+}
+
+/// Where the stage returns before it computes the normal, 0 is written, and no NaN.
+#[test]
+fn a_direction_of_length_0_stays_0() {
+    let shader = TWICE.replace("SECOND", "i.k, vec3(0.0, 1.0, 0.0)");
+    let run = |recipe| text(&with_facts(&shader, recipe, &Facts::default()).unwrap());
+    let own = run("outputs:write=normal,octahedral=true");
+    assert!(own.contains("max("), "{own}");
+    let own = run("outputs:write=normal,space=view,matrix=vp");
+    assert!(own.contains("select(") && own.contains("length("), "{own}");
+}

@@ -1,12 +1,11 @@
-//! Auxiliary pictures that a light draws: distances, what is left out of them, and the light's own
-//! resources.
+//! Auxiliary pictures that a light draws: distances, and the light's own resources.
 
 use preshade_passes::pass::Facts;
 use preshade_passes::plan::{BindingSource, HostValue, Phase, Plan};
 
 use crate::outputs::{SHADER, outputs, pass, text, with_facts};
 
-fn of(shader: &str, recipe: &'static str) -> Result<Plan, String> {
+pub fn of(shader: &str, recipe: &'static str) -> Result<Plan, String> {
     with_facts(shader, recipe, &Facts::default())
 }
 
@@ -110,7 +109,7 @@ fn a_light_and_a_range_are_taken_by_name() {
         own.contains("light.direction") && !own.contains("point_light"),
         "{own}"
     );
-    assert!(!own.contains("/ "), "{own}");
+    assert!(own.contains("return distance("), "{own}");
     let plan = outputs("outputs:write=distance,light=light.direction,range=light.strength");
     let own = text(&plan.unwrap());
     assert!(
@@ -220,123 +219,117 @@ fn a_layout_declares_the_other_view_s_resources() {
     assert!(refused.contains("there is no `light.eye`"), "{refused}");
 }
 
-/// A leaf with parallax and a fade by distance. `KEPT` of it decides the shadow.
-const RELIEF: &str = "
-struct Camera { view_proj: mat4x4<f32>, eye: vec3<f32> }
-@group(0) @binding(0) var<uniform> camera: Camera;
-@group(0) @binding(1) var heights: texture_2d<f32>;
-@group(0) @binding(2) var map: texture_2d<f32>;
-@group(0) @binding(3) var s: sampler;
-@group(0) @binding(4) var<uniform> fade_from: f32;
-struct Varyings {
-    @builtin(position) clip: vec4<f32>,
-    @location(0) uv: vec2<f32>,
-    @location(1) world: vec3<f32>,
-    @location(2) far: f32,
-}
-@vertex fn vs(@location(0) position: vec3<f32>, @location(1) uv: vec2<f32>) -> Varyings {
-    let clip = camera.view_proj * vec4(position, 1.0);
-    return Varyings(clip, uv, position, distance(camera.eye, position));
-}
-fn march(start: vec2<f32>, v: vec3<f32>) -> vec2<f32> {
-    var uv = start;
-    for (var i = 0; i < 8; i++) {
-        let h = textureSampleLevel(heights, s, uv, 0.0).r;
-        if h < f32(i) / 8.0 { break; }
-        uv -= v.xy * 0.01;
-    }
-    return uv;
-}
-@fragment fn fs(in: Varyings) -> @location(0) vec4<f32> {
-    let v = normalize(camera.eye - in.world);
-    let dx = dpdx(in.uv);
-    let dy = dpdy(in.uv);
-    let uv = march(in.uv, v);
-    let texel = textureSampleGrad(map, s, uv, dx, dy);
-    CUT
-    return texel;
-}";
-
-fn relief(cut: &str) -> String {
-    RELIEF.replace("CUT", cut)
-}
-
-fn dropped(cut: &str) -> Result<Plan, String> {
-    of(&relief(cut), "outputs:write=shadow,view=drop")
-}
-
-#[test]
-fn parallax_is_left_out_of_a_shadow() {
-    let plan = dropped("if texel.a < 0.5 { discard; }").unwrap();
-    let own = text(&plan);
-    assert!(own.contains("let uv_1 = in.uv;"), "{own}");
-    assert!(
-        !own.contains("march") && !own.contains("camera.eye"),
-        "{own}"
-    );
-    let left_out = &pass(&plan).left_out;
-    // The march's own coordinates, and those that it returns.
-    let told = "(line 31): `in.uv` is in its place";
-    assert!(left_out.iter().any(|l| l.contains(told)), "{left_out:?}");
-    // As written, it follows the light.
-    let kept = of(
-        &relief("if texel.a < 0.5 { discard; }"),
-        "outputs:write=shadow",
+/// A vertex stage with these functions and this body, and one matrix of the camera and the model.
+fn vertex(functions: &str, body: &str) -> String {
+    format!(
+        "struct Camera {{ view_proj: mat4x4<f32>, eye: vec3<f32>, right: vec3<f32> }}
+        @group(0) @binding(0) var<uniform> camera: Camera;
+        @group(0) @binding(1) var<uniform> model: mat4x4<f32>;
+        @group(0) @binding(2) var map: texture_2d<f32>;
+        struct Varyings {{ @builtin(position) clip: vec4<f32>, @location(0) at: vec2<f32> }}
+        {functions}
+        @vertex fn vs(@location(0) p: vec3<f32>, @location(1) sky: f32) -> Varyings {{
+            {body}
+        }}
+        @fragment fn fs(in: Varyings) -> @location(0) vec4<f32> {{
+            if textureLoad(map, vec2<i32>(in.at), 0).a < 0.5 {{ discard; }}
+            return vec4(1.0);
+        }}"
     )
-    .unwrap();
-    assert!(text(&kept).contains("march"));
-    assert!(pass(&kept).left_out.is_empty());
+}
+
+const PROJECT: &str = "fn project(w: vec4<f32>) -> vec4<f32> { \
+                       let c = camera.view_proj * w; return c; }";
+
+/// Another call of the same function, whose result coverage needs, is not measured.
+#[test]
+fn a_distance_is_measured_in_the_call_that_makes_the_position() {
+    let body = "let c = project(model * vec4(p, 1.0));
+        let tip = project(model * vec4(0.0, 5.0, 0.0, 1.0));
+        return Varyings(c, tip.xy / tip.w);";
+    let plan = of(&vertex(PROJECT, body), "outputs:write=distance").unwrap();
+    let own = text(&plan);
+    assert_eq!(own.matches("kept_w = ").count(), 1, "{own}");
+    let name: String = own
+        .match_indices("fn project")
+        .find(|(at, _)| {
+            own[*at..]
+                .split("\n}")
+                .next()
+                .unwrap()
+                .contains("kept_w = ")
+        })
+        .map(|(at, _)| own[at + 3..].chars().take_while(|c| *c != '(').collect())
+        .unwrap();
+    // The position's call stores it, and the tip's does not.
+    let call = own.find(&format!("= {name}(")).unwrap();
+    let line = own[call..].lines().next().unwrap();
+    assert_eq!(own.matches(&format!("= {name}(")).count(), 1, "{own}");
+    assert!(!line.contains("5"), "{own}");
 }
 
 #[test]
-fn a_fade_is_left_out_of_a_shadow_and_the_alpha_test_stays() {
-    for cut in [
-        "if texel.a * (1.0 - in.far / fade_from) < 0.5 { discard; }",
-        "if in.far > fade_from || texel.a < 0.5 { discard; }",
-        "if texel.a < 0.5 || in.far > fade_from { discard; }",
-        "if in.far > fade_from { discard; } if texel.a < 0.5 { discard; }",
-        "if !(texel.a >= 0.5 && in.far < fade_from) { discard; }",
-        "if texel.a < 0.5 || 1.0 / in.clip.w < fade_from { discard; }",
-        "var a = texel.a; a *= saturate(fade_from - in.far); if a < 0.5 { discard; }",
+fn a_position_that_no_matrix_turned_on_some_ways_is_no_world() {
+    for body in [
+        "if sky > 0.5 { return Varyings(vec4(p, 1.0), p.xy); }
+         return Varyings(project(model * vec4(p, 1.0)), p.xy);",
+        "var c = vec4(p, 1.0); if sky < 0.5 { c = project(model * c); } return Varyings(c, p.xy);",
     ] {
-        let plan = dropped(cut).unwrap_or_else(|why| panic!("{cut}: {why}"));
-        let own = text(&plan);
-        assert!(own.contains("discard"), "{cut}: {own}");
-        assert!(
-            own.contains("0.5") && !own.contains("fade_from"),
-            "{cut}: {own}"
-        );
-        assert!(
-            pass(&plan).left_out.len() > 1,
-            "{cut}: {:?}",
-            pass(&plan).left_out
-        );
+        let refused = of(&vertex(PROJECT, body), "outputs:write=distance").unwrap_err();
+        assert!(refused.starts_with("outputs[no-position]"), "{refused}");
+        assert!(refused.contains("on some ways"), "{refused}");
     }
+    // A part that is changed behind the product is no other way.
+    let body = "var c = project(model * vec4(p, 1.0)); c.z = 0.5; c.x += sky * c.w;
+        return Varyings(c, p.xy);";
+    of(&vertex(PROJECT, body), "outputs:write=distance").unwrap();
 }
 
 #[test]
-fn a_shadow_without_the_viewer_may_have_no_fragment_stage() {
-    let plan = dropped("if in.far > fade_from { discard; }").unwrap();
-    assert!(!text(&plan).contains("discard"));
-    assert!(pass(&plan).left_out[0].contains("it counts as false"));
+fn a_position_relative_to_the_camera_is_no_world() {
+    let body = "let w = model * vec4(p, 1.0); let rel = vec4(w.xyz - camera.eye, 1.0);
+        return Varyings(project(rel), p.xy);";
+    let refused = of(&vertex(PROJECT, body), "outputs:write=distance").unwrap_err();
+    assert!(refused.contains("relative to the camera"), "{refused}");
+    // A billboard's axes leave it in the world.
+    let body = "let w = vec4(p + camera.right * sky, 1.0); return Varyings(project(w), p.xy);";
+    of(&vertex(PROJECT, body), "outputs:write=distance").unwrap();
 }
 
 #[test]
-fn what_does_not_depend_on_the_viewer_stays() {
-    // A dither's place in the picture is not the viewer's.
-    let cut = "if in.uv.x < fract(in.clip.x * 0.37 + in.clip.y * 0.71) { discard; }";
-    let [kept, dropped] = [
-        of(&relief(cut), "outputs:write=shadow").unwrap(),
-        dropped(cut).unwrap(),
-    ];
-    assert_eq!(text(&kept), text(&dropped));
-    assert!(pass(&dropped).left_out.is_empty());
+fn a_position_is_divided_by_its_fourth_component_unless_it_is_1() {
+    let with = |world: &str| {
+        let body = format!("return Varyings(project({world}), p.xy);");
+        text(&of(&vertex(PROJECT, &body), "outputs:write=distance").unwrap())
+    };
+    let divided = with("vec4(p * 2.0, 2.0)");
+    assert!(divided.contains(".xyz / "), "{divided}");
+    let point = with("vec4(p, 1.0)");
+    assert!(!point.contains(".xyz / "), "{point}");
 }
 
 #[test]
-fn a_discard_that_the_viewer_alone_leads_to_is_refused() {
-    let cut = "if in.far < fade_from { return texel; } if in.uv.x < 0.5 { discard; }";
-    let refused = dropped(cut).unwrap_err();
-    assert!(refused.starts_with("outputs[viewer-decides]"), "{refused}");
-    assert!(refused.contains("at line "), "{refused}");
+fn where_no_surface_is_a_distance_is_the_end_of_the_range() {
+    use preshade_passes::plan::ClearValue;
+    let clear = |recipe| {
+        let plan = outputs(recipe).unwrap();
+        let attachment = plan
+            .attachments
+            .iter()
+            .find(|a| a.name == "outputs-distance")
+            .unwrap();
+        let ClearValue::Color([clear, ..]) = attachment.clear else {
+            panic!("{attachment:?}");
+        };
+        (clear, plan.notes.join("\n"))
+    };
+    let (divided, notes) = clear("outputs:write=distance");
+    assert_eq!(divided, 1.0);
+    assert!(
+        notes.contains("it holds 1, the end of the range"),
+        "{notes}"
+    );
+    let (whole, notes) = clear("outputs:write=distance,light=light.direction");
+    assert_eq!(whole, f64::from(f32::MAX));
+    assert!(notes.contains("the largest number"), "{notes}");
 }

@@ -24,7 +24,8 @@ const OWN: &str = "fragment";
 /// Vectors", 2014), from -1 to 1.
 const OCTAHEDRAL: &str = "\
 fn octahedral(v: vec3<f32>) -> vec2<f32> {
-    let flat = v.xy / (abs(v.x) + abs(v.y) + abs(v.z));
+    // A vector of length 0 stays 0.
+    let flat = v.xy / max(abs(v.x) + abs(v.y) + abs(v.z), 1e-30);
     let side = select(vec2<f32>(-1.0), vec2<f32>(1.0), flat >= vec2<f32>(0.0));
     return select((1.0 - abs(flat.yx)) * side, flat, v.z >= 0.0);
 }";
@@ -237,7 +238,8 @@ impl Extending<'_, '_> {
             Surface::Value(value) => (self.capture(entry, value), is_four(&value.inner)),
             Surface::World(_) => {
                 let argument = self.take(entry, varyings.world.as_ref()?);
-                (Captured::Argument(argument, Vec::new()), false)
+                let is_point = matches!(&distance.from, Surface::World(world) if world.is_point);
+                (Captured::Argument(argument, Vec::new()), !is_point)
             }
         };
         let light = distance.light.unwrap_or_else(|| {
@@ -255,7 +257,7 @@ impl Extending<'_, '_> {
             of_four: [from_four, is_four(type_of(&self.module, light))],
             light,
             range: distance.range,
-            is_divided: distance.range.is_some() || distance.light.is_none(),
+            is_divided: distance.is_divided(),
         })
     }
 
@@ -353,7 +355,17 @@ impl Measured {
         use SwizzleComponent::{W, X, Y, Z};
         let mut arg = self.from.read(writer);
         if self.of_four[0] {
-            arg = vertex::three(writer, arg, [X, Y, Z, W]);
+            // Weights that do not add up to 1 scale all four.
+            let w = writer.expression(Expression::AccessIndex {
+                base: arg,
+                index: 3,
+            });
+            let three = vertex::three(writer, arg, [X, Y, Z, W]);
+            let w = writer.expression(Expression::Splat {
+                size: VectorSize::Tri,
+                value: w,
+            });
+            arg = binary(writer, BinaryOperator::Divide, three, w);
         }
         let light = buffer(&mut |e| writer.expression(e), self.light);
         let arg1 = match self.of_four[1] {
@@ -450,12 +462,23 @@ fn turned(
             None => term,
         });
     }
-    writer.expression(Expression::Math {
-        fun: MathFunction::Normalize,
-        arg: sum.unwrap_or(value),
-        arg1: None,
-        arg2: None,
-        arg3: None,
+    let sum = sum.unwrap_or(value);
+    let [length, unit] = [MathFunction::Length, MathFunction::Normalize].map(|fun| {
+        writer.expression(Expression::Math {
+            fun,
+            arg: sum,
+            arg1: None,
+            arg2: None,
+            arg3: None,
+        })
+    });
+    // A vector of length 0 stays 0: the stage returned before it computed one.
+    let zero = writer.expression(Expression::Literal(Literal::F32(0.0)));
+    let condition = binary(writer, BinaryOperator::Greater, length, zero);
+    writer.expression(Expression::Select {
+        condition,
+        accept: unit,
+        reject: sum,
     })
 }
 

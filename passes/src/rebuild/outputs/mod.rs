@@ -15,6 +15,7 @@ use crate::core::plan::{AttributeUse, BindingSource, HostValue};
 use crate::core::program::Program;
 use crate::core::reflect;
 
+mod apart;
 mod capture;
 mod fragment;
 mod previous;
@@ -158,8 +159,9 @@ pub fn extend(opaque: &Opaque<'_>, wanted: &[Wanted]) -> Result<Extended, Failed
         bindings: BTreeMap::new(),
         attributes: BTreeMap::new(),
     };
-    let varyings = extending.vertex_stage(wanted)?;
-    let (fragment, formats) = extending.fragment_stage(wanted, &varyings)?;
+    let wanted = extending.apart(wanted)?;
+    let varyings = extending.vertex_stage(&wanted)?;
+    let (fragment, formats) = extending.fragment_stage(&wanted, &varyings)?;
     let program = opaque.program.with_module(extending.module);
     Ok(Extended {
         program: program.map_err(|e| Failed::Built(e.to_string()))?,
@@ -168,6 +170,21 @@ pub fn extend(opaque: &Opaque<'_>, wanted: &[Wanted]) -> Result<Extended, Failed
         bindings: extending.bindings,
         attributes: extending.attributes,
     })
+}
+
+impl Distance {
+    /// What the picture holds where no surface is: the end of the range, or the largest number.
+    pub fn clear_value(&self) -> f64 {
+        match self.is_divided() {
+            true => 1.0,
+            false => f64::from(f32::MAX),
+        }
+    }
+
+    /// Whether distances are divided by the range.
+    pub fn is_divided(&self) -> bool {
+        self.range.is_some() || self.light.is_none()
+    }
 }
 
 impl Extended {

@@ -31,6 +31,8 @@ enum Carried {
 struct Kept {
     vector: Captured,
     matrices: Vec<Captured>,
+    /// Whether the fourth component is 1.
+    is_point: bool,
 }
 
 impl Kept {
@@ -79,10 +81,17 @@ impl Extending<'_, '_> {
                 binding: varying(take(), Interpolation::Flat, Sampling::Either),
             });
         }
-        if kept.is_some() {
+        if let Some(kept) = &kept {
+            let ty = match kept.is_point {
+                true => self.vec3(),
+                false => self.ty(TypeInner::Vector {
+                    size: VectorSize::Quad,
+                    scalar: Scalar::F32,
+                }),
+            };
             varyings.world = Some(Varying {
                 name: "world",
-                ty: self.vec3(),
+                ty,
                 binding: varying(take(), Interpolation::Perspective, Sampling::Center),
             });
         }
@@ -109,6 +118,7 @@ impl Extending<'_, '_> {
         })?;
         let vertex = self.opaque.vertex;
         Some(Kept {
+            is_point: world.is_point,
             vector: self.keep(vertex, &world.vector),
             matrices: world
                 .matrices
@@ -184,7 +194,10 @@ impl Extending<'_, '_> {
                     Carried::Value(value) => *value,
                     Carried::World(kept) => {
                         let world = kept.read(writer);
-                        three(writer, world, [X, Y, Z, W])
+                        match kept.is_point {
+                            true => three(writer, world, [X, Y, Z, W]),
+                            false => world,
+                        }
                     }
                 });
             }

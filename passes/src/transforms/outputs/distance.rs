@@ -3,28 +3,28 @@
 use naga::{Module, ScalarKind, TypeInner, VectorSize};
 
 use super::names::{self, refusal};
-use super::{Params, refusals};
+use super::{Params, calls, refusals};
 use crate::analysis::opaque::Opaque;
-use crate::analysis::view;
+use crate::analysis::view::{self, Said};
 use crate::analysis::world::{self, NoWorld};
 use crate::core::pass::Refusal;
 use crate::rebuild::outputs::{Distance, Member, Shows, Surface, type_of};
 
 /// The surface, the light and the range of the parameters.
-pub fn distance(opaque: &Opaque<'_>, params: &Params) -> Result<Shows, Box<Refusal>> {
+pub fn distance(opaque: &Opaque<'_>, params: &Params, said: &Said) -> Result<Shows, Box<Refusal>> {
     let module = opaque.program.module();
     let light = params.light.as_deref();
     let range = params.range.as_deref();
     Ok(Shows::Distance(Distance {
-        from: surface(opaque, params.position.as_deref())?,
+        from: surface(opaque, params.position.as_deref(), said)?,
         light: light.map(|name| light_of(module, name)).transpose()?,
         range: range.map(|name| range_of(module, name)).transpose()?,
     }))
 }
 
-fn surface(opaque: &Opaque<'_>, name: Option<&str>) -> Result<Surface, Box<Refusal>> {
+fn surface(opaque: &Opaque<'_>, name: Option<&str>, said: &Said) -> Result<Surface, Box<Refusal>> {
     if let Some(name) = name {
-        let value = names::value(opaque, name)?;
+        let value = calls::single(opaque, names::value(opaque, name)?)?;
         return match is_position(&value.inner) {
             true => Ok(Surface::Value(value)),
             false => Err(refusal(
@@ -33,7 +33,7 @@ fn surface(opaque: &Opaque<'_>, name: Option<&str>) -> Result<Surface, Box<Refus
             )),
         };
     }
-    let follows = view::view_dependent(opaque.program);
+    let follows = view::of_stages(&opaque.graph, (Some(opaque.vertex), opaque.fragment), said);
     let why = match world::position(&opaque.graph, opaque.vertex, &follows) {
         Ok(world) => return Ok(Surface::World(world)),
         Err(NoWorld::None) => {
@@ -42,6 +42,14 @@ fn surface(opaque: &Opaque<'_>, name: Option<&str>) -> Result<Surface, Box<Refus
         Err(NoWorld::Several) => {
             "several products of a view's matrix and a vector lead to the position".to_owned()
         }
+        Err(NoWorld::NotAlways) => {
+            "the vertex stage returns a position that no view's matrix turned, on some ways"
+                .to_owned()
+        }
+        Err(NoWorld::Relative(name)) => format!(
+            "`{name}` depends on the viewer before the view's matrix turns it, as a position \
+             relative to the camera does"
+        ),
         Err(NoWorld::Combined(name)) => format!(
             "`{name}` turns from the object's own space to the view's at once, so the vertex stage \
              has no position in the world"
@@ -69,9 +77,13 @@ pub fn described(distance: &Distance, params: &Params) -> String {
         (Some(light), None) => (light.as_str(), String::new()),
         (Some(light), Some(range)) => (light.as_str(), format!(", divided by `{range}`")),
     };
+    let clear = match distance.is_divided() {
+        true => "1, the end of the range",
+        false => "the largest number",
+    };
     format!(
         "`outputs-distance` holds the distance of {surface} from {light}{divided}: give the \
-             light's position in the same space"
+         light's position in the same space. Where no surface is, it holds {clear}"
     )
 }
 

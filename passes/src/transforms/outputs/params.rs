@@ -86,7 +86,7 @@ pub struct Params {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub jitter: Option<String>,
     /// `distance`: the position that it is measured from, by the name of a value of the fragment
-    /// stage. Default: the vector that the view's matrix turns into the clip position.
+    /// stage; one of four components is divided by the fourth. Default: the vector that the view's matrix turns into the clip position.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub position: Option<String>,
     /// `distance`: the light's position, by the name of a uniform or a member of one. Default: a
@@ -101,6 +101,11 @@ pub struct Params {
     /// fades by distance.
     #[serde(skip_serializing_if = "is_kept")]
     pub view: Viewer,
+    /// `shadow` and `distance`: uniforms, or members of them, that follow the viewer though their
+    /// names do not say so, joined by `+`: `viewer=frame.e+frame.q`. A minus sign names one that does
+    /// not: `viewer=-material.eye_open`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub viewer: Option<String>,
     /// Resources of another view that take the place of the author's, as `THEIRS=OURS`, joined by
     /// `+`: `light.view_proj=camera.view_proj`. `GROUP:BINDING` may name their variable.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -134,6 +139,7 @@ impl Default for Params {
             light: None,
             range: None,
             view: Viewer::default(),
+            viewer: None,
             map: None,
             layout: None,
             precision: Precision::default(),

@@ -42,9 +42,13 @@ refusals! {
     OUTPUT_TYPE = "output-type":
         "No colour target holds values of that type.",
         "Name a float, an integer, or a vector of these, of 16 or 32 bits.";
+    SEVERAL_CALLS = "several-calls":
+        "The function that computes the value is called more than once, and a picture shows one value.",
+        "Give the result of the call that you mean a name, and write that name.";
     VIEWER_DECIDES = "viewer-decides":
-        "What is drawn depends on the viewer, and nothing remains if that is left out.",
-        "Keep it: `view=keep`. It then follows the light.";
+        "What is drawn depends on the viewer, and no rule says what it is without.",
+        "Keep it: `view=keep`. It then follows the light. If a name misleads, say so: \
+         `viewer=-material.eye_open`.";
     UNKNOWN_SPACE = "unknown-space":
         "A shader does not say which axes its vectors refer to.",
         "Name the matrix that turns the value: `matrix=camera.view`. Or leave `space` out.";

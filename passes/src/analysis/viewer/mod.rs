@@ -1,0 +1,290 @@
+//! What the viewer decides about a fragment stage's coverage, and what remains without it.
+//!
+//! A texture coordinate becomes what it was before the viewer took part: of `uv + offset` it is
+//! `uv`. A condition of a discard becomes what it is without the viewer: of `alpha * fade < 0.5` it
+//! is `alpha < 0.5`. Each call of a function is judged apart.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use naga::{Binding, BuiltIn, Expression, Handle};
+
+use crate::analysis::reach::{with_operands, with_users};
+use crate::analysis::values::{ContextId, Node, ValueId, Values};
+use crate::analysis::view;
+use crate::graph::rate::Rate;
+use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId};
+
+mod conditions;
+mod kills;
+mod loads;
+mod rest;
+
+/// What takes the place of an expression.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Instead {
+    /// Another expression of the author's, in the same function.
+    Other(Handle<Expression>),
+    /// A constant.
+    Bool(bool),
+}
+
+/// An expression in one chain of calls.
+pub type At = (ContextId, Handle<Expression>);
+
+/// Replaced expressions.
+pub type Changes = BTreeMap<At, Instead>;
+
+/// Nobody can say what this condition is without the viewer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Unclear(pub At);
+
+/// Locations of the vertex stage's outputs that depend on the viewer. `follows` are its uniforms
+/// ([`view::view_dependent`]).
+pub fn varyings(graph: &Graph<'_>, vertex: usize, follows: &[String]) -> BTreeSet<u32> {
+    let Ok(values) = Values::new(graph, vertex) else {
+        return BTreeSet::new();
+    };
+    let sources = (0..values.values.len()).filter(|v| view::is_read(&values, *v, follows));
+    let dependent = with_users(&values, sources.collect());
+    let outputs = values.outputs().into_iter();
+    let locations = outputs.filter_map(|(binding, value)| match binding {
+        Some(Binding::Location { location, .. }) if dependent[value] => Some(location),
+        _ => None,
+    });
+    locations.collect()
+}
+
+/// A fragment stage and what depends on the viewer in it.
+pub struct Stage<'g, 'p> {
+    /// Its values.
+    pub values: Values<'g, 'p>,
+    /// Whether each value depends on the viewer.
+    dependent: Vec<bool>,
+    /// Whether coverage depends on each value.
+    decides: Vec<bool>,
+    /// Whether each value depends on an interpolated input.
+    interpolated: Vec<bool>,
+    /// Whether each value depends on a texture that is read at interpolated coordinates: the
+    /// material's, and no pattern of pixels.
+    textured: Vec<bool>,
+}
+
+/// What a value that the viewer has no part in reads of the material.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Reads {
+    /// Nothing that differs on its surface: uniforms, the pixel's place.
+    Nothing,
+    /// Interpolated inputs.
+    Inputs,
+    /// Textures.
+    Textures,
+}
+
+impl<'g, 'p> Stage<'g, 'p> {
+    /// `None`: the stage is too large to tell.
+    pub fn new(
+        graph: &'g Graph<'p>,
+        fragment: usize,
+        follows: &[String],
+        varyings: &BTreeSet<u32>,
+    ) -> Option<Self> {
+        let values = Values::new(graph, fragment).ok()?;
+        let all = 0..values.values.len();
+        let sources = all
+            .clone()
+            .filter(|v| is_source(&values, *v, follows, varyings));
+        let dependent = with_users(&values, sources.collect());
+        let decides = with_operands(&values, values.coverage.clone());
+        let inputs = all.clone().filter(
+            |v| matches!(&values.values[*v].node, Node::Input(i) if is_location(&values, *i)),
+        );
+        let interpolated = with_users(&values, inputs.collect());
+        let texels = all.filter(|v| interpolated[*v] && is_texel(&values, *v));
+        let textured = with_users(&values, texels.collect());
+        Some(Self {
+            values,
+            dependent,
+            decides,
+            interpolated,
+            textured,
+        })
+    }
+
+    /// The changes that take the viewer out of texture coordinates that coverage depends on.
+    pub fn coordinates(&self) -> Changes {
+        let mut changes = Changes::new();
+        for context in 0..self.values.contexts.len() {
+            let f = self.values.function(context);
+            for (e, expression) in f.function.expressions.iter() {
+                if let Expression::ImageSample { coordinate, .. }
+                | Expression::ImageLoad { coordinate, .. } = *expression
+                    && self.is(&self.decides, (context, e))
+                    && self.depends((context, coordinate))
+                {
+                    changes.extend(rest::of_coordinate(self, (context, coordinate)));
+                }
+            }
+        }
+        changes
+    }
+
+    /// The function of a context.
+    pub fn f(&self, context: ContextId) -> &'g FunctionGraph<'p> {
+        self.values.function(context)
+    }
+
+    fn is(&self, marks: &[bool], (context, e): At) -> bool {
+        self.values.named(context, e).is_some_and(|v| marks[v])
+    }
+
+    fn depends(&self, at: At) -> bool {
+        self.is(&self.dependent, at)
+    }
+
+    fn is_textured(&self, at: At) -> bool {
+        self.is(&self.textured, at)
+    }
+
+    /// What a value reads of the material. Of one that loses the viewer, an input at least is left.
+    fn reads(&self, at: At) -> Reads {
+        let depends = self.depends(at);
+        match self.is_textured(at) {
+            true => Reads::Textures,
+            false if depends || (self.is(&self.interpolated, at) && self.is_varying(at)) => {
+                Reads::Inputs
+            }
+            false => Reads::Nothing,
+        }
+    }
+
+    /// Whether an expression differs from fragment to fragment.
+    fn is_varying(&self, (context, e): At) -> bool {
+        let value = self.values.named(context, e);
+        value.is_some_and(|v| self.values.values[v].fact.rate > Rate::Instance)
+    }
+
+    /// Whether a statement runs only if something of the viewer's is so.
+    fn is_controlled(&self, mut context: ContextId, mut statement: StmtId) -> bool {
+        loop {
+            if let Some(control) = self.values.get(&Node::Control(context, statement)) {
+                return self.dependent[control];
+            }
+            match self.values.contexts[context].call {
+                Some(call) => (context, statement) = call,
+                None => return false,
+            }
+        }
+    }
+
+    /// The argument that a call gives to a function; `None` for the entry point's.
+    fn argument(&self, context: ContextId, index: u32) -> Option<At> {
+        let (caller, call) = self.values.contexts[context].call?;
+        match self.f(caller).statements.get(call).statement {
+            naga::Statement::Call { arguments, .. } => {
+                Some((caller, *arguments.get(index as usize)?))
+            }
+            _ => None,
+        }
+    }
+
+    /// Where a value comes from: an argument is what the caller gave.
+    fn origin(&self, mut at: At) -> At {
+        while let Expression::FunctionArgument(i) = self.f(at.0).function.expressions[at.1]
+            && let Some(outer) = self.argument(at.0, i)
+        {
+            at = outer;
+        }
+        at
+    }
+
+    /// The context of the call that has a result.
+    fn callee(&self, (context, result): At) -> Option<ContextId> {
+        let call = self.f(context).statements.evaluated_at(result)?;
+        self.values.child(context, call)
+    }
+
+    /// What a function returns, in one context.
+    fn returns(&self, context: ContextId) -> Vec<(StmtId, At)> {
+        let f = self.f(context);
+        let all = f.statements.iter();
+        all.filter_map(|(id, node)| match node.statement {
+            naga::Statement::Return { value: Some(value) } if f.control.is_reachable(id) => {
+                Some((id, (context, *value)))
+            }
+            _ => None,
+        })
+        .collect()
+    }
+
+    /// Whether a context is a call below another, or the same.
+    fn is_below(&self, mut context: ContextId, above: ContextId) -> bool {
+        loop {
+            if context == above {
+                return true;
+            }
+            match self.values.contexts[context].call {
+                Some((caller, _)) => context = caller,
+                None => return false,
+            }
+        }
+    }
+
+    /// The functions that are called in more than one way.
+    pub fn shared(&self) -> BTreeSet<FunctionId> {
+        let mut seen = BTreeSet::new();
+        let functions = self.values.contexts.iter().map(|c| c.function);
+        functions.filter(|f| !seen.insert(*f)).collect()
+    }
+}
+
+/// Whether a value comes from the viewer.
+fn is_source(
+    values: &Values<'_, '_>,
+    value: ValueId,
+    follows: &[String],
+    varyings: &BTreeSet<u32>,
+) -> bool {
+    match &values.values[value].node {
+        Node::Input(i) => matches!(
+            values.inputs[*i].binding,
+            Some(Binding::Location { location, .. }) if varyings.contains(&location)
+        ),
+        Node::Expression(context, e, _) => {
+            // How far the surface is. Its place in the picture is no property of the viewer.
+            let f = values.function(*context).function;
+            let is_far = matches!(
+                f.expressions[*e],
+                Expression::AccessIndex { index: 2 | 3, .. }
+            );
+            (is_far && is_of_position(values, value)) || view::is_read(values, value, follows)
+        }
+        _ => false,
+    }
+}
+
+fn is_of_position(values: &Values<'_, '_>, value: ValueId) -> bool {
+    let [one] = values.values[value].operands[..] else {
+        return false;
+    };
+    let Node::Input(input) = values.values[one].node else {
+        return false;
+    };
+    let binding = values.inputs[input].binding.as_ref();
+    matches!(binding, Some(Binding::BuiltIn(BuiltIn::Position { .. })))
+}
+
+fn is_location(values: &Values<'_, '_>, input: usize) -> bool {
+    let binding = values.inputs[input].binding.as_ref();
+    matches!(binding, Some(Binding::Location { .. }))
+}
+
+fn is_texel(values: &Values<'_, '_>, value: ValueId) -> bool {
+    let Node::Expression(context, e, _) = &values.values[value].node else {
+        return false;
+    };
+    let f = values.function(*context).function;
+    matches!(
+        f.expressions[*e],
+        Expression::ImageSample { .. } | Expression::ImageLoad { .. }
+    )
+}
