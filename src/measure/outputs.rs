@@ -3,7 +3,7 @@
 //!
 //! The positions are independent of the variant: the interpreter runs the author's whole vertex
 //! stage in both frames, and triangles are rasterised here. Numbers of draws and instances, drawn by
-//! a second program, say which triangles a pixel may show.
+//! a second program, say which triangles a pixel may show. For velocities, no texture is filtered.
 
 use preshade_passes::contract::Verdict;
 use preshade_passes::outputs::{self, Outputs};
@@ -15,7 +15,7 @@ use super::error::counted;
 use super::verify::{Settings, Timed, Variant};
 use super::{Error, ErrorLadder, Estimate, FrameTime, Session, compare, shadow, time};
 use crate::render::{FrameSettings, Prepared, Rendered, SceneInputs, Variant as RenderVariant};
-use crate::scene::{Camera, DrawOrder, Frame, Scene};
+use crate::scene::{Camera, DrawOrder, Filter, Frame, Scene};
 
 mod earlier;
 mod positions;
@@ -57,7 +57,7 @@ pub struct VelocityReport {
     pub left_out: u64,
     /// Largest way of a pixel between the frames, in pixels.
     pub longest: f64,
-    /// Largest difference in pixels, less half a step of the target's format.
+    /// Largest difference in pixels, less a step of a half float where the target holds these.
     pub worst: f64,
     /// Camera, column and row of the largest difference.
     pub at: Option<(String, [u32; 2])>,
@@ -264,10 +264,20 @@ pub fn measure(
         if let (Some(location), Some(velocity), Some(numbered)) =
             (location, &mut report.velocity, &numbered)
         {
-            let numbers = prepare(numbered)?.render()?;
+            let scenes = [&earlier, &scene].map(unfiltered);
+            let previous = SceneInputs::new(gpu, &scenes[0])?;
+            let inputs = SceneInputs::new(gpu, &scenes[1])?.after(&previous);
+            let [drawn, numbers] = [&alone, numbered].map(|plans| -> Result<Rendered, Error> {
+                let variant = RenderVariant::new(plans, session.form())?;
+                let settings = FrameSettings::of(&scenes[1]);
+                let mut prepared = Prepared::new(&inputs, &variant, &settings)?;
+                prepared.aim(&now, DrawOrder::FrontToBack);
+                Ok(prepared.render()?)
+            });
+            let (drawn, numbers) = (drawn?, numbers?);
             let drawn = Drawn::new(&drawn, location, &numbers);
             let positions = Positions {
-                scenes: [&earlier, &scene],
+                scenes: scenes.each_ref(),
                 frames: [before, now],
                 plans: session.originals(),
             };
@@ -284,6 +294,24 @@ pub fn measure(
         }
     }
     Ok(report)
+}
+
+/// The scene without filtered textures. Adapters filter with as few as 8 bits, and so they and the
+/// interpreter would disagree on where a texture moves a vertex.
+fn unfiltered(scene: &Scene) -> Scene {
+    let mut scene = scene.clone();
+    for material in &mut scene.materials {
+        let module = material.program.module();
+        let samplers = module.global_variables.iter().filter(|(_, global)| {
+            let inner = &module.types[global.ty].inner;
+            matches!(inner, naga::TypeInner::Sampler { .. })
+        });
+        let names = samplers.filter_map(|(_, global)| global.name.clone());
+        for name in names.collect::<Vec<_>>() {
+            material.samplers.entry(name).or_default().filter = Filter::Nearest;
+        }
+    }
+    scene
 }
 
 /// The location of the velocities.

@@ -268,10 +268,7 @@ fn jitter_counts_as_zero_in_both_frames() {
     let plan = outputs("outputs:write=velocity,jitter=camera.jitter").unwrap();
     let text = text(&plan);
     // The position that is drawn has it.
-    assert!(
-        body(&text, "clip_of_outputs").contains("camera.jitter.x"),
-        "{text}"
-    );
+    assert!(body(&text, "clip_of").contains("camera.jitter.x"), "{text}");
     for (function, own) in [
         ("position_unjittered_outputs", "camera_unjittered"),
         ("position_previous_outputs", "camera_previous_unjittered"),
@@ -325,9 +322,9 @@ fn jitter_is_left_out_of_copies_arguments_pointers_and_arrays() {
             let (first, rest) = body
                 .split_once(".camera.jitter = array<vec4<f32>, 4>();")
                 .unwrap();
-            assert!(first.contains("_unjittered = frame"), "{text}");
+            assert!(first.contains("_unjittered = "), "{text}");
             assert!(
-                !rest.contains("frame.") && !rest.contains("frame_previous."),
+                !rest.contains(" frame.") && !rest.contains(" frame_previous."),
                 "{text}"
             );
         }
@@ -370,7 +367,7 @@ fn functions_that_end_like_ours_keep_their_names() {
     let plan = with_facts(&shader, "outputs:write=velocity", &Facts::default()).unwrap();
     let text = text(&plan);
     assert!(
-        body(&text, "clip_previous_outputs").contains("camera.view_proj"),
+        body(&text, "clip_previous").contains("camera.view_proj"),
         "{text}"
     );
     assert!(!text.contains("fn function"), "{text}");
@@ -391,10 +388,10 @@ fn attributes_that_move_have_a_copy() {
 fn with_locations(first: u32, count: u32, reads: bool) -> String {
     let all = || first..first + count;
     let list = |of: &dyn Fn(u32) -> String| all().map(of).collect::<Vec<_>>().join(", ");
-    let sum = all()
-        .map(|i| format!("in.v{i}"))
-        .collect::<Vec<_>>()
-        .join(" + ");
+    let sum = |of: &str| {
+        let terms = all().map(|i| format!("{of}{i}"));
+        terms.collect::<Vec<_>>().join(" + ")
+    };
     let cut = if reads {
         "if sum.x < 0.5 { discard; }"
     } else {
@@ -403,15 +400,17 @@ fn with_locations(first: u32, count: u32, reads: bool) -> String {
     format!(
         "@group(0) @binding(0) var<uniform> view_proj: mat4x4<f32>;
         struct Varyings {{ @builtin(position) clip: vec4<f32>, {} }}
-        @vertex fn vs({}) -> Varyings {{ return Varyings(view_proj * a{first}, {}); }}
+        @vertex fn vs({}) -> Varyings {{ return Varyings(view_proj * ({}), {}); }}
         @fragment fn fs(in: Varyings) -> @location(0) vec4<f32> {{
-            let sum = {sum};
+            let sum = {};
             {cut}
             return sum;
         }}",
         list(&|i| format!("@location({i}) v{i}: vec4<f32>")),
         list(&|i| format!("@location({i}) a{i}: vec4<f32>")),
+        sum("a"),
         list(&|i| format!("a{i}")),
+        sum("in.v"),
     )
 }
 
@@ -442,7 +441,7 @@ fn more_than_every_device_has_is_refused_by_its_number() {
         ),
         (with_locations(0, 15, true), "outputs:write=id", ""),
         (
-            with_locations(0, 14, true),
+            with_locations(0, 14, false),
             "outputs:write=velocity,moving=a0+a1+a2",
             "17 attributes",
         ),

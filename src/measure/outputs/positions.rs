@@ -16,7 +16,7 @@ use crate::scene::bind::{self, DrawBindings};
 use crate::scene::{Frame, Scene};
 
 /// Most runs of the vertex stage for each draw and frame.
-const MOST_RUNS: u32 = 200_000;
+const MOST_RUNS: u32 = 60_000;
 
 /// A triangle: clip positions of its corners, each before and now.
 type Triangle = [[[f32; 4]; 2]; 3];
@@ -228,7 +228,6 @@ impl DrawPositions<'_> {
             }
             let depth = f64::from(drawn.depth.values[pixel]);
             hits.entry(pixel).or_default().push(Hit {
-                is_inside: hit.is_inside,
                 apart: if has_depth {
                     (hit.depth - depth).abs()
                 } else {
@@ -261,7 +260,6 @@ fn writes_depth(plan: &Plan) -> bool {
 /// A triangle of the drawn instance at a pixel.
 #[derive(Clone, Copy)]
 struct Hit {
-    is_inside: bool,
     /// How far its depth is from the one drawn.
     apart: f64,
     /// Its velocity, in parts of the picture.
@@ -271,26 +269,17 @@ struct Hit {
 /// Depths that count as equal: an adapter interpolates in 32-bit floats.
 const SAME_DEPTH: f64 = 4e-6;
 
-/// The largest distance of a depth from the one drawn. A texture that moves vertices is filtered
-/// with as few as 8 bits by adapters, so they put the triangle a little elsewhere.
-const MOST_APART: f64 = 1e-4;
-
 /// The velocity of the triangle that a pixel shows: of those that cover it, the one nearest to the
 /// depth drawn. `None`: that is not known.
 fn chosen(hits: &[Hit], size: [u32; 2]) -> Option<[f64; 2]> {
-    let inside = || hits.iter().filter(|hit| hit.is_inside);
-    let best = inside().min_by(|a, b| a.apart.total_cmp(&b.apart))?;
+    let best = hits.iter().min_by(|a, b| a.apart.total_cmp(&b.apart))?;
     let differs = |hit: &Hit| {
         let axes = hit.velocity.iter().zip(&best.velocity).zip(size);
         let apart = axes.map(|((a, b), size)| (a - b).abs() * f64::from(size));
         apart.fold(0.0, f64::max) > TOLERANCE
     };
-    let is_near = |hit: &Hit| hit.apart <= best.apart * 4.0 + SAME_DEPTH;
-    // A triangle that ends just beside the pixel, and has its depth much better.
-    let is_nearer = |hit: &Hit| hit.apart * 4.0 + SAME_DEPTH < best.apart;
-    let is_known = best.apart <= MOST_APART
-        && !inside().any(|hit| is_near(hit) && differs(hit))
-        && !hits.iter().any(is_nearer);
+    let is_near = |hit: &Hit| hit.apart <= SAME_DEPTH;
+    let is_known = best.apart <= SAME_DEPTH && !hits.iter().any(|hit| is_near(hit) && differs(hit));
     is_known.then_some(best.velocity)
 }
 
@@ -302,8 +291,8 @@ impl VelocityReport {
         let values = drawn.rgba(pixel).map(f64::from);
         for ((value, expected), size) in values.into_iter().zip(velocity).zip(drawn.size) {
             let size = f64::from(size);
-            // Half a step of 11 bits.
-            let rounding = if half { expected.abs() / 2048.0 } else { 0.0 };
+            // A step of 11 bits: adapters round to either neighbour.
+            let rounding = if half { expected.abs() / 1024.0 } else { 0.0 };
             let error = ((value - expected).abs() - rounding).max(0.0) * size;
             self.longest = self.longest.max(expected.abs() * size);
             if error.is_nan() || error > self.worst {
@@ -326,19 +315,15 @@ struct OnScreen {
     size: [u32; 2],
 }
 
-/// A point of a triangle, or of its plane, at the centre of a pixel.
+/// A point of a triangle at the centre of a pixel.
 struct Point {
-    is_inside: bool,
     depth: f64,
     velocity: [f64; 2],
 }
 
 /// How far beyond an edge a triangle may still cover a pixel, in pixels: an adapter snaps corners
 /// to 1/256 of a pixel.
-const INSIDE: f64 = 1.0 / 128.0;
-
-/// How far beyond an edge a triangle is looked at.
-const BESIDE: f64 = 1.0;
+const BESIDE: f64 = 1.0 / 128.0;
 
 impl OnScreen {
     fn new(triangle: &Triangle, size: [u32; 2]) -> Option<Self> {
@@ -372,7 +357,7 @@ impl OnScreen {
         }
     }
 
-    /// Calls `hit` with each pixel whose centre it covers or nearly covers.
+    /// Calls `hit` with each pixel whose centre it covers.
     fn each_pixel(&self, hit: &mut dyn FnMut(usize, Point)) {
         let [a, b, c] = self.screen;
         let bounds = |axis: usize| {
@@ -393,9 +378,8 @@ impl OnScreen {
                     [share, share * self.area.abs() / along.hypot(down)]
                 };
                 let edges = [edge(b, c), edge(c, a), edge(a, b)];
-                let depth = edges.iter().map(|e| e[1]).fold(f64::INFINITY, f64::min);
-                if depth >= -BESIDE {
-                    let point = self.point(edges.map(|e| e[0]), depth >= -INSIDE);
+                if edges.iter().all(|e| e[1] >= -BESIDE) {
+                    let point = self.point(edges.map(|e| e[0]));
                     hit(row * self.size[0] as usize + column, point);
                 }
             }
@@ -403,7 +387,7 @@ impl OnScreen {
     }
 
     /// The point where corners have these shares on the screen.
-    fn point(&self, weights: [f64; 3], is_inside: bool) -> Point {
+    fn point(&self, weights: [f64; 3]) -> Point {
         let depth = weights
             .iter()
             .zip(&self.screen)
@@ -418,7 +402,6 @@ impl OnScreen {
         let place = |when: usize, axis: usize| clip(when, axis) / clip(when, 3);
         let moved = |axis: usize| place(1, axis) - place(0, axis);
         Point {
-            is_inside,
             depth,
             velocity: [moved(0) * 0.5, moved(1) * -0.5],
         }

@@ -72,7 +72,7 @@ impl Extending<'_, '_> {
         let buffers = self.previous_buffers(&slice, &velocity.still)?;
         let mut before = self.position(&slice, PREVIOUS, &buffers, &velocity.jitter)?;
         let to = self.previous_attributes(&velocity.moving);
-        before.relocate(&|location| to.get(&location).copied().unwrap_or(location));
+        before.relocate(&to, PREVIOUS);
         Ok((now, before))
     }
 
