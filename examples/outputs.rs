@@ -92,7 +92,7 @@ fn main() {
         true => Timed::Headline,
         false => Timed::No,
     };
-    let mut subjects = moving_scenes(size);
+    let mut subjects = moving_scenes(size, u32::MAX);
     if !is_timed {
         subjects.extend(fixtures([128, 96]));
     }

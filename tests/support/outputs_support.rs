@@ -55,10 +55,19 @@ pub fn load(name: &str, size: [u32; 2]) -> Scene {
     scene
 }
 
-/// The scenes whose vertices move.
-pub fn moving_scenes(size: [u32; 2]) -> Vec<Subject> {
+/// A scene with so many instances of each draw that it has about `most` vertices at most.
+pub fn limited(mut scene: Scene, most: u32) -> Scene {
+    for draw in &mut scene.draws {
+        let vertices = scene.meshes[draw.mesh].vertex_count.max(1);
+        draw.instances = draw.instances.min((most / vertices).max(1));
+    }
+    scene
+}
+
+/// The scenes whose vertices move, [`limited`].
+pub fn moving_scenes(size: [u32; 2], most: u32) -> Vec<Subject> {
     let subject = |(name, moving): (&str, &'static str)| {
-        let scene = load(name, size);
+        let scene = limited(load(name, size), most);
         Subject {
             name: format!("scene {name}"),
             scene,

@@ -1,6 +1,7 @@
 //! Velocities against the positions that the interpreter gives the author's vertex stage.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::thread;
 
 use naga::{Binding, BuiltIn, ShaderStage};
 use preshade_passes::evaluate::Lookup;
@@ -16,7 +17,7 @@ use crate::scene::bind::{self, DrawBindings};
 use crate::scene::{Frame, Scene};
 
 /// Most runs of the vertex stage for each draw and frame.
-const MOST_RUNS: u32 = 60_000;
+const MOST_RUNS: u32 = 250_000;
 
 /// A triangle: clip positions of its corners, each before and now.
 type Triangle = [[[f32; 4]; 2]; 3];
@@ -133,16 +134,15 @@ impl DrawPositions<'_> {
     ) -> Option<String> {
         let mut instances: Vec<_> = instances.into_iter().collect();
         instances.sort_by_key(|(_, pixels)| std::cmp::Reverse(pixels.len()));
-        let (mut runs, mut why) = (0, None);
-        for (instance, pixels) in instances {
-            let cost = self.bound[1].vertex_count.max(1);
-            if runs > 0 && runs + cost > MOST_RUNS {
-                report.left_out += pixels.len() as u64;
-                why = why.or_else(|| Some("a draw has too many instances".to_owned()));
-                continue;
-            }
-            runs += cost;
-            let (triangles, unknown) = self.triangles(instance);
+        let most = (MOST_RUNS / self.bound[1].vertex_count.max(1)).max(1);
+        let rest = instances.split_off(instances.len().min(most as usize));
+        report.left_out += rest
+            .iter()
+            .map(|(_, pixels)| pixels.len() as u64)
+            .sum::<u64>();
+        let mut why = (!rest.is_empty()).then(|| "a draw has too many instances".to_owned());
+        let evaluated = self.evaluated(&instances);
+        for ((_, pixels), (triangles, unknown)) in instances.into_iter().zip(evaluated) {
             why = why.or(unknown);
             let mut hits: BTreeMap<usize, Vec<Hit>> = BTreeMap::new();
             for triangle in &triangles {
@@ -157,6 +157,24 @@ impl DrawPositions<'_> {
             }
         }
         why
+    }
+
+    /// The triangles of each instance, on all cores.
+    fn evaluated<P: Sync>(&self, instances: &[(u32, P)]) -> Vec<(Vec<Triangle>, Option<String>)> {
+        let threads = thread::available_parallelism().map_or(1, usize::from);
+        let size = instances.len().div_ceil(threads).max(1);
+        thread::scope(|scope| {
+            let part = |part: &'_ [(u32, P)]| -> Vec<_> {
+                part.iter().map(|(i, _)| self.triangles(*i)).collect()
+            };
+            let running: Vec<_> = instances
+                .chunks(size)
+                .map(|instances| scope.spawn(move || part(instances)))
+                .collect();
+            let done = running.into_iter().map(thread::ScopedJoinHandle::join);
+            done.flat_map(|part| part.unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+                .collect()
+        })
     }
 
     /// The triangles of an instance, and why the first position that is not known is not.
