@@ -51,9 +51,9 @@ pub struct OutputsReport {
 pub struct VelocityReport {
     /// Pixels compared.
     pub pixels: u64,
-    /// Covered pixels that were not compared: of a triangle that was not evaluated or that reaches
-    /// behind the camera, or where triangles of one instance lie so close that the depth does not
-    /// tell which was drawn.
+    /// Covered pixels that were not compared: of a triangle that was not evaluated, of a point that
+    /// was behind the camera, or where triangles of one instance lie so close that the depth does
+    /// not tell which was drawn.
     pub left_out: u64,
     /// Largest way of a pixel between the frames, in pixels.
     pub longest: f64,

@@ -239,6 +239,11 @@ fn velocities_without_jitter_are_those_of_a_jitter_of_0() {
             let values = &mut scene.draws[0].values;
             values.insert("camera.jitter".to_owned(), numbers(&both));
             values.insert("camera.frame".to_owned(), numbers(&[1.0]));
+            values.insert("model".to_owned(), Value::Semantic("model".to_owned()));
+            values.insert(
+                "camera.view_proj".to_owned(),
+                Value::Semantic("view_proj".to_owned()),
+            );
         }
         let recipe = format!("outputs:write=velocity,precision=full{jitter}");
         let variant = variant(&scene, &recipe);

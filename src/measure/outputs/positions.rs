@@ -223,8 +223,7 @@ impl DrawPositions<'_> {
         Ok(positions)
     }
 
-    /// Adds the hits of a triangle at `pixels`. One that is culled, or that reaches behind the camera
-    /// in a frame, has none.
+    /// Adds the hits of a triangle at `pixels`. One that is culled has none.
     fn rasterise(
         &self,
         triangle: &Triangle,
@@ -232,28 +231,23 @@ impl DrawPositions<'_> {
         pixels: &BTreeSet<usize>,
         hits: &mut BTreeMap<usize, Vec<Hit>>,
     ) {
-        let Some(on_screen) = OnScreen::new(triangle, drawn.depth.size) else {
-            return;
-        };
-        if on_screen.is_culled(self.pass) {
-            return;
-        }
         // A depth that the fragment stage writes is that of no triangle.
         let has_depth = !writes_depth(self.plan);
-        on_screen.each_pixel(&mut |pixel, hit: Point| {
-            if !pixels.contains(&pixel) {
-                return;
-            }
-            let depth = f64::from(drawn.depth.values[pixel]);
-            hits.entry(pixel).or_default().push(Hit {
-                apart: if has_depth {
-                    (hit.depth - depth).abs()
-                } else {
-                    0.0
-                },
-                velocity: hit.velocity,
+        let parts = in_front(triangle).into_iter();
+        let parts = parts.filter_map(|corners| OnScreen::new(corners, drawn.depth.size));
+        for on_screen in parts.filter(|part| !part.is_culled(self.pass)) {
+            on_screen.each_pixel(&mut |pixel, hit: Point| {
+                if !pixels.contains(&pixel) {
+                    return;
+                }
+                let depth = f64::from(drawn.depth.values[pixel]);
+                let apart = (hit.depth - depth).abs();
+                hits.entry(pixel).or_default().push(Hit {
+                    apart: if has_depth { apart } else { 0.0 },
+                    velocity: hit.velocity,
+                });
             });
-        });
+        }
     }
 }
 
@@ -323,9 +317,40 @@ impl VelocityReport {
     }
 }
 
+/// Clip positions of a corner, before and now.
+type Corner = [[f64; 4]; 2];
+
+/// The least w that counts as in front of the camera.
+const IN_FRONT: f64 = 1e-3;
+
+/// The part of a triangle that is in front of the camera now, as triangles. Clip positions are
+/// linear along an edge.
+fn in_front(triangle: &Triangle) -> Vec<[Corner; 3]> {
+    let corners = triangle.map(|corner| corner.map(|clip| clip.map(f64::from)));
+    if corners.iter().flatten().flatten().any(|n| n.is_nan()) {
+        return Vec::new();
+    }
+    let mut kept: Vec<Corner> = Vec::new();
+    for (i, a) in corners.into_iter().enumerate() {
+        let b = corners[(i + 1) % 3];
+        let [of_a, of_b] = [a, b].map(|corner| corner[1][3] - IN_FRONT);
+        if of_a >= 0.0 {
+            kept.push(a);
+        }
+        if (of_a < 0.0) != (of_b < 0.0) {
+            let share = of_a / (of_a - of_b);
+            kept.push(std::array::from_fn(|when| {
+                std::array::from_fn(|n| a[when][n] + (b[when][n] - a[when][n]) * share)
+            }));
+        }
+    }
+    let fan = (1..kept.len().saturating_sub(1)).map(|i| [kept[0], kept[i], kept[i + 1]]);
+    fan.collect()
+}
+
 /// A triangle on the screen.
 struct OnScreen {
-    corners: [[[f64; 4]; 2]; 3],
+    corners: [Corner; 3],
     /// Column, row and depth of each corner now, in pixels from the upper left corner.
     screen: [[f64; 3]; 3],
     /// Twice its area. Negative: its corners run counterclockwise.
@@ -344,12 +369,7 @@ struct Point {
 const BESIDE: f64 = 1.0 / 128.0;
 
 impl OnScreen {
-    fn new(triangle: &Triangle, size: [u32; 2]) -> Option<Self> {
-        let corners = triangle.map(|corner| corner.map(|clip| clip.map(f64::from)));
-        let mut all = corners.iter().flatten();
-        if all.any(|[.., w]| w.is_nan() || *w <= 0.0) {
-            return None;
-        }
+    fn new(corners: [Corner; 3], size: [u32; 2]) -> Option<Self> {
         let [wide, high] = size.map(f64::from);
         let screen = corners.map(|[_, [x, y, z, w]]| {
             let (x, y) = (x / w, y / w);
@@ -397,15 +417,17 @@ impl OnScreen {
                 };
                 let edges = [edge(b, c), edge(c, a), edge(a, b)];
                 if edges.iter().all(|e| e[1] >= -BESIDE) {
-                    let point = self.point(edges.map(|e| e[0]));
-                    hit(row * self.size[0] as usize + column, point);
+                    let pixel = row * self.size[0] as usize + column;
+                    if let Some(point) = self.point(edges.map(|e| e[0])) {
+                        hit(pixel, point);
+                    }
                 }
             }
         }
     }
 
-    /// The point where corners have these shares on the screen.
-    fn point(&self, weights: [f64; 3]) -> Point {
+    /// The point where corners have these shares on the screen. `None`: it was behind the camera.
+    fn point(&self, weights: [f64; 3]) -> Option<Point> {
         let depth = weights
             .iter()
             .zip(&self.screen)
@@ -419,9 +441,9 @@ impl OnScreen {
         };
         let place = |when: usize, axis: usize| clip(when, axis) / clip(when, 3);
         let moved = |axis: usize| place(1, axis) - place(0, axis);
-        Point {
+        (clip(0, 3) > 0.0).then(|| Point {
             depth,
             velocity: [moved(0) * 0.5, moved(1) * -0.5],
-        }
+        })
     }
 }
