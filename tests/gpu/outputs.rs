@@ -232,18 +232,14 @@ fn velocities_without_jitter_are_those_of_a_jitter_of_0() {
     let velocity = |scale: f32, jitter: &str| {
         let mut scene = leaf(SHIFTED);
         let mut earlier = scene.clone();
-        earlier.draws[0].transform = Mat4::from_translation(Vec3::new(0.2, 0.1, 0.0));
+        scene.draws[0].transform = Mat4::from_translation(Vec3::new(0.0, 0.0, 0.5));
+        earlier.draws[0].transform = Mat4::from_translation(Vec3::new(0.2, 0.1, 0.5));
         for (scene, at) in [(&mut scene, [0.02, -0.03]), (&mut earlier, [-0.01, 0.04])] {
             let [x, y] = at.map(|n: f32| n * scale);
             let both = [0.7, 0.7, 0.0, 0.0, x, y, 0.0, 0.0];
             let values = &mut scene.draws[0].values;
             values.insert("camera.jitter".to_owned(), numbers(&both));
             values.insert("camera.frame".to_owned(), numbers(&[1.0]));
-            values.insert("model".to_owned(), Value::Semantic("model".to_owned()));
-            values.insert(
-                "camera.view_proj".to_owned(),
-                Value::Semantic("view_proj".to_owned()),
-            );
         }
         let recipe = format!("outputs:write=velocity,precision=full{jitter}");
         let variant = variant(&scene, &recipe);
