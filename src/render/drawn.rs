@@ -308,8 +308,8 @@ fn frame_buffer(
     }))
 }
 
-/// The range of the point light of our pictures, which stands at the origin.
-const LIGHT_RANGE: f32 = 100.0;
+/// Position and range of the point light of our pictures.
+const POINT_LIGHT: [f32; 4] = [3.0, 2.0, -1.0, 7.0];
 
 /// The uniform buffers of a draw's bindings that the author does not have.
 fn host(
@@ -324,7 +324,7 @@ fn host(
         } => Some(vec![index as u32 + 1]),
         BindingSource::Host {
             value: HostValue::PointLight,
-        } => Some([0.0, 0.0, 0.0, LIGHT_RANGE].map(f32::to_bits).to_vec()),
+        } => Some(POINT_LIGHT.map(f32::to_bits).to_vec()),
         BindingSource::Previous { group: None, .. } => {
             let bytes = previous.immediates(u32::MAX);
             let words = bytes.as_chunks::<4>().0.iter();
@@ -333,7 +333,8 @@ fn host(
         _ => None,
     };
     let filled = bindings.iter().filter_map(|b| {
-        let made = buffer(gpu, &words(b)?, wgpu::BufferUsages::UNIFORM);
+        let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::STORAGE;
+        let made = buffer(gpu, &words(b)?, usage);
         Some((b.source.clone(), made))
     });
     filled.collect()

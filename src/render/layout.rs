@@ -139,7 +139,13 @@ pub(super) fn fill<'a>(
                 let buffer = made
                     .host(&b.source)
                     .ok_or_else(|| format!("{} holds what we cannot give it", place(b)))?;
-                Filled::Geometry(buffer, wgpu::BufferBindingType::Uniform)
+                let ty = match b.kind {
+                    BindingKind::StorageRead => {
+                        wgpu::BufferBindingType::Storage { read_only: true }
+                    }
+                    _ => wgpu::BufferBindingType::Uniform,
+                };
+                Filled::Geometry(buffer, ty)
             }
             BindingSource::Geometry { part } => {
                 let (buffer, ty) = made.part(b, part, draw)?;

@@ -282,8 +282,12 @@ fn aside(name: &str, outputs: &OutputsReport) -> String {
     );
     if let Some(velocity) = &outputs.velocity {
         line.push_str(&format!(
-            "; velocities of {} pixels are right to {:.4} pixels, and up to {:.2} pixels long",
-            velocity.pixels, velocity.worst, velocity.longest
+            "; velocities of {} pixels are right to {:.4} pixels, and up to {:.2} pixels long; \
+             {:.1} % were not compared",
+            velocity.pixels,
+            velocity.worst,
+            velocity.longest,
+            velocity.share_left_out() * 100.0
         ));
     }
     if let (Some(main), Some(time), Some(speedup)) =

@@ -3,26 +3,29 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use glam::{Mat4, Vec3, Vec4};
-use preshade::unstable::measure::outputs::TOLERANCE;
+use glam::{DVec3, DVec4, Mat4, Vec3};
+use preshade::unstable::measure::outputs::{self, MOST_LEFT_OUT, TOLERANCE};
 use preshade::unstable::measure::{Session, Timed, verify};
 use preshade::unstable::passes::contract::Verdict;
-use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::plan::{BindingSource, Plan, Role};
 use preshade::unstable::render::ShaderForm;
-use preshade::unstable::scene::{Draw, DrawOrder, Scene};
+use preshade::unstable::scene::{Draw, Scene, Value};
 
 use crate::outputs_support::{
-    Row, alone, drawn, earlier, fixtures, load, moving_scenes, normals, report, row, settings,
-    variant,
+    Row, alone, drawn, drawn_after, earlier, fixtures, limited, load, moving_scenes, normals,
+    report, row, settings, variant,
 };
 use crate::render_support::*;
 
 /// Large enough for `skinned` to have more than a thousand pixels.
 const SIZE: [u32; 2] = [240, 135];
 
+/// Vertices of each draw that the interpreter, which is not optimised here, evaluates in time.
+const VERTICES: u32 = 40_000;
+
 #[test]
 fn no_auxiliary_depth_differs_from_the_whole_programs() {
-    for subject in moving_scenes(SIZE) {
+    for subject in moving_scenes(SIZE, VERTICES) {
         for write in ["depth", "shadow", "distance", "normal+velocity+id"] {
             let row = row(gpu(), &subject, write, Timed::No);
             println!("{row:?}");
@@ -82,20 +85,21 @@ fn velocities_of_fixtures_are_those_of_the_positions_in_two_frames() {
         let (.., worst) = row.velocity.unwrap();
         assert!(worst <= TOLERANCE, "{row:?}");
     }
-    // What was not compared does not hold.
-    for row in applied
-        .iter()
-        .filter(|r| r.velocity.is_some_and(|v| v.0 == 0))
-    {
-        assert!(!row.holds, "{row:?}");
+    // Where too little was compared, nothing holds.
+    for row in &applied {
+        let (pixels, left_out, ..) = row.velocity.unwrap_or_default();
+        let most = (pixels + left_out) as f64 * MOST_LEFT_OUT;
+        let is_enough = pixels > 0 && left_out as f64 <= most;
+        assert_eq!(row.holds, is_enough, "{row:?}");
     }
-    assert!(compared.len() >= 30, "{}", compared.len());
+    let holding = applied.iter().filter(|r| r.holds).count();
+    assert!(holding >= 30, "{holding}");
     assert!(pixels > 15_000, "{pixels}");
 }
 
 #[test]
 fn velocities_are_those_of_the_positions_in_two_frames() {
-    for subject in moving_scenes(SIZE) {
+    for subject in moving_scenes(SIZE, VERTICES) {
         for precision in ["full", "half"] {
             let write = format!("velocity,precision={precision}");
             let row = row(gpu(), &subject, &write, Timed::No);
@@ -105,11 +109,9 @@ fn velocities_are_those_of_the_positions_in_two_frames() {
             // Everything moved, and most of the picture was compared.
             assert!(longest > 0.5, "{row:?}");
             assert!(pixels > 1000, "{row:?}");
-            // What a filtered texture moves is compared where the adapter's filter and the
-            // interpreter's agree.
-            if subject.name != "scene displaced" {
-                assert!(left_out * 20 < pixels, "{row:?}");
-            }
+            let most = (pixels + left_out) as f64 * MOST_LEFT_OUT;
+            assert!(left_out as f64 <= most, "{row:?}");
+            assert!(row.holds, "{row:?}");
         }
     }
 }
@@ -125,7 +127,8 @@ fn a_plan_that_forgets_what_changed_is_broken() {
         let scene = load(name, SIZE);
         let recipe = format!("outputs:write=velocity,precision=full,static={forgotten}");
         let variant = variant(&scene, &recipe);
-        let report = report(gpu(), &scene, &earlier(&scene, true), &variant);
+        let moved = outputs::earlier(&scene, &|_, _| true);
+        let report = report(gpu(), &scene, &moved, &variant);
         let Verdict::Broken { r#where } = report.verdict(true) else {
             panic!("{name}: {:?}", report.velocity);
         };
@@ -137,12 +140,134 @@ fn a_plan_that_forgets_what_changed_is_broken() {
 fn velocities_that_were_not_compared_do_not_hold() {
     let scene = load("wind", SIZE);
     let variant = variant(&scene, "outputs:write=velocity");
-    let mut report = report(gpu(), &scene, &earlier(&scene, true), &variant);
+    let mut report = report(gpu(), &scene, &earlier(&scene, &variant), &variant);
     assert_eq!(report.verdict(true), Verdict::Holds);
+    let velocity = report.velocity.as_mut().unwrap();
+    (velocity.pixels, velocity.left_out) = (940, 60);
+    velocity.not_evaluated = Some("it takes too many steps".to_owned());
+    let why = "the velocities of 6.0 % of the pixels were not compared: it takes too many steps";
+    let why = why.to_owned();
+    assert_eq!(report.verdict(true), Verdict::NotMeasured { why });
     report.velocity.as_mut().unwrap().pixels = 0;
-    report.velocity.as_mut().unwrap().not_evaluated = Some("it takes too many steps".to_owned());
     let why = "no velocity was compared: it takes too many steps".to_owned();
     assert_eq!(report.verdict(true), Verdict::NotMeasured { why });
+}
+
+/// The names of the buffers that a material's plans copy.
+fn copied(plans: &[Plan]) -> BTreeSet<String> {
+    let passes = plans.iter().flat_map(|plan| &plan.passes);
+    let sources = passes.flat_map(|pass| &pass.bindings).map(|b| &b.source);
+    let names = sources.filter_map(|source| match source {
+        BindingSource::Previous { of, .. } => Some(of.clone()),
+        _ => None,
+    });
+    names.collect()
+}
+
+/// With what a scene's own files tell: its frames move no object, and its plans must still copy
+/// what moves one.
+#[test]
+fn what_moves_an_object_is_copied_and_verify_moves_it() {
+    for (name, moving, buffers) in [
+        ("morphed", "", ["object"]),
+        ("skinned", "", ["joint_matrices"]),
+        ("crowd", ",moving=instance_place", ["scene"]),
+    ] {
+        let scene = limited(load(name, SIZE), VERTICES);
+        let variant = variant(&scene, &format!("outputs:write=velocity{moving}"));
+        let copied = copied(&variant.plans);
+        for buffer in buffers {
+            assert!(copied.contains(buffer), "{name}: {copied:?}");
+        }
+        let before = earlier(&scene, &variant);
+        for (before, now) in before.draws.iter().zip(&scene.draws) {
+            assert_ne!(before.transform, now.transform, "{name}");
+            assert!(
+                now.joints.is_empty() || before.joints != now.joints,
+                "{name}"
+            );
+            let weights = (&before.morph_weights, &now.morph_weights);
+            assert!(
+                weights.1.iter().all(|w| *w == 0.0) || weights.0 != weights.1,
+                "{name}"
+            );
+        }
+        let report = report(gpu(), &scene, &before, &variant);
+        println!("{name}: {:?}", report.velocity);
+        assert_eq!(report.verdict(true), Verdict::Holds, "{name}");
+    }
+}
+
+/// What a recipe calls static stays where it is in `verify`.
+#[test]
+fn verify_believes_what_a_recipe_calls_static() {
+    let scene = load("morphed", SIZE);
+    let variant = variant(&scene, "outputs:write=velocity,static=object");
+    let before = earlier(&scene, &variant);
+    for (before, now) in before.draws.iter().zip(&scene.draws) {
+        assert_eq!(before.transform, now.transform);
+        assert_eq!(before.morph_weights, now.morph_weights);
+    }
+    let report = report(gpu(), &scene, &before, &variant);
+    assert_eq!(report.verdict(true), Verdict::Holds);
+}
+
+/// A square that moves along itself, so that each of its pixels has the same velocity.
+const SHIFTED: &str = "
+struct Camera { view_proj: mat4x4<f32>, jitter: array<vec4<f32>, 2>, frame: u32 }
+@group(0) @binding(0) var<uniform> camera: Camera;
+@group(0) @binding(1) var<uniform> model: mat4x4<f32>;
+fn project(c: Camera, world: vec4<f32>) -> vec4<f32> {
+    var clip = c.view_proj * world;
+    clip += vec4(c.jitter[c.frame].xy * clip.w, 0.0, 0.0);
+    return clip;
+}
+@vertex fn vs(@location(0) position: vec3<f32>) -> @builtin(position) vec4<f32> {
+    return project(camera, model * vec4(position, 1.0));
+}
+@fragment fn fs() -> @location(0) vec4<f32> { return vec4(1.0); }";
+
+#[test]
+fn velocities_without_jitter_are_those_of_a_jitter_of_0() {
+    let velocity = |scale: f32, jitter: &str| {
+        let mut scene = leaf(SHIFTED);
+        let mut earlier = scene.clone();
+        scene.draws[0].transform = Mat4::from_translation(Vec3::new(0.0, 0.0, 0.5));
+        earlier.draws[0].transform = Mat4::from_translation(Vec3::new(0.2, 0.1, 0.5));
+        for (scene, at) in [(&mut scene, [0.02, -0.03]), (&mut earlier, [-0.01, 0.04])] {
+            let [x, y] = at.map(|n: f32| n * scale);
+            let both = [0.7, 0.7, 0.0, 0.0, x, y, 0.0, 0.0];
+            let values = &mut scene.draws[0].values;
+            values.insert("camera.jitter".to_owned(), numbers(&both));
+            values.insert("camera.frame".to_owned(), numbers(&[1.0]));
+        }
+        let recipe = format!("outputs:write=velocity,precision=full{jitter}");
+        let variant = variant(&scene, &recipe);
+        assert!(variant.kept.is_empty(), "{:?}", variant.kept);
+        let picture = drawn_after(gpu(), &earlier, &scene, &[alone(&variant.plans[0])]);
+        let color = picture.colors[0].clone().unwrap();
+        let depths = picture.depth.unwrap().values.into_iter().enumerate();
+        let covered = depths.filter(|(_, depth)| *depth != 0.0 && *depth != 1.0);
+        let all: Vec<[f32; 4]> = covered.map(|(pixel, _)| color.rgba(pixel)).collect();
+        assert!(all.len() > 1000, "{}", all.len());
+        let [x, y, ..] = all[0];
+        let is_same = |v: &[f32; 4]| (v[0] - x).abs() < 1e-6 && (v[1] - y).abs() < 1e-6;
+        assert!(all.iter().all(is_same));
+        [x, y]
+    };
+    let meant = velocity(0.0, "");
+    let ours = velocity(1.0, ",jitter=camera.jitter");
+    let jittered = velocity(1.0, "");
+    println!("{meant:?} {ours:?} {jittered:?}");
+    let apart = |a: [f32; 2], b: [f32; 2]| (a[0] - b[0]).abs().max((a[1] - b[1]).abs());
+    assert!(apart(meant, [0.0; 2]) > 1e-3);
+    assert!(apart(ours, meant) < 1e-6);
+    // The two jitters are (0.03, -0.07) apart, in parts of half a picture.
+    assert!(apart(jittered, [meant[0] + 0.015, meant[1] + 0.035]) < 1e-5);
+}
+
+fn numbers(all: &[f32]) -> Value {
+    Value::Numbers(all.iter().copied().map(f64::from).collect())
 }
 
 #[test]
@@ -165,41 +290,95 @@ fn normals_are_those_of_a_geometry_pass_written_by_hand() {
         println!("{normals:?}");
         assert!(normals.covered > 1000, "{normals:?}");
         // Roundings of 32-bit floats alone: the two texts may be fused differently.
-        assert!(normals.worst < 1e-5, "{normals:?}");
+        assert!(normals.worst <= 4.0 * f32::EPSILON, "{normals:?}");
     }
 }
 
-/// The light of our pictures stands at the origin, and its range is 100.
+/// The vector that Cigolle et al. encode as two numbers.
+fn decoded([x, y]: [f32; 2]) -> Vec3 {
+    let mut v = Vec3::new(x, y, 1.0 - x.abs() - y.abs());
+    if v.z < 0.0 {
+        let sign = |n: f32| if n >= 0.0 { 1.0 } else { -1.0 };
+        (v.x, v.y) = ((1.0 - y.abs()) * sign(x), (1.0 - x.abs()) * sign(y));
+    }
+    v.normalize()
+}
+
+#[test]
+fn octahedral_normals_are_the_normals() {
+    let (mut signs, mut worst) = (BTreeMap::new(), 0.0_f32);
+    for name in ["morphed", "atrium"] {
+        let scene = load(name, SIZE);
+        let picture = |recipe: &str| {
+            let plans = variant(&scene, recipe).plans;
+            let plans = plans.iter().filter(|p| has_outputs(p)).map(alone);
+            drawn(gpu(), &scene, &plans.collect::<Vec<_>>())
+        };
+        let plain = picture("outputs:write=normal,precision=full");
+        let encoded = picture("outputs:write=normal,precision=full,octahedral=true");
+        let depths = plain.depth.clone().unwrap().values;
+        let [plain, encoded] = [plain, encoded].map(|picture| picture.colors[0].clone().unwrap());
+        for (pixel, depth) in depths.into_iter().enumerate() {
+            if depth == 0.0 || depth == 1.0 {
+                continue;
+            }
+            let expected = Vec3::from_slice(&plain.rgba(pixel)).normalize();
+            let [x, y, ..] = encoded.rgba(pixel);
+            worst = worst.max((decoded([x, y]) - expected).abs().max_element());
+            *signs.entry(expected.z < 0.0).or_insert(0) += 1;
+        }
+    }
+    println!("{signs:?}, {worst} apart");
+    // Vectors with a negative z are folded over the edges of the square.
+    assert!(
+        signs.len() == 2 && signs.values().all(|count| *count > 100),
+        "{signs:?}"
+    );
+    assert!(worst < 1e-6, "{worst}");
+}
+
+fn has_outputs(plan: &Plan) -> bool {
+    plan.passes.iter().any(|pass| pass.role == Role::Outputs)
+}
+
+/// The light of our pictures stands at (3, 2, -1), and its range is 7.
 #[test]
 fn distances_are_those_of_the_points_that_the_depths_say() {
-    for subject in moving_scenes(SIZE) {
+    for subject in moving_scenes(SIZE, VERTICES) {
         let scene = &subject.scene;
         let variant = variant(scene, "outputs:write=distance");
         let plans: Vec<Plan> = variant.plans.iter().map(alone).collect();
         let picture = drawn(gpu(), scene, &plans);
         let frame = scene.cameras[0].frames[0];
-        let back = (frame.projection * frame.view).inverse();
+        let back = (frame.projection.as_dmat4() * frame.view.as_dmat4()).inverse();
         let color = picture.colors[0].clone().unwrap();
         let [width, height] = color.size;
         let depths = picture.depth.unwrap().values;
-        let (mut covered, mut worst) = (0, 0.0_f32);
+        let (mut covered, mut worst) = (0, 0.0_f64);
         for (pixel, depth) in depths.into_iter().enumerate() {
-            // Far away, a step of the depth is long.
-            if depth == 0.0 || depth > 0.995 {
+            if depth == 0.0 || depth == 1.0 {
                 continue;
             }
             let (x, y) = (pixel as u32 % width, pixel as u32 / width);
-            let at =
-                [(x, width), (y, height)].map(|(i, n)| (i as f32 + 0.5) / n as f32 * 2.0 - 1.0);
-            let world = back * Vec4::new(at[0], -at[1], depth, 1.0);
-            let expected = (Vec3::from_slice(&world.to_array()) / world.w).length();
-            let [distance, ..] = color.rgba(pixel);
+            let at = [(x, width), (y, height)]
+                .map(|(i, n)| (f64::from(i) + 0.5) / f64::from(n) * 2.0 - 1.0);
+            let distance = |depth: f64| {
+                let world = back * DVec4::new(at[0], -at[1], depth, 1.0);
+                (world.truncate() / world.w).distance(DVec3::new(3.0, 2.0, -1.0))
+            };
+            let depth = f64::from(depth);
+            let expected = distance(depth);
+            // Far away, a step of the depth is long.
+            let steps = 8.0 * f64::from(f32::EPSILON);
+            let slack = (distance(depth + steps) - distance(depth - steps)).abs();
+            let [drawn, ..] = color.rgba(pixel);
             covered += 1;
-            worst = worst.max((distance * 100.0 - expected).abs() / expected.max(1.0));
+            let apart = (f64::from(drawn) * 7.0 - expected).abs() - slack;
+            worst = worst.max(apart / expected.max(1.0));
         }
         println!("{}: {covered} distances, {worst} apart", subject.name);
-        assert!(covered > 500, "{}: {covered}", subject.name);
-        assert!(worst < 1e-3, "{}: {worst}", subject.name);
+        assert!(covered > 1000, "{}: {covered}", subject.name);
+        assert!(worst < 2e-5, "{}: {worst}", subject.name);
     }
 }
 
@@ -252,30 +431,52 @@ fn leaf(shader: &str) -> Scene {
     scene(SIZE, vec![material("leaf", shader)], vec![square])
 }
 
+/// The draw and the instance of each pixel, and its depth.
+fn ids(scene: &Scene) -> Vec<([u32; 2], f32)> {
+    let variant = variant(scene, "outputs:write=id");
+    let plans: Vec<Plan> = variant.plans.iter().map(alone).collect();
+    let picture = drawn(gpu(), scene, &plans);
+    let color = picture.colors[0].clone().unwrap();
+    let depths = picture.depth.unwrap().values.into_iter().enumerate();
+    let id = |pixel: usize| {
+        let words = color.texel(pixel).as_chunks::<4>().0;
+        [0, 1].map(|i| u32::from_le_bytes(words[i]))
+    };
+    depths.map(|(pixel, depth)| (id(pixel), depth)).collect()
+}
+
+/// A pixel has the depth of its draw alone, and of the first instances of it exactly if its
+/// instance is one of them.
 #[test]
 fn ids_are_those_of_draws_and_instances() {
     let scene = load("instanced", SIZE);
-    let variant = variant(&scene, "outputs:write=id");
-    let session = Session::new(gpu(), &scene, ShaderForm::Text).unwrap();
-    let plans: Vec<Plan> = variant.plans.iter().map(alone).collect();
-    let mut prepared = session.prepare(&plans).unwrap();
-    let frame = scene.cameras[0].frames[0];
-    let picture = session
-        .draw(&mut prepared, &frame, DrawOrder::FrontToBack)
-        .unwrap();
-    let color = picture.colors[0].clone().unwrap();
-    let mut seen = BTreeSet::new();
-    for pixel in 0..(color.size[0] * color.size[1]) as usize {
-        let words = color.texel(pixel).as_chunks::<4>().0;
-        let [draw, instance] = [0, 1].map(|i| u32::from_le_bytes(words[i]));
-        seen.insert((draw, instance));
+    let all = ids(&scene);
+    let background = all.iter().filter(|(id, _)| *id == [0, 0]).count();
+    assert!(background > 100 && background < all.len() - 1000);
+    for (index, instances) in [(0, 180), (1, 36)] {
+        for first in [instances, instances / 2, 7] {
+            let mut one = scene.clone();
+            one.draws = vec![scene.draws[index].clone()];
+            one.draws[0].instances = first;
+            let (mut seen, mut hidden) = (0, 0);
+            for ((id, depth), (own, own_depth)) in all.iter().zip(ids(&one)) {
+                let [draw, instance] = *id;
+                if draw != index as u32 + 1 {
+                    continue;
+                }
+                if instance < first {
+                    seen += 1;
+                    assert_eq!((own, own_depth), ([1, instance], *depth));
+                } else {
+                    hidden += 1;
+                    assert_ne!(own_depth, *depth);
+                }
+            }
+            println!(
+                "draw {draw}: {seen} pixels of the first {first}, {hidden} of others",
+                draw = index + 1
+            );
+            assert!(seen > 10 && (hidden > 10) == (first < instances));
+        }
     }
-    // The background, and many instances of both draws.
-    assert!(seen.contains(&(0, 0)));
-    for (draw, instances) in [(1, 180), (2, 36)] {
-        let of_draw: Vec<_> = seen.iter().filter(|(d, _)| *d == draw).collect();
-        assert!(of_draw.len() > 10, "draw {draw}: {}", of_draw.len());
-        assert!(of_draw.iter().all(|(_, i)| *i < instances));
-    }
-    assert!(seen.iter().all(|(d, _)| *d <= 2));
 }

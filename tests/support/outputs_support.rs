@@ -3,20 +3,20 @@
 #![allow(dead_code)]
 
 use std::path::PathBuf;
+use std::time::Duration;
 
-use glam::{Mat4, Vec3};
 use preshade::unstable::front::{self, Options, Source};
 use preshade::unstable::measure::outputs::OutputsReport;
 use preshade::unstable::measure::{self, Estimate, Session, Settings, Timed, TimingSettings};
 use preshade::unstable::measure::{Variant, outputs, shadow};
 use preshade::unstable::passes::contract::Verdict;
-use preshade::unstable::passes::pass::Facts;
 use preshade::unstable::passes::plan::{Attachment, GpuPass, Phase, Plan, Role, SCENE_DEPTH};
 use preshade::unstable::passes::reflect;
 use preshade::unstable::passes::state::MaterialState;
 use preshade::unstable::recipe::Recipe;
-use preshade::unstable::render::{Gpu, Rendered, ShaderForm};
-use preshade::unstable::scene::{self, DrawOrder, Scene, Stream};
+use preshade::unstable::render::ShaderForm;
+use preshade::unstable::render::{self, FrameSettings, Gpu, Prepared, Rendered, SceneInputs};
+use preshade::unstable::scene::{self, Draw, DrawOrder, Scene};
 
 use crate::fixtures_support::{materials, root};
 
@@ -42,8 +42,6 @@ pub struct Subject {
     pub name: String,
     /// The scene.
     pub scene: Scene,
-    /// The scene's draws a frame earlier.
-    pub earlier: Scene,
     /// Attributes that move, as a part of a recipe.
     pub moving: &'static str,
 }
@@ -57,13 +55,21 @@ pub fn load(name: &str, size: [u32; 2]) -> Scene {
     scene
 }
 
-/// The scenes whose vertices move.
-pub fn moving_scenes(size: [u32; 2]) -> Vec<Subject> {
+/// A scene with so many instances of each draw that it has about `most` vertices at most.
+pub fn limited(mut scene: Scene, most: u32) -> Scene {
+    for draw in &mut scene.draws {
+        let vertices = scene.meshes[draw.mesh].vertex_count.max(1);
+        draw.instances = draw.instances.min((most / vertices).max(1));
+    }
+    scene
+}
+
+/// The scenes whose vertices move, [`limited`].
+pub fn moving_scenes(size: [u32; 2], most: u32) -> Vec<Subject> {
     let subject = |(name, moving): (&str, &'static str)| {
-        let scene = load(name, size);
+        let scene = limited(load(name, size), most);
         Subject {
             name: format!("scene {name}"),
-            earlier: earlier(&scene, true),
             scene,
             moving,
         }
@@ -88,7 +94,6 @@ pub fn fixtures(size: [u32; 2]) -> Vec<Subject> {
         scene.orders.truncate(1);
         Subject {
             name,
-            earlier: earlier(&scene, false),
             scene,
             moving: "",
         }
@@ -96,49 +101,29 @@ pub fn fixtures(size: [u32; 2]) -> Vec<Subject> {
     materials().into_iter().map(subject).collect()
 }
 
-/// The draws a little earlier: elsewhere, turned, bent and blended otherwise. `instances`: each
-/// instance too, for scenes whose recipes name its attributes.
-pub fn earlier(scene: &Scene, instances: bool) -> Scene {
-    let mut scene = scene.clone();
-    let turn = Mat4::from_rotation_z(0.03);
-    for draw in &mut scene.draws {
-        let aside = Mat4::from_translation(Vec3::new(0.03, -0.02, 0.04));
-        draw.transform = aside * draw.transform * Mat4::from_rotation_y(0.02);
-        let mut bent = Mat4::IDENTITY;
-        let joints = draw.joints.iter().map(|joint| {
-            bent *= turn;
-            *joint * bent
-        });
-        draw.joints = joints.collect();
-        for weight in &mut draw.morph_weights {
-            *weight *= 0.9;
-        }
-        for (name, stream) in draw.instance_streams.iter_mut().filter(|_| instances) {
-            let Stream::Float { components, data } = stream else {
-                continue;
-            };
-            for instance in data.chunks_mut(*components as usize) {
-                match name.as_str() {
-                    "instance_transform" => instance[12] += 0.05,
-                    "instance_place" => instance[2] += 0.04,
-                    _ => {}
-                }
-            }
-        }
-    }
-    scene
-}
-
-/// A variant in which every uniform counts as changing.
+/// A variant with what the scene's files tell.
 pub fn variant(scene: &Scene, recipe: &str) -> Variant {
     let recipe = Recipe::parse([recipe]).unwrap();
-    measure::variant(&measure::originals(scene), &recipe, &Facts::default())
+    measure::variant(&measure::originals(scene), &recipe, &measure::known(scene))
 }
 
+/// The draws in the frame before, as `verify` takes them for a variant.
+pub fn earlier(scene: &Scene, variant: &Variant) -> Scene {
+    let originals = measure::originals(scene);
+    outputs::earlier(scene, &|before: &Draw, now: &Draw| {
+        outputs::allowed(scene, &originals, variant, before, now)
+    })
+}
+
+/// Times are short, so that all scenes take minutes.
 pub fn settings(timed: Timed) -> Settings {
     Settings {
         timed,
-        timing: TimingSettings::default(),
+        timing: TimingSettings {
+            budget: Duration::from_millis(400),
+            max_samples: 60,
+            ..TimingSettings::default()
+        },
         frames_per_camera: 1,
         command: String::new(),
     }
@@ -182,16 +167,8 @@ pub fn row(gpu: &Gpu, subject: &Subject, write: &str, timed: Timed) -> Row {
         true => subject.moving,
         false => "",
     };
-    let [scene, earlier] = [&subject.scene, &subject.earlier].map(|scene| {
-        let mut scene = scene.clone();
-        // The soles of the crowd have the depth of the ground, which moves otherwise: no depth tells
-        // which of the two was drawn.
-        if write.contains("velocity") {
-            scene.draws.retain(|draw| draw.name != "paving");
-        }
-        scene
-    });
-    let variant = variant(&scene, &format!("outputs:write={write}{moving}"));
+    let scene = &subject.scene;
+    let variant = variant(scene, &format!("outputs:write={write}{moving}"));
     let mut row = Row {
         subject: subject.name.clone(),
         write: write.to_owned(),
@@ -212,7 +189,7 @@ pub fn row(gpu: &Gpu, subject: &Subject, write: &str, timed: Timed) -> Row {
         row.refused = Some(variant.kept.iter().map(|k| k.why.clone()).collect());
         return row;
     }
-    let session = Session::new(gpu, &scene, ShaderForm::Text).unwrap();
+    let session = Session::new(gpu, scene, ShaderForm::Text).unwrap();
     // Depths are compared bit by bit in any case: `invariant` only says whether a difference is
     // broken or expected.
     let verdict = if write.contains("shadow") || write.contains("distance") {
@@ -225,6 +202,7 @@ pub fn row(gpu: &Gpu, subject: &Subject, write: &str, timed: Timed) -> Row {
         row.speedup = report.speedup;
         report.verdict(true)
     } else {
+        let earlier = earlier(scene, &variant);
         let report = outputs::measure(&session, &earlier, &variant, &settings(timed));
         let report = report.unwrap();
         row.covered = report.covered;
@@ -295,6 +273,16 @@ pub fn drawn(gpu: &Gpu, scene: &Scene, plans: &[Plan]) -> Rendered {
     let frame = scene.cameras[0].frames[0];
     let picture = session.draw(&mut prepared, &frame, DrawOrder::FrontToBack);
     picture.unwrap()
+}
+
+/// A picture of plans in the scene's first frame, with the draws of `earlier` in the frame before.
+pub fn drawn_after(gpu: &Gpu, earlier: &Scene, scene: &Scene, plans: &[Plan]) -> Rendered {
+    let previous = SceneInputs::new(gpu, earlier).unwrap();
+    let inputs = SceneInputs::new(gpu, scene).unwrap().after(&previous);
+    let variant = render::Variant::new(plans, ShaderForm::Text).unwrap();
+    let mut prepared = Prepared::new(&inputs, &variant, &FrameSettings::of(scene)).unwrap();
+    prepared.aim(&scene.cameras[0].frames[0], DrawOrder::FrontToBack);
+    prepared.render().unwrap()
 }
 
 /// Normals against a geometry pass that was written by hand.

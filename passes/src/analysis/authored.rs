@@ -26,7 +26,7 @@ pub enum Place {
     Global(Handle<GlobalVariable>),
 }
 
-/// A scalar or vector that the author named.
+/// A value that the author named, or a member of one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Authored {
     /// The name: `normal`, or `surface.normal` for a member.
@@ -35,7 +35,7 @@ pub struct Authored {
     pub function: String,
     /// Where the value that has the name is.
     pub place: Place,
-    /// The members that lead from there to the scalar or vector.
+    /// The members that lead from there to the value.
     pub path: Vec<u32>,
     /// Its type.
     pub inner: TypeInner,
@@ -88,8 +88,13 @@ impl Authored {
     }
 
     /// Whether a user means this value by `name`: its name, or the end of it behind a dot, with
-    /// `@FUNCTION` behind where several functions have one.
-    pub fn is_called(&self, name: &str) -> bool {
+    /// `@FUNCTION` behind where several functions have one, and `:LINE` where one function has
+    /// several.
+    pub fn is_called(&self, name: &str, program: &Program) -> bool {
+        let (name, line) = match name.rsplit_once(':') {
+            Some((name, line)) => (name, Some(line)),
+            None => (name, None),
+        };
         let (name, function) = match name.split_once('@') {
             Some((name, function)) => (name, Some(function)),
             None => (name, None),
@@ -98,13 +103,24 @@ impl Authored {
             let end = self.name.strip_suffix(name);
             end.is_some_and(|rest| rest.ends_with('.'))
         };
-        function.is_none_or(|f| f == self.function) && (self.name == name || is_end())
+        let own_line = || program.sources().locate(self.span).map(|at| at.line);
+        function.is_none_or(|f| f == self.function)
+            && (self.name == name || is_end())
+            && line.is_none_or(|line| own_line().is_some_and(|own| own.to_string() == line))
+    }
+
+    /// Whether it is a scalar or a vector.
+    pub fn is_plain(&self) -> bool {
+        matches!(self.inner, TypeInner::Scalar(_) | TypeInner::Vector { .. })
     }
 
     /// For messages: name, type, function and line.
     pub fn described(&self, program: &Program) -> String {
         let ty = match self.inner {
             TypeInner::Vector { size, .. } => format!("vec{}", size as u8),
+            TypeInner::Matrix { .. } => "matrix".to_owned(),
+            TypeInner::Array { .. } => "array".to_owned(),
+            TypeInner::Struct { .. } => "struct".to_owned(),
             _ => "scalar".to_owned(),
         };
         let at = match program.sources().locate(self.span) {
@@ -146,7 +162,8 @@ pub fn calls_of(graph: &Graph<'_>, entry: usize, function: FunctionId) -> Vec<Sp
     }
 }
 
-/// The named scalars and vectors of an entry point and of the functions that it calls.
+/// The named values of an entry point and of the functions that it calls, matrices, arrays and
+/// structs among them.
 pub fn of_entry(program: &Program, entry: usize) -> Vec<Authored> {
     let module = program.module();
     let mut found = Vec::new();
@@ -231,7 +248,7 @@ fn of_function(program: &Program, found: &mut Vec<Authored>, id: FunctionId, f: 
     }
 }
 
-/// Adds a value, or the scalars and vectors among its members.
+/// Adds a value and its members.
 fn open(
     module: &Module,
     found: &mut Vec<Authored>,
@@ -241,8 +258,26 @@ fn open(
 ) {
     let mut work = vec![(name, inner.clone(), Vec::new())];
     while let Some((name, inner, path)) = work.pop() {
-        match inner {
-            TypeInner::Scalar(_) | TypeInner::Vector { .. } => found.push(Authored {
+        if let TypeInner::Struct { members, .. } = &inner
+            && path.len() < DEEPEST
+        {
+            for (i, member) in members.iter().enumerate().rev() {
+                let own = member.name.as_deref().unwrap_or("?");
+                let mut path = path.clone();
+                path.push(i as u32);
+                let inner = module.types[member.ty].inner.clone();
+                work.push((format!("{name}.{own}"), inner, path));
+            }
+        }
+        if matches!(
+            inner,
+            TypeInner::Scalar(_)
+                | TypeInner::Vector { .. }
+                | TypeInner::Matrix { .. }
+                | TypeInner::Array { .. }
+                | TypeInner::Struct { .. }
+        ) {
+            found.push(Authored {
                 name,
                 function: function.clone(),
                 place,
@@ -250,17 +285,7 @@ fn open(
                 inner,
                 span,
                 calls: Vec::new(),
-            }),
-            TypeInner::Struct { members, .. } if path.len() < DEEPEST => {
-                for (i, member) in members.iter().enumerate().rev() {
-                    let own = member.name.as_deref().unwrap_or("?");
-                    let mut path = path.clone();
-                    path.push(i as u32);
-                    let inner = module.types[member.ty].inner.clone();
-                    work.push((format!("{name}.{own}"), inner, path));
-                }
-            }
-            _ => {}
+            });
         }
     }
 }

@@ -1,5 +1,7 @@
 //! A part of a stage that runs ahead of the author's code, in the same invocation.
 
+use std::collections::BTreeMap;
+
 use naga::{
     AddressSpace, Binding, Expression, Function, GlobalVariable, Handle, Module, Span, Statement,
     Type,
@@ -25,9 +27,17 @@ pub struct Ahead {
 #[derive(Clone, Debug)]
 enum Argument {
     /// One input.
-    Input(Handle<Type>, Binding),
+    Input(Input),
     /// A struct of inputs, a member each.
-    Struct(Handle<Type>, Vec<(Handle<Type>, Binding)>),
+    Struct(Handle<Type>, Vec<Input>),
+}
+
+/// An input of the entry point.
+#[derive(Clone, Debug)]
+struct Input {
+    name: String,
+    ty: Handle<Type>,
+    binding: Binding,
 }
 
 impl Ahead {
@@ -42,11 +52,25 @@ impl Ahead {
         let invariance = PositionInvariance::AsWritten;
         let mut module = place::entry_point(graph, slice, module, name, suffix, invariance);
         let mut function = module.entry_points.pop()?.function;
+        // In the order of the arguments and of their members.
+        let mut inputs = reflect::inputs(&module, &function).into_iter();
+        let mut input = || {
+            let io = inputs.next()?;
+            Some(Input {
+                name: io.name.unwrap_or_else(|| "input".to_owned()),
+                ty: io.ty,
+                binding: io.binding?,
+            })
+        };
         let mut arguments = Vec::new();
         for argument in &mut function.arguments {
             arguments.push(match argument.binding.take() {
-                Some(binding) => Argument::Input(argument.ty, binding),
-                None => Argument::Struct(argument.ty, reflect::members(&module, argument.ty)?),
+                Some(_) => Argument::Input(input()?),
+                None => {
+                    let members = reflect::members(&module, argument.ty)?;
+                    let inputs = members.iter().map(|_| input());
+                    Argument::Struct(argument.ty, inputs.collect::<Option<_>>()?)
+                }
             });
         }
         if let Some(result) = &mut function.result {
@@ -65,18 +89,21 @@ impl Ahead {
         Some((module, ahead))
     }
 
-    /// Takes the inputs at other locations: `to` gives the new one.
-    pub fn relocate(&mut self, to: &dyn Fn(u32) -> u32) {
-        let bindings = self
+    /// Takes inputs at other locations: `to` gives the new ones. `suffix` ends their names.
+    pub fn relocate(&mut self, to: &BTreeMap<u32, u32>, suffix: &str) {
+        let inputs = self
             .arguments
             .iter_mut()
             .flat_map(|argument| match argument {
-                Argument::Input(_, binding) => vec![binding],
-                Argument::Struct(_, members) => members.iter_mut().map(|(_, b)| b).collect(),
+                Argument::Input(input) => std::slice::from_mut(input),
+                Argument::Struct(_, inputs) => inputs,
             });
-        for binding in bindings {
-            if let Binding::Location { location, .. } = binding {
-                *location = to(*location);
+        for input in inputs {
+            if let Binding::Location { location, .. } = &mut input.binding
+                && let Some(other) = to.get(location)
+            {
+                *location = *other;
+                input.name = format!("{}_{suffix}", input.name);
             }
         }
     }
@@ -104,13 +131,11 @@ fn save(
 }
 
 fn argument(build: &mut CodeBuilder<'_>, argument: &Argument) -> Handle<Expression> {
+    let mut read = |input: &Input| build.input(&input.name, input.ty, &input.binding);
     match argument {
-        Argument::Input(ty, binding) => build.input("input", *ty, binding),
-        Argument::Struct(ty, members) => {
-            let components = members
-                .iter()
-                .map(|(ty, binding)| build.input("input", *ty, binding))
-                .collect();
+        Argument::Input(input) => read(input),
+        Argument::Struct(ty, inputs) => {
+            let components = inputs.iter().map(read).collect();
             build.expression(Expression::Compose {
                 ty: *ty,
                 components,

@@ -335,33 +335,37 @@ impl Pair {
     }
 }
 
+/// The parts of variables that a function reads or writes: each variable, with the indices that lead
+/// to the part. Of an array with an unknown index it is the whole array.
+pub fn parts_read(function: &Function) -> Vec<(Handle<GlobalVariable>, Vec<usize>)> {
+    let parts = Parts::of(function);
+    let mut used = BTreeSet::new();
+    for (e, expression) in function.expressions.iter() {
+        if !parts.0.contains_key(&e) {
+            used.extend(operands::of_expression(expression));
+        }
+    }
+    operands::visit(&function.body, &mut |statement| {
+        if !matches!(statement, Statement::Emit(_)) {
+            used.extend(operands::of_statement(statement));
+        }
+    });
+    let parts = parts.0.into_iter().filter(|(e, _)| used.contains(e));
+    parts.map(|(_, part)| (part.global, part.steps)).collect()
+}
+
 /// Fails if a function reads of a replaced variable what has no partner.
 fn check_reads(module: &Module, ours: &[(&Mapping, Place)]) -> Result<(), Unmapped> {
     let functions = module.functions.iter().map(|(_, f)| f);
     let entries = module.entry_points.iter().map(|e| &e.function);
     for function in functions.chain(entries) {
-        let parts = Parts::of(function);
-        let mut used = BTreeSet::new();
-        for (e, expression) in function.expressions.iter() {
-            if !parts.0.contains_key(&e) {
-                used.extend(operands::of_expression(expression));
-            }
-        }
-        operands::visit(&function.body, &mut |statement| {
-            if !matches!(statement, Statement::Emit(_)) {
-                used.extend(operands::of_statement(statement));
-            }
-        });
-        for (e, part) in &parts.0 {
-            let mut of_it = ours
-                .iter()
-                .filter(|(_, p)| p.global == part.global)
-                .peekable();
+        for (global, steps) in parts_read(function) {
+            let mut of_it = ours.iter().filter(|(_, p)| p.global == global).peekable();
             let is_replaced = of_it.peek().is_some();
-            let has_partner = of_it.any(|(_, p)| part.steps.starts_with(&p.steps));
-            if is_replaced && !has_partner && used.contains(e) {
+            let has_partner = of_it.any(|(_, p)| steps.starts_with(&p.steps));
+            if is_replaced && !has_partner {
                 return Err(Unmapped::Lacks {
-                    read: name_of(module, part.global, &part.steps).to_string(),
+                    read: name_of(module, global, &steps).to_string(),
                     has: ours
                         .iter()
                         .map(|(m, _)| format!("`{}`", m.theirs))

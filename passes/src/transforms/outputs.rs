@@ -20,15 +20,15 @@
 //! | `normal` | `rgba16float` | the vector that meets the light in a dot product, and 1; with `octahedral` two numbers |
 //! | `velocity` | `rg16float` | where the point is, less where it was in the previous frame: x to the right and y down, in parts of the picture |
 //! | `id` | `rg32uint` | the host's number of the draw, `@builtin(instance_index)` |
-//! | a name | by its type | that value of the fragment stage, at the end of the stage; a vector of three is filled up with 1 |
+//! | a name | by its type | that value of the fragment stage, at the end of the stage; a vector of three is filled up with 1, and truth values are 0 and 1 |
 //!
 //! Where a material draws nothing, the other targets keep their clear value, 0.
 //!
 //! `velocity` evaluates the position twice. The second time it reads copies of the buffers, which
 //! the plan lists with the source `previous`: the host keeps what they held in the previous frame.
-//! Textures count as unchanged. The difference is taken for each fragment, after the division by w,
-//! and so it is right between the vertices too. Where a point was behind the camera (w <= 0), it had
-//! no place in the picture, and the number has no meaning.
+//! Textures count as unchanged. Each fragment divides by w and subtracts, so the velocity is exact
+//! inside triangles too. Where a point was behind the camera (w <= 0), it had no place in the
+//! picture, and the number has no meaning.
 //!
 //! `distance` is what the six faces of a point light's shadow map hold. It is measured from the
 //! vector that the view's matrix turns into the clip position. If one matrix combines model and view
@@ -49,6 +49,7 @@ use crate::analysis::implicit_inputs::PassEffect;
 use crate::analysis::opaque::Opaque;
 use crate::analysis::view::{self, Said};
 use crate::core::contract::Contract;
+use crate::core::limits;
 use crate::core::pass::{Example, Facts, Misnamed, Outcome, Pass, PassInfo, Refusal, Refused, Use};
 use crate::core::plan::{Attachment, AttachmentFormat, ClearValue, GpuPass, Phase, Plan, Role};
 use crate::core::program::Program;
@@ -71,8 +72,9 @@ mod other_view;
 mod params;
 pub mod refusals;
 
+use names::refusal;
 use params::list;
-pub use params::{Asked, ColourTarget, Params, Precision, Space, Viewer};
+pub use params::{Asked, ColourTarget, Params, Precision, Viewer};
 
 const NAME: &str = "outputs";
 
@@ -98,7 +100,7 @@ impl Pass for Outputs {
         when: "an effect (ambient occlusion, temporal antialiasing, motion blur, picking) needs \
                more of a material than its colour",
         hurts: "never by itself: the main pass is untouched, and the host decides when to draw it",
-        reads_scene: true,
+        reads_scene: false,
     };
 
     const REFUSALS: &'static [RefusalInfo] = refusals::REFUSALS;
@@ -145,22 +147,19 @@ impl Pass for Outputs {
             .or_else(|| follows::misnamed(opaque.program.module(), viewer))
     }
 
-    fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
+    fn run(plan: &Plan, _facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
         let asked = params.asked();
         if plan.passes.iter().any(|p| p.role == Role::Outputs) {
-            let remedy = refusals::remedy(&refusals::HAS_OUTPUTS);
             let reason = "the plan already has a pass of outputs";
-            return Err(vec![Refusal::new(NAME, &refusals::HAS_OUTPUTS, reason, remedy)].into());
+            return Err(refusal(&refusals::HAS_OUTPUTS, reason).into());
         }
         let from_light = asked.contains(&Asked::Shadow) || asked.contains(&Asked::Distance);
         if from_light && (asked.contains(&Asked::Depth) || asked.contains(&Asked::Velocity)) {
-            return Err(vec![Refusal::new(
-                NAME,
+            return Err(refusal(
                 &refusals::MIXED_VIEWS,
                 "`shadow` and `distance` are drawn from a light's view, `depth` and `velocity` from \
                  the camera's",
-                refusals::remedy(&refusals::MIXED_VIEWS),
-            )]
+            )
             .into());
         }
         let whole = depth_pass::alone(plan, NAME)?;
@@ -178,7 +177,7 @@ impl Pass for Outputs {
         // What decides coverage and depth is the author's alone: outputs decide nothing.
         let deciding = depth_only::slice(&author, VertexStage::Sliced, &[]);
         deciding.assumptions(&author, plan, NAME, &[PassEffect::SlicesForView])?;
-        let mut wanted = wanted(&author, plan, (facts, params, &said), &asked)?;
+        let mut wanted = wanted(&author, (params, &said), &asked)?;
         if wanted.is_empty() && params.colour_target == ColourTarget::Bound {
             wanted.push(Wanted {
                 name: "colour".to_owned(),
@@ -186,7 +185,7 @@ impl Pass for Outputs {
                 full: false,
             });
         }
-        let extended = match wanted.is_empty() {
+        let mut extended = match wanted.is_empty() {
             true => None,
             false => Some(outputs::extend(&author, &wanted).map_err(|why| failed(&why))?),
         };
@@ -200,7 +199,10 @@ impl Pass for Outputs {
             .map(OutputFilter::Location)
             .collect();
         let slice = depth_only::slice(&opaque, VertexStage::Sliced, &locations);
-        let placed = slice.place(&opaque, NAME, PositionInvariance::AsWritten, None);
+        let mut placed = slice.place(&opaque, NAME, PositionInvariance::AsWritten, None);
+        if let Some(extended) = &mut extended {
+            extended.renumber(&mut placed);
+        }
         let mut next = plan.clone();
         let depth = depth_state(&opaque, params, from_light);
         let phase = match from_light {
@@ -258,6 +260,7 @@ impl Pass for Outputs {
             other_view::mark(pass, &of_view);
             pass.view_dependent = follows.unwrap_or_default();
             pass.left_out = dropped.map(|d| d.left_out).unwrap_or_default();
+            check_limits(pass, opaque.pass)?;
         }
         let names: Vec<&str> = list(Some(&params.write)).collect();
         let what = format!("vertex and fragment stage for {}", names.join(", "));
@@ -277,8 +280,7 @@ fn clear_value(wanted: &Wanted) -> ClearValue {
 /// What the words of `write` mean in this material, depths apart.
 fn wanted(
     opaque: &Opaque<'_>,
-    plan: &Plan,
-    (facts, params, said): (&Facts, &Params, &Said),
+    (params, said): (&Params, &Said),
     asked: &[Asked],
 ) -> Result<Vec<Wanted>, Vec<Refusal>> {
     let (mut found, mut refusals) = (Vec::new(), Vec::new());
@@ -286,14 +288,14 @@ fn wanted(
         let (name, shows) = match asked {
             Asked::Depth | Asked::Shadow => continue,
             Asked::Normal => ("normal".to_owned(), normal(opaque, params)),
-            Asked::Velocity => ("velocity".to_owned(), velocity(opaque, plan, facts, params)),
+            Asked::Velocity => ("velocity".to_owned(), velocity(opaque, params)),
             Asked::Distance => (
                 "distance".to_owned(),
                 distance::distance(opaque, params, said),
             ),
             Asked::Id => ("id".to_owned(), Ok(Shows::Id)),
             Asked::Named(name) => (
-                name.replace(['@', '.'], "-"),
+                name.replace(['@', '.', ':'], "-"),
                 names::value(opaque, name)
                     .and_then(|value| calls::single(opaque, value))
                     .map(Shows::Value),
@@ -352,35 +354,16 @@ fn normal(opaque: &Opaque<'_>, params: &Params) -> Result<Shows, Box<Refusal>> {
     let module = opaque.program.module();
     let turned = params.matrix.as_deref();
     let turned = turned.map(|name| names::matrix(module, name)).transpose()?;
-    if params.space.is_some() && turned.is_none() {
-        let reason = format!(
-            "a shader does not say which axes {} refers to, and no matrix is named: {}",
-            value.described(opaque.program),
-            names::matrices(module)
-        );
-        let remedy = refusals::remedy(&refusals::UNKNOWN_SPACE);
-        return Err(Box::new(Refusal::new(
-            NAME,
-            &refusals::UNKNOWN_SPACE,
-            reason,
-            remedy,
-        )));
-    }
     let octahedral = params.octahedral;
     Ok(Shows::Direction(value, Direction { turned, octahedral }))
 }
 
-fn velocity(
-    opaque: &Opaque<'_>,
-    plan: &Plan,
-    facts: &Facts,
-    params: &Params,
-) -> Result<Shows, Box<Refusal>> {
+fn velocity(opaque: &Opaque<'_>, params: &Params) -> Result<Shows, Box<Refusal>> {
     let module = opaque.program.module();
     let still = list(params.still.as_deref());
     let jitter = list(params.jitter.as_deref());
     Ok(Shows::Velocity(Velocity {
-        still: names::still(opaque, &plan.material, facts, still)?,
+        still: names::still(module, still)?,
         moving: names::attributes(opaque, list(params.moving.as_deref()))?,
         jitter: jitter
             .map(|name| names::member(module, name))
@@ -389,16 +372,44 @@ fn velocity(
 }
 
 fn failed(why: &Failed) -> Box<Refusal> {
-    let refusal =
-        |code: &RefusalInfo, reason: String| Refusal::new(NAME, code, reason, code.remedy);
-    Box::new(match why {
+    match why {
         Failed::Type(name) => refusal(
             &refusals::OUTPUT_TYPE,
             format!("no colour target holds values of the type of `{name}`"),
         ),
-        Failed::Previous(why) => refusal(&refusals::NO_PREVIOUS, why.clone()),
-        Failed::Built(why) => Refusal::bug(NAME, why),
-    })
+        Failed::Previous(why) => refusal(&refusals::NO_PREVIOUS, why.as_str()),
+        Failed::Unread(name) => refusal(
+            &refusals::UNREAD_JITTER,
+            format!("the position does not read `{name}`"),
+        ),
+        Failed::Built(why) => Box::new(Refusal::bug(NAME, why)),
+    }
+}
+
+/// Limits of WebGPU that our additions may exceed, in words.
+const LIMITS: [(&str, &str); 4] = [
+    ("maxInterStageShaderVariables", "varyings"),
+    ("maxVertexAttributes", "attributes"),
+    ("maxColorAttachments", "targets"),
+    (
+        "maxColorAttachmentBytesPerSample",
+        "bytes of colour in each pixel",
+    ),
+];
+
+/// Fails if the pass needs more than every device has, and more than the author's own pass.
+fn check_limits(pass: &GpuPass, author: &GpuPass) -> Result<(), Box<Refusal>> {
+    for (limit, what) in LIMITS {
+        let needed = pass.limits.get(limit).copied().unwrap_or(0);
+        if needed <= author.limits.get(limit).copied().unwrap_or(0) {
+            continue;
+        }
+        let most = limits::DEFAULTS.iter().find(|(name, _)| *name == limit);
+        let most = most.map_or(0, |(_, most)| *most);
+        let reason = format!("it needs {needed} {what}, and every device has {most}");
+        return Err(refusal(&refusals::TOO_MANY, reason));
+    }
+    Ok(())
 }
 
 /// The material without what depends on the viewer; `None`: nothing does.
@@ -407,7 +418,7 @@ fn without_viewer(opaque: &Opaque<'_>, said: &Said) -> Result<Option<Dropped>, B
     let follows = view::of_stages(&opaque.graph, stages, said);
     viewer::dropped(opaque, &follows).map_err(|why| match why {
         Stays::Built(why) => Box::new(Refusal::bug(NAME, why)),
-        Stays::Discard(why) => names::refusal(&refusals::VIEWER_DECIDES, why),
+        Stays::Discard(why) => refusal(&refusals::VIEWER_DECIDES, why),
     })
 }
 

@@ -1,9 +1,11 @@
 //! Auxiliary pictures: which values they take, what the previous frame is computed from, and what is
 //! refused.
 
+use std::collections::BTreeSet;
+
 use preshade_passes::outputs::{Outputs, Params};
-use preshade_passes::pass::{Changing, Facts, Pass};
-use preshade_passes::plan::{BindingSource, GpuPass, HostValue, Plan, Role};
+use preshade_passes::pass::{Facts, Pass};
+use preshade_passes::plan::{BindingKind, BindingSource, GpuPass, HostValue, Plan, Role};
 use preshade_passes::state::MaterialState;
 
 use crate::common;
@@ -176,15 +178,8 @@ fn two_normals_are_refused_by_both_names() {
 }
 
 #[test]
-fn a_normal_in_other_axes_needs_a_matrix() {
-    let refused = outputs("outputs:write=normal,space=view").unwrap_err();
-    assert!(refused.starts_with("outputs[unknown-space]"), "{refused}");
-    assert!(
-        refused.contains("`camera.view`") && refused.contains("`model`"),
-        "{refused}"
-    );
-    let plan =
-        outputs("outputs:write=normal,space=view,matrix=camera.view,octahedral=true").unwrap();
+fn a_normal_is_turned_by_a_matrix_and_encoded() {
+    let plan = outputs("outputs:write=normal,matrix=camera.view,octahedral=true").unwrap();
     let text = text(&plan);
     assert!(
         text.contains("octahedral(") && text.contains("camera.view"),
@@ -192,6 +187,11 @@ fn a_normal_in_other_axes_needs_a_matrix() {
     );
     let target = pass(&plan).targets[0].as_ref().unwrap();
     assert_eq!(target.format, "rg16float");
+    let refused = outputs("outputs:write=normal,matrix=camera.eye").unwrap_err();
+    assert!(
+        refused.contains("`camera.view`") && refused.contains("`model`"),
+        "{refused}"
+    );
 }
 
 #[test]
@@ -237,8 +237,7 @@ fn velocity_keeps_copies_of_what_the_position_reads() {
     assert!(!text.contains("previous_previous"), "{text}");
     // Each copy has a number of its own.
     let numbers = pass(&plan).bindings.iter().map(|b| (b.group, b.binding));
-    let mut numbers: Vec<_> = numbers.collect();
-    numbers.dedup();
+    let numbers: BTreeSet<_> = numbers.collect();
     assert_eq!(numbers.len(), pass(&plan).bindings.len());
     let plan = outputs("outputs:write=velocity,static=model").unwrap();
     assert_eq!(previous(&plan), ["camera"]);
@@ -246,20 +245,24 @@ fn velocity_keeps_copies_of_what_the_position_reads() {
     assert!(refused.contains("name the variable `camera`"), "{refused}");
 }
 
+/// A scene's frames move no object, so they do not say what is static.
 #[test]
-fn uniforms_that_were_measured_not_to_change_have_no_copy() {
-    let changing = |binding| Changing {
-        material: "test".to_owned(),
-        group: 0,
-        binding,
-        member: Some("view_proj".to_owned()),
-    };
+fn facts_of_a_scene_leave_no_copy_out() {
     let facts = Facts {
-        changing: Some(vec![changing(0)]),
+        changing: Some(Vec::new()),
         ..Facts::default()
     };
     let plan = with_facts(SHADER, "outputs:write=velocity", &facts).unwrap();
-    assert_eq!(previous(&plan), ["camera"]);
+    assert_eq!(previous(&plan), ["camera", "model"]);
+}
+
+/// The text of a function. What a slice cuts has a suffix.
+fn body<'t>(text: &'t str, function: &str) -> &'t str {
+    let whole = text.find(&format!("fn {function}("));
+    let cut = || text.find(&format!("fn {function}_outputs("));
+    let start = whole.or_else(cut).unwrap();
+    let end = text[start..].find("\n}").unwrap();
+    &text[start..start + end]
 }
 
 #[test]
@@ -267,11 +270,106 @@ fn jitter_counts_as_zero_in_both_frames() {
     let plan = outputs("outputs:write=velocity,jitter=camera.jitter").unwrap();
     let text = text(&plan);
     // The position that is drawn has it.
-    assert!(text.contains("camera.jitter.x"), "{text}");
+    assert!(body(&text, "clip_of").contains("camera.jitter.x"), "{text}");
+    for (function, own) in [
+        ("position_unjittered", "camera_unjittered"),
+        ("position_previous", "camera_previous_unjittered"),
+    ] {
+        let body = body(&text, function);
+        let zero = format!("{own}.jitter = vec2<f32>();");
+        assert!(body.contains(&zero), "{text}");
+        assert!(text.contains(&format!("= {function}")), "{text}");
+    }
+    let read = text.matches("camera.jitter").count();
+    assert_eq!(read, 2, "{text}");
     assert!(!text.contains("camera_previous.jitter"), "{text}");
-    let is_called = |name: &str| text.contains(&format!("= {name}(position, offset)"));
-    assert!(is_called("position_steady_outputs"), "{text}");
-    assert!(is_called("position_previous_outputs"), "{text}");
+}
+
+const JITTERED: &str = "
+struct Camera { view_proj: mat4x4<f32>, jitter: array<vec4<f32>, 4>, frame: u32 }
+struct Frame { camera: Camera, lights: array<vec4<f32>, 4> }
+@group(0) @binding(0) var<uniform> frame: Frame;
+fn shift(c: Camera) -> vec2<f32> { return c.jitter[c.frame].xy; }
+@vertex fn vs(@location(0) position: vec3<f32>) -> @builtin(position) vec4<f32> {
+    var clip = frame.camera.view_proj * vec4(position, 1.0);
+    clip += vec4(SHIFT * clip.w, 0.0, 0.0);
+    return clip;
+}
+@fragment fn fs() -> @location(0) vec4<f32> { return frame.lights[1]; }";
+
+/// Whatever way the shader takes to its jitter: only the position that is drawn takes it from the
+/// buffer.
+#[test]
+fn jitter_is_left_out_of_copies_arguments_pointers_and_arrays() {
+    for shift in [
+        "frame.camera.jitter[frame.camera.frame].xy",
+        "shift(frame.camera)",
+        "through(frame)",
+        "behind()",
+    ] {
+        let shader = JITTERED.replace("SHIFT", shift)
+            + "fn through(f: Frame) -> vec2<f32> { var local = f; return local.camera.jitter[1].xy; }
+            fn behind() -> vec2<f32> {
+                let jitter = &frame.camera.jitter;
+                return (*jitter)[frame.camera.frame].xy;
+            }";
+        let recipe = "outputs:write=velocity,jitter=frame.camera.jitter";
+        let plan = with_facts(&shader, recipe, &Facts::default()).unwrap();
+        let text = text(&plan);
+        for function in ["position_unjittered", "position_previous"] {
+            let body = body(&text, function);
+            let (first, rest) = body
+                .split_once(".camera.jitter = array<vec4<f32>, 4>();")
+                .unwrap();
+            assert!(first.contains("_unjittered = "), "{text}");
+            assert!(
+                !rest.contains(" frame.") && !rest.contains(" frame_previous."),
+                "{text}"
+            );
+        }
+    }
+    let recipe = "outputs:write=velocity,jitter=frame.lights";
+    let refused = with_facts(
+        &JITTERED.replace("SHIFT", "vec2(0.0)"),
+        recipe,
+        &Facts::default(),
+    );
+    let refused = refused.unwrap_err();
+    assert!(refused.starts_with("outputs[unread-jitter]"), "{refused}");
+    assert!(refused.contains("`frame.lights`"), "{refused}");
+}
+
+#[test]
+fn push_constants_with_an_array_are_copied_to_a_storage_buffer() {
+    for (extra, kind) in [
+        ("array<f32, 3>", BindingKind::StorageRead),
+        ("vec4<f32>", BindingKind::Uniform),
+    ] {
+        let shader = format!(
+            "struct Camera {{ view_proj: mat4x4<f32>, w: {extra} }}
+            var<immediate> camera: Camera;
+            @vertex fn vs(@location(0) p: vec3<f32>) -> @builtin(position) vec4<f32> {{
+                return camera.view_proj * vec4(p * camera.w[2], 1.0);
+            }}
+            @fragment fn fs() -> @location(0) vec4<f32> {{ return vec4(1.0); }}"
+        );
+        let plan = with_facts(&shader, "outputs:write=velocity", &Facts::default()).unwrap();
+        let copy = &pass(&plan).bindings[0];
+        assert_eq!((copy.kind, previous(&plan)), (kind, vec!["camera"]));
+    }
+}
+
+/// Names of the author's that look like ours stay the author's.
+#[test]
+fn functions_that_end_like_ours_keep_their_names() {
+    let shader = SHADER.replace("clip_of", "clip_previous");
+    let plan = with_facts(&shader, "outputs:write=velocity", &Facts::default()).unwrap();
+    let text = text(&plan);
+    assert!(
+        body(&text, "clip_previous").contains("camera.view_proj"),
+        "{text}"
+    );
+    assert!(!text.contains("fn function"), "{text}");
 }
 
 #[test]
@@ -279,9 +377,149 @@ fn attributes_that_move_have_a_copy() {
     let plan = outputs("outputs:write=velocity,moving=offset").unwrap();
     let attributes = pass(&plan).attributes.iter();
     let attributes: Vec<_> = attributes.map(|a| (a.location, a.previous_of)).collect();
-    assert_eq!(attributes, [(0, None), (2, None), (3, None), (4, Some(3))]);
+    // The slice reads no normal, so its number is free.
+    assert_eq!(attributes, [(0, None), (1, Some(3)), (2, None), (3, None)]);
     let refused = outputs("outputs:write=velocity,moving=offsets").unwrap_err();
     assert!(refused.starts_with("outputs[no-such-name]"), "{refused}");
+}
+
+/// `count` varyings and attributes from `first` on, which decide the coverage if `reads`.
+fn with_locations(first: u32, count: u32, reads: bool) -> String {
+    let all = || first..first + count;
+    let list = |of: &dyn Fn(u32) -> String| all().map(of).collect::<Vec<_>>().join(", ");
+    let sum = |of: &str| {
+        let terms = all().map(|i| format!("{of}{i}"));
+        terms.collect::<Vec<_>>().join(" + ")
+    };
+    let cut = if reads {
+        "if sum.x < 0.5 { discard; }"
+    } else {
+        ""
+    };
+    format!(
+        "@group(0) @binding(0) var<uniform> view_proj: mat4x4<f32>;
+        struct Varyings {{ @builtin(position) clip: vec4<f32>, {} }}
+        @vertex fn vs({}) -> Varyings {{ return Varyings(view_proj * ({}), {}); }}
+        @fragment fn fs(in: Varyings) -> @location(0) vec4<f32> {{
+            let sum = {};
+            {cut}
+            return sum;
+        }}",
+        list(&|i| format!("@location({i}) v{i}: vec4<f32>")),
+        list(&|i| format!("@location({i}) a{i}: vec4<f32>")),
+        sum("a"),
+        list(&|i| format!("a{i}")),
+        sum("in.v"),
+    )
+}
+
+#[test]
+fn locations_that_the_slice_leaves_free_are_taken_first() {
+    let made = |shader: &str, recipe: &'static str| with_facts(shader, recipe, &Facts::default());
+    let plan = made(
+        &with_locations(15, 1, false),
+        "outputs:write=velocity,moving=a15",
+    )
+    .unwrap();
+    let text = text(&plan);
+    assert!(text.contains("@location(0) clip_now"), "{text}");
+    assert!(text.contains("@location(1) clip_before"), "{text}");
+    let attributes = pass(&plan).attributes.iter();
+    let attributes: Vec<_> = attributes.map(|a| (a.location, a.previous_of)).collect();
+    assert_eq!(attributes, [(0, Some(15)), (15, None)]);
+    assert!(pass(&plan).limits.is_empty(), "{:?}", pass(&plan).limits);
+}
+
+#[test]
+fn more_than_every_device_has_is_refused_by_its_number() {
+    for (shader, recipe, needed) in [
+        (
+            with_locations(0, 16, true),
+            "outputs:write=velocity",
+            "18 varyings",
+        ),
+        (with_locations(0, 15, true), "outputs:write=id", ""),
+        (
+            with_locations(0, 14, false),
+            "outputs:write=velocity,moving=a0+a1+a2",
+            "17 attributes",
+        ),
+        (
+            with_locations(0, 9, false),
+            "outputs:write=in.v0+in.v1+in.v2,precision=full",
+            "48 bytes of colour",
+        ),
+        (
+            with_locations(0, 9, false),
+            "outputs:write=in.v0+in.v1+in.v2+in.v3+in.v4+in.v5+in.v6+in.v7+in.v8",
+            "9 targets",
+        ),
+    ] {
+        match with_facts(&shader, recipe, &Facts::default()) {
+            Ok(_) => assert_eq!(needed, "", "{recipe}"),
+            Err(refused) => {
+                assert!(refused.starts_with("outputs[too-many]"), "{refused}");
+                assert!(!needed.is_empty() && refused.contains(needed), "{refused}");
+            }
+        }
+    }
+}
+
+const NAMED: &str = "
+@group(0) @binding(0) var<uniform> view_proj: mat4x4<f32>;
+struct Varyings { @builtin(position) clip: vec4<f32>, @location(0) uv: vec2<f32> }
+@vertex fn vs(@location(0) p: vec3<f32>) -> Varyings {
+    return Varyings(view_proj * vec4(p, 1.0), p.xy);
+}
+@fragment fn fs(in: Varyings) -> @location(0) vec4<f32> {
+    var turn = mat2x2<f32>(1.0, 0.5, 0.25, 1.0);
+    var knots = array<f32, 3>(1.0, 2.0, 3.0);
+    let left = in.uv < vec2(0.5);
+    let wet = left.x;
+    var tone = in.uv.x;
+    if wet { var tone = in.uv.y; tone *= 2.0; knots[1] = tone; }
+    return vec4(turn * in.uv * tone, knots[i32(in.uv.x)], f32(left.y));
+}";
+
+#[test]
+fn truth_values_are_written_as_numbers() {
+    let named = |recipe: &'static str| with_facts(NAMED, recipe, &Facts::default());
+    for (recipe, format, written) in [
+        ("outputs:write=wet", "r32uint", "u32(wet)"),
+        ("outputs:write=left", "rg32uint", "vec2<u32>(left)"),
+    ] {
+        let plan = named(recipe).unwrap();
+        let target = pass(&plan).targets[0].as_ref().unwrap();
+        assert_eq!(target.format, format);
+        let text = text(&plan);
+        assert!(text.contains(written), "{text}");
+    }
+}
+
+#[test]
+fn a_value_without_a_target_is_refused_for_its_type() {
+    let named = |recipe: &'static str| with_facts(NAMED, recipe, &Facts::default()).unwrap_err();
+    for (recipe, what) in [
+        ("outputs:write=turn", "`turn@fs` (matrix"),
+        ("outputs:write=knots", "`knots@fs` (array"),
+    ] {
+        let refused = named(recipe);
+        assert!(refused.starts_with("outputs[output-type]"), "{refused}");
+        assert!(refused.contains(what), "{refused}");
+    }
+}
+
+#[test]
+fn a_shadowed_name_is_told_apart_by_its_line() {
+    let named = |recipe: &'static str| with_facts(NAMED, recipe, &Facts::default());
+    let refused = named("outputs:write=tone").unwrap_err();
+    assert!(
+        refused.contains("`tone@fs:12`") && refused.contains("`tone@fs:13`"),
+        "{refused}"
+    );
+    for recipe in ["outputs:write=tone@fs:12", "outputs:write=tone:13"] {
+        named(recipe).unwrap_or_else(|why| panic!("{recipe}: {why}"));
+    }
 }
 
 #[test]

@@ -18,7 +18,7 @@ use crate::measure::{
     shadow, slivers, subject::Subject,
 };
 use crate::render::{Gpu, Rendered, SelfTestResult, self_test};
-use crate::scene::Frame;
+use crate::scene::{Draw, Frame};
 
 /// How often the original is drawn again before a variant is called broken.
 const REDRAWS: usize = 8;
@@ -333,7 +333,12 @@ impl<'a> Measurement<'a> {
     ) {
         let drawn = variant.plans.iter().filter(|p| outputs::has_outputs(p));
         let invariant = drawn.into_iter().all(shadow::has_invariant_position);
-        let measured = outputs::measure(session, session.scene(), variant, settings);
+        let scene = session.scene();
+        let allows = |before: &Draw, now: &Draw| {
+            outputs::allowed(scene, session.originals(), variant, before, now)
+        };
+        let earlier = outputs::earlier(scene, &allows);
+        let measured = outputs::measure(session, &earlier, variant, settings);
         let verdict = match measured {
             Ok(report) => self.report.outputs.insert(report).verdict(invariant),
             Err(error) => Verdict::NotMeasured {

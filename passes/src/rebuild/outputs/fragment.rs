@@ -8,7 +8,7 @@ use naga::{
 use super::capture::Captured;
 use super::vertex::{self, member};
 use super::{Direction, Distance, Extending, Failed, Member, Shows, Surface};
-use super::{Varying, Varyings, Wanted, buffer};
+use super::{Varying, Varyings, Wanted, buffer, returned};
 use crate::core::plan::HostValue;
 use crate::core::reflect;
 use crate::rebuild::color::{empty_fragment, location};
@@ -60,8 +60,8 @@ struct Measured {
 /// How a value fills a target.
 #[derive(Clone, Copy, Debug)]
 struct Widened {
-    /// Half floats become floats first.
-    from_half: bool,
+    /// Half floats become floats first, and truth values 0 and 1.
+    to: Option<ScalarKind>,
     /// The type of four components that one of three is filled up to with 1.
     filled: Option<(Handle<Type>, ScalarKind)>,
 }
@@ -110,17 +110,17 @@ impl Extending<'_, '_> {
         let is_single = members.len() == 1;
         let function = &mut self.module.entry_points[entry].function;
         function.result = Some(result.clone());
-        returns::rewrite(function, &mut |writer, returned| {
+        returns::rewrite(function, &mut |writer, own| {
             let mut components: Vec<_> = ready
                 .iter()
                 .zip(&types)
                 .map(|(ready, ty)| ready.write(writer, *ty))
                 .collect();
             if let Some((index, _)) = depth {
-                let base = returned?;
+                let own = own?;
                 components.push(match index {
-                    Some(index) => writer.expression(Expression::AccessIndex { base, index }),
-                    None => base,
+                    Some(index) => returned(writer, own, index),
+                    None => own,
                 });
             }
             match is_single {
@@ -183,7 +183,7 @@ impl Extending<'_, '_> {
                 };
                 let format = format(&inner, wanted.full);
                 let format = format.ok_or_else(|| Failed::Type(value.name.clone()))?;
-                let ready = Ready::Direction(captured, vec3, *direction, encode);
+                let ready = Ready::Direction(captured, vec3, direction.clone(), encode);
                 (ready, self.ty(inner), format)
             }
             Shows::Velocity(_) => {
@@ -242,21 +242,22 @@ impl Extending<'_, '_> {
                 (Captured::Argument(argument, Vec::new()), !is_point)
             }
         };
-        let light = distance.light.unwrap_or_else(|| {
-            let four = self.ty(TypeInner::Vector {
+        let light = distance.light.clone().unwrap_or_else(|| {
+            let ty = self.ty(TypeInner::Vector {
                 size: VectorSize::Quad,
                 scalar: Scalar::F32,
             });
-            (
-                self.host_uniform("point_light", four, HostValue::PointLight),
-                None,
-            )
+            Member {
+                global: self.host_uniform("point_light", ty, HostValue::PointLight),
+                steps: Vec::new(),
+                ty,
+            }
         });
         Some(Measured {
             from,
-            of_four: [from_four, is_four(type_of(&self.module, light))],
+            of_four: [from_four, is_four(&self.module.types[light.ty].inner)],
             light,
-            range: distance.range,
+            range: distance.range.clone(),
             is_divided: distance.is_divided(),
         })
     }
@@ -272,14 +273,16 @@ impl Extending<'_, '_> {
         arguments.len() as u32 - 1
     }
 
-    /// The type that a target takes for a value. There are no targets of three components, nor of
-    /// half floats.
+    /// The type that a target takes for a value. No target has three components, half floats or
+    /// truth values.
     fn widen(&mut self, inner: &TypeInner) -> (TypeInner, Widened) {
         let mut scalar = inner.scalar().unwrap_or(Scalar::F32);
-        let from_half = scalar == Scalar::F16;
-        if from_half {
-            scalar = Scalar::F32;
-        }
+        let to = match scalar {
+            Scalar::F16 => Some(Scalar::F32),
+            Scalar::BOOL => Some(Scalar::U32),
+            _ => None,
+        };
+        scalar = to.unwrap_or(scalar);
         let (inner, is_filled) = match inner {
             TypeInner::Vector { size, .. } => {
                 let is_filled = *size == VectorSize::Tri;
@@ -290,7 +293,13 @@ impl Extending<'_, '_> {
         };
         let ty = self.ty(inner.clone());
         let filled = is_filled.then_some((ty, scalar.kind));
-        (inner, Widened { from_half, filled })
+        (
+            inner,
+            Widened {
+                to: to.map(|scalar| scalar.kind),
+                filled,
+            },
+        )
     }
 }
 
@@ -321,7 +330,7 @@ impl Ready {
             }
             Self::Direction(captured, vec3, direction, encode) => {
                 let read = captured.read(writer);
-                let value = match direction.turned {
+                let value = match &direction.turned {
                     Some(matrix) => turned(writer, read, matrix, *vec3),
                     None => read,
                 };
@@ -340,7 +349,8 @@ impl Ready {
             Self::Id(instance, draw, ty) => {
                 let instance = writer.expression(Expression::FunctionArgument(*instance));
                 let mut append = |e| writer.expression(e);
-                let draw = buffer(&mut append, (*draw, None));
+                let draw = append(Expression::GlobalVariable(*draw));
+                let draw = append(Expression::Load { pointer: draw });
                 writer.expression(Expression::Compose {
                     ty: *ty,
                     components: vec![draw, instance],
@@ -367,7 +377,7 @@ impl Measured {
             });
             arg = binary(writer, BinaryOperator::Divide, three, w);
         }
-        let light = buffer(&mut |e| writer.expression(e), self.light);
+        let light = buffer(&mut |e| writer.expression(e), &self.light);
         let arg1 = match self.of_four[1] {
             true => vertex::three(writer, light, [X, Y, Z, W]),
             false => light,
@@ -382,7 +392,7 @@ impl Measured {
         if !self.is_divided {
             return distance;
         }
-        let range = match self.range {
+        let range = match &self.range {
             Some(range) => buffer(&mut |e| writer.expression(e), range),
             None => writer.expression(Expression::AccessIndex {
                 base: light,
@@ -390,17 +400,6 @@ impl Measured {
             }),
         };
         binary(writer, BinaryOperator::Divide, distance, range)
-    }
-}
-
-/// The type of a buffer, or of a member of it.
-pub fn type_of(module: &naga::Module, (variable, member): Member) -> &TypeInner {
-    let inner = &module.types[module.global_variables[variable].ty].inner;
-    match (inner, member) {
-        (TypeInner::Struct { members, .. }, Some(index)) => {
-            &module.types[members[index as usize].ty].inner
-        }
-        _ => inner,
     }
 }
 
@@ -419,10 +418,10 @@ fn widen(
     mut value: Handle<Expression>,
     widened: Widened,
 ) -> Handle<Expression> {
-    if widened.from_half {
+    if let Some(kind) = widened.to {
         value = writer.expression(Expression::As {
             expr: value,
-            kind: ScalarKind::Float,
+            kind,
             convert: Some(4),
         });
     }
@@ -442,7 +441,7 @@ fn widen(
 fn turned(
     writer: &mut FunctionWriter,
     value: Handle<Expression>,
-    matrix: Member,
+    matrix: &Member,
     vec3: Handle<Type>,
 ) -> Handle<Expression> {
     let mut append = |e| writer.expression(e);

@@ -11,17 +11,19 @@ use naga::{
 use crate::analysis::authored::Authored;
 use crate::analysis::opaque::Opaque;
 use crate::analysis::world::World;
+use crate::core::mapping;
 use crate::core::plan::{AttributeUse, BindingSource, HostValue};
 use crate::core::program::Program;
 use crate::core::reflect;
+use crate::rebuild::depth_only::Placed;
+use crate::rebuild::writer::FunctionWriter;
 
 mod apart;
 mod capture;
 mod fragment;
+mod numbers;
 mod previous;
 mod vertex;
-
-pub use fragment::type_of;
 
 /// A picture to write.
 #[derive(Clone, Debug)]
@@ -52,16 +54,16 @@ pub enum Shows {
 }
 
 /// How a direction is written.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Direction {
-    /// A matrix in a buffer that turns it first: the variable, and a member of it.
+    /// A matrix in a buffer that turns it first.
     pub turned: Option<Member>,
     /// Whether it is encoded in two numbers.
     pub octahedral: bool,
 }
 
-/// A buffer, or a member of one.
-pub type Member = (Handle<GlobalVariable>, Option<u32>);
+/// A buffer, or a part of one.
+pub type Member = mapping::Place;
 
 /// What a distance is measured between.
 #[derive(Clone, Debug)]
@@ -91,7 +93,7 @@ pub struct Velocity {
     pub still: BTreeSet<Handle<GlobalVariable>>,
     /// Locations of attributes that change.
     pub moving: BTreeSet<u32>,
-    /// Members of uniforms, or uniforms, that are taken as 0 in both frames.
+    /// Buffers, or parts of them, that are taken as 0 in both frames.
     pub jitter: Vec<Member>,
 }
 
@@ -108,6 +110,8 @@ pub struct Extended {
     pub bindings: BTreeMap<(u32, u32), BindingSource>,
     /// Attributes of the previous frame: location, and that of the author's.
     pub attributes: BTreeMap<u32, u32>,
+    /// The first locations of varyings and of attributes that are not the author's.
+    first: [u32; 2],
 }
 
 /// Why a material cannot be extended.
@@ -117,6 +121,8 @@ pub enum Failed {
     Type(String),
     /// The position of the previous frame cannot be computed, for this reason.
     Previous(String),
+    /// The position does not read this jitter.
+    Unread(String),
     /// The result is invalid: a bug.
     Built(String),
 }
@@ -159,6 +165,7 @@ pub fn extend(opaque: &Opaque<'_>, wanted: &[Wanted]) -> Result<Extended, Failed
         bindings: BTreeMap::new(),
         attributes: BTreeMap::new(),
     };
+    let first = [extending.free_location(), extending.free_attribute()];
     let wanted = extending.apart(wanted)?;
     let varyings = extending.vertex_stage(&wanted)?;
     let (fragment, formats) = extending.fragment_stage(&wanted, &varyings)?;
@@ -169,6 +176,7 @@ pub fn extend(opaque: &Opaque<'_>, wanted: &[Wanted]) -> Result<Extended, Failed
         formats,
         bindings: extending.bindings,
         attributes: extending.attributes,
+        first,
     })
 }
 
@@ -188,6 +196,18 @@ impl Distance {
 }
 
 impl Extended {
+    /// Gives our varyings and attributes the first locations that the author's leave free: the
+    /// slice needs few of the author's.
+    pub fn renumber(&mut self, placed: &mut Placed) {
+        let [varying, attribute] = self.first;
+        numbers::varyings(placed, varying);
+        let to = numbers::attributes(placed, attribute);
+        let attributes = self.attributes.iter();
+        self.attributes = attributes
+            .map(|(location, of)| (to.get(location).copied().unwrap_or(*location), *of))
+            .collect();
+    }
+
     /// Marks the attributes of the previous frame.
     pub fn mark(&self, attributes: &mut [AttributeUse]) {
         for attribute in attributes {
@@ -222,6 +242,17 @@ impl Extending<'_, '_> {
         let all = outputs.into_iter().chain(inputs.into_iter().flatten());
         let locations = all.filter_map(|io| location_of(io.binding.as_ref()));
         locations.max().map_or(0, |most| most + 1)
+    }
+
+    /// The first location behind those of the author's attributes.
+    fn free_attribute(&self) -> u32 {
+        let module = &self.module;
+        let function = &module.entry_points[self.opaque.vertex].function;
+        let inputs = reflect::inputs(module, function);
+        let taken = inputs
+            .iter()
+            .filter_map(|io| location_of(io.binding.as_ref()));
+        taken.max().map_or(0, |most| most + 1)
     }
 
     /// The first binding behind all others of a group.
@@ -283,15 +314,36 @@ fn is_position(binding: Option<&Binding>) -> bool {
     matches!(binding, Some(Binding::BuiltIn(BuiltIn::Position { .. })))
 }
 
-/// The expression of a buffer, or of a member of it.
+/// A pointer to a part of a variable.
+fn pointer(
+    append: &mut dyn FnMut(Expression) -> Handle<Expression>,
+    variable: Handle<GlobalVariable>,
+    steps: &[usize],
+) -> Handle<Expression> {
+    let whole = append(Expression::GlobalVariable(variable));
+    steps.iter().fold(whole, |base, step| {
+        let index = *step as u32;
+        append(Expression::AccessIndex { base, index })
+    })
+}
+
+/// The value of a buffer, or of a part of it.
 fn buffer(
     append: &mut dyn FnMut(Expression) -> Handle<Expression>,
-    (variable, member): Member,
+    member: &Member,
 ) -> Handle<Expression> {
-    let base = append(Expression::GlobalVariable(variable));
-    let pointer = match member {
-        Some(index) => append(Expression::AccessIndex { base, index }),
-        None => base,
-    };
+    let pointer = pointer(append, member.global, &member.steps);
     append(Expression::Load { pointer })
+}
+
+/// A member of a returned struct.
+fn returned(
+    writer: &mut FunctionWriter,
+    value: Handle<Expression>,
+    index: u32,
+) -> Handle<Expression> {
+    match &writer.function.expressions[value] {
+        Expression::Compose { components, .. } => components[index as usize],
+        _ => writer.expression(Expression::AccessIndex { base: value, index }),
+    }
 }

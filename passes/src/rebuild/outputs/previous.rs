@@ -3,23 +3,57 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use naga::{
-    AddressSpace, Expression, Function, GlobalVariable, Handle, Module, StorageAccess, Type,
-    TypeInner,
+    AddressSpace, Expression, Function, GlobalVariable, Handle, Module, Span, Statement,
+    StorageAccess, Type, TypeInner,
 };
 
-use super::{Extending, Failed, Member, Velocity, location_of};
+use super::{Extending, Failed, Member, Velocity, pointer};
+use crate::core::calls;
+use crate::core::mapping::name_of;
 use crate::core::plan::BindingSource;
-use crate::core::{calls, reflect};
 use crate::graph::FunctionId;
 use crate::rebuild::ahead::Ahead;
-use crate::rebuild::place::{self, Replacement, Rewrite};
+use crate::rebuild::place::{self, CodeBuilder, Rewrite};
+use crate::rebuild::remap;
 use crate::slice::{self, Criterion, OutputFilter, Slice};
 
 /// Suffix of the copies of functions and buffers.
 const PREVIOUS: &str = "previous";
 
-/// Suffix of the functions without jitter.
-const STEADY: &str = "steady";
+/// Suffix of the functions without jitter, and of the variables that they read.
+const UNJITTERED: &str = "unjittered";
+
+/// Buffers in place of the author's.
+type Buffers = BTreeMap<Handle<GlobalVariable>, Handle<GlobalVariable>>;
+
+/// A private copy of a buffer, whose jitter is 0. The position functions read it in place of the
+/// buffer, so pointers, copies, calls and dynamic indices need no care.
+struct Unjittered<'j> {
+    variable: Handle<GlobalVariable>,
+    of: Handle<GlobalVariable>,
+    jitter: Vec<&'j Member>,
+}
+
+impl Unjittered<'_> {
+    /// Fills the copy.
+    fn fill(&self, build: &mut CodeBuilder<'_>) {
+        let of = build.expression(Expression::GlobalVariable(self.of));
+        let value = build.expression(Expression::Load { pointer: of });
+        let copy = build.expression(Expression::GlobalVariable(self.variable));
+        build.statement(Statement::Store {
+            pointer: copy,
+            value,
+        });
+        for jitter in &self.jitter {
+            let zero = build.expression(Expression::ZeroValue(jitter.ty));
+            let pointer = pointer(&mut |e| build.expression(e), self.variable, &jitter.steps);
+            build.statement(Statement::Store {
+                pointer,
+                value: zero,
+            });
+        }
+    }
+}
 
 impl Extending<'_, '_> {
     /// Functions that compute the position now and in the previous frame. The first is `None` where
@@ -31,14 +65,14 @@ impl Extending<'_, '_> {
         let opaque = self.opaque;
         let position = [Criterion::Output(OutputFilter::Position)];
         let slice = slice::backward(&opaque.graph, opaque.vertex, &position);
-        let steady = !velocity.jitter.is_empty();
-        let now = steady
-            .then(|| self.position(&slice, STEADY, &BTreeMap::new(), &velocity.jitter))
+        let has_jitter = !velocity.jitter.is_empty();
+        let now = has_jitter
+            .then(|| self.position(&slice, UNJITTERED, &Buffers::new(), &velocity.jitter))
             .transpose()?;
         let buffers = self.previous_buffers(&slice, &velocity.still)?;
         let mut before = self.position(&slice, PREVIOUS, &buffers, &velocity.jitter)?;
         let to = self.previous_attributes(&velocity.moving);
-        before.relocate(&|location| to.get(&location).copied().unwrap_or(location));
+        before.relocate(&to, PREVIOUS);
         Ok((now, before))
     }
 
@@ -47,39 +81,47 @@ impl Extending<'_, '_> {
         &mut self,
         slice: &Slice,
         suffix: &str,
-        buffers: &BTreeMap<Handle<GlobalVariable>, Handle<GlobalVariable>>,
+        buffers: &Buffers,
         jitter: &[Member],
     ) -> Result<Ahead, Failed> {
         let graph = &self.opaque.graph;
         let name = format!("position_{suffix}");
+        let authors = self.module.functions.len();
         let (mut module, mut ahead) = Ahead::add(graph, slice, &self.module, &name, suffix)
             .ok_or_else(|| Failed::Built("the position is no function".to_owned()))?;
         let original = ahead.function;
         let mut called = calls::called(&module, &module.functions[original].body);
         called.insert(original);
+        check_jitter(&module, &called, jitter)?;
+        let unjittered = unjittered(&mut module, buffers, jitter)?;
+        let mut instead = buffers.clone();
+        instead.extend(unjittered.iter().map(|(of, copy)| (*of, copy.variable)));
         let reads = |function: &Function| {
-            let read = |v| buffers.contains_key(v) || jitter.iter().any(|(j, _)| j == v);
             let mut all = function.expressions.iter();
-            all.any(|(_, e)| matches!(e, Expression::GlobalVariable(v) if read(v)))
+            all.any(|(_, e)| matches!(e, Expression::GlobalVariable(v) if instead.contains_key(v)))
         };
-        let copies = place::copy_called(&mut module, &called, suffix, &reads, &mut |_| {});
-        for copy in copies.values() {
-            module = without_jitter(&module, *copy, jitter);
-            for (_, expression) in module.functions[*copy].expressions.iter_mut() {
+        let copies = place::copy_called(&mut module, &called, suffix, &reads, &mut |function| {
+            for (_, expression) in function.expressions.iter_mut() {
                 if let Expression::GlobalVariable(variable) = expression
-                    && let Some(other) = buffers.get(variable)
+                    && let Some(other) = instead.get(variable)
                 {
                     *variable = *other;
                 }
             }
-        }
+        });
         ahead.function = copies.get(&original).copied().unwrap_or(original);
-        let own = format!("_{suffix}");
+        if !unjittered.is_empty() {
+            let function = FunctionId::Function(ahead.function);
+            module = place::rewritten(&module, function, |build| {
+                unjittered.values().for_each(|copy| copy.fill(build));
+                Rewrite::default()
+            });
+        }
         for (original, copy) in copies {
             // A part of our own slice, which nothing else calls, leaves its name to its copy.
-            let name = &mut module.functions[original].name;
-            if let Some(name) = name.take_if(|name| name.ends_with(&own)) {
-                module.functions[copy].name = Some(name);
+            if original.index() >= authors {
+                let name = module.functions[original].name.take();
+                module.functions[copy].name = name;
             }
         }
         self.module = module;
@@ -91,8 +133,8 @@ impl Extending<'_, '_> {
         &mut self,
         slice: &Slice,
         still: &BTreeSet<Handle<GlobalVariable>>,
-    ) -> Result<BTreeMap<Handle<GlobalVariable>, Handle<GlobalVariable>>, Failed> {
-        let mut copies = BTreeMap::new();
+    ) -> Result<Buffers, Failed> {
+        let mut copies = Buffers::new();
         for original in slice.globals.iter().filter(|g| !still.contains(g)) {
             let variable = self.module.global_variables[*original].clone();
             let of = variable.name.clone().unwrap_or_default();
@@ -116,7 +158,12 @@ impl Extending<'_, '_> {
             let copy = GlobalVariable {
                 name: variable.name.map(|name| format!("{name}_{PREVIOUS}")),
                 space: match variable.space {
-                    AddressSpace::Immediate => AddressSpace::Uniform,
+                    AddressSpace::Immediate if is_uniform(&self.module, variable.ty) => {
+                        AddressSpace::Uniform
+                    }
+                    AddressSpace::Immediate => AddressSpace::Storage {
+                        access: StorageAccess::LOAD,
+                    },
                     space => space,
                 },
                 binding: Some(at),
@@ -130,97 +177,84 @@ impl Extending<'_, '_> {
 
     /// New locations for the attributes that change.
     fn previous_attributes(&mut self, moving: &BTreeSet<u32>) -> BTreeMap<u32, u32> {
-        let module = &self.module;
-        let function = &module.entry_points[self.opaque.vertex].function;
-        let inputs = reflect::inputs(module, function);
-        let taken = inputs
+        let to: BTreeMap<u32, u32> = moving
             .iter()
-            .filter_map(|io| location_of(io.binding.as_ref()));
-        let first = taken.max().map_or(0, |most| most + 1);
-        let to: BTreeMap<u32, u32> = moving.iter().copied().zip(first..).collect();
+            .copied()
+            .zip(self.free_attribute()..)
+            .collect();
         self.attributes
             .extend(to.iter().map(|(of, location)| (*location, *of)));
         to
     }
 }
 
-/// A function with 0 in place of the `jitter` that it reads.
-fn without_jitter(module: &Module, function: Handle<Function>, jitter: &[Member]) -> Module {
-    let original = &module.functions[function];
-    let mut zeros: Vec<(Handle<Expression>, TypeInner)> = Vec::new();
-    for (e, _) in original.expressions.iter() {
-        let Some((variable, path)) = path_to(original, e) else {
-            continue;
-        };
-        let is_jitter = |(of, member): &Member| {
-            *of == variable && member.is_none_or(|m| path.first() == Some(&m))
-        };
-        if is_of_value(original, e) && jitter.iter().any(is_jitter) {
-            let ty = module.global_variables[variable].ty;
-            zeros.extend(type_at(module, ty, &path).map(|inner| (e, inner)));
-        }
-    }
-    if zeros.is_empty() {
-        return module.clone();
-    }
-    place::rewritten(module, FunctionId::Function(function), |build| {
-        let replaced = zeros.into_iter().map(|(e, inner)| {
-            let ty = build.ty(inner);
-            let zero = build.expression(Expression::ZeroValue(ty));
-            (e, Replacement::Value(zero))
-        });
-        Rewrite {
-            replacements: replaced.collect(),
-            arguments: BTreeMap::new(),
-        }
+/// Fails if no function of the position reads a jitter.
+fn check_jitter(
+    module: &Module,
+    called: &BTreeSet<Handle<Function>>,
+    jitter: &[Member],
+) -> Result<(), Failed> {
+    let functions = called.iter().map(|f| &module.functions[*f]);
+    let read: Vec<_> = functions.flat_map(remap::parts_read).collect();
+    let is_read = |jitter: &Member| {
+        read.iter().any(|(global, steps)| {
+            let meets = steps.starts_with(&jitter.steps) || jitter.steps.starts_with(steps);
+            *global == jitter.global && meets
+        })
+    };
+    let unread = jitter.iter().find(|jitter| !is_read(jitter));
+    unread.map_or(Ok(()), |jitter| {
+        let name = name_of(module, jitter.global, &jitter.steps);
+        Err(Failed::Unread(name.to_string()))
     })
 }
 
-/// The buffer that an expression is a part of, and the way there.
-fn path_to(
-    function: &Function,
-    e: Handle<Expression>,
-) -> Option<(Handle<GlobalVariable>, Vec<u32>)> {
-    match function.expressions[e] {
-        Expression::GlobalVariable(variable) => Some((variable, Vec::new())),
-        Expression::Load { pointer } => path_to(function, pointer),
-        Expression::AccessIndex { base, index } => {
-            let (variable, mut path) = path_to(function, base)?;
-            path.push(index);
-            Some((variable, path))
+/// Adds a private variable for each buffer with jitter.
+fn unjittered<'j>(
+    module: &mut Module,
+    buffers: &Buffers,
+    jitter: &'j [Member],
+) -> Result<BTreeMap<Handle<GlobalVariable>, Unjittered<'j>>, Failed> {
+    let mut copies: BTreeMap<_, Unjittered<'j>> = BTreeMap::new();
+    for member in jitter {
+        let original = member.global;
+        let of = buffers.get(&original).copied().unwrap_or(original);
+        let GlobalVariable { name, ty, .. } = &module.global_variables[of];
+        if module.types[*ty].inner.is_dynamically_sized(&module.types) {
+            let name = name.as_deref().unwrap_or_default();
+            return Err(Failed::Previous(format!(
+                "the jitter is in `{name}`, a buffer with an array of any length"
+            )));
         }
-        _ => None,
+        let copy = GlobalVariable {
+            name: name.as_ref().map(|name| format!("{name}_{UNJITTERED}")),
+            space: AddressSpace::Private,
+            binding: None,
+            ty: *ty,
+            init: None,
+            memory_decorations: naga::MemoryDecorations::empty(),
+        };
+        let known = copies.entry(original).or_insert_with(|| Unjittered {
+            variable: module.global_variables.append(copy, Span::UNDEFINED),
+            of,
+            jitter: Vec::new(),
+        });
+        known.jitter.push(member);
     }
+    Ok(copies)
 }
 
-/// Whether an access is to a value that was loaded, and not to a place in memory.
-fn is_of_value(function: &Function, e: Handle<Expression>) -> bool {
-    match function.expressions[e] {
-        Expression::Load { .. } => true,
-        Expression::AccessIndex { base, .. } => is_of_value(function, base),
-        _ => false,
-    }
-}
-
-/// The type at the end of a way.
-fn type_at(module: &Module, ty: Handle<Type>, path: &[u32]) -> Option<TypeInner> {
-    let inner = &module.types[ty].inner;
-    let Some((first, rest)) = path.split_first() else {
-        return Some(inner.clone());
-    };
-    match inner {
-        TypeInner::Struct { members, .. } => {
-            type_at(module, members.get(*first as usize)?.ty, rest)
-        }
-        TypeInner::Array { base, .. } => type_at(module, *base, rest),
-        TypeInner::Vector { scalar, .. } => Some(TypeInner::Scalar(*scalar)),
-        TypeInner::Matrix { rows, scalar, .. } => Some(match rest.is_empty() {
-            true => TypeInner::Vector {
-                size: *rows,
-                scalar: *scalar,
-            },
-            false => TypeInner::Scalar(*scalar),
+/// Whether a type of push constants may be that of a uniform: in a uniform, elements of arrays and
+/// structs begin at multiples of 16 bytes.
+fn is_uniform(module: &Module, ty: Handle<Type>) -> bool {
+    match &module.types[ty].inner {
+        TypeInner::Array { .. } => false,
+        TypeInner::Struct { members, .. } => members.iter().all(|member| {
+            !matches!(
+                module.types[member.ty].inner,
+                TypeInner::Array { .. } | TypeInner::Struct { .. }
+            )
         }),
-        _ => None,
+        _ => true,
     }
 }

@@ -6,7 +6,8 @@ use naga::{
 };
 
 use super::capture::Captured;
-use super::{Extending, Failed, Shows, Surface, Varying, Varyings, Wanted, is_position, varying};
+use super::{Extending, Failed, Shows, Surface, Varying, Varyings, Wanted};
+use super::{is_position, returned, varying};
 use crate::analysis::world::World;
 use crate::core::reflect;
 use crate::rebuild::ahead::Ahead;
@@ -182,7 +183,7 @@ impl Extending<'_, '_> {
             let mut components: Vec<_> = match is_struct {
                 false => vec![value],
                 true => (0..own)
-                    .map(|index| writer.expression(Expression::AccessIndex { base: value, index }))
+                    .map(|index| returned(writer, value, index))
                     .collect(),
             };
             let position = components[position?];

@@ -8,7 +8,7 @@ use crate::analysis::opaque::Opaque;
 use crate::analysis::view::{self, Said};
 use crate::analysis::world::{self, NoWorld};
 use crate::core::pass::Refusal;
-use crate::rebuild::outputs::{Distance, Member, Shows, Surface, type_of};
+use crate::rebuild::outputs::{Distance, Member, Shows, Surface};
 
 /// The surface, the light and the range of the parameters.
 pub fn distance(opaque: &Opaque<'_>, params: &Params, said: &Said) -> Result<Shows, Box<Refusal>> {
@@ -89,7 +89,7 @@ pub fn described(distance: &Distance, params: &Params) -> String {
 
 fn light_of(module: &Module, name: &str) -> Result<Member, Box<Refusal>> {
     let found = names::member(module, name)?;
-    match is_position(type_of(module, found)) {
+    match is_position(&module.types[found.ty].inner) {
         true => Ok(found),
         false => Err(refusal(
             &refusals::NOT_A_POSITION,
@@ -104,7 +104,7 @@ fn range_of(module: &Module, name: &str) -> Result<Member, Box<Refusal>> {
         matches!(inner, TypeInner::Scalar(scalar)
             if scalar.kind == ScalarKind::Float && scalar.width == 4)
     };
-    match is_float(type_of(module, found)) {
+    match is_float(&module.types[found.ty].inner) {
         true => Ok(found),
         false => Err(refusal(
             &refusals::NO_SUCH_NAME,

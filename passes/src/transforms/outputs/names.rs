@@ -10,7 +10,8 @@ use super::{Asked, Params, list, refusals};
 use crate::analysis::authored::{self, Authored};
 use crate::analysis::lit;
 use crate::analysis::opaque::Opaque;
-use crate::core::pass::{Facts, Misnamed, Refusal};
+use crate::core::mapping::{self, Path};
+use crate::core::pass::{Misnamed, Refusal};
 use crate::core::reflect;
 use crate::core::refusals::RefusalInfo;
 use crate::rebuild::outputs::Member;
@@ -90,15 +91,23 @@ fn listed(all: &[String]) -> String {
 /// The value of the fragment stage that the author calls `name`.
 pub fn value(opaque: &Opaque<'_>, name: &str) -> Result<Authored, Box<Refusal>> {
     let all = all_values(opaque);
-    let called: Vec<&Authored> = all.iter().filter(|v| v.is_called(name)).collect();
+    let program = opaque.program;
+    let called = all.iter().filter(|v| v.is_called(name, program));
+    let called: Vec<&Authored> = called.collect();
     // A whole name counts before the end of another.
     let exact = called
         .iter()
-        .filter(|v| name.split('@').next() == Some(&v.name));
+        .filter(|v| name.split(['@', ':']).next() == Some(&v.name));
     let exact: Vec<&Authored> = exact.copied().collect();
     match (&exact[..], &called[..]) {
         ([one], _) | ([], [one]) => Ok((*one).clone()),
         ([], []) => {
+            if let Some(other) = other_type(opaque, name) {
+                return Err(refusal(
+                    &refusals::OUTPUT_TYPE,
+                    format!("no colour target holds {}", other.described(program)),
+                ));
+            }
             let known: Vec<String> = all.iter().map(|v| v.described(opaque.program)).collect();
             let known = match known.is_empty() {
                 true => "it has no named values".to_owned(),
@@ -110,16 +119,27 @@ pub fn value(opaque: &Opaque<'_>, name: &str) -> Result<Authored, Box<Refusal>> 
             ))
         }
         ([], several) | (several, _) => {
-            let several: Vec<String> = several
-                .iter()
-                .map(|v| v.described(opaque.program))
-                .collect();
+            let of = several.first().map(|v| &v.function);
+            let is_of_one = several.iter().all(|v| Some(&v.function) == of);
+            let by_line = |v: &Authored| {
+                let at = program.sources().locate(v.span)?;
+                is_of_one.then(|| format!("`{}@{}:{}`", v.name, v.function, at.line))
+            };
+            let told = |v: &&Authored| by_line(v).unwrap_or_else(|| v.described(program));
+            let several: Vec<String> = several.iter().map(told).collect();
             Err(refusal(
                 &refusals::AMBIGUOUS_NAME,
                 format!("`{name}` may be {}", listed(&several)),
             ))
         }
     }
+}
+
+/// A value of that name that is no scalar or vector.
+fn other_type(opaque: &Opaque<'_>, name: &str) -> Option<Authored> {
+    let all = authored::of_entry(opaque.program, opaque.fragment?);
+    let mut others = all.into_iter().filter(|v| !v.is_plain());
+    others.find(|v| v.is_called(name, opaque.program))
 }
 
 /// The values of the fragment stage that may be meant, for a message.
@@ -137,7 +157,9 @@ fn all_values(opaque: &Opaque<'_>) -> Vec<Authored> {
     let fragment = opaque
         .fragment
         .map(|f| authored::of_entry(opaque.program, f));
-    fragment.unwrap_or_default()
+    let mut all = fragment.unwrap_or_default();
+    all.retain(Authored::is_plain);
+    all
 }
 
 /// The material's normal: by name, or by its role.
@@ -193,47 +215,59 @@ fn is_direction(value: &Authored) -> bool {
     )
 }
 
-/// All buffers and their members by path.
+/// All buffers, their members and the members of these, by path.
 fn buffers(module: &Module) -> Vec<(String, Member)> {
     let mut found = Vec::new();
     for (handle, global) in module.global_variables.iter() {
-        if !matches!(
-            global.space,
-            AddressSpace::Uniform | AddressSpace::Storage { .. } | AddressSpace::Immediate
-        ) {
+        if !is_buffer(module, handle) {
             continue;
         }
-        let name = global.name.clone().unwrap_or_default();
-        if let TypeInner::Struct { members, .. } = &module.types[global.ty].inner {
-            for (i, member) in (0..).zip(members) {
-                let own = member.name.as_deref().unwrap_or("?");
+        let whole = Member {
+            global: handle,
+            steps: Vec::new(),
+            ty: global.ty,
+        };
+        let mut work = vec![(global.name.clone().unwrap_or_default(), whole)];
+        while let Some((path, member)) = work.pop() {
+            let members = mapping::members(module, member.ty).into_iter();
+            for (i, (own, ty)) in members.enumerate().rev() {
                 // An unnamed GLSL block has no prefix.
-                let path = match name.is_empty() {
-                    true => own.to_owned(),
-                    false => format!("{name}.{own}"),
+                let path = match path.is_empty() {
+                    true => own,
+                    false => format!("{path}.{own}"),
                 };
-                found.push((path, (handle, Some(i))));
+                let mut steps = member.steps.clone();
+                steps.push(i);
+                let global = handle;
+                work.push((path, Member { global, steps, ty }));
             }
+            found.push((path, member));
         }
-        found.push((name, (handle, None)));
     }
     found
 }
 
-/// The buffer, or the member of one, of that name or path.
+fn is_buffer(module: &Module, variable: Handle<GlobalVariable>) -> bool {
+    matches!(
+        module.global_variables[variable].space,
+        AddressSpace::Uniform | AddressSpace::Storage { .. } | AddressSpace::Immediate
+    )
+}
+
+/// The buffer, or the part of one, of that name or path. A path may leave its start out.
 pub fn member(module: &Module, name: &str) -> Result<Member, Box<Refusal>> {
+    let path = name.parse::<Path>().ok();
+    let whole = path.and_then(|path| path.resolve(module).ok());
+    if let Some(found) = whole.filter(|found| is_buffer(module, found.global)) {
+        return Ok(found);
+    }
     let all = buffers(module);
     let end = format!(".{name}");
-    let exact = all.iter().filter(|(path, _)| path == name);
-    let mut called: Vec<&(String, Member)> = exact.collect();
-    if called.is_empty() {
-        called = all
-            .iter()
-            .filter(|(path, _)| path.ends_with(&end))
-            .collect();
-    }
-    match called[..] {
-        [(_, one)] => Ok(*one),
+    let called = all
+        .iter()
+        .filter(|(path, _)| path == name || path.ends_with(&end));
+    match called.collect::<Vec<_>>()[..] {
+        [(_, one)] => Ok(one.clone()),
         [] => {
             let known: Vec<String> = all.iter().map(|(path, _)| format!("`{path}`")).collect();
             Err(refusal(
@@ -244,8 +278,11 @@ pub fn member(module: &Module, name: &str) -> Result<Member, Box<Refusal>> {
                 ),
             ))
         }
-        _ => {
-            let several: Vec<String> = called.iter().map(|(path, _)| format!("`{path}`")).collect();
+        ref several => {
+            let several: Vec<String> = several
+                .iter()
+                .map(|(path, _)| format!("`{path}`"))
+                .collect();
             Err(refusal(
                 &refusals::AMBIGUOUS_NAME,
                 format!("`{name}` may be {}", listed(&several)),
@@ -257,7 +294,7 @@ pub fn member(module: &Module, name: &str) -> Result<Member, Box<Refusal>> {
 /// A matrix of three or four columns and rows.
 pub fn matrix(module: &Module, name: &str) -> Result<Member, Box<Refusal>> {
     let found = member(module, name)?;
-    match is_matrix(module, found) {
+    match is_matrix(module, &found) {
         true => Ok(found),
         false => Err(refusal(
             &refusals::NO_SUCH_NAME,
@@ -272,7 +309,7 @@ pub fn matrix(module: &Module, name: &str) -> Result<Member, Box<Refusal>> {
 /// The matrices that there are, for a message.
 pub fn matrices(module: &Module) -> String {
     let all = buffers(module).into_iter();
-    let all = all.filter(|(_, member)| is_matrix(module, *member));
+    let all = all.filter(|(_, member)| is_matrix(module, member));
     let all: Vec<String> = all.map(|(path, _)| format!("`{path}`")).collect();
     match all.is_empty() {
         true => "the material has none".to_owned(),
@@ -280,52 +317,32 @@ pub fn matrices(module: &Module) -> String {
     }
 }
 
-fn is_matrix(module: &Module, (variable, member): Member) -> bool {
-    let mut inner = &module.types[module.global_variables[variable].ty].inner;
-    if let (TypeInner::Struct { members, .. }, Some(index)) = (inner, member) {
-        inner = &module.types[members[index as usize].ty].inner;
-    }
-    matches!(inner, TypeInner::Matrix { columns, rows, scalar }
+fn is_matrix(module: &Module, member: &Member) -> bool {
+    matches!(&module.types[member.ty].inner, TypeInner::Matrix { columns, rows, scalar }
         if columns == rows && *columns >= VectorSize::Tri && scalar.width == 4)
 }
 
-/// Buffers that do not change: those of these names, and uniforms that were measured not to.
+/// The buffers of these names.
 pub fn still<'n>(
-    opaque: &Opaque<'_>,
-    material: &str,
-    facts: &Facts,
+    module: &Module,
     names: impl Iterator<Item = &'n str>,
 ) -> Result<BTreeSet<Handle<GlobalVariable>>, Box<Refusal>> {
-    let module = opaque.program.module();
-    let mut found = BTreeSet::new();
-    for name in names {
-        let (variable, of) = member(module, name)?;
-        if of.is_some() {
-            let whole = module.global_variables[variable].name.as_deref();
-            return Err(refusal(
-                &refusals::NO_SUCH_NAME,
-                format!(
-                    "`{name}` is a member: a host keeps whole buffers, so name the variable `{}`",
-                    whole.unwrap_or_default()
-                ),
-            ));
+    let still = |name: &str| {
+        let found = member(module, name)?;
+        if found.steps.is_empty() {
+            return Ok(found.global);
         }
-        found.insert(variable);
-    }
-    if let Some(changing) = &facts.changing {
-        let uniforms = module.global_variables.iter();
-        let uniforms = uniforms.filter(|(_, g)| g.space == AddressSpace::Uniform);
-        for (handle, global) in uniforms {
-            let at = global.binding.map(|b| (b.group, b.binding));
-            let changes = changing
-                .iter()
-                .any(|c| c.material == material && Some((c.group, c.binding)) == at);
-            if !changes {
-                found.insert(handle);
-            }
-        }
-    }
-    Ok(found)
+        let whole = module.global_variables[found.global].name.as_deref();
+        Err(refusal(
+            &refusals::NO_SUCH_NAME,
+            format!(
+                "`{name}` is a part of a buffer, and hosts keep whole buffers: name the variable \
+                 `{}`",
+                whole.unwrap_or_default()
+            ),
+        ))
+    };
+    names.map(still).collect()
 }
 
 /// Locations of the attributes of these names.

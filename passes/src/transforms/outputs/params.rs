@@ -17,16 +17,6 @@ pub enum Precision {
     Full,
 }
 
-/// The axes that a normal refers to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum Space {
-    /// The camera's.
-    View,
-    /// The world's.
-    World,
-}
-
 /// What becomes of what depends on the viewer, in a picture that a light draws.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
@@ -55,34 +45,31 @@ pub enum ColourTarget {
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Params {
     /// What to write, joined by `+`: `depth`, `shadow`, `distance`, `normal`, `velocity`, `id`, or the
-    /// name of a value in the fragment stage. `NAME@FUNCTION` is the value of one function. Depth is written
-    /// with each.
+    /// name of a value in the fragment stage. `NAME@FUNCTION` is the value of one function, and
+    /// `NAME@FUNCTION:LINE` that of one line. Depth is written with each.
     pub write: String,
     /// `normal`: the value to take, by its name. Default: the unit vector that meets a light in a
     /// dot product, if there is only one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub normal: Option<String>,
-    /// `normal`: the axes that the picture is to refer to. A shader does not say which axes its own
-    /// vectors refer to, so give the `matrix` too. Default: those of the author's value.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub space: Option<Space>,
-    /// `normal`: the matrix that turns the value into `space`, by its name: `camera.view`, say. The
-    /// result is normalised.
+    /// `normal`: the matrix that turns the value to other axes, by its name: `camera.view` turns it
+    /// from the world's to the camera's. It must be a rotation; the result is normalised. Default:
+    /// the axes of the author's value.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub matrix: Option<String>,
     /// `normal`: whether to write two numbers from -1 to 1, octahedral, in place of three.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub octahedral: bool,
     /// `velocity`: buffers that are the same in each frame, by the names of their variables, joined
-    /// by `+`. Default: uniforms that were measured not to change.
+    /// by `+`. Default: none.
     #[serde(rename = "static", skip_serializing_if = "Option::is_none")]
     pub still: Option<String>,
     /// `velocity`: attributes that change from frame to frame (transforms of instances, vertices
     /// that the CPU moves), by name, joined by `+`. Default: none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub moving: Option<String>,
-    /// `velocity`: uniforms, or members of them, that shift the picture by a part of a pixel, joined
-    /// by `+`. They count as 0 in both frames.
+    /// `velocity`: uniforms, or parts of them, that shift the picture by a part of a pixel, joined
+    /// by `+`: `frame.camera.jitter`. They count as 0 in both frames.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub jitter: Option<String>,
     /// `distance`: the position that it is measured from, by the name of a value of the fragment
@@ -129,7 +116,6 @@ impl Default for Params {
         Self {
             write: "depth".to_owned(),
             normal: None,
-            space: None,
             matrix: None,
             octahedral: false,
             still: None,
@@ -166,7 +152,7 @@ pub enum Asked {
     Shadow,
     /// A normal.
     Normal,
-    /// The way of each point since the previous frame.
+    /// How far each point moved since the previous frame.
     Velocity,
     /// How far the surface is from a point light.
     Distance,

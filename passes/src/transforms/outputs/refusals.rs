@@ -5,7 +5,7 @@ use crate::core::refusals::refusals;
 refusals! {
     AMBIGUOUS_NAME = "ambiguous-name":
         "Several values of the material have the name that you gave.",
-        "Write `NAME@FUNCTION`, or the whole path of a member: `surface.normal`.";
+        "Write `NAME@FUNCTION`, `NAME@FUNCTION:LINE`, or the whole path of a member: `surface.normal`.";
     HAS_OUTPUTS = "has-outputs":
         "The plan already has a pass of outputs.",
         "Name all outputs in one step: `outputs:write=normal+velocity`.";
@@ -41,7 +41,13 @@ refusals! {
         "Map it to something of the other view: `map=light.position=camera.position`.";
     OUTPUT_TYPE = "output-type":
         "No colour target holds values of that type.",
-        "Name a float, an integer, or a vector of these, of 16 or 32 bits.";
+        "Name a scalar or a vector, of truth values or of numbers of 16 or 32 bits.";
+    TOO_MANY = "too-many":
+        "The pass needs more attributes, varyings or targets than every device has.",
+        "Write fewer outputs in one pass, or copy fewer attributes.";
+    UNREAD_JITTER = "unread-jitter":
+        "The position does not read the jitter that you name.",
+        "Name what the vertex stage adds to the position, or leave `jitter` out.";
     SEVERAL_CALLS = "several-calls":
         "The function that computes the value is called more than once, and a picture shows one value.",
         "Give the result of the call that you mean a name, and write that name.";
@@ -49,9 +55,6 @@ refusals! {
         "What is drawn depends on the viewer, and no rule says what it is without.",
         "Keep it: `view=keep`. It then follows the light. If a name misleads, say so: \
          `viewer=-material.eye_open`.";
-    UNKNOWN_SPACE = "unknown-space":
-        "A shader does not say which axes its vectors refer to.",
-        "Name the matrix that turns the value: `matrix=camera.view`. Or leave `space` out.";
 }
 
 /// The remedy in the middle of a message.
