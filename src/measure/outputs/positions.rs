@@ -286,9 +286,9 @@ const SAME_DEPTH: f64 = 4e-6;
 fn chosen(hits: &[Hit], size: [u32; 2]) -> Option<[f64; 2]> {
     let best = hits.iter().min_by(|a, b| a.apart.total_cmp(&b.apart))?;
     let differs = |hit: &Hit| {
-        let axes = hit.velocity.iter().zip(&best.velocity).zip(size);
-        let apart = axes.map(|((a, b), size)| (a - b).abs() * f64::from(size));
-        apart.fold(0.0, f64::max) > TOLERANCE
+        let mut axes = hit.velocity.iter().zip(&best.velocity).zip(size);
+        // One that is no number differs from all.
+        !axes.all(|((a, b), size)| (a - b).abs() * f64::from(size) <= TOLERANCE)
     };
     let is_near = |hit: &Hit| hit.apart <= SAME_DEPTH;
     let is_known = best.apart <= SAME_DEPTH && !hits.iter().any(|hit| is_near(hit) && differs(hit));
@@ -418,16 +418,15 @@ impl OnScreen {
                 let edges = [edge(b, c), edge(c, a), edge(a, b)];
                 if edges.iter().all(|e| e[1] >= -BESIDE) {
                     let pixel = row * self.size[0] as usize + column;
-                    if let Some(point) = self.point(edges.map(|e| e[0])) {
-                        hit(pixel, point);
-                    }
+                    hit(pixel, self.point(edges.map(|e| e[0])));
                 }
             }
         }
     }
 
-    /// The point where corners have these shares on the screen. `None`: it was behind the camera.
-    fn point(&self, weights: [f64; 3]) -> Option<Point> {
+    /// The point where corners have these shares on the screen. If it was behind the camera, its
+    /// velocity is no number.
+    fn point(&self, weights: [f64; 3]) -> Point {
         let depth = weights
             .iter()
             .zip(&self.screen)
@@ -441,9 +440,11 @@ impl OnScreen {
         };
         let place = |when: usize, axis: usize| clip(when, axis) / clip(when, 3);
         let moved = |axis: usize| place(1, axis) - place(0, axis);
-        (clip(0, 3) > 0.0).then(|| Point {
+        let was_in_front = clip(0, 3) > 0.0;
+        let velocity = [moved(0) * 0.5, moved(1) * -0.5];
+        Point {
             depth,
-            velocity: [moved(0) * 0.5, moved(1) * -0.5],
-        })
+            velocity: velocity.map(|v| if was_in_front { v } else { f64::NAN }),
+        }
     }
 }
