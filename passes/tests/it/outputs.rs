@@ -620,6 +620,6 @@ fn a_direction_of_length_0_stays_0() {
     let run = |recipe| text(&with_facts(&shader, recipe, &Facts::default()).unwrap());
     let own = run("outputs:write=normal,octahedral=true");
     assert!(own.contains("max("), "{own}");
-    let own = run("outputs:write=normal,space=view,matrix=vp");
+    let own = run("outputs:write=normal,matrix=vp");
     assert!(own.contains("select(") && own.contains("length("), "{own}");
 }
