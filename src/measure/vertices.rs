@@ -20,7 +20,7 @@ pub struct Vertices<'e, F: 'static = f32> {
     pub environment: Environment<'e, F>,
 }
 
-impl Vertices<'_> {
+impl<F: Number> Vertices<'_, F> {
     /// The inputs for a draw with this vertex stage, limited to the bindings that `reads` accepts.
     pub fn new(module: &Module, bound: DrawBindings, reads: impl Fn((u32, u32)) -> bool) -> Self {
         let mut resources = resources(module, &bound);
@@ -28,7 +28,7 @@ impl Vertices<'_> {
         Self {
             environment: Environment {
                 resources: resources.into(),
-                texture: &|_: &evaluate::Lookup<'_>| [f32::NAN; 4],
+                texture: &|_: &evaluate::Lookup<'_, F>| [F::of(f32::NAN); 4],
                 derivative: None,
                 trace: None,
                 steps: STEPS,
@@ -38,7 +38,7 @@ impl Vertices<'_> {
     }
 }
 
-impl Vertices<'_> {
+impl<F: Number> Vertices<'_, F> {
     /// Fills in arrays of any length.
     pub fn add_arrays(&mut self, module: &Module) {
         let arrays = of_any_length(module, &self.bound);
@@ -56,7 +56,7 @@ impl Vertices<'_> {
         entry: usize,
         vertex: u32,
         instance: u32,
-    ) -> Result<[f32; 4], String> {
+    ) -> Result<[F; 4], String> {
         let outcome = self.outcome(module, entry, vertex, instance)?;
         let mut outputs = outputs(module, &module.entry_points[entry].function, outcome);
         let is_position = |binding: &_| {

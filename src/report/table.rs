@@ -282,7 +282,7 @@ fn aside(name: &str, outputs: &OutputsReport) -> String {
     );
     if let Some(velocity) = &outputs.velocity {
         line.push_str(&format!(
-            "; velocities of {} pixels are right to {:.4} pixels, and up to {:.2} pixels long; \
+            "; velocities of {} pixels are right to {:.4} pixels, roundings aside, and up to {:.2} pixels long; \
              {:.1} % were not compared",
             velocity.pixels,
             velocity.worst,

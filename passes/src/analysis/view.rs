@@ -62,10 +62,23 @@ pub fn of_stages(
     }
     found.extend(said.follow.iter().cloned());
     let is_read = |name: &String| !is_known || read.iter().any(|path| is_part(path, name));
+    // What a host binds for one variable, the others at its binding read too.
+    let binding = |path: &Path| module.global_variables[path.variable].binding;
+    let is_of_twin = |path: &Path| {
+        let mut twins = all.iter().filter(|other| {
+            other.variable != path.variable
+                && binding(path).is_some()
+                && binding(other) == binding(path)
+        });
+        twins.any(|other| is_read(&other.text(module)))
+    };
     let stays = |name: &String| said.stay.iter().any(|own| is_part(own, name));
-    let ordered = all.iter().map(|path| path.text(module));
+    let ordered = all.iter().map(|path| (path, path.text(module)));
+    let ordered = ordered.filter(|(path, name)| {
+        found.contains(name) && (is_read(name) || is_of_twin(path)) && !stays(name)
+    });
     let mut listed: Vec<String> = Vec::new();
-    for name in ordered.filter(|name| found.contains(name) && is_read(name) && !stays(name)) {
+    for (_, name) in ordered {
         // A whole variable stands for its members.
         let is_listed = |whole: &String| name.starts_with(&format!("{whole}."));
         if !listed.iter().any(is_listed) {

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::thread;
 
 use naga::{Binding, BuiltIn, ShaderStage};
-use preshade_passes::evaluate::Lookup;
+use preshade_passes::evaluate::{Lookup, Number, Shadowed};
 use preshade_passes::plan::{GpuPass, Plan};
 use preshade_passes::reflect;
 use preshade_passes::state::{CullMode, FrontFace};
@@ -20,10 +20,10 @@ use crate::scene::{Frame, Scene};
 const MOST_RUNS: u32 = 250_000;
 
 /// A triangle: clip positions of its corners, each before and now.
-type Triangle = [[[f32; 4]; 2]; 3];
+type Triangle = [[[Shadowed; 4]; 2]; 3];
 
 /// A clip position, or why it is not known.
-type Position = Result<[f32; 4], String>;
+type Position = Result<[Shadowed; 4], String>;
 
 /// A draw and an instance of it, from 0.
 type Instance = (usize, u32);
@@ -111,6 +111,7 @@ impl Positions<'_> {
             plan,
             pass,
             bound: [bound(0)?, bound(1)?],
+            viewport: self.scenes[1].viewport,
         })
     }
 }
@@ -120,6 +121,8 @@ struct DrawPositions<'a> {
     plan: &'a Plan,
     pass: &'a GpuPass,
     bound: [DrawBindings; 2],
+    /// Left, upper, width and height in pixels; `None`: all of the picture.
+    viewport: Option<[u32; 4]>,
 }
 
 impl DrawPositions<'_> {
@@ -151,7 +154,7 @@ impl DrawPositions<'_> {
             for pixel in pixels {
                 let hits = hits.get(&pixel).map_or(&[][..], |hits| hits);
                 match chosen(hits, drawn.depth.size) {
-                    Some(velocity) => report.add(camera, drawn.velocities, pixel, velocity),
+                    Some(hit) => report.add(camera, drawn.velocities, pixel, &hit),
                     None => report.left_out += 1,
                 }
             }
@@ -207,8 +210,18 @@ impl DrawPositions<'_> {
         let entry = program.entry_point(ShaderStage::Vertex, &self.pass.vertex);
         let (entry, _) = entry.ok_or("the main pass has no vertex stage")?;
         let module = program.module();
-        let texture = |lookup: &Lookup<'_>| texels::texel(bound, lookup);
-        let mut vertices = Vertices::new(module, bound.clone(), |_| true);
+        let texture = |lookup: &Lookup<'_, Shadowed>| {
+            let [coordinates, footprint] = [lookup.coordinates, lookup.footprint]
+                .map(|all| all.iter().map(|x| x.value).collect::<Vec<f32>>());
+            let lookup = Lookup {
+                binding: lookup.binding,
+                coordinates: &coordinates,
+                footprint: &footprint,
+                sampling: lookup.sampling,
+            };
+            texels::texel(bound, &lookup).map(Shadowed::of)
+        };
+        let mut vertices = Vertices::<Shadowed>::new(module, bound.clone(), |_| true);
         vertices.add_arrays(module);
         vertices.environment.texture = &texture;
         // The interpreter counts from the first instance of the draw.
@@ -233,8 +246,10 @@ impl DrawPositions<'_> {
     ) {
         // A depth that the fragment stage writes is that of no triangle.
         let has_depth = !writes_depth(self.plan);
+        let size = drawn.depth.size;
+        let viewport = self.viewport.unwrap_or([0, 0, size[0], size[1]]);
         let parts = in_front(triangle).into_iter();
-        let parts = parts.filter_map(|corners| OnScreen::new(corners, drawn.depth.size));
+        let parts = parts.filter_map(|corners| OnScreen::new(corners, size, viewport));
         for on_screen in parts.filter(|part| !part.is_culled(self.pass)) {
             on_screen.each_pixel(&mut |pixel, hit: Point| {
                 if !pixels.contains(&pixel) {
@@ -245,6 +260,7 @@ impl DrawPositions<'_> {
                 hits.entry(pixel).or_default().push(Hit {
                     apart: if has_depth { apart } else { 0.0 },
                     velocity: hit.velocity,
+                    slack: hit.slack,
                 });
             });
         }
@@ -276,14 +292,18 @@ struct Hit {
     apart: f64,
     /// Its velocity, in parts of the picture.
     velocity: [f64; 2],
+    /// How much of it an adapter may compute otherwise.
+    slack: [f64; 2],
 }
 
 /// Depths that count as equal: an adapter interpolates in 32-bit floats.
 const SAME_DEPTH: f64 = 4e-6;
 
-/// The velocity of the triangle that a pixel shows: of those that cover it, the one nearest to the
-/// depth drawn. `None`: that is not known.
-fn chosen(hits: &[Hit], size: [u32; 2]) -> Option<[f64; 2]> {
+/// Pixels that an adapter may compute a velocity otherwise by. A pixel with more is not compared.
+const MOST_SLACK: f64 = 0.125;
+
+/// The triangle that a pixel shows: of those that cover it, the one nearest to the depth drawn. `None`: that is not known.
+fn chosen(hits: &[Hit], size: [u32; 2]) -> Option<Hit> {
     let best = hits.iter().min_by(|a, b| a.apart.total_cmp(&b.apart))?;
     let differs = |hit: &Hit| {
         let mut axes = hit.velocity.iter().zip(&best.velocity).zip(size);
@@ -292,20 +312,23 @@ fn chosen(hits: &[Hit], size: [u32; 2]) -> Option<[f64; 2]> {
     };
     let is_near = |hit: &Hit| hit.apart <= SAME_DEPTH;
     let is_known = best.apart <= SAME_DEPTH && !hits.iter().any(|hit| is_near(hit) && differs(hit));
-    is_known.then_some(best.velocity)
+    let mut slack = best.slack.iter().zip(size);
+    let is_sure = slack.all(|(slack, size)| slack * f64::from(size) <= MOST_SLACK);
+    (is_known && is_sure).then_some(*best)
 }
 
 impl VelocityReport {
     /// Compares one pixel.
-    fn add(&mut self, camera: &str, drawn: &ColorImage, pixel: usize, velocity: [f64; 2]) {
+    fn add(&mut self, camera: &str, drawn: &ColorImage, pixel: usize, hit: &Hit) {
         self.pixels += 1;
         let half = drawn.texel_bytes() == 4;
         let values = drawn.rgba(pixel).map(f64::from);
-        for ((value, expected), size) in values.into_iter().zip(velocity).zip(drawn.size) {
+        let known = hit.velocity.into_iter().zip(hit.slack);
+        for ((value, (expected, slack)), size) in values.into_iter().zip(known).zip(drawn.size) {
             let size = f64::from(size);
             // A step of 11 bits: adapters round to either neighbour.
             let rounding = if half { expected.abs() / 1024.0 } else { 0.0 };
-            let error = ((value - expected).abs() - rounding).max(0.0) * size;
+            let error = ((value - expected).abs() - rounding - slack).max(0.0) * size;
             self.longest = self.longest.max(expected.abs() * size);
             if error.is_nan() || error > self.worst {
                 self.worst = error;
@@ -317,8 +340,8 @@ impl VelocityReport {
     }
 }
 
-/// Clip positions of a corner, before and now.
-type Corner = [[f64; 4]; 2];
+/// Clip positions of a corner, before and now, as an adapter rounds them; and both unrounded.
+type Corner = [[f64; 4]; 4];
 
 /// The least w that counts as in front of the camera.
 const IN_FRONT: f64 = 1e-3;
@@ -326,7 +349,11 @@ const IN_FRONT: f64 = 1e-3;
 /// The part of a triangle that is in front of the camera now, as triangles. Clip positions are
 /// linear along an edge.
 fn in_front(triangle: &Triangle) -> Vec<[Corner; 3]> {
-    let corners = triangle.map(|corner| corner.map(|clip| clip.map(f64::from)));
+    let corners: [Corner; 3] = triangle.map(|[before, now]| {
+        let rounded = [before, now].map(|clip| clip.map(|x| f64::from(x.value)));
+        let unrounded = [before, now].map(|clip| clip.map(|x| x.truth));
+        [rounded[0], rounded[1], unrounded[0], unrounded[1]]
+    });
     if corners.iter().flatten().flatten().any(|n| n.is_nan()) {
         return Vec::new();
     }
@@ -362,18 +389,29 @@ struct OnScreen {
 struct Point {
     depth: f64,
     velocity: [f64; 2],
+    slack: [f64; 2],
 }
+
+/// An adapter snaps corners to this part of a pixel.
+const SNAP: f64 = 1.0 / 256.0;
+
+/// An adapter may round positions otherwise than the interpreter, by this many of its errors.
+const ROUNDINGS: f64 = 4.0;
 
 /// How far beyond an edge a triangle may still cover a pixel, in pixels: an adapter snaps corners
 /// to 1/256 of a pixel.
-const BESIDE: f64 = 1.0 / 128.0;
+const BESIDE: f64 = 2.0 * SNAP;
 
 impl OnScreen {
-    fn new(corners: [Corner; 3], size: [u32; 2]) -> Option<Self> {
-        let [wide, high] = size.map(f64::from);
-        let screen = corners.map(|[_, [x, y, z, w]]| {
+    fn new(corners: [Corner; 3], size: [u32; 2], viewport: [u32; 4]) -> Option<Self> {
+        let [left, upper, wide, high] = viewport.map(f64::from);
+        let screen = corners.map(|[_, [x, y, z, w], ..]| {
             let (x, y) = (x / w, y / w);
-            [(x * 0.5 + 0.5) * wide, (0.5 - y * 0.5) * high, z / w]
+            [
+                left + (x * 0.5 + 0.5) * wide,
+                upper + (0.5 - y * 0.5) * high,
+                z / w,
+            ]
         });
         let [a, b, c] = screen;
         let area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]);
@@ -397,7 +435,6 @@ impl OnScreen {
 
     /// Calls `hit` with each pixel whose centre it covers.
     fn each_pixel(&self, hit: &mut dyn FnMut(usize, Point)) {
-        let [a, b, c] = self.screen;
         let bounds = |axis: usize| {
             let all = self.screen.map(|s| s[axis]);
             let low = all.iter().copied().fold(f64::INFINITY, f64::min);
@@ -409,42 +446,76 @@ impl OnScreen {
         for row in bounds(1) {
             for column in bounds(0) {
                 let (x, y) = (column as f64 + 0.5, row as f64 + 0.5);
-                // The share of a corner, and how far inside the edge opposite to it the point is.
-                let edge = |p: [f64; 3], q: [f64; 3]| {
-                    let (along, down) = (q[0] - p[0], q[1] - p[1]);
-                    let share = (along * (y - p[1]) - (x - p[0]) * down) / self.area;
-                    [share, share * self.area.abs() / along.hypot(down)]
-                };
-                let edges = [edge(b, c), edge(c, a), edge(a, b)];
+                let edges = self.edges([x, y]);
                 if edges.iter().all(|e| e[1] >= -BESIDE) {
                     let pixel = row * self.size[0] as usize + column;
-                    hit(pixel, self.point(edges.map(|e| e[0])));
+                    hit(pixel, self.point([x, y], edges.map(|e| e[0])));
                 }
             }
         }
     }
 
-    /// The point where corners have these shares on the screen. If it was behind the camera, its
-    /// velocity is no number.
-    fn point(&self, weights: [f64; 3]) -> Point {
+    /// The share of each corner at a place, and how many pixels inside the edge opposite to it the
+    /// place is.
+    fn edges(&self, [x, y]: [f64; 2]) -> [[f64; 2]; 3] {
+        let [a, b, c] = self.screen;
+        [(b, c), (c, a), (a, b)].map(|(p, q)| {
+            let (along, down) = (q[0] - p[0], q[1] - p[1]);
+            let share = (along * (y - p[1]) - (x - p[0]) * down) / self.area;
+            [share, share * self.area.abs() / along.hypot(down)]
+        })
+    }
+
+    /// The point at a place where corners have these shares. If it was behind the camera, its velocity
+    /// is no number.
+    fn point(&self, [x, y]: [f64; 2], weights: [f64; 3]) -> Point {
         let depth = weights
             .iter()
             .zip(&self.screen)
             .map(|(w, s)| w * s[2])
             .sum();
-        let shares: [f64; 3] = std::array::from_fn(|i| weights[i] / self.corners[i][1][3]);
-        let total: f64 = shares.iter().sum();
-        let clip = |when: usize, axis: usize| -> f64 {
-            let terms = shares.iter().zip(&self.corners);
-            terms.map(|(s, corner)| s * corner[when][axis]).sum::<f64>() / total
-        };
-        let place = |when: usize, axis: usize| clip(when, axis) / clip(when, 3);
-        let moved = |axis: usize| place(1, axis) - place(0, axis);
-        let was_in_front = clip(0, 3) > 0.0;
-        let velocity = [moved(0) * 0.5, moved(1) * -0.5];
+        let clips = self.clips(weights);
+        let velocity = velocity(&clips);
+        let beside = [[x + SNAP, y], [x, y + SNAP]]
+            .map(|place| self::velocity(&self.clips(self.edges(place).map(|e| e[0]))));
+        let slack = std::array::from_fn(|axis| {
+            let snapped = beside.map(|v| (v[axis] - velocity[axis]).abs());
+            let rounded = [0, 1].map(|when| {
+                let worst = |axis: usize| {
+                    let apart = self
+                        .corners
+                        .iter()
+                        .map(|c| (c[when][axis] - c[when + 2][axis]).abs());
+                    apart.fold(0.0, f64::max)
+                };
+                let [place, w] = [clips[when][axis], clips[when][3]];
+                (worst(axis) + (place / w).abs() * worst(3)) / w.abs() * 0.5
+            });
+            snapped.iter().sum::<f64>() + ROUNDINGS * rounded.iter().sum::<f64>()
+        });
         Point {
             depth,
-            velocity: velocity.map(|v| if was_in_front { v } else { f64::NAN }),
+            velocity,
+            slack,
         }
     }
+
+    /// The clip positions, before and now, where corners have these shares on the screen.
+    fn clips(&self, weights: [f64; 3]) -> [[f64; 4]; 2] {
+        let shares: [f64; 3] = std::array::from_fn(|i| weights[i] / self.corners[i][1][3]);
+        let total: f64 = shares.iter().sum();
+        std::array::from_fn(|when| {
+            std::array::from_fn(|axis| {
+                let terms = shares.iter().zip(&self.corners);
+                terms.map(|(s, corner)| s * corner[when][axis]).sum::<f64>() / total
+            })
+        })
+    }
+}
+
+/// In parts of the picture.
+fn velocity([before, now]: &[[f64; 4]; 2]) -> [f64; 2] {
+    let moved = |axis: usize| now[axis] / now[3] - before[axis] / before[3];
+    let velocity = [moved(0) * 0.5, moved(1) * -0.5];
+    velocity.map(|v| if before[3] > 0.0 { v } else { f64::NAN })
 }

@@ -131,7 +131,10 @@ fn told(v: &VariantReport) -> Vec<(&'static str, String)> {
         let (changed, covered) = (o.changed_depth, o.covered);
         let time = or_dash(o.speedup, frontier::speedup);
         let right = o.velocity.as_ref().map_or_else(String::new, |v| {
-            format!("; velocities are right to {:.4} pixels", v.worst)
+            format!(
+                "; velocities are right to {:.4} pixels, roundings aside",
+                v.worst
+            )
         });
         (
             "auxiliary pictures",
