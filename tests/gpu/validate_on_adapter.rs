@@ -193,15 +193,7 @@ fn the_adapter_is_given_named_gradients() {
         "textureSampleGrad(picture, filtering, in.uv, dpdx(in.uv) * 2.0, dpdy(in.uv) * 2.0)",
     );
     assert_ne!(text, MATERIAL);
-    let state = MaterialState::default();
-    let original = Plan::original("test", program(&text), "vs", Some("fs"), &state);
-    let variant = applied(&original, "specialize:set=material.fog=0");
-    let checks = validate_on(gpu(), &original, &variant, &EFFORT, &|_, _| {});
-    assert!(
-        checks.iter().all(|c| c.verdict.holds()),
-        "{}",
-        said(&checks)
-    );
+    let (original, variant) = specialised(&text);
     let mut wrong = variant.clone();
     for program in wrong.programs.values_mut() {
         let mut module = program.module().clone();
@@ -220,6 +212,20 @@ fn the_adapter_is_given_named_gradients() {
     }
     let checks = validate_on(gpu(), &original, &wrong, &EFFORT, &|_, _| {});
     assert!(broken(&checks).is_some(), "{}", said(&checks));
+}
+
+/// A material and a variant of it, which the adapter finds right.
+fn specialised(text: &str) -> (Plan, Plan) {
+    let state = MaterialState::default();
+    let original = Plan::original("test", program(text), "vs", Some("fs"), &state);
+    let variant = applied(&original, "specialize:set=material.fog=0");
+    let checks = validate_on(gpu(), &original, &variant, &EFFORT, &|_, _| {});
+    assert!(
+        checks.iter().all(|c| c.verdict.holds()),
+        "{}",
+        said(&checks)
+    );
+    (original, variant)
 }
 
 /// Textures that functions receive, and pass on, are those of the callers there as well: their texels
@@ -246,15 +252,7 @@ fn level(map: texture_2d<u32>, at: vec2<f32>) -> f32 {
     assert_ne!(text, MATERIAL);
     let other = "@group(1) @binding(3) var other: texture_2d<f32>;\n";
     let text = format!("{text}{FUNCTIONS}{other}");
-    let state = MaterialState::default();
-    let original = Plan::original("test", program(&text), "vs", Some("fs"), &state);
-    let variant = applied(&original, "specialize:set=material.fog=0");
-    let checks = validate_on(gpu(), &original, &variant, &EFFORT, &|_, _| {});
-    assert!(
-        checks.iter().all(|c| c.verdict.holds()),
-        "{}",
-        said(&checks)
-    );
+    let (original, variant) = specialised(&text);
     // One of the two textures is the other.
     let mut wrong = variant.clone();
     for program in wrong.programs.values_mut() {

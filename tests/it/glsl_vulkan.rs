@@ -57,6 +57,14 @@ fn written(plan: &Plan, target: Target) -> String {
         .collect()
 }
 
+/// The fragment stage as SPIR-V.
+fn fragment_words(plan: &Plan) -> Vec<u8> {
+    let files = emit::emit(plan, &[Target::Spirv], &emit::Options::default()).unwrap();
+    let mut files = files.into_iter();
+    let fragment = files.find(|f| f.name.ends_with(".frag.spv"));
+    fragment.unwrap().bytes
+}
+
 fn wgsl(vertex: &str, fragment: &str) -> String {
     written(&plan(read(vertex, fragment)), Target::Wgsl)
 }
@@ -407,15 +415,8 @@ fn a_specialisation_constant_gives_the_length_of_arrays() {
     ] {
         assert!(glsl.contains(wanted), "{wanted}\n{glsl}");
     }
-    let files = emit::emit(&plan, &[Target::Spirv], &emit::Options::default()).unwrap();
-    let words = files
-        .iter()
-        .find(|f| f.name.ends_with(".frag.spv"))
-        .unwrap();
-    assert_eq!(
-        spec_lengths(&words.bytes),
-        ["constant 7", "constant 8", "fixed"]
-    );
+    let words = fragment_words(&plan);
+    assert_eq!(spec_lengths(&words), ["constant 7", "constant 8", "fixed"]);
     let wgsl = written(&plan, Target::Wgsl);
     assert!(!wgsl.contains("override"), "{wgsl}");
     let files = emit::emit(&plan, &[Target::Wgsl], &emit::Options::default()).unwrap();
@@ -439,14 +440,10 @@ float sum(float of[TAPS]) { float s = 0.0; for (int i = 0; i < TAPS; i++) s += o
         "float local[TAPS]; for (int i = 0; i < TAPS; i++) local[i] = uv.x; c = vec4(sum(local));",
     );
     let plan = plan(read(VERTEX, &text));
-    let files = emit::emit(&plan, &[Target::Spirv], &emit::Options::default()).unwrap();
-    let words = files
-        .iter()
-        .find(|f| f.name.ends_with(".frag.spv"))
-        .unwrap();
-    assert_eq!(spec_lengths(&words.bytes), ["constant 7"]);
+    let words = fragment_words(&plan);
+    assert_eq!(spec_lengths(&words), ["constant 7"]);
     // `spirv-cross` reads no zero of such a type.
-    let module = rspirv::dr::load_bytes(&words.bytes).unwrap();
+    let module = rspirv::dr::load_bytes(&words).unwrap();
     let is_array = |id: u32| {
         let mut types = module.types_global_values.iter();
         types.any(|i| i.result_id == Some(id) && i.class.opcode == rspirv::spirv::Op::TypeArray)
@@ -525,12 +522,8 @@ layout(binding = 0) uniform W { vec4 a[A]; vec4 b[B]; };";
     let plan = plan(read(VERTEX, &fragment(declared, body)));
     let wgsl = written(&plan, Target::Wgsl);
     assert!(!wgsl.contains("override"), "{wgsl}");
-    let files = emit::emit(&plan, &[Target::Spirv], &emit::Options::default()).unwrap();
-    let words = files
-        .iter()
-        .find(|f| f.name.ends_with(".frag.spv"))
-        .unwrap();
-    assert_eq!(spec_lengths(&words.bytes), ["constant 1", "constant 2"]);
+    let words = fragment_words(&plan);
+    assert_eq!(spec_lengths(&words), ["constant 1", "constant 2"]);
 }
 
 /// The IR has one type of a block in both stages.
@@ -1367,12 +1360,8 @@ layout(binding = 0) uniform W {{ vec4 weights[SIZE]; }};"
     let plan = plan(parsed);
     let glsl = written(&plan, Target::GlslVulkan);
     assert!(glsl.contains("vec4 weights[TAPS];"), "{glsl}");
-    let files = emit::emit(&plan, &[Target::Spirv], &emit::Options::default()).unwrap();
-    let words = files
-        .iter()
-        .find(|f| f.name.ends_with(".frag.spv"))
-        .unwrap();
-    assert_eq!(spec_lengths(&words.bytes), ["constant 7"]);
+    let words = fragment_words(&plan);
+    assert_eq!(spec_lengths(&words), ["constant 7"]);
     for other in [
         "const uint SIZE = uint(COUNT);",
         "const int SIZE = min(COUNT, 100);",

@@ -75,9 +75,11 @@ impl Matcher<'_> {
                 .flatten()
         };
         // What the last frame had is no partner of the same name: it was another value of this frame's.
-        let is_split = self.is_split_by_frame(global, &[], ty);
+        let name = mapping::name_of(self.theirs, global, &[]);
+        let is_split = self.is_of_two_frames(ty)
+            || self.relation == Relation::Velocity && is_previous_path(&name);
         let whole = self.partner(global, &fits).filter(|_| !is_split);
-        let name = mapping::name_of(self.theirs, global, &[]).to_string();
+        let name = name.to_string();
         if let Some((our, Cast::Same, by)) = &whole
             && mapped.is_empty()
             && self.is_same_space(global, *our)
@@ -102,15 +104,9 @@ impl Matcher<'_> {
         }
     }
 
-    fn is_split_by_frame(
-        &self,
-        global: Handle<GlobalVariable>,
-        steps: &[usize],
-        ty: Handle<Type>,
-    ) -> bool {
-        self.relation == Relation::Velocity
-            && (steps.is_empty() && is_previous_path(&mapping::name_of(self.theirs, global, steps))
-                || holds_previous(self.theirs, ty))
+    /// Whether a type of theirs has values of two frames.
+    fn is_of_two_frames(&self, ty: Handle<Type>) -> bool {
+        self.relation == Relation::Velocity && holds_previous(self.theirs, ty)
     }
 
     fn is_same_space(&self, theirs: Handle<GlobalVariable>, ours: Handle<GlobalVariable>) -> bool {
@@ -169,7 +165,7 @@ impl Matcher<'_> {
         {
             return;
         }
-        let is_split = holds_previous(self.theirs, ty) && self.relation == Relation::Velocity
+        let is_split = self.is_of_two_frames(ty)
             || mapped
                 .iter()
                 .any(|(their, _)| their.steps.starts_with(steps));

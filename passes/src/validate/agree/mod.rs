@@ -221,6 +221,24 @@ pub struct Finding {
     pub inputs: Vec<(String, String)>,
 }
 
+impl Finding {
+    /// A finding that is not about one input.
+    fn general(class: Class, promise: &str, words: String) -> Self {
+        Self {
+            class,
+            promise: promise.to_owned(),
+            words,
+            first: None,
+            second: None,
+            first_decides: None,
+            second_decides: None,
+            output: None,
+            seed: None,
+            inputs: Vec::new(),
+        }
+    }
+}
+
 /// The result for a promise.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "kebab-case", tag = "kind")]

@@ -62,7 +62,7 @@ impl Two<'_> {
         if previous.is_empty() {
             let words = "the velocity pass reads nothing of a previous frame: no name has `prev`, `last` or \
                          `old` in it (`--map THEIRS=OURS` names the value of this frame that it was)";
-            findings.push(self.moves(promise, words.to_owned()));
+            findings.push(moves(promise, words.to_owned()));
         } else {
             let samples: Vec<Sample> = (0..FRAMES)
                 .filter_map(|n| self.sample(n, slot, &previous))
@@ -72,7 +72,7 @@ impl Two<'_> {
                 return (Outcome::NotEvaluated { why }, findings);
             }
             if let Some(words) = wrong(&samples) {
-                findings.push(self.moves(promise, words));
+                findings.push(moves(promise, words));
             } else if findings.is_empty() {
                 return (
                     Outcome::Agreed {
@@ -110,7 +110,7 @@ impl Two<'_> {
             let words = format!(
                 "the position depends on `{name}`, and the velocity pass reads no previous value of it"
             );
-            self.moves(promise, words)
+            moves(promise, words)
         };
         names.into_iter().map(of).collect()
     }
@@ -181,21 +181,10 @@ impl Two<'_> {
             velocity: [*velocity.first()?, *velocity.get(1)?],
         })
     }
+}
 
-    fn moves(&self, promise: &str, words: String) -> Finding {
-        Finding {
-            class: Class::Moves,
-            promise: promise.to_owned(),
-            words,
-            first: None,
-            second: None,
-            first_decides: None,
-            second_decides: None,
-            output: None,
-            seed: None,
-            inputs: Vec::new(),
-        }
-    }
+fn moves(promise: &str, words: String) -> Finding {
+    Finding::general(Class::Moves, promise, words)
 }
 
 /// What is wrong with the velocities, in words.

@@ -438,18 +438,7 @@ impl<'a> Two<'a> {
             read.any(|(place, read)| place == at && reads::overlap(&read, steps))
         };
         let [_, second] = self.relation.names();
-        let finding = |words: String| Finding {
-            class: Class::Unmatched,
-            promise: promise.to_owned(),
-            words,
-            first: None,
-            second: None,
-            first_decides: None,
-            second_decides: None,
-            output: None,
-            seed: None,
-            inputs: Vec::new(),
-        };
+        let finding = |words: String| Finding::general(Class::Unmatched, promise, words);
         let lost = self
             .matching
             .lost
