@@ -211,6 +211,7 @@ fn scene(material: Material, triangle: &[[f32; 3]; 3]) -> Scene {
             joints: [].into(),
             morph_weights: Vec::new(),
             values: BTreeMap::new(),
+            captured: None,
         }],
         cameras: vec![Camera {
             name: "front".to_owned(),

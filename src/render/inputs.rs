@@ -40,6 +40,8 @@ pub(super) struct DrawInputs {
     pub vertex_count: u32,
     pub call: bind::Call,
     pub instances: u32,
+    /// Its own viewport and scissor.
+    pub area: Option<bind::Area>,
 }
 
 impl DrawInputs {
@@ -383,6 +385,7 @@ impl Uploads {
             vertex_count: bound.vertex_count,
             call: bound.call,
             instances: bound.instances,
+            area: bound.area,
         })
     }
 

@@ -279,6 +279,9 @@ pub struct Draw {
     pub morph_weights: Vec<f32>,
     /// Values that only this draw has.
     pub values: BTreeMap<String, Value>,
+    /// What the draw bound when its frame was captured. Then nothing is derived from names: mesh,
+    /// values and transform are not read.
+    pub captured: Option<Arc<bind::DrawBindings>>,
 }
 
 /// The arguments of `drawIndexed` or `draw`.

@@ -246,6 +246,7 @@ fn scene(probe: &Probe, finest: u32, size: [u32; 2]) -> Result<Scene, PlanError>
             joints: [].into(),
             morph_weights: Vec::new(),
             values: BTreeMap::new(),
+            captured: None,
         }
     };
     Ok(Scene {
