@@ -812,9 +812,12 @@ fn texture(
         ImageClass::Depth { multi } => (
             wgpu::TextureSampleType::Depth,
             multi,
-            TextureContent::Depth {
-                size: [256, 256],
-                value: 1.0,
+            match material.textures.get(name) {
+                Some(image) => TextureContent::Image(Arc::clone(image)),
+                None => TextureContent::Depth {
+                    size: [256, 256],
+                    value: 1.0,
+                },
             },
         ),
         ImageClass::Storage { format, .. } => (
