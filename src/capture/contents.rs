@@ -140,24 +140,35 @@ impl Contents {
             _ => None,
         };
         for entry in &of.entries {
-            let declared = layout.and_then(|l| l.entries.iter().find(|e| e.binding == entry.binding));
+            let declared =
+                layout.and_then(|l| l.entries.iter().find(|e| e.binding == entry.binding));
             let may_store = declared.is_none_or(|e| {
                 e.storage_texture.is_some()
-                    || e.buffer.as_ref().is_some_and(|b| b.ty == BufferType::Storage)
+                    || e.buffer
+                        .as_ref()
+                        .is_some_and(|b| b.ty == BufferType::Storage)
             });
             if !may_store {
                 continue;
             }
             match &entry.resource {
                 Resource::Buffer(range) => {
-                    let usage = capture.file.buffers.get(range.buffer).map_or(0, |b| b.usage);
+                    let usage = capture
+                        .file
+                        .buffers
+                        .get(range.buffer)
+                        .map_or(0, |b| b.usage);
                     let usage = wgpu::BufferUsages::from_bits_truncate(usage);
                     if usage.contains(wgpu::BufferUsages::STORAGE) {
                         self.computed_buffers.insert(range.buffer);
                     }
                 }
                 Resource::Texture(view) => {
-                    let usage = capture.file.textures.get(view.texture).map_or(0, |t| t.usage);
+                    let usage = capture
+                        .file
+                        .textures
+                        .get(view.texture)
+                        .map_or(0, |t| t.usage);
                     let usage = wgpu::TextureUsages::from_bits_truncate(usage);
                     if usage.contains(wgpu::TextureUsages::STORAGE_BINDING) {
                         self.changed_textures.insert(view.texture);
@@ -184,7 +195,10 @@ impl Contents {
         let Some(to) = content.get_mut(first..last) else {
             return Err(Error::broken(
                 format!("buffer {buffer}"),
-                format!("bytes {first} to {last} are written, and it has {}", content.len()),
+                format!(
+                    "bytes {first} to {last} are written, and it has {}",
+                    content.len()
+                ),
             ));
         };
         to.copy_from_slice(bytes);
@@ -218,8 +232,8 @@ impl Contents {
 fn start(capture: &Capture, buffer: usize) -> Result<Arc<[u8]>, Error> {
     let place = format!("buffer {buffer}");
     let of = get(&capture.file.buffers, buffer, "buffer", &place)?;
-    let start = capture.file.start.buffers.iter();
-    match start.filter(|b| b.buffer == buffer).next_back() {
+    let mut start = capture.file.start.buffers.iter();
+    match start.rfind(|b| b.buffer == buffer) {
         None => Ok(vec![0; of.size as usize].into()),
         Some(start) => {
             let bytes = capture.data(&start.data)?;

@@ -252,7 +252,7 @@ pub struct Sampler {
 
 impl Default for Sampler {
     fn default() -> Self {
-        let own = wgpu::SamplerDescriptor::<Option<&str>>::default();
+        let own = wgpu::SamplerDescriptor::default();
         Self {
             address_mode_u: own.address_mode_u,
             address_mode_v: own.address_mode_v,

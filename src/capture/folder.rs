@@ -68,7 +68,9 @@ impl Capture {
     pub fn files(&self) -> Vec<PathBuf> {
         let data = self.data.borrow();
         let data = data.keys().map(|name| self.path(name));
-        std::iter::once(self.folder.join(FILE)).chain(data).collect()
+        std::iter::once(self.folder.join(FILE))
+            .chain(data)
+            .collect()
     }
 
     fn path(&self, name: &DataName) -> PathBuf {

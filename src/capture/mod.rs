@@ -8,6 +8,7 @@
 //! 4. [`pass`] finds the render passes and their draws;
 //! 5. [`scene`] makes a [`crate::scene::Scene`] of one pass: its pipelines are the materials.
 
+mod check;
 pub mod codes;
 mod contents;
 pub mod file;
@@ -18,6 +19,7 @@ mod scene;
 mod texels;
 mod webgl;
 
+pub use check::{Check, Compared, check};
 pub use folder::{Capture, FILE, is_folder};
 pub use pass::{Pass, passes};
 pub use scene::{Choice, Converted, scene};

@@ -3,9 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::Error;
-use super::file::{
-    Command, DrawCommand, IndexFormat, Load, RenderPassDescriptor, Resource, View,
-};
+use super::file::{Command, DrawCommand, IndexFormat, Load, RenderPassDescriptor, Resource, View};
 use super::folder::{Capture, get};
 
 /// A render pass of a frame.
@@ -250,10 +248,12 @@ impl PassDraw {
 fn sampled(capture: &Capture, draw: &PassDraw) -> BTreeSet<usize> {
     let groups = draw.groups.values();
     let entries = groups.filter_map(|(group, _)| capture.file.bind_groups.get(*group));
-    let bound = entries.flat_map(|g| &g.entries).filter_map(|e| match &e.resource {
-        Resource::Texture(view) => Some(view.texture),
-        _ => None,
-    });
+    let bound = entries
+        .flat_map(|g| &g.entries)
+        .filter_map(|e| match &e.resource {
+            Resource::Texture(view) => Some(view.texture),
+            _ => None,
+        });
     let named = draw.named.and_then(|n| capture.file.named.get(n));
     let named = named.into_iter().flat_map(|n| n.textures.values());
     let named = named.flat_map(|t| t.all().iter().map(|t| t.texture.texture));
@@ -289,7 +289,11 @@ fn kind(capture: &Capture, pass: &Pass<'_>, later: &[Pass<'_>]) -> Kind {
         let depth = p.descriptor.depth_stencil_attachment.as_ref();
         depth.is_some_and(|d| d.view.texture == *texture && d.depth_load_op != Some(Load::Clear))
     };
-    let reads = |p: &Pass<'_>| p.draws.iter().any(|d| sampled(capture, d).contains(texture));
+    let reads = |p: &Pass<'_>| {
+        p.draws
+            .iter()
+            .any(|d| sampled(capture, d).contains(texture))
+    };
     match () {
         () if later.iter().any(tests) => Kind::Prepass,
         () if later.iter().any(reads) => Kind::Shadow,

@@ -233,7 +233,14 @@ impl<'c> Maker<'c> {
         let all = &self.capture.file.render_pipelines;
         let of = get(all, draw.pipeline, "render pipeline", "a draw")?;
         let has_stencil = of.depth_stencil.as_ref().is_some_and(has_stencil);
-        let key = (draw.pipeline, if has_stencil { draw.stencil_reference } else { 0 });
+        let key = (
+            draw.pipeline,
+            if has_stencil {
+                draw.stencil_reference
+            } else {
+                0
+            },
+        );
         if let Some(known) = self.by_pipeline.get(&key) {
             return Ok(*known);
         }
@@ -282,18 +289,16 @@ impl<'c> Maker<'c> {
             return Err(Left::Out("its pipeline sets constants".to_owned()));
         }
         let mut modules = vec![vertex.module];
-        modules.extend(
-            fragment
-                .map(|f| f.module)
-                .filter(|m| *m != vertex.module),
-        );
+        modules.extend(fragment.map(|f| f.module).filter(|m| *m != vertex.module));
         let mut sources = Vec::new();
         for module in modules {
             let shader = get(&self.capture.file.shaders, module, "shader", name)?;
             let ending = match shader.language {
                 ShaderLanguage::Wgsl => "wgsl",
                 ShaderLanguage::SpirV => "spv",
-                ShaderLanguage::GlslEs100 | ShaderLanguage::GlslEs300 if sources.is_empty() => "vert",
+                ShaderLanguage::GlslEs100 | ShaderLanguage::GlslEs300 if sources.is_empty() => {
+                    "vert"
+                }
                 ShaderLanguage::GlslEs100 | ShaderLanguage::GlslEs300 => "frag",
             };
             let bytes = self.capture.data(&shader.data)?.to_vec();
@@ -363,7 +368,9 @@ impl<'c> Maker<'c> {
             state.depth_write = false;
         }
         for target in of.fragment.iter().flat_map(|f| &f.targets) {
-            state.targets.push(target.as_ref().map(color_target).transpose()?);
+            state
+                .targets
+                .push(target.as_ref().map(color_target).transpose()?);
         }
         Ok(state)
     }
@@ -591,7 +598,12 @@ impl<'c> Maker<'c> {
                 ))
             };
             let (group, offsets) = draw.groups.get(&used.group).ok_or_else(missing)?;
-            let of = get(&self.capture.file.bind_groups, *group, "bind group", "a draw")?;
+            let of = get(
+                &self.capture.file.bind_groups,
+                *group,
+                "bind group",
+                "a draw",
+            )?;
             let entry = of.entries.iter().find(|e| e.binding == used.binding);
             let entry = entry.ok_or_else(missing)?;
             let place = (used.group, used.binding);
@@ -646,7 +658,8 @@ impl<'c> Maker<'c> {
             .collect();
         dynamic.sort_unstable();
         let at = dynamic.iter().position(|b| *b == binding);
-        at.and_then(|at| offsets.get(at)).map_or(0, |o| u64::from(*o))
+        at.and_then(|at| offsets.get(at))
+            .map_or(0, |o| u64::from(*o))
     }
 
     pub(super) fn texture(
@@ -655,7 +668,12 @@ impl<'c> Maker<'c> {
         (group, binding): (u32, u32),
         used: &preshade_passes::plan::BindingUse,
     ) -> Result<TextureBinding, Left> {
-        let of = get(&self.capture.file.textures, view.texture, "texture", "a draw")?;
+        let of = get(
+            &self.capture.file.textures,
+            view.texture,
+            "texture",
+            "a draw",
+        )?;
         if of.sample_count > 1 {
             return Err(Left::Out(format!("`{}` has several samples", used.name)));
         }

@@ -3,8 +3,8 @@
 use super::Error;
 use super::file::{self, Texture, View};
 use super::folder::{Capture, get};
-use crate::scene::Image;
 use crate::scene::bind::Data;
+use crate::scene::{Address, Filter, Image, Sampler};
 
 /// The levels and layers of a texture that a view shows.
 #[derive(Clone, Debug)]
@@ -146,4 +146,21 @@ pub(super) fn empty(capture: &Capture, view: &View) -> Result<Image, Error> {
     let level = |level| vec![0; shown.layer_bytes(texture, level) * shown.layers.len()];
     let levels = shown.levels.clone().map(level).collect();
     Ok(shown.image(texture, levels))
+}
+
+/// A sampler of a scene.
+pub(super) fn sampler(of: &file::Sampler) -> Sampler {
+    Sampler {
+        filter: match of.min_filter {
+            wgpu::FilterMode::Nearest => Filter::Nearest,
+            wgpu::FilterMode::Linear => Filter::Linear,
+        },
+        address: match of.address_mode_u {
+            wgpu::AddressMode::Repeat => Address::Repeat,
+            wgpu::AddressMode::MirrorRepeat => Address::MirrorRepeat,
+            _ => Address::ClampToEdge,
+        },
+        anisotropy: of.max_anisotropy,
+        compare: None,
+    }
 }

@@ -30,11 +30,7 @@ struct Source<'d> {
 
 impl<'c> Maker<'c> {
     /// What the program reads of the resources by name.
-    pub(super) fn named_resources(
-        &mut self,
-        named: usize,
-        material: usize,
-    ) -> Result<Bound, Left> {
+    pub(super) fn named_resources(&mut self, named: usize, material: usize) -> Result<Bound, Left> {
         let named = get(&self.capture.file.named, named, "named resources", "a draw")?;
         let mut bound: Bound = Default::default();
         let plan = self.materials[material].plan();
@@ -58,11 +54,7 @@ impl<'c> Maker<'c> {
                     let pair = declared.samplers.iter().find(|s| is(s.texture));
                     let path = pair.map_or(used.name.as_str(), |p| &p.path);
                     let found = sampled(named, path).ok_or_else(|| missing(path))?;
-                    let made = self.texture(
-                        &found.texture,
-                        (used.group, used.binding),
-                        used,
-                    )?;
+                    let made = self.texture(&found.texture, (used.group, used.binding), used)?;
                     bound.1.push(made);
                 }
                 BindingKind::Sampler | BindingKind::ComparisonSampler => {
@@ -122,7 +114,11 @@ impl<'c> Maker<'c> {
         let mut made = Vec::new();
         made.extend(interleave(&vertices, wgpu::VertexStepMode::Vertex, None));
         let count = Some(last as usize);
-        made.extend(interleave(&instances, wgpu::VertexStepMode::Instance, count));
+        made.extend(interleave(
+            &instances,
+            wgpu::VertexStepMode::Instance,
+            count,
+        ));
         Ok(made)
     }
 }
@@ -306,7 +302,12 @@ fn as_floats(source: &Source<'_>, own: &[u8], to: &mut [u8]) {
     let name = format!("{:?}", source.format);
     let is_signed = name.starts_with('S');
     let bits = name.trim_start_matches(|c: char| c.is_alphabetic());
-    let width: usize = bits.split('x').next().and_then(|b| b.parse().ok()).unwrap_or(32) / 8;
+    let width: usize = bits
+        .split('x')
+        .next()
+        .and_then(|b| b.parse().ok())
+        .unwrap_or(32)
+        / 8;
     let numbers = own.chunks(width.max(1)).map(|bytes| {
         let mut wide = [0; 4];
         wide[..bytes.len()].copy_from_slice(bytes);

@@ -227,7 +227,8 @@ impl DrawBindings {
         own.buffers.retain(|b| reads(b.group, b.binding));
         own.textures.retain(|t| reads(t.group, t.binding));
         own.samplers.retain(|s| reads(s.group, s.binding));
-        let is_read = |a: &VertexAttribute| pass.attributes.iter().any(|r| r.location == a.location);
+        let is_read =
+            |a: &VertexAttribute| pass.attributes.iter().any(|r| r.location == a.location);
         for buffer in &mut own.vertex_buffers {
             buffer.attributes.retain(is_read);
         }
@@ -504,6 +505,9 @@ fn buffer(
     })
 }
 
+/// Numbers by path, for [`filled`].
+pub(crate) type Numbers<'f, 'n> = dyn Fn(&str, Option<usize>, usize) -> Option<&'n [f64]> + 'f;
+
 /// The bytes of a variable whose scalars, vectors and matrices are asked for by path: `number` gets the
 /// path with indices and without the variable's name, the index in the innermost array, and the count
 /// of numbers. Those that it does not know are 0.
@@ -513,7 +517,7 @@ fn buffer(
 pub(crate) fn filled<'n>(
     material: &Material,
     binding: &BindingUse,
-    number: &dyn Fn(&str, Option<usize>, usize) -> Option<&'n [f64]>,
+    number: &Numbers<'_, 'n>,
 ) -> Result<Data, SceneError> {
     let (name, ty) = variable(material, binding)?;
     let nothing = std::collections::BTreeMap::new();

@@ -9,12 +9,12 @@ mod read;
 
 use std::collections::BTreeMap;
 
+use super::Error;
 use super::file::{Command, DataName, TexelPlace};
 use super::folder::{Capture, get};
-use super::Error;
 use crate::render::{ColorImage, Gpu};
 use objects::Objects;
-pub(super) use objects::topology;
+pub(in crate::capture) use objects::topology;
 
 /// Something that the replay left out.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -352,9 +352,9 @@ impl Replay<'_> {
         let attributes = of.vertex.buffers.iter().map(|b| {
             let own = b.iter().flat_map(|b| &b.attributes);
             let own = own.map(|a| {
-                let shader_location = a.shader_location.ok_or_else(|| {
-                    Error::broken(&label, "an attribute has no `shaderLocation`")
-                })?;
+                let shader_location = a
+                    .shader_location
+                    .ok_or_else(|| Error::broken(&label, "an attribute has no `shaderLocation`"))?;
                 Ok(wgpu::VertexAttribute {
                     format: a.format,
                     offset: a.offset,
@@ -380,12 +380,13 @@ impl Replay<'_> {
             .flat_map(|f| &f.targets)
             .map(|t| t.as_ref().map(color_target))
             .collect();
-        let constants = |stage: &Stage| -> Vec<(String, f64)> {
-            stage.constants.clone().into_iter().collect()
-        };
+        let constants =
+            |stage: &Stage| -> Vec<(String, f64)> { stage.constants.clone().into_iter().collect() };
         let vertex_constants = constants(&of.vertex.stage);
         let fragment_constants = of.fragment.as_ref().map(|f| constants(&f.stage));
         let fragment_constants = fragment_constants.unwrap_or_default();
+        let vertex_constants = named(&vertex_constants);
+        let fragment_constants = named(&fragment_constants);
         Ok(self.gpu.checked(&label, || {
             let device = &self.gpu.device;
             device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
@@ -395,7 +396,7 @@ impl Replay<'_> {
                     module: &vertex,
                     entry_point: of.vertex.stage.entry_point.as_deref(),
                     compilation_options: wgpu::PipelineCompilationOptions {
-                        constants: &named(&vertex_constants),
+                        constants: &vertex_constants,
                         ..Default::default()
                     },
                     buffers: &buffers,
@@ -411,7 +412,7 @@ impl Replay<'_> {
                     module,
                     entry_point: f.stage.entry_point.as_deref(),
                     compilation_options: wgpu::PipelineCompilationOptions {
-                        constants: &named(&fragment_constants),
+                        constants: &fragment_constants,
                         ..Default::default()
                     },
                     targets: &targets,
@@ -435,6 +436,7 @@ impl Replay<'_> {
         let label = format!("compute pipeline {index} {}", of.label);
         let layout = self.pipeline_layout(&of.layout, &label)?;
         let constants: Vec<(String, f64)> = of.compute.constants.clone().into_iter().collect();
+        let constants = named(&constants);
         let made = self.module(of.compute.module, &label).and_then(|module| {
             Ok(self.gpu.checked(&label, || {
                 let device = &self.gpu.device;
@@ -444,7 +446,7 @@ impl Replay<'_> {
                     module: &module,
                     entry_point: of.compute.entry_point.as_deref(),
                     compilation_options: wgpu::PipelineCompilationOptions {
-                        constants: &named(&constants),
+                        constants: &constants,
                         ..Default::default()
                     },
                     cache: None,
@@ -623,7 +625,7 @@ fn primitive(of: &RenderPipeline) -> wgpu::PrimitiveState {
 }
 
 /// WebGL's fans and loops become lists and strips of new indices.
-pub(super) fn topology(of: Topology) -> wgpu::PrimitiveTopology {
+pub(in crate::capture) fn topology(of: Topology) -> wgpu::PrimitiveTopology {
     match of {
         Topology::PointList => wgpu::PrimitiveTopology::PointList,
         Topology::LineList => wgpu::PrimitiveTopology::LineList,

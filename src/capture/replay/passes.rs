@@ -33,7 +33,9 @@ struct Missing {
 
 impl Missing {
     fn first(&self) -> Option<&(String, String)> {
-        self.pipeline.as_ref().or_else(|| self.groups.values().next())
+        self.pipeline
+            .as_ref()
+            .or_else(|| self.groups.values().next())
     }
 }
 
