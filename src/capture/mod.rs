@@ -13,6 +13,7 @@ pub mod codes;
 mod contents;
 pub mod file;
 pub mod folder;
+mod material;
 mod pass;
 pub mod replay;
 mod scene;
