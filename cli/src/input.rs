@@ -24,7 +24,7 @@ use crate::state::StateArgs;
 #[derive(Clone, Default, clap::Args)]
 pub struct ShaderArgs {
     /// A WGSL or SPIR-V file with both entry points, or a vertex and a fragment file, or a scene
-    /// (.toml); `-` is stdin and needs --lang.
+    /// (.toml, or a glTF file: .glb, .gltf); `-` is stdin and needs --lang.
     #[arg(required = true, num_args = 1.., value_name = "FILE")]
     pub files: Vec<PathBuf>,
     /// Language of the input. Required for stdin; default: by the file's ending (.wgsl, or .vert,
@@ -43,6 +43,13 @@ pub struct ShaderArgs {
     /// Set a variable of a scene; may be given several times.
     #[arg(long = "set", value_name = "NAME=VALUE")]
     pub set: Vec<String>,
+    /// Draw a glTF file with this shader in place of the built-in material.
+    #[arg(long, value_name = "FILE", conflicts_with = "materials")]
+    pub material: Option<PathBuf>,
+    /// Draw a glTF file with the `[materials]` of this TOML file, each by the name of one of the glTF
+    /// file's ("*": all others).
+    #[arg(long, value_name = "FILE")]
+    pub materials: Option<PathBuf>,
     #[command(flatten)]
     pub glsl: GlslArgs,
     #[command(flatten)]
@@ -212,7 +219,8 @@ impl ShaderArgs {
 
     /// The given files, without stdin.
     fn given(&self) -> Vec<PathBuf> {
-        let files = self.files.iter().chain(&self.state.state);
+        let more = self.material.iter().chain(&self.materials);
+        let files = self.files.iter().chain(&self.state.state).chain(more);
         files.filter(|f| !is_stdin(f)).cloned().collect()
     }
 
@@ -288,6 +296,7 @@ impl ShaderArgs {
 
     fn input_with(&self, more: &Variables) -> Result<Input, Failure> {
         let variables = self.variables(more)?;
+        self.check_gltf_flags()?;
         match self.scene_file() {
             None if !variables.is_empty() => Err(Failure(
                 "error: --set and --sweep are for a scene: a shader has no variables".to_owned(),
@@ -301,8 +310,12 @@ impl ShaderArgs {
             }
             Some(path) if self.files.len() == 1 => {
                 self.check_scene_flags()?;
-                let scene = scene::load_within(path, &variables, self.limits.access())
-                    .map_err(|e| Failure(e.render()))?;
+                let access = self.limits.access();
+                let scene = match is_gltf(path) {
+                    true => scene::load_gltf(path, &self.shading(), &variables, access),
+                    false => scene::load_within(path, &variables, access),
+                };
+                let scene = scene.map_err(|e| Failure(e.render()))?;
                 Ok(Input::Scene(self.state.set_up(scene)))
             }
             Some(_) => Err(Failure(
@@ -368,8 +381,32 @@ impl ShaderArgs {
 
     /// The scene file, by its ending.
     fn scene_file(&self) -> Option<&Path> {
-        let toml = |f: &&PathBuf| f.extension().is_some_and(|e| e == "toml");
-        self.files.iter().find(toml).map(PathBuf::as_path)
+        let mut files = self.files.iter().map(PathBuf::as_path);
+        files.find(|file| is_scene(file))
+    }
+
+    /// The shaders that draw a glTF file.
+    fn shading(&self) -> scene::Shading {
+        match (&self.material, &self.materials) {
+            (Some(shader), _) => scene::Shading::Shader(shader.clone()),
+            (None, Some(map)) => scene::Shading::Materials(map.clone()),
+            (None, None) => scene::Shading::BuiltIn,
+        }
+    }
+
+    /// Refuses the flags of a glTF file for other files.
+    fn check_gltf_flags(&self) -> Result<(), Failure> {
+        let given = [
+            ("--material", self.material.is_some()),
+            ("--materials", self.materials.is_some()),
+        ];
+        let is_one = self.scene_file().is_some_and(is_gltf);
+        match given.iter().find(|(_, given)| *given) {
+            Some((flag, _)) if !is_one => Err(Failure(format!(
+                "error: {flag} is for a glTF file (.glb, .gltf), whose materials it draws"
+            ))),
+            _ => Ok(()),
+        }
     }
 
     /// Refuses flags of a material, since a scene file defines its own.
@@ -520,6 +557,17 @@ fn reads_facing(parsed: &front::Parsed) -> bool {
 /// A hint for more files than a material has.
 const EACH_ITS_OWN: &str = "`preshade rewrite .. --out-dir DIR` takes each file as a material of \
                             its own, and every shader below a folder";
+
+/// Whether a file is a scene, by its ending.
+pub fn is_scene(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e == "toml") || is_gltf(path)
+}
+
+/// Whether a file is glTF, by its ending.
+pub fn is_gltf(path: &Path) -> bool {
+    let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
+    ending == "glb" || ending == "gltf"
+}
 
 pub fn is_stdin(path: &Path) -> bool {
     path == Path::new("-")
