@@ -23,7 +23,7 @@ mod webgl;
 pub use check::{Check, Compared, check};
 pub use folder::{Capture, FILE, is_folder};
 pub use pass::{Pass, passes};
-pub use scene::{Choice, Converted, scene};
+pub use scene::{Choice, scene};
 
 use crate::limits::Exceeded;
 use crate::{front, regular, render};

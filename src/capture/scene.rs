@@ -34,24 +34,14 @@ pub struct Choice {
     pub pass: Option<usize>,
 }
 
-/// A scene, and what it leaves out.
-#[derive(Debug)]
-pub struct Converted {
-    /// The scene.
-    pub scene: Scene,
-    /// Number of the render pass in the frame.
-    pub pass: usize,
-    /// What the scene does not draw as the frame did, each with the reason.
-    pub notes: Vec<String>,
-}
-
 /// A scene of one pass. With an adapter, what earlier passes drew is replayed; without, such
-/// textures and buffers are empty, which is enough to read the programs.
+/// textures and buffers are empty, which is enough to read the programs. Its notes tell what it does
+/// not draw as the frame did.
 ///
 /// # Errors
 /// The capture is broken, lacks data or has no such pass, or none of the pass's pipelines can be
 /// read.
-pub fn scene(capture: &Capture, choice: Choice, gpu: Option<&Gpu>) -> Result<Converted, Error> {
+pub fn scene(capture: &Capture, choice: Choice, gpu: Option<&Gpu>) -> Result<Scene, Error> {
     let all = passes(capture, choice.frame)?;
     let index = chosen(&all, choice)?;
     let pass = &all[index];
@@ -72,12 +62,9 @@ pub fn scene(capture: &Capture, choice: Choice, gpu: Option<&Gpu>) -> Result<Con
         by_pipeline: BTreeMap::new(),
         meshes: Vec::new(),
     };
-    let scene = made.scene()?;
-    Ok(Converted {
-        scene,
-        pass: index,
-        notes: made.notes.into_iter().collect(),
-    })
+    let mut scene = made.scene()?;
+    scene.notes = made.notes.into_iter().collect();
+    Ok(scene)
 }
 
 /// The pass to take.
@@ -170,6 +157,7 @@ impl<'c> Maker<'c> {
             files: capture.files(),
             is_made_up: false,
             own_size: None,
+            notes: Vec::new(),
         })
     }
 

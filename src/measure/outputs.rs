@@ -316,7 +316,9 @@ fn unfiltered(scene: &Scene) -> Scene {
         });
         let names = samplers.filter_map(|(_, global)| global.name.clone());
         for name in names.collect::<Vec<_>>() {
-            material.samplers.entry(name).or_default().filter = Filter::Nearest;
+            let sampler = material.samplers.entry(name).or_default();
+            sampler.filter = Filter::Nearest;
+            (sampler.min_filter, sampler.mip_filter) = (None, None);
         }
     }
     scene
