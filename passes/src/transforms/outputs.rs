@@ -248,7 +248,7 @@ impl Pass for Outputs {
         next.notes.extend(notes(&opaque, params, &wanted));
         next.notes
             .extend((drops && dropped.is_none()).then(|| NOTHING_DROPPED.to_owned()));
-        let of_view = other_view::apply(&mut next, &opaque, params)?;
+        let of_view = other_view::apply(&mut next, &opaque, (params, &said))?;
         depth_pass::finish(&mut next, "original");
         let program = next.programs.get(Role::Outputs.name());
         let program = program.filter(|_| from_light);
@@ -363,7 +363,7 @@ fn velocity(opaque: &Opaque<'_>, params: &Params) -> Result<Shows, Box<Refusal>>
     let still = list(params.still.as_deref());
     let jitter = list(params.jitter.as_deref());
     Ok(Shows::Velocity(Velocity {
-        still: names::still(module, still)?,
+        still: names::still(opaque.program, still)?,
         moving: names::attributes(opaque, list(params.moving.as_deref()))?,
         jitter: jitter
             .map(|name| names::member(module, name))
