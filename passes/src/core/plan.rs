@@ -452,8 +452,8 @@ pub struct GpuPass {
     /// pass): variable or member names.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub view_dependent: Vec<String>,
-    /// What the pass leaves out of the author's decisions about coverage, because it depends on the
-    /// viewer.
+    /// What the pass leaves out of the author's decisions about coverage: what depends on the viewer,
+    /// and alpha to coverage or blending where a test of alpha takes their place.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub left_out: Vec<String>,
 }

@@ -199,7 +199,7 @@ impl<'a> Pair<'a> {
                 true => held(promise, &places, colors),
                 false => check(
                     promise,
-                    not_evaluated("it leaves out what depends on the viewer, on purpose"),
+                    not_evaluated("it leaves out some of what decides coverage, on purpose"),
                 ),
             });
             return checks;

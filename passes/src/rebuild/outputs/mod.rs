@@ -134,6 +134,8 @@ struct Extending<'o, 'p> {
     module: Module,
     bindings: BTreeMap<(u32, u32), BindingSource>,
     attributes: BTreeMap<u32, u32>,
+    /// The group of new bindings, if it is given.
+    group: Option<u32>,
     /// The block of the previous frame's loose uniforms.
     previous_loose: Option<ResourceBinding>,
 }
@@ -157,16 +159,22 @@ struct Varyings {
     world: Option<Varying>,
 }
 
-/// Extends the main pass of a material by outputs, at locations from 0.
+/// Extends the main pass of a material by outputs, at locations from 0. New bindings are in `group`;
+/// by default, copies of buffers are in the group of the original.
 ///
 /// # Errors
 /// [`Failed`].
-pub fn extend(opaque: &Opaque<'_>, wanted: &[Wanted]) -> Result<Extended, Failed> {
+pub fn extend(
+    opaque: &Opaque<'_>,
+    wanted: &[Wanted],
+    group: Option<u32>,
+) -> Result<Extended, Failed> {
     let mut extending = Extending {
         opaque,
         module: opaque.program.module().clone(),
         bindings: BTreeMap::new(),
         attributes: BTreeMap::new(),
+        group,
         previous_loose: None,
     };
     let first = [extending.free_location(), extending.free_attribute()];
@@ -264,8 +272,9 @@ impl Extending<'_, '_> {
         taken.max().map_or(0, |most| most + 1)
     }
 
-    /// The first binding behind all others of a group.
+    /// The first binding behind all others of a group, or of the group that is given.
     fn free_binding(&self, group: u32) -> ResourceBinding {
+        let group = self.group.unwrap_or(group);
         let globals = self.module.global_variables.iter();
         let of_group = globals.filter_map(|(_, g)| g.binding.filter(|b| b.group == group));
         let binding = of_group.map(|b| b.binding + 1).max().unwrap_or(0);

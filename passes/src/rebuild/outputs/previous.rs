@@ -15,6 +15,7 @@ use crate::graph::FunctionId;
 use crate::rebuild::ahead::Ahead;
 use crate::rebuild::place::{self, CodeBuilder, Rewrite};
 use crate::rebuild::remap::{self, Pair};
+use crate::rebuild::variable::private;
 use crate::slice::{self, Criterion, OutputFilter, Slice};
 
 /// Suffix of the copies of functions and buffers.
@@ -101,8 +102,18 @@ impl Extending<'_, '_> {
         let functions = called.iter().map(|f| &module.functions[*f]);
         let read: Vec<_> = functions.flat_map(remap::parts_read).collect();
         check_jitter(&module, &read, jitter)?;
-        let unjittered = unjittered(&mut module, buffers, &read, jitter)?;
+        let declared = self.opaque.program.declared();
+        let is_loose = |member: &&Member| {
+            let binding = module.global_variables[member.global].binding;
+            binding.is_some() && binding == declared.loose && member.steps.len() == 1
+        };
+        // A loose uniform needs no copy of its block.
+        let (loose, jitter): (Vec<_>, Vec<_>) = jitter.iter().partition(is_loose);
+        let unjittered = unjittered(&mut module, buffers, &read, &jitter)?;
         let mut instead = buffers.clone();
+        for member in &loose {
+            instead.entry(member.global).or_insert(member.global);
+        }
         instead.extend(unjittered.iter().map(|(of, copy)| (*of, copy.variable)));
         let reads = |function: &Function| {
             let mut all = function.expressions.iter();
@@ -119,23 +130,40 @@ impl Extending<'_, '_> {
         });
         ahead.function = copies.get(&original).copied().unwrap_or(original);
         // What stands still is read where it is.
-        let pairs: Vec<Pair> = still
-            .iter()
-            .filter_map(|still| {
-                let global = *instead
-                    .get(&still.global)
-                    .filter(|_| !still.steps.is_empty())?;
+        let still = still.iter().filter(|still| !still.steps.is_empty());
+        let is_jitter = |still: &&Member| loose.iter().any(|jitter| jitter == still);
+        let still = still.filter(|still| !is_jitter(still));
+        let mut theirs: Vec<(&Member, Member)> = still.map(|s| (s, s.clone())).collect();
+        for jitter in loose {
+            let name = name_of(&module, jitter.global, &jitter.steps)
+                .members
+                .join("_");
+            let zero = private(
+                &mut module,
+                &format!("{name}_{UNJITTERED}"),
+                jitter.ty,
+                None,
+            );
+            let steps = Vec::new();
+            let ty = jitter.ty;
+            theirs.push((
+                jitter,
+                Member {
+                    global: zero,
+                    steps,
+                    ty,
+                },
+            ));
+        }
+        let pairs: Vec<Pair> = theirs
+            .into_iter()
+            .filter_map(|(original, theirs)| {
+                let global = *instead.get(&original.global)?;
                 let ours = Member {
                     global,
-                    ..still.clone()
+                    ..original.clone()
                 };
-                let is_jitter = jitter
-                    .iter()
-                    .any(|j| j.global == still.global && j.steps.starts_with(&still.steps));
-                (!is_jitter).then(|| Pair {
-                    ours,
-                    theirs: still.clone(),
-                })
+                Some(Pair { ours, theirs })
             })
             .collect();
         for copy in copies.values() {
@@ -248,7 +276,7 @@ fn unjittered<'j>(
     module: &mut Module,
     buffers: &Buffers,
     read: &[(Handle<GlobalVariable>, Vec<usize>)],
-    jitter: &'j [Member],
+    jitter: &[&'j Member],
 ) -> Result<BTreeMap<Handle<GlobalVariable>, Unjittered<'j>>, Failed> {
     let mut copies: BTreeMap<_, Unjittered<'j>> = BTreeMap::new();
     for member in jitter {
