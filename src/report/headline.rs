@@ -54,6 +54,7 @@ pub fn headline(report: &Report) -> String {
         (None, None) if report.clock.is_none() => {
             "Nothing was timed, so nothing is known to be worth shipping.".to_owned()
         }
+        (None, None) if aside(report).is_some() => aside(report).unwrap_or_default(),
         (None, None) => match best(report) {
             Some((v, speedups)) => {
                 let (name, picture) = (&v.name, picture(&v.contract));
@@ -72,7 +73,28 @@ pub fn headline(report: &Report) -> String {
 /// Whether the headline is that no variant is worth shipping.
 pub fn nothing_pays(report: &Report) -> bool {
     let is_timed = report.clock.is_some() && report.chosen.is_none();
-    is_timed && not_measured(report).is_none() && best(report).is_none()
+    let is_of_frame = aside(report).is_none();
+    is_timed && is_of_frame && not_measured(report).is_none() && best(report).is_none()
+}
+
+/// The cost of variants that draw nothing but pictures beside the frame, each beside its main
+/// passes. `None`: one draws the frame in another way.
+fn aside(report: &Report) -> Option<String> {
+    let costs: Option<Vec<String>> = drawn(report)
+        .filter(|v| !matches!(v.verdict, Verdict::NotMeasured { .. }))
+        .map(|v| {
+            let outputs = v.outputs.as_ref()?;
+            let (main, own) = (outputs.main_ms.as_ref()?, outputs.time_ms.as_ref()?);
+            Some(format!(
+                "`{}` adds {:.3} ms a frame beside {:.3} ms of the main passes: draw it where an \
+                 effect needs it.",
+                v.name, own.estimate.median, main.estimate.median
+            ))
+        })
+        .collect();
+    costs
+        .filter(|costs| !costs.is_empty())
+        .map(|costs| costs.join(" "))
 }
 
 fn drawn(report: &Report) -> impl Iterator<Item = &VariantReport> {
