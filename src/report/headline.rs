@@ -302,8 +302,9 @@ mod tests {
     use preshade_passes::budget::{Budget, Metric};
 
     use super::*;
+    use crate::measure::outputs::OutputsReport;
     use crate::measure::record::Chosen;
-    use crate::measure::{Clock, ErrorLadder};
+    use crate::measure::{Clock, ErrorLadder, FrameTime};
     use crate::render::AdapterReport;
 
     fn variant(name: &str, speedups: &[(&str, f64)], verdict: Verdict) -> VariantReport {
@@ -376,6 +377,43 @@ mod tests {
         );
         let one = variant("a", &[("wall", 1.5)], Verdict::Holds);
         assert_eq!(said(vec![one]), "a: same picture, 1.50x faster.");
+    }
+
+    /// It is no replacement of the main pass.
+    #[test]
+    fn an_auxiliary_pass_is_told_by_its_cost() {
+        let time = |median: f64| {
+            let estimate = Estimate {
+                median,
+                low: median,
+                high: median,
+            };
+            let samples = Vec::new();
+            Some(FrameTime { estimate, samples })
+        };
+        let outputs = OutputsReport {
+            materials: Vec::new(),
+            left_out: Vec::new(),
+            covered: 1,
+            changed_depth: 0,
+            depth_max_ulp: 0,
+            first_difference: None,
+            velocity: None,
+            main_ms: time(0.5),
+            time_ms: time(0.25),
+            speedup: None,
+        };
+        let own = VariantReport {
+            outputs: Some(outputs),
+            ..variant("a", &[("wall", 1.0)], Verdict::Holds)
+        };
+        let report = report(vec![own]);
+        assert_eq!(
+            headline(&report),
+            "`a` adds 0.250 ms a frame beside 0.500 ms of the main passes: draw it where an effect \
+             needs it."
+        );
+        assert!(!nothing_pays(&report));
     }
 
     #[test]
