@@ -8,7 +8,7 @@ use preshade::unstable::passes::declared::Depth;
 use preshade::unstable::passes::naga::ShaderStage;
 use preshade::unstable::passes::plan::Plan;
 use preshade::unstable::passes::validate::Effort;
-use preshade::unstable::passes::validate::agree::{self, Agreement, Class, Relation};
+use preshade::unstable::passes::validate::agree::{self, Agreement, Class, Question, Relation};
 use preshade::unstable::recipe::Recipe;
 use rayon::prelude::*;
 
@@ -47,9 +47,14 @@ pub struct AgreeArgs {
     /// may be given several times.
     #[arg(long, value_name = "THEIRS=OURS", value_parser = parse_map)]
     map: Vec<Mapping>,
+    /// With `--as normal`, the value of the first program's fragment stage that is the normal, as in
+    /// the pass `outputs`. Default: its output with `normal` in its name, or the unit vector that
+    /// meets a light in a dot product.
+    #[arg(long, value_name = "NAME")]
+    normal: Option<String>,
     /// A TOML file of pairs, each with `first`, `second` and `as`. Their paths are below FILE, a
     /// folder.
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["with", "map"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["with", "map", "normal"])]
     pairs: Option<PathBuf>,
     /// A TOML file of findings to accept, each with `pair`, `class` and `reason`.
     #[arg(long, value_name = "FILE")]
@@ -198,12 +203,16 @@ impl AgreeArgs {
             return Ok(of_pairs(pairs::read(file, folder, &self.shader)?));
         }
         let relation = self.relation()?;
+        if self.normal.is_some() && relation != Relation::Normal {
+            return Err(Failure("error: --normal is for `--as normal`".to_owned()));
+        }
         let pair = |first: ShaderArgs, second: ShaderArgs| Asked {
             name: None,
             first,
             second,
             relation,
             maps: self.map.clone(),
+            normal: self.normal.clone(),
         };
         match (&self.shader.files[..], &self.with[..]) {
             (ours, with @ [_, ..]) => {
@@ -358,8 +367,13 @@ fn checked(
         )
     });
     let name = named(&name);
+    let question = Question {
+        relation: asked.relation,
+        maps: &asked.maps,
+        normal: asked.normal.as_deref(),
+    };
     let compare = |first: &Plan, second: &Plan| {
-        let agreement = agree::agree(first, second, asked.relation, &asked.maps, &effort);
+        let agreement = agree::agree(first, second, question, &effort);
         agreement.map_err(|e| {
             let files = |s: &ShaderArgs| named(&files(&s.files));
             Failure(format!(
@@ -372,7 +386,7 @@ fn checked(
     let mut sides = [asked.first.clone(), asked.second.clone()];
     let mut plans = [first, second];
     let mut agreement = compare(&plans[0], &plans[1])?;
-    let mut notes = Vec::new();
+    let mut notes = std::mem::take(&mut agreement.notes);
     if is_elsewhere(&agreement)
         && let Some(side) = of_another_clip_space(&sides, &plans)
     {

@@ -19,6 +19,8 @@ pub struct Asked {
     pub second: ShaderArgs,
     pub relation: Relation,
     pub maps: Vec<Mapping>,
+    /// The first program's normal.
+    pub normal: Option<String>,
 }
 
 /// A file of pairs.
@@ -40,6 +42,7 @@ struct PairEntry {
     r#as: Relation,
     #[serde(default)]
     map: Vec<String>,
+    normal: Option<String>,
     vertex: Option<String>,
     fragment: Option<String>,
     second_vertex: Option<String>,
@@ -119,6 +122,7 @@ pub fn read(path: &Path, folder: &Path, shader: &ShaderArgs) -> Result<Vec<Asked
             first: side(pair.first, pair.vertex, pair.fragment, define),
             relation: pair.r#as,
             maps,
+            normal: pair.normal,
         })
     });
     asked.collect()

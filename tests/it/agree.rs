@@ -241,7 +241,7 @@ fn no_fixture_raises_a_false_alarm_against_itself() {
             let name = files[0].file_name().unwrap().to_string_lossy().into_owned();
             let mut results = Vec::new();
             for (how, relation, other) in partners(&original) {
-                let held = agree(&original, &other, relation, &[], &effort);
+                let held = agree(&original, &other, relation.into(), &effort);
                 let judged = match &held {
                     Ok(agreement) => judged(agreement),
                     Err(mismatch) => vec![Err(mismatch.to_string())],
@@ -332,7 +332,7 @@ fn agrees(first: &Plan, second: &Plan, relation: Relation) -> bool {
         inputs: 24,
         ..Effort::default()
     };
-    agree(first, second, relation, &[], &effort)
+    agree(first, second, relation.into(), &effort)
         .unwrap()
         .holds()
 }

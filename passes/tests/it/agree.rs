@@ -8,7 +8,9 @@ use preshade_passes::plan::Plan;
 use preshade_passes::program::{Language, Program, SourceMap};
 use preshade_passes::state::MaterialState;
 use preshade_passes::validate::Effort;
-use preshade_passes::validate::agree::{Agreement, Class, Mismatch, Outcome, Relation, agree};
+use preshade_passes::validate::agree::{
+    Agreement, Class, Mismatch, Outcome, Question, Relation, agree,
+};
 
 const MAIN: &str = include_str!("../../../fixtures/agree/leaf.wgsl");
 const SHADOW: &str = include_str!("../../../fixtures/agree/leaf.shadow.wgsl");
@@ -37,7 +39,11 @@ fn held(
         ..Effort::default()
     };
     let (first, second) = (plan("main.wgsl", first), plan("other.wgsl", second));
-    agree(&first, &second, relation, &maps, &effort)
+    let question = Question {
+        maps: &maps,
+        ..relation.into()
+    };
+    agree(&first, &second, question, &effort)
 }
 
 fn classes(agreement: &Agreement) -> Vec<Class> {
