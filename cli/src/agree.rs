@@ -1,5 +1,6 @@
 //! `preshade agree`: holds two programs against each other, whoever wrote them.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
@@ -200,7 +201,12 @@ impl AgreeArgs {
                     "error: with --pairs, FILE is the folder of the shaders".to_owned(),
                 ));
             };
-            return Ok(of_pairs(pairs::read(file, folder, &self.shader)?));
+            let tree = Tree::open(folder)?;
+            return Ok(Everything {
+                pairs: pairs::read(file, tree.path(), &self.shader)?,
+                trees: vec![tree],
+                ..Everything::default()
+            });
         }
         let relation = self.relation()?;
         if self.normal.is_some() && relation != Relation::Normal {
@@ -275,7 +281,7 @@ pub fn run(args: &AgreeArgs) -> Result<Ending, Failure> {
             .iter()
             .fold(text.to_owned(), |text, tree| tree.renamed(&text))
     };
-    let is_one = asked.len() == 1 && trees.iter().all(|t| !t.is_folder());
+    let is_one = asked.len() == 1 && (args.pairs.is_some() || trees.iter().all(|t| !t.is_folder()));
     if args.drawing.scene.is_some() && !is_one {
         return Err(Failure("error: --scene is for one pair".to_owned()));
     }
@@ -285,7 +291,9 @@ pub fn run(args: &AgreeArgs) -> Result<Ending, Failure> {
         .collect();
     let mut report = Report::default();
     report.alone = alone;
-    for result in results {
+    let mut names = BTreeMap::new();
+    for (asked, result) in asked.iter().zip(results) {
+        names.insert(named(&asked.name()), result.is_ok());
         match result {
             Ok(Checked::Compared(pair)) => report.pairs.push(*pair),
             Ok(Checked::Unchanged) => report.unchanged += 1,
@@ -293,7 +301,9 @@ pub fn run(args: &AgreeArgs) -> Result<Ending, Failure> {
             Err(Failure(why)) => report.errors.push(named(&why)),
         }
     }
-    report.waive(&waivers, |class, relation| args.breaks(class, relation));
+    report.waive(&waivers, &names, |class, relation| {
+        args.breaks(class, relation)
+    });
     match args.format {
         // Nothing but errors.
         Form::Human | Form::Markdown if report.pairs.is_empty() && report.unchanged == 0 => {}
@@ -359,14 +369,7 @@ fn checked(
         inputs: args.inputs,
         ..Effort::default()
     };
-    let name = asked.name.clone().unwrap_or_else(|| {
-        format!(
-            "{} {}",
-            files(&asked.first.files),
-            files(&asked.second.files)
-        )
-    });
-    let name = named(&name);
+    let name = named(&asked.name());
     let question = Question {
         relation: asked.relation,
         maps: &asked.maps,
@@ -481,7 +484,7 @@ fn plan(shader: &ShaderArgs) -> Result<Plan, Failure> {
 }
 
 /// The files of a side, as one word.
-fn files(files: &[PathBuf]) -> String {
+pub fn files(files: &[PathBuf]) -> String {
     let names: Vec<String> = files.iter().map(|f| f.display().to_string()).collect();
     names.join(",")
 }

@@ -7,7 +7,7 @@ use preshade::unstable::passes::validate::agree::Relation;
 use serde::Deserialize;
 
 use crate::Failure;
-use crate::agree::class_named;
+use crate::agree::{class_named, files};
 use crate::agreed::Waiver;
 use crate::input::ShaderArgs;
 
@@ -21,6 +21,15 @@ pub struct Asked {
     pub maps: Vec<Mapping>,
     /// The first program's normal.
     pub normal: Option<String>,
+}
+
+impl Asked {
+    /// Its name, or that of its files.
+    pub fn name(&self) -> String {
+        self.name.clone().unwrap_or_else(|| {
+            format!("{} {}", files(&self.first.files), files(&self.second.files))
+        })
+    }
 }
 
 /// A file of pairs.

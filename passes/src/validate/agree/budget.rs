@@ -10,27 +10,44 @@ use crate::validate::inputs::{Inputs, Resources};
 use crate::validate::stage::Ran;
 use crate::validate::world::{self, PassStages, TestPoint, Texels};
 
-/// Steps of all runs of a pair on numbers.
-const STEPS: u64 = 16_000_000;
+/// All runs of a pair on numbers take as many steps as this many of the longest runs.
+const RUNS: u64 = 160;
 
-/// Steps of all runs of a promise on terms.
-pub(super) const OF_TERMS: u64 = 1_000_000;
+/// All runs of a promise on terms.
+const RUNS_OF_TERMS: u64 = 10;
 
 /// With fewer inputs a promise does not count as tried.
 pub(super) const FEWEST: u64 = 16;
 
 /// The steps that a pair may still take.
-#[derive(Default)]
 pub(super) struct Budget {
+    /// The most steps of a run.
+    run: u64,
     left: Cell<u64>,
     /// Values of earlier inputs, whose memory the next ones take.
     spare: RefCell<Resources>,
 }
 
 impl Budget {
+    /// Of a pair whose runs take at most this many steps.
+    pub(super) fn new(run: u64) -> Self {
+        Self {
+            run,
+            left: Cell::default(),
+            spare: RefCell::default(),
+        }
+    }
+
     /// Adds the share of one of some promises.
     pub(super) fn share(&self, promises: u64) {
-        self.left.set(self.left.get() + STEPS / promises.max(1));
+        let all = self.run.saturating_mul(RUNS);
+        self.left
+            .set(self.left.get().saturating_add(all / promises.max(1)));
+    }
+
+    /// Steps of all runs of a promise on terms.
+    pub(super) fn of_terms(&self) -> u64 {
+        self.run.saturating_mul(RUNS_OF_TERMS)
     }
 
     /// What may be left after a search. Half of the steps of the first one are for others.

@@ -403,7 +403,7 @@ pub fn agree(
         Relation::Normal => normals::derived(of_first, first.vertex.program, normal),
         _ => None,
     };
-    let budget = budget::Budget::default();
+    let budget = budget::Budget::new(effort.steps);
     let multisample = &ours.multisample;
     let two = trial::Two {
         first,

@@ -90,10 +90,10 @@ impl Encoding {
 }
 
 /// The two normals, if no encoding explains them and all normals before. Infinite ones are not
-/// compared.
+/// compared. A named value of ours counts as a direction, of any length.
 pub(super) fn difference(
     encodings: &mut Encodings,
-    ours: &Value,
+    (ours, is_named): (&Value, bool),
     theirs: &Value,
 ) -> Option<(Class, [String; 3])> {
     let (a, b) = (ours.floats().ok()?, theirs.floats().ok()?);
@@ -104,8 +104,13 @@ pub(super) fn difference(
         let (Some(a), Some(b)) = (of_ours.decoded(&a), of_theirs.decoded(&b)) else {
             return false;
         };
-        let mut pairs = a.iter().zip(b);
-        pairs.all(|(a, b)| (a - b).abs() <= CLOSE * (1.0 + a.abs()))
+        let length = match is_named {
+            true => a.iter().map(|x| x * x).sum::<f32>().sqrt(),
+            false => 1.0,
+        };
+        let mut pairs = a.map(|x| x / length).into_iter().zip(b);
+        // A vector without a length has no direction.
+        pairs.all(|(a, b)| a.is_nan() || (a - b).abs() <= CLOSE * (1.0 + a.abs()))
     };
     let left: Vec<_> = encodings.0.iter().copied().filter(is_close).collect();
     match left.is_empty() {

@@ -41,9 +41,8 @@ pub(super) fn variant(two: &Two<'_>, promises: &[Held]) -> Option<Finding> {
         (_, [false, true]) => format!("the position of {first} is not invariant"),
     };
     let words = format!(
-        "{why}: a GPU may round them differently, so their depths may differ in the last bit. If you \
-         compare depths for equality, compute both positions by the same code, and mark both \
-         (`@invariant`, `invariant gl_Position`)"
+        "{why}, so a GPU may round them differently. If you compare depths for equality, compute both by \
+         the same code and mark both (`@invariant`, `invariant gl_Position`)"
     );
     Some(Finding::general(Class::Variant, "positions", words))
 }

@@ -60,8 +60,14 @@ fn parenthesis(text: &str) -> usize {
 pub(super) fn short(value: &Value) -> String {
     match value {
         Value::Scalar(Scalar::F32(x)) => digits(*x),
+        // The first column of a matrix.
         Value::Composite(parts) if parts.iter().any(|p| matches!(p, Value::Composite(_))) => {
-            "(..)".to_owned()
+            match &parts[0] {
+                Value::Composite(inner) if inner.iter().all(|p| matches!(p, Value::Scalar(_))) => {
+                    format!("({}, ..)", short(&parts[0]))
+                }
+                _ => "(..)".to_owned(),
+            }
         }
         Value::Composite(parts) if parts.len() <= 4 => {
             let parts: Vec<String> = parts.iter().map(short).collect();

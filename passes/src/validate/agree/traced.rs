@@ -35,7 +35,7 @@ impl Run<'_> {
     }
 
     /// All floats that it computes.
-    pub(super) fn numbers(&self) -> BTreeSet<u32> {
+    fn numbers(&self) -> BTreeSet<u32> {
         let mut all = BTreeSet::new();
         for traced in &self.trace {
             floats(&traced.value, &mut all);
@@ -43,20 +43,37 @@ impl Run<'_> {
         all
     }
 
-    /// The first computed value that the other run never has; or else one that is read.
-    pub(super) fn first_beyond(&self, others: &BTreeSet<u32>) -> Option<Spot> {
-        let is_new = |traced: &&Traced| {
+    /// Values that the other run never has.
+    fn beyond<'r>(
+        &'r self,
+        others: &'r BTreeSet<u32>,
+    ) -> impl DoubleEndedIterator<Item = &'r Traced> {
+        self.trace.iter().filter(|traced| {
             let mut own = BTreeSet::new();
             floats(&traced.value, &mut own);
             // A composition has its parts' numbers.
             let is_computed = !matches!(traced.kind, "Compose" | "Splat" | "Swizzle");
-            is_computed && !own.is_subset(others)
-        };
-        let mut new = self.trace.iter().filter(is_new);
-        let found = new.clone().find(|traced| self.read(traced).is_none());
-        // Of what is read, the last is the most of a path.
-        let found = found.or_else(|| new.rfind(|traced| self.read(traced) == Some(true)))?;
-        Some(self.spot(found)).filter(|spot| spot.location.is_some())
+            is_computed
+                && !own.is_subset(others)
+                && self.program(traced).sources().locate(traced.span).is_some()
+        })
+    }
+
+    /// The first computed value that the other run never has; or else data.
+    fn first_beyond(&self, others: &BTreeSet<u32>) -> Option<Spot> {
+        let found = self
+            .beyond(others)
+            .find(|traced| self.read(traced).is_none());
+        let found = found.map(|found| self.spot(found));
+        found.or_else(|| self.data_beyond(others))
+    }
+
+    /// What is read from a uniform or a buffer, and not by the other run. Of a path, the last is the most.
+    fn data_beyond(&self, others: &BTreeSet<u32>) -> Option<Spot> {
+        let found = self
+            .beyond(others)
+            .rfind(|traced| self.read(traced) == Some(true));
+        found.map(|found| self.spot(found))
     }
 
     /// The function of a value, if it is still the one that ran.
@@ -161,6 +178,16 @@ impl Run<'_> {
             spot: self.spot(found),
             operands: [operand(left, &operands[0])?, operand(right, &operands[1])?],
         })
+    }
+}
+
+/// Where two runs begin to differ: in what both read, or else in what either computes.
+pub(super) fn beginnings(first: &Run<'_>, second: &Run<'_>) -> [Option<Spot>; 2] {
+    let (ours, theirs) = (first.numbers(), second.numbers());
+    let data = [first.data_beyond(&theirs), second.data_beyond(&ours)];
+    match data.iter().all(Option::is_some) {
+        true => data,
+        false => [first.first_beyond(&theirs), second.first_beyond(&ours)],
     }
 }
 

@@ -242,16 +242,19 @@ impl<'a> Two<'a> {
     ) -> (Outcome, Vec<Finding>) {
         let mut classes = found.examples.keys();
         let is_equal = classes.all(|c| matches!(c, Class::Extreme | Class::Rounding));
+        // Too few inputs say nothing about a class.
+        let is_short = found.is_cut && found.ended < budget::FEWEST;
         if is_equal
+            && !is_short
             && found.ended > 0
             && let Some(why) = self.unseen(what, found.seen)
         {
             let why = why.to_owned();
             return (Outcome::NotEvaluated { why }, Vec::new());
         }
-        if found.examples.is_empty() {
+        if found.examples.is_empty() || is_short && is_equal {
             let why = match (found.ended, found.why) {
-                (few, None) if found.is_cut && few < budget::FEWEST => format!(
+                (_, None) if is_short => format!(
                     "{} inputs took as many steps as there are for a pair: too expensive",
                     found.tried
                 ),
@@ -581,7 +584,9 @@ impl<'a> Two<'a> {
             let is_compared = is_plain(draw.inputs) && !first.discarded && !second.discarded;
             let values = (first.outputs.get(&ours), second.outputs.get(&theirs));
             return Ok(match (is_compared, values) {
-                (true, (Some(a), Some(b))) => normals::difference(encodings, a, b),
+                (true, (Some(a), Some(b))) => {
+                    normals::difference(encodings, (a, self.normal.is_some()), b)
+                }
                 _ => None,
             });
         }
@@ -602,7 +607,7 @@ impl<'a> Two<'a> {
     fn by_terms(&self, what: What, place: TestPoint) -> bool {
         let inputs = self.inputs(1, Reading::Chosen, &[], &self.read(&self.matching.rules));
         let [ours, theirs] = [self.first, self.second].map(|s| s.vertex.module());
-        let left = Cell::new(budget::OF_TERMS);
+        let left = Cell::new(self.budget.of_terms());
         let steps = |most: u64| most.min(left.get());
         let spent = |ran: Ran<Symbolic>| {
             left.set(left.get().saturating_sub(ran.steps));

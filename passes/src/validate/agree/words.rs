@@ -8,7 +8,7 @@ use naga::Span;
 use super::differences::BIASED;
 use super::fed::Rule;
 use super::quote::{apart, digits};
-use super::traced::{Decision, Pairing, Run, decisions, kills};
+use super::traced::{Decision, Pairing, Run, beginnings, decisions, kills};
 use super::trial::{Two, What};
 use super::{Class, Finding, Relation, Spot};
 use crate::core::program::Program;
@@ -182,15 +182,13 @@ pub(super) fn finding(
     // A velocity is compared with that of other inputs.
     let spots = match what {
         What::Still(_) => [None, None],
-        _ => [
-            first.first_beyond(&second.numbers()),
-            second.first_beyond(&first.numbers()),
-        ],
+        _ => beginnings(first, second),
     };
     // The values are the same, and the thresholds decide.
     let is_decided = match &decisions {
         [Some(a), Some(b)] => matches!(Pairing::of(a, b), Pairing::Thresholds { .. }),
-        _ => false,
+        // One has a condition that the other lacks.
+        [a, b] => a.is_some() || b.is_some(),
     };
     let words = Sentence {
         two,
