@@ -191,17 +191,27 @@ pub(super) fn beginnings(first: &Run<'_>, second: &Run<'_>) -> [Option<Spot>; 2]
     }
 }
 
+/// The last comparisons of a run that may decide: a loop makes very many.
+const MOST_COMPARISONS: usize = 1000;
+
 /// What decides in a program that discards, and in one that keeps the fragment.
 pub(super) fn decisions(discards: &Run<'_>, keeps: &Run<'_>) -> [Option<Decision>; 2] {
     let discarding = discards.discards();
-    let all = keeps.compared();
-    let all = all.into_iter().filter_map(|t| keeps.decision(t));
     // A comparison that both make alike does not tell them apart.
-    let numbers = |d: &Decision| d.operands.each_ref().map(|(_, number)| number.to_bits());
-    let known: Vec<_> = discards.compared();
-    let known = known.into_iter().filter_map(|t| discards.decision(t));
-    let known: Vec<_> = known.map(|d| numbers(&d)).collect();
-    let mut all: Vec<Decision> = all.filter(|d| !known.contains(&numbers(d))).collect();
+    let made = |run: &Run<'_>| -> Vec<(Decision, [u32; 2], String)> {
+        let last = run.compared().into_iter().take(MOST_COMPARISONS);
+        let all = last.filter_map(|traced| {
+            let decision = run.decision(traced)?;
+            let numbers = decision.operands.each_ref().map(|(_, n)| n.to_bits());
+            Some((decision, numbers, short(&traced.value)))
+        });
+        all.collect()
+    };
+    let known = made(discards).into_iter();
+    let known: BTreeSet<_> = known.map(|(_, numbers, value)| (numbers, value)).collect();
+    let all = made(keeps).into_iter();
+    let all = all.filter(|(_, numbers, value)| !known.contains(&(*numbers, value.clone())));
+    let mut all: Vec<Decision> = all.map(|(decision, ..)| decision).collect();
     let paired = discarding.as_ref().and_then(|discarding| {
         let mut all = all.iter();
         all.position(|kept| !matches!(Pairing::of(kept, discarding), Pairing::Apart))
