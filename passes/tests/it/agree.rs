@@ -639,23 +639,19 @@ fn a_pair_has_a_budget() {
     };
     let effort = Effort {
         inputs: 480,
-        steps: 1000,
+        steps: 10_000,
         ..Effort::default()
     };
-    for (fetches, expected) in [(4, 480..=480), (12, 16..=100), (30, 0..=0), (900, 0..=0)] {
-        let first = plan("main.wgsl", &material(fetches, "1.0"));
-        let second = plan(
-            "other.wgsl",
-            &material(fetches, "0.0").replace("if a <", "if a - 1.0 <"),
-        );
+    for (fetches, expected) in [(4, 480..=1920), (100, 16..=300), (900, 0..=0)] {
+        let half = fetches / 2;
+        let first = plan("main.wgsl", &material(fetches, &format!("{half}.0")));
+        let second = material(fetches, "0.0").replace("if a <", &format!("if a - {half}.0 <"));
+        let second = plan("other.wgsl", &second);
         let agreement = agree(&first, &second, Relation::Discard.into(), &effort).unwrap();
         let inputs = match &agreement.promises[0].outcome {
             Outcome::Agreed { inputs } => *inputs,
             Outcome::NotEvaluated { why } => {
-                assert!(
-                    why.contains("too expensive") || why.contains("step limit"),
-                    "{why}"
-                );
+                assert!(why.contains("step limit"), "{why}");
                 0
             }
             other => panic!("{fetches}: {other:?}"),
