@@ -49,6 +49,8 @@ pub struct Declared {
     /// The stages whose entry point the author calls `main`. In the IR it has another name, because
     /// both stages share one name space.
     pub mains: Vec<naga::ShaderStage>,
+    /// The precisions of floats, by stage. The IR has full precision alone.
+    pub precisions: Vec<StagePrecision>,
     /// `discard` demotes the invocation to a helper, as in WGSL. Otherwise it ends it, as in GLSL.
     pub demotes: bool,
 }
@@ -137,6 +139,38 @@ pub enum Depth {
     AsWritten,
     /// -1 to 1, as in OpenGL: the IR holds `(z + w) / 2` for the author's `z`.
     OpenGl,
+}
+
+/// The precisions that a stage's text gives to floats.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct StagePrecision {
+    /// The stage.
+    pub stage: naga::ShaderStage,
+    /// That of `precision mediump float;`, or `highp`.
+    pub default: Precision,
+    /// Those that declarations of variables name.
+    pub qualified: Vec<Precision>,
+}
+
+/// A precision of GLSL, the most precise first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Precision {
+    /// `highp`.
+    High,
+    /// `mediump`.
+    Medium,
+    /// `lowp`.
+    Low,
+}
+
+impl std::fmt::Display for Precision {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::High => "`highp`",
+            Self::Medium => "`mediump`",
+            Self::Low => "`lowp`",
+        })
+    }
 }
 
 /// A name and its type.
