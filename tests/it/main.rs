@@ -23,6 +23,7 @@ mod glsl;
 mod glsl_semantics;
 mod glsl_vulkan;
 mod outputs_glsl;
+mod gltf;
 mod pass_pages;
 mod refusals;
 mod results_page;

@@ -134,6 +134,12 @@ impl Asset {
         buffer.get(view.offset()..end)
     }
 
+    /// Whether vertices may have numbers of fewer bits.
+    pub fn is_quantized(&self) -> bool {
+        let mut used = self.document.extensions_used();
+        used.any(|name| name == "KHR_mesh_quantization")
+    }
+
     /// Lengths of the buffers, in bytes.
     pub fn lengths(&self) -> Vec<usize> {
         self.buffers.iter().map(Vec::len).collect()

@@ -246,7 +246,7 @@ impl Loader<'_> {
         let nodes = asset.nodes()?;
         let below: Vec<&Below<'_>> = nodes.all.iter().filter(|n| gltf.is_below(n)).collect();
         let placed = gltf.placed(&asset.document, &below);
-        gltf.check_sizes(&placed, &asset.lengths(), &take)?;
+        gltf.check_sizes(&placed, &asset, &take)?;
         let place = transform(entry.translate, entry.rotate, entry.scale.as_ref());
         let mut lights = seen::lights(&below, &nodes, place);
         let first = lights.iter().find(|l| l.is_directional());

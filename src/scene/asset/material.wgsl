@@ -196,14 +196,26 @@ fn surroundings(direction: vec3f, width: f32) -> vec3f {
 struct Surface {
     normal: vec3f,
     view: vec3f,
-    diffuse: vec3f,
-    // Reflectance along the normal.
-    specular: vec3f,
+    base: vec3f,
+    metallic: f32,
     roughness: f32,
+    // What a specular layer reflects of light from all around: the part of its reflectance along the
+    // normal, and the rest.
+    layer: vec2f,
 }
 
-fn fresnel(specular: vec3f, cosine: f32) -> vec3f {
-    return specular + (1.0 - specular) * pow(1.0 - cosine, 5.0);
+// Reflectance along the normal of what is no metal.
+const DIELECTRIC = vec3f(0.04);
+
+fn fresnel(along: vec3f, cosine: f32) -> vec3f {
+    return along + (1.0 - along) * pow(1.0 - cosine, 5.0);
+}
+
+// Karis' fit (2014) of GGX over all directions.
+fn layer(roughness: f32, view: f32) -> vec2f {
+    let r = roughness * vec4f(-1.0, -0.0275, -0.572, 0.022) + vec4f(1.0, 0.0425, 1.04, -0.04);
+    let a = min(r.x * r.x, exp2(-9.28 * view)) * r.x + r.y;
+    return vec2f(-1.04, 1.04) * a + r.zw;
 }
 
 // Light that a surface reflects to the viewer, for each unit of irradiance: Lambert below a
@@ -213,15 +225,19 @@ fn reflected(surface: Surface, to_light: vec3f) -> vec3f {
     let light = saturate(dot(surface.normal, to_light));
     let view = saturate(dot(surface.normal, surface.view));
     let peak = saturate(dot(surface.normal, halfway));
+    let across = saturate(dot(surface.view, halfway));
     let alpha = surface.roughness * surface.roughness;
     let alpha2 = alpha * alpha;
     let spread = peak * peak * (alpha2 - 1.0) + 1.0;
     let distribution = alpha2 / (PI * spread * spread);
     let shadowed = light * sqrt(alpha2 + (1.0 - alpha2) * view * view)
         + view * sqrt(alpha2 + (1.0 - alpha2) * light * light);
-    let f = fresnel(surface.specular, saturate(dot(surface.view, halfway)));
-    let mirror = f * (distribution * 0.5 / max(shadowed, 1e-6));
-    return ((1.0 - f) * surface.diffuse / PI + mirror) * light;
+    let along = mix(DIELECTRIC, surface.base, surface.metallic);
+    // What bounces between the facets is not lost.
+    let several = 1.0 + along * (1.0 / (surface.layer.x + surface.layer.y) - 1.0);
+    let mirror = fresnel(along, across) * several * (distribution * 0.5 / max(shadowed, 1e-6));
+    let diffuse = surface.base * (1.0 - surface.metallic) * (1.0 - fresnel(DIELECTRIC, across));
+    return (diffuse / PI + mirror) * light;
 }
 
 // Direction to a light, and its irradiance on a surface across that direction.
@@ -243,23 +259,27 @@ fn arriving(light: Light, world: vec3f) -> array<vec3f, 2> {
     return array(to_light, light.color * strength);
 }
 
-// Light of the surroundings that a surface reflects: an integral of GGX fitted by Karis (2014), with
-// what bounces several times (Fdez-Aguera 2019).
+// What a layer reflects of light from all around: at once, and after several bounces (Fdez-Aguera
+// 2019).
+fn scattered(along: vec3f, layer: vec2f) -> array<vec3f, 2> {
+    let once = along * layer.x + layer.y;
+    let rest = 1.0 - (layer.x + layer.y);
+    let mean = along + (1.0 - along) / 21.0;
+    return array(once, once * mean / (1.0 - rest * mean) * rest);
+}
+
+// Light of the surroundings that a surface reflects.
 fn ambient(surface: Surface, occlusion: f32) -> vec3f {
-    let view = saturate(dot(surface.normal, surface.view));
-    let r = surface.roughness * vec4f(-1.0, -0.0275, -0.572, 0.022) + vec4f(1.0, 0.0425, 1.04, -0.04);
-    let a = min(r.x * r.x, exp2(-9.28 * view)) * r.x + r.y;
-    let fit = vec2f(-1.04, 1.04) * a + r.zw;
-    let once = surface.specular * fit.x + fit.y;
-    let rest = 1.0 - (fit.x + fit.y);
-    let mean = surface.specular + (1.0 - surface.specular) / 21.0;
-    let several = once * mean / (1.0 - rest * mean) * rest;
+    let below = scattered(DIELECTRIC, surface.layer);
+    let metal = scattered(surface.base, surface.layer);
+    let once = mix(below[0], metal[0], surface.metallic);
+    let several = mix(below[1], metal[1], surface.metallic);
+    let diffuse = surface.base * (1.0 - surface.metallic) * (1.0 - below[0] - below[1]);
     let lobe = pow(surface.roughness, 4.0);
     let mirrored = normalize(mix(reflect(-surface.view, surface.normal), surface.normal, lobe));
     let from_all = surroundings(surface.normal, 2.0 / 3.0);
     let specular = surroundings(mirrored, 1.0 - lobe / 3.0) * once + from_all * several;
-    let diffuse = from_all * surface.diffuse * (1.0 - once - several);
-    return (diffuse + specular) * occlusion;
+    return (diffuse * from_all + specular) * occlusion;
 }
 //#end
 //#if TRANSFORM
@@ -327,13 +347,10 @@ fn fragment_main(
 //#end
     var color = base.rgb;
 //#if LIT
-    let surface = Surface(
-        normal,
-        normalize(camera.position - in.world),
-        base.rgb * (1.0 - metallic),
-        mix(vec3f(0.04), base.rgb, metallic),
-        min(max(roughness, 0.045) + bent, 1.0),
-    );
+    let view = normalize(camera.position - in.world);
+    roughness = min(max(roughness, 0.045) + bent, 1.0);
+    let spread = layer(roughness, saturate(dot(normal, view)));
+    let surface = Surface(normal, view, base.rgb, metallic, roughness, spread);
     color = glow + ambient(surface, occlusion);
     for (var i = 0; i < LIGHTS; i++) {
         let light = arriving(lights[i], in.world);

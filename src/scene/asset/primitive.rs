@@ -116,13 +116,21 @@ pub(in crate::scene) fn read(
     }
     let mut mesh = b.build("");
     mesh.indices = Some(indices);
+    let tangents = of(gltf::Semantic::Tangents);
+    if let (None, Some(Stream::Float { data, .. })) = (&tangents, mesh.streams.get_mut("tangent")) {
+        // Coordinates of glTF go down a texture, and the second direction of a normal map goes up.
+        data.iter_mut()
+            .skip(3)
+            .step_by(4)
+            .for_each(|side| *side = -*side);
+    }
     let mut put = |name: &str, components: u32, data: Option<Vec<f32>>| {
         if let Some(data) = data.filter(|data| data.len() == count * components as usize) {
             let stream = Stream::Float { components, data };
             mesh.streams.insert(name.to_owned(), stream);
         }
     };
-    put("tangent", 4, of(gltf::Semantic::Tangents));
+    put("tangent", 4, tangents);
     put("color", 4, colors(asset, primitive));
     put("uv1", 2, of(gltf::Semantic::TexCoords(1)));
     put("weights", 4, of(gltf::Semantic::Weights(0)));

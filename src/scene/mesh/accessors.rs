@@ -26,17 +26,25 @@ impl Cost {
 }
 
 /// Checks every accessor of a primitive that is read; `buffers` has the buffer
-/// lengths in bytes.
+/// lengths in bytes, and the file `is_quantized` if it uses KHR_mesh_quantization.
 ///
 /// # Errors
 /// A message.
 pub(super) fn of_primitive(
     primitive: &gltf::Primitive<'_>,
     buffers: &[usize],
+    is_quantized: bool,
 ) -> Result<Cost, String> {
     const FRACTIONS: &[DataType] = &[U8, U16, F32];
-    // KHR_mesh_quantization.
-    const ANY: &[DataType] = &[I8, U8, I16, U16, F32];
+    const QUANTIZED: &[DataType] = &[I8, U8, I16, U16, F32];
+    let floats = match is_quantized {
+        true => QUANTIZED,
+        false => &[F32],
+    };
+    let fractions = match is_quantized {
+        true => QUANTIZED,
+        false => FRACTIONS,
+    };
     let mut cost = Cost::default();
     let mut take = |accessor: &Accessor<'_>, types: &[DataType], shapes: &[Dimensions]| {
         check(accessor, types, shapes, buffers)?;
@@ -48,11 +56,11 @@ pub(super) fn of_primitive(
     let mut vertices = 0;
     for (semantic, accessor) in primitive.attributes() {
         match semantic {
-            Semantic::Positions => vertices = take(&accessor, ANY, &[Vec3])?,
-            Semantic::Normals => _ = take(&accessor, ANY, &[Vec3])?,
-            Semantic::Tangents => _ = take(&accessor, ANY, &[Vec4])?,
+            Semantic::Positions => vertices = take(&accessor, floats, &[Vec3])?,
+            Semantic::Normals => _ = take(&accessor, floats, &[Vec3])?,
+            Semantic::Tangents => _ = take(&accessor, floats, &[Vec4])?,
             Semantic::Colors(0) => _ = take(&accessor, FRACTIONS, &[Vec3, Vec4])?,
-            Semantic::TexCoords(0 | 1) => _ = take(&accessor, ANY, &[Vec2])?,
+            Semantic::TexCoords(0 | 1) => _ = take(&accessor, fractions, &[Vec2])?,
             Semantic::Joints(0) => _ = take(&accessor, &[U8, U16], &[Vec4])?,
             Semantic::Weights(0) => _ = take(&accessor, FRACTIONS, &[Vec4])?,
             _ => {}
@@ -64,7 +72,7 @@ pub(super) fn of_primitive(
     for target in primitive.morph_targets() {
         let all = [target.positions(), target.normals(), target.tangents()];
         for accessor in all.into_iter().flatten() {
-            take(&accessor, ANY, &[Vec3])?;
+            take(&accessor, floats, &[Vec3])?;
         }
     }
     cost.vertices = vertices;

@@ -181,9 +181,10 @@ impl Gltf {
     pub(in crate::scene) fn check_sizes(
         &self,
         placed: &[Placed<'_>],
-        lengths: &[usize],
+        asset: &Asset,
         take: Take<'_>,
     ) -> Result<(), SceneError> {
+        let (lengths, is_quantized) = (&asset.lengths()[..], asset.is_quantized());
         let held: u64 = lengths.iter().map(|l| *l as u64).sum();
         let mut cost = Cost::default();
         let mut costs: BTreeMap<usize, Cost> = BTreeMap::new();
@@ -196,7 +197,7 @@ impl Gltf {
                 None => {
                     let mut all = Cost::default();
                     for primitive in self.primitives(mesh) {
-                        let of_it = accessors::of_primitive(&primitive, lengths);
+                        let of_it = accessors::of_primitive(&primitive, lengths, is_quantized);
                         all = all.and(of_it.map_err(|e| self.wrong(e))?);
                     }
                     costs.insert(mesh.index(), all);
@@ -214,7 +215,7 @@ impl Gltf {
         let Nodes { all, world } = asset.nodes()?;
         let nodes: Vec<_> = all.iter().filter(|n| self.is_below(n)).collect();
         let placed = self.placed(&asset.document, &nodes);
-        self.check_sizes(&placed, &asset.lengths(), take)?;
+        self.check_sizes(&placed, &asset, take)?;
         let (mut parts, mut joints, mut weights, mut skins) =
             (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for (mesh, node) in &placed {
