@@ -1,0 +1,7 @@
+// Puts the recorder into the page, once.
+
+if (!globalThis.preshadeCapture) {
+    installFrames();
+    installWebgpu();
+    Object.defineProperty(globalThis, 'preshadeCapture', { value: { start: startCapture } });
+}
