@@ -18,14 +18,70 @@ let lastTime = -1;
 const sources = [];
 
 const realRequest = globalThis.requestAnimationFrame;
+const realCancel = globalThis.cancelAnimationFrame;
+
+/**
+ * Where nothing is shown, as in a headless browser, no display slows a page down: it would queue more and more work
+ * for a slow GPU, and reading back would wait for all of it. So its next frame waits until the queue is empty.
+ */
+let paces = false;
+let unfinished = null;
+let blocked = false;
+let gateTime = -1;
+/** Callbacks that wait, by the page's handle. */
+const held = new Map();
+
+/** The page submitted work to this queue. */
+function submittedTo(queue) {
+    unfinished = queue;
+}
+
+function mayRun(time) {
+    if (time !== gateTime) {
+        gateTime = time;
+        if (unfinished && (paces || session)) {
+            const queue = unfinished;
+            unfinished = null;
+            blocked = true;
+            gpu.onSubmittedWorkDone.call(queue).finally(unblock);
+        }
+    }
+    return !blocked && !session?.done;
+}
+
+function unblock() {
+    blocked = false;
+    if (session?.done) return;
+    const waiting = [...held];
+    held.clear();
+    for (const [handle, callback] of waiting) requestAs(handle, callback);
+}
+
+/** Runs a callback in the next frame that may run; the page knows it by `handle`, or by its own new one. */
+function requestAs(handle, callback) {
+    let name = handle;
+    const own = realRequest.call(globalThis, (time) => {
+        renamed.delete(name);
+        if (phase !== IDLE) boundary(time);
+        if (mayRun(time)) callback(time);
+        else held.set(name, callback);
+    });
+    name ??= own;
+    if (name !== own) renamed.set(name, own);
+    return name;
+}
+
+const renamed = new Map();
 
 function installFrames() {
+    paces = typeof globalThis.preshadeSink === 'function';
     globalThis.requestAnimationFrame = function requestAnimationFrame(callback) {
         if (typeof callback !== 'function') return realRequest.apply(this, arguments);
-        return realRequest.call(globalThis, (time) => {
-            if (phase !== IDLE) boundary(time);
-            callback(time);
-        });
+        return requestAs(null, callback);
+    };
+    globalThis.cancelAnimationFrame = function cancelAnimationFrame(handle) {
+        held.delete(handle);
+        realCancel.call(globalThis, renamed.get(handle) ?? handle);
     };
 }
 
@@ -78,6 +134,7 @@ function closeFrame(time) {
     const isLast = session.recorded === session.wanted;
     if (isLast) {
         phase = IDLE;
+        session.done = true;
         session.origin.end();
     }
     session.writing = session.writing.then(() => writeFrame(frame, isLast)).catch(fail);
@@ -95,6 +152,7 @@ async function writeFrame({ time, write }, isLast) {
     const { resolve } = session;
     session.origin.release();
     session = null;
+    unblock();
     resolve(summary(folder));
 }
 
@@ -125,6 +183,7 @@ function fail(error) {
     const failed = session;
     session = null;
     if (!failed) return;
+    unblock();
     failed.origin?.end();
     failed.origin?.release();
     failed.sink.close();

@@ -9,7 +9,7 @@ function keepMethods() {
     };
     keep(GPUDevice, 'createBuffer', 'createCommandEncoder', 'pushErrorScope', 'popErrorScope');
     keep(GPUCommandEncoder, 'copyBufferToBuffer', 'copyTextureToBuffer', 'finish');
-    keep(GPUQueue, 'submit');
+    keep(GPUQueue, 'submit', 'onSubmittedWorkDone');
     keep(GPUBuffer, 'mapAsync', 'getMappedRange', 'unmap', 'destroy');
 }
 

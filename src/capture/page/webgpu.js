@@ -60,6 +60,20 @@ function isPlain(value) {
     return Object.getPrototypeOf(value) === Object.prototype;
 }
 
+/** The members of WebGPU's dictionaries. Pages may pass objects with members of their own, which we leave out. */
+const MEMBERS = new Set(
+    `label size usage addressModeU addressModeV addressModeW magFilter minFilter mipmapFilter lodMinClamp lodMaxClamp
+    compare maxAnisotropy entries binding visibility buffer type hasDynamicOffset minBindingSize sampler texture
+    sampleType viewDimension multisampled storageTexture access format externalTexture bindGroupLayouts layout resource
+    offset vertex fragment compute module entryPoint constants buffers arrayStride stepMode attributes shaderLocation
+    primitive topology stripIndexFormat frontFace cullMode unclippedDepth depthStencil depthWriteEnabled depthCompare
+    stencilFront stencilBack failOp depthFailOp passOp stencilReadMask stencilWriteMask depthBias depthBiasSlopeScale
+    depthBiasClamp multisample count mask alphaToCoverageEnabled targets blend color alpha srcFactor dstFactor operation
+    writeMask dimension aspect baseMipLevel mipLevelCount baseArrayLayer arrayLayerCount swizzle view depthSlice
+    resolveTarget loadOp storeOp depthClearValue depthLoadOp depthStoreOp depthReadOnly stencilClearValue stencilLoadOp
+    stencilStoreOp stencilReadOnly`.split(/\s+/),
+);
+
 /** A copy of a descriptor that the page cannot change any more, with Things for objects. */
 function copyOf(value) {
     if (typeof value !== 'object' || value === null) return value;
@@ -69,7 +83,9 @@ function copyOf(value) {
     if (Symbol.iterator in value) return Array.from(value, copyOf);
     const copy = {};
     for (const key in value) {
-        if (value[key] !== undefined) copy[key] = copyOf(value[key]);
+        if (value[key] === undefined) continue;
+        if (key === 'constants') copy.constants = { ...value.constants };
+        else if (MEMBERS.has(key)) copy[key] = copyOf(value[key]);
     }
     return copy;
 }
@@ -265,6 +281,7 @@ function wrapQueue() {
         function (buffers) {
             const list = [...buffers];
             const result = original.call(this, list);
+            submittedTo(this);
             for (const buffer of list) submitted(thingOf(buffer));
             return result;
         },
