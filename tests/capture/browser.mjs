@@ -31,7 +31,7 @@ export async function open(browser, address, { record = true, width = 320, heigh
     const chunks = [];
     page.on('pageerror', (error) => errors.push(error.stack ?? String(error)));
     page.on('console', (message) => {
-        if (['error', 'warning'].includes(message.type())) errors.push(message.text());
+        if (['error', 'warning'].includes(message.type()) && !/GPU stall/.test(message.text())) errors.push(message.text());
         if (process.env.VERBOSE) console.log(message.text());
     });
     if (record) {

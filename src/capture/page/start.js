@@ -3,5 +3,6 @@
 if (!globalThis.preshadeCapture) {
     installFrames();
     installWebgpu();
+    installWebgl();
     Object.defineProperty(globalThis, 'preshadeCapture', { value: { start: startCapture } });
 }
