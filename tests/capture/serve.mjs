@@ -15,6 +15,7 @@ export async function serve() {
         const [, name, script] = /^\/([a-z0-9-]+)(\.js)?$/.exec(request.url.split('?')[0]) ?? [];
         if (!name) return response.writeHead(404).end();
         response.setHeader('cache-control', 'no-store');
+        if (name === 'empty') return response.setHeader('content-type', 'text/html').end('<!doctype html>');
         if (!script) return response.setHeader('content-type', 'text/html').end(HTML(name));
         try {
             const { outputFiles } = await build({

@@ -2,7 +2,7 @@
 //
 //     node test.mjs [--keep DIR] [--slow] [PAGE ..]      default: every page; --slow: also time frames
 
-import { mkdir, readdir, writeFile } from 'node:fs/promises';
+import { mkdir, readFile, readdir, writeFile } from 'node:fs/promises';
 import { dirname, join } from 'node:path';
 import { fileURLToPath } from 'node:url';
 import { capture, frameTime, launch, open } from './browser.mjs';
@@ -14,7 +14,9 @@ const FRAMES = 2;
 const words = process.argv.slice(2);
 const keep = words[0] === '--keep' ? words.splice(0, 2)[1] : null;
 const slow = words[0] === '--slow' && words.shift();
-const pages = (await readdir(fileURLToPath(new URL('pages', import.meta.url)))).map((name) => name.replace('.js', ''));
+const pages = (await readdir(fileURLToPath(new URL('pages', import.meta.url))))
+    .filter((name) => !name.endsWith('-scene.js'))
+    .map((name) => name.replace('.js', ''));
 const chosen = words.length ? words : pages;
 
 const { server, address } = await serve();
@@ -47,6 +49,7 @@ async function test(name) {
         console.log(`${name}: ${json.source.api}, ${text.join(', ')}, ${(bytes / 2 ** 20).toFixed(2)} MiB`);
         for (const { what, why, count } of json.refused) console.log(`    refused ${what} (${count}): ${why}`);
         for (const { why, ...object } of json.unknown) console.log(`    unknown ${JSON.stringify(object)}: ${why}`);
+        if (json.source.api === 'webgpu') problems.push(...(await replayed(json, files)));
         if (slow) {
             const with_ = await frameTime(page);
             const plain = await open(browser, `${address}/${name}`, { record: false });
@@ -54,6 +57,24 @@ async function test(name) {
             await plain.page.close();
         }
         if (problems.length) throw new Error([...new Set(problems)].slice(0, 12).join('\n    '));
+    } finally {
+        await page.close();
+    }
+}
+
+/** Draws a WebGPU capture again in the same browser: what differs from the page is a problem. */
+async function replayed(json, files) {
+    const page = await browser.newPage();
+    try {
+        await page.goto(`${address}/empty`);
+        await page.addScriptTag({ content: await readFile(new URL('replay.js', import.meta.url), 'utf8') });
+        const data = {};
+        for (const [name, bytes] of files) {
+            if (name.startsWith('data/')) data[name.slice(5, -4)] = bytes.toString('base64');
+        }
+        const { different, errors } = await page.evaluate(([json, data]) => globalThis.replay(json, data), [json, data]);
+        console.log(`    replayed: ${different.join(', ')} pixels differ`);
+        return different.some(Boolean) ? ['pixels differ', ...errors] : errors;
     } finally {
         await page.close();
     }

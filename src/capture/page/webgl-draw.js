@@ -249,10 +249,6 @@ Object.assign(GlTaking.prototype, {
         for (const [from, to] of pairs) {
             if (!from || !this.blitOne(from, to, { same, x: x0, y: y0, x1, y1 })) this.blitAsCaptured(to);
         }
-        if (target.canvas) {
-            drawnContexts.add(this.gl);
-            this.showsLater();
-        }
     },
 
     readTarget() {

@@ -283,7 +283,7 @@ function trackDraws() {
     );
     afterTaken('blitFramebuffer', (take, args) => take.blit(args));
     afterTaken('beginTransformFeedback endTransformFeedback', (take, _, name) => (take.feedback = name[0] === 'b'));
-    afterGl(`${draws} clear`, (gl) => {
+    afterGl(`${draws} clear blitFramebuffer`, (gl) => {
         if (phase !== IDLE && gl.getParameter(GL.FRAMEBUFFER_BINDING) === null) {
             drawnContexts.add(gl);
             if (taking !== null && taking.gl === gl) taking.showsLater();

@@ -12,7 +12,9 @@ const recorder = {
     },
 
     describe({ device }) {
-        return { api: 'webgpu', adapter: adapterName(device?.adapterInfo), title: document.title, writer: WRITER };
+        const adapter = adapterName(device?.adapterInfo);
+        const features = [...(device?.features ?? [])];
+        return { api: 'webgpu', adapter, features, title: document.title, writer: WRITER };
     },
 
     hint() {

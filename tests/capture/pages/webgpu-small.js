@@ -50,7 +50,7 @@ async function main() {
     const vertices = buffer(GPUBufferUsage.VERTEX, new Float32Array([-0.4, -0.4, 0.4, -0.4, 0.4, 0.4, -0.4, 0.4]));
     const indices = buffer(GPUBufferUsage.INDEX, new Uint16Array([0, 1, 2, 0, 2, 3]));
     const offsets = device.createBuffer({ size: 48, usage: GPUBufferUsage.VERTEX | GPUBufferUsage.STORAGE });
-    const indirect = buffer(GPUBufferUsage.INDIRECT, new Uint32Array([6, 2, 0, 0, 2]));
+    const indirect = buffer(GPUBufferUsage.INDIRECT, new Uint32Array([6, 2, 0, 0, 0]));
     const uniforms = device.createBuffer({ size: 1024, usage: GPUBufferUsage.UNIFORM | GPUBufferUsage.COPY_DST });
     const clock = device.createBuffer({ size: 16, usage: GPUBufferUsage.UNIFORM | GPUBufferUsage.COPY_DST });
 
