@@ -43,19 +43,22 @@ export async function open(browser, address, { record = true, width = 320, heigh
     return { page, errors, chunks };
 }
 
-/** Milliseconds from one frame to the next: the median of `count`. */
-export function frameTime(page, count = 30) {
+/** Milliseconds that the page's callbacks take in a frame: the median of `count`. */
+export function cost(page, count = 30) {
     return page.evaluate(
         (count) =>
             new Promise((resolve) => {
                 const times = [];
-                const step = (time) => {
-                    times.push(time);
-                    if (times.length <= count) return requestAnimationFrame(step);
-                    const steps = times.slice(1).map((time, i) => time - times[i]);
-                    resolve(steps.sort((a, b) => a - b)[count >> 1]);
-                };
-                requestAnimationFrame(step);
+                const request = globalThis.requestAnimationFrame;
+                globalThis.requestAnimationFrame = (callback) =>
+                    request((time) => {
+                        const begin = performance.now();
+                        callback(time);
+                        times.push(performance.now() - begin);
+                        if (times.length < count) return;
+                        globalThis.requestAnimationFrame = request;
+                        resolve(times.sort((a, b) => a - b)[count >> 1].toFixed(2));
+                    });
             }),
         count,
     );

@@ -5,7 +5,7 @@
 import { mkdir, readFile, readdir, writeFile } from 'node:fs/promises';
 import { dirname, join } from 'node:path';
 import { fileURLToPath } from 'node:url';
-import { capture, frameTime, launch, open } from './browser.mjs';
+import { capture, cost, launch, open } from './browser.mjs';
 import { check, count } from './check.mjs';
 import { serve } from './serve.mjs';
 
@@ -49,11 +49,11 @@ async function test(name) {
         console.log(`${name}: ${json.source.api}, ${text.join(', ')}, ${(bytes / 2 ** 20).toFixed(2)} MiB`);
         for (const { what, why, count } of json.refused) console.log(`    refused ${what} (${count}): ${why}`);
         for (const { why, ...object } of json.unknown) console.log(`    unknown ${JSON.stringify(object)}: ${why}`);
-        if (json.source.api === 'webgpu') problems.push(...(await replayed(json, files)));
+        problems.push(...(await replayed(json, files)));
         if (slow) {
-            const with_ = await frameTime(page);
+            const recorded = await cost(page);
             const plain = await open(browser, `${address}/${name}`, { record: false });
-            console.log(`    a frame: ${(await frameTime(plain.page)).toFixed(1)} ms, with recorder ${with_.toFixed(1)}`);
+            console.log(`    its own frames: ${await cost(plain.page)} ms, with the recorder ${recorded} ms`);
             await plain.page.close();
         }
         if (problems.length) throw new Error([...new Set(problems)].slice(0, 12).join('\n    '));
@@ -62,12 +62,12 @@ async function test(name) {
     }
 }
 
-/** Draws a WebGPU capture again in the same browser: what differs from the page is a problem. */
+/** Draws a capture again in the same browser: what differs from the page is a problem. */
 async function replayed(json, files) {
     const page = await browser.newPage();
     try {
         await page.goto(`${address}/empty`);
-        await page.addScriptTag({ content: await readFile(new URL('replay.js', import.meta.url), 'utf8') });
+        await page.addScriptTag({ content: await readFile(new URL(`replay-${json.source.api === 'webgpu' ? 'webgpu' : 'webgl'}.js`, import.meta.url), 'utf8') });
         const data = {};
         for (const [name, bytes] of files) {
             if (name.startsWith('data/')) data[name.slice(5, -4)] = bytes.toString('base64');

@@ -257,9 +257,11 @@ class WebgpuWriter {
         const make = () => this.value(descriptor);
         switch (kind) {
             case 'buffer':
+                this.use(thing);
+                return folder.number('buffers', thing, () => ({ ...make(), usage: unmapped(descriptor.usage) }));
             case 'texture':
                 this.use(thing);
-                return folder.number(`${kind}s`, thing, make);
+                return folder.number('textures', thing, make);
             case 'view':
                 return { texture: this.reference(thing.texture), view: make() };
             case 'derivedLayout':
@@ -291,6 +293,12 @@ class WebgpuWriter {
         };
         return { label, layout: this.reference(layout), entries: entries.map(entry) };
     }
+}
+
+/** Usage of a buffer in the folder: what the page wrote through mapped memory is written by the queue there. */
+function unmapped(usage) {
+    const mapped = GPUBufferUsage.MAP_READ | GPUBufferUsage.MAP_WRITE;
+    return usage & mapped ? (usage & ~mapped) | GPUBufferUsage.COPY_DST : usage;
 }
 
 function textureOf(view) {
