@@ -31,7 +31,8 @@ export async function open(browser, address, { record = true, width = 320, heigh
     const chunks = [];
     page.on('pageerror', (error) => errors.push(error.stack ?? String(error)));
     page.on('console', (message) => {
-        if (['error', 'warning'].includes(message.type()) && !/GPU stall/.test(message.text())) errors.push(message.text());
+        if (['error', 'warning'].includes(message.type()) && !/GPU stall/.test(message.text()))
+            errors.push(message.text());
         if (process.env.VERBOSE) console.log(message.text());
     });
     if (record) {
@@ -44,7 +45,7 @@ export async function open(browser, address, { record = true, width = 320, heigh
 }
 
 /** Milliseconds that the page's callbacks take in a frame: the median of `count`. */
-export function cost(page, count = 30) {
+export function cost(page, count = 12) {
     return page.evaluate(
         (count) =>
             new Promise((resolve) => {
@@ -73,7 +74,7 @@ export async function capture({ page, chunks }, frames) {
 /** Names and contents of a tar stream; the last of one name counts. */
 export function untar(bytes) {
     const files = new Map();
-    for (let at = 0; at + 512 <= bytes.length && bytes[at]; ) {
+    for (let at = 0; at + 512 <= bytes.length && bytes[at];) {
         const name = bytes.toString('latin1', at, bytes.indexOf(0, at));
         const size = parseInt(bytes.toString('latin1', at + 124, at + 135), 8);
         files.set(name, bytes.subarray(at + 512, at + 512 + size));

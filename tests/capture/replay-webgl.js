@@ -42,11 +42,13 @@ globalThis.replay = async (json, files) => {
     };
     const cubes = new Set();
     for (const { textures } of json.named) {
-        for (const { texture, view } of Object.values(textures).flat()) if (view.dimension === 'cube') cubes.add(texture);
+        for (const { texture, view } of Object.values(textures).flat())
+            if (view.dimension === 'cube') cubes.add(texture);
     }
     const arrays = new Set();
     for (const { textures } of json.named) {
-        for (const { texture, view } of Object.values(textures).flat()) if (view.dimension === '2d-array') arrays.add(texture);
+        for (const { texture, view } of Object.values(textures).flat())
+            if (view.dimension === '2d-array') arrays.add(texture);
     }
     const target = (i) => {
         if (json.textures[i].dimension === '3d') return gl.TEXTURE_3D;
@@ -59,7 +61,13 @@ globalThis.replay = async (json, files) => {
         if (sampleCount > 1 || format === 'stencil8') {
             const made = gl.createRenderbuffer();
             gl.bindRenderbuffer(gl.RENDERBUFFER, made);
-            gl.renderbufferStorageMultisample(gl.RENDERBUFFER, sampleCount > 1 ? sampleCount : 0, internal, width, height);
+            gl.renderbufferStorageMultisample(
+                gl.RENDERBUFFER,
+                sampleCount > 1 ? sampleCount : 0,
+                internal,
+                width,
+                height,
+            );
             return made;
         }
         const made = gl.createTexture();
@@ -90,7 +98,17 @@ globalThis.replay = async (json, files) => {
             const part = content.length / 6;
             for (let face = 0; face < 6; face++) {
                 const texels = typed(kind, content.slice(face * part, (face + 1) * part));
-                gl.texSubImage2D(gl.TEXTURE_CUBE_MAP_POSITIVE_X + face, level, 0, 0, width, height, order, kind, texels);
+                gl.texSubImage2D(
+                    gl.TEXTURE_CUBE_MAP_POSITIVE_X + face,
+                    level,
+                    0,
+                    0,
+                    width,
+                    height,
+                    order,
+                    kind,
+                    texels,
+                );
             }
         } else gl.texSubImage3D(to, level, 0, 0, 0, width, height, layers, order, kind, typed(kind, content));
         check(`upload of texture ${i} ${format}`);
@@ -137,17 +155,38 @@ globalThis.replay = async (json, files) => {
     });
 
     const FACTORS = {
-        zero: 0, one: 1, src: 0x300, 'one-minus-src': 0x301, 'src-alpha': 0x302, 'one-minus-src-alpha': 0x303,
-        'dst-alpha': 0x304, 'one-minus-dst-alpha': 0x305, dst: 0x306, 'one-minus-dst': 0x307,
-        'src-alpha-saturated': 0x308, constant: 0x8001, 'one-minus-constant': 0x8002,
+        zero: 0,
+        one: 1,
+        src: 0x300,
+        'one-minus-src': 0x301,
+        'src-alpha': 0x302,
+        'one-minus-src-alpha': 0x303,
+        'dst-alpha': 0x304,
+        'one-minus-dst-alpha': 0x305,
+        dst: 0x306,
+        'one-minus-dst': 0x307,
+        'src-alpha-saturated': 0x308,
+        constant: 0x8001,
+        'one-minus-constant': 0x8002,
     };
     const OPERATIONS = { add: 0x8006, subtract: 0x800a, 'reverse-subtract': 0x800b, min: 0x8007, max: 0x8008 };
     const STENCIL = {
-        keep: 0x1e00, zero: 0, replace: 0x1e01, 'increment-clamp': 0x1e02, 'decrement-clamp': 0x1e03, invert: 0x150a,
-        'increment-wrap': 0x8507, 'decrement-wrap': 0x8508,
+        keep: 0x1e00,
+        zero: 0,
+        replace: 0x1e01,
+        'increment-clamp': 0x1e02,
+        'decrement-clamp': 0x1e03,
+        invert: 0x150a,
+        'increment-wrap': 0x8507,
+        'decrement-wrap': 0x8508,
     };
     const MODES = {
-        'point-list': 0, 'line-list': 1, 'line-loop': 2, 'line-strip': 3, 'triangle-list': 4, 'triangle-strip': 5,
+        'point-list': 0,
+        'line-list': 1,
+        'line-loop': 2,
+        'line-strip': 3,
+        'triangle-list': 4,
+        'triangle-strip': 5,
         'triangle-fan': 6,
     };
     const programs = new Map();
@@ -155,7 +194,10 @@ globalThis.replay = async (json, files) => {
         const key = `${vertex.module} ${fragment.module}`;
         if (!programs.has(key)) {
             const made = gl.createProgram();
-            for (const [type, { module }] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
+            for (const [type, { module }] of [
+                [gl.VERTEX_SHADER, vertex],
+                [gl.FRAGMENT_SHADER, fragment],
+            ]) {
                 const shader = gl.createShader(type);
                 gl.shaderSource(shader, text(json.shaders[module].data));
                 gl.compileShader(shader);
@@ -195,7 +237,8 @@ globalThis.replay = async (json, files) => {
         colorAttachments.forEach((a, i) => a && attach(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0 + i, a.view, a.depthSlice));
         if (depth) attach(gl.FRAMEBUFFER, depthPoint(json.textures[depth.view.texture].format), depth.view);
         gl.drawBuffers(colorAttachments.map((a, i) => (a ? gl.COLOR_ATTACHMENT0 + i : gl.NONE)));
-        if (gl.checkFramebufferStatus(gl.FRAMEBUFFER) !== gl.FRAMEBUFFER_COMPLETE) errors.push('incomplete framebuffer');
+        if (gl.checkFramebufferStatus(gl.FRAMEBUFFER) !== gl.FRAMEBUFFER_COMPLETE)
+            errors.push('incomplete framebuffer');
         gl.disable(gl.SCISSOR_TEST);
         gl.colorMask(true, true, true, true);
         gl.depthMask(true);
@@ -300,8 +343,17 @@ globalThis.replay = async (json, files) => {
                     32: kind === 'float' ? gl.FLOAT : signed ? gl.INT : gl.UNSIGNED_INT,
                 }[bits];
                 gl.enableVertexAttribArray(location);
-                if (kind.endsWith('int')) gl.vertexAttribIPointer(location, Number(size), type, arrayStride, offset + at);
-                else gl.vertexAttribPointer(location, Number(size), type, kind.endsWith('norm'), arrayStride, offset + at);
+                if (kind.endsWith('int'))
+                    gl.vertexAttribIPointer(location, Number(size), type, arrayStride, offset + at);
+                else
+                    gl.vertexAttribPointer(
+                        location,
+                        Number(size),
+                        type,
+                        kind.endsWith('norm'),
+                        arrayStride,
+                        offset + at,
+                    );
                 gl.vertexAttribDivisor(location, divisor ?? (stepMode === 'instance' ? 1 : 0));
             }
         });
@@ -316,7 +368,11 @@ globalThis.replay = async (json, files) => {
         }
         const { buffer, indexFormat } = state.index;
         gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, buffers[buffer]);
-        const [type, size] = { uint8: [gl.UNSIGNED_BYTE, 1], uint16: [gl.UNSIGNED_SHORT, 2], uint32: [gl.UNSIGNED_INT, 4] }[indexFormat];
+        const [type, size] = {
+            uint8: [gl.UNSIGNED_BYTE, 1],
+            uint16: [gl.UNSIGNED_SHORT, 2],
+            uint32: [gl.UNSIGNED_INT, 4],
+        }[indexFormat];
         gl.drawElementsInstanced(mode, command.indexCount, type, command.firstIndex * size, command.instanceCount);
     };
 
@@ -332,8 +388,16 @@ globalThis.replay = async (json, files) => {
         enable('STENCIL_TEST', depth?.stencilFront);
         if (depth?.stencilFront) {
             gl.stencilMask(depth.stencilWriteMask);
-            for (const [side, face] of [[gl.FRONT, depth.stencilFront], [gl.BACK, depth.stencilBack]]) {
-                gl.stencilFuncSeparate(side, gl.NEVER + COMPARE.indexOf(face.compare), reference, depth.stencilReadMask);
+            for (const [side, face] of [
+                [gl.FRONT, depth.stencilFront],
+                [gl.BACK, depth.stencilBack],
+            ]) {
+                gl.stencilFuncSeparate(
+                    side,
+                    gl.NEVER + COMPARE.indexOf(face.compare),
+                    reference,
+                    depth.stencilReadMask,
+                );
                 gl.stencilOpSeparate(side, STENCIL[face.failOp], STENCIL[face.depthFailOp], STENCIL[face.passOp]);
             }
         }
@@ -355,10 +419,31 @@ globalThis.replay = async (json, files) => {
     };
 
     const SETTERS = {
-        0x1406: '1f', 0x8b50: '2f', 0x8b51: '3f', 0x8b52: '4f', 0x1404: '1i', 0x8b53: '2i', 0x8b54: '3i', 0x8b55: '4i',
-        0x8b56: '1i', 0x8b57: '2i', 0x8b58: '3i', 0x8b59: '4i', 0x1405: '1ui', 0x8dc6: '2ui', 0x8dc7: '3ui', 0x8dc8: '4ui',
-        0x8b5a: 'Matrix2f', 0x8b5b: 'Matrix3f', 0x8b5c: 'Matrix4f', 0x8b65: 'Matrix2x3f', 0x8b66: 'Matrix2x4f',
-        0x8b67: 'Matrix3x2f', 0x8b68: 'Matrix3x4f', 0x8b69: 'Matrix4x2f', 0x8b6a: 'Matrix4x3f',
+        0x1406: '1f',
+        0x8b50: '2f',
+        0x8b51: '3f',
+        0x8b52: '4f',
+        0x1404: '1i',
+        0x8b53: '2i',
+        0x8b54: '3i',
+        0x8b55: '4i',
+        0x8b56: '1i',
+        0x8b57: '2i',
+        0x8b58: '3i',
+        0x8b59: '4i',
+        0x1405: '1ui',
+        0x8dc6: '2ui',
+        0x8dc7: '3ui',
+        0x8dc8: '4ui',
+        0x8b5a: 'Matrix2f',
+        0x8b5b: 'Matrix3f',
+        0x8b5c: 'Matrix4f',
+        0x8b65: 'Matrix2x3f',
+        0x8b66: 'Matrix2x4f',
+        0x8b67: 'Matrix3x2f',
+        0x8b68: 'Matrix3x4f',
+        0x8b69: 'Matrix4x2f',
+        0x8b6a: 'Matrix4x3f',
     };
     const uniforms = (made, named) => {
         const count = gl.getProgramParameter(made, gl.ACTIVE_UNIFORMS);
@@ -400,7 +485,10 @@ globalThis.replay = async (json, files) => {
         const [from, to] = [gl.createFramebuffer(), gl.createFramebuffer()];
         const depth = json.textures[source.texture].format.startsWith('depth');
         const point = depth ? depthPoint(json.textures[source.texture].format) : gl.COLOR_ATTACHMENT0;
-        const view = (place) => ({ texture: place.texture, view: { baseMipLevel: place.mipLevel, baseArrayLayer: place.origin[2] } });
+        const view = (place) => ({
+            texture: place.texture,
+            view: { baseMipLevel: place.mipLevel, baseArrayLayer: place.origin[2] },
+        });
         gl.bindFramebuffer(gl.READ_FRAMEBUFFER, from);
         attach(gl.READ_FRAMEBUFFER, point, view(source));
         gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, to);

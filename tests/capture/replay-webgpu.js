@@ -40,7 +40,8 @@ globalThis.replay = async (json, files) => {
     );
     const groupLayout = (layout) => {
         if (typeof layout === 'number') return groupLayouts[layout];
-        const pipeline = 'pipeline' in layout ? renderPipelines[layout.pipeline] : computePipelines[layout.computePipeline];
+        const pipeline =
+            'pipeline' in layout ? renderPipelines[layout.pipeline] : computePipelines[layout.computePipeline];
         return pipeline.getBindGroupLayout(layout.group);
     };
     const viewOf = (place) => place && textures[place.texture].createView(place.view);
@@ -63,7 +64,11 @@ globalThis.replay = async (json, files) => {
         if (/^(bc|astc|etc|eac)|depth32/.test(format)) continue;
         const bytesPerRow = content.length / height / depth;
         const layout = { bytesPerRow, rowsPerImage: height };
-        device.queue.writeTexture({ texture: textures[texture], mipLevel, aspect }, content, layout, [width, height, depth]);
+        device.queue.writeTexture({ texture: textures[texture], mipLevel, aspect }, content, layout, [
+            width,
+            height,
+            depth,
+        ]);
     }
 
     const draws = {
@@ -91,7 +96,13 @@ globalThis.replay = async (json, files) => {
         writeBuffer: (_, c) => device.queue.writeBuffer(buffers[c.buffer], c.offset, bytes(c.data)),
         writeTexture: (_, c) => device.queue.writeTexture(side(c.destination), bytes(c.data), c.layout, c.size),
         copyBufferToBuffer: (e, c) =>
-            e.copyBufferToBuffer(buffers[c.source], c.sourceOffset, buffers[c.destination], c.destinationOffset, c.size),
+            e.copyBufferToBuffer(
+                buffers[c.source],
+                c.sourceOffset,
+                buffers[c.destination],
+                c.destinationOffset,
+                c.size,
+            ),
         copyBufferToTexture: (e, c) => e.copyBufferToTexture(side(c.source), side(c.destination), c.size),
         copyTextureToBuffer: (e, c) => e.copyTextureToBuffer(side(c.source), side(c.destination), c.size),
         copyTextureToTexture: (e, c) => e.copyTextureToTexture(side(c.source), side(c.destination), c.size),

@@ -1,6 +1,6 @@
 // Captures pages and checks the folders.
 //
-//     node test.mjs [--keep DIR] [--slow] [PAGE ..]      default: every page; --slow: also time frames
+//     node test.mjs [--keep DIR] [--slow] [PAGE ..]      default: every page; --slow: also what frames cost
 
 import { mkdir, readFile, readdir, writeFile } from 'node:fs/promises';
 import { dirname, join } from 'node:path';
@@ -15,7 +15,7 @@ const words = process.argv.slice(2);
 const keep = words[0] === '--keep' ? words.splice(0, 2)[1] : null;
 const slow = words[0] === '--slow' && words.shift();
 const pages = (await readdir(fileURLToPath(new URL('pages', import.meta.url))))
-    .filter((name) => !name.endsWith('-scene.js'))
+    .filter((name) => !name.endsWith('-scene.js') && (slow || !name.startsWith('stress')))
     .map((name) => name.replace('.js', ''));
 const chosen = words.length ? words : pages;
 
@@ -67,12 +67,20 @@ async function replayed(json, files) {
     const page = await browser.newPage();
     try {
         await page.goto(`${address}/empty`);
-        await page.addScriptTag({ content: await readFile(new URL(`replay-${json.source.api === 'webgpu' ? 'webgpu' : 'webgl'}.js`, import.meta.url), 'utf8') });
+        await page.addScriptTag({
+            content: await readFile(
+                new URL(`replay-${json.source.api === 'webgpu' ? 'webgpu' : 'webgl'}.js`, import.meta.url),
+                'utf8',
+            ),
+        });
         const data = {};
         for (const [name, bytes] of files) {
             if (name.startsWith('data/')) data[name.slice(5, -4)] = bytes.toString('base64');
         }
-        const { different, errors } = await page.evaluate(([json, data]) => globalThis.replay(json, data), [json, data]);
+        const { different, errors } = await page.evaluate(
+            ([json, data]) => globalThis.replay(json, data),
+            [json, data],
+        );
         console.log(`    replayed: ${different.join(', ')} pixels differ`);
         return different.some(Boolean) ? ['pixels differ', ...errors] : errors;
     } finally {

@@ -17,6 +17,15 @@ let lastTime = -1;
 /** What records: `canvases()` drawn since it was last asked, `begin`, `drawn`, `endFrame`, `end`. */
 const sources = [];
 
+/** Replaces a method by `make(original)`. */
+function wrap(type, name, make) {
+    const original = type?.prototype[name];
+    if (!original) return;
+    const wrapper = make(original);
+    Object.defineProperty(wrapper, 'name', { value: name });
+    type.prototype[name] = wrapper;
+}
+
 const realRequest = globalThis.requestAnimationFrame;
 const realCancel = globalThis.cancelAnimationFrame;
 
@@ -73,12 +82,24 @@ function requestAs(handle, callback) {
 
 const renamed = new Map();
 
+/** Canvases that the page gave to workers, where the recorder is not. */
+let workerCanvases = 0;
+
 function installFrames() {
     paces = typeof globalThis.preshadeSink === 'function';
     globalThis.requestAnimationFrame = function requestAnimationFrame(callback) {
         if (typeof callback !== 'function') return realRequest.apply(this, arguments);
         return requestAs(null, callback);
     };
+    wrap(
+        globalThis.HTMLCanvasElement,
+        'transferControlToOffscreen',
+        (original) =>
+            function () {
+                workerCanvases += 1;
+                return original.call(this);
+            },
+    );
     globalThis.cancelAnimationFrame = function cancelAnimationFrame(handle) {
         held.delete(handle);
         realCancel.call(globalThis, renamed.get(handle) ?? handle);
@@ -172,8 +193,8 @@ function idleTime() {
         globalThis.dispatchEvent(new Event('resize'));
     }
     if (waited > GIVE_UP_MS) {
-        const why = sources.map((source) => source.hint()).filter(Boolean);
-        fail(new Error(`the page drew nothing in ${GIVE_UP_MS / 1000} s${why.length ? `: ${why.join('; ')}` : ''}`));
+        const why = workerCanvases ? ': a canvas of it is drawn by a worker, which is not recorded' : '';
+        fail(new Error(`the page drew nothing in ${GIVE_UP_MS / 1000} s by WebGL or WebGPU${why}`));
     }
 }
 

@@ -62,7 +62,7 @@ class BindingSink {
     }
 
     write(bytes) {
-        for (let at = 0; at < bytes.length; ) {
+        for (let at = 0; at < bytes.length;) {
             const count = Math.min(bytes.length - at, CHUNK - this.used);
             this.chunk.set(bytes.subarray(at, at + count), this.used);
             this.used += count;

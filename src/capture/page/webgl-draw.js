@@ -59,14 +59,20 @@ Object.assign(GlTaking.prototype, {
             }
             const integer = this.two && get('INTEGER');
             const { format, bytes } = vertexFormat(get('TYPE'), get('SIZE'), get('NORMALIZED'), integer);
-            const layout = { arrayStride: get('STRIDE') || bytes, attributes: [{ name, format, offset: 0 }] };
+            const layout = {
+                arrayStride: get('STRIDE') || bytes,
+                attributes: [{ name, format, offset: 0 }],
+            };
             if (column !== undefined) layout.attributes[0].column = column;
             const divisor = this.divisor(location);
             if (divisor) layout.stepMode = 'instance';
             if (divisor > 1) layout.divisor = divisor;
             const taken = this.resources.buffer(buffer);
             input.layouts.push(layout);
-            input.bindings.push({ taken, offset: o.getVertexAttribOffset(location, GL.VERTEX_ATTRIB_ARRAY_POINTER) });
+            input.bindings.push({
+                taken,
+                offset: o.getVertexAttribOffset(location, GL.VERTEX_ATTRIB_ARRAY_POINTER),
+            });
             input.used.push({ taken });
         }
         return input;
@@ -104,7 +110,11 @@ Object.assign(GlTaking.prototype, {
         used.push(taken);
         const offset = o.getIndexedParameter(GL.UNIFORM_BUFFER_START, binding);
         const size = o.getIndexedParameter(GL.UNIFORM_BUFFER_SIZE, binding);
-        return { buffer: taken.number, offset, size: size || bufferInfo(buffer).size - offset };
+        return {
+            buffer: taken.number,
+            offset,
+            size: size || bufferInfo(buffer).size - offset,
+        };
     },
 
     /** The texture and sampler of a texture unit. */
@@ -117,7 +127,11 @@ Object.assign(GlTaking.prototype, {
         if (info?.format && info.levels[0]) info.parameters ??= this.textureParameters(ask);
         if (!info?.format || !info.levels[0] || !isComplete(info)) {
             if (info && !info.format && o.isTexture(texture)) this.unseen(info);
-            return { ...this.black(target), view: { dimension: VIEW_DIMENSIONS[target] }, sampler: this.sampler({}) };
+            return {
+                ...this.black(target),
+                view: { dimension: VIEW_DIMENSIONS[target] },
+                sampler: this.sampler({}),
+            };
         }
         const taken = this.resources.sync(info);
         used.push(taken);
@@ -169,7 +183,11 @@ Object.assign(GlTaking.prototype, {
         if (!this.noted.has(number)) {
             this.noted.add(number);
             const texels = new Uint8Array(4 * layers).map((_, i) => (i % 4 === 3 ? 255 : 0));
-            folder.start.textures.push({ texture: number, mipLevel: 0, data: folder.data(texels) });
+            folder.start.textures.push({
+                texture: number,
+                mipLevel: 0,
+                data: folder.data(texels),
+            });
         }
         return { texture: number };
     },
@@ -179,8 +197,16 @@ Object.assign(GlTaking.prototype, {
         const { primitive, targets, ...rest } = pipelineState(state, target, mode, indexFormat);
         return folder.equal('renderPipelines', {
             layout: 'auto',
-            vertex: { module: this.shader(info, 'vertex'), entryPoint: 'main', buffers: layouts },
-            fragment: { module: this.shader(info, 'fragment'), entryPoint: 'main', targets },
+            vertex: {
+                module: this.shader(info, 'vertex'),
+                entryPoint: 'main',
+                buffers: layouts,
+            },
+            fragment: {
+                module: this.shader(info, 'fragment'),
+                entryPoint: 'main',
+                targets,
+            },
             primitive,
             ...rest,
         });
@@ -190,7 +216,11 @@ Object.assign(GlTaking.prototype, {
         const { folder } = this;
         const text = sources[stage] ?? '';
         const language = /^\s*#version 300 es/.test(text) ? 'glsl-es-300' : 'glsl-es-100';
-        return folder.number('shaders', `${stage} ${text}`, () => ({ label: stage, language, data: folder.text(text) }));
+        return folder.number('shaders', `${stage} ${text}`, () => ({
+            label: stage,
+            language,
+            data: folder.text(text),
+        }));
     },
 
     emit(pass, info, { attributes, index, named, call, state }) {
@@ -201,26 +231,63 @@ Object.assign(GlTaking.prototype, {
             pass.state.set(slot, text);
             pass.commands.push(command);
         };
-        set('pipeline', { do: 'setPipeline', pipeline: this.pipeline(info, attributes, call, state, target) });
+        set('pipeline', {
+            do: 'setPipeline',
+            pipeline: this.pipeline(info, attributes, call, state, target),
+        });
         set('named', { do: 'setNamed', named: named.number });
         attributes.bindings.forEach(({ taken, offset }, slot) =>
-            set(`vertex ${slot}`, { do: 'setVertexBuffer', slot, buffer: taken.number, offset }),
+            set(`vertex ${slot}`, {
+                do: 'setVertexBuffer',
+                slot,
+                buffer: taken.number,
+                offset,
+            }),
         );
         const [x, y, width, height] = state.viewport;
         const [minDepth, maxDepth] = state.depthRange;
-        set('viewport', { do: 'setViewport', x, y, width, height, minDepth, maxDepth });
+        set('viewport', {
+            do: 'setViewport',
+            x,
+            y,
+            width,
+            height,
+            minDepth,
+            maxDepth,
+        });
         const box = state.scissor ? this.clipped(state.scissor, target.size) : [0, 0, ...target.size];
-        set('scissor', { do: 'setScissorRect', x: box[0], y: box[1], width: box[2], height: box[3] });
+        set('scissor', {
+            do: 'setScissorRect',
+            x: box[0],
+            y: box[1],
+            width: box[2],
+            height: box[3],
+        });
         if (state.constant) set('constant', { do: 'setBlendConstant', color: state.constant });
-        if (state.stencil) set('reference', { do: 'setStencilReference', reference: state.reference });
+        if (state.stencil)
+            set('reference', {
+                do: 'setStencilReference',
+                reference: state.reference,
+            });
         const instanceCount = call.instances;
         if (!index) {
             const { count: vertexCount, first: firstVertex } = call;
-            pass.commands.push({ do: 'draw', vertexCount, instanceCount, firstVertex, firstInstance: 0 });
+            pass.commands.push({
+                do: 'draw',
+                vertexCount,
+                instanceCount,
+                firstVertex,
+                firstInstance: 0,
+            });
             return;
         }
         const { indexFormat, indexBytes } = call;
-        set('index', { do: 'setIndexBuffer', buffer: index.number, indexFormat, offset: 0 });
+        set('index', {
+            do: 'setIndexBuffer',
+            buffer: index.number,
+            indexFormat,
+            offset: 0,
+        });
         pass.commands.push({
             do: 'drawIndexed',
             indexCount: call.count,
@@ -242,7 +309,8 @@ Object.assign(GlTaking.prototype, {
         const target = draw ? resources.framebuffer(draw, GL.DRAW_FRAMEBUFFER) : this.canvasTarget();
         const same = x0 === X0 && y0 === Y0 && x1 === X1 && y1 === Y1;
         const pairs = [];
-        if (mask & GL.COLOR_BUFFER_BIT) for (const color of target.colors) if (color) pairs.push([source.colors[0], color]);
+        if (mask & GL.COLOR_BUFFER_BIT)
+            for (const color of target.colors) if (color) pairs.push([source.colors[0], color]);
         if (mask & (GL.DEPTH_BUFFER_BIT | GL.STENCIL_BUFFER_BIT) && source.depth && target.depth) {
             pairs.push([source.depth, target.depth]);
         }
@@ -270,7 +338,11 @@ Object.assign(GlTaking.prototype, {
             const view = this.view(from, false);
             const resolveTarget = this.view(to, true);
             const color = { view, resolveTarget, loadOp: 'load', storeOp: 'store' };
-            list.push({ do: 'renderPass', descriptor: { colorAttachments: [color] }, commands: [] });
+            list.push({
+                do: 'renderPass',
+                descriptor: { colorAttachments: [color] },
+                commands: [],
+            });
             return true;
         }
         if (from.samples !== to.samples || (from.kind === 'depth' && !all)) return false;
@@ -295,7 +367,10 @@ Object.assign(GlTaking.prototype, {
         const { number } = this.resources.sync(to.info);
         if (this.noted.has(`blit ${number}`)) return;
         this.noted.add(`blit ${number}`);
-        this.resources.unknown({ texture: number, why: 'blitFramebuffer that scales or converts is written as captured' });
+        this.resources.unknown({
+            texture: number,
+            why: 'blitFramebuffer that scales or converts is written as captured',
+        });
     },
 });
 
@@ -307,7 +382,15 @@ function drawCall(name, args) {
     const [count, type, offset, instances] =
         name === 'drawElements' ? [a, b, c, 1] : name === 'drawElementsInstanced' ? [a, b, c, d] : [c, d, e, 1];
     const [indexFormat, indexBytes] = INDEX_FORMATS[type];
-    return { mode, count, offset, instances, indexType: type, indexFormat, indexBytes };
+    return {
+        mode,
+        count,
+        offset,
+        instances,
+        indexType: type,
+        indexFormat,
+        indexBytes,
+    };
 }
 
 /** GL samples nothing from a texture that lacks the mip levels its filter needs. */

@@ -43,7 +43,10 @@ const formats = new Map();
 function installFormats() {
     for (const [name, entry] of Object.entries(SIZED)) formats.set(WebGL2RenderingContext[name], entry);
     for (const bits of [8, 16, 32]) {
-        for (const [letter, kind] of [['I', 'sint'], ['UI', 'uint']]) {
+        for (const [letter, kind] of [
+            ['I', 'sint'],
+            ['UI', 'uint'],
+        ]) {
             const add = (channels, ours, rgb) => {
                 const internal = WebGL2RenderingContext[`${channels}${bits}${letter}`];
                 formats.set(internal, [`${ours}${bits}${kind}`, kind, rgb]);
@@ -104,7 +107,8 @@ const CHANNELS = { r: 1, rg: 2, rgba: 4 };
 
 /** RGBA pixels (bytes, floats or integers) as texels of `format`. */
 function encode(pixels, format, kind) {
-    if (format === 'rg11b10ufloat') return packed(pixels, (r, g, b) => small(r, 6) | (small(g, 6) << 11) | (small(b, 5) << 22));
+    if (format === 'rg11b10ufloat')
+        return packed(pixels, (r, g, b) => small(r, 6) | (small(g, 6) << 11) | (small(b, 5) << 22));
     if (format === 'rgb10a2unorm') {
         const ten = (value) => Math.round(value * 1023);
         return packed(pixels, (r, g, b, a) => ten(r) | (ten(g) << 10) | (ten(b) << 20) | (Math.round(a * 3) << 30));
@@ -118,16 +122,22 @@ function encode(pixels, format, kind) {
     switch (kind) {
         case 'unorm':
         case 'srgb':
-            if (pixels instanceof Uint8Array) return channels === 4 ? pixels : spread(pixels, channels, Uint8Array, same);
+            if (pixels instanceof Uint8Array)
+                return channels === 4 ? pixels : spread(pixels, channels, Uint8Array, same);
             if (kind === 'unorm') return spread(pixels, channels, Uint8Array, (value) => Math.round(value * 255));
-            return spread(pixels, channels, Uint8Array, (value, i) => Math.round((i === 3 ? value : gamma(value)) * 255));
+            return spread(pixels, channels, Uint8Array, (value, i) =>
+                Math.round((i === 3 ? value : gamma(value)) * 255),
+            );
         case 'snorm':
             return spread(pixels, channels, Int8Array, (value) => Math.round(value * 127));
         case 'float':
             if (bits === '16') return spread(pixels, channels, Uint16Array, half);
             return spread(pixels, channels, Float32Array, same);
         default: {
-            const types = { sint: [Int8Array, Int16Array, Int32Array], uint: [Uint8Array, Uint16Array, Uint32Array] };
+            const types = {
+                sint: [Int8Array, Int16Array, Int32Array],
+                uint: [Uint8Array, Uint16Array, Uint32Array],
+            };
             return spread(pixels, channels, types[kind][Math.log2(bits) - 3], same);
         }
     }

@@ -31,7 +31,12 @@ function activeAttributes(o, program) {
         if (location < 0) continue;
         const columns = COLUMNS[type];
         for (let column = 0; column < (columns ?? 1); column++) {
-            list.push({ name, location: location + column, type, ...(columns ? { column } : {}) });
+            list.push({
+                name,
+                location: location + column,
+                type,
+                ...(columns ? { column } : {}),
+            });
         }
     }
     return list.sort((a, b) => a.location - b.location);
@@ -89,7 +94,8 @@ function setUniform(take, args, name) {
         const at = matrix ? 2 : 1;
         const begin = args[at + 1] ?? 0;
         data = args[at];
-        if (begin || args[at + 2]) data = Array.from(data).slice(begin, args[at + 2] ? begin + args[at + 2] : undefined);
+        if (begin || args[at + 2])
+            data = Array.from(data).slice(begin, args[at + 2] ? begin + args[at + 2] : undefined);
     } else data = Array.prototype.slice.call(args, 1);
     const { values } = uniform;
     const first = element * uniform.components;

@@ -9,8 +9,16 @@ const OWN = Symbol('preshade own');
 const isTwo = (gl) => globalThis.WebGL2RenderingContext && gl instanceof WebGL2RenderingContext;
 
 const CAPABILITIES = [
-    'BLEND', 'CULL_FACE', 'DEPTH_TEST', 'DITHER', 'SCISSOR_TEST', 'STENCIL_TEST', 'SAMPLE_ALPHA_TO_COVERAGE',
-    'SAMPLE_COVERAGE', 'POLYGON_OFFSET_FILL', 'RASTERIZER_DISCARD',
+    'BLEND',
+    'CULL_FACE',
+    'DEPTH_TEST',
+    'DITHER',
+    'SCISSOR_TEST',
+    'STENCIL_TEST',
+    'SAMPLE_ALPHA_TO_COVERAGE',
+    'SAMPLE_COVERAGE',
+    'POLYGON_OFFSET_FILL',
+    'RASTERIZER_DISCARD',
 ];
 const PACKS = ['PACK_ALIGNMENT', 'PACK_ROW_LENGTH', 'PACK_SKIP_PIXELS', 'PACK_SKIP_ROWS'];
 
@@ -171,8 +179,16 @@ class GlReader {
     plainSampling(info, level) {
         const { own: o, two } = this;
         const { target } = info;
-        const set = { TEXTURE_MIN_FILTER: level ? GL.NEAREST_MIPMAP_NEAREST : GL.NEAREST, TEXTURE_MAG_FILTER: GL.NEAREST };
-        if (two) Object.assign(set, { TEXTURE_COMPARE_MODE: 0, TEXTURE_BASE_LEVEL: 0, TEXTURE_MAX_LEVEL: 1000 });
+        const set = {
+            TEXTURE_MIN_FILTER: level ? GL.NEAREST_MIPMAP_NEAREST : GL.NEAREST,
+            TEXTURE_MAG_FILTER: GL.NEAREST,
+        };
+        if (two)
+            Object.assign(set, {
+                TEXTURE_COMPARE_MODE: 0,
+                TEXTURE_BASE_LEVEL: 0,
+                TEXTURE_MAX_LEVEL: 1000,
+            });
         const saved = Object.keys(set).map((name) => [GL[name], o.getTexParameter(target, GL[name])]);
         for (const name in set) o.texParameteri(target, GL[name], set[name]);
         return () => saved.forEach(([name, value]) => o.texParameteri(target, name, value));
@@ -207,7 +223,10 @@ class GlReader {
         const { own: o } = this;
         program = o.createProgram();
         const [vertex, fragment] = this.two ? readShaders2(target, kind) : readShaders1(target);
-        for (const [type, text] of [[GL.VERTEX_SHADER, vertex], [GL.FRAGMENT_SHADER, fragment]]) {
+        for (const [type, text] of [
+            [GL.VERTEX_SHADER, vertex],
+            [GL.FRAGMENT_SHADER, fragment],
+        ]) {
             const shader = o.createShader(type);
             o.shaderSource(shader, text);
             o.compileShader(shader);
@@ -246,8 +265,14 @@ class GlReader {
     attribute0() {
         const { own: o } = this;
         const get = (name) => o.getVertexAttrib(0, GL[`VERTEX_ATTRIB_ARRAY_${name}`]);
-        const [buffer, enabled, size, stride, type, normalized] =
-            ['BUFFER_BINDING', 'ENABLED', 'SIZE', 'STRIDE', 'TYPE', 'NORMALIZED'].map(get);
+        const [buffer, enabled, size, stride, type, normalized] = [
+            'BUFFER_BINDING',
+            'ENABLED',
+            'SIZE',
+            'STRIDE',
+            'TYPE',
+            'NORMALIZED',
+        ].map(get);
         const offset = o.getVertexAttribOffset(0, GL.VERTEX_ATTRIB_ARRAY_POINTER);
         return () => {
             const bound = o.getParameter(GL.ARRAY_BUFFER_BINDING);
@@ -262,8 +287,18 @@ class GlReader {
 }
 
 const TEXTURE_CUBE = 0x8513;
-const BINDING_OF = { 0x0de1: 0x8069, 0x8513: 0x8514, 0x806f: 0x806a, 0x8c1a: 0x8c1d };
-const SAMPLER_OF = { 0x0de1: 'sampler2D', 0x8513: 'samplerCube', 0x806f: 'sampler3D', 0x8c1a: 'sampler2DArray' };
+const BINDING_OF = {
+    0x0de1: 0x8069,
+    0x8513: 0x8514,
+    0x806f: 0x806a,
+    0x8c1a: 0x8c1d,
+};
+const SAMPLER_OF = {
+    0x0de1: 'sampler2D',
+    0x8513: 'samplerCube',
+    0x806f: 'sampler3D',
+    0x8c1a: 'sampler2DArray',
+};
 
 const DIRECTION = `
 vec3 direction(vec2 p, int face) {
@@ -299,9 +334,7 @@ void main() { ${fetch} }`,
 /** The target has the level's size, so that the level is what the derivatives choose. */
 function readShaders1(target) {
     const fetch =
-        target === TEXTURE_CUBE
-            ? 'textureCube(source, direction(at * 2.0 - 1.0, place.y))'
-            : 'texture2D(source, at)';
+        target === TEXTURE_CUBE ? 'textureCube(source, direction(at * 2.0 - 1.0, place.y))' : 'texture2D(source, at)';
     return [
         `attribute vec2 corner; varying vec2 at;
 void main() { at = corner * 0.5 + 0.5; gl_Position = vec4(corner, 0.0, 1.0); }`,

@@ -53,7 +53,10 @@ class GlTaking {
 
     show() {
         const { drawingBufferWidth: width, drawingBufferHeight: height } = this.gl;
-        this.picture = { data: this.reader.picture(width, height), size: [width, height] };
+        this.picture = {
+            data: this.reader.picture(width, height),
+            size: [width, height],
+        };
     }
 
     state() {
@@ -100,16 +103,50 @@ class GlTaking {
             }));
         const usage = ATTACHMENT | SAMPLED_USAGE;
         const format = 'rgba8unorm';
-        const color = { format, kind: 'unorm', rgb: !alpha, size, samples, whole: true };
-        color.resolve = color.number = shared('canvas', { format, sampleCount: 1, usage });
+        const color = {
+            format,
+            kind: 'unorm',
+            rgb: !alpha,
+            size,
+            samples,
+            whole: true,
+        };
+        color.resolve = color.number = shared('canvas', {
+            format,
+            sampleCount: 1,
+            usage,
+        });
         this.canvas = color.resolve;
-        if (samples > 1) color.number = shared('canvas samples', { format, sampleCount: samples, usage: ATTACHMENT });
+        if (samples > 1)
+            color.number = shared('canvas samples', {
+                format,
+                sampleCount: samples,
+                usage: ATTACHMENT,
+            });
         else delete color.resolve;
-        const target = { key: `canvas ${size}`, colors: [color], depth: null, size, samples, canvas: true };
+        const target = {
+            key: `canvas ${size}`,
+            colors: [color],
+            depth: null,
+            size,
+            samples,
+            canvas: true,
+        };
         if (depth || stencil) {
             const format = !stencil ? 'depth24plus' : depth ? 'depth24plus-stencil8' : 'stencil8';
-            const number = shared('canvas depth', { format, sampleCount: samples, usage: ATTACHMENT });
-            target.depth = { format, kind: 'depth', number, size, samples, whole: true };
+            const number = shared('canvas depth', {
+                format,
+                sampleCount: samples,
+                usage: ATTACHMENT,
+            });
+            target.depth = {
+                format,
+                kind: 'depth',
+                number,
+                size,
+                samples,
+                whole: true,
+            };
         }
         return target;
     }
@@ -132,7 +169,11 @@ class GlTaking {
         const descriptor = {
             colorAttachments: target.colors.map((color, i) => {
                 if (!color) return null;
-                const made = { view: this.view(color, clears?.colors?.[i]), loadOp: 'load', storeOp: 'store' };
+                const made = {
+                    view: this.view(color, clears?.colors?.[i]),
+                    loadOp: 'load',
+                    storeOp: 'store',
+                };
                 if (color.resolve !== undefined) made.resolveTarget = { texture: color.resolve, view: {} };
                 return made;
             }),
@@ -147,7 +188,13 @@ class GlTaking {
             descriptor.depthStencilAttachment = made;
         }
         this.passId += 1;
-        this.pass = { key: target.key, target, descriptor, commands: [], state: new Map() };
+        this.pass = {
+            key: target.key,
+            target,
+            descriptor,
+            commands: [],
+            state: new Map(),
+        };
         for (const { info } of [...target.colors, target.depth].filter(Boolean)) {
             if (info) info.taken.pass = this.passId;
         }
@@ -158,9 +205,21 @@ class GlTaking {
     view(attachment, replaced) {
         const texture = this.resources.attach(attachment, Boolean(replaced));
         if (attachment.whole) return { texture, view: {} };
-        const view = { dimension: '2d', baseMipLevel: attachment.level, mipLevelCount: 1 };
-        if (attachment.info.target === 0x806f) return { texture, view: { ...view, dimension: '3d' }, depthSlice: attachment.layer };
-        return { texture, view: { ...view, baseArrayLayer: attachment.layer, arrayLayerCount: 1 } };
+        const view = {
+            dimension: '2d',
+            baseMipLevel: attachment.level,
+            mipLevelCount: 1,
+        };
+        if (attachment.info.target === 0x806f)
+            return {
+                texture,
+                view: { ...view, dimension: '3d' },
+                depthSlice: attachment.layer,
+            };
+        return {
+            texture,
+            view: { ...view, baseArrayLayer: attachment.layer, arrayLayerCount: 1 },
+        };
     }
 
     clearAttachments({ target, descriptor }, { colors, depth, stencil }) {
@@ -172,9 +231,13 @@ class GlTaking {
         });
         const made = descriptor.depthStencilAttachment;
         if (!made) return;
-        if (depth !== undefined && made.depthLoadOp) Object.assign(made, { depthLoadOp: 'clear', depthClearValue: depth });
+        if (depth !== undefined && made.depthLoadOp)
+            Object.assign(made, { depthLoadOp: 'clear', depthClearValue: depth });
         if (stencil !== undefined && made.stencilLoadOp) {
-            Object.assign(made, { stencilLoadOp: 'clear', stencilClearValue: stencil });
+            Object.assign(made, {
+                stencilLoadOp: 'clear',
+                stencilClearValue: stencil,
+            });
         }
     }
 
@@ -229,7 +292,10 @@ class GlTaking {
         const scissor = state.scissor && this.clipped(state.scissor, target.size);
         const all = !scissor || `${scissor}` === `0,0,${target.size}`;
         const masked =
-            (wants.colors && !target.colors.every((color) => !color || state.colorMask.every((on, i) => on || (i === 3 && color.rgb)))) ||
+            (wants.colors &&
+                !target.colors.every(
+                    (color) => !color || state.colorMask.every((on, i) => on || (i === 3 && color.rgb)),
+                )) ||
             (wants.stencil !== undefined && state.stencilMask !== 0xff);
         if (all && !masked) {
             this.open(wants);
@@ -274,7 +340,11 @@ class GlTaking {
         const { picture, folder, list } = this;
         if (this.canvas === null) this.canvasTarget();
         const frame = { size: picture.size, canvas: this.canvas, commands: list };
-        frame.picture = { data: folder.data(picture.data), format: 'rgba8unorm', size: picture.size };
+        frame.picture = {
+            data: folder.data(picture.data),
+            format: 'rgba8unorm',
+            size: picture.size,
+        };
         this.beginFrame();
         return frame;
     }
@@ -282,7 +352,10 @@ class GlTaking {
 
 const webglRecorder = {
     canvases() {
-        const list = [...drawnContexts].map((gl) => ({ area: visibleArea(gl.canvas), gl }));
+        const list = [...drawnContexts].map((gl) => ({
+            area: visibleArea(gl.canvas),
+            gl,
+        }));
         drawnContexts.clear();
         return list;
     },
@@ -290,11 +363,12 @@ const webglRecorder = {
     describe({ gl }) {
         const debug = gl.getExtension('WEBGL_debug_renderer_info');
         const adapter = gl.getParameter(debug ? debug.UNMASKED_RENDERER_WEBGL : gl.RENDERER);
-        return { api: isTwo(gl) ? 'webgl2' : 'webgl1', adapter, title: document.title, writer: WRITER };
-    },
-
-    hint() {
-        return null;
+        return {
+            api: isTwo(gl) ? 'webgl2' : 'webgl1',
+            adapter,
+            title: document.title,
+            writer: WRITER,
+        };
     },
 
     begin(folder, { gl }) {

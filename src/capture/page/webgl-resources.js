@@ -16,7 +16,13 @@ class GlResources {
     }
 
     texture(entry) {
-        return this.folder.entries.textures.push({ dimension: '2d', ...entry, viewFormats: [] }) - 1;
+        return (
+            this.folder.entries.textures.push({
+                dimension: '2d',
+                ...entry,
+                viewFormats: [],
+            }) - 1
+        );
     }
 
     unknown(entry) {
@@ -70,16 +76,29 @@ class GlResources {
         }
         if (!changed) {
             if (bytes.some((byte) => byte)) {
-                this.folder.start.textures.push({ texture: number, mipLevel: level, data: this.folder.data(bytes) });
+                this.folder.start.textures.push({
+                    texture: number,
+                    mipLevel: level,
+                    data: this.folder.data(bytes),
+                });
             }
             return;
         }
         const layers = info.target === TEXTURE_CUBE ? 6 : depth;
         this.take.list.push({
             do: 'writeTexture',
-            destination: { texture: number, mipLevel: level, origin: [0, 0, 0], aspect: 'all' },
+            destination: {
+                texture: number,
+                mipLevel: level,
+                origin: [0, 0, 0],
+                aspect: 'all',
+            },
             data: this.folder.data(bytes),
-            layout: { offset: 0, bytesPerRow: bytes.length / (height * layers), rowsPerImage: height },
+            layout: {
+                offset: 0,
+                bytesPerRow: bytes.length / (height * layers),
+                rowsPerImage: height,
+            },
             size: [width, height, layers],
         });
     }
@@ -103,7 +122,12 @@ class GlResources {
             const begin = info.dirty[0] & ~3;
             const end = Math.min(info.size, (info.dirty[1] + 3) & ~3);
             const bytes = this.reader.buffer(buffer, info, begin, end);
-            take.list.push({ do: 'writeBuffer', buffer: taken.number, offset: begin, data: folder.data(bytes) });
+            take.list.push({
+                do: 'writeBuffer',
+                buffer: taken.number,
+                offset: begin,
+                data: folder.data(bytes),
+            });
             info.dirty = null;
         }
         info.taken.pass = take.passId;
@@ -131,9 +155,7 @@ class GlResources {
     framebuffer(framebuffer, binding) {
         const { own: o, take } = this;
         const buffers = take.drawBuffers(framebuffer);
-        const colors = buffers.map((attachment) =>
-            attachment ? this.attachment(binding, attachment) : null,
-        );
+        const colors = buffers.map((attachment) => (attachment ? this.attachment(binding, attachment) : null));
         while (colors.length && !colors[colors.length - 1]) colors.pop();
         const depth =
             this.attachment(binding, GL.DEPTH_ATTACHMENT) ??
@@ -142,7 +164,14 @@ class GlResources {
         const all = [...colors, depth].filter(Boolean);
         if (!all.length) throw new Error('a framebuffer without attachments');
         const key = [...colors, depth].map((a) => (a ? a.key : '-')).join('|');
-        return { key, colors, depth, size: all[0].size, samples: all[0].samples, canvas: false };
+        return {
+            key,
+            colors,
+            depth,
+            size: all[0].size,
+            samples: all[0].samples,
+            canvas: false,
+        };
     }
 
     attachment(binding, attachment) {
@@ -174,7 +203,15 @@ class GlResources {
         const format = textureFormat(info.internal);
         const samples = info.samples > 1 ? 4 : 1;
         const key = `${objectId(info)}:${info.storage}`;
-        return { ...format, info, key, renderbuffer: true, size: [info.width, info.height], samples, whole: true };
+        return {
+            ...format,
+            info,
+            key,
+            renderbuffer: true,
+            size: [info.width, info.height],
+            samples,
+            whole: true,
+        };
     }
 
     askRenderbuffer(renderbuffer) {
@@ -182,7 +219,12 @@ class GlResources {
         const bound = o.getParameter(GL.RENDERBUFFER_BINDING);
         o.bindRenderbuffer(GL.RENDERBUFFER, renderbuffer);
         const get = (name) => o.getRenderbufferParameter(GL.RENDERBUFFER, GL[`RENDERBUFFER_${name}`]);
-        const info = { internal: get('INTERNAL_FORMAT'), width: get('WIDTH'), height: get('HEIGHT'), storage: 0 };
+        const info = {
+            internal: get('INTERNAL_FORMAT'),
+            width: get('WIDTH'),
+            height: get('HEIGHT'),
+            storage: 0,
+        };
         info.samples = take.two ? get('SAMPLES') : 0;
         o.bindRenderbuffer(GL.RENDERBUFFER, bound);
         return info;
@@ -204,7 +246,11 @@ class GlResources {
                 usage: ATTACHMENT | SAMPLED_USAGE,
             });
             info.taken = { take, storage: info.storage, number, levels: 1 };
-            if (!replaced) this.unknown({ texture: number, why: 'a renderbuffer, drawn before the capture' });
+            if (!replaced)
+                this.unknown({
+                    texture: number,
+                    why: 'a renderbuffer, drawn before the capture',
+                });
         }
         info.taken.drawn = true;
         folder.entries.textures[info.taken.number].usage |= ATTACHMENT;

@@ -4,21 +4,58 @@ const COMPARE = ['never', 'less', 'equal', 'less-equal', 'greater', 'not-equal',
 const compareOf = (value) => COMPARE[value - 0x200];
 
 const FACTORS = {
-    0: 'zero', 1: 'one', 0x300: 'src', 0x301: 'one-minus-src', 0x302: 'src-alpha', 0x303: 'one-minus-src-alpha',
-    0x304: 'dst-alpha', 0x305: 'one-minus-dst-alpha', 0x306: 'dst', 0x307: 'one-minus-dst',
-    0x308: 'src-alpha-saturated', 0x8001: 'constant', 0x8002: 'one-minus-constant', 0x8003: 'constant-alpha',
+    0: 'zero',
+    1: 'one',
+    0x300: 'src',
+    0x301: 'one-minus-src',
+    0x302: 'src-alpha',
+    0x303: 'one-minus-src-alpha',
+    0x304: 'dst-alpha',
+    0x305: 'one-minus-dst-alpha',
+    0x306: 'dst',
+    0x307: 'one-minus-dst',
+    0x308: 'src-alpha-saturated',
+    0x8001: 'constant',
+    0x8002: 'one-minus-constant',
+    0x8003: 'constant-alpha',
     0x8004: 'one-minus-constant-alpha',
 };
-const OPERATIONS = { 0x8006: 'add', 0x800a: 'subtract', 0x800b: 'reverse-subtract', 0x8007: 'min', 0x8008: 'max' };
+const OPERATIONS = {
+    0x8006: 'add',
+    0x800a: 'subtract',
+    0x800b: 'reverse-subtract',
+    0x8007: 'min',
+    0x8008: 'max',
+};
 const STENCIL = {
-    0x1e00: 'keep', 0: 'zero', 0x1e01: 'replace', 0x1e02: 'increment-clamp', 0x1e03: 'decrement-clamp',
-    0x150a: 'invert', 0x8507: 'increment-wrap', 0x8508: 'decrement-wrap',
+    0x1e00: 'keep',
+    0: 'zero',
+    0x1e01: 'replace',
+    0x1e02: 'increment-clamp',
+    0x1e03: 'decrement-clamp',
+    0x150a: 'invert',
+    0x8507: 'increment-wrap',
+    0x8508: 'decrement-wrap',
 };
 const TOPOLOGIES = [
-    'point-list', 'line-list', 'line-loop', 'line-strip', 'triangle-list', 'triangle-strip', 'triangle-fan',
+    'point-list',
+    'line-list',
+    'line-loop',
+    'line-strip',
+    'triangle-list',
+    'triangle-strip',
+    'triangle-fan',
 ];
-const WRAPS = { 0x2901: 'repeat', 0x812f: 'clamp-to-edge', 0x8370: 'mirror-repeat' };
-const INDEX_FORMATS = { 0x1401: ['uint8', 1], 0x1403: ['uint16', 2], 0x1405: ['uint32', 4] };
+const WRAPS = {
+    0x2901: 'repeat',
+    0x812f: 'clamp-to-edge',
+    0x8370: 'mirror-repeat',
+};
+const INDEX_FORMATS = {
+    0x1401: ['uint8', 1],
+    0x1403: ['uint16', 2],
+    0x1405: ['uint32', 4],
+};
 
 /** The state that a pipeline and a pass take: asked again after it changed. */
 function fixedState(o) {
@@ -63,7 +100,11 @@ function stencilState(get) {
         passOp: STENCIL[get(`STENCIL_${back}PASS_DEPTH_PASS`)],
     });
     return {
-        stencil: { front: face(''), back: face('BACK_'), readMask: get('STENCIL_VALUE_MASK') & 0xff },
+        stencil: {
+            front: face(''),
+            back: face('BACK_'),
+            readMask: get('STENCIL_VALUE_MASK') & 0xff,
+        },
         reference: get('STENCIL_REF'),
     };
 }
@@ -85,7 +126,10 @@ function pipelineState(state, target, mode, indexFormat) {
     const parts = { primitive, targets };
     if (target.depth) parts.depthStencil = depthState(state, target.depth.format);
     if (target.samples > 1) {
-        parts.multisample = { count: target.samples, alphaToCoverageEnabled: state.alphaToCoverage };
+        parts.multisample = {
+            count: target.samples,
+            alphaToCoverageEnabled: state.alphaToCoverage,
+        };
     }
     return parts;
 }
@@ -153,8 +197,16 @@ const COMPONENT_TYPES = {
 
 /** `{format, bytes}` of a vertex attribute. */
 function vertexFormat(type, size, normalized, integer) {
-    if (type === 0x8368) return { format: normalized ? 'unorm10-10-10-2' : 'uscaled10-10-10-2', bytes: 4 };
-    if (type === 0x8d9f) return { format: normalized ? 'snorm10-10-10-2' : 'sscaled10-10-10-2', bytes: 4 };
+    if (type === 0x8368)
+        return {
+            format: normalized ? 'unorm10-10-10-2' : 'uscaled10-10-10-2',
+            bytes: 4,
+        };
+    if (type === 0x8d9f)
+        return {
+            format: normalized ? 'snorm10-10-10-2' : 'sscaled10-10-10-2',
+            bytes: 4,
+        };
     const [int, norm, scaled, bytes] = COMPONENT_TYPES[type];
     const name = integer ? int : normalized ? norm : scaled;
     return { format: size === 1 ? name : `${name}x${size}`, bytes: bytes * size };
@@ -162,17 +214,65 @@ function vertexFormat(type, size, normalized, integer) {
 
 /** Sampler types of GLSL: the texture target that each samples. */
 const SAMPLER_TARGETS = {
-    0x8b5e: 0x0de1, 0x8b62: 0x0de1, 0x8dca: 0x0de1, 0x8dd2: 0x0de1,
-    0x8b5f: 0x806f, 0x8dcb: 0x806f, 0x8dd3: 0x806f,
-    0x8b60: 0x8513, 0x8dc5: 0x8513, 0x8dcc: 0x8513, 0x8dd4: 0x8513,
-    0x8dc1: 0x8c1a, 0x8dc4: 0x8c1a, 0x8dcf: 0x8c1a, 0x8dd7: 0x8c1a,
+    0x8b5e: 0x0de1,
+    0x8b62: 0x0de1,
+    0x8dca: 0x0de1,
+    0x8dd2: 0x0de1,
+    0x8b5f: 0x806f,
+    0x8dcb: 0x806f,
+    0x8dd3: 0x806f,
+    0x8b60: 0x8513,
+    0x8dc5: 0x8513,
+    0x8dcc: 0x8513,
+    0x8dd4: 0x8513,
+    0x8dc1: 0x8c1a,
+    0x8dc4: 0x8c1a,
+    0x8dcf: 0x8c1a,
+    0x8dd7: 0x8c1a,
 };
-const VIEW_DIMENSIONS = { 0x0de1: '2d', 0x806f: '3d', 0x8513: 'cube', 0x8c1a: '2d-array' };
+const VIEW_DIMENSIONS = {
+    0x0de1: '2d',
+    0x806f: '3d',
+    0x8513: 'cube',
+    0x8c1a: '2d-array',
+};
 
 /** Numbers in a value of a uniform's type, and columns of an attribute of a matrix type. */
 const SIZES = {
-    0x1406: 1, 0x8b50: 2, 0x8b51: 3, 0x8b52: 4, 0x1404: 1, 0x8b53: 2, 0x8b54: 3, 0x8b55: 4, 0x8b56: 1, 0x8b57: 2,
-    0x8b58: 3, 0x8b59: 4, 0x8b5a: 4, 0x8b5b: 9, 0x8b5c: 16, 0x1405: 1, 0x8dc6: 2, 0x8dc7: 3, 0x8dc8: 4,
-    0x8b65: 6, 0x8b66: 8, 0x8b67: 6, 0x8b68: 12, 0x8b69: 8, 0x8b6a: 12,
+    0x1406: 1,
+    0x8b50: 2,
+    0x8b51: 3,
+    0x8b52: 4,
+    0x1404: 1,
+    0x8b53: 2,
+    0x8b54: 3,
+    0x8b55: 4,
+    0x8b56: 1,
+    0x8b57: 2,
+    0x8b58: 3,
+    0x8b59: 4,
+    0x8b5a: 4,
+    0x8b5b: 9,
+    0x8b5c: 16,
+    0x1405: 1,
+    0x8dc6: 2,
+    0x8dc7: 3,
+    0x8dc8: 4,
+    0x8b65: 6,
+    0x8b66: 8,
+    0x8b67: 6,
+    0x8b68: 12,
+    0x8b69: 8,
+    0x8b6a: 12,
 };
-const COLUMNS = { 0x8b5a: 2, 0x8b5b: 3, 0x8b5c: 4, 0x8b65: 2, 0x8b66: 2, 0x8b67: 3, 0x8b68: 3, 0x8b69: 4, 0x8b6a: 4 };
+const COLUMNS = {
+    0x8b5a: 2,
+    0x8b5b: 3,
+    0x8b5c: 4,
+    0x8b65: 2,
+    0x8b66: 2,
+    0x8b67: 3,
+    0x8b68: 3,
+    0x8b69: 4,
+    0x8b6a: 4,
+};

@@ -19,12 +19,15 @@ function ownMethods(gl) {
 function afterGl(names, after) {
     for (const type of glTypes) {
         for (const name of names.split(' ')) {
-            wrap(type, name, (original) =>
-                function () {
-                    const result = original.apply(this, arguments);
-                    after(this, arguments, result, name);
-                    return result;
-                },
+            wrap(
+                type,
+                name,
+                (original) =>
+                    function () {
+                        const result = original.apply(this, arguments);
+                        after(this, arguments, result, name);
+                        return result;
+                    },
             );
         }
     }
@@ -34,11 +37,14 @@ function afterGl(names, after) {
 function beforeTaken(names, before) {
     for (const type of glTypes) {
         for (const name of names.split(' ')) {
-            wrap(type, name, (original) =>
-                function () {
-                    if (taking !== null && taking.gl === this) taking.guard(() => before(taking, arguments, name));
-                    return original.apply(this, arguments);
-                },
+            wrap(
+                type,
+                name,
+                (original) =>
+                    function () {
+                        if (taking !== null && taking.gl === this) taking.guard(() => before(taking, arguments, name));
+                        return original.apply(this, arguments);
+                    },
             );
         }
     }
@@ -65,7 +71,15 @@ function boundTexture(gl, target) {
 }
 
 function textureInfo(texture, target) {
-    const info = (texture[INFO] ??= { texture, target, levels: [], format: null, storage: 0, dirty: null, changed: null });
+    const info = (texture[INFO] ??= {
+        texture,
+        target,
+        levels: [],
+        format: null,
+        storage: 0,
+        dirty: null,
+        changed: null,
+    });
     if (target) info.target = target;
     return info;
 }
@@ -171,7 +185,13 @@ function trackTextures() {
 }
 
 function bufferInfo(buffer) {
-    return (buffer[INFO] ??= { size: 0, storage: 0, dirty: null, changed: null, shadow: null });
+    return (buffer[INFO] ??= {
+        size: 0,
+        storage: 0,
+        dirty: null,
+        changed: null,
+        shadow: null,
+    });
 }
 
 /** WebGL 1 reads no buffers, so there a copy is kept. */
@@ -210,8 +230,14 @@ function trackBuffers() {
 
 function bufferBinding(target) {
     return {
-        0x8892: 0x8894, 0x8893: 0x8895, 0x8f36: 0x8f36, 0x8f37: 0x8f37, 0x88eb: 0x88ed, 0x88ec: 0x88ef,
-        0x8c8e: 0x8c8f, 0x8a11: 0x8a28,
+        0x8892: 0x8894,
+        0x8893: 0x8895,
+        0x8f36: 0x8f36,
+        0x8f37: 0x8f37,
+        0x88eb: 0x88ed,
+        0x88ec: 0x88ef,
+        0x8c8e: 0x8c8f,
+        0x8a11: 0x8a28,
     }[target];
 }
 
@@ -324,7 +350,12 @@ function trackExtensions() {
 }
 
 function replaceMultiDraw(gl, extension) {
-    for (const name of ['multiDrawArraysWEBGL', 'multiDrawElementsWEBGL', 'multiDrawArraysInstancedWEBGL', 'multiDrawElementsInstancedWEBGL']) {
+    for (const name of [
+        'multiDrawArraysWEBGL',
+        'multiDrawElementsWEBGL',
+        'multiDrawArraysInstancedWEBGL',
+        'multiDrawElementsInstancedWEBGL',
+    ]) {
         const original = extension[name];
         if (!original) continue;
         extension[name] = function () {

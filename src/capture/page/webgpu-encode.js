@@ -6,37 +6,46 @@ const CANVASES = Symbol('preshade canvases');
 /** Wraps a method so that an encoder that keeps commands keeps this one. `make` gets the arguments. */
 function wrapCommand(types, name, make) {
     for (const type of types) {
-        wrap(type, name, (original) =>
-            function () {
-                const result = original.apply(this, arguments);
-                const commands = this[COMMANDS];
-                if (commands) {
-                    const command = make.apply(this, arguments);
-                    if (command) commands.push(command);
-                }
-                return result;
-            },
+        wrap(
+            type,
+            name,
+            (original) =>
+                function () {
+                    const result = original.apply(this, arguments);
+                    const commands = this[COMMANDS];
+                    if (commands) {
+                        const command = make.apply(this, arguments);
+                        if (command) commands.push(command);
+                    }
+                    return result;
+                },
         );
     }
 }
 
 function wrapEncoders() {
-    wrap(GPUDevice, 'createCommandEncoder', (original) =>
-        function () {
-            const encoder = original.apply(this, arguments);
-            if (phase !== IDLE) encoder[COMMANDS] = [];
-            return encoder;
-        },
+    wrap(
+        GPUDevice,
+        'createCommandEncoder',
+        (original) =>
+            function () {
+                const encoder = original.apply(this, arguments);
+                if (phase !== IDLE) encoder[COMMANDS] = [];
+                return encoder;
+            },
     );
-    wrap(GPUCommandEncoder, 'finish', (original) =>
-        function () {
-            const object = original.apply(this, arguments);
-            const thing = new Thing('commands', object, null);
-            thing.commands = this[COMMANDS];
-            thing.canvases = this[CANVASES];
-            object[THING] = thing;
-            return object;
-        },
+    wrap(
+        GPUCommandEncoder,
+        'finish',
+        (original) =>
+            function () {
+                const object = original.apply(this, arguments);
+                const thing = new Thing('commands', object, null);
+                thing.commands = this[COMMANDS];
+                thing.canvases = this[CANVASES];
+                object[THING] = thing;
+                return object;
+            },
     );
     wrapPasses();
     wrapCopies();
@@ -45,32 +54,46 @@ function wrapEncoders() {
 }
 
 function wrapPasses() {
-    wrap(GPUCommandEncoder, 'beginRenderPass', (original) =>
-        function (descriptor) {
-            const pass = original.apply(this, arguments);
-            for (const attachment of descriptor.colorAttachments) {
-                if (!attachment) continue;
-                markCanvas(this, attachment.view);
-                if (attachment.resolveTarget) markCanvas(this, attachment.resolveTarget);
-            }
-            const commands = this[COMMANDS];
-            if (commands) {
-                pass[COMMANDS] = [];
-                commands.push({ do: 'renderPass', descriptor: passDescriptor(descriptor), commands: pass[COMMANDS] });
-            }
-            return pass;
-        },
+    wrap(
+        GPUCommandEncoder,
+        'beginRenderPass',
+        (original) =>
+            function (descriptor) {
+                const pass = original.apply(this, arguments);
+                for (const attachment of descriptor.colorAttachments) {
+                    if (!attachment) continue;
+                    markCanvas(this, attachment.view);
+                    if (attachment.resolveTarget) markCanvas(this, attachment.resolveTarget);
+                }
+                const commands = this[COMMANDS];
+                if (commands) {
+                    pass[COMMANDS] = [];
+                    commands.push({
+                        do: 'renderPass',
+                        descriptor: passDescriptor(descriptor),
+                        commands: pass[COMMANDS],
+                    });
+                }
+                return pass;
+            },
     );
-    wrap(GPUCommandEncoder, 'beginComputePass', (original) =>
-        function (descriptor) {
-            const pass = original.apply(this, arguments);
-            const commands = this[COMMANDS];
-            if (commands) {
-                pass[COMMANDS] = [];
-                commands.push({ do: 'computePass', label: descriptor?.label, commands: pass[COMMANDS] });
-            }
-            return pass;
-        },
+    wrap(
+        GPUCommandEncoder,
+        'beginComputePass',
+        (original) =>
+            function (descriptor) {
+                const pass = original.apply(this, arguments);
+                const commands = this[COMMANDS];
+                if (commands) {
+                    pass[COMMANDS] = [];
+                    commands.push({
+                        do: 'computePass',
+                        label: descriptor?.label,
+                        commands: pass[COMMANDS],
+                    });
+                }
+                return pass;
+            },
     );
 }
 
@@ -120,7 +143,12 @@ function wrapCopies() {
     const copy = (name, from, to) =>
         wrapCommand(encoders, name, function (source, destination, size) {
             if (destination.texture) markCanvas(this, destination.texture);
-            return { do: name, source: from(source), destination: to(destination), size: extent(size) };
+            return {
+                do: name,
+                source: from(source),
+                destination: to(destination),
+                size: extent(size),
+            };
         });
     copy('copyBufferToTexture', inBuffer, place);
     copy('copyTextureToBuffer', place, inBuffer);
@@ -141,7 +169,10 @@ function wrapCopies() {
 function wrapDraws() {
     const passes = [GPURenderPassEncoder, GPURenderBundleEncoder];
     const all = [...passes, GPUComputePassEncoder];
-    wrapCommand(all, 'setPipeline', (pipeline) => ({ do: 'setPipeline', pipeline: thingOf(pipeline) }));
+    wrapCommand(all, 'setPipeline', (pipeline) => ({
+        do: 'setPipeline',
+        pipeline: thingOf(pipeline),
+    }));
     wrapCommand(all, 'setBindGroup', (index, bindGroup, offsets, start, length) => ({
         do: 'setBindGroup',
         index,
@@ -182,7 +213,11 @@ function wrapDraws() {
         }),
     );
     const indirect = (types, name) =>
-        wrapCommand(types, name, (buffer, offset = 0) => ({ do: name, buffer: thingOf(buffer), offset }));
+        wrapCommand(types, name, (buffer, offset = 0) => ({
+            do: name,
+            buffer: thingOf(buffer),
+            offset,
+        }));
     indirect(passes, 'drawIndirect');
     indirect(passes, 'drawIndexedIndirect');
     indirect([GPUComputePassEncoder], 'dispatchWorkgroupsIndirect');
@@ -193,9 +228,17 @@ function wrapDraws() {
         z,
     }));
     for (const name of ['multiDrawIndirect', 'multiDrawIndexedIndirect']) {
-        wrapCommand(passes, name, () => ({ do: 'refused', what: name, why: 'counts on the GPU' }));
+        wrapCommand(passes, name, () => ({
+            do: 'refused',
+            what: name,
+            why: 'counts on the GPU',
+        }));
     }
-    wrapCommand(all, 'setImmediates', () => ({ do: 'refused', what: 'setImmediates', why: 'not in the format' }));
+    wrapCommand(all, 'setImmediates', () => ({
+        do: 'refused',
+        what: 'setImmediates',
+        why: 'not in the format',
+    }));
     wrapDynamicState();
 }
 
@@ -210,9 +253,21 @@ function wrapDynamicState() {
         minDepth,
         maxDepth,
     }));
-    wrapCommand(passes, 'setScissorRect', (x, y, width, height) => ({ do: 'setScissorRect', x, y, width, height }));
-    wrapCommand(passes, 'setBlendConstant', (value) => ({ do: 'setBlendConstant', color: color(value) }));
-    wrapCommand(passes, 'setStencilReference', (reference) => ({ do: 'setStencilReference', reference }));
+    wrapCommand(passes, 'setScissorRect', (x, y, width, height) => ({
+        do: 'setScissorRect',
+        x,
+        y,
+        width,
+        height,
+    }));
+    wrapCommand(passes, 'setBlendConstant', (value) => ({
+        do: 'setBlendConstant',
+        color: color(value),
+    }));
+    wrapCommand(passes, 'setStencilReference', (reference) => ({
+        do: 'setStencilReference',
+        reference,
+    }));
     wrapCommand(passes, 'beginOcclusionQuery', () => ({
         do: 'refused',
         what: 'occlusion query',
@@ -222,31 +277,45 @@ function wrapDynamicState() {
 
 /** Bundles outlive captures, so they always keep their commands. */
 function wrapBundles() {
-    wrap(GPUDevice, 'createRenderBundleEncoder', (original) =>
-        function () {
-            const encoder = original.apply(this, arguments);
-            encoder[COMMANDS] = [];
-            return encoder;
-        },
+    wrap(
+        GPUDevice,
+        'createRenderBundleEncoder',
+        (original) =>
+            function () {
+                const encoder = original.apply(this, arguments);
+                encoder[COMMANDS] = [];
+                return encoder;
+            },
     );
-    wrap(GPURenderBundleEncoder, 'finish', (original) =>
-        function () {
-            const bundle = original.apply(this, arguments);
-            bundle[COMMANDS] = this[COMMANDS];
-            return bundle;
-        },
+    wrap(
+        GPURenderBundleEncoder,
+        'finish',
+        (original) =>
+            function () {
+                const bundle = original.apply(this, arguments);
+                bundle[COMMANDS] = this[COMMANDS];
+                return bundle;
+            },
     );
-    wrap(GPURenderPassEncoder, 'executeBundles', (original) =>
-        function (bundles) {
-            const list = [...bundles];
-            const result = original.call(this, list);
-            const commands = this[COMMANDS];
-            if (!commands) return result;
-            for (const bundle of list) {
-                if (bundle[COMMANDS]) for (const command of bundle[COMMANDS]) commands.push(command);
-                else commands.push({ do: 'refused', what: 'render bundle', why: 'made before the recorder' });
-            }
-            return result;
-        },
+    wrap(
+        GPURenderPassEncoder,
+        'executeBundles',
+        (original) =>
+            function (bundles) {
+                const list = [...bundles];
+                const result = original.call(this, list);
+                const commands = this[COMMANDS];
+                if (!commands) return result;
+                for (const bundle of list) {
+                    if (bundle[COMMANDS]) for (const command of bundle[COMMANDS]) commands.push(command);
+                    else
+                        commands.push({
+                            do: 'refused',
+                            what: 'render bundle',
+                            why: 'made before the recorder',
+                        });
+                }
+                return result;
+            },
     );
 }

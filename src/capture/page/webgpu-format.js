@@ -57,11 +57,7 @@ function color(value) {
 /** The size of a mip level; layers do not shrink, depth does. */
 function levelSize({ size, dimension }, level) {
     const shrink = (value) => Math.max(1, value >> level);
-    return [
-        shrink(size[0]),
-        dimension === '1d' ? 1 : shrink(size[1]),
-        dimension === '3d' ? shrink(size[2]) : size[2],
-    ];
+    return [shrink(size[0]), dimension === '1d' ? 1 : shrink(size[1]), dimension === '3d' ? shrink(size[2]) : size[2]];
 }
 
 /** The bytes that GPUTexelCopyBufferLayout's region covers. */

@@ -19,7 +19,10 @@ class Staged {
         gpu.pushErrorScope.call(device, 'validation');
         gpu.pushErrorScope.call(device, 'out-of-memory');
         const usage = GPUBufferUsage.COPY_DST | GPUBufferUsage.MAP_READ;
-        this.buffer = gpu.createBuffer.call(device, { size: Math.max(4, (size + 3) & ~3), usage });
+        this.buffer = gpu.createBuffer.call(device, {
+            size: Math.max(4, (size + 3) & ~3),
+            usage,
+        });
         const encoder = gpu.createCommandEncoder.call(device);
         copy(encoder, this.buffer);
         gpu.submit.call(device.queue, [gpu.finish.call(encoder)]);

@@ -14,14 +14,21 @@ const recorder = {
     describe({ device }) {
         const adapter = adapterName(device?.adapterInfo);
         const features = [...(device?.features ?? [])];
-        return { api: 'webgpu', adapter, features, title: document.title, writer: WRITER };
+        return {
+            api: 'webgpu',
+            adapter,
+            features,
+            title: document.title,
+            writer: WRITER,
+        };
     },
 
-    hint() {
-        return null;
-    },
-
-    begin(folder, { context }) {
+    begin(folder, { context, device }) {
+        if (!device) {
+            throw new Error(
+                'the page made its WebGPU objects before the recorder came: put it first in the page by a script tag',
+            );
+        }
         this.folder = folder;
         this.writer = new WebgpuWriter(folder);
         this.context = context;
@@ -46,7 +53,10 @@ const recorder = {
     picture(canvas) {
         const { context, thing } = canvas;
         this.pictures.get(context)?.staged.drop();
-        this.pictures.set(context, { thing, staged: stageTexture(thing, { size: thing.descriptor.size }) });
+        this.pictures.set(context, {
+            thing,
+            staged: stageTexture(thing, { size: thing.descriptor.size }),
+        });
     },
 
     endFrame() {
@@ -74,7 +84,7 @@ const recorder = {
     },
 
     release() {
-        this.writer.release();
+        this.writer?.release();
         this.folder = this.writer = this.context = null;
     },
 };
@@ -144,8 +154,17 @@ class WebgpuWriter {
         await this.contents();
         const { thing, staged } = shown;
         const { size, format } = thing.descriptor;
-        const picture = { data: this.folder.data(await staged.take()), format, size: size.slice(0, 2) };
-        return { size: size.slice(0, 2), canvas: this.value(thing), commands: list, picture };
+        const picture = {
+            data: this.folder.data(await staged.take()),
+            format,
+            size: size.slice(0, 2),
+        };
+        return {
+            size: size.slice(0, 2),
+            canvas: this.value(thing),
+            commands: list,
+            picture,
+        };
     }
 
     /** Start contents of objects that the frames used so far. */
@@ -163,7 +182,11 @@ class WebgpuWriter {
                     const where = { ...entry, mipLevel };
                     if (aspect !== 'all') where.aspect = aspect;
                     if (level) await this.content(folder.start.textures, where, level);
-                    else folder.unknown.push({ ...where, why: `WebGPU does not copy ${thing.descriptor.format}` });
+                    else
+                        folder.unknown.push({
+                            ...where,
+                            why: `WebGPU does not copy ${thing.descriptor.format}`,
+                        });
                 }
             }
         }
@@ -195,7 +218,11 @@ class WebgpuWriter {
             this.use(buffer, offset === 0 && data.length >= buffer.descriptor.size);
         }
         if (command.do === 'computePass') {
-            list.push({ do: 'computePass', label: command.label, commands: this.pass(command.commands) });
+            list.push({
+                do: 'computePass',
+                label: command.label,
+                commands: this.pass(command.commands),
+            });
         } else list.push(this.value(command));
     }
 
@@ -213,7 +240,11 @@ class WebgpuWriter {
             const reads = depth.depthReadOnly || depth.stencilReadOnly;
             this.use(textureOf(depth.view), !keeps && !reads && isWhole(depth.view));
         }
-        list.push({ do: 'renderPass', descriptor: this.value(descriptor), commands: this.pass(commands) });
+        list.push({
+            do: 'renderPass',
+            descriptor: this.value(descriptor),
+            commands: this.pass(commands),
+        });
     }
 
     /** Commands of a pass. A draw that needs something refused is refused, the rest stays. */
@@ -258,7 +289,10 @@ class WebgpuWriter {
         switch (kind) {
             case 'buffer':
                 this.use(thing);
-                return folder.number('buffers', thing, () => ({ ...make(), usage: unmapped(descriptor.usage) }));
+                return folder.number('buffers', thing, () => ({
+                    ...make(),
+                    usage: unmapped(descriptor.usage),
+                }));
             case 'texture':
                 this.use(thing);
                 return folder.number('textures', thing, make);
@@ -291,7 +325,11 @@ class WebgpuWriter {
             if (resource.kind === 'view') return { binding, ...value };
             return { binding, [resource.kind]: value };
         };
-        return { label, layout: this.reference(layout), entries: entries.map(entry) };
+        return {
+            label,
+            layout: this.reference(layout),
+            entries: entries.map(entry),
+        };
     }
 }
 

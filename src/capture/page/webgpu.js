@@ -25,7 +25,11 @@ function foreign(object) {
     const { label } = object;
     let thing;
     if (object instanceof GPUBuffer) {
-        thing = new Thing('buffer', object, { label, size: object.size, usage: object.usage });
+        thing = new Thing('buffer', object, {
+            label,
+            size: object.size,
+            usage: object.usage,
+        });
     } else if (object instanceof GPUTexture) {
         thing = new Thing('texture', object, textureDescriptor(object));
     } else {
@@ -51,8 +55,18 @@ function textureDescriptor(texture) {
 }
 
 const GPU_TYPES = () => [
-    GPUBuffer, GPUTexture, GPUTextureView, GPUSampler, GPUShaderModule, GPUBindGroup, GPUBindGroupLayout,
-    GPUPipelineLayout, GPURenderPipeline, GPUComputePipeline, GPUQuerySet, GPUExternalTexture,
+    GPUBuffer,
+    GPUTexture,
+    GPUTextureView,
+    GPUSampler,
+    GPUShaderModule,
+    GPUBindGroup,
+    GPUBindGroupLayout,
+    GPUPipelineLayout,
+    GPURenderPipeline,
+    GPUComputePipeline,
+    GPUQuerySet,
+    GPUExternalTexture,
 ];
 let gpuTypes = [];
 
@@ -90,114 +104,142 @@ function copyOf(value) {
     return copy;
 }
 
-/** Replaces a method by `make(original)`. */
-function wrap(type, name, make) {
-    const original = type?.prototype[name];
-    if (!original) return;
-    const wrapper = make(original);
-    Object.defineProperty(wrapper, 'name', { value: name });
-    type.prototype[name] = wrapper;
-}
-
 /** Wraps a method that makes an object. */
 function wrapMaker(type, name, kind, copy = copyOf) {
-    wrap(type, name, (original) =>
-        function (descriptor) {
-            const object = original.apply(this, arguments);
-            object[THING] = new Thing(kind, object, copy(descriptor ?? {}));
-            object[THING].device = this;
-            return object;
-        },
-    );
-    wrap(type, `${name}Async`, (original) =>
-        function (descriptor) {
-            const copied = copy(descriptor ?? {});
-            return original.apply(this, arguments).then((object) => {
-                object[THING] = new Thing(kind, object, copied);
+    wrap(
+        type,
+        name,
+        (original) =>
+            function (descriptor) {
+                const object = original.apply(this, arguments);
+                object[THING] = new Thing(kind, object, copy(descriptor ?? {}));
+                object[THING].device = this;
                 return object;
-            });
-        },
+            },
+    );
+    wrap(
+        type,
+        `${name}Async`,
+        (original) =>
+            function (descriptor) {
+                const copied = copy(descriptor ?? {});
+                return original.apply(this, arguments).then((object) => {
+                    object[THING] = new Thing(kind, object, copied);
+                    return object;
+                });
+            },
     );
 }
 
 function wrapDevice() {
     wrapMaker(GPUDevice, 'createSampler', 'sampler');
-    wrapMaker(GPUDevice, 'createShaderModule', 'shader', ({ code, label }) => ({ code, label }));
+    wrapMaker(GPUDevice, 'createShaderModule', 'shader', ({ code, label }) => ({
+        code,
+        label,
+    }));
     wrapMaker(GPUDevice, 'createBindGroupLayout', 'bindGroupLayout');
     wrapMaker(GPUDevice, 'createPipelineLayout', 'pipelineLayout');
     wrapMaker(GPUDevice, 'createBindGroup', 'bindGroup');
     wrapMaker(GPUDevice, 'createRenderPipeline', 'renderPipeline');
     wrapMaker(GPUDevice, 'createComputePipeline', 'computePipeline');
     wrapMaker(GPUTexture, 'createView', 'view');
-    wrap(GPUTexture, 'createView', (original) =>
-        function () {
-            const view = original.apply(this, arguments);
-            view[THING].texture = thingOf(this);
-            return view;
-        },
+    wrap(
+        GPUTexture,
+        'createView',
+        (original) =>
+            function () {
+                const view = original.apply(this, arguments);
+                view[THING].texture = thingOf(this);
+                return view;
+            },
     );
-    wrap(GPUDevice, 'importExternalTexture', (original) =>
-        function () {
-            const object = original.apply(this, arguments);
-            object[THING] = new Thing('external', object, {});
-            object[THING].refused = 'external texture';
-            return object;
-        },
-    );
-    for (const [type, kind] of [[GPURenderPipeline, 'renderPipeline'], [GPUComputePipeline, 'computePipeline']]) {
-        wrap(type, 'getBindGroupLayout', (original) =>
-            function (group) {
+    wrap(
+        GPUDevice,
+        'importExternalTexture',
+        (original) =>
+            function () {
                 const object = original.apply(this, arguments);
-                const pipeline = thingOf(this);
-                const { layout } = pipeline.descriptor;
-                const explicit = layout instanceof Thing ? layout.descriptor.bindGroupLayouts?.[group] : null;
-                object[THING] ??= explicit ?? new Thing('derivedLayout', object, { [kind]: pipeline, group });
+                object[THING] = new Thing('external', object, {});
+                object[THING].refused = 'external texture';
                 return object;
             },
+    );
+    for (const [type, kind] of [
+        [GPURenderPipeline, 'renderPipeline'],
+        [GPUComputePipeline, 'computePipeline'],
+    ]) {
+        wrap(
+            type,
+            'getBindGroupLayout',
+            (original) =>
+                function (group) {
+                    const object = original.apply(this, arguments);
+                    const pipeline = thingOf(this);
+                    const { layout } = pipeline.descriptor;
+                    const explicit = layout instanceof Thing ? layout.descriptor.bindGroupLayouts?.[group] : null;
+                    object[THING] ??= explicit ?? new Thing('derivedLayout', object, { [kind]: pipeline, group });
+                    return object;
+                },
         );
     }
 }
 
 function wrapResources() {
-    wrap(GPUDevice, 'createBuffer', (original) =>
-        function (descriptor) {
-            const { label, size, usage, mappedAtCreation } = descriptor;
-            // Buffers that the page maps for reading may have no other usage.
-            const extra = usage & GPUBufferUsage.MAP_READ ? 0 : GPUBufferUsage.COPY_SRC;
-            const object = original.call(this, { label, size, usage: usage | extra, mappedAtCreation });
-            const thing = new Thing('buffer', object, { label, size, usage });
-            thing.device = this;
-            if (mappedAtCreation) thing.mapped = [];
-            object[THING] = thing;
-            remember(thing);
-            return object;
-        },
+    wrap(
+        GPUDevice,
+        'createBuffer',
+        (original) =>
+            function (descriptor) {
+                const { label, size, usage, mappedAtCreation } = descriptor;
+                // Buffers that the page maps for reading may have no other usage.
+                const extra = usage & GPUBufferUsage.MAP_READ ? 0 : GPUBufferUsage.COPY_SRC;
+                const object = original.call(this, {
+                    label,
+                    size,
+                    usage: usage | extra,
+                    mappedAtCreation,
+                });
+                const thing = new Thing('buffer', object, { label, size, usage });
+                thing.device = this;
+                if (mappedAtCreation) thing.mapped = [];
+                object[THING] = thing;
+                remember(thing);
+                return object;
+            },
     );
-    wrap(GPUDevice, 'createTexture', (original) =>
-        function (descriptor) {
-            const transient = descriptor.usage & 0x20;
-            const usage = descriptor.usage | (transient ? 0 : GPUTextureUsage.COPY_SRC);
-            const changed = Object.create(descriptor, { usage: { value: usage, enumerable: true } });
-            const object = original.call(this, changed);
-            const thing = new Thing('texture', object, textureDescriptor(object));
-            thing.descriptor.usage = descriptor.usage;
-            thing.descriptor.viewFormats = [...(descriptor.viewFormats ?? [])];
-            thing.device = this;
-            object[THING] = thing;
-            remember(thing);
-            return object;
-        },
+    wrap(
+        GPUDevice,
+        'createTexture',
+        (original) =>
+            function (descriptor) {
+                const transient = descriptor.usage & 0x20;
+                const usage = descriptor.usage | (transient ? 0 : GPUTextureUsage.COPY_SRC);
+                const changed = Object.create(descriptor, {
+                    usage: { value: usage, enumerable: true },
+                });
+                const object = original.call(this, changed);
+                const thing = new Thing('texture', object, textureDescriptor(object));
+                thing.descriptor.usage = descriptor.usage;
+                thing.descriptor.viewFormats = [...(descriptor.viewFormats ?? [])];
+                thing.device = this;
+                object[THING] = thing;
+                remember(thing);
+                return object;
+            },
     );
     for (const type of [GPUBuffer, GPUTexture]) {
-        wrap(type, 'destroy', (original) =>
-            function () {
-                const thing = this[THING];
-                if (thing) {
-                    thing.destroyed = true;
-                    live.delete(thing.ref);
-                }
-                return original.call(this);
-            },
+        wrap(
+            type,
+            'destroy',
+            (original) =>
+                function () {
+                    const thing = this[THING];
+                    if (thing) {
+                        thing.destroyed = true;
+                        live.delete(thing.ref);
+                    }
+                    return original.call(this);
+                },
         );
         // The page sees the usage that it asked for.
         const { get } = Object.getOwnPropertyDescriptor(type.prototype, 'usage');
@@ -213,35 +255,44 @@ function wrapResources() {
 
 /** Writes through mapped memory count where the page unmaps it. */
 function wrapMapping() {
-    wrap(GPUBuffer, 'mapAsync', (original) =>
-        function (mode) {
-            const thing = thingOf(this);
-            return original.apply(this, arguments).then((value) => {
-                if (mode & GPUMapMode.WRITE) thing.mapped = [];
-                return value;
-            });
-        },
+    wrap(
+        GPUBuffer,
+        'mapAsync',
+        (original) =>
+            function (mode) {
+                const thing = thingOf(this);
+                return original.apply(this, arguments).then((value) => {
+                    if (mode & GPUMapMode.WRITE) thing.mapped = [];
+                    return value;
+                });
+            },
     );
-    wrap(GPUBuffer, 'getMappedRange', (original) =>
-        function (offset = 0) {
-            const range = original.apply(this, arguments);
-            this[THING]?.mapped?.push({ offset, range });
-            return range;
-        },
+    wrap(
+        GPUBuffer,
+        'getMappedRange',
+        (original) =>
+            function (offset = 0) {
+                const range = original.apply(this, arguments);
+                this[THING]?.mapped?.push({ offset, range });
+                return range;
+            },
     );
-    wrap(GPUBuffer, 'unmap', (original) =>
-        function () {
-            const thing = this[THING];
-            if (thing?.mapped) {
-                if (stream) {
-                    for (const { offset, range } of thing.mapped) {
-                        if (range.byteLength) write(thing, offset, new Uint8Array(range.slice(0)));
+    wrap(
+        GPUBuffer,
+        'unmap',
+        (original) =>
+            function () {
+                const thing = this[THING];
+                if (thing?.mapped) {
+                    if (stream) {
+                        for (const { offset, range } of thing.mapped) {
+                            if (range.byteLength) write(thing, offset, new Uint8Array(range.slice(0)));
+                        }
                     }
+                    thing.mapped = null;
                 }
-                thing.mapped = null;
-            }
-            return original.call(this);
-        },
+                return original.call(this);
+            },
     );
 }
 
@@ -250,41 +301,53 @@ function write(buffer, offset, bytes) {
 }
 
 function wrapQueue() {
-    wrap(GPUQueue, 'writeBuffer', (original) =>
-        function (buffer, offset, data, dataOffset = 0, size) {
-            const result = original.apply(this, arguments);
-            if (stream) {
-                const unit = ArrayBuffer.isView(data) ? (data.BYTES_PER_ELEMENT ?? 1) : 1;
-                const bytes = bytesOf(data);
-                const begin = dataOffset * unit;
-                const end = size === undefined ? bytes.length : begin + size * unit;
-                if (end > begin) write(thingOf(buffer), offset, bytes.slice(begin, end));
-            }
-            return result;
-        },
+    wrap(
+        GPUQueue,
+        'writeBuffer',
+        (original) =>
+            function (buffer, offset, data, dataOffset = 0, size) {
+                const result = original.apply(this, arguments);
+                if (stream) {
+                    const unit = ArrayBuffer.isView(data) ? (data.BYTES_PER_ELEMENT ?? 1) : 1;
+                    const bytes = bytesOf(data);
+                    const begin = dataOffset * unit;
+                    const end = size === undefined ? bytes.length : begin + size * unit;
+                    if (end > begin) write(thingOf(buffer), offset, bytes.slice(begin, end));
+                }
+                return result;
+            },
     );
-    wrap(GPUQueue, 'writeTexture', (original) =>
-        function (destination, data, layout, size) {
-            const result = original.apply(this, arguments);
-            if (stream) recordWriteTexture(destination, bytesOf(data), layout, extent(size));
-            return result;
-        },
+    wrap(
+        GPUQueue,
+        'writeTexture',
+        (original) =>
+            function (destination, data, layout, size) {
+                const result = original.apply(this, arguments);
+                if (stream) recordWriteTexture(destination, bytesOf(data), layout, extent(size));
+                return result;
+            },
     );
-    wrap(GPUQueue, 'copyExternalImageToTexture', (original) =>
-        function (source, destination, size) {
-            const result = original.apply(this, arguments);
-            if (stream) recordImage(destination, extent(size));
-            return result;
-        },
+    wrap(
+        GPUQueue,
+        'copyExternalImageToTexture',
+        (original) =>
+            function (source, destination, size) {
+                const result = original.apply(this, arguments);
+                if (stream) recordImage(destination, extent(size));
+                return result;
+            },
     );
-    wrap(GPUQueue, 'submit', (original) =>
-        function (buffers) {
-            const list = [...buffers];
-            const result = original.call(this, list);
-            submittedTo(this);
-            for (const buffer of list) submitted(thingOf(buffer));
-            return result;
-        },
+    wrap(
+        GPUQueue,
+        'submit',
+        (original) =>
+            function (buffers) {
+                const list = [...buffers];
+                const result = original.call(this, list);
+                submittedTo(this);
+                for (const buffer of list) submitted(thingOf(buffer));
+                return result;
+            },
     );
 }
 
@@ -295,7 +358,12 @@ function submitted(thing) {
     }
     if (!stream) return;
     if (thing.commands) for (const command of thing.commands) stream.push(command);
-    else stream.push({ do: 'refused', what: 'command buffer', why: 'begun before the capture' });
+    else
+        stream.push({
+            do: 'refused',
+            what: 'command buffer',
+            why: 'begun before the capture',
+        });
 }
 
 function recordWriteTexture(destination, bytes, layout, size) {
@@ -309,7 +377,14 @@ function recordWriteTexture(destination, bytes, layout, size) {
         rowsPerImage: layout.rowsPerImage ?? Math.ceil(size[1] / block.height),
     };
     const data = bytes.slice(begin, begin + regionBytes(block, shape, size));
-    if (data.length) stream.push({ do: 'writeTexture', destination: place(destination), data, layout: shape, size });
+    if (data.length)
+        stream.push({
+            do: 'writeTexture',
+            destination: place(destination),
+            data,
+            layout: shape,
+            size,
+        });
 }
 
 /** An image of the page becomes texels: what the browser made of it is read back at once. */
@@ -317,9 +392,23 @@ function recordImage(destination, size) {
     const to = place(destination);
     const { texture } = to;
     const block = blockOf(texture.descriptor.format);
-    const staged = stageTexture(texture, { mipLevel: to.mipLevel, at: to.origin, size });
-    const layout = { offset: 0, bytesPerRow: size[0] * block.bytes, rowsPerImage: size[1] };
-    stream.push({ do: 'writeTexture', destination: to, data: staged, layout, size });
+    const staged = stageTexture(texture, {
+        mipLevel: to.mipLevel,
+        at: to.origin,
+        size,
+    });
+    const layout = {
+        offset: 0,
+        bytesPerRow: size[0] * block.bytes,
+        rowsPerImage: size[1],
+    };
+    stream.push({
+        do: 'writeTexture',
+        destination: to,
+        data: staged,
+        layout,
+        size,
+    });
     if (texture.canvas) {
         drawnCanvases.set(texture.canvas.context, texture.canvas);
         recorder.picture(texture.canvas);
@@ -332,28 +421,40 @@ function place({ texture, mipLevel = 0, origin: at, aspect = 'all' }) {
 }
 
 function wrapCanvas() {
-    wrap(GPUCanvasContext, 'configure', (original) =>
-        function (configuration) {
-            const usage = (configuration.usage ?? GPUTextureUsage.RENDER_ATTACHMENT) | GPUTextureUsage.COPY_SRC;
-            const changed = Object.create(configuration, { usage: { value: usage, enumerable: true } });
-            const result = original.call(this, changed);
-            this[THING] = { context: this, device: configuration.device, viewFormats: configuration.viewFormats };
-            return result;
-        },
+    wrap(
+        GPUCanvasContext,
+        'configure',
+        (original) =>
+            function (configuration) {
+                const usage = (configuration.usage ?? GPUTextureUsage.RENDER_ATTACHMENT) | GPUTextureUsage.COPY_SRC;
+                const changed = Object.create(configuration, {
+                    usage: { value: usage, enumerable: true },
+                });
+                const result = original.call(this, changed);
+                this[THING] = {
+                    context: this,
+                    device: configuration.device,
+                    viewFormats: configuration.viewFormats,
+                };
+                return result;
+            },
     );
-    wrap(GPUCanvasContext, 'getCurrentTexture', (original) =>
-        function () {
-            const object = original.call(this);
-            if (!object[THING]) {
-                const thing = new Thing('texture', object, textureDescriptor(object));
-                const canvas = this[THING];
-                thing.descriptor.viewFormats = [...(canvas?.viewFormats ?? [])];
-                thing.device = canvas?.device;
-                thing.canvas = { context: this, thing };
-                object[THING] = thing;
-            }
-            return object;
-        },
+    wrap(
+        GPUCanvasContext,
+        'getCurrentTexture',
+        (original) =>
+            function () {
+                const object = original.call(this);
+                if (!object[THING]) {
+                    const thing = new Thing('texture', object, textureDescriptor(object));
+                    const canvas = this[THING];
+                    thing.descriptor.viewFormats = [...(canvas?.viewFormats ?? [])];
+                    thing.device = canvas?.device;
+                    thing.canvas = { context: this, thing };
+                    object[THING] = thing;
+                }
+                return object;
+            },
     );
 }
 

@@ -23,7 +23,7 @@ export function makeScene(engine) {
 
     const ground = MeshBuilder.CreateGround('ground', { width: 8, height: 8 }, scene);
     const checks = new StandardMaterial('checks', scene);
-    const texels = Uint8Array.from({ length: 16 * 16 * 4 }, (_, i) => ((i >> 5) + (i >> 9)) % 2 ? 220 : 120);
+    const texels = Uint8Array.from({ length: 16 * 16 * 4 }, (_, i) => (((i >> 5) + (i >> 9)) % 2 ? 220 : 120));
     checks.diffuseTexture = RawTexture.CreateRGBATexture(texels, 16, 16, scene, true);
     ground.material = checks;
     ground.receiveShadows = true;

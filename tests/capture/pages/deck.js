@@ -5,7 +5,12 @@ const points = Array.from({ length: 200 }, (_, i) => ({
     position: [Math.cos(i * 0.5) * (20 + i / 4), Math.sin(i * 0.5) * (20 + i / 4), (i % 20) * 2],
     color: [(i * 7) % 255, 120, 255 - ((i * 3) % 255)],
 }));
-const square = (x, y) => [[x, y], [x + 14, y], [x + 14, y + 14], [x, y + 14]];
+const square = (x, y) => [
+    [x, y],
+    [x + 14, y],
+    [x + 14, y + 14],
+    [x, y + 14],
+];
 
 let step = 0;
 const layers = () => [
@@ -25,7 +30,13 @@ const layers = () => [
         getRadius: 2,
         opacity: 0.8,
     }),
-    new PathLayer({ id: 'path', data: [points.map((d) => d.position)], getPath: (d) => d, getWidth: 0.6, getColor: [220, 60, 20] }),
+    new PathLayer({
+        id: 'path',
+        data: [points.map((d) => d.position)],
+        getPath: (d) => d,
+        getWidth: 0.6,
+        getColor: [220, 60, 20],
+    }),
 ];
 
 const deck = new Deck({

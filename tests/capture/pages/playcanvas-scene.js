@@ -28,7 +28,9 @@ async function main() {
     };
     const camera = entity('camera', { camera: { clearColor: new pc.Color(0.5, 0.6, 0.8) } }, [4, 3, 6]);
     camera.lookAt(0, 0.5, 0);
-    const sun = entity('sun', { light: { type: 'directional', castShadows: true, shadowResolution: 256, shadowDistance: 20 } });
+    const sun = entity('sun', {
+        light: { type: 'directional', castShadows: true, shadowResolution: 256, shadowDistance: 20 },
+    });
     sun.setEulerAngles(45, 30, 0);
     const ground = material({ diffuse: new pc.Color(0.5, 0.6, 0.4), gloss: 0.2 });
     entity('ground', { render: { type: 'plane', material: ground } }).setLocalScale(8, 1, 8);

@@ -30,7 +30,10 @@ const arrays = gl.getExtension('OES_vertex_array_object');
 const instances = gl.getExtension('ANGLE_instanced_arrays');
 
 const program = gl.createProgram();
-for (const [type, text] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]]) {
+for (const [type, text] of [
+    [gl.VERTEX_SHADER, VERTEX],
+    [gl.FRAGMENT_SHADER, FRAGMENT],
+]) {
     const shader = gl.createShader(type);
     gl.shaderSource(shader, text);
     gl.compileShader(shader);

@@ -85,7 +85,10 @@ buffer(gl.ARRAY_BUFFER, new Float32Array([-0.5, -0.5, 0.5, -0.5, -0.5, 0.5, 0.5,
 attribute(lit, 'at', 2, gl.FLOAT, false, 0, 0, 0);
 buffer(gl.ARRAY_BUFFER, new Float32Array([-0.5, -0.4, 0, 0.5, -0.4, 0.1, -0.5, 0.4, 0.2, 0.5, 0.4, 0.3]));
 attribute(lit, 'offset', 3, gl.FLOAT, false, 12, 0, 1);
-buffer(gl.ARRAY_BUFFER, bytes(16, (i) => 255 - i * 6));
+buffer(
+    gl.ARRAY_BUFFER,
+    bytes(16, (i) => 255 - i * 6),
+);
 attribute(lit, 'shade', 4, gl.UNSIGNED_BYTE, true, 4, 0, 1);
 buffer(gl.ELEMENT_ARRAY_BUFFER, new Uint16Array([0, 1, 2, 2, 1, 3]));
 gl.bindVertexArray(null);
@@ -93,14 +96,35 @@ gl.bindVertexArray(null);
 const image = gl.createTexture();
 gl.bindTexture(gl.TEXTURE_2D, image);
 gl.texStorage2D(gl.TEXTURE_2D, 6, gl.RGBA8, 32, 32);
-gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, 32, 32, gl.RGBA, gl.UNSIGNED_BYTE, bytes(4096, (i) => (i % 4 === 3 ? 255 : i)));
+gl.texSubImage2D(
+    gl.TEXTURE_2D,
+    0,
+    0,
+    0,
+    32,
+    32,
+    gl.RGBA,
+    gl.UNSIGNED_BYTE,
+    bytes(4096, (i) => (i % 4 === 3 ? 255 : i)),
+);
 gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_LINEAR);
 gl.generateMipmap(gl.TEXTURE_2D);
 
 const layers = gl.createTexture();
 gl.activeTexture(gl.TEXTURE1);
 gl.bindTexture(gl.TEXTURE_2D_ARRAY, layers);
-gl.texImage3D(gl.TEXTURE_2D_ARRAY, 0, gl.RGB8, 4, 4, 2, 0, gl.RGB, gl.UNSIGNED_BYTE, bytes(96, (i) => i * 2));
+gl.texImage3D(
+    gl.TEXTURE_2D_ARRAY,
+    0,
+    gl.RGB8,
+    4,
+    4,
+    2,
+    0,
+    gl.RGB,
+    gl.UNSIGNED_BYTE,
+    bytes(96, (i) => i * 2),
+);
 gl.texParameteri(gl.TEXTURE_2D_ARRAY, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
 
 const sky = gl.createTexture();
@@ -157,7 +181,17 @@ function frame() {
     gl.uniform1f(last, 0.2 + 0.1 * Math.sin(step));
     gl.bindVertexArray(array);
     gl.bindTexture(gl.TEXTURE_2D, image);
-    gl.texSubImage2D(gl.TEXTURE_2D, 0, 4, 4, 8, 8, gl.RGBA, gl.UNSIGNED_BYTE, bytes(256, (i) => i + step * 16));
+    gl.texSubImage2D(
+        gl.TEXTURE_2D,
+        0,
+        4,
+        4,
+        8,
+        8,
+        gl.RGBA,
+        gl.UNSIGNED_BYTE,
+        bytes(256, (i) => i + step * 16),
+    );
     gl.generateMipmap(gl.TEXTURE_2D);
     for (const direction of [1, -1]) {
         // The block changes between two draws of one pass.

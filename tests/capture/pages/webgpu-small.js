@@ -72,7 +72,9 @@ async function main() {
 
     const module = device.createShaderModule({ code: SHADER });
     const layout = device.createBindGroupLayout({
-        entries: [{ binding: 0, visibility: VERTEX | FRAGMENT, buffer: { hasDynamicOffset: true, minBindingSize: 32 } }],
+        entries: [
+            { binding: 0, visibility: VERTEX | FRAGMENT, buffer: { hasDynamicOffset: true, minBindingSize: 32 } },
+        ],
     });
     const textures = device.createBindGroupLayout({
         entries: [
