@@ -63,6 +63,8 @@ mod wgsl;
 mod words;
 
 #[cfg(feature = "verify")]
+mod capture;
+#[cfg(feature = "verify")]
 mod measure;
 #[cfg(feature = "verify")]
 mod render;
@@ -116,7 +118,7 @@ pub mod unstable {
     }
     internal! { build_script emit front limits lock nearest parameters pipeline recipe regular sweep }
     #[cfg(feature = "verify")]
-    internal! { measure render report scene search }
+    internal! { capture measure render report scene search }
 }
 
 /// Includes the items of a material that the build script compiled:

@@ -285,7 +285,9 @@ fn measured(
     plans: &[Plan],
     each: &mut dyn FnMut(&Facts, &Plan) -> Result<(), Failure>,
 ) -> Result<(), Failure> {
-    let scene = args.view.of(args.shader.scene()?)?;
+    let scene = args
+        .view
+        .of(args.shader.on(args.adapter.as_deref()).scene()?)?;
     let choice = args
         .adapter
         .clone()

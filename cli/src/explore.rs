@@ -142,7 +142,7 @@ pub fn run(args: &ExploreArgs) -> Result<Ending, Failure> {
 /// Explores one scene or shader.
 fn one(args: &ExploreArgs, shader: &ShaderArgs, out: Option<&Path>) -> Result<Ending, Failure> {
     let sweeps = args.variants.sweeps()?;
-    let mut scene = args.view.of(shader.scene()?)?;
+    let mut scene = args.view.of(shader.on(args.adapter.as_deref()).scene()?)?;
     if let Some(order) = args.order {
         scene.orders = vec![DrawOrder::from(order)];
     }

@@ -3,6 +3,7 @@
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
+use preshade::unstable::capture::{self, Capture};
 use preshade::unstable::front::{self, Source};
 use preshade::unstable::measure;
 use preshade::unstable::passes::naga::{Binding, BuiltIn, ShaderStage};
@@ -13,6 +14,7 @@ use preshade::unstable::passes::reflect;
 use preshade::unstable::passes::state::{CullMode, MaterialState};
 use preshade::unstable::recipe::Recipe;
 use preshade::unstable::regular;
+use preshade::unstable::render::{AdapterChoice, Gpu};
 use preshade::unstable::scene::{self, Scene, Variable, Variables};
 
 use crate::Failure;
@@ -24,8 +26,8 @@ use crate::state::StateArgs;
 #[derive(Clone, Default, clap::Args)]
 pub struct ShaderArgs {
     /// A WGSL or SPIR-V file with both entry points, or a vertex and a fragment file, or a scene
-    /// (.toml); `-` is stdin and needs --lang.
-    #[arg(required = true, num_args = 1.., value_name = "FILE")]
+    /// (.toml), or a captured frame (its folder); `-` is stdin and needs --lang.
+    #[arg(required = true, num_args = 1.., value_name = "FILE", value_parser = given)]
     pub files: Vec<PathBuf>,
     /// Language of the input. Required for stdin; default: by the file's ending (.wgsl, or .vert,
     /// .vs, .frag, .fs or .glsl for GLSL, .spv for SPIR-V).
@@ -43,12 +45,31 @@ pub struct ShaderArgs {
     /// Set a variable of a scene; may be given several times.
     #[arg(long = "set", value_name = "NAME=VALUE")]
     pub set: Vec<String>,
+    /// With a capture of several frames, the frame to take, from 0.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub frame: usize,
+    /// With a capture, the render pass of the frame to take, from 0; default: the one that draws most
+    /// vertices to a colour target.
+    #[arg(long, value_name = "N")]
+    pub render_pass: Option<usize>,
+    /// Part of the name of the adapter that replays a capture.
+    #[arg(skip)]
+    pub replay_on: Option<String>,
     #[command(flatten)]
     pub glsl: GlslArgs,
     #[command(flatten)]
     pub limits: LimitArgs,
     #[command(flatten)]
     pub state: StateArgs,
+}
+
+/// A path as given. The folder of a captured frame stands for its file.
+pub fn given(text: &str) -> Result<PathBuf, std::convert::Infallible> {
+    let path = PathBuf::from(text);
+    Ok(match capture::is_folder(&path) {
+        true => path.join(capture::FILE),
+        false => path,
+    })
 }
 
 /// Options for GLSL, and for WGSL with imports.
@@ -122,6 +143,21 @@ impl From<Lang> for Language {
             Lang::Spirv => Self::SpirV,
         }
     }
+}
+
+/// What a command does with its input.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Purpose {
+    /// It reads the programs.
+    Read,
+    /// It draws the scene, so textures that a captured frame drew are replayed.
+    Draw,
+}
+
+/// The folder of a captured frame.
+fn captured(file: &Path) -> Option<&Path> {
+    let is_file = file.file_name().is_some_and(|n| n == capture::FILE);
+    is_file.then(|| file.parent().unwrap_or(Path::new(".")))
 }
 
 /// The parsed input.
@@ -270,7 +306,7 @@ impl ShaderArgs {
 
     /// Reads the files.
     pub fn input(&self) -> Result<Input, Failure> {
-        self.input_with(&Variables::new())
+        self.input_with(&Variables::new(), Purpose::Read)
     }
 
     /// The variables of `--set`, and `more`.
@@ -286,7 +322,7 @@ impl ShaderArgs {
         Ok(all)
     }
 
-    fn input_with(&self, more: &Variables) -> Result<Input, Failure> {
+    fn input_with(&self, more: &Variables, purpose: Purpose) -> Result<Input, Failure> {
         let variables = self.variables(more)?;
         match self.scene_file() {
             None if !variables.is_empty() => Err(Failure(
@@ -301,6 +337,9 @@ impl ShaderArgs {
             }
             Some(path) if self.files.len() == 1 => {
                 self.check_scene_flags()?;
+                if let Some(folder) = captured(path) {
+                    return Ok(Input::Scene(self.captured(folder, purpose)?));
+                }
                 let scene = scene::load_within(path, &variables, self.limits.access())
                     .map_err(|e| Failure(e.render()))?;
                 Ok(Input::Scene(self.state.set_up(scene)))
@@ -311,6 +350,14 @@ impl ShaderArgs {
         }
     }
 
+    /// The same arguments, for a command that draws on this adapter.
+    pub fn on(&self, adapter: Option<&str>) -> Self {
+        Self {
+            replay_on: adapter.map(str::to_owned),
+            ..self.clone()
+        }
+    }
+
     /// The scene, or a synthesised one for a shader.
     pub fn scene(&self) -> Result<scene::Scene, Failure> {
         self.scene_with(&Variables::new())
@@ -318,7 +365,7 @@ impl ShaderArgs {
 
     /// [`Self::scene`], with some of its variables set.
     pub fn scene_with(&self, variables: &Variables) -> Result<scene::Scene, Failure> {
-        match self.input_with(variables)? {
+        match self.input_with(variables, Purpose::Draw)? {
             Input::Scene(_) if self.name.is_some() => Err(Failure(
                 "error: --name is for a shader: all materials of a scene are drawn".to_owned(),
             )),
@@ -366,10 +413,35 @@ impl ShaderArgs {
         self.scene_file().is_some()
     }
 
-    /// The scene file, by its ending.
+    /// The scene file, by its ending, or a captured frame's.
     fn scene_file(&self) -> Option<&Path> {
-        let toml = |f: &&PathBuf| f.extension().is_some_and(|e| e == "toml");
-        self.files.iter().find(toml).map(PathBuf::as_path)
+        let is_scene = |f: &&PathBuf| many::is_scene(f);
+        self.files.iter().find(is_scene).map(PathBuf::as_path)
+    }
+
+    /// The scene of a captured frame.
+    fn captured(&self, folder: &Path, purpose: Purpose) -> Result<Scene, Failure> {
+        let failed = |e: capture::Error| Failure(format!("error: {}: {e}", folder.display()));
+        let capture = Capture::open(folder, &self.limits.limits()).map_err(failed)?;
+        let choice = capture::Choice {
+            frame: self.frame,
+            pass: self.render_pass,
+        };
+        let gpu = match purpose {
+            Purpose::Read => None,
+            Purpose::Draw => {
+                let on = self.replay_on.clone();
+                let on = on.map_or(AdapterChoice::Best, AdapterChoice::Matching);
+                Some(Gpu::with_trust(&on, self.limits.limits().trust())?)
+            }
+        };
+        let made = capture::scene(&capture, choice, gpu.as_ref()).map_err(failed)?;
+        if purpose == Purpose::Draw {
+            for note in &made.notes {
+                eprintln!("note: {}: {note}", folder.display());
+            }
+        }
+        Ok(made.scene)
     }
 
     /// Refuses flags of a material, since a scene file defines its own.

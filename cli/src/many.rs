@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
 use std::path::{Component, Path, PathBuf};
 
+use preshade::unstable::capture;
 use preshade::unstable::passes::pass::Refusal;
 
 use crate::input::{ShaderArgs, is_stdin};
@@ -320,9 +321,10 @@ pub fn scenes(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     Ok(all)
 }
 
-/// Whether a file is a scene, and not the configuration file.
+/// Whether a file is a scene, and not the configuration file, or a captured frame.
 pub fn is_scene(path: &Path) -> bool {
-    ending(path) == "toml" && path.file_name() != Some(config::FILE.as_ref())
+    let is = |name: &str| path.file_name() == Some(name.as_ref());
+    ending(path) == "toml" && !is(config::FILE) || is(capture::FILE)
 }
 
 /// Refuses scenes that would share a folder below `--out`.

@@ -22,7 +22,7 @@ use preshade::unstable::search::plan::{
 };
 
 use crate::guesses;
-use crate::input::{ShaderArgs, unread};
+use crate::input::{self, ShaderArgs, unread};
 use crate::kept::{KeptScenes, reopened};
 use crate::limits::LimitArgs;
 use crate::lock::{self, Locks};
@@ -53,9 +53,9 @@ measured is kept on the way, in plan.unfinished.json, until all of it is told.
 Of several scenes one that cannot be read or drawn is told, and the others are planned.
 Exit status 1: a plan broke its contract (it is not taken); 2: an input failed.")]
 pub struct PlanArgs {
-    /// Scenes (.toml), folders of them, or bare shaders: a WGSL file, or a vertex and a fragment file
+    /// Scenes (.toml), captured frames, folders of them, or bare shaders: a WGSL file, or a vertex and a fragment file
     /// of one name. Of several each has a folder of its own below --out.
-    #[arg(required = true, value_name = "SCENE")]
+    #[arg(required = true, value_name = "SCENE", value_parser = input::given)]
     scenes: Vec<PathBuf>,
     /// Set a variable of the scene; may be given several times.
     #[arg(long = "set", value_name = "NAME=VALUE")]
@@ -122,6 +122,7 @@ impl PlanArgs {
             files: self.scenes.clone(),
             set: self.set.clone(),
             limits: self.limits.clone(),
+            replay_on: self.adapter.clone(),
             ..ShaderArgs::default()
         })
     }

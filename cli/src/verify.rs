@@ -713,7 +713,9 @@ pub fn scene(
     shader: &ShaderArgs,
     variables: &Variables,
 ) -> Result<Scene, Failure> {
-    let mut scene = args.view.of(shader.scene_with(variables)?)?;
+    let mut scene = args
+        .view
+        .of(shader.on(args.adapter.as_deref()).scene_with(variables)?)?;
     if args.invariant {
         scene = scene.with_invariant_positions();
     }

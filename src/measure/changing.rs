@@ -9,6 +9,7 @@ use std::sync::Arc;
 use glam::{Mat4, Vec3};
 use naga::TypeInner;
 use preshade_passes::pass::Changing;
+use preshade_passes::plan::BindingKind;
 
 use super::originals;
 use crate::scene::bind;
@@ -33,6 +34,18 @@ pub fn changing(scene: &Scene) -> Result<Vec<Changing>, SceneError> {
             continue;
         };
         let Some(pass) = plan.main() else { continue };
+        if draw.captured.is_some() {
+            // One frame does not tell what the next one changes.
+            let uniforms = pass.bindings.iter();
+            let uniforms = uniforms.filter(|b| b.kind == BindingKind::Uniform);
+            found.extend(uniforms.map(|b| Changing {
+                material: material.name.clone(),
+                group: b.group,
+                binding: b.binding,
+                member: None,
+            }));
+            continue;
+        }
         let buffers = |frame| -> Result<Buffers, SceneError> {
             let of_frame = bind::frame_buffers(scene, material, pass, draw, frame)?;
             let bytes = of_frame.into_iter();

@@ -273,26 +273,18 @@ fn textures(pass: &GpuPass, bound: &DrawBindings) -> Vec<Assumed> {
 }
 
 /// Bounds of a channel after decoding and filtering, if all its texels are equal. The ends of the
-/// scale are exact.
+/// scale are exact. `None` also for a compressed format, which we do not read.
 fn one_value(image: &Image, channel: u32) -> Option<Bounds> {
-    let mut texels = image
-        .levels
-        .iter()
-        .flat_map(|level| level.iter().skip(channel as usize).step_by(4));
-    let first = *texels.next()?;
-    if !texels.all(|t| *t == first) {
+    let mut texels = image.texels()?.all().map(|t| t[channel as usize]);
+    let first = texels.next().filter(|t| t.is_finite())?;
+    if !texels.all(|t| t == first) {
         return None;
     }
-    let stored = f64::from(first) / 255.0;
-    let value = match image.srgb && channel < 3 {
-        true if stored <= 0.04045 => stored / 12.92,
-        true => ((stored + 0.055) / 1.055).powf(2.4),
-        false => stored,
-    };
-    // SceneError allowed for filtering equal texels and for decoding sRGB.
-    let slack = 1.0 / 1024.0;
-    Some(match first {
-        0 | 255 => Bounds::one(value),
+    let value = f64::from(first);
+    // Allowed for filtering equal texels and for decoding sRGB.
+    let slack = value.abs().max(1.0) / 1024.0;
+    Some(match value {
+        0.0 | 1.0 => Bounds::one(value),
         _ => Bounds {
             low: value - slack,
             high: value + slack,

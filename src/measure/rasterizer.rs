@@ -163,17 +163,11 @@ fn drawn(gpu: &Gpu, source: &str, triangle: &[[f32; 3]; 3]) -> Result<ColorImage
 /// A texture whose mip levels have different colours.
 fn levels(layers: u32) -> Arc<Image> {
     let size = 64_u32;
-    Arc::new(Image {
-        size: [size, size],
-        layers,
-        srgb: false,
-        levels: (0..=size.ilog2())
-            .map(|level| {
-                let texels = (size >> level) * (size >> level) * layers;
-                [STEP * level as u8, 0, 0, 255].repeat(texels as usize)
-            })
-            .collect(),
-    })
+    let levels = (0..=size.ilog2()).map(|level| {
+        let texels = (size >> level) * (size >> level) * layers;
+        [STEP * level as u8, 0, 0, 255].repeat(texels as usize)
+    });
+    Arc::new(Image::rgba8([size; 2], layers, false, levels.collect()))
 }
 
 fn scene(material: Material, triangle: &[[f32; 3]; 3]) -> Scene {
@@ -211,6 +205,7 @@ fn scene(material: Material, triangle: &[[f32; 3]; 3]) -> Scene {
             joints: [].into(),
             morph_weights: Vec::new(),
             values: BTreeMap::new(),
+            captured: None,
         }],
         cameras: vec![Camera {
             name: "front".to_owned(),

@@ -6,7 +6,8 @@ use preshade_passes::evaluate::Lookup;
 use crate::scene::bind::{DrawBindings, TextureContent};
 use crate::scene::{Address, Filter, Image, Sampler};
 
-/// The texel of a lookup; NaN where there is no image of two dimensions.
+/// The texel of a lookup; NaN where there is no image of two
+/// dimensions, and where its format is compressed.
 pub fn texel(bound: &DrawBindings, lookup: &Lookup<'_>) -> [f32; 4] {
     let nothing = [f32::NAN; 4];
     let texture = bound
@@ -64,20 +65,7 @@ fn at(image: &Image, place: [i64; 2], address: Address) -> [f32; 4] {
         };
         wrapped as usize
     };
-    let index = (inside(1) * image.size[0] as usize + inside(0)) * 4;
-    let bytes = image
-        .levels
-        .first()
-        .and_then(|level| level.get(index..index + 4));
-    let Some(bytes) = bytes else {
-        return [f32::NAN; 4];
-    };
-    std::array::from_fn(|i| {
-        let value = f32::from(bytes[i]) / 255.0;
-        match image.srgb && i < 3 {
-            true if value <= 0.04045 => value / 12.92,
-            true => ((value + 0.055) / 1.055).powf(2.4),
-            false => value,
-        }
-    })
+    let texel = image.texels();
+    let texel = texel.and_then(|t| t.at(0, [inside(0) as u32, inside(1) as u32, 0]));
+    texel.unwrap_or([f32::NAN; 4])
 }

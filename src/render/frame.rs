@@ -537,6 +537,12 @@ impl<'a> Prepared<'a> {
             let Some(draw) = self.inputs.draw(item.draw) else {
                 continue;
             };
+            if let Some(area) = &draw.area {
+                let [x, y, w, h, near, far] = area.viewport;
+                render.set_viewport(x, y, w, h, near, far);
+                let [x, y, w, h] = area.scissor;
+                render.set_scissor_rect(x, y, w, h);
+            }
             if current != Some(item.pipeline) {
                 render.set_pipeline(&pass.pipelines[item.pipeline]);
                 current = Some(item.pipeline);

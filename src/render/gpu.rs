@@ -100,6 +100,11 @@ fn wanted_features() -> Features {
         | Features::SUBGROUP_VERTEX
         | Features::VERTEX_WRITABLE_STORAGE
         | Features::TEXTURE_ADAPTER_SPECIFIC_FORMAT_FEATURES
+        | Features::TEXTURE_COMPRESSION_BC
+        | Features::TEXTURE_COMPRESSION_BC_SLICED_3D
+        | Features::TEXTURE_COMPRESSION_ETC2
+        | Features::TEXTURE_COMPRESSION_ASTC
+        | Features::TEXTURE_COMPRESSION_ASTC_SLICED_3D
 }
 
 fn instance(backends: Backends) -> wgpu::Instance {

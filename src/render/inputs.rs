@@ -11,9 +11,10 @@ use wgpu::util::{BufferInitDescriptor, DeviceExt};
 
 use super::compiled::Compiled;
 use super::gpu::Gpu;
+use super::textures::Textures;
 use super::{Error, state};
-use crate::scene::bind::{self, Rate, TextureContent};
-use crate::scene::{Address, Filter, Frame, Image, Scene, SceneError};
+use crate::scene::bind::{self, Rate};
+use crate::scene::{Address, Filter, Frame, Scene, SceneError};
 
 /// The resources of all draws of a scene.
 #[derive(Debug)]
@@ -40,6 +41,8 @@ pub(super) struct DrawInputs {
     pub vertex_count: u32,
     pub call: bind::Call,
     pub instances: u32,
+    /// Its own viewport and scissor.
+    pub area: Option<bind::Area>,
 }
 
 impl DrawInputs {
@@ -107,17 +110,7 @@ impl Resource {
 #[derive(Default)]
 struct Uploads {
     buffers: BTreeMap<(u128, u32), wgpu::Buffer>,
-    /// Textures by the image's address (the scene keeps it alive), view dimension and format.
-    textures: Vec<(TextureKey, wgpu::TextureView)>,
-}
-
-#[derive(Clone, PartialEq)]
-struct TextureKey {
-    image: Option<*const Image>,
-    depth: Option<([u32; 2], u32)>,
-    view: wgpu::TextureViewDimension,
-    format: wgpu::TextureFormat,
-    multisampled: bool,
+    textures: Textures,
 }
 
 impl<'a> SceneInputs<'a> {
@@ -164,9 +157,8 @@ impl<'a> SceneInputs<'a> {
                 let bound = bind::draw(scene, material, pass, draw, frame)
                     .map_err(|e| failed(e.to_string()))?;
                 gpu.checked(&format!("what draw `{}` binds", draw.name), || {
-                    uploads.draw(gpu, &bound)
+                    uploads.draw(gpu, &bound, &draw.name)
                 })?
-                .map_err(failed)
             })
             .collect::<Result<_, Error>>()?;
         Ok(Self {
@@ -303,7 +295,12 @@ impl<'a> SceneInputs<'a> {
 }
 
 impl Uploads {
-    fn draw(&mut self, gpu: &Gpu, bound: &bind::DrawBindings) -> Result<DrawInputs, String> {
+    fn draw(
+        &mut self,
+        gpu: &Gpu,
+        bound: &bind::DrawBindings,
+        name: &str,
+    ) -> Result<DrawInputs, Error> {
         let mut resources = BTreeMap::new();
         for b in &bound.buffers {
             let (usage, ty) = match b.kind {
@@ -328,12 +325,7 @@ impl Uploads {
             resources.insert((b.group, b.binding), Resource::Buffer(buffer, ty));
         }
         for t in &bound.textures {
-            let layout = wgpu::BindingType::Texture {
-                sample_type: t.sample_type,
-                view_dimension: t.view,
-                multisampled: t.multisampled,
-            };
-            let view = self.texture(gpu, t)?;
+            let (view, layout) = self.textures.view(gpu, t, name)?;
             resources.insert((t.group, t.binding), Resource::Texture(view, layout));
         }
         for s in &bound.samplers {
@@ -383,6 +375,7 @@ impl Uploads {
             vertex_count: bound.vertex_count,
             call: bound.call,
             instances: bound.instances,
+            area: bound.area,
         })
     }
 
@@ -391,59 +384,6 @@ impl Uploads {
             .entry((data.id, usage.bits()))
             .or_insert_with(|| create(gpu, data, usage))
             .clone()
-    }
-
-    fn texture(
-        &mut self,
-        gpu: &Gpu,
-        binding: &bind::TextureBinding,
-    ) -> Result<wgpu::TextureView, String> {
-        let format = match (&binding.content, binding.sample_type) {
-            (TextureContent::Depth { .. }, _) => wgpu::TextureFormat::Depth32Float,
-            (_, wgpu::TextureSampleType::Uint) => wgpu::TextureFormat::Rgba8Uint,
-            (_, wgpu::TextureSampleType::Sint) => wgpu::TextureFormat::Rgba8Sint,
-            (TextureContent::Image(image), _) if image.srgb => wgpu::TextureFormat::Rgba8UnormSrgb,
-            _ => wgpu::TextureFormat::Rgba8Unorm,
-        };
-        let key = TextureKey {
-            image: match &binding.content {
-                TextureContent::Image(image) => Some(Arc::as_ptr(image)),
-                _ => None,
-            },
-            depth: match &binding.content {
-                TextureContent::Depth { size, value } => Some((*size, value.to_bits())),
-                _ => None,
-            },
-            view: binding.view,
-            format,
-            multisampled: binding.multisampled,
-        };
-        if let Some((_, view)) = self.textures.iter().find(|(k, _)| *k == key) {
-            return Ok(view.clone());
-        }
-        let texture = match &binding.content {
-            TextureContent::Image(image) if !binding.multisampled => {
-                upload(gpu, image, binding.view, format)
-            }
-            TextureContent::Image(image) => {
-                cleared(gpu, image.size, binding, format, wgpu::Color::WHITE, 1.0)
-            }
-            TextureContent::Depth { size, value } => {
-                cleared(gpu, *size, binding, format, wgpu::Color::WHITE, *value)
-            }
-            TextureContent::Storage { .. } => {
-                return Err(
-                    "it binds a storage texture, which preshade's renderer does not draw with"
-                        .to_owned(),
-                );
-            }
-        };
-        let view = texture.create_view(&wgpu::TextureViewDescriptor {
-            dimension: Some(binding.view),
-            ..Default::default()
-        });
-        self.textures.push((key, view.clone()));
-        Ok(view)
     }
 }
 
@@ -459,145 +399,6 @@ fn create(gpu: &Gpu, data: &bind::Data, usage: wgpu::BufferUsages) -> wgpu::Buff
         },
         usage,
     })
-}
-
-fn upload(
-    gpu: &Gpu,
-    image: &Image,
-    view: wgpu::TextureViewDimension,
-    format: wgpu::TextureFormat,
-) -> wgpu::Texture {
-    let dimension = view.compatible_texture_dimension();
-    let flat = dimension == wgpu::TextureDimension::D2;
-    // Image levels are two-dimensional; other dimensions have only level 0.
-    let levels = if flat { image.levels.len() } else { 1 };
-    let layers = match view {
-        wgpu::TextureViewDimension::Cube | wgpu::TextureViewDimension::CubeArray => {
-            image.layers.next_multiple_of(6)
-        }
-        _ => image.layers,
-    };
-    let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
-        label: None,
-        size: wgpu::Extent3d {
-            width: image.size[0],
-            height: if dimension == wgpu::TextureDimension::D1 {
-                1
-            } else {
-                image.size[1]
-            },
-            depth_or_array_layers: layers,
-        },
-        mip_level_count: levels as u32,
-        sample_count: 1,
-        dimension,
-        format,
-        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
-        view_formats: &[],
-    });
-    for (level, texels) in image.levels.iter().take(levels).enumerate() {
-        let (w, h) = (
-            (image.size[0] >> level).max(1),
-            (texture.height() >> level).max(1),
-        );
-        let layer_bytes = (w * h * 4) as usize;
-        for layer in 0..layers {
-            // A cube with fewer layers repeats them.
-            let from = (layer % image.layers.max(1)) as usize * layer_bytes;
-            let Some(data) = texels.get(from..from + layer_bytes) else {
-                continue;
-            };
-            gpu.queue.write_texture(
-                wgpu::TexelCopyTextureInfo {
-                    texture: &texture,
-                    mip_level: level as u32,
-                    origin: wgpu::Origin3d {
-                        x: 0,
-                        y: 0,
-                        z: layer,
-                    },
-                    aspect: wgpu::TextureAspect::All,
-                },
-                data,
-                wgpu::TexelCopyBufferLayout {
-                    offset: 0,
-                    bytes_per_row: Some(w * 4),
-                    rows_per_image: Some(h),
-                },
-                wgpu::Extent3d {
-                    width: w,
-                    height: h,
-                    depth_or_array_layers: 1,
-                },
-            );
-        }
-    }
-    texture
-}
-
-/// A texture cleared to one value by a render pass: depth and multisampled textures cannot be
-/// uploaded.
-fn cleared(
-    gpu: &Gpu,
-    size: [u32; 2],
-    binding: &bind::TextureBinding,
-    format: wgpu::TextureFormat,
-    color: wgpu::Color,
-    depth: f32,
-) -> wgpu::Texture {
-    let layers = match binding.view {
-        wgpu::TextureViewDimension::Cube | wgpu::TextureViewDimension::CubeArray => 6,
-        _ => 1,
-    };
-    let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
-        label: None,
-        size: wgpu::Extent3d {
-            width: size[0],
-            height: size[1],
-            depth_or_array_layers: layers,
-        },
-        mip_level_count: 1,
-        sample_count: if binding.multisampled { 4 } else { 1 },
-        dimension: wgpu::TextureDimension::D2,
-        format,
-        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::RENDER_ATTACHMENT,
-        view_formats: &[],
-    });
-    let mut encoder = gpu.device.create_command_encoder(&Default::default());
-    for layer in 0..layers {
-        let view = texture.create_view(&wgpu::TextureViewDescriptor {
-            dimension: Some(wgpu::TextureViewDimension::D2),
-            base_array_layer: layer,
-            array_layer_count: Some(1),
-            ..Default::default()
-        });
-        let color = [Some(wgpu::RenderPassColorAttachment {
-            view: &view,
-            depth_slice: None,
-            resolve_target: None,
-            ops: wgpu::Operations {
-                load: wgpu::LoadOp::Clear(color),
-                store: wgpu::StoreOp::Store,
-            },
-        })];
-        let depth = wgpu::RenderPassDepthStencilAttachment {
-            view: &view,
-            depth_ops: Some(wgpu::Operations {
-                load: wgpu::LoadOp::Clear(depth),
-                store: wgpu::StoreOp::Store,
-            }),
-            stencil_ops: None,
-        };
-        let is_depth = format.is_depth_stencil_format();
-        encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-            label: None,
-            color_attachments: if is_depth { &[] } else { &color },
-            depth_stencil_attachment: is_depth.then_some(depth),
-            ..Default::default()
-        });
-    }
-    gpu.queue.submit([encoder.finish()]);
-    texture
 }
 
 /// Largest anisotropy: 1 on software adapters. Mesa 22.3's llvmpipe walks the footprint texel by

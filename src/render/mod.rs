@@ -31,6 +31,7 @@ pub mod shader;
 pub mod state;
 mod subdivided;
 mod targets;
+mod textures;
 mod trusted;
 
 pub use frame::{ComputedVertices, FrameSettings, Prepared, Rendered};

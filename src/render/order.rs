@@ -8,6 +8,11 @@ use crate::scene::{DrawOrder, Frame, Scene};
 /// an engine, objects are sorted, not triangles.
 pub fn opaque(scene: &Scene, frame: &Frame, order: DrawOrder) -> Vec<usize> {
     let mut draws: Vec<usize> = (0..scene.draws.len()).collect();
+    // What was captured is drawn as it was.
+    let order = match scene.draws.iter().any(|d| d.captured.is_some()) {
+        true => DrawOrder::AsGiven,
+        false => order,
+    };
     match order {
         DrawOrder::AsGiven => {}
         DrawOrder::Shuffled => draws.sort_by_key(|&i| mix(i as u64)),

@@ -7,7 +7,7 @@ use super::picture::{ColorImage, DepthImage};
 use super::{Error, state};
 
 /// Reads a single-sampled colour texture of this format.
-pub(super) fn color(
+pub(crate) fn color(
     gpu: &Gpu,
     texture: &wgpu::Texture,
     format: wgpu::TextureFormat,
@@ -40,7 +40,7 @@ pub(super) fn depth(
 ) -> Result<DepthImage, Error> {
     let samples = texture.sample_count();
     let values = if !is_copyable(format, samples) {
-        load(gpu, texture, TexelSource::Depth)?
+        load(gpu, texture, TexelSource::Depth, [0, 0])?
     } else if format == DepthFormat::Depth16unorm {
         copy(
             gpu,
@@ -74,7 +74,7 @@ pub(super) fn red(gpu: &Gpu, texture: &wgpu::Texture) -> Result<DepthImage, Erro
     Ok(DepthImage {
         size: [texture.width(), texture.height()],
         samples: texture.sample_count(),
-        values: load(gpu, texture, TexelSource::Float)?,
+        values: load(gpu, texture, TexelSource::Float, [0, 0])?,
     })
 }
 
@@ -87,7 +87,7 @@ fn floats(bytes: &[u8]) -> Vec<f32> {
         .collect()
 }
 
-/// Copies mip 0 of a texture and returns its rows without padding. `format` is the format of the
+/// Copies mip 0 of a flat texture and returns its rows without padding. `format` is the format of the
 /// copied aspect.
 fn copy(
     gpu: &Gpu,
@@ -95,15 +95,29 @@ fn copy(
     aspect: wgpu::TextureAspect,
     format: wgpu::TextureFormat,
 ) -> Result<Vec<u8>, Error> {
-    let (width, height) = (texture.width(), texture.height());
+    let size = [texture.width(), texture.height(), 1];
+    level(gpu, texture, aspect, format, [0, 0], size)
+}
+
+/// Copies one layer of a level, or all slices of a volume's, and returns its rows of blocks without
+/// padding. `size` is in texels.
+pub(crate) fn level(
+    gpu: &Gpu,
+    texture: &wgpu::Texture,
+    aspect: wgpu::TextureAspect,
+    format: wgpu::TextureFormat,
+    [level, layer]: [u32; 2],
+    [width, height, slices]: [u32; 3],
+) -> Result<Vec<u8>, Error> {
     let texel = format.block_copy_size(Some(aspect)).unwrap_or(4);
-    let row = width * texel;
+    let (across, down) = format.block_dimensions();
+    let (row, rows) = (width.div_ceil(across) * texel, height.div_ceil(down));
     let padded = row.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
     let what = "reading a target back";
     let buffer = gpu.checked(what, || {
         gpu.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("readback"),
-            size: u64::from(padded) * u64::from(height),
+            size: u64::from(padded) * u64::from(rows) * u64::from(slices),
             usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
             mapped_at_creation: false,
         })
@@ -112,8 +126,12 @@ fn copy(
     encoder.copy_texture_to_buffer(
         wgpu::TexelCopyTextureInfo {
             texture,
-            mip_level: 0,
-            origin: wgpu::Origin3d::ZERO,
+            mip_level: level,
+            origin: wgpu::Origin3d {
+                x: 0,
+                y: 0,
+                z: layer,
+            },
             aspect,
         },
         wgpu::TexelCopyBufferInfo {
@@ -121,10 +139,14 @@ fn copy(
             layout: wgpu::TexelCopyBufferLayout {
                 offset: 0,
                 bytes_per_row: Some(padded),
-                rows_per_image: Some(height),
+                rows_per_image: Some(rows),
             },
         },
-        texture.size(),
+        wgpu::Extent3d {
+            width: width.next_multiple_of(across),
+            height: height.next_multiple_of(down),
+            depth_or_array_layers: slices,
+        },
     );
     gpu.submit(what, encoder)?;
     let bytes = gpu.read_buffer(&buffer)?;
@@ -135,15 +157,30 @@ fn copy(
         .collect())
 }
 
+/// The depths of one layer of a level, for formats that cannot be copied.
+pub(crate) fn depth_values(
+    gpu: &Gpu,
+    texture: &wgpu::Texture,
+    at: [u32; 2],
+) -> Result<Vec<f32>, Error> {
+    load(gpu, texture, TexelSource::Depth, at)
+}
+
 #[derive(Clone, Copy)]
 enum TexelSource {
     Depth,
     Float,
 }
 
-/// Loads each sample in a compute shader.
-fn load(gpu: &Gpu, texture: &wgpu::Texture, source: TexelSource) -> Result<Vec<f32>, Error> {
-    let (width, height, samples) = (texture.width(), texture.height(), texture.sample_count());
+/// Loads each sample of a layer of a level in a compute shader.
+fn load(
+    gpu: &Gpu,
+    texture: &wgpu::Texture,
+    source: TexelSource,
+    [mip, layer]: [u32; 2],
+) -> Result<Vec<f32>, Error> {
+    let [width, height] = [texture.width(), texture.height()].map(|s| (s >> mip).max(1));
+    let samples = texture.sample_count();
     let multisampled = samples > 1;
     let what = "reading samples back";
     let ty = match (source, multisampled) {
@@ -200,6 +237,11 @@ fn load(@builtin(global_invocation_id) at: vec3<u32>) {{
                 TexelSource::Depth => wgpu::TextureAspect::DepthOnly,
                 TexelSource::Float => wgpu::TextureAspect::All,
             },
+            dimension: Some(wgpu::TextureViewDimension::D2),
+            base_mip_level: mip,
+            mip_level_count: Some(1),
+            base_array_layer: layer,
+            array_layer_count: Some(1),
             ..Default::default()
         });
         let group = device.create_bind_group(&wgpu::BindGroupDescriptor {

@@ -50,7 +50,7 @@ pub struct Data {
 }
 
 impl Data {
-    fn new(bytes: Vec<u8>) -> Self {
+    pub(crate) fn new(bytes: Vec<u8>) -> Self {
         let mut id = [0; 16];
         id.copy_from_slice(&blake3::hash(&bytes).as_bytes()[..16]);
         Self {
@@ -204,6 +204,36 @@ pub struct DrawBindings {
     pub call: Call,
     /// Instances to draw.
     pub instances: u32,
+    /// Where it draws to; `None`: the scene's viewport.
+    pub area: Option<Area>,
+}
+
+/// The viewport and the scissor of one draw.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Area {
+    /// x, y, width, height in pixels, and the depths of the near and the far plane.
+    pub viewport: [f32; 6],
+    /// x, y, width and height in pixels.
+    pub scissor: [u32; 4],
+}
+
+impl DrawBindings {
+    /// What a pass reads of it.
+    fn read_by(&self, pass: &GpuPass) -> Self {
+        let reads = |group: u32, binding: u32| {
+            authored(pass).any(|b| (b.group, b.binding) == (group, binding))
+        };
+        let mut own = self.clone();
+        own.buffers.retain(|b| reads(b.group, b.binding));
+        own.textures.retain(|t| reads(t.group, t.binding));
+        own.samplers.retain(|s| reads(s.group, s.binding));
+        let is_read =
+            |a: &VertexAttribute| pass.attributes.iter().any(|r| r.location == a.location);
+        for buffer in &mut own.vertex_buffers {
+            buffer.attributes.retain(is_read);
+        }
+        own
+    }
 }
 
 /// The arguments of a draw call except the number of instances:
@@ -233,6 +263,9 @@ pub fn draw(
     draw: &Draw,
     frame: &Frame,
 ) -> Result<DrawBindings, SceneError> {
+    if let Some(captured) = &draw.captured {
+        return Ok(captured.read_by(pass));
+    }
     if let Some(mesh) = scene.meshes.get(draw.mesh) {
         range::check(mesh, draw)?;
     }
@@ -248,6 +281,7 @@ pub fn draw(
         vertex_count: streams.vertex_count(),
         call: streams.call(),
         instances: draw.instances,
+        area: None,
     };
     for binding in authored(pass) {
         let (name, ty) = variable(material, binding)?;
@@ -293,6 +327,9 @@ pub fn immediates(
     draw: &Draw,
     frame: &Frame,
 ) -> Result<Option<Data>, SceneError> {
+    if let Some(captured) = &draw.captured {
+        return Ok(captured.immediates.clone());
+    }
     let streams = Streams::new(scene, material, draw)?;
     let mut bytes: Vec<Option<(u8, &str)>> = Vec::new();
     for variable in material::immediates(&material.program) {
@@ -353,6 +390,11 @@ pub fn uniform_buffers(
     draw: &Draw,
     frame: &Frame,
 ) -> Result<Vec<BufferBinding>, SceneError> {
+    if let Some(captured) = &draw.captured {
+        let mut buffers = captured.read_by(pass).buffers;
+        buffers.retain(|b| b.kind == BindingKind::Uniform);
+        return Ok(buffers);
+    }
     let streams = Streams::new(scene, material, draw)?;
     authored(pass)
         .filter(|b| b.kind == BindingKind::Uniform)
@@ -371,6 +413,9 @@ pub(super) fn check(
     draw: &Draw,
     frame: &Frame,
 ) -> Result<(), SceneError> {
+    if draw.captured.is_some() {
+        return Ok(());
+    }
     frame_buffers(scene, material, pass, draw, frame)?;
     let streams = Streams::new(scene, material, draw)?;
     let mut storage = authored(pass).filter(|b| {
@@ -458,6 +503,40 @@ fn buffer(
         rate: packed.rate,
         invented: packed.invented,
     })
+}
+
+/// Numbers by path, for [`filled`].
+pub(crate) type Numbers<'f, 'n> = dyn Fn(&str, Option<usize>, usize) -> Option<&'n [f64]> + 'f;
+
+/// The bytes of a variable whose scalars, vectors and matrices are asked for by path: `number` gets the
+/// path with indices and without the variable's name, the index in the innermost array, and the count
+/// of numbers. Those that it does not know are 0.
+///
+/// # Errors
+/// The program does not declare the binding, or its type has no layout.
+pub(crate) fn filled<'n>(
+    material: &Material,
+    binding: &BindingUse,
+    number: &Numbers<'_, 'n>,
+) -> Result<Data, SceneError> {
+    let (name, ty) = variable(material, binding)?;
+    let nothing = std::collections::BTreeMap::new();
+    let given = layout::Given {
+        draw: &nothing,
+        material: &nothing,
+    };
+    let mut leaf = |leaf: &Leaf<'_>| {
+        let whole = leaf.indexed();
+        let path = whole.strip_prefix(name).unwrap_or(&whole);
+        let count = (leaf.columns * leaf.rows) as usize;
+        let mut numbers = [0.0; 16];
+        if let Some(own) = number(path.trim_start_matches('.'), leaf.index, count) {
+            numbers[..count].copy_from_slice(own);
+        }
+        Ok(numbers)
+    };
+    let module = material.program.module();
+    layout::pack(module, name, ty, 0, given, &mut leaf).map(Data::new)
 }
 
 /// The content of a variable, as in [`BufferBinding`].
@@ -737,9 +816,12 @@ fn texture(
         ImageClass::Depth { multi } => (
             wgpu::TextureSampleType::Depth,
             multi,
-            TextureContent::Depth {
-                size: [256, 256],
-                value: 1.0,
+            match material.textures.get(name) {
+                Some(image) => TextureContent::Image(Arc::clone(image)),
+                None => TextureContent::Depth {
+                    size: [256, 256],
+                    value: 1.0,
+                },
             },
         ),
         ImageClass::Storage { format, .. } => (

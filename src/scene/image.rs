@@ -1,6 +1,11 @@
 //! Textures: generated patterns, PNG files, and their mip levels.
 
+mod texels;
+
 use serde::Deserialize;
+
+pub use texels::Texels;
+use texels::srgb_to_linear;
 
 use super::noise::{fractal, random};
 use super::{Image, SceneError};
@@ -245,16 +250,11 @@ fn to_byte(v: f32) -> u8 {
 }
 
 fn finish(size: [u32; 2], texels: Vec<u8>, srgb: bool, mips: bool) -> Image {
-    let mut image = Image {
-        size,
-        layers: 1,
-        srgb,
-        levels: vec![texels],
+    let levels = match mips {
+        true => mip_chain(size, texels, srgb),
+        false => vec![texels],
     };
-    if mips {
-        image.levels = mip_chain(size, image.levels.remove(0), srgb);
-    }
-    image
+    Image::rgba8(size, 1, srgb, levels)
 }
 
 /// All mip levels of one layer, each the box-filtered half of the one before: in linear light when
@@ -300,15 +300,6 @@ pub fn mip_chain(size: [u32; 2], level0: Vec<u8>, srgb: bool) -> Vec<Vec<u8>> {
         (w, h) = (nw, nh);
     }
     levels
-}
-
-/// IEC 61966-2-1.
-fn srgb_to_linear(v: f32) -> f32 {
-    if v <= 0.04045 {
-        v / 12.92
-    } else {
-        ((v + 0.055) / 1.055).powf(2.4)
-    }
 }
 
 /// IEC 61966-2-1.

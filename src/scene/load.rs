@@ -585,6 +585,7 @@ impl Loader<'_> {
                 .clone()
                 .unwrap_or_else(|| rigged.morph_weights.clone()),
             values: values(&entry.values),
+            captured: None,
         };
         value_path::check(&materials[material], &draw.values).map_err(|e| {
             let raw = e.subject().and_then(|key| entry.values.get(key));

@@ -206,16 +206,21 @@ pub enum Address {
     ClampToEdge,
 }
 
-/// A decoded image with all its mip levels.
+/// The content of a texture, with all its mip levels, in any format of WebGPU's whose texels have
+/// a layout. [`image::Texels`] reads it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {
     /// Width and height of level 0.
     pub size: [u32; 2],
-    /// Layers (1, or 6 for a cube).
+    /// Layers (6 for each cube), or the depth of level 0 of a volume.
     pub layers: u32,
-    /// Whether the texels are sRGB-encoded.
-    pub srgb: bool,
-    /// RGBA8 texels by level; a level stores its layers one after the other.
+    /// Flat, or a volume ([`D3`](wgpu::TextureDimension::D3)). Whether a flat one is an array or a
+    /// cube is up to the shader that reads it.
+    pub dimension: wgpu::TextureDimension,
+    /// Format of the texels. A depth format has the bytes of the numbers that it stores.
+    pub format: wgpu::TextureFormat,
+    /// The format's own bytes by level: rows of blocks without padding, and a level's layers one
+    /// after the other.
     pub levels: Vec<Vec<u8>>,
 }
 
@@ -279,6 +284,9 @@ pub struct Draw {
     pub morph_weights: Vec<f32>,
     /// Values that only this draw has.
     pub values: BTreeMap<String, Value>,
+    /// What the draw bound when its frame was captured. Then nothing is derived from names: mesh,
+    /// values and transform are not read.
+    pub captured: Option<Arc<bind::DrawBindings>>,
 }
 
 /// The arguments of `drawIndexed` or `draw`.

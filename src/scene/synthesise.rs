@@ -142,6 +142,7 @@ fn objects(
                 Vec::new()
             },
             values: pulled.unwrap_or_default(),
+            captured: None,
         });
         if known.is_none() {
             meshes.push(built);

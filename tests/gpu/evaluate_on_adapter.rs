@@ -239,6 +239,7 @@ fn drawn(parsed: front::Parsed, size: [u32; 2]) -> ColorImage {
             joints: [].into(),
             morph_weights: Vec::new(),
             values: BTreeMap::new(),
+            captured: None,
         }],
         cameras: vec![Camera {
             name: "front".to_owned(),

@@ -50,6 +50,7 @@ mod specialize;
 mod sweep;
 mod tessellate;
 mod tessellate_static;
+mod texture_formats;
 mod undrawn;
 mod validate_on_adapter;
 mod visibility_buffer;

@@ -224,18 +224,12 @@ const TEXTURES: &str = "@group(1) @binding(1) var albedo: texture_2d<f32>;
 /// A texture whose mip levels have a grey each.
 fn mips(levels: u32) -> Arc<Image> {
     let size = 1 << (levels - 1);
-    Arc::new(Image {
-        size: [size, size],
-        layers: 1,
-        srgb: false,
-        levels: (0..levels)
-            .map(|level| {
-                let texels = ((size >> level) * (size >> level)) as usize;
-                let grey = (40 + level * 20) as u8;
-                [grey, 255 - grey, 90, 255].repeat(texels)
-            })
-            .collect(),
-    })
+    let levels = (0..levels).map(|level| {
+        let texels = ((size >> level) * (size >> level)) as usize;
+        let grey = (40 + level * 20) as u8;
+        [grey, 255 - grey, 90, 255].repeat(texels)
+    });
+    Arc::new(Image::rgba8([size; 2], 1, false, levels.collect()))
 }
 
 /// A soft pattern with all its mips.

@@ -2,9 +2,9 @@
 #![cfg(feature = "verify")]
 
 use glam::{Mat4, Vec3};
-use preshade::unstable::scene::Stream;
 use preshade::unstable::scene::image::{Pattern, Recipe, mip_chain};
 use preshade::unstable::scene::mesh::{Gltf, positions};
+use preshade::unstable::scene::{Image, Stream};
 
 #[test]
 fn mips_average_light_and_not_its_encoding() {
@@ -57,11 +57,61 @@ fn png_files_are_srgb_unless_told_otherwise() {
     .unwrap();
     let read = Recipe::default().decode("two.png", &png).unwrap();
     assert_eq!(
-        (read.size, read.srgb, &read.levels[0][..]),
+        (read.size, read.format.is_srgb(), &read.levels[0][..]),
         ([2, 1], true, &texels[..])
     );
     let broken = Recipe::default().decode("two.png", &png[..20]).unwrap_err();
     assert!(broken.to_string().contains("`two.png`"), "{broken}");
+}
+
+/// One row of texels of a format.
+fn read(format: wgpu::TextureFormat, bytes: &[u8]) -> Vec<[f32; 4]> {
+    let texel = format.block_copy_size(None).unwrap() as usize;
+    let size = [(bytes.len() / texel) as u32, 1];
+    let image = Image {
+        format,
+        ..Image::rgba8(size, 1, false, vec![bytes.to_vec()])
+    };
+    image.texels().unwrap().all().collect()
+}
+
+#[test]
+fn texels_of_all_kinds_of_formats_are_read() {
+    use wgpu::TextureFormat as F;
+    assert_eq!(read(F::R8Unorm, &[255, 0])[0], [1.0, 0.0, 0.0, 1.0]);
+    assert_eq!(read(F::Bgra8Unorm, &[0, 0, 255, 0]), [[1.0, 0.0, 0.0, 0.0]]);
+    assert_eq!(read(F::Rg8Snorm, &[0x80, 127]), [[-1.0, 1.0, 0.0, 1.0]]);
+    let half = half::f16::from_f32(1.5).to_le_bytes();
+    assert_eq!(read(F::R16Float, &half), [[1.5, 0.0, 0.0, 1.0]]);
+    assert_eq!(read(F::R32Float, &2.5_f32.to_le_bytes())[0][0], 2.5);
+    let word = (1023_u32 | 3 << 30).to_le_bytes();
+    assert_eq!(read(F::Rgb10a2Unorm, &word), [[1.0, 0.0, 0.0, 1.0]]);
+    // 1 as a float of 11 and of 10 bits, and with a shared exponent.
+    let word = (15_u32 << 6 | 15 << (11 + 6) | 15 << (22 + 5)).to_le_bytes();
+    assert_eq!(read(F::Rg11b10Ufloat, &word), [[1.0, 1.0, 1.0, 1.0]]);
+    let word = (256_u32 | 128 << 9 | 16 << 27).to_le_bytes();
+    assert_eq!(read(F::Rgb9e5Ufloat, &word), [[1.0, 0.5, 0.0, 1.0]]);
+    let compressed = Image {
+        format: F::Bc7RgbaUnorm,
+        ..Image::rgba8([5, 5], 1, false, vec![vec![0; 64]])
+    };
+    assert!(compressed.texels().is_none());
+    assert_eq!(compressed.rows(0), Some([32, 2]));
+}
+
+#[test]
+fn a_volume_has_fewer_slices_in_each_level() {
+    let volume = Image {
+        layers: 4,
+        dimension: wgpu::TextureDimension::D3,
+        format: wgpu::TextureFormat::R8Uint,
+        ..Image::rgba8([4, 2], 1, false, vec![(0..32).collect(), vec![9; 4]])
+    };
+    let texels = volume.texels().unwrap();
+    assert_eq!(texels.at(0, [1, 1, 2]).unwrap()[0], 21.0);
+    assert_eq!(volume.extent(1), [2, 1, 2]);
+    assert_eq!(texels.at(1, [1, 0, 1]).unwrap()[0], 9.0);
+    assert_eq!(texels.at(1, [0, 0, 2]), None);
 }
 
 /// A triangle bound to one joint that has moved up by 5 since it was bound at y = 2, under a node

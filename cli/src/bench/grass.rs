@@ -126,6 +126,7 @@ pub fn scene(text: &str, size: [u32; 2], count: u32) -> Result<Scene, Failure> {
             joints: [].into(),
             morph_weights: Vec::new(),
             values: BTreeMap::new(),
+            captured: None,
         },
     ))
 }

@@ -102,7 +102,11 @@ pub fn guessed(scene: &Scene) -> Vec<Guessed> {
     };
     for (index, material) in scene.materials.iter().enumerate() {
         let (Some(draw), Some(pass)) = (
-            scene.draws.iter().find(|d| d.material == index),
+            // Nothing of a captured draw is guessed.
+            scene
+                .draws
+                .iter()
+                .find(|d| d.material == index && d.captured.is_none()),
             material.plan().passes.pop(),
         ) else {
             continue;

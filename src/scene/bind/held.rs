@@ -20,6 +20,9 @@ pub(in super::super) fn uniforms(
     frame: &Frame,
     names: &[String],
 ) -> Result<BTreeMap<String, Value>, SceneError> {
+    if draw.captured.is_some() {
+        return Ok(BTreeMap::new());
+    }
     let streams = Streams::new(scene, material, draw)?;
     let mut out = BTreeMap::new();
     let pass = material.plan().passes.pop();

@@ -21,6 +21,9 @@ pub(in super::super) fn numbers(
     draw: &Draw,
     frame: &Frame,
 ) -> Result<BTreeMap<String, Value>, SceneError> {
+    if draw.captured.is_some() {
+        return Ok(BTreeMap::new());
+    }
     let streams = Streams::new(scene, material, draw)?;
     let module = material.program.module();
     let nothing = BTreeMap::new();

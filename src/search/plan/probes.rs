@@ -246,6 +246,7 @@ fn scene(probe: &Probe, finest: u32, size: [u32; 2]) -> Result<Scene, PlanError>
             joints: [].into(),
             morph_weights: Vec::new(),
             values: BTreeMap::new(),
+            captured: None,
         }
     };
     Ok(Scene {
@@ -311,10 +312,6 @@ fn grid(cells: u32, scale: f32) -> Mesh {
 /// 128 by 128 texels of a multiplicative hash, so that neighbouring samples are of different bytes.
 fn noise() -> Image {
     let byte = |i: u32| (i.wrapping_mul(2_654_435_761) >> 24) as u8;
-    Image {
-        size: [128, 128],
-        layers: 1,
-        srgb: false,
-        levels: vec![(0..128 * 128 * 4).map(byte).collect()],
-    }
+    let texels = (0..128 * 128 * 4).map(byte).collect();
+    Image::rgba8([128, 128], 1, false, vec![texels])
 }

@@ -160,7 +160,7 @@ fn textures(declared: &Declared, bound: &DrawBindings) -> BTreeMap<String, Textu
             size: image.size.map(|n| n as i32),
             levels: image.levels.clone(),
             layers: image.layers as usize,
-            srgb: image.srgb,
+            srgb: image.format.is_srgb(),
             linear: sampler.filter == Filter::Linear,
             clamp: sampler.address == Address::ClampToEdge,
         };

@@ -96,6 +96,7 @@ pub fn draw(name: &str, transform: Mat4, tint: [f64; 4]) -> Draw {
         joints: [].into(),
         morph_weights: Vec::new(),
         values: BTreeMap::from([("object.tint".to_owned(), Value::Numbers(tint.to_vec()))]),
+        captured: None,
     }
 }
 

@@ -1,0 +1,172 @@
+//! Reads a frame folder. It opens `frame.json` and files in `data` that are named by a hash, and
+//! nothing else.
+
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::Error;
+use super::file::{CaptureFile, DataName, SCHEMA};
+use crate::limits::Limits;
+use crate::regular;
+
+/// The file that makes a folder a frame folder.
+pub const FILE: &str = "frame.json";
+
+/// Whether a path is a frame folder.
+pub fn is_folder(path: &Path) -> bool {
+    path.join(FILE).is_file()
+}
+
+/// A frame folder that was read. Data is read when it is needed.
+#[derive(Debug)]
+pub struct Capture {
+    folder: PathBuf,
+    limits: Limits,
+    /// `frame.json`.
+    pub file: CaptureFile,
+    /// Data read so far.
+    data: RefCell<BTreeMap<DataName, Arc<[u8]>>>,
+}
+
+impl Capture {
+    /// Reads the folder.
+    ///
+    /// # Errors
+    /// `frame.json` is missing, is another version, is no JSON of this form, or exceeds a limit.
+    pub fn open(folder: &Path, limits: &Limits) -> Result<Self, Error> {
+        let path = folder.join(FILE);
+        let text = regular::text(&path, limits, "file-bytes").map_err(|error| Error::Read {
+            file: FILE.to_owned(),
+            error,
+        })?;
+        let file = read(&text)?;
+        check(&file, limits)?;
+        Ok(Self {
+            folder: folder.to_owned(),
+            limits: *limits,
+            file,
+            data: RefCell::default(),
+        })
+    }
+
+    /// The folder's name, for messages and materials.
+    pub fn name(&self) -> String {
+        let whole = self.folder.canonicalize();
+        let folder = whole.as_deref().unwrap_or(&self.folder);
+        let name = folder.file_name().map(|n| n.to_string_lossy().into_owned());
+        name.unwrap_or_else(|| "frame".to_owned())
+    }
+
+    /// The limits that it was opened with.
+    pub fn limits(&self) -> &Limits {
+        &self.limits
+    }
+
+    /// The files that a command reads.
+    pub fn files(&self) -> Vec<PathBuf> {
+        let data = self.data.borrow();
+        let data = data.keys().map(|name| self.path(name));
+        std::iter::once(self.folder.join(FILE))
+            .chain(data)
+            .collect()
+    }
+
+    fn path(&self, name: &DataName) -> PathBuf {
+        self.folder.join("data").join(name.file())
+    }
+
+    /// The content of a file in `data`.
+    ///
+    /// # Errors
+    /// It is missing or too large.
+    pub fn data(&self, name: &DataName) -> Result<Arc<[u8]>, Error> {
+        if let Some(known) = self.data.borrow().get(name) {
+            return Ok(Arc::clone(known));
+        }
+        let bytes = regular::bytes(&self.path(name), &self.limits, "file-bytes");
+        let bytes: Arc<[u8]> = bytes
+            .map_err(|error| Error::Read {
+                file: format!("data/{}", name.file()),
+                error,
+            })?
+            .into();
+        self.data
+            .borrow_mut()
+            .insert(name.clone(), Arc::clone(&bytes));
+        Ok(bytes)
+    }
+
+    /// The text of a shader.
+    ///
+    /// # Errors
+    /// As [`Self::data`], or it is no text.
+    pub fn text(&self, shader: usize) -> Result<String, Error> {
+        let of = get(&self.file.shaders, shader, "shader", "a pipeline")?;
+        let bytes = self.data(&of.data)?;
+        regular::decode(bytes.to_vec()).map_err(|error| Error::Read {
+            file: format!("data/{}", of.data.file()),
+            error,
+        })
+    }
+}
+
+/// An entry of one of the file's lists.
+pub(super) fn get<'a, T>(
+    list: &'a [T],
+    index: usize,
+    what: &str,
+    place: &str,
+) -> Result<&'a T, Error> {
+    list.get(index).ok_or_else(|| {
+        Error::broken(
+            place,
+            format!("there is no {what} {index}, only {}", list.len()),
+        )
+    })
+}
+
+/// The version alone, to give its error before those of another version's keys.
+#[derive(serde::Deserialize)]
+struct Version {
+    schema: Option<String>,
+}
+
+fn read(text: &str) -> Result<CaptureFile, Error> {
+    let wrong = |e: serde_json::Error| Error::File(e.to_string());
+    let version: Version = serde_json::from_str(text).map_err(wrong)?;
+    match version.schema.as_deref() {
+        Some(SCHEMA) => serde_json::from_str(text).map_err(wrong),
+        Some(other) => Err(Error::File(format!(
+            "its schema is `{other}`, and this version reads `{SCHEMA}`"
+        ))),
+        None => Err(Error::File("it has no `schema`".to_owned())),
+    }
+}
+
+/// Checks sizes before anything of them is allocated.
+fn check(file: &CaptureFile, limits: &Limits) -> Result<(), Error> {
+    if file.frames.is_empty() {
+        return Err(Error::File("it has no frame".to_owned()));
+    }
+    limits.check("frames", file.frames.len() as u64, "the number of frames")?;
+    let mut bytes: u64 = 0;
+    for buffer in &file.buffers {
+        bytes = bytes.saturating_add(buffer.size);
+    }
+    for (index, texture) in file.textures.iter().enumerate() {
+        let [width, height, layers] = texture.size.0;
+        let side = u64::from(width.max(height).max(layers));
+        limits.check("texture-size", side, format_args!("texture {index}"))?;
+        let block = u64::from(texture.format.block_copy_size(None).unwrap_or(8));
+        let (across, down) = texture.format.block_dimensions();
+        let texels = u64::from(width.div_ceil(across))
+            .saturating_mul(u64::from(height.div_ceil(down)))
+            .saturating_mul(u64::from(layers))
+            .saturating_mul(u64::from(texture.sample_count));
+        bytes = bytes.saturating_add(texels.saturating_mul(block));
+    }
+    limits.check("scene-bytes", bytes, "the bytes of buffers and textures")?;
+    Ok(())
+}

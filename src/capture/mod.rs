@@ -1,0 +1,84 @@
+//! Frames captured from a page or an app, as `docs/reference/frames.md` describes them.
+//!
+//! Data flows through the modules in this order:
+//!
+//! 1. [`file`] is `frame.json` as data;
+//! 2. [`folder`] reads it with the files that it names, and checks sizes;
+//! 3. [`replay`] executes the commands on wgpu as they were, and reads contents back;
+//! 4. [`pass`] finds the render passes and their draws;
+//! 5. [`scene`] makes a [`crate::scene::Scene`] of one pass: its pipelines are the materials.
+
+mod check;
+pub mod codes;
+mod contents;
+pub mod file;
+pub mod folder;
+mod pass;
+pub mod replay;
+mod scene;
+mod texels;
+mod webgl;
+
+pub use check::{Check, Compared, check};
+pub use folder::{Capture, FILE, is_folder};
+pub use pass::{Pass, passes};
+pub use scene::{Choice, Converted, scene};
+
+use crate::limits::Exceeded;
+use crate::{front, regular, render};
+
+/// A capture that cannot be read or replayed.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A file of the folder cannot be read.
+    #[error("cannot read `{file}`: {error}")]
+    Read {
+        /// Name in the folder.
+        file: String,
+        /// Why.
+        error: regular::ReadError,
+    },
+    /// `frame.json` is no capture that this version reads.
+    #[error("`frame.json`: {0}")]
+    File(String),
+    /// The file names an object that it does not have, or one that does not fit.
+    #[error("{place}: {message}")]
+    Broken {
+        /// The command or object.
+        place: String,
+        /// What is wrong.
+        message: String,
+    },
+    /// A limit is exceeded.
+    #[error(transparent)]
+    Limit(#[from] Exceeded),
+    /// A shader of the capture does not compile.
+    #[error("shader {shader}: {error}")]
+    Shader {
+        /// Its number.
+        shader: usize,
+        /// Why.
+        error: Box<front::Error>,
+    },
+    /// The adapter failed.
+    #[error(transparent)]
+    Render(#[from] render::Error),
+}
+
+impl Error {
+    /// The stable error code.
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Render(error) => error.code(),
+            _ => codes::CAPTURE.code,
+        }
+    }
+
+    fn broken(place: impl Into<String>, message: impl Into<String>) -> Self {
+        Self::Broken {
+            place: place.into(),
+            message: message.into(),
+        }
+    }
+}

@@ -1,0 +1,302 @@
+//! The render passes of a captured frame, with the state of each draw.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::Error;
+use super::file::{Command, DrawCommand, IndexFormat, Load, RenderPassDescriptor, Resource, View};
+use super::folder::{Capture, get};
+
+/// A render pass of a frame.
+#[derive(Clone, Debug)]
+pub struct Pass<'c> {
+    /// Number of its command in the frame.
+    pub command: usize,
+    /// Its attachments.
+    pub descriptor: &'c RenderPassDescriptor,
+    /// What it is for.
+    pub kind: Kind,
+    /// Its draws, in order.
+    pub draws: Vec<PassDraw>,
+}
+
+/// What a pass is for, by its attachments and draws.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// It draws materials to a colour target.
+    Main,
+    /// Depth alone, which a later pass tests: the host's own pre-pass.
+    Prepass,
+    /// Depth alone, which a later pass reads as a texture: a shadow map.
+    Shadow,
+    /// Depth alone, which no later pass of the frame uses.
+    Depth,
+    /// One or several triangles over the whole target, without depth: post-processing.
+    FullScreen,
+    /// It draws nothing.
+    Clear,
+}
+
+impl Kind {
+    /// Its word in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Main => "main",
+            Self::Prepass => "pre-pass",
+            Self::Shadow => "shadow map",
+            Self::Depth => "depth",
+            Self::FullScreen => "full screen",
+            Self::Clear => "clear",
+        }
+    }
+}
+
+/// Part of a buffer.
+pub type Part = (usize, u64, Option<u64>);
+
+/// One draw with the state at its call.
+#[derive(Clone, Debug, Default)]
+pub struct PassDraw {
+    /// Render pipeline.
+    pub pipeline: usize,
+    /// Bind group and dynamic offsets, by group.
+    pub groups: BTreeMap<u32, (usize, Vec<u32>)>,
+    /// WebGL's resources by name.
+    pub named: Option<usize>,
+    /// Vertex buffers by slot.
+    pub vertices: BTreeMap<u32, Part>,
+    /// The index buffer.
+    pub indices: Option<(Part, IndexFormat)>,
+    /// The arguments.
+    pub call: Call,
+    /// x, y, width, height, nearest and farthest depth; `None`: the whole target.
+    pub viewport: Option<[f32; 6]>,
+    /// x, y, width, height; `None`: the whole target.
+    pub scissor: Option<[u32; 4]>,
+    /// The blend constant.
+    pub blend_constant: [f64; 4],
+    /// The stencil reference.
+    pub stencil_reference: u32,
+}
+
+/// The arguments of a draw call.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Call {
+    /// First index or vertex.
+    pub first: u32,
+    /// Indices or vertices.
+    pub count: u32,
+    /// Added to each index.
+    pub base_vertex: i32,
+    /// First instance.
+    pub first_instance: u32,
+    /// Instances.
+    pub instances: u32,
+    /// Whether the arguments come from a buffer, which holds others than these.
+    pub indirect: Option<(usize, u64)>,
+    /// Whether it is indexed.
+    pub indexed: bool,
+}
+
+/// The render passes of a frame.
+///
+/// # Errors
+/// The capture has no such frame, or a draw comes before its pipeline.
+pub fn passes(capture: &Capture, frame: usize) -> Result<Vec<Pass<'_>>, Error> {
+    let place = format!("frame {frame}");
+    let of = get(&capture.file.frames, frame, "frame", &place)?;
+    let mut found = Vec::new();
+    for (command, done) in of.commands.iter().enumerate() {
+        if let Command::RenderPass {
+            descriptor,
+            commands,
+        } = done
+        {
+            let draws = draws(commands, &format!("{place}, command {command}"))?;
+            found.push(Pass {
+                command,
+                descriptor,
+                kind: Kind::Clear,
+                draws,
+            });
+        }
+    }
+    for index in 0..found.len() {
+        let (before, later) = found.split_at(index + 1);
+        let kind = before.last().map(|pass| kind(capture, pass, later));
+        found[index].kind = kind.unwrap_or(Kind::Clear);
+    }
+    Ok(found)
+}
+
+fn draws(commands: &[DrawCommand], place: &str) -> Result<Vec<PassDraw>, Error> {
+    let mut state = PassDraw::default();
+    let mut pipeline = None;
+    let mut found = Vec::new();
+    for command in commands {
+        let call = match command {
+            DrawCommand::SetPipeline { pipeline: set } => {
+                pipeline = Some(*set);
+                continue;
+            }
+            DrawCommand::Draw {
+                vertex_count,
+                instance_count,
+                first_vertex,
+                first_instance,
+            } => Call {
+                first: *first_vertex,
+                count: *vertex_count,
+                instances: *instance_count,
+                first_instance: *first_instance,
+                ..Call::default()
+            },
+            DrawCommand::DrawIndexed {
+                index_count,
+                instance_count,
+                first_index,
+                base_vertex,
+                first_instance,
+            } => Call {
+                first: *first_index,
+                count: *index_count,
+                base_vertex: *base_vertex,
+                first_instance: *first_instance,
+                instances: *instance_count,
+                indexed: true,
+                indirect: None,
+            },
+            DrawCommand::DrawIndirect { buffer, offset } => Call {
+                indirect: Some((*buffer, *offset)),
+                ..Call::default()
+            },
+            DrawCommand::DrawIndexedIndirect { buffer, offset } => Call {
+                indirect: Some((*buffer, *offset)),
+                indexed: true,
+                ..Call::default()
+            },
+            other => {
+                state.set(other);
+                continue;
+            }
+        };
+        let pipeline =
+            pipeline.ok_or_else(|| Error::broken(place, "a draw comes before its pipeline"))?;
+        found.push(PassDraw {
+            pipeline,
+            call,
+            ..state.clone()
+        });
+    }
+    Ok(found)
+}
+
+impl PassDraw {
+    /// Applies a command that sets state.
+    fn set(&mut self, command: &DrawCommand) {
+        match command {
+            DrawCommand::SetBindGroup {
+                index,
+                bind_group: Some(group),
+                dynamic_offsets,
+            } => {
+                self.groups
+                    .insert(*index, (*group, dynamic_offsets.clone()));
+            }
+            DrawCommand::SetBindGroup { index, .. } => {
+                self.groups.remove(index);
+            }
+            DrawCommand::SetNamed { named } => self.named = Some(*named),
+            DrawCommand::SetVertexBuffer {
+                slot,
+                buffer: Some(buffer),
+                offset,
+                size,
+            } => {
+                self.vertices.insert(*slot, (*buffer, *offset, *size));
+            }
+            DrawCommand::SetVertexBuffer { slot, .. } => {
+                self.vertices.remove(slot);
+            }
+            DrawCommand::SetIndexBuffer {
+                buffer,
+                index_format,
+                offset,
+                size,
+            } => self.indices = Some(((*buffer, *offset, *size), *index_format)),
+            DrawCommand::SetViewport {
+                x,
+                y,
+                width,
+                height,
+                min_depth,
+                max_depth,
+            } => self.viewport = Some([*x, *y, *width, *height, *min_depth, *max_depth]),
+            DrawCommand::SetScissorRect {
+                x,
+                y,
+                width,
+                height,
+            } => self.scissor = Some([*x, *y, *width, *height]),
+            DrawCommand::SetBlendConstant { color } => self.blend_constant = color.numbers(),
+            DrawCommand::SetStencilReference { reference } => self.stencil_reference = *reference,
+            _ => {}
+        }
+    }
+}
+
+/// The textures that a draw binds.
+fn sampled(capture: &Capture, draw: &PassDraw) -> BTreeSet<usize> {
+    let groups = draw.groups.values();
+    let entries = groups.filter_map(|(group, _)| capture.file.bind_groups.get(*group));
+    let bound = entries
+        .flat_map(|g| &g.entries)
+        .filter_map(|e| match &e.resource {
+            Resource::Texture(view) => Some(view.texture),
+            _ => None,
+        });
+    let named = draw.named.and_then(|n| capture.file.named.get(n));
+    let named = named.into_iter().flat_map(|n| n.textures.values());
+    let named = named.flat_map(|t| t.all().iter().map(|t| t.texture.texture));
+    bound.chain(named).collect()
+}
+
+/// Draws without vertex buffers or depth that cover the target with a triangle or two.
+fn is_full_screen(pass: &Pass<'_>) -> bool {
+    pass.descriptor.depth_stencil_attachment.is_none()
+        && pass
+            .draws
+            .iter()
+            .all(|d| d.call.instances <= 1 && d.call.count <= 6 && d.call.indirect.is_none())
+}
+
+fn kind(capture: &Capture, pass: &Pass<'_>, later: &[Pass<'_>]) -> Kind {
+    if pass.draws.is_empty() {
+        return Kind::Clear;
+    }
+    let mut colors = pass.descriptor.color_attachments.iter().flatten();
+    let has_color = colors.next().is_some();
+    if has_color {
+        return match is_full_screen(pass) {
+            true => Kind::FullScreen,
+            false => Kind::Main,
+        };
+    }
+    let depth = pass.descriptor.depth_stencil_attachment.as_ref();
+    let Some(View { texture, .. }) = depth.map(|d| &d.view) else {
+        return Kind::Clear;
+    };
+    let tests = |p: &Pass<'_>| {
+        let depth = p.descriptor.depth_stencil_attachment.as_ref();
+        depth.is_some_and(|d| d.view.texture == *texture && d.depth_load_op != Some(Load::Clear))
+    };
+    let reads = |p: &Pass<'_>| {
+        p.draws
+            .iter()
+            .any(|d| sampled(capture, d).contains(texture))
+    };
+    match () {
+        () if later.iter().any(tests) => Kind::Prepass,
+        () if later.iter().any(reads) => Kind::Shadow,
+        () => Kind::Depth,
+    }
+}

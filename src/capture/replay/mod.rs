@@ -1,0 +1,264 @@
+//! Executes captured commands on wgpu as they were.
+//!
+//! Objects are made when a command first needs them. A pipeline or a bind group that wgpu or the
+//! adapter refuses is reported once, its draws are left out, and everything else is executed.
+
+mod objects;
+mod passes;
+mod read;
+
+use std::collections::BTreeMap;
+
+use super::Error;
+use super::file::{Command, DataName, TexelPlace};
+use super::folder::{Capture, get};
+use crate::render::{ColorImage, Gpu};
+use objects::Objects;
+pub(in crate::capture) use objects::topology;
+
+/// Something that the replay left out.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct LeftOut {
+    /// The object: `render pipeline 3`.
+    pub what: String,
+    /// Why.
+    pub why: String,
+}
+
+/// A capture on a device.
+pub struct Replay<'a> {
+    gpu: &'a Gpu,
+    capture: &'a Capture,
+    objects: Objects,
+    encoder: Option<wgpu::CommandEncoder>,
+    left_out: BTreeMap<LeftOut, u64>,
+}
+
+impl std::fmt::Debug for Replay<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Replay").finish_non_exhaustive()
+    }
+}
+
+/// Where a frame ends for the replay.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Until {
+    /// After its last command.
+    End,
+    /// Before the command of this number.
+    Command(usize),
+}
+
+impl<'a> Replay<'a> {
+    /// A capture before its first frame.
+    pub fn new(gpu: &'a Gpu, capture: &'a Capture) -> Self {
+        Self {
+            gpu,
+            capture,
+            objects: Objects::default(),
+            encoder: None,
+            left_out: BTreeMap::new(),
+        }
+    }
+
+    /// What was left out so far, and how often.
+    pub fn left_out(&self) -> &BTreeMap<LeftOut, u64> {
+        &self.left_out
+    }
+
+    /// Executes one frame. Frames have to be executed in order.
+    ///
+    /// # Errors
+    /// The capture names objects that it does not have, data is missing, or the device is lost.
+    pub fn frame(&mut self, frame: usize, until: Until) -> Result<(), Error> {
+        let capture = self.capture;
+        let of = get(&capture.file.frames, frame, "frame", "the replay")?;
+        let most = match until {
+            Until::End => of.commands.len(),
+            Until::Command(command) => command.min(of.commands.len()),
+        };
+        for (index, command) in of.commands[..most].iter().enumerate() {
+            let place = format!("frame {frame}, command {index}");
+            self.command(command, &place)?;
+        }
+        self.flush()
+    }
+
+    fn command(&mut self, command: &Command, place: &str) -> Result<(), Error> {
+        match command {
+            Command::WriteBuffer {
+                buffer,
+                offset,
+                data,
+            } => self.write_buffer(*buffer, *offset, data, place),
+            Command::WriteTexture {
+                destination,
+                data,
+                layout,
+                size,
+            } => {
+                self.flush()?;
+                let texture = self.texture(destination.texture, place)?.clone();
+                let bytes = self.capture.data(data)?;
+                self.gpu.checked(place, || {
+                    self.gpu.queue.write_texture(
+                        texel_copy(&texture, destination),
+                        &bytes,
+                        layout.wgpu(),
+                        size.wgpu(),
+                    );
+                })?;
+                Ok(())
+            }
+            Command::RenderPass {
+                descriptor,
+                commands,
+            } => self.render_pass(descriptor, commands, place),
+            Command::ComputePass { commands, .. } => self.compute_pass(commands, place),
+            copy => self.copy(copy, place),
+        }
+    }
+
+    fn write_buffer(
+        &mut self,
+        buffer: usize,
+        offset: u64,
+        data: &DataName,
+        place: &str,
+    ) -> Result<(), Error> {
+        self.flush()?;
+        let buffer = self.buffer(buffer, place)?.clone();
+        let bytes = self.capture.data(data)?;
+        self.gpu.checked(place, || {
+            self.gpu.queue.write_buffer(&buffer, offset, &bytes);
+        })?;
+        Ok(())
+    }
+
+    /// A copy between buffers and textures, or a clear.
+    fn copy(&mut self, command: &Command, place: &str) -> Result<(), Error> {
+        match command {
+            Command::CopyBufferToBuffer {
+                source,
+                source_offset,
+                destination,
+                destination_offset,
+                size,
+            } => {
+                let from = self.buffer(*source, place)?.clone();
+                let to = self.buffer(*destination, place)?.clone();
+                let (offset, to_offset) = (*source_offset, *destination_offset);
+                let size = size.unwrap_or(from.size().saturating_sub(offset));
+                self.encode(|e| e.copy_buffer_to_buffer(&from, offset, &to, to_offset, size));
+            }
+            Command::CopyBufferToTexture {
+                source,
+                destination,
+                size,
+            } => {
+                let buffer = self.buffer(source.buffer, place)?.clone();
+                let texture = self.texture(destination.texture, place)?.clone();
+                let from = wgpu::TexelCopyBufferInfo {
+                    buffer: &buffer,
+                    layout: source.layout.wgpu(),
+                };
+                let to = texel_copy(&texture, destination);
+                self.encode(|e| e.copy_buffer_to_texture(from, to, size.wgpu()));
+            }
+            Command::CopyTextureToBuffer {
+                source,
+                destination,
+                size,
+            } => {
+                let texture = self.texture(source.texture, place)?.clone();
+                let buffer = self.buffer(destination.buffer, place)?.clone();
+                let to = wgpu::TexelCopyBufferInfo {
+                    buffer: &buffer,
+                    layout: destination.layout.wgpu(),
+                };
+                let from = texel_copy(&texture, source);
+                self.encode(|e| e.copy_texture_to_buffer(from, to, size.wgpu()));
+            }
+            Command::CopyTextureToTexture {
+                source,
+                destination,
+                size,
+            } => {
+                let from = self.texture(source.texture, place)?.clone();
+                let to = self.texture(destination.texture, place)?.clone();
+                let (from, to) = (texel_copy(&from, source), texel_copy(&to, destination));
+                self.encode(|e| e.copy_texture_to_texture(from, to, size.wgpu()));
+            }
+            Command::ClearBuffer {
+                buffer,
+                offset,
+                size,
+            } => {
+                let buffer = self.buffer(*buffer, place)?.clone();
+                self.encode(|e| e.clear_buffer(&buffer, *offset, *size));
+            }
+            Command::WriteBuffer { .. }
+            | Command::WriteTexture { .. }
+            | Command::RenderPass { .. }
+            | Command::ComputePass { .. } => {}
+        }
+        Ok(())
+    }
+
+    fn encode<T>(&mut self, commands: impl FnOnce(&mut wgpu::CommandEncoder) -> T) -> T {
+        let new = || self.gpu.device.create_command_encoder(&Default::default());
+        commands(self.encoder.get_or_insert_with(new))
+    }
+
+    /// Submits what was encoded so far. Writes by the queue come after it.
+    fn flush(&mut self) -> Result<(), Error> {
+        if let Some(encoder) = self.encoder.take() {
+            self.gpu.submit("a captured command", encoder)?;
+        }
+        Ok(())
+    }
+
+    fn leave_out(&mut self, what: String, why: String) {
+        *self.left_out.entry(LeftOut { what, why }).or_default() += 1;
+    }
+
+    /// The picture that the page showed after a frame that was executed, upright.
+    ///
+    /// # Errors
+    /// The frame has no canvas, or the device is lost.
+    pub fn picture(&mut self, frame: usize) -> Result<ColorImage, Error> {
+        let place = format!("frame {frame}");
+        let of = get(&self.capture.file.frames, frame, "frame", &place)?;
+        let canvas = of
+            .canvas
+            .ok_or_else(|| Error::broken(&place, "it has no canvas"))?;
+        let texture = self.texture(canvas, &place)?.clone();
+        let mut image = crate::render::readback::color(self.gpu, &texture, texture.format())?;
+        if self.capture.file.source.api.is_webgl() {
+            image = upside_down(image);
+        }
+        Ok(image)
+    }
+}
+
+/// A picture with its rows in the other order.
+fn upside_down(image: ColorImage) -> ColorImage {
+    let row = image.bytes.len() / (image.size[1].max(1) as usize);
+    let rows = image.bytes.chunks(row.max(1)).rev();
+    ColorImage {
+        bytes: rows.flatten().copied().collect(),
+        ..image
+    }
+}
+
+fn texel_copy<'t>(
+    texture: &'t wgpu::Texture,
+    place: &TexelPlace,
+) -> wgpu::TexelCopyTextureInfo<'t> {
+    wgpu::TexelCopyTextureInfo {
+        texture,
+        mip_level: place.mip_level,
+        origin: place.origin.wgpu(),
+        aspect: place.aspect.unwrap_or_default(),
+    }
+}

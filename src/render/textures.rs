@@ -1,0 +1,431 @@
+//! The textures of a scene's draws: images of any format, uploaded as they are.
+
+use std::sync::Arc;
+
+use wgpu::{
+    BindingType, Extent3d, TextureDimension, TextureFormat, TextureSampleType, TextureUsages,
+    TextureViewDimension,
+};
+
+use super::Error;
+use super::gpu::Gpu;
+use crate::scene::Image;
+use crate::scene::bind::{TextureBinding, TextureContent};
+
+/// Textures so far, each with the view and layout of a binding.
+#[derive(Default)]
+pub(super) struct Textures(Vec<(Key, (wgpu::TextureView, BindingType))>);
+
+/// A content, known by the image's address (the scene keeps it alive), and how it is read.
+#[derive(Clone, PartialEq)]
+struct Key {
+    image: Option<*const Image>,
+    depth: Option<([u32; 2], u32)>,
+    view: TextureViewDimension,
+    sample_type: TextureSampleType,
+    multisampled: bool,
+}
+
+impl Textures {
+    /// The view of a binding's texture, and its binding type.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] if the adapter lacks the format, [`Error::Scene`] if the shader reads
+    /// something else than the image is, or the image has too few bytes. `draw` is for messages.
+    pub fn view(
+        &mut self,
+        gpu: &Gpu,
+        binding: &TextureBinding,
+        draw: &str,
+    ) -> Result<(wgpu::TextureView, BindingType), Error> {
+        let key = Key {
+            image: match &binding.content {
+                TextureContent::Image(image) => Some(Arc::as_ptr(image)),
+                _ => None,
+            },
+            depth: match &binding.content {
+                TextureContent::Depth { size, value } => Some((*size, value.to_bits())),
+                _ => None,
+            },
+            view: binding.view,
+            sample_type: binding.sample_type,
+            multisampled: binding.multisampled,
+        };
+        if let Some((_, made)) = self.0.iter().find(|(k, _)| *k == key) {
+            return Ok(made.clone());
+        }
+        let failed = |message: String| Error::Scene {
+            draw: draw.to_owned(),
+            message,
+        };
+        let (texture, sample_type) = match &binding.content {
+            TextureContent::Image(image) if !binding.multisampled => {
+                let (format, sample_type) = fitting(gpu, image, binding).map_err(failed)?;
+                for (_, feature) in format.required_features().iter_names() {
+                    let what = format!("the texture of {format:?} that draw `{draw}` binds");
+                    let lacks = !gpu.device.features().contains(feature);
+                    if lacks {
+                        return Err(gpu.unsupported(&what, feature.as_str().unwrap_or("more")));
+                    }
+                }
+                let texture = match format.is_depth_stencil_format() {
+                    true => depths(gpu, image, binding.view),
+                    false => upload(gpu, image, binding.view, format),
+                };
+                (texture.map_err(failed)?, sample_type)
+            }
+            TextureContent::Image(image) => {
+                let format = match binding.sample_type {
+                    TextureSampleType::Depth => TextureFormat::Depth32Float,
+                    TextureSampleType::Uint => TextureFormat::Rgba8Uint,
+                    TextureSampleType::Sint => TextureFormat::Rgba8Sint,
+                    TextureSampleType::Float { .. } => TextureFormat::Rgba8Unorm,
+                };
+                (
+                    cleared(gpu, image.size, binding, format, 1.0),
+                    binding.sample_type,
+                )
+            }
+            TextureContent::Depth { size, value } => (
+                cleared(gpu, *size, binding, TextureFormat::Depth32Float, *value),
+                binding.sample_type,
+            ),
+            TextureContent::Storage { .. } => {
+                return Err(failed(
+                    "it binds a storage texture, which preshade's renderer does not draw with"
+                        .to_owned(),
+                ));
+            }
+        };
+        let view = texture.create_view(&wgpu::TextureViewDescriptor {
+            dimension: Some(binding.view),
+            ..Default::default()
+        });
+        let ty = BindingType::Texture {
+            sample_type,
+            view_dimension: binding.view,
+            multisampled: binding.multisampled,
+        };
+        self.0.push((key, (view.clone(), ty)));
+        Ok((view, ty))
+    }
+}
+
+/// The format in which an image is uploaded for a binding, and how the binding reads it.
+fn fitting(
+    gpu: &Gpu,
+    image: &Image,
+    binding: &TextureBinding,
+) -> Result<(TextureFormat, TextureSampleType), String> {
+    use TextureSampleType as S;
+    let is_bytes = image.format.remove_srgb_suffix() == TextureFormat::Rgba8Unorm;
+    let features = Some(gpu.device.features());
+    match (binding.sample_type, image.format) {
+        // Bytes are read as the numbers that the shader asks for.
+        (S::Uint, _) if is_bytes => Ok((TextureFormat::Rgba8Uint, S::Uint)),
+        (S::Sint, _) if is_bytes => Ok((TextureFormat::Rgba8Sint, S::Sint)),
+        (S::Depth, format) if image.texels().is_some() && format.components() == 1 => {
+            Ok((TextureFormat::Depth32Float, S::Depth))
+        }
+        // What a shader reads of a depth is not filtered.
+        (S::Float { .. }, format) if format.is_depth_stencil_format() => {
+            Ok((TextureFormat::Depth32Float, S::Depth))
+        }
+        (wanted, format) => match (wanted, format.sample_type(None, features)) {
+            (S::Float { .. }, Some(is @ S::Float { .. })) => Ok((format, is)),
+            (wanted, Some(is)) if wanted == is => Ok((format, is)),
+            _ => Err(format!(
+                "the shader reads a texture at group {} binding {} as {wanted:?}, and its image \
+                 has the format {format:?}",
+                binding.group, binding.binding
+            )),
+        },
+    }
+}
+
+/// The size of a texture for an image that is read as `view`. A cube with fewer layers repeats
+/// them.
+fn size(image: &Image, view: TextureViewDimension) -> Result<Extent3d, String> {
+    let dimension = view.compatible_texture_dimension();
+    if image.dimension == TextureDimension::D3 && dimension != TextureDimension::D3 {
+        return Err(format!(
+            "the shader reads as {view:?} an image that is a volume"
+        ));
+    }
+    let depth_or_array_layers = match view {
+        TextureViewDimension::Cube | TextureViewDimension::CubeArray => {
+            image.layers.next_multiple_of(6)
+        }
+        _ => image.layers,
+    };
+    Ok(Extent3d {
+        width: image.size[0],
+        height: match dimension {
+            TextureDimension::D1 => 1,
+            _ => image.size[1],
+        },
+        depth_or_array_layers,
+    })
+}
+
+fn upload(
+    gpu: &Gpu,
+    image: &Image,
+    view: TextureViewDimension,
+    format: TextureFormat,
+) -> Result<wgpu::Texture, String> {
+    let dimension = view.compatible_texture_dimension();
+    let size = size(image, view)?;
+    // An image of other dimensions than the texture's has only level 0 in it.
+    let levels = match image.dimension == dimension {
+        true => image.levels.len() as u32,
+        false => 1,
+    };
+    let (across, down) = format.block_dimensions();
+    if size.width % across != 0 || size.height % down != 0 {
+        return Err(format!(
+            "a texture of {}x{} texels cannot have the format {format:?}, whose blocks have \
+             {across}x{down}",
+            size.width, size.height
+        ));
+    }
+    let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: None,
+        size,
+        mip_level_count: levels,
+        sample_count: 1,
+        dimension,
+        format,
+        usage: TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST,
+        view_formats: &[],
+    });
+    for (level, texels) in (0..levels).zip(&image.levels) {
+        let [row, rows] = image
+            .rows(level)
+            .ok_or_else(|| format!("a texture of {format:?} cannot be filled"))?;
+        let rows = match dimension {
+            TextureDimension::D1 => 1,
+            _ => rows,
+        };
+        let [width, height, depth] = image.extent(level);
+        let layers = match dimension {
+            TextureDimension::D3 => depth,
+            _ => size.depth_or_array_layers,
+        };
+        let layer_bytes = row as usize * rows as usize;
+        for layer in 0..layers {
+            let from = (layer % depth.max(1)) as usize * layer_bytes;
+            let data = texels.get(from..from + layer_bytes).ok_or_else(|| {
+                format!(
+                    "level {level} of a texture of {width}x{height} texels ({format:?}) has {} \
+                     bytes, and needs {}",
+                    texels.len(),
+                    layer_bytes * depth as usize
+                )
+            })?;
+            gpu.queue.write_texture(
+                wgpu::TexelCopyTextureInfo {
+                    texture: &texture,
+                    mip_level: level,
+                    origin: wgpu::Origin3d {
+                        x: 0,
+                        y: 0,
+                        z: layer,
+                    },
+                    aspect: wgpu::TextureAspect::All,
+                },
+                data,
+                wgpu::TexelCopyBufferLayout {
+                    offset: 0,
+                    bytes_per_row: Some(row),
+                    rows_per_image: Some(rows),
+                },
+                // Compressed levels are copied by whole blocks.
+                Extent3d {
+                    width: width.next_multiple_of(across),
+                    height: match dimension {
+                        TextureDimension::D1 => 1,
+                        _ => height.next_multiple_of(down),
+                    },
+                    depth_or_array_layers: 1,
+                },
+            );
+        }
+    }
+    Ok(texture)
+}
+
+/// A texture of an image's depths. No format of depth can be copied to on all adapters, so a pass
+/// draws each layer.
+fn depths(gpu: &Gpu, image: &Image, view: TextureViewDimension) -> Result<wgpu::Texture, String> {
+    let texels = image
+        .texels()
+        .ok_or_else(|| format!("{:?} stores no depths that can be read", image.format))?;
+    let mut bytes = Image {
+        format: TextureFormat::R32Float,
+        levels: Vec::new(),
+        ..image.clone()
+    };
+    for level in 0..image.levels.len() as u32 {
+        let [width, height, layers] = image.extent(level);
+        let places = (0..layers).flat_map(|z| (0..height).map(move |y| (y, z)));
+        let places = places.flat_map(|(y, z)| (0..width).map(move |x| [x, y, z]));
+        let numbers = places.map(|place| texels.at(level, place).map_or(1.0, |t| t[0]));
+        let numbers = numbers.flat_map(f32::to_le_bytes).collect();
+        bytes.levels.push(numbers);
+    }
+    let from = upload(
+        gpu,
+        &bytes,
+        TextureViewDimension::D2Array,
+        TextureFormat::R32Float,
+    )?;
+    let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: None,
+        size: size(image, view)?,
+        mip_level_count: from.mip_level_count(),
+        sample_count: 1,
+        dimension: TextureDimension::D2,
+        format: TextureFormat::Depth32Float,
+        usage: TextureUsages::TEXTURE_BINDING | TextureUsages::RENDER_ATTACHMENT,
+        view_formats: &[],
+    });
+    let pipeline = depth_pipeline(gpu);
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    for level in 0..texture.mip_level_count() {
+        for layer in 0..texture.depth_or_array_layers() {
+            let from = one_layer(&from, level, layer % image.layers.max(1));
+            let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+                label: None,
+                layout: &pipeline.get_bind_group_layout(0),
+                entries: &[wgpu::BindGroupEntry {
+                    binding: 0,
+                    resource: wgpu::BindingResource::TextureView(&from),
+                }],
+            });
+            let to = one_layer(&texture, level, layer);
+            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                label: None,
+                color_attachments: &[],
+                depth_stencil_attachment: Some(depth_cleared(&to, 1.0)),
+                ..Default::default()
+            });
+            pass.set_pipeline(&pipeline);
+            pass.set_bind_group(0, &group, &[]);
+            pass.draw(0..3, 0..1);
+        }
+    }
+    gpu.queue.submit([encoder.finish()]);
+    Ok(texture)
+}
+
+fn depth_pipeline(gpu: &Gpu) -> wgpu::RenderPipeline {
+    let module = gpu.shader(wgpu::ShaderModuleDescriptor {
+        label: None,
+        source: wgpu::ShaderSource::Wgsl(include_str!("depths.wgsl").into()),
+    });
+    gpu.device
+        .create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: None,
+            layout: None,
+            vertex: wgpu::VertexState {
+                module: &module,
+                entry_point: Some("everywhere"),
+                compilation_options: Default::default(),
+                buffers: &[],
+            },
+            primitive: wgpu::PrimitiveState::default(),
+            depth_stencil: Some(wgpu::DepthStencilState {
+                format: TextureFormat::Depth32Float,
+                depth_write_enabled: Some(true),
+                depth_compare: Some(wgpu::CompareFunction::Always),
+                stencil: wgpu::StencilState::default(),
+                bias: wgpu::DepthBiasState::default(),
+            }),
+            multisample: wgpu::MultisampleState::default(),
+            fragment: Some(wgpu::FragmentState {
+                module: &module,
+                entry_point: Some("stored"),
+                compilation_options: Default::default(),
+                targets: &[],
+            }),
+            multiview_mask: None,
+            cache: None,
+        })
+}
+
+fn one_layer(texture: &wgpu::Texture, level: u32, layer: u32) -> wgpu::TextureView {
+    texture.create_view(&wgpu::TextureViewDescriptor {
+        dimension: Some(TextureViewDimension::D2),
+        base_mip_level: level,
+        mip_level_count: Some(1),
+        base_array_layer: layer,
+        array_layer_count: Some(1),
+        ..Default::default()
+    })
+}
+
+fn depth_cleared(
+    view: &wgpu::TextureView,
+    depth: f32,
+) -> wgpu::RenderPassDepthStencilAttachment<'_> {
+    wgpu::RenderPassDepthStencilAttachment {
+        view,
+        depth_ops: Some(wgpu::Operations {
+            load: wgpu::LoadOp::Clear(depth),
+            store: wgpu::StoreOp::Store,
+        }),
+        stencil_ops: None,
+    }
+}
+
+/// A texture cleared to white, or to a depth, by a render pass: depth and multisampled textures
+/// cannot be uploaded.
+fn cleared(
+    gpu: &Gpu,
+    size: [u32; 2],
+    binding: &TextureBinding,
+    format: TextureFormat,
+    depth: f32,
+) -> wgpu::Texture {
+    let layers = match binding.view {
+        TextureViewDimension::Cube | TextureViewDimension::CubeArray => 6,
+        _ => 1,
+    };
+    let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: None,
+        size: Extent3d {
+            width: size[0],
+            height: size[1],
+            depth_or_array_layers: layers,
+        },
+        mip_level_count: 1,
+        sample_count: if binding.multisampled { 4 } else { 1 },
+        dimension: TextureDimension::D2,
+        format,
+        usage: TextureUsages::TEXTURE_BINDING | TextureUsages::RENDER_ATTACHMENT,
+        view_formats: &[],
+    });
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    for layer in 0..layers {
+        let view = one_layer(&texture, 0, layer);
+        let color = [Some(wgpu::RenderPassColorAttachment {
+            view: &view,
+            depth_slice: None,
+            resolve_target: None,
+            ops: wgpu::Operations {
+                load: wgpu::LoadOp::Clear(wgpu::Color::WHITE),
+                store: wgpu::StoreOp::Store,
+            },
+        })];
+        let is_depth = format.is_depth_stencil_format();
+        encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: None,
+            color_attachments: if is_depth { &[] } else { &color },
+            depth_stencil_attachment: is_depth.then_some(depth_cleared(&view, depth)),
+            ..Default::default()
+        });
+    }
+    gpu.queue.submit([encoder.finish()]);
+    texture
+}
