@@ -25,3 +25,18 @@ pub const RECORDER: &str = concat!(
     include_str!("page/start.js"),
     "})();\n",
 );
+
+/// The recorder as a bookmarklet: it records one frame of the page where it is clicked, and offers it as `frame.tar`.
+pub fn bookmarklet() -> String {
+    let script = format!("{RECORDER}preshadeCapture.start().then(console.log,alert);");
+    let mut text = "javascript:".to_owned();
+    for byte in script.bytes() {
+        match byte {
+            b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'-' | b'_' | b'.' | b'!' | b'~' | b'*' | b'\'' | b'(' | b')' => {
+                text.push(char::from(byte));
+            }
+            _ => text.push_str(&format!("%{byte:02X}")),
+        }
+    }
+    text
+}

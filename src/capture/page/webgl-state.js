@@ -148,7 +148,10 @@ function depthState(state, format) {
         made.stencilWriteMask = state.stencilMask;
     }
     if (state.bias) {
-        made.depthBias = Math.round(state.bias[0]);
+        const [units] = state.bias;
+        made.depthBias = Math.round(units);
+        // WebGPU's bias is whole.
+        if (made.depthBias !== units) made.depthBiasUnits = units;
         made.depthBiasSlopeScale = state.bias[1];
     }
     return made;
