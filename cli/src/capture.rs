@@ -148,9 +148,13 @@ fn address(page: &str) -> Result<String, Failure> {
         return Ok(file_address(&file));
     }
     let host = page.split(['/', ':', '?']).next().unwrap_or_default();
-    match host == "localhost" || (host.contains('.') && !path.is_dir() && !page.ends_with(".html")) {
+    match host == "localhost" || (host.contains('.') && !path.is_dir() && !page.ends_with(".html"))
+    {
         true => Ok(format!("http://{page}")),
-        false => Err(Failure(format!("error: there is no file `{}`", file.display()))),
+        false => Err(Failure(format!(
+            "error: there is no file `{}`",
+            file.display()
+        ))),
     }
 }
 
@@ -191,7 +195,8 @@ impl Counts {
             if name == "renderPass" {
                 let inner = command["commands"].as_array().into_iter().flatten();
                 let set = inner.filter(|c| c["do"] == "setPipeline");
-                self.pipelines.extend(set.filter_map(|c| c["pipeline"].as_u64()));
+                self.pipelines
+                    .extend(set.filter_map(|c| c["pipeline"].as_u64()));
             }
             self.add(&command["commands"]);
         }
@@ -225,11 +230,16 @@ fn summary(json: &Value, folder: &Path) -> Result<String, Failure> {
     );
     for refused in json["refused"].as_array().into_iter().flatten() {
         let [what, why] = ["what", "why"].map(|key| refused[key].as_str().unwrap_or_default());
-        text.push_str(&format!("  left out: {what} ({}): {why}\n", refused["count"]));
+        text.push_str(&format!(
+            "  left out: {what} ({}): {why}\n",
+            refused["count"]
+        ));
     }
     let mut unknown: BTreeMap<&str, usize> = BTreeMap::new();
     for entry in json["unknown"].as_array().into_iter().flatten() {
-        *unknown.entry(entry["why"].as_str().unwrap_or_default()).or_default() += 1;
+        *unknown
+            .entry(entry["why"].as_str().unwrap_or_default())
+            .or_default() += 1;
     }
     for (why, count) in unknown {
         text.push_str(&format!("  unknown content ({count}): {why}\n"));

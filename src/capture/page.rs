@@ -16,6 +16,7 @@ pub const RECORDER: &str = concat!(
     include_str!("page/webgpu.js"),
     include_str!("page/webgl-format.js"),
     include_str!("page/webgl-read.js"),
+    include_str!("page/webgl-guess.js"),
     include_str!("page/webgl-track.js"),
     include_str!("page/webgl-state.js"),
     include_str!("page/webgl-program.js"),
@@ -32,7 +33,18 @@ pub fn bookmarklet() -> String {
     let mut text = "javascript:".to_owned();
     for byte in script.bytes() {
         match byte {
-            b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'-' | b'_' | b'.' | b'!' | b'~' | b'*' | b'\'' | b'(' | b')' => {
+            b'a'..=b'z'
+            | b'A'..=b'Z'
+            | b'0'..=b'9'
+            | b'-'
+            | b'_'
+            | b'.'
+            | b'!'
+            | b'~'
+            | b'*'
+            | b'\''
+            | b'('
+            | b')' => {
                 text.push(char::from(byte));
             }
             _ => text.push_str(&format!("%{byte:02X}")),

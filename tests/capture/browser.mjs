@@ -24,8 +24,8 @@ export function launch() {
     return chromium.launch({ executablePath, args: ARGUMENTS, timeout: 60_000 });
 }
 
-/** A page with its errors, and with the recorder where `record`. */
-export async function open(browser, address, { record = true, width = 320, height = 240 } = {}) {
+/** A page with its errors, and with the recorder where `record`; `late`: as a bookmarklet brings it. */
+export async function open(browser, address, { record = true, late = false, width = 320, height = 240 } = {}) {
     const page = await browser.newPage({ viewport: { width, height } });
     const errors = [];
     const chunks = [];
@@ -35,12 +35,11 @@ export async function open(browser, address, { record = true, width = 320, heigh
             errors.push(message.text());
         if (process.env.VERBOSE) console.log(message.text());
     });
-    if (record) {
-        await page.exposeBinding('preshadeSink', (_, chunk) => chunks.push(Buffer.from(chunk, 'base64')));
-        await page.addInitScript(recorder());
-    }
+    if (record) await page.exposeBinding('preshadeSink', (_, chunk) => chunks.push(Buffer.from(chunk, 'base64')));
+    if (record && !late) await page.addInitScript(recorder());
     await page.goto(address);
     await page.waitForFunction(() => globalThis.ready, null, { timeout: 60_000 });
+    if (late) await page.evaluate(recorder());
     return { page, errors, chunks };
 }
 

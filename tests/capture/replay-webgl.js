@@ -402,7 +402,8 @@ globalThis.replay = async (json, files) => {
             }
         }
         enable('POLYGON_OFFSET_FILL', depth?.depthBias !== undefined);
-        if (depth?.depthBias !== undefined) gl.polygonOffset(depth.depthBiasSlopeScale, depth.depthBiasUnits ?? depth.depthBias);
+        if (depth?.depthBias !== undefined)
+            gl.polygonOffset(depth.depthBiasSlopeScale, depth.depthBiasUnits ?? depth.depthBias);
         enable('SAMPLE_ALPHA_TO_COVERAGE', multisample?.alphaToCoverageEnabled);
         const { blend, writeMask = 15 } = fragment.targets.find(Boolean) ?? {};
         gl.colorMask(...[1, 2, 4, 8].map((bit) => Boolean(writeMask & bit)));

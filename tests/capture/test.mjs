@@ -1,6 +1,7 @@
 // Captures pages and checks the folders.
 //
-//     node test.mjs [--keep DIR] [--slow] [PAGE ..]      default: every page; --slow: also what frames cost
+//     node test.mjs [--keep DIR] [--slow] [--late] [PAGE ..]      default: every page; --slow: also what frames cost;
+//                                                          --late: the recorder comes after the page, as a bookmarklet does
 
 import { mkdir, readFile, readdir, writeFile } from 'node:fs/promises';
 import { dirname, join } from 'node:path';
@@ -14,6 +15,7 @@ const FRAMES = 2;
 const words = process.argv.slice(2);
 const keep = words[0] === '--keep' ? words.splice(0, 2)[1] : null;
 const slow = words[0] === '--slow' && words.shift();
+const late = words[0] === '--late' && words.shift();
 const pages = (await readdir(fileURLToPath(new URL('pages', import.meta.url))))
     .filter((name) => !name.endsWith('-scene.js') && (slow || !name.startsWith('stress')))
     .map((name) => name.replace('.js', ''));
@@ -35,7 +37,7 @@ server.close();
 process.exit(failed ? 1 : 0);
 
 async function test(name) {
-    const visited = await open(browser, `${address}/${name}`);
+    const visited = await open(browser, `${address}/${name}`, { late });
     const { page, errors } = visited;
     try {
         const { files } = await capture(visited, FRAMES);

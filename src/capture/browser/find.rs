@@ -46,8 +46,9 @@ pub fn find(named: Option<&Path>) -> Result<PathBuf, BrowserError> {
         };
     }
     let folders = env::var_os("PATH").unwrap_or_default();
-    let on_path = env::split_paths(&folders)
-        .flat_map(|folder| NAMES.map(|name| folder.join(format!("{name}{}", env::consts::EXE_SUFFIX))));
+    let on_path = env::split_paths(&folders).flat_map(|folder| {
+        NAMES.map(|name| folder.join(format!("{name}{}", env::consts::EXE_SUFFIX)))
+    });
     let programs = ["ProgramFiles", "ProgramFiles(x86)", "LOCALAPPDATA"].into_iter();
     let installed = programs
         .filter_map(env::var_os)

@@ -109,7 +109,9 @@ pub enum BrowserError {
 
 fn said(errors: &[String]) -> String {
     let lines = errors.iter().take(5);
-    lines.map(|error| format!("\n  the page says: {error}")).collect()
+    lines
+        .map(|error| format!("\n  the page says: {error}"))
+        .collect()
 }
 
 /// What the page sends: the stream, and errors of its own.
@@ -124,10 +126,14 @@ struct Heard {
 impl Heard {
     fn event(&mut self, method: &str, parameters: &Value) {
         match method {
-            "Runtime.bindingCalled" => self.chunk(parameters["payload"].as_str().unwrap_or_default()),
+            "Runtime.bindingCalled" => {
+                self.chunk(parameters["payload"].as_str().unwrap_or_default())
+            }
             "Runtime.exceptionThrown" => {
                 let details = &parameters["exceptionDetails"];
-                let text = details["exception"]["description"].as_str().or(details["text"].as_str());
+                let text = details["exception"]["description"]
+                    .as_str()
+                    .or(details["text"].as_str());
                 self.says(text);
             }
             "Runtime.consoleAPICalled" if parameters["type"] == "error" => {
@@ -183,7 +189,10 @@ pub fn record(visit: &Visit, folder: &Path, limits: &Limits) -> Result<(), Brows
     if let Some(error) = heard.failed {
         return Err(UnpackError::Write(error).into());
     }
-    heard.stream.seek(SeekFrom::Start(0)).map_err(UnpackError::Write)?;
+    heard
+        .stream
+        .seek(SeekFrom::Start(0))
+        .map_err(UnpackError::Write)?;
     let unpacked = unpack(&mut heard.stream, folder, limits);
     recorded?;
     Ok(unpacked?)
@@ -192,13 +201,17 @@ pub fn record(visit: &Visit, folder: &Path, limits: &Limits) -> Result<(), Brows
 fn drive(client: &mut Client, visit: &Visit, heard: &mut Heard) -> Result<(), BrowserError> {
     client.open_page()?;
     let [width, height] = visit.size;
-    let screen = json!({ "width": width, "height": height, "deviceScaleFactor": 1, "mobile": false });
+    let screen =
+        json!({ "width": width, "height": height, "deviceScaleFactor": 1, "mobile": false });
     let set_up = [
         ("Page.enable", json!({})),
         ("Runtime.enable", json!({})),
         ("Emulation.setDeviceMetricsOverride", screen),
         ("Runtime.addBinding", json!({ "name": "preshadeSink" })),
-        ("Page.addScriptToEvaluateOnNewDocument", json!({ "source": RECORDER })),
+        (
+            "Page.addScriptToEvaluateOnNewDocument",
+            json!({ "source": RECORDER }),
+        ),
     ];
     for (method, parameters) in set_up {
         client.call(method, parameters, &mut |m, p| heard.event(m, p))?;
@@ -232,7 +245,9 @@ fn load(client: &mut Client, visit: &Visit, heard: &mut Heard) -> Result<(), Bro
         url: url.to_owned(),
         message: message.to_owned(),
     };
-    let result = client.call("Page.navigate", json!({ "url": url }), &mut |m, p| heard.event(m, p))?;
+    let result = client.call("Page.navigate", json!({ "url": url }), &mut |m, p| {
+        heard.event(m, p)
+    })?;
     if let Some(message) = result["errorText"].as_str() {
         return Err(failed(message));
     }
@@ -255,7 +270,10 @@ fn wait_for(client: &mut Client, condition: &str, heard: &mut Heard) -> Result<(
             Ok(_) => {}
             Err(message) => {
                 let message = format!("`{condition}`: {message}");
-                return Err(BrowserError::Page { message, page: Vec::new() });
+                return Err(BrowserError::Page {
+                    message,
+                    page: Vec::new(),
+                });
             }
         }
         client.listen(ASKING, &mut |m, p| {
@@ -267,14 +285,24 @@ fn wait_for(client: &mut Client, condition: &str, heard: &mut Heard) -> Result<(
 }
 
 /// The value of an expression of the page, or the message of what it throws.
-fn evaluate(client: &mut Client, expression: &str, heard: &mut Heard) -> Result<Result<Value, String>, BrowserError> {
-    let parameters = json!({ "expression": expression, "awaitPromise": true, "returnByValue": true });
-    let mut result = client.call("Runtime.evaluate", parameters, &mut |m, p| heard.event(m, p))?;
+fn evaluate(
+    client: &mut Client,
+    expression: &str,
+    heard: &mut Heard,
+) -> Result<Result<Value, String>, BrowserError> {
+    let parameters =
+        json!({ "expression": expression, "awaitPromise": true, "returnByValue": true });
+    let mut result = client.call("Runtime.evaluate", parameters, &mut |m, p| {
+        heard.event(m, p)
+    })?;
     let Some(details) = result.get("exceptionDetails") else {
         return Ok(Ok(result["result"]["value"].take()));
     };
     let thrown = &details["exception"]["description"];
-    let text = thrown.as_str().or(details["text"].as_str()).unwrap_or_default();
+    let text = thrown
+        .as_str()
+        .or(details["text"].as_str())
+        .unwrap_or_default();
     let line = text.lines().next().unwrap_or_default();
     Ok(Err(line.trim_start_matches("Error: ").to_owned()))
 }

@@ -60,7 +60,10 @@ impl Browser {
             program: program.clone(),
             message: e.to_string(),
         };
-        let profile = tempfile::Builder::new().prefix("preshade-").tempdir().map_err(failed)?;
+        let profile = tempfile::Builder::new()
+            .prefix("preshade-")
+            .tempdir()
+            .map_err(failed)?;
         let log = fs::File::create(profile.path().join("log")).map_err(failed)?;
         let [width, height] = visit.size;
         let mut command = Command::new(&program);

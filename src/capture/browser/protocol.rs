@@ -30,10 +30,15 @@ impl Client {
     pub fn connect(port: u16, path: &str, patience: Duration) -> Result<Self, BrowserError> {
         let lost = |e: &dyn std::error::Error| BrowserError::Lost(e.to_string());
         let stream = TcpStream::connect((Ipv4Addr::LOCALHOST, port)).map_err(|e| lost(&e))?;
-        stream.set_read_timeout(Some(patience)).map_err(|e| lost(&e))?;
+        stream
+            .set_read_timeout(Some(patience))
+            .map_err(|e| lost(&e))?;
         let url = format!("ws://127.0.0.1:{port}{path}");
         let (socket, _) = client(url, stream).map_err(|e| lost(&e))?;
-        socket.get_ref().set_read_timeout(Some(STEP)).map_err(|e| lost(&e))?;
+        socket
+            .get_ref()
+            .set_read_timeout(Some(STEP))
+            .map_err(|e| lost(&e))?;
         Ok(Self {
             socket,
             calls: 0,
@@ -45,7 +50,11 @@ impl Client {
     /// Opens a page. Later calls and events are the page's.
     pub fn open_page(&mut self) -> Result<(), BrowserError> {
         let nothing: Events = &mut |_, _| {};
-        let target = self.call("Target.createTarget", json!({ "url": "about:blank" }), nothing)?;
+        let target = self.call(
+            "Target.createTarget",
+            json!({ "url": "about:blank" }),
+            nothing,
+        )?;
         let attach = json!({ "targetId": target["targetId"], "flatten": true });
         let session = self.call("Target.attachToTarget", attach, nothing)?;
         self.session = session["sessionId"].as_str().map(str::to_owned);
@@ -53,7 +62,12 @@ impl Client {
     }
 
     /// Calls a method and waits for its result.
-    pub fn call(&mut self, method: &str, parameters: Value, events: Events) -> Result<Value, BrowserError> {
+    pub fn call(
+        &mut self,
+        method: &str,
+        parameters: Value,
+        events: Events,
+    ) -> Result<Value, BrowserError> {
         self.calls += 1;
         let id = self.calls;
         let mut message = json!({ "id": id, "method": method, "params": parameters });
@@ -87,7 +101,11 @@ impl Client {
     }
 
     /// Takes events until `is_over` or for `time`.
-    pub fn listen(&mut self, time: Duration, events: &mut dyn FnMut(&str, &Value) -> bool) -> Result<bool, BrowserError> {
+    pub fn listen(
+        &mut self,
+        time: Duration,
+        events: &mut dyn FnMut(&str, &Value) -> bool,
+    ) -> Result<bool, BrowserError> {
         let end = Instant::now() + time;
         while Instant::now() < end {
             if let Some(message) = self.read()?

@@ -96,7 +96,11 @@ pub fn unpack(stream: &mut dyn Read, folder: &Path, limits: &Limits) -> Result<(
         if !is_known || entry.header().entry_type() != EntryType::Regular {
             return Err(UnpackError::Name(name));
         }
-        limits.check("file-bytes", entry.size(), format_args!("the bytes of {name}"))?;
+        limits.check(
+            "file-bytes",
+            entry.size(),
+            format_args!("the bytes of {name}"),
+        )?;
         bytes += entry.size();
         limits.check("scene-bytes", bytes, "the bytes of the capture")?;
         // Larger than what the stream still holds: cut off.

@@ -123,6 +123,7 @@ Object.assign(GlTaking.prototype, {
         o.activeTexture(GL.TEXTURE0 + unit);
         const texture = o.getParameter(BINDING_OF[target]);
         const info = texture ? textureInfo(texture, target) : null;
+        if (info && !info.format) this.reader.guess(info);
         const ask = (name) => o.getTexParameter(target, name);
         if (info?.format && info.levels[0]) info.parameters ??= this.textureParameters(ask);
         if (!info?.format || !info.levels[0] || !isComplete(info)) {
@@ -319,6 +320,43 @@ Object.assign(GlTaking.prototype, {
         }
     },
 
+    /** A copy from the framebuffer stays one where formats are equal; the recorder reads others back. */
+    copyTexels(info, level, to, [x, y, width, height]) {
+        this.endPass();
+        const { own: o, resources } = this;
+        const bound = o.getParameter(this.two ? GL.READ_FRAMEBUFFER_BINDING : GL.FRAMEBUFFER_BINDING);
+        let source;
+        if (!bound) source = this.canvasTarget().colors[0];
+        else if (this.two) [source] = this.readTarget().colors;
+        else [source] = resources.framebuffer(bound, GL.FRAMEBUFFER).colors;
+        const inside = source && x >= 0 && y >= 0 && x + width <= source.size[0] && y + height <= source.size[1];
+        const { format, rgb } = info.format;
+        const single = source && (source.samples === 1 || source.resolve !== undefined);
+        if (!inside || !single || source.format !== format || source.rgb !== rgb || source.info === info) {
+            dirty(info, level);
+            const { number } = resources.sync(info);
+            this.asCaptured(number, 'a copy from the framebuffer');
+            return;
+        }
+        const texture = source.resolve ?? resources.attach(source, false);
+        const taken = resources.sync(info);
+        taken.drawn = true;
+        this.list.push({
+            do: 'copyTextureToTexture',
+            source: { texture, mipLevel: source.level ?? 0, origin: [x, y, source.layer ?? 0], aspect: 'all' },
+            destination: { texture: taken.number, mipLevel: level, origin: to, aspect: 'all' },
+            size: [width, height, 1],
+        });
+    },
+
+    /** The frame computed a texture's content by what WebGPU does not do: the content is written. */
+    asCaptured(number, what) {
+        const key = `${what} ${number}`;
+        if (this.noted.has(key)) return;
+        this.noted.add(key);
+        this.resources.unknown({ texture: number, why: `${what} is written as captured` });
+    },
+
     readTarget() {
         const { own: o, resources } = this;
         const color = o.getParameter(GL.READ_BUFFER);
@@ -365,12 +403,7 @@ Object.assign(GlTaking.prototype, {
         if (!to.info || to.renderbuffer) return this.note('blitFramebuffer', 'scales or converts into no texture');
         dirty(to.info, to.level);
         const { number } = this.resources.sync(to.info);
-        if (this.noted.has(`blit ${number}`)) return;
-        this.noted.add(`blit ${number}`);
-        this.resources.unknown({
-            texture: number,
-            why: 'blitFramebuffer that scales or converts is written as captured',
-        });
+        this.asCaptured(number, 'blitFramebuffer that scales or converts');
     },
 });
 

@@ -134,10 +134,10 @@ class GlReader {
     }
 
     /** Reads a layer by drawing it into a target of 32 bits a channel. */
-    drawn(texture, info, { level, layer, width, height }) {
+    drawn(texture, info, { level, layer, width, height }, asked) {
         const { own: o, two } = this;
-        const kind = { sint: 'sint', uint: 'uint' }[info.format.kind] ?? (two ? 'float' : 'unorm');
-        const internal = { sint: GL.RGBA32I, uint: GL.RGBA32UI, float: GL.RGBA32F }[kind];
+        const kind = asked ?? { sint: 'sint', uint: 'uint' }[info.format.kind] ?? (two ? 'float' : 'unorm');
+        const internal = { sint: GL.RGBA32I, uint: GL.RGBA32UI, float: GL.RGBA32F, size: GL.RGBA32I }[kind];
         return this.alone(() => {
             const unit = o.getParameter(GL.ACTIVE_TEXTURE);
             o.activeTexture(GL.TEXTURE0);
@@ -159,7 +159,7 @@ class GlReader {
             const restore = this.plainSampling(info, level);
             o.viewport(0, 0, width, height);
             this.draw(info, kind, level, layer);
-            const pixels = this.pixels(kind, width, height);
+            const pixels = this.pixels(kind === 'size' ? 'sint' : kind, width, height);
             restore();
             o.bindTexture(info.target, bound);
             if (two) {
@@ -313,11 +313,14 @@ vec3 direction(vec2 p, int face) {
 function readShaders2(target, kind) {
     const letter = { sint: 'i', uint: 'u' }[kind] ?? '';
     const at = target === 0x0de1 ? 'ivec2(gl_FragCoord.xy)' : 'ivec3(gl_FragCoord.xy, place.y)';
+    const size = target === 0x0de1 || target === TEXTURE_CUBE ? 'textureSize(source, 0), 1' : 'textureSize(source, 0)';
     const fetch =
-        target === TEXTURE_CUBE
-            ? `vec2 size = vec2(textureSize(source, place.x));
+        kind === 'size'
+            ? `texel = ivec4(${size}, 0);`
+            : target === TEXTURE_CUBE
+              ? `vec2 size = vec2(textureSize(source, place.x));
     texel = textureLod(source, direction(gl_FragCoord.xy / size * 2.0 - 1.0, place.y), float(place.x));`
-            : `texel = texelFetch(source, ${at}, place.x);`;
+              : `texel = texelFetch(source, ${at}, place.x);`;
     return [
         `#version 300 es
 void main() { gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0, 0.0, 1.0); }`,
@@ -325,7 +328,7 @@ void main() { gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2
 precision highp float; precision highp int;
 uniform highp ${letter}${SAMPLER_OF[target]} source;
 uniform ivec2 place;
-out ${letter}vec4 texel;
+out ${kind === 'size' ? 'i' : letter}vec4 texel;
 ${DIRECTION}
 void main() { ${fetch} }`,
     ];

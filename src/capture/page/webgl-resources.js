@@ -181,7 +181,7 @@ class GlResources {
         if (type === GL.RENDERBUFFER) return this.renderbuffer(get('FRAMEBUFFER_ATTACHMENT_OBJECT_NAME'));
         if (type !== GL.TEXTURE) return null;
         const info = textureInfo(get('FRAMEBUFFER_ATTACHMENT_OBJECT_NAME'));
-        if (!info.format) throw new Error('a texture made before the recorder');
+        if (!info.format) this.seeAttached(info, binding, attachment, get);
         const level = get('FRAMEBUFFER_ATTACHMENT_TEXTURE_LEVEL');
         const face = get('FRAMEBUFFER_ATTACHMENT_TEXTURE_CUBE_MAP_FACE');
         const layer = face ? face - FACES : take.two ? get('FRAMEBUFFER_ATTACHMENT_TEXTURE_LAYER') : 0;
@@ -196,6 +196,13 @@ class GlResources {
             samples: 1,
             whole: info.levels.length === 1 && info.levels[0].depth === 1 && info.target === 0x0de1,
         };
+    }
+
+    /** A texture that was made before the recorder came, as an attachment. */
+    seeAttached(info, binding, attachment, get) {
+        info.target ??= get('FRAMEBUFFER_ATTACHMENT_TEXTURE_CUBE_MAP_FACE') ? TEXTURE_CUBE : GL.TEXTURE_2D;
+        if (!this.reader.guess(info)) throw new Error('a texture made before the recorder');
+        info.format = attachmentFormat(this.own, binding, attachment);
     }
 
     renderbuffer(renderbuffer) {

@@ -98,6 +98,7 @@ function define(gl, target, level, internal, width, height, depth, type) {
         }
         info.levels[level] = { width, height, depth };
         info.storage += 1;
+        if (taking !== null) taking.targetDirty = true;
     }
     info.format ??= format;
     dirty(info, level);
@@ -108,6 +109,15 @@ function dirty(info, level) {
     if (taking === null) return;
     info.changed = taking;
     (info.dirty ??= new Set()).add(level);
+}
+
+/** A part of the framebuffer was copied into a level. */
+function copied(gl, target, level, to, x, y, width, height) {
+    if (taking === null || taking.gl !== gl) return;
+    const info = boundTexture(gl, target);
+    if (!info) return;
+    const face = target === info.target ? 0 : target - FACES;
+    taking.guard(() => taking.copyTexels(info, level, [to[0], to[1], to[2] + face], [x, y, width, height]));
 }
 
 function sourceSize(source) {
@@ -134,7 +144,12 @@ function trackTextures() {
         const [target, level, internal] = args;
         const [width, height] = name.startsWith('copy') ? [args[5], args[6]] : [args[3], args[4]];
         define(gl, target, level, internal, width, height, 1, GL.UNSIGNED_BYTE);
+        if (name.startsWith('copy')) copied(gl, target, level, [0, 0, 0], args[3], args[4], width, height);
     });
+    afterGl('copyTexSubImage2D', (gl, [target, level, x, y, ...rest]) => copied(gl, target, level, [x, y, 0], ...rest));
+    afterGl('copyTexSubImage3D', (gl, [target, level, x, y, z, ...rest]) =>
+        copied(gl, target, level, [x, y, z], ...rest),
+    );
     afterGl('compressedTexImage3D', (gl, [target, level, internal, width, height, depth]) =>
         define(gl, target, level, internal, width, height, depth),
     );
@@ -167,14 +182,11 @@ function trackTextures() {
         }
         if (taking !== null && taking.gl === gl) taking.mipmaps(info);
     });
-    afterGl(
-        'texSubImage2D texSubImage3D compressedTexSubImage2D compressedTexSubImage3D copyTexSubImage2D copyTexSubImage3D',
-        (gl, [target, level]) => {
-            if (taking === null) return;
-            const info = boundTexture(gl, target);
-            if (info) dirty(info, level);
-        },
-    );
+    afterGl('texSubImage2D texSubImage3D compressedTexSubImage2D compressedTexSubImage3D', (gl, [target, level]) => {
+        if (taking === null) return;
+        const info = boundTexture(gl, target);
+        if (info) dirty(info, level);
+    });
     afterGl('texParameteri texParameterf', (gl, [target]) => {
         const info = boundTexture(gl, target);
         if (info) info.parameters = null;

@@ -81,6 +81,11 @@ const target = gl.createFramebuffer();
 gl.bindFramebuffer(gl.FRAMEBUFFER, target);
 gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, drawn, 0);
 
+const copy = gl.createTexture();
+gl.bindTexture(gl.TEXTURE_2D, copy);
+gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, 64, 64, 0, gl.RGBA, gl.UNSIGNED_BYTE, null);
+gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR);
+
 let step = 0;
 function frame() {
     step += 1;
@@ -99,6 +104,10 @@ function frame() {
     gl.vertexAttrib4f(color, 1, 1, 1, 1);
     instances.drawElementsInstancedANGLE(gl.TRIANGLES, 6, gl.UNSIGNED_BYTE, 0, 2);
 
+    // The left half is copied to the right one.
+    gl.bindTexture(gl.TEXTURE_2D, copy);
+    gl.copyTexSubImage2D(gl.TEXTURE_2D, 0, 32, 0, 0, 0, 32, 64);
+
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.viewport(0, 0, 320, 240);
     gl.clearColor(0.2, 0.2, 0.3, 1);
@@ -106,7 +115,7 @@ function frame() {
     gl.enable(gl.STENCIL_TEST);
     gl.stencilFunc(gl.ALWAYS, 1, 0xff);
     gl.stencilOp(gl.KEEP, gl.KEEP, gl.REPLACE);
-    gl.bindTexture(gl.TEXTURE_2D, drawn);
+    gl.bindTexture(gl.TEXTURE_2D, step % 2 ? drawn : copy);
     instances.drawArraysInstancedANGLE(gl.TRIANGLE_FAN, 0, 4, 1);
     gl.stencilFunc(gl.NOTEQUAL, 1, 0xff);
     gl.vertexAttrib4f(color, 1, 0.5, 0.2, 1);
