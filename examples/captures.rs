@@ -85,9 +85,8 @@ fn one(folder: &Path, gpu: &Gpu, pictures: Option<&Path>) -> Result<(Value, bool
         .collect();
     let scene = match capture::scene(&capture, Choice::default(), Some(gpu)) {
         Ok(made) => json!({
-            "pass": made.pass,
-            "materials": made.scene.materials.iter().map(|m| &m.name).collect::<Vec<_>>(),
-            "draws": made.scene.draws.len(),
+            "materials": made.materials.iter().map(|m| &m.name).collect::<Vec<_>>(),
+            "draws": made.draws.len(),
             "notes": made.notes,
         }),
         Err(error) => json!({ "error": error.to_string() }),

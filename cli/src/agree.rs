@@ -1,5 +1,6 @@
 //! `preshade agree`: holds two programs against each other, whoever wrote them.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
@@ -8,7 +9,7 @@ use preshade::unstable::passes::declared::Depth;
 use preshade::unstable::passes::naga::ShaderStage;
 use preshade::unstable::passes::plan::Plan;
 use preshade::unstable::passes::validate::Effort;
-use preshade::unstable::passes::validate::agree::{self, Agreement, Class, Relation};
+use preshade::unstable::passes::validate::agree::{self, Agreement, Class, Question, Relation};
 use preshade::unstable::recipe::Recipe;
 use rayon::prelude::*;
 
@@ -47,9 +48,14 @@ pub struct AgreeArgs {
     /// may be given several times.
     #[arg(long, value_name = "THEIRS=OURS", value_parser = parse_map)]
     map: Vec<Mapping>,
+    /// With `--as normal`, the value of the first program's fragment stage that is the normal, as in
+    /// the pass `outputs`. Default: its output with `normal` in its name, or the unit vector that
+    /// meets a light in a dot product.
+    #[arg(long, value_name = "NAME")]
+    normal: Option<String>,
     /// A TOML file of pairs, each with `first`, `second` and `as`. Their paths are below FILE, a
     /// folder.
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["with", "map"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["with", "map", "normal"])]
     pairs: Option<PathBuf>,
     /// A TOML file of findings to accept, each with `pair`, `class` and `reason`.
     #[arg(long, value_name = "FILE")]
@@ -195,15 +201,24 @@ impl AgreeArgs {
                     "error: with --pairs, FILE is the folder of the shaders".to_owned(),
                 ));
             };
-            return Ok(of_pairs(pairs::read(file, folder, &self.shader)?));
+            let tree = Tree::open(folder)?;
+            return Ok(Everything {
+                pairs: pairs::read(file, tree.path(), &self.shader)?,
+                trees: vec![tree],
+                ..Everything::default()
+            });
         }
         let relation = self.relation()?;
+        if self.normal.is_some() && relation != Relation::Normal {
+            return Err(Failure("error: --normal is for `--as normal`".to_owned()));
+        }
         let pair = |first: ShaderArgs, second: ShaderArgs| Asked {
             name: None,
             first,
             second,
             relation,
             maps: self.map.clone(),
+            normal: self.normal.clone(),
         };
         match (&self.shader.files[..], &self.with[..]) {
             (ours, with @ [_, ..]) => {
@@ -266,7 +281,7 @@ pub fn run(args: &AgreeArgs) -> Result<Ending, Failure> {
             .iter()
             .fold(text.to_owned(), |text, tree| tree.renamed(&text))
     };
-    let is_one = asked.len() == 1 && trees.iter().all(|t| !t.is_folder());
+    let is_one = asked.len() == 1 && (args.pairs.is_some() || trees.iter().all(|t| !t.is_folder()));
     if args.drawing.scene.is_some() && !is_one {
         return Err(Failure("error: --scene is for one pair".to_owned()));
     }
@@ -276,7 +291,9 @@ pub fn run(args: &AgreeArgs) -> Result<Ending, Failure> {
         .collect();
     let mut report = Report::default();
     report.alone = alone;
-    for result in results {
+    let mut names = BTreeMap::new();
+    for (asked, result) in asked.iter().zip(results) {
+        names.insert(named(&asked.name()), result.is_ok());
         match result {
             Ok(Checked::Compared(pair)) => report.pairs.push(*pair),
             Ok(Checked::Unchanged) => report.unchanged += 1,
@@ -284,7 +301,9 @@ pub fn run(args: &AgreeArgs) -> Result<Ending, Failure> {
             Err(Failure(why)) => report.errors.push(named(&why)),
         }
     }
-    report.waive(&waivers, |class, relation| args.breaks(class, relation));
+    report.waive(&waivers, &names, |class, relation| {
+        args.breaks(class, relation)
+    });
     match args.format {
         // Nothing but errors.
         Form::Human | Form::Markdown if report.pairs.is_empty() && report.unchanged == 0 => {}
@@ -350,16 +369,14 @@ fn checked(
         inputs: args.inputs,
         ..Effort::default()
     };
-    let name = asked.name.clone().unwrap_or_else(|| {
-        format!(
-            "{} {}",
-            files(&asked.first.files),
-            files(&asked.second.files)
-        )
-    });
-    let name = named(&name);
+    let name = named(&asked.name());
+    let question = Question {
+        relation: asked.relation,
+        maps: &asked.maps,
+        normal: asked.normal.as_deref(),
+    };
     let compare = |first: &Plan, second: &Plan| {
-        let agreement = agree::agree(first, second, asked.relation, &asked.maps, &effort);
+        let agreement = agree::agree(first, second, question, &effort);
         agreement.map_err(|e| {
             let files = |s: &ShaderArgs| named(&files(&s.files));
             Failure(format!(
@@ -372,7 +389,7 @@ fn checked(
     let mut sides = [asked.first.clone(), asked.second.clone()];
     let mut plans = [first, second];
     let mut agreement = compare(&plans[0], &plans[1])?;
-    let mut notes = Vec::new();
+    let mut notes = std::mem::take(&mut agreement.notes);
     if is_elsewhere(&agreement)
         && let Some(side) = of_another_clip_space(&sides, &plans)
     {
@@ -467,7 +484,7 @@ fn plan(shader: &ShaderArgs) -> Result<Plan, Failure> {
 }
 
 /// The files of a side, as one word.
-fn files(files: &[PathBuf]) -> String {
+pub fn files(files: &[PathBuf]) -> String {
     let names: Vec<String> = files.iter().map(|f| f.display().to_string()).collect();
     names.join(",")
 }

@@ -1,5 +1,6 @@
 //! The results of `agree`, and their forms.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use preshade::unstable::measure::Beside;
@@ -9,6 +10,7 @@ use preshade::unstable::passes::validate::agree::{
 use serde::Serialize;
 
 use crate::beside::told as told_drawn;
+use crate::unknown;
 
 /// The static cost of each stage, in operations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -67,6 +69,8 @@ pub struct Report {
     /// Pairs of two folders with the same text.
     pub unchanged: usize,
     unused_waivers: Vec<Waiver>,
+    /// Sentences on waivers of pairs that are not there.
+    lost_waivers: Vec<String>,
     pub errors: Vec<String>,
 }
 
@@ -79,6 +83,7 @@ impl Default for Report {
             left_out: 0,
             unchanged: 0,
             unused_waivers: Vec::new(),
+            lost_waivers: Vec::new(),
             errors: Vec::new(),
         }
     }
@@ -145,13 +150,19 @@ impl Pair {
     }
 
     fn is_nothing(&self) -> bool {
-        self.findings.is_empty() && self.agreement.is_nothing()
+        self.agreement.is_nothing()
     }
 }
 
 impl Report {
-    /// Applies waivers, and notes which were not needed.
-    pub fn waive(&mut self, waivers: &[Waiver], breaks: impl Fn(Class, Relation) -> bool) {
+    /// Applies waivers, and notes which were not needed, and which name no pair. `names` has all pairs,
+    /// and whether each could be read.
+    pub fn waive(
+        &mut self,
+        waivers: &[Waiver],
+        names: &BTreeMap<String, bool>,
+        breaks: impl Fn(Class, Relation) -> bool,
+    ) {
         let mut used = vec![false; waivers.len()];
         for pair in &mut self.pairs {
             for judged in &mut pair.findings {
@@ -168,7 +179,20 @@ impl Report {
             }
         }
         let unused = waivers.iter().zip(&used).filter(|(_, used)| !**used);
-        self.unused_waivers = unused.map(|(w, _)| w.clone()).collect();
+        for (waiver, _) in unused {
+            match names.get(&waiver.pair) {
+                Some(true) => self.unused_waivers.push(waiver.clone()),
+                // Nobody knows.
+                Some(false) => {}
+                None => {
+                    let known: Vec<&str> = names.keys().map(String::as_str).collect();
+                    let class = waiver.class.name();
+                    let why = unknown("pair", &waiver.pair, &known);
+                    self.lost_waivers
+                        .push(format!("the waiver of {class}: {why}"));
+                }
+            }
+        }
     }
 
     /// Whether a finding breaks a relation.
@@ -229,8 +253,9 @@ impl Report {
         if self.left_out > 0 {
             let _ = writeln!(out, "{} left out: no materials", self.left_out);
         }
-        for waiver in &self.unused_waivers {
-            let _ = writeln!(out, "warning: {}", unused(waiver));
+        let unused = self.unused_waivers.iter().map(unused);
+        for warning in unused.chain(self.lost_waivers.iter().cloned()) {
+            let _ = writeln!(out, "warning: {warning}");
         }
         out
     }
@@ -262,8 +287,9 @@ impl Report {
             "| shader | result | vertex ops | fragment ops |\n|---|---|--:|--:|"
         );
         for pair in &self.pairs {
+            let is_note = |j: &&Judged| j.finding.class == Class::Variant && !j.breaks;
             let result = match &pair.findings[..] {
-                [] => {
+                all if all.iter().all(|j| is_note(&j)) => {
                     let mut words: Vec<String> = pair
                         .agreement
                         .promises
@@ -275,6 +301,7 @@ impl Report {
                         })
                         .collect();
                     words.dedup();
+                    words.extend(all.iter().map(|j| j.finding.class.name().to_owned()));
                     words.join(", ")
                 }
                 some => {
@@ -343,8 +370,9 @@ impl Report {
                 let _ = writeln!(out, "- {line}");
             });
         }
-        for waiver in &self.unused_waivers {
-            let _ = writeln!(out, "\n{}", unused(waiver));
+        let unused = self.unused_waivers.iter().map(unused);
+        for warning in unused.chain(self.lost_waivers.iter().cloned()) {
+            let _ = writeln!(out, "\n{warning}");
         }
         out
     }

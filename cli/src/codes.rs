@@ -59,11 +59,7 @@ pub fn of(error: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
         .or_else(|| error.downcast_ref().map(emit::EmitError::code))
         .or_else(|| error.downcast_ref().map(lock::Mismatch::code))
         .or_else(|| error.downcast_ref().map(lock::LockError::code))
-        .or_else(|| {
-            error
-                .downcast_ref()
-                .map(|_: &scene::SceneError| scene::SceneError::CODE)
-        })
+        .or_else(|| error.downcast_ref().map(scene::SceneError::code))
 }
 
 /// Every code, pass and assumption, each with the first sentence of its explanation.

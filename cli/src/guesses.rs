@@ -9,6 +9,9 @@ use crate::output;
 
 /// Prints the note, if there is something to say.
 pub fn tell(scene: &Scene) {
+    for note in &scene.notes {
+        output::message(&format!("note: {note}"));
+    }
     let note = match scene.is_made_up {
         true => of_shader(scene),
         false => of_scene(scene),

@@ -26,7 +26,7 @@ use crate::state::StateArgs;
 #[derive(Clone, Default, clap::Args)]
 pub struct ShaderArgs {
     /// A WGSL or SPIR-V file with both entry points, or a vertex and a fragment file, or a scene
-    /// (.toml), or a captured frame (its folder); `-` is stdin and needs --lang.
+    /// (.toml, a glTF file, or the folder of a captured frame); `-` is stdin and needs --lang.
     #[arg(required = true, num_args = 1.., value_name = "FILE", value_parser = given)]
     pub files: Vec<PathBuf>,
     /// Language of the input. Required for stdin; default: by the file's ending (.wgsl, or .vert,
@@ -55,6 +55,13 @@ pub struct ShaderArgs {
     /// Part of the name of the adapter that replays a capture.
     #[arg(skip)]
     pub replay_on: Option<String>,
+    /// Draw a glTF file with this shader in place of the built-in material.
+    #[arg(long, value_name = "FILE", conflicts_with = "materials")]
+    pub material: Option<PathBuf>,
+    /// Draw a glTF file with the `[materials]` of this TOML file, each by the name of one of the glTF
+    /// file's ("*": all others).
+    #[arg(long, value_name = "FILE")]
+    pub materials: Option<PathBuf>,
     #[command(flatten)]
     pub glsl: GlslArgs,
     #[command(flatten)]
@@ -248,7 +255,8 @@ impl ShaderArgs {
 
     /// The given files, without stdin.
     fn given(&self) -> Vec<PathBuf> {
-        let files = self.files.iter().chain(&self.state.state);
+        let more = self.material.iter().chain(&self.materials);
+        let files = self.files.iter().chain(&self.state.state).chain(more);
         files.filter(|f| !is_stdin(f)).cloned().collect()
     }
 
@@ -324,6 +332,7 @@ impl ShaderArgs {
 
     fn input_with(&self, more: &Variables, purpose: Purpose) -> Result<Input, Failure> {
         let variables = self.variables(more)?;
+        self.check_gltf_flags()?;
         match self.scene_file() {
             None if !variables.is_empty() => Err(Failure(
                 "error: --set and --sweep are for a scene: a shader has no variables".to_owned(),
@@ -340,8 +349,12 @@ impl ShaderArgs {
                 if let Some(folder) = captured(path) {
                     return Ok(Input::Scene(self.captured(folder, purpose)?));
                 }
-                let scene = scene::load_within(path, &variables, self.limits.access())
-                    .map_err(|e| Failure(e.render()))?;
+                let access = self.limits.access();
+                let scene = match is_gltf(path) {
+                    true => scene::load_gltf(path, &self.shading(), &variables, access),
+                    false => scene::load_within(path, &variables, access),
+                };
+                let scene = scene.map_err(|e| Failure(e.render()))?;
                 Ok(Input::Scene(self.state.set_up(scene)))
             }
             Some(_) => Err(Failure(
@@ -415,8 +428,8 @@ impl ShaderArgs {
 
     /// The scene file, by its ending, or a captured frame's.
     fn scene_file(&self) -> Option<&Path> {
-        let is_scene = |f: &&PathBuf| many::is_scene(f);
-        self.files.iter().find(is_scene).map(PathBuf::as_path)
+        let mut files = self.files.iter().map(PathBuf::as_path);
+        files.find(|file| is_scene(file))
     }
 
     /// The scene of a captured frame.
@@ -435,13 +448,31 @@ impl ShaderArgs {
                 Some(Gpu::with_trust(&on, self.limits.limits().trust())?)
             }
         };
-        let made = capture::scene(&capture, choice, gpu.as_ref()).map_err(failed)?;
-        if purpose == Purpose::Draw {
-            for note in &made.notes {
-                eprintln!("note: {}: {note}", folder.display());
-            }
+        capture::scene(&capture, choice, gpu.as_ref()).map_err(failed)
+    }
+
+    /// The shaders that draw a glTF file.
+    fn shading(&self) -> scene::Shading {
+        match (&self.material, &self.materials) {
+            (Some(shader), _) => scene::Shading::Shader(shader.clone()),
+            (None, Some(map)) => scene::Shading::Materials(map.clone()),
+            (None, None) => scene::Shading::BuiltIn,
         }
-        Ok(made.scene)
+    }
+
+    /// Refuses the flags of a glTF file for other files.
+    fn check_gltf_flags(&self) -> Result<(), Failure> {
+        let given = [
+            ("--material", self.material.is_some()),
+            ("--materials", self.materials.is_some()),
+        ];
+        let is_one = self.scene_file().is_some_and(is_gltf);
+        match given.iter().find(|(_, given)| *given) {
+            Some((flag, _)) if !is_one => Err(Failure(format!(
+                "error: {flag} is for a glTF file (.glb, .gltf), whose materials it draws"
+            ))),
+            _ => Ok(()),
+        }
     }
 
     /// Refuses flags of a material, since a scene file defines its own.
@@ -592,6 +623,17 @@ fn reads_facing(parsed: &front::Parsed) -> bool {
 /// A hint for more files than a material has.
 const EACH_ITS_OWN: &str = "`preshade rewrite .. --out-dir DIR` takes each file as a material of \
                             its own, and every shader below a folder";
+
+/// Whether a file is a scene, by its ending, or a captured frame's.
+pub fn is_scene(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e == "toml") || is_gltf(path) || captured(path).is_some()
+}
+
+/// Whether a file is glTF, by its ending.
+pub fn is_gltf(path: &Path) -> bool {
+    let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
+    ending == "glb" || ending == "gltf"
+}
 
 pub fn is_stdin(path: &Path) -> bool {
     path == Path::new("-")

@@ -5,10 +5,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
 use std::path::{Component, Path, PathBuf};
 
-use preshade::unstable::capture;
 use preshade::unstable::passes::pass::Refusal;
 
-use crate::input::{ShaderArgs, is_stdin};
+use crate::input::{self, ShaderArgs, is_stdin};
 use crate::{Failure, config};
 
 /// One material, or the materials of one scene.
@@ -57,7 +56,7 @@ pub fn inputs(shader: &ShaderArgs) -> Result<Option<Vec<Job>>, Failure> {
     if is_one && !files.iter().any(|f| f.is_dir()) {
         return Ok(None);
     }
-    let is_input = |path: &Path| is_shader(path) || is_scene(path);
+    let is_input = |path: &Path| is_shader(path) || is_scene_of_folder(path);
     gathered(shader, Path::new(""), is_input).map(Some)
 }
 
@@ -79,7 +78,7 @@ pub fn drawn(mut shader: ShaderArgs) -> Result<Vec<Job>, Failure> {
             chosen: Chosen::Given,
         }]);
     }
-    let mut jobs = gathered(&shader, Path::new(""), is_scene)?;
+    let mut jobs = gathered(&shader, Path::new(""), is_scene_of_folder)?;
     let place = |job: &Job| files.iter().position(|f| job.shader.files.contains(f));
     jobs.sort_by_key(place);
     Ok(jobs)
@@ -308,10 +307,10 @@ pub fn scenes(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
         let entries = std::fs::read_dir(path).map_err(told)?;
         let files: Result<Vec<PathBuf>, _> = entries.map(|e| e.map(|e| e.path())).collect();
         let mut found = files.map_err(told)?;
-        found.retain(|f| is_scene(f));
+        found.retain(|f| is_scene_of_folder(f));
         if found.is_empty() {
             return Err(Failure(format!(
-                "error: {}: no scene (.toml) is in it",
+                "error: {}: no scene (.toml, .glb or .gltf) is in it",
                 path.display()
             )));
         }
@@ -323,8 +322,17 @@ pub fn scenes(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
 
 /// Whether a file is a scene, and not the configuration file, or a captured frame.
 pub fn is_scene(path: &Path) -> bool {
-    let is = |name: &str| path.file_name() == Some(name.as_ref());
-    ending(path) == "toml" && !is(config::FILE) || is(capture::FILE)
+    input::is_scene(path) && path.file_name() != Some(config::FILE.as_ref())
+}
+
+/// Whether a file of a folder is a scene. Beside other scenes, a glTF file is a mesh of theirs.
+fn is_scene_of_folder(path: &Path) -> bool {
+    let has_others = || {
+        let beside = path.parent().and_then(|folder| folder.read_dir().ok());
+        let mut beside = beside.into_iter().flatten().flatten().map(|e| e.path());
+        beside.any(|f| is_scene(&f) && !input::is_gltf(&f))
+    };
+    is_scene(path) && (!input::is_gltf(path) || !has_others())
 }
 
 /// Refuses scenes that would share a folder below `--out`.

@@ -7,7 +7,7 @@ use preshade::unstable::passes::validate::agree::Relation;
 use serde::Deserialize;
 
 use crate::Failure;
-use crate::agree::class_named;
+use crate::agree::{class_named, files};
 use crate::agreed::Waiver;
 use crate::input::ShaderArgs;
 
@@ -19,6 +19,17 @@ pub struct Asked {
     pub second: ShaderArgs,
     pub relation: Relation,
     pub maps: Vec<Mapping>,
+    /// The first program's normal.
+    pub normal: Option<String>,
+}
+
+impl Asked {
+    /// Its name, or that of its files.
+    pub fn name(&self) -> String {
+        self.name.clone().unwrap_or_else(|| {
+            format!("{} {}", files(&self.first.files), files(&self.second.files))
+        })
+    }
 }
 
 /// A file of pairs.
@@ -40,6 +51,7 @@ struct PairEntry {
     r#as: Relation,
     #[serde(default)]
     map: Vec<String>,
+    normal: Option<String>,
     vertex: Option<String>,
     fragment: Option<String>,
     second_vertex: Option<String>,
@@ -119,6 +131,7 @@ pub fn read(path: &Path, folder: &Path, shader: &ShaderArgs) -> Result<Vec<Asked
             first: side(pair.first, pair.vertex, pair.fragment, define),
             relation: pair.r#as,
             maps,
+            normal: pair.normal,
         })
     });
     asked.collect()

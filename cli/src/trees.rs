@@ -108,6 +108,11 @@ impl Tree {
         &self.given
     }
 
+    /// Where it is now.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// Whether it is a folder.
     pub fn is_folder(&self) -> bool {
         self.path.is_dir()
@@ -167,12 +172,29 @@ pub fn pairs(
     let (mut old, new) = (materials(before, first)?, materials(after, second)?);
     let (mut both, mut alone) = (Vec::new(), Vec::new());
     let only = |tree: &Tree, name: &str| format!("{name} is only in {}", tree.given);
+    let mut added = Vec::new();
     for (name, second) in new {
         match old.remove(&name) {
             Some(first) => both.push(Asked {
                 name: Some(name),
                 ..pair(first, second)
             }),
+            None => added.push((name, second)),
+        }
+    }
+    let texts = |shader: &ShaderArgs| {
+        let texts = shader.files.iter().map(|f| std::fs::read(f).ok());
+        texts.collect::<Option<Vec<_>>>()
+    };
+    for (name, second) in added {
+        let own = texts(&second);
+        let mut gone = old.iter();
+        let renamed = gone.find(|(_, first)| own.is_some() && texts(first) == own);
+        match renamed.map(|(name, _)| name.clone()) {
+            Some(earlier) => {
+                old.remove(&earlier);
+                alone.push(format!("{earlier} is {name} in {}", after.given));
+            }
             None => alone.push(only(after, &name)),
         }
     }

@@ -10,7 +10,7 @@ use super::folder::{Capture, get};
 use super::pass::{PassDraw, passes};
 
 /// Contents before a command.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Contents {
     /// Buffers that differ from the start.
     buffers: BTreeMap<usize, Vec<u8>>,
@@ -26,11 +26,7 @@ impl Contents {
     /// # Errors
     /// The capture is broken, or lacks data.
     pub fn before(capture: &Capture, frame: usize, command: usize) -> Result<Self, Error> {
-        let mut contents = Self {
-            buffers: BTreeMap::new(),
-            computed_buffers: BTreeSet::new(),
-            changed_textures: BTreeSet::new(),
-        };
+        let mut contents = Self::default();
         for earlier in 0..=frame {
             let of = get(&capture.file.frames, earlier, "frame", "the capture")?;
             let draws: BTreeMap<usize, Vec<PassDraw>> = passes(capture, earlier)?
@@ -49,7 +45,8 @@ impl Contents {
         Ok(contents)
     }
 
-    fn apply(
+    /// Applies a command. `draws` are those of a render pass.
+    pub(super) fn apply(
         &mut self,
         capture: &Capture,
         command: &Command,

@@ -75,6 +75,7 @@ pub struct CaptureFile {
 pub struct Source {
     pub api: Api,
     pub adapter: String,
+    pub features: Vec<String>,
     pub title: String,
     pub writer: String,
 }
@@ -613,10 +614,85 @@ pub struct VertexBufferLayout {
 #[serde(rename_all = "camelCase")]
 #[allow(missing_docs)]
 pub struct VertexAttribute {
-    pub format: wgpu::VertexFormat,
+    pub format: AttributeFormat,
     pub offset: u64,
     pub shader_location: Option<u32>,
     pub name: Option<String>,
+    /// The column of a matrix.
+    #[serde(default)]
+    pub column: u32,
+}
+
+/// A `GPUVertexFormat`, or one of WebGL's that WebGPU lacks: integers that are read as floats
+/// (`uscaled8x4`), and three components of 8 or 16 bits (`unorm8x3`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(try_from = "String")]
+pub enum AttributeFormat {
+    /// WebGPU's.
+    Own(wgpu::VertexFormat),
+    /// WebGL's.
+    Other(Packed),
+}
+
+/// Components of integers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(missing_docs)]
+pub struct Packed {
+    pub is_signed: bool,
+    /// Whether the largest integer is 1.
+    pub is_normalised: bool,
+    pub bits: u32,
+    pub components: u32,
+}
+
+impl TryFrom<String> for AttributeFormat {
+    type Error = String;
+
+    fn try_from(name: String) -> Result<Self, String> {
+        let own = serde_json::from_value(serde_json::Value::String(name.clone()));
+        if let Ok(own) = own {
+            return Ok(Self::Own(own));
+        }
+        let wrong = || format!("there is no vertex format `{name}`");
+        let start = name.find(|c: char| c.is_ascii_digit()).ok_or_else(wrong)?;
+        let (kind, size) = name.split_at(start);
+        let (bits, components) = size.split_once('x').unwrap_or((size, "1"));
+        let (bits, components) = (bits.parse(), components.parse());
+        let (Ok(bits @ (8 | 16 | 32)), Ok(components @ 1..=4)) = (bits, components) else {
+            return Err(wrong());
+        };
+        let (is_signed, is_normalised) = match kind {
+            "uscaled" | "uint" => (false, false),
+            "sscaled" | "sint" => (true, false),
+            "unorm" => (false, true),
+            "snorm" => (true, true),
+            _ => return Err(wrong()),
+        };
+        Ok(Self::Other(Packed {
+            is_signed,
+            is_normalised,
+            bits,
+            components,
+        }))
+    }
+}
+
+impl AttributeFormat {
+    /// WebGPU's format, if it is one.
+    pub fn own(self) -> Option<wgpu::VertexFormat> {
+        match self {
+            Self::Own(format) => Some(format),
+            Self::Other(_) => None,
+        }
+    }
+
+    /// Bytes of all components.
+    pub fn size(self) -> u64 {
+        match self {
+            Self::Own(format) => format.size(),
+            Self::Other(packed) => u64::from(packed.bits / 8 * packed.components),
+        }
+    }
 }
 
 /// A `GPUFragmentState`.
@@ -1179,14 +1255,41 @@ pub enum DrawCommand {
     SetStencilReference {
         reference: u32,
     },
-    Clear {
-        color: Option<[f64; 4]>,
-        depth: Option<f32>,
-        stencil: Option<u32>,
-        #[serde(default = "every_channel")]
-        mask: u32,
-        scissor: Option<[u32; 4]>,
-    },
+    Clear(Clear),
+}
+
+/// A clear that does not fill the target. What is left out is not cleared.
+#[derive(Clone, Debug, Deserialize)]
+#[allow(missing_docs)]
+pub struct Clear {
+    pub color: Option<[f64; 4]>,
+    /// Whether each target is cleared; all, if it is empty.
+    #[serde(default)]
+    pub colors: Vec<bool>,
+    pub depth: Option<f32>,
+    pub stencil: Option<u32>,
+    #[serde(default)]
+    pub mask: ClearMask,
+    pub scissor: Option<[u32; 4]>,
+}
+
+/// The bits that a clear writes.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[allow(missing_docs)]
+pub struct ClearMask {
+    #[serde(default = "every_channel")]
+    pub color: u32,
+    #[serde(default = "every_bit")]
+    pub stencil: u32,
+}
+
+impl Default for ClearMask {
+    fn default() -> Self {
+        Self {
+            color: every_channel(),
+            stencil: every_bit(),
+        }
+    }
 }
 
 fn far() -> f32 {

@@ -15,6 +15,7 @@ pub mod codes;
 mod contents;
 pub mod file;
 pub mod folder;
+mod material;
 pub mod page;
 mod pass;
 pub mod replay;
@@ -25,7 +26,7 @@ mod webgl;
 pub use check::{Check, Compared, check};
 pub use folder::{Capture, FILE, is_folder};
 pub use pass::{Pass, passes};
-pub use scene::{Choice, Converted, scene};
+pub use scene::{Choice, scene};
 
 use crate::limits::Exceeded;
 use crate::{front, regular, render};

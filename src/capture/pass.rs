@@ -3,7 +3,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::Error;
-use super::file::{Command, DrawCommand, IndexFormat, Load, RenderPassDescriptor, Resource, View};
+use super::file::{
+    Clear, Command, DrawCommand, IndexFormat, Load, RenderPassDescriptor, Resource, View,
+};
 use super::folder::{Capture, get};
 
 /// A render pass of a frame.
@@ -15,6 +17,8 @@ pub struct Pass<'c> {
     pub descriptor: &'c RenderPassDescriptor,
     /// What it is for.
     pub kind: Kind,
+    /// The texture that the page shows.
+    canvas: Option<usize>,
     /// Its draws, in order.
     pub draws: Vec<PassDraw>,
 }
@@ -116,6 +120,7 @@ pub fn passes(capture: &Capture, frame: usize) -> Result<Vec<Pass<'_>>, Error> {
                 command,
                 descriptor,
                 kind: Kind::Clear,
+                canvas: of.canvas,
                 draws,
             });
         }
@@ -128,7 +133,26 @@ pub fn passes(capture: &Capture, frame: usize) -> Result<Vec<Pass<'_>>, Error> {
     Ok(found)
 }
 
+/// A draw, or a clear between draws.
+#[derive(Clone, Debug)]
+pub(super) enum Step<'c> {
+    Draw(Box<PassDraw>),
+    Clear(&'c Clear),
+}
+
 fn draws(commands: &[DrawCommand], place: &str) -> Result<Vec<PassDraw>, Error> {
+    let draw = |step| match step {
+        Step::Draw(draw) => Some(*draw),
+        Step::Clear(_) => None,
+    };
+    Ok(steps(commands, place)?
+        .into_iter()
+        .filter_map(draw)
+        .collect())
+}
+
+/// The draws and clears of a pass, in order.
+pub(super) fn steps<'c>(commands: &'c [DrawCommand], place: &str) -> Result<Vec<Step<'c>>, Error> {
     let mut state = PassDraw::default();
     let mut pipeline = None;
     let mut found = Vec::new();
@@ -174,6 +198,10 @@ fn draws(commands: &[DrawCommand], place: &str) -> Result<Vec<PassDraw>, Error> 
                 indexed: true,
                 ..Call::default()
             },
+            DrawCommand::Clear(clear) => {
+                found.push(Step::Clear(clear));
+                continue;
+            }
             other => {
                 state.set(other);
                 continue;
@@ -181,11 +209,11 @@ fn draws(commands: &[DrawCommand], place: &str) -> Result<Vec<PassDraw>, Error> 
         };
         let pipeline =
             pipeline.ok_or_else(|| Error::broken(place, "a draw comes before its pipeline"))?;
-        found.push(PassDraw {
+        found.push(Step::Draw(Box::new(PassDraw {
             pipeline,
             call,
             ..state.clone()
-        });
+        })));
     }
     Ok(found)
 }
@@ -273,8 +301,18 @@ fn kind(capture: &Capture, pass: &Pass<'_>, later: &[Pass<'_>]) -> Kind {
     if pass.draws.is_empty() {
         return Kind::Clear;
     }
-    let mut colors = pass.descriptor.color_attachments.iter().flatten();
-    let has_color = colors.next().is_some();
+    let reads = |p: &Pass<'_>, texture: usize| {
+        p.draws
+            .iter()
+            .any(|d| sampled(capture, d).contains(&texture))
+    };
+    let is_read = |texture: usize| later.iter().any(|p| reads(p, texture));
+    let colors = pass.descriptor.color_attachments.iter().flatten();
+    let shown = pass.canvas;
+    let mut drawn = colors.flat_map(|c| std::iter::once(&c.view).chain(&c.resolve_target));
+    // three.js binds a colour to its shadow maps, which nobody reads.
+    let has_color = drawn.any(|view| Some(view.texture) == shown || is_read(view.texture));
+    let has_color = has_color || pass.descriptor.depth_stencil_attachment.is_none();
     if has_color {
         return match is_full_screen(pass) {
             true => Kind::FullScreen,
@@ -289,14 +327,12 @@ fn kind(capture: &Capture, pass: &Pass<'_>, later: &[Pass<'_>]) -> Kind {
         let depth = p.descriptor.depth_stencil_attachment.as_ref();
         depth.is_some_and(|d| d.view.texture == *texture && d.depth_load_op != Some(Load::Clear))
     };
-    let reads = |p: &Pass<'_>| {
-        p.draws
-            .iter()
-            .any(|d| sampled(capture, d).contains(texture))
-    };
+    let has_color = !pass.descriptor.color_attachments.is_empty();
     match () {
+        () if is_read(*texture) => Kind::Shadow,
+        // A later pass may draw on, or another frame read it.
+        () if has_color => Kind::Main,
         () if later.iter().any(tests) => Kind::Prepass,
-        () if later.iter().any(reads) => Kind::Shadow,
         () => Kind::Depth,
     }
 }

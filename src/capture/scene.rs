@@ -7,25 +7,18 @@ use std::sync::Arc;
 
 use glam::{Mat4, Vec3};
 use preshade_passes::plan::BindingKind;
-use preshade_passes::state::{
-    Blend, BlendComponent, ColorTarget, DepthBias, DepthDirection, DepthFormat, MaterialState,
-    Multisample, PrimitiveState, StencilFace, StencilState,
-};
-use serde::Serialize;
-use serde::de::DeserializeOwned;
+use preshade_passes::state::{DepthDirection, DepthFormat};
 
 use super::contents::Contents;
-use super::file::{
-    self, Cull, IndexFormat, Load, RenderPipeline, Resource, ShaderLanguage, Topology, View,
-};
+use super::file::{self, Load, RenderPipeline, Resource, View};
 use super::folder::{Capture, get};
+use super::material::{self, Left, Rows};
 use super::pass::{self, Kind, Part, Pass, PassDraw, passes};
 use super::replay::{Replay, Until};
-use super::{Error, texels};
-use crate::front::{self, Source};
+use super::{Error, texels, webgl};
 use crate::render::Gpu;
 use crate::scene::bind::{
-    Area, BufferBinding, Call, Data, DrawBindings, Indices, Rate, SamplerBinding, TextureBinding,
+    Area, BufferBinding, Call, Data, DrawBindings, Rate, SamplerBinding, TextureBinding,
     TextureContent, VertexAttribute, VertexBuffer,
 };
 use crate::scene::{
@@ -41,24 +34,14 @@ pub struct Choice {
     pub pass: Option<usize>,
 }
 
-/// A scene, and what it leaves out.
-#[derive(Debug)]
-pub struct Converted {
-    /// The scene.
-    pub scene: Scene,
-    /// Number of the render pass in the frame.
-    pub pass: usize,
-    /// What the scene does not draw as the frame did, each with the reason.
-    pub notes: Vec<String>,
-}
-
 /// A scene of one pass. With an adapter, what earlier passes drew is replayed; without, such
-/// textures and buffers are empty, which is enough to read the programs.
+/// textures and buffers are empty, which is enough to read the programs. Its notes tell what it does
+/// not draw as the frame did.
 ///
 /// # Errors
 /// The capture is broken, lacks data or has no such pass, or none of the pass's pipelines can be
 /// read.
-pub fn scene(capture: &Capture, choice: Choice, gpu: Option<&Gpu>) -> Result<Converted, Error> {
+pub fn scene(capture: &Capture, choice: Choice, gpu: Option<&Gpu>) -> Result<Scene, Error> {
     let all = passes(capture, choice.frame)?;
     let index = chosen(&all, choice)?;
     let pass = &all[index];
@@ -66,6 +49,7 @@ pub fn scene(capture: &Capture, choice: Choice, gpu: Option<&Gpu>) -> Result<Con
     let mut made = Maker {
         capture,
         pass,
+        before: &all[..index],
         contents,
         replay: None,
         gpu,
@@ -78,12 +62,9 @@ pub fn scene(capture: &Capture, choice: Choice, gpu: Option<&Gpu>) -> Result<Con
         by_pipeline: BTreeMap::new(),
         meshes: Vec::new(),
     };
-    let scene = made.scene()?;
-    Ok(Converted {
-        scene,
-        pass: index,
-        notes: made.notes.into_iter().collect(),
-    })
+    let mut scene = made.scene()?;
+    scene.notes = made.notes.into_iter().collect();
+    Ok(scene)
 }
 
 /// The pass to take.
@@ -103,16 +84,11 @@ fn chosen(all: &[Pass<'_>], choice: Choice) -> Result<usize, Error> {
         .ok_or_else(|| Error::broken(place, "no render pass of it draws materials"))
 }
 
-/// The same name in another list of WebGPU's names.
-fn same<T: DeserializeOwned>(of: impl Serialize) -> Result<T, String> {
-    let text = serde_json::to_value(of).map_err(|e| e.to_string())?;
-    let shown = text.to_string();
-    serde_json::from_value(text).map_err(|_| format!("preshade has no {shown}"))
-}
-
 pub(super) struct Maker<'c> {
     pub(super) capture: &'c Capture,
     pass: &'c Pass<'c>,
+    /// The passes of the frame before it.
+    before: &'c [Pass<'c>],
     contents: Contents,
     replay: Option<Replay<'c>>,
     gpu: Option<&'c Gpu>,
@@ -181,6 +157,7 @@ impl<'c> Maker<'c> {
             files: capture.files(),
             is_made_up: false,
             own_size: None,
+            notes: Vec::new(),
         })
     }
 
@@ -196,34 +173,57 @@ impl<'c> Maker<'c> {
         let [width, height, _] = of.size.0;
         let level = view.view.base_mip_level;
         let size = [width, height].map(|s| (s >> level).max(1));
-        if colors.clone().any(|c| c.load_op == Load::Load) {
-            self.notes.insert(
-                "the pass draws onto what is there, and the scene onto its clear colour".to_owned(),
-            );
-        }
         let mut made = Target {
             size,
             samples: of.sample_count,
-            clear: first
-                .and_then(|c| c.clear_value)
-                .map_or([0.0; 4], file::Color::numbers),
+            clear: [0.0; 4],
             depth: None,
             direction: DepthDirection::Forward,
         };
+        if let Some(color) = first {
+            let own = color.clear_value.map_or([0.0; 4], file::Color::numbers);
+            made.clear = match color.load_op {
+                Load::Clear => own,
+                Load::Load => match earlier(self.before, color.view.texture) {
+                    Earlier::Cleared(clear, _) => clear,
+                    Earlier::Drawn => {
+                        self.notes.insert(
+                            "the pass draws onto an earlier picture, and the scene onto one colour"
+                                .to_owned(),
+                        );
+                        own
+                    }
+                },
+            };
+        }
         if let Some(depth) = depth {
             let format = texture(&depth.view)?.format;
-            made.depth = Some(same(format).map_err(|e| Error::broken("a render pass", e))?);
-            let clear = depth.depth_clear_value.unwrap_or(1.0);
-            if depth.depth_load_op == Some(Load::Load) || depth.depth_load_op.is_none() {
-                self.notes.insert(
-                    "the pass tests the depth of an earlier one, and the scene a cleared depth"
-                        .to_owned(),
-                );
-            }
+            let format = material::same(format);
+            made.depth = Some(format.map_err(|e| Error::broken("a render pass", e))?);
+            let clear = match depth.depth_load_op {
+                Some(Load::Clear) => depth.depth_clear_value.unwrap_or(0.0),
+                _ => match earlier(self.before, depth.view.texture) {
+                    Earlier::Cleared(_, clear) => clear,
+                    Earlier::Drawn => {
+                        self.notes.insert(
+                            "the pass tests the depth of an earlier one, and the scene a cleared \
+                             depth"
+                                .to_owned(),
+                        );
+                        1.0
+                    }
+                },
+            };
             made.direction = match clear < 0.5 {
                 true => DepthDirection::Reversed,
                 false => DepthDirection::Forward,
             };
+            if clear != made.direction.clear_depth() {
+                self.notes.insert(format!(
+                    "the pass clears its depth to {clear}, and the scene to {}",
+                    made.direction.clear_depth()
+                ));
+            }
         }
         Ok(made)
     }
@@ -232,7 +232,7 @@ impl<'c> Maker<'c> {
     fn material(&mut self, draw: &PassDraw) -> Result<Option<usize>, Error> {
         let all = &self.capture.file.render_pipelines;
         let of = get(all, draw.pipeline, "render pipeline", "a draw")?;
-        let has_stencil = of.depth_stencil.as_ref().is_some_and(has_stencil);
+        let has_stencil = of.depth_stencil.as_ref().is_some_and(material::has_stencil);
         let key = (
             draw.pipeline,
             if has_stencil {
@@ -245,7 +245,7 @@ impl<'c> Maker<'c> {
             return Ok(*known);
         }
         let name = self.name(of, draw.pipeline);
-        let found = match self.read(of, &name) {
+        let found = match material::read(self.capture, of, &name, Rows::AsWritten) {
             Ok(mut material) => {
                 if let Some(stencil) = &mut material.state.stencil {
                     stencil.reference = key.1;
@@ -282,99 +282,6 @@ impl<'c> Maker<'c> {
         }
     }
 
-    fn read(&self, of: &RenderPipeline, name: &str) -> Result<Material, Left> {
-        let vertex = &of.vertex.stage;
-        let fragment = of.fragment.as_ref().map(|f| &f.stage);
-        if !vertex.constants.is_empty() || fragment.is_some_and(|f| !f.constants.is_empty()) {
-            return Err(Left::Out("its pipeline sets constants".to_owned()));
-        }
-        let mut modules = vec![vertex.module];
-        modules.extend(fragment.map(|f| f.module).filter(|m| *m != vertex.module));
-        let mut sources = Vec::new();
-        for module in modules {
-            let shader = get(&self.capture.file.shaders, module, "shader", name)?;
-            let ending = match shader.language {
-                ShaderLanguage::Wgsl => "wgsl",
-                ShaderLanguage::SpirV => "spv",
-                ShaderLanguage::GlslEs100 | ShaderLanguage::GlslEs300 if sources.is_empty() => {
-                    "vert"
-                }
-                ShaderLanguage::GlslEs100 | ShaderLanguage::GlslEs300 => "frag",
-            };
-            let bytes = self.capture.data(&shader.data)?.to_vec();
-            let source = Source::from_bytes(format!("{name}.{ending}"), bytes);
-            sources.push(source.map_err(|e| Left::Out(e.to_string()))?);
-        }
-        let options = front::Options {
-            vertex: vertex.entry_point.clone(),
-            fragment: fragment.and_then(|f| f.entry_point.clone()),
-            limits: *self.capture.limits(),
-            ..front::Options::default()
-        };
-        let parsed = front::parse(&sources, &options).map_err(|e| Left::Out(e.to_string()))?;
-        Ok(Material {
-            name: name.to_owned(),
-            file: None,
-            vertex: parsed.vertex,
-            fragment: fragment.and(parsed.fragment),
-            program: parsed.program,
-            defines: BTreeMap::new(),
-            state: self.state(of).map_err(Left::Out)?,
-            values: BTreeMap::new(),
-            textures: BTreeMap::new(),
-            samplers: BTreeMap::new(),
-            attributes: BTreeMap::new(),
-        })
-    }
-
-    fn state(&self, of: &RenderPipeline) -> Result<MaterialState, String> {
-        let p = &of.primitive;
-        let mut state = MaterialState {
-            primitive: PrimitiveState {
-                topology: match p.topology {
-                    Topology::TriangleFan | Topology::LineLoop => {
-                        return Err("it draws a fan or a loop".to_owned());
-                    }
-                    other => same(super::replay::topology(other))?,
-                },
-                cull: match p.cull_mode {
-                    Cull::None => preshade_passes::state::CullMode::None,
-                    Cull::Front => preshade_passes::state::CullMode::Front,
-                    Cull::Back => preshade_passes::state::CullMode::Back,
-                },
-                front_face: same(p.front_face)?,
-                unclipped_depth: p.unclipped_depth,
-            },
-            multisample: Multisample {
-                count: of.multisample.count,
-                mask: of.multisample.mask,
-                alpha_to_coverage: of.multisample.alpha_to_coverage_enabled,
-            },
-            ..MaterialState::default()
-        };
-        if let Some(depth) = &of.depth_stencil {
-            let compare = depth.depth_compare.unwrap_or(wgpu::CompareFunction::Always);
-            state.depth_compare = Some(same(compare)?);
-            state.depth_write = depth.depth_write_enabled.unwrap_or(false);
-            state.depth_format = same(depth.format)?;
-            state.depth_bias = DepthBias {
-                constant: depth.depth_bias,
-                slope_scale: depth.depth_bias_slope_scale,
-                clamp: depth.depth_bias_clamp,
-            };
-            state.stencil = stencil(depth)?;
-        } else {
-            state.depth_compare = Some(preshade_passes::state::CompareFunction::Always);
-            state.depth_write = false;
-        }
-        for target in of.fragment.iter().flat_map(|f| &f.targets) {
-            state
-                .targets
-                .push(target.as_ref().map(color_target).transpose()?);
-        }
-        Ok(state)
-    }
-
     fn draw(&mut self, index: usize, draw: &PassDraw, material: usize) -> Result<Draw, Left> {
         let call = self.call(draw.call)?;
         let all = &self.capture.file.render_pipelines;
@@ -384,13 +291,14 @@ impl<'c> Maker<'c> {
             None => self.resources(draw, material)?,
         };
         let vertex_buffers = match self.capture.file.source.api.is_webgl() {
-            true => self.interleaved(draw, pipeline, material)?,
+            true => {
+                let capture = self.capture;
+                let program = self.materials[material].clone();
+                webgl::interleaved(capture, draw, pipeline, &program, &mut |p| self.part(p))?
+            }
             false => self.vertex_buffers(draw, pipeline)?,
         };
-        let indices = match call.indexed {
-            true => Some(self.indices(draw)?),
-            false => None,
-        };
+        let (indices, call) = webgl::indices(draw, pipeline, call, &mut |part| self.part(part))?;
         let mut vertex_count = vertex_buffers
             .iter()
             .filter(|b| b.step == wgpu::VertexStepMode::Vertex)
@@ -541,7 +449,7 @@ impl<'c> Maker<'c> {
             let attributes = layout.attributes.iter().map(|a| {
                 Some(VertexAttribute {
                     location: a.shader_location?,
-                    format: a.format,
+                    format: a.format.own()?,
                     offset: a.offset,
                     is_invented: false,
                 })
@@ -550,39 +458,13 @@ impl<'c> Maker<'c> {
             made.push(VertexBuffer {
                 stride: layout.array_stride,
                 step: layout.step_mode,
-                attributes: attributes
-                    .ok_or_else(|| Left::Out("an attribute has no location".to_owned()))?,
+                attributes: attributes.ok_or_else(|| {
+                    Left::Out("an attribute has no location, or a format of WebGL".to_owned())
+                })?,
                 data,
             });
         }
         Ok(made)
-    }
-
-    fn indices(&mut self, draw: &PassDraw) -> Result<Indices, Left> {
-        let Some((part, format)) = draw.indices else {
-            return Err(Left::Out("no index buffer is set".to_owned()));
-        };
-        let mut data = self.part(part)?;
-        let (format, size) = match format {
-            IndexFormat::Uint32 => (wgpu::IndexFormat::Uint32, 4),
-            IndexFormat::Uint16 => (wgpu::IndexFormat::Uint16, 2),
-            IndexFormat::Uint8 => {
-                let wide = data.bytes.iter().flat_map(|b| u16::from(*b).to_le_bytes());
-                data = Data::new(wide.collect());
-                (wgpu::IndexFormat::Uint16, 2)
-            }
-        };
-        let count = (data.bytes.len() / size) as u32;
-        if !data.bytes.len().is_multiple_of(4) {
-            let mut bytes = data.bytes.to_vec();
-            bytes.resize(bytes.len().next_multiple_of(4), 0);
-            data = Data::new(bytes);
-        }
-        Ok(Indices {
-            format,
-            count,
-            data,
-        })
     }
 
     /// What the draw's bind groups hold, as far as the program reads it.
@@ -733,6 +615,38 @@ impl<'c> Maker<'c> {
 /// Buffers, textures and samplers of a draw.
 pub(super) type Bound = (Vec<BufferBinding>, Vec<TextureBinding>, Vec<SamplerBinding>);
 
+/// What the passes before left in a texture.
+enum Earlier {
+    /// A colour or a depth all over.
+    Cleared([f64; 4], f32),
+    /// Something else, if only of an earlier frame.
+    Drawn,
+}
+
+fn earlier(before: &[Pass<'_>], texture: usize) -> Earlier {
+    for pass in before.iter().rev() {
+        let mut colors = pass.descriptor.color_attachments.iter().flatten();
+        let color = colors.find(|c| c.view.texture == texture);
+        let depth = pass.descriptor.depth_stencil_attachment.iter();
+        let mut depth = depth.filter(|d| d.view.texture == texture);
+        let (color, depth) = (color, depth.next());
+        if color.is_none() && depth.is_none() {
+            continue;
+        }
+        let is_cleared = color.is_some_and(|c| c.load_op == Load::Clear)
+            || depth.is_some_and(|d| d.depth_load_op == Some(Load::Clear));
+        if !pass.draws.is_empty() || !is_cleared {
+            return Earlier::Drawn;
+        }
+        let clear = color.and_then(|c| c.clear_value);
+        return Earlier::Cleared(
+            clear.map_or([0.0; 4], file::Color::numbers),
+            depth.and_then(|d| d.depth_clear_value).unwrap_or(0.0),
+        );
+    }
+    Earlier::Drawn
+}
+
 /// The targets of the pass.
 struct Target {
     size: [u32; 2],
@@ -740,64 +654,4 @@ struct Target {
     clear: [f64; 4],
     depth: Option<DepthFormat>,
     direction: DepthDirection,
-}
-
-/// Why a draw is not in the scene.
-pub(super) enum Left {
-    /// It is left out, and everything else is drawn.
-    Out(String),
-    /// The capture is broken, or the device is lost.
-    Broken(Error),
-}
-
-impl From<Error> for Left {
-    fn from(error: Error) -> Self {
-        Self::Broken(error)
-    }
-}
-
-fn has_stencil(of: &file::DepthStencil) -> bool {
-    let plain = file::StencilFace::default();
-    of.stencil_front != plain || of.stencil_back != plain
-}
-
-fn stencil(of: &file::DepthStencil) -> Result<Option<StencilState>, String> {
-    if !has_stencil(of) {
-        return Ok(None);
-    }
-    let face = |f: file::StencilFace| -> Result<StencilFace, String> {
-        Ok(StencilFace {
-            compare: same(f.compare)?,
-            fail: same(f.fail_op)?,
-            depth_fail: same(f.depth_fail_op)?,
-            pass: same(f.pass_op)?,
-        })
-    };
-    Ok(Some(StencilState {
-        front: face(of.stencil_front)?,
-        back: face(of.stencil_back)?,
-        read_mask: of.stencil_read_mask,
-        write_mask: of.stencil_write_mask,
-        reference: 0,
-    }))
-}
-
-fn color_target(of: &file::ColorTarget) -> Result<ColorTarget, String> {
-    let component = |c: file::BlendComponent| -> Result<BlendComponent, String> {
-        Ok(BlendComponent {
-            src: same(c.src_factor)?,
-            dst: same(c.dst_factor)?,
-            operation: same(c.operation)?,
-        })
-    };
-    let blend = of.blend.as_ref().map(|b| {
-        Ok::<_, String>(Blend {
-            color: component(b.color)?,
-            alpha: component(b.alpha)?,
-        })
-    });
-    let mut target = ColorTarget::opaque(same::<String>(of.format)?);
-    target.blend = blend.transpose()?;
-    target.write_mask = (of.write_mask & 0xf) as u8;
-    Ok(target)
 }

@@ -3,6 +3,7 @@
 use super::Error;
 use super::file::{self, Texture, View};
 use super::folder::{Capture, get};
+use super::material;
 use crate::scene::bind::Data;
 use crate::scene::{Address, Filter, Image, Sampler};
 
@@ -150,17 +151,27 @@ pub(super) fn empty(capture: &Capture, view: &View) -> Result<Image, Error> {
 
 /// A sampler of a scene.
 pub(super) fn sampler(of: &file::Sampler) -> Sampler {
+    let address = |mode| match mode {
+        wgpu::AddressMode::Repeat => Address::Repeat,
+        wgpu::AddressMode::MirrorRepeat => Address::MirrorRepeat,
+        _ => Address::ClampToEdge,
+    };
+    let filter = |mode| match mode {
+        wgpu::FilterMode::Nearest => Filter::Nearest,
+        wgpu::FilterMode::Linear => Filter::Linear,
+    };
     Sampler {
-        filter: match of.min_filter {
-            wgpu::FilterMode::Nearest => Filter::Nearest,
-            wgpu::FilterMode::Linear => Filter::Linear,
-        },
-        address: match of.address_mode_u {
-            wgpu::AddressMode::Repeat => Address::Repeat,
-            wgpu::AddressMode::MirrorRepeat => Address::MirrorRepeat,
-            _ => Address::ClampToEdge,
-        },
-        anisotropy: of.max_anisotropy,
-        compare: None,
+        filter: filter(of.mag_filter),
+        min_filter: Some(filter(of.min_filter)),
+        mip_filter: Some(match of.mipmap_filter {
+            wgpu::MipmapFilterMode::Nearest => Filter::Nearest,
+            wgpu::MipmapFilterMode::Linear => Filter::Linear,
+        }),
+        address: address(of.address_mode_u),
+        address_v: Some(address(of.address_mode_v)),
+        address_w: Some(address(of.address_mode_w)),
+        lod: Some([of.lod_min_clamp, of.lod_max_clamp]),
+        anisotropy: of.max_anisotropy.max(1),
+        compare: of.compare.and_then(|c| material::same(c).ok()),
     }
 }

@@ -4,23 +4,28 @@
 use std::collections::BTreeMap;
 
 use naga::ScalarKind;
+use preshade_passes::declared::{Declaration, Type};
 use preshade_passes::plan::{BindingKind, BindingUse};
 use preshade_passes::reflect;
 
-use super::file::{Named, RenderPipeline, SampledTexture};
-use super::folder::get;
-use super::pass::PassDraw;
-use super::scene::{Bound, Left, Maker};
+use super::file::{
+    AttributeFormat, BufferRange, IndexFormat, Named, Packed, RenderPipeline, SampledTexture,
+    Topology,
+};
+use super::folder::{Capture, get};
+use super::material::Left;
+use super::pass::{Call, Part, PassDraw};
+use super::scene::{Bound, Maker};
 use super::texels;
 use crate::scene::Material;
 use crate::scene::bind::{
-    self, BufferBinding, Data, Rate, SamplerBinding, VertexAttribute, VertexBuffer,
+    self, BufferBinding, Data, Indices, Rate, SamplerBinding, VertexAttribute, VertexBuffer,
 };
 
 /// An attribute of WebGL: where its numbers are, and what the program reads.
 struct Source<'d> {
     location: u32,
-    format: wgpu::VertexFormat,
+    format: AttributeFormat,
     /// The format in the new buffer.
     target: wgpu::VertexFormat,
     bytes: &'d [u8],
@@ -28,39 +33,70 @@ struct Source<'d> {
     offset: usize,
 }
 
-impl<'c> Maker<'c> {
+/// What a binding of the program is in the draw.
+pub(super) enum Given<'n> {
+    /// The uniforms outside of blocks.
+    Loose(Data),
+    /// A block.
+    Block(&'n BufferRange),
+    /// A texture.
+    Texture(&'n SampledTexture),
+    /// The sampler of a texture.
+    Sampler(&'n SampledTexture),
+}
+
+/// The resource of a binding, by the names that the author gave.
+pub(super) fn given<'n>(
+    material: &Material,
+    used: &BindingUse,
+    named: &'n Named,
+) -> Result<Given<'n>, Left> {
+    let declared = material.program.declared();
+    let is = |b: naga::ResourceBinding| (b.group, b.binding) == (used.group, used.binding);
+    let texture = |path: Option<&str>| {
+        let path = path.unwrap_or(&used.name);
+        sampled(named, path).ok_or_else(|| missing(path))
+    };
+    match used.kind {
+        BindingKind::Uniform if declared.loose.is_some_and(is) => {
+            loose(material, used, named).map(Given::Loose)
+        }
+        BindingKind::Uniform => {
+            let block = declared.blocks.iter().find(|b| is(b.binding));
+            let name = block.map_or(used.name.as_str(), |b| &b.name);
+            let range = named.blocks.get(name).ok_or_else(|| missing(name))?;
+            Ok(Given::Block(range))
+        }
+        BindingKind::Texture | BindingKind::DepthTexture => {
+            let pair = declared.samplers.iter().find(|s| is(s.texture));
+            texture(pair.map(|p| p.path.as_str())).map(Given::Texture)
+        }
+        BindingKind::Sampler | BindingKind::ComparisonSampler => {
+            let pair = declared.samplers.iter().find(|s| is(s.sampler));
+            texture(pair.map(|p| p.path.as_str())).map(Given::Sampler)
+        }
+        _ => Err(missing(&used.name)),
+    }
+}
+
+impl Maker<'_> {
     /// What the program reads of the resources by name.
     pub(super) fn named_resources(&mut self, named: usize, material: usize) -> Result<Bound, Left> {
         let named = get(&self.capture.file.named, named, "named resources", "a draw")?;
         let mut bound: Bound = Default::default();
         let plan = self.materials[material].plan();
-        let uses = plan.main().map(|p| p.bindings.clone()).unwrap_or_default();
-        for used in &uses {
-            let declared = self.materials[material].program.declared().clone();
-            let is = |b: naga::ResourceBinding| (b.group, b.binding) == (used.group, used.binding);
-            match used.kind {
-                BindingKind::Uniform if declared.loose.is_some_and(is) => {
-                    let data = loose(&self.materials[material], used, named)?;
-                    bound.0.push(buffer(used, data));
-                }
-                BindingKind::Uniform => {
-                    let block = declared.blocks.iter().find(|b| is(b.binding));
-                    let name = block.map_or(used.name.as_str(), |b| &b.name);
-                    let range = named.blocks.get(name).ok_or_else(|| missing(name))?;
+        for used in plan.main().iter().flat_map(|p| &p.bindings) {
+            match given(&self.materials[material], used, named)? {
+                Given::Loose(data) => bound.0.push(buffer(used, data)),
+                Given::Block(range) => {
                     let data = self.part((range.buffer, range.offset, range.size))?;
                     bound.0.push(buffer(used, texels::padded(data)));
                 }
-                BindingKind::Texture | BindingKind::DepthTexture => {
-                    let pair = declared.samplers.iter().find(|s| is(s.texture));
-                    let path = pair.map_or(used.name.as_str(), |p| &p.path);
-                    let found = sampled(named, path).ok_or_else(|| missing(path))?;
-                    let made = self.texture(&found.texture, (used.group, used.binding), used)?;
-                    bound.1.push(made);
+                Given::Texture(found) => {
+                    let place = (used.group, used.binding);
+                    bound.1.push(self.texture(&found.texture, place, used)?);
                 }
-                BindingKind::Sampler | BindingKind::ComparisonSampler => {
-                    let pair = declared.samplers.iter().find(|s| is(s.sampler));
-                    let path = pair.map_or(used.name.as_str(), |p| &p.path);
-                    let found = sampled(named, path).ok_or_else(|| missing(path))?;
+                Given::Sampler(found) => {
                     let all = &self.capture.file.samplers;
                     let of = get(all, found.sampler, "sampler", "a draw")?;
                     bound.2.push(SamplerBinding {
@@ -69,57 +105,140 @@ impl<'c> Maker<'c> {
                         sampler: texels::sampler(of),
                     });
                 }
-                _ => return Err(missing(&used.name)),
             }
         }
         Ok(bound)
     }
+}
 
-    /// The attributes that the program reads, interleaved: one buffer by vertex, and one by instance.
-    pub(super) fn interleaved(
-        &mut self,
-        draw: &PassDraw,
-        pipeline: &RenderPipeline,
-        material: usize,
-    ) -> Result<Vec<VertexBuffer>, Left> {
-        let mut contents = BTreeMap::new();
-        for (slot, part) in &draw.vertices {
-            contents.insert(*slot, self.part(*part)?);
+/// The bytes of a part of a buffer.
+pub(super) type Parts<'p> = dyn FnMut(Part) -> Result<Data, Left> + 'p;
+
+/// The attributes that the program reads, interleaved: one buffer by vertex, and one by instance.
+pub(super) fn interleaved(
+    capture: &Capture,
+    draw: &PassDraw,
+    pipeline: &RenderPipeline,
+    material: &Material,
+    part: &mut Parts<'_>,
+) -> Result<Vec<VertexBuffer>, Left> {
+    let mut contents = BTreeMap::new();
+    for (slot, of) in &draw.vertices {
+        contents.insert(*slot, part(*of)?);
+    }
+    let named = draw.named.and_then(|n| capture.file.named.get(n));
+    let mut steps: [Vec<Source<'_>>; 2] = Default::default();
+    let constants = constants(named);
+    for input in attributes(material) {
+        let (found, step) = match placed(pipeline, &input, draw, &contents) {
+            Some(found) => found,
+            None => {
+                let of = constants.get(&input.name).unwrap_or(&DEFAULT);
+                let source = Source {
+                    location: input.location,
+                    format: AttributeFormat::Own(wgpu::VertexFormat::Float32x4),
+                    target: wgpu::VertexFormat::Float32x4,
+                    bytes: of,
+                    stride: 0,
+                    offset: 0,
+                };
+                (source, wgpu::VertexStepMode::Instance)
+            }
+        };
+        steps[usize::from(step == wgpu::VertexStepMode::Instance)].push(found);
+    }
+    let last = draw.call.first_instance.saturating_add(draw.call.instances);
+    let [vertices, instances] = steps;
+    let mut made = Vec::new();
+    made.extend(interleave(&vertices, wgpu::VertexStepMode::Vertex, None));
+    let count = Some(last as usize);
+    made.extend(interleave(
+        &instances,
+        wgpu::VertexStepMode::Instance,
+        count,
+    ));
+    Ok(made)
+}
+
+/// The indices of a draw and its arguments. Bytes become 16 bits, and fans and loops of WebGL lists and
+/// strips.
+pub(super) fn indices(
+    draw: &PassDraw,
+    pipeline: &RenderPipeline,
+    call: Call,
+    part: &mut Parts<'_>,
+) -> Result<(Option<Indices>, Call), Left> {
+    let given = match (call.indexed, draw.indices) {
+        (false, _) => None,
+        (true, None) => return Err(Left::Out("no index buffer is set".to_owned())),
+        (true, Some((of, format))) => Some((part(of)?, format)),
+    };
+    let topology = pipeline.primitive.topology;
+    if !matches!(topology, Topology::TriangleFan | Topology::LineLoop) {
+        return Ok((given.map(|(data, format)| widened(data, format)), call));
+    }
+    let corner = |i: u32| match &given {
+        None => call.first.saturating_add(i),
+        Some((data, format)) => index(data, *format, call.first.saturating_add(i)),
+    };
+    let numbers: Vec<u32> = match topology {
+        Topology::TriangleFan => (1..call.count.saturating_sub(1))
+            .flat_map(|i| [corner(0), corner(i), corner(i + 1)])
+            .collect(),
+        _ => (0..call.count).chain([0]).map(corner).collect(),
+    };
+    let call = Call {
+        first: 0,
+        count: numbers.len() as u32,
+        indexed: true,
+        ..call
+    };
+    let bytes = numbers.iter().flat_map(|n| n.to_le_bytes()).collect();
+    let made = Indices {
+        format: wgpu::IndexFormat::Uint32,
+        count: call.count,
+        data: Data::new(bytes),
+    };
+    Ok((Some(made), call))
+}
+
+fn widened(mut data: Data, format: IndexFormat) -> Indices {
+    let (format, size) = match format {
+        IndexFormat::Uint32 => (wgpu::IndexFormat::Uint32, 4),
+        IndexFormat::Uint16 => (wgpu::IndexFormat::Uint16, 2),
+        IndexFormat::Uint8 => {
+            let wide = data.bytes.iter().flat_map(|b| u16::from(*b).to_le_bytes());
+            data = Data::new(wide.collect());
+            (wgpu::IndexFormat::Uint16, 2)
         }
-        let named = draw.named.and_then(|n| self.capture.file.named.get(n));
-        let mut steps: [Vec<Source<'_>>; 2] = Default::default();
-        let constants = constants(named);
-        for input in attributes(&self.materials[material]) {
-            let (found, step) = match placed(pipeline, &input, draw, &contents) {
-                Some(found) => found,
-                None => {
-                    let of = constants.get(&input.name).unwrap_or(&DEFAULT);
-                    (
-                        Source {
-                            location: input.location,
-                            format: wgpu::VertexFormat::Float32x4,
-                            target: input.float_or(wgpu::VertexFormat::Float32x4),
-                            bytes: of,
-                            stride: 0,
-                            offset: 0,
-                        },
-                        wgpu::VertexStepMode::Instance,
-                    )
-                }
-            };
-            steps[usize::from(step == wgpu::VertexStepMode::Instance)].push(found);
+    };
+    let count = (data.bytes.len() / size) as u32;
+    if !data.bytes.len().is_multiple_of(4) {
+        let mut bytes = data.bytes.to_vec();
+        bytes.resize(bytes.len().next_multiple_of(4), 0);
+        data = Data::new(bytes);
+    }
+    Indices {
+        format,
+        count,
+        data,
+    }
+}
+
+/// An index; 0 beyond the end.
+fn index(data: &Data, format: IndexFormat, at: u32) -> u32 {
+    let at = at as usize;
+    let bytes = &data.bytes;
+    match format {
+        IndexFormat::Uint8 => bytes.get(at).map_or(0, |b| u32::from(*b)),
+        IndexFormat::Uint16 => {
+            let of = bytes.as_chunks::<2>().0.get(at);
+            of.map_or(0, |b| u32::from(u16::from_le_bytes(*b)))
         }
-        let last = draw.call.first_instance.saturating_add(draw.call.instances);
-        let [vertices, instances] = steps;
-        let mut made = Vec::new();
-        made.extend(interleave(&vertices, wgpu::VertexStepMode::Vertex, None));
-        let count = Some(last as usize);
-        made.extend(interleave(
-            &instances,
-            wgpu::VertexStepMode::Instance,
-            count,
-        ));
-        Ok(made)
+        IndexFormat::Uint32 => {
+            let of = bytes.as_chunks::<4>().0.get(at);
+            of.map_or(0, |b| u32::from_le_bytes(*b))
+        }
     }
 }
 
@@ -149,21 +268,28 @@ struct Input {
 }
 
 impl Input {
-    /// Floats, if the program reads floats and the array has integers that are not normalised.
-    fn float_or(&self, format: wgpu::VertexFormat) -> wgpu::VertexFormat {
-        let is_integer = |f: wgpu::VertexFormat| {
-            let name = format!("{f:?}");
-            name.starts_with("Uint") || name.starts_with("Sint")
+    /// The format in our buffer: the array's, or 32 bits for those that WebGPU lacks or reads
+    /// otherwise.
+    fn target(&self, format: AttributeFormat) -> wgpu::VertexFormat {
+        use wgpu::VertexFormat as F;
+        let components = match format {
+            AttributeFormat::Own(own) if !self.is_converted(own) => return own,
+            AttributeFormat::Own(_) => self.components,
+            AttributeFormat::Other(packed) => packed.components,
         };
-        match self.kind {
-            ScalarKind::Float if is_integer(format) => match self.components {
-                1 => wgpu::VertexFormat::Float32,
-                2 => wgpu::VertexFormat::Float32x2,
-                3 => wgpu::VertexFormat::Float32x3,
-                _ => wgpu::VertexFormat::Float32x4,
-            },
-            _ => format,
-        }
+        let all = match self.kind {
+            ScalarKind::Uint => [F::Uint32, F::Uint32x2, F::Uint32x3, F::Uint32x4],
+            ScalarKind::Sint => [F::Sint32, F::Sint32x2, F::Sint32x3, F::Sint32x4],
+            _ => [F::Float32, F::Float32x2, F::Float32x3, F::Float32x4],
+        };
+        all[(components as usize).clamp(1, 4) - 1]
+    }
+
+    /// Whether the program reads floats, and the array has integers.
+    fn is_converted(&self, format: wgpu::VertexFormat) -> bool {
+        let name = format!("{format:?}");
+        let is_integer = name.starts_with("Uint") || name.starts_with("Sint");
+        self.kind == ScalarKind::Float && is_integer
     }
 }
 
@@ -215,9 +341,10 @@ fn placed<'d>(
 ) -> Option<(Source<'d>, wgpu::VertexStepMode)> {
     for (slot, layout) in pipeline.vertex.buffers.iter().enumerate() {
         let Some(layout) = layout else { continue };
-        let is_it = |a: &&super::file::VertexAttribute| a.name.as_deref() == Some(&input.name);
-        let own = layout.attributes.iter().filter(is_it);
-        let Some(attribute) = own.clone().nth(input.column as usize) else {
+        let is_it = |a: &&super::file::VertexAttribute| {
+            a.name.as_deref() == Some(&input.name) && a.column == input.column
+        };
+        let Some(attribute) = layout.attributes.iter().find(is_it) else {
             continue;
         };
         draw.vertices.get(&(slot as u32))?;
@@ -231,7 +358,7 @@ fn placed<'d>(
             Source {
                 location: input.location,
                 format: attribute.format,
-                target: input.float_or(attribute.format),
+                target: input.target(attribute.format),
                 bytes: &data.bytes,
                 stride: stride as usize,
                 offset: attribute.offset as usize,
@@ -283,9 +410,9 @@ fn interleave(
             let Some(own) = source.bytes.get(from..from + size) else {
                 break;
             };
-            match source.format == source.target {
+            match source.format.own() == Some(source.target) {
                 true => bytes[to..to + size].copy_from_slice(own),
-                false => as_floats(source, own, &mut bytes[to..]),
+                false => converted(source, own, &mut bytes[to..]),
             }
         }
     }
@@ -297,31 +424,51 @@ fn interleave(
     })
 }
 
-/// Integers as floats, as WebGL converts them.
-fn as_floats(source: &Source<'_>, own: &[u8], to: &mut [u8]) {
-    let name = format!("{:?}", source.format);
-    let is_signed = name.starts_with('S');
-    let bits = name.trim_start_matches(|c: char| c.is_alphabetic());
-    let width: usize = bits
-        .split('x')
-        .next()
-        .and_then(|b| b.parse().ok())
-        .unwrap_or(32)
-        / 8;
-    let numbers = own.chunks(width.max(1)).map(|bytes| {
+/// Integers as WebGL converts them to what the program reads.
+fn converted(source: &Source<'_>, own: &[u8], to: &mut [u8]) {
+    let packed = packed(source.format);
+    let width = (packed.bits / 8).max(1) as usize;
+    let is_float = format!("{:?}", source.target).starts_with('F');
+    let numbers = own.chunks(width).map(|bytes| {
         let mut wide = [0; 4];
         wide[..bytes.len()].copy_from_slice(bytes);
         let unsigned = u32::from_le_bytes(wide);
-        let shift = 32 - 8 * width as u32;
-        match is_signed {
-            true => ((unsigned << shift) as i32 >> shift) as f32,
-            false => unsigned as f32,
+        let shift = 32 - packed.bits;
+        let signed = (unsigned << shift) as i32 >> shift;
+        if !is_float {
+            return match packed.is_signed {
+                true => signed.to_le_bytes(),
+                false => unsigned.to_le_bytes(),
+            };
         }
+        let (value, most) = match packed.is_signed {
+            true => (signed as f32, (1_u64 << (packed.bits - 1)) - 1),
+            false => (unsigned as f32, (1_u64 << packed.bits) - 1),
+        };
+        let value = match packed.is_normalised {
+            true => (value / most as f32).max(-1.0),
+            false => value,
+        };
+        value.to_le_bytes()
     });
-    let wanted = source.target.size() as usize / 4;
-    let filled = numbers.chain([0.0, 0.0, 0.0]).take(wanted);
-    for (to, number) in to.as_chunks_mut::<4>().0.iter_mut().zip(filled) {
-        *to = number.to_le_bytes();
+    for (to, number) in to.as_chunks_mut::<4>().0.iter_mut().zip(numbers) {
+        *to = number;
+    }
+}
+
+/// The components of a format of integers.
+fn packed(format: AttributeFormat) -> Packed {
+    let own = match format {
+        AttributeFormat::Other(packed) => return packed,
+        AttributeFormat::Own(own) => format!("{own:?}"),
+    };
+    let size = own.trim_start_matches(|c: char| c.is_alphabetic());
+    let (bits, components) = size.split_once('x').unwrap_or((size, "1"));
+    Packed {
+        is_signed: own.starts_with('S'),
+        is_normalised: own.contains("norm"),
+        bits: bits.parse().unwrap_or(32),
+        components: components.parse().unwrap_or(1),
     }
 }
 
@@ -354,8 +501,13 @@ fn sampled<'n>(named: &'n Named, path: &str) -> Option<&'n SampledTexture> {
 
 /// The block of uniforms outside of blocks, from their names.
 fn loose(material: &Material, used: &BindingUse, named: &Named) -> Result<Data, Left> {
+    let declared = &material.program.declared().uniforms;
     bind::filled(material, used, &|path, index, count| {
-        if let Some(own) = named.uniforms.get(path) {
+        // The IR may have a vector of four in place of an array's element.
+        let count = plain(declared, path).and_then(components).unwrap_or(count);
+        if let Some(own) = named.uniforms.get(path)
+            && !path.ends_with(']')
+        {
             return own.get(..count);
         }
         // Arrays have the name of their first element, and all numbers.
@@ -366,4 +518,31 @@ fn loose(material: &Material, used: &BindingUse, named: &Named) -> Result<Data, 
             .find_map(|key| named.uniforms.get(key)?.get(first..first + count))
     })
     .map_err(|e| Left::Out(e.to_string()))
+}
+
+/// The GLSL type at a path.
+fn plain<'d>(declared: &'d [Declaration], path: &str) -> Option<&'d str> {
+    let (name, rest) = path.split_once('.').unwrap_or((path, ""));
+    let name = name.split('[').next()?;
+    let of = declared.iter().find(|d| d.name == name)?;
+    match of.ty.innermost() {
+        Type::Plain(name) => Some(name),
+        Type::Struct(_, members) => plain(members, rest),
+        _ => None,
+    }
+}
+
+/// The numbers of a GLSL type.
+fn components(ty: &str) -> Option<usize> {
+    let number = |c: char| c.to_digit(10).map(|n| n as usize);
+    let mut digits = ty.chars().filter_map(number);
+    match ty {
+        "float" | "int" | "uint" | "bool" => Some(1),
+        _ if ty.contains("vec") => digits.next(),
+        _ if ty.starts_with("mat") => {
+            let columns = digits.next()?;
+            Some(columns * digits.next().unwrap_or(columns))
+        }
+        _ => None,
+    }
 }

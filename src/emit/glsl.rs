@@ -127,14 +127,13 @@ pub(super) fn write_named(
         Target::GlslEs300 | Target::GlslEs100 => Dialect::Es,
         _ => Dialect::Desktop,
     };
-    let loose = declared.loose.map(|b| [b.group, b.binding]);
     let unexpected = |text::Unexpected(what)| EmitError::Writer {
         file: name.to_owned(),
         target,
         message: format!("{what} has an unexpected form in naga's text"),
     };
     let (text, stage_file) =
-        text::named(authored, &text, stage, dialect, stage_file, loose).map_err(unexpected)?;
+        text::named(authored, &text, stage, dialect, stage_file).map_err(unexpected)?;
     let counts_from_the_top = declared.origin_upper_left && stage == ShaderStage::Fragment;
     let text = match counts_from_the_top {
         true => with_own_origin(text, clip_space, name, target)?,
@@ -181,8 +180,7 @@ pub(super) fn write_vulkan(
         message: format!("{what} has an unexpected form in naga's text"),
     };
     let (text, stage_file) =
-        text::named(authored, &text, stage, Dialect::Desktop, stage_file, None)
-            .map_err(unexpected)?;
+        text::named(authored, &text, stage, Dialect::Desktop, stage_file).map_err(unexpected)?;
     let mut unread = None;
     if stage != ShaderStage::Compute {
         let text = lengths::with_defaults(&text, &written);
@@ -410,7 +408,7 @@ pub(super) fn without_fine_derivatives(plan: &Plan) -> Option<WeakerPromise> {
 fn binding_map(program: &Program) -> BindingMap {
     let module = program.module();
     let stage_file = &program.declared().numbers;
-    let loose = program.declared().loose;
+    let declared = program.declared();
     let is_used = |handle: Handle<GlobalVariable>| {
         let mut entries = 0..module.entry_points.len();
         entries.any(|i| !program.info().get_entry_point(i)[handle].is_empty())
@@ -419,7 +417,7 @@ fn binding_map(program: &Program) -> BindingMap {
         .global_variables
         .iter()
         // Loose uniforms are not in a block.
-        .filter(|(handle, g)| loose.is_none() || g.binding != loose || is_used(*handle))
+        .filter(|(handle, g)| !declared.is_loose(g.binding) || is_used(*handle))
         .filter_map(|(_, g)| {
             let kind = match (g.space, &module.types[g.ty].inner) {
                 (naga::AddressSpace::Uniform, _) => 0,

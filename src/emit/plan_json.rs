@@ -241,6 +241,9 @@ pub struct GlslUniform {
     /// `layout(location = ..)` in the text, if the author gave it; none in GLSL ES 3.00.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub location: Option<u32>,
+    /// The author's uniform whose value of the previous frame it has.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub previous_of: Option<String>,
 }
 
 /// An input of the vertex stage.

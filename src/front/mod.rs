@@ -62,6 +62,8 @@ use preshade_passes::program::{Language, Program, Searched, SourceMap};
 
 use self::dialect::{CompiledFrom, Dialect};
 pub use error::{Code, Color, Error, Label};
+#[cfg(feature = "verify")]
+pub(crate) use wgsl::for_naga;
 
 use crate::limits::Limits;
 use crate::regular::ReadError;

@@ -28,6 +28,9 @@ use positions::{Drawn, Positions};
 pub struct OutputsReport {
     /// Materials with such pictures. No other material is drawn.
     pub materials: Vec<String>,
+    /// What the passes leave out of the author's decisions about coverage.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub left_out: Vec<String>,
     /// Pixels with anything in them, over all cameras.
     pub covered: u64,
     /// Pixels whose depth bits differ from those of the whole programs, over all cameras.
@@ -95,6 +98,14 @@ impl OutputsReport {
                     "a velocity is wrong by {:.4} pixels{}",
                     velocity.worst,
                     at.unwrap_or_default()
+                ),
+            };
+        }
+        if !self.left_out.is_empty() {
+            return Verdict::NotMeasured {
+                why: format!(
+                    "its pass leaves out what decides coverage in the original: {}",
+                    self.left_out.join("; ")
                 ),
             };
         }
@@ -214,10 +225,12 @@ pub fn measure(
     let (gpu, scene) = (session.gpu(), session.scene());
     let (mut whole, mut main, mut materials) = (Vec::new(), Vec::new(), Vec::new());
     let mut location = None;
+    let mut left_out = Vec::new();
     for (original, plan) in session.originals().iter().zip(&variant.plans) {
         let Some(pass) = pass_of(plan) else { continue };
         location = location.or_else(|| velocity_of(pass));
         materials.push(plan.material.clone());
+        left_out.extend(pass.left_out.iter().cloned());
         let mut original = original.clone();
         for pass in &mut original.passes {
             pass.multisample = preshade_passes::state::Multisample::default();
@@ -232,6 +245,7 @@ pub fn measure(
     let numbered = location.map(|_| numbered(session));
     let mut report = OutputsReport {
         materials,
+        left_out,
         covered: 0,
         changed_depth: 0,
         depth_max_ulp: 0,
@@ -316,7 +330,9 @@ fn unfiltered(scene: &Scene) -> Scene {
         });
         let names = samplers.filter_map(|(_, global)| global.name.clone());
         for name in names.collect::<Vec<_>>() {
-            material.samplers.entry(name).or_default().filter = Filter::Nearest;
+            let sampler = material.samplers.entry(name).or_default();
+            sampler.filter = Filter::Nearest;
+            (sampler.min_filter, sampler.mip_filter) = (None, None);
         }
     }
     scene

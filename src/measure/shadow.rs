@@ -53,8 +53,7 @@ impl ShadowReport {
         if !self.left_out.is_empty() {
             return Verdict::NotMeasured {
                 why: format!(
-                    "its shadow leaves out what depends on the viewer, and the original does not: \
-                     {}",
+                    "its shadow leaves out what decides coverage in the original: {}",
                     self.left_out.join("; ")
                 ),
             };

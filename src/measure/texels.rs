@@ -24,7 +24,7 @@ pub fn texel(bound: &DrawBindings, lookup: &Lookup<'_>) -> [f32; 4] {
         return nothing;
     }
     let Some(sampler) = lookup.sampling.sampler else {
-        return at(image, [u as i64, v as i64], Address::ClampToEdge);
+        return at(image, [u as i64, v as i64], [Address::ClampToEdge; 2]);
     };
     let is_it = |s: &&crate::scene::bind::SamplerBinding| (s.group, s.binding) == sampler;
     let sampler = bound.samplers.iter().find(is_it).map(|s| s.sampler);
@@ -38,7 +38,11 @@ pub fn texel(bound: &DrawBindings, lookup: &Lookup<'_>) -> [f32; 4] {
 
 fn filtered(image: &Image, uv: [f32; 2], offset: [i32; 3], sampler: Sampler) -> [f32; 4] {
     let place = |i: usize| f64::from(uv[i]) * f64::from(image.size[i]) + f64::from(offset[i]);
-    let texel = |x: f64, y: f64| at(image, [x as i64, y as i64], sampler.address);
+    let addresses = [
+        sampler.address,
+        sampler.address_v.unwrap_or(sampler.address),
+    ];
+    let texel = |x: f64, y: f64| at(image, [x as i64, y as i64], addresses);
     if sampler.filter == Filter::Nearest {
         return texel(place(0).floor(), place(1).floor());
     }
@@ -52,10 +56,10 @@ fn filtered(image: &Image, uv: [f32; 2], offset: [i32; 3], sampler: Sampler) -> 
     mix(row(top), row(top + 1.0), bottom)
 }
 
-fn at(image: &Image, place: [i64; 2], address: Address) -> [f32; 4] {
+fn at(image: &Image, place: [i64; 2], addresses: [Address; 2]) -> [f32; 4] {
     let inside = |i: usize| {
         let size = i64::from(image.size[i]);
-        let wrapped = match address {
+        let wrapped = match addresses[i] {
             Address::Repeat => place[i].rem_euclid(size),
             Address::ClampToEdge => place[i].clamp(0, size - 1),
             Address::MirrorRepeat => {

@@ -411,27 +411,39 @@ fn anisotropy_limit(gpu: &Gpu) -> u16 {
 }
 
 fn sampler(s: &crate::scene::Sampler, anisotropy_limit: u16) -> wgpu::SamplerDescriptor<'static> {
-    let address = match s.address {
+    let address = |address| match address {
         Address::Repeat => wgpu::AddressMode::Repeat,
         Address::MirrorRepeat => wgpu::AddressMode::MirrorRepeat,
         Address::ClampToEdge => wgpu::AddressMode::ClampToEdge,
     };
-    let (filter, mipmap_filter) = match s.filter {
-        Filter::Nearest => (wgpu::FilterMode::Nearest, wgpu::MipmapFilterMode::Nearest),
-        Filter::Linear => (wgpu::FilterMode::Linear, wgpu::MipmapFilterMode::Linear),
+    let filter = |filter| match filter {
+        Filter::Nearest => wgpu::FilterMode::Nearest,
+        Filter::Linear => wgpu::FilterMode::Linear,
     };
+    let (min, mip) = (
+        s.min_filter.unwrap_or(s.filter),
+        s.mip_filter.unwrap_or(s.filter),
+    );
+    let [least, most] = s.lod.unwrap_or([0.0, 32.0]);
     wgpu::SamplerDescriptor {
         label: None,
-        address_mode_u: address,
-        address_mode_v: address,
-        address_mode_w: address,
-        mag_filter: filter,
-        min_filter: filter,
-        mipmap_filter,
+        address_mode_u: address(s.address),
+        address_mode_v: address(s.address_v.unwrap_or(s.address)),
+        address_mode_w: address(s.address_w.unwrap_or(s.address)),
+        mag_filter: filter(s.filter),
+        min_filter: filter(min),
+        mipmap_filter: match mip {
+            Filter::Nearest => wgpu::MipmapFilterMode::Nearest,
+            Filter::Linear => wgpu::MipmapFilterMode::Linear,
+        },
+        lod_min_clamp: least,
+        lod_max_clamp: most,
         compare: s.compare.map(state::compare),
-        anisotropy_clamp: match s.filter {
-            Filter::Linear => s.anisotropy.clamp(1, anisotropy_limit),
-            Filter::Nearest => 1,
+        anisotropy_clamp: match [s.filter, min, mip] {
+            [Filter::Linear, Filter::Linear, Filter::Linear] => {
+                s.anisotropy.clamp(1, anisotropy_limit)
+            }
+            _ => 1,
         },
         ..Default::default()
     }

@@ -31,7 +31,7 @@ pub mod shader;
 pub mod state;
 mod subdivided;
 mod targets;
-mod textures;
+pub(crate) mod textures;
 mod trusted;
 
 pub use frame::{ComputedVertices, FrameSettings, Prepared, Rendered};

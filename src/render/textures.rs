@@ -258,6 +258,25 @@ fn upload(
 /// A texture of an image's depths. No format of depth can be copied to on all adapters, so a pass
 /// draws each layer.
 fn depths(gpu: &Gpu, image: &Image, view: TextureViewDimension) -> Result<wgpu::Texture, String> {
+    let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: None,
+        size: size(image, view)?,
+        mip_level_count: image.levels.len() as u32,
+        sample_count: 1,
+        dimension: TextureDimension::D2,
+        format: TextureFormat::Depth32Float,
+        usage: TextureUsages::TEXTURE_BINDING | TextureUsages::RENDER_ATTACHMENT,
+        view_formats: &[],
+    });
+    draw_depths(gpu, image, &texture)?;
+    Ok(texture)
+}
+
+/// Draws an image's depths to a texture of any depth format, which has its levels and layers.
+///
+/// # Errors
+/// A message: the image has no depths that can be read.
+pub(crate) fn draw_depths(gpu: &Gpu, image: &Image, texture: &wgpu::Texture) -> Result<(), String> {
     let texels = image
         .texels()
         .ok_or_else(|| format!("{:?} stores no depths that can be read", image.format))?;
@@ -280,17 +299,7 @@ fn depths(gpu: &Gpu, image: &Image, view: TextureViewDimension) -> Result<wgpu::
         TextureViewDimension::D2Array,
         TextureFormat::R32Float,
     )?;
-    let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
-        label: None,
-        size: size(image, view)?,
-        mip_level_count: from.mip_level_count(),
-        sample_count: 1,
-        dimension: TextureDimension::D2,
-        format: TextureFormat::Depth32Float,
-        usage: TextureUsages::TEXTURE_BINDING | TextureUsages::RENDER_ATTACHMENT,
-        view_formats: &[],
-    });
-    let pipeline = depth_pipeline(gpu);
+    let pipeline = depth_pipeline(gpu, texture.format());
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
     for level in 0..texture.mip_level_count() {
         for layer in 0..texture.depth_or_array_layers() {
@@ -303,7 +312,7 @@ fn depths(gpu: &Gpu, image: &Image, view: TextureViewDimension) -> Result<wgpu::
                     resource: wgpu::BindingResource::TextureView(&from),
                 }],
             });
-            let to = one_layer(&texture, level, layer);
+            let to = one_layer(texture, level, layer);
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: None,
                 color_attachments: &[],
@@ -316,10 +325,10 @@ fn depths(gpu: &Gpu, image: &Image, view: TextureViewDimension) -> Result<wgpu::
         }
     }
     gpu.queue.submit([encoder.finish()]);
-    Ok(texture)
+    Ok(())
 }
 
-fn depth_pipeline(gpu: &Gpu) -> wgpu::RenderPipeline {
+fn depth_pipeline(gpu: &Gpu, format: TextureFormat) -> wgpu::RenderPipeline {
     let module = gpu.shader(wgpu::ShaderModuleDescriptor {
         label: None,
         source: wgpu::ShaderSource::Wgsl(include_str!("depths.wgsl").into()),
@@ -336,7 +345,7 @@ fn depth_pipeline(gpu: &Gpu) -> wgpu::RenderPipeline {
             },
             primitive: wgpu::PrimitiveState::default(),
             depth_stencil: Some(wgpu::DepthStencilState {
-                format: TextureFormat::Depth32Float,
+                format,
                 depth_write_enabled: Some(true),
                 depth_compare: Some(wgpu::CompareFunction::Always),
                 stencil: wgpu::StencilState::default(),

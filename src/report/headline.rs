@@ -54,6 +54,7 @@ pub fn headline(report: &Report) -> String {
         (None, None) if report.clock.is_none() => {
             "Nothing was timed, so nothing is known to be worth shipping.".to_owned()
         }
+        (None, None) if aside(report).is_some() => aside(report).unwrap_or_default(),
         (None, None) => match best(report) {
             Some((v, speedups)) => {
                 let (name, picture) = (&v.name, picture(&v.contract));
@@ -72,7 +73,28 @@ pub fn headline(report: &Report) -> String {
 /// Whether the headline is that no variant is worth shipping.
 pub fn nothing_pays(report: &Report) -> bool {
     let is_timed = report.clock.is_some() && report.chosen.is_none();
-    is_timed && not_measured(report).is_none() && best(report).is_none()
+    let is_of_frame = aside(report).is_none();
+    is_timed && is_of_frame && not_measured(report).is_none() && best(report).is_none()
+}
+
+/// The cost of variants that draw nothing but pictures beside the frame, each beside its main
+/// passes. `None`: one draws the frame in another way.
+fn aside(report: &Report) -> Option<String> {
+    let costs: Option<Vec<String>> = drawn(report)
+        .filter(|v| !matches!(v.verdict, Verdict::NotMeasured { .. }))
+        .map(|v| {
+            let outputs = v.outputs.as_ref()?;
+            let (main, own) = (outputs.main_ms.as_ref()?, outputs.time_ms.as_ref()?);
+            Some(format!(
+                "`{}` adds {:.3} ms a frame beside {:.3} ms of the main passes: draw it where an \
+                 effect needs it.",
+                v.name, own.estimate.median, main.estimate.median
+            ))
+        })
+        .collect();
+    costs
+        .filter(|costs| !costs.is_empty())
+        .map(|costs| costs.join(" "))
 }
 
 fn drawn(report: &Report) -> impl Iterator<Item = &VariantReport> {
@@ -280,8 +302,9 @@ mod tests {
     use preshade_passes::budget::{Budget, Metric};
 
     use super::*;
+    use crate::measure::outputs::OutputsReport;
     use crate::measure::record::Chosen;
-    use crate::measure::{Clock, ErrorLadder};
+    use crate::measure::{Clock, ErrorLadder, FrameTime};
     use crate::render::AdapterReport;
 
     fn variant(name: &str, speedups: &[(&str, f64)], verdict: Verdict) -> VariantReport {
@@ -354,6 +377,43 @@ mod tests {
         );
         let one = variant("a", &[("wall", 1.5)], Verdict::Holds);
         assert_eq!(said(vec![one]), "a: same picture, 1.50x faster.");
+    }
+
+    /// It is no replacement of the main pass.
+    #[test]
+    fn an_auxiliary_pass_is_told_by_its_cost() {
+        let time = |median: f64| {
+            let estimate = Estimate {
+                median,
+                low: median,
+                high: median,
+            };
+            let samples = Vec::new();
+            Some(FrameTime { estimate, samples })
+        };
+        let outputs = OutputsReport {
+            materials: Vec::new(),
+            left_out: Vec::new(),
+            covered: 1,
+            changed_depth: 0,
+            depth_max_ulp: 0,
+            first_difference: None,
+            velocity: None,
+            main_ms: time(0.5),
+            time_ms: time(0.25),
+            speedup: None,
+        };
+        let own = VariantReport {
+            outputs: Some(outputs),
+            ..variant("a", &[("wall", 1.0)], Verdict::Holds)
+        };
+        let report = report(vec![own]);
+        assert_eq!(
+            headline(&report),
+            "`a` adds 0.250 ms a frame beside 0.500 ms of the main passes: draw it where an effect \
+             needs it."
+        );
+        assert!(!nothing_pays(&report));
     }
 
     #[test]

@@ -531,7 +531,8 @@ pub(crate) fn filled<'n>(
         let count = (leaf.columns * leaf.rows) as usize;
         let mut numbers = [0.0; 16];
         if let Some(own) = number(path.trim_start_matches('.'), leaf.index, count) {
-            numbers[..count].copy_from_slice(own);
+            let count = own.len().min(count);
+            numbers[..count].copy_from_slice(&own[..count]);
         }
         Ok(numbers)
     };

@@ -18,7 +18,9 @@ pub struct SceneError {
     help: Option<String>,
     place: Option<Box<TextPlace>>,
     detail: Option<String>,
-    subject: Option<String>,
+    subject: Option<Box<str>>,
+    /// Whether a glTF file requires an extension that is not read.
+    is_extension: bool,
 }
 
 #[derive(Clone, Debug)]
@@ -29,9 +31,6 @@ struct TextPlace {
 }
 
 impl SceneError {
-    /// The stable code. All scene errors share it.
-    pub const CODE: &str = codes::SCENE.code;
-
     /// An error without a place.
     pub(crate) fn new(message: impl Into<String>) -> Self {
         Self {
@@ -40,7 +39,23 @@ impl SceneError {
             place: None,
             detail: None,
             subject: None,
+            is_extension: false,
         }
+    }
+
+    /// The stable code.
+    pub fn code(&self) -> &'static str {
+        match self.is_extension {
+            true => codes::GLTF_EXTENSION.code,
+            false => codes::SCENE.code,
+        }
+    }
+
+    /// Sets the code of an extension that is not read.
+    #[must_use]
+    pub(crate) fn of_extension(mut self) -> Self {
+        self.is_extension = true;
+        self
     }
 
     /// A file that cannot be read.
@@ -97,7 +112,7 @@ impl SceneError {
     /// Sets the path of the shader value that the error is about.
     #[must_use]
     pub(crate) fn about(mut self, path: impl Into<String>) -> Self {
-        self.subject = Some(path.into());
+        self.subject = Some(path.into().into_boxed_str());
         self
     }
 
@@ -140,7 +155,7 @@ impl SceneError {
     /// The message with a frame on the scene file's text, without colours.
     pub fn render(&self) -> String {
         let mut diagnostic: Diagnostic<()> = Diagnostic::error()
-            .with_code(Self::CODE)
+            .with_code(self.code())
             .with_message(&self.message);
         if let Some(help) = &self.help {
             diagnostic = diagnostic.with_notes(vec![format!("help: {help}")]);

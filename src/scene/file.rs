@@ -250,22 +250,23 @@ pub(super) enum Scale {
     Axes([f32; 3]),
 }
 
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+/// A draw of a mesh, or of a glTF file or a part of it as it is.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub(super) struct DrawEntry {
     pub name: Option<String>,
-    pub mesh: Spanned<String>,
-    pub material: Spanned<String>,
-    #[serde(default)]
+    pub mesh: Option<Spanned<String>>,
+    pub gltf: Option<Spanned<Gltf>>,
+    pub material: Option<Spanned<String>>,
+    /// Materials by the name of a material of the glTF file; `"*"` for all others.
+    pub materials: BTreeMap<String, Spanned<String>>,
     pub translate: [f32; 3],
     /// Degrees around x, then y, then z.
-    #[serde(default)]
     pub rotate: [f32; 3],
     pub scale: Option<Scale>,
     pub field: Option<Spanned<Field>>,
     pub range: Option<Spanned<RangeEntry>>,
     pub morph_weights: Option<Vec<f32>>,
-    #[serde(default)]
     pub values: BTreeMap<String, Spanned<RawValue>>,
 }
 

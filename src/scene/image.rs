@@ -1,5 +1,7 @@
-//! Textures: generated patterns, PNG files, and their mip levels.
+//! Textures: generated patterns, image files, and their mip levels.
 
+pub(super) mod decode;
+mod ktx;
 mod texels;
 
 use serde::Deserialize;
@@ -48,7 +50,7 @@ pub enum Pattern {
 pub struct Recipe {
     /// A pattern to generate, if there is no `file`.
     pub pattern: Option<Pattern>,
-    /// A PNG file, relative to the scene's folder.
+    /// An image file, relative to the scene's folder.
     pub file: Option<String>,
     /// Width and height of a generated pattern, 1 to 4096.
     pub size: u32,
@@ -123,41 +125,29 @@ impl Recipe {
         finish([n, n], texels, self.srgb.unwrap_or(false), self.mips)
     }
 
-    /// The image of a PNG file's bytes. 16-bit channels are rounded to 8.
+    /// The image of a file's bytes: PNG, JPEG, WebP, Radiance, OpenEXR or KTX2. 16-bit channels are
+    /// rounded to 8, and floats to 16 bits.
     ///
     /// # Errors
-    /// When the bytes are no PNG.
+    /// The bytes are no such image.
     pub fn decode(&self, name: &str, bytes: &[u8]) -> Result<Image, SceneError> {
         let limits = crate::limits::Limits::default();
         self.decode_within(name, bytes, &limits, &|_| Ok(()))
     }
 
-    /// [`Recipe::decode`] with a size check: `hold` gets the image's size before we allocate memory
-    /// for it.
+    /// [`Recipe::decode`] with a size check.
     pub(super) fn decode_within(
         &self,
         name: &str,
         bytes: &[u8],
         limits: &crate::limits::Limits,
-        hold: &dyn Fn([u32; 2]) -> Result<(), SceneError>,
+        hold: decode::Hold<'_>,
     ) -> Result<Image, SceneError> {
-        let wrong = |e: ::image::ImageError| {
-            SceneError::new(format!("`{name}` is not a PNG that can be read: {e}"))
+        let reading = decode::Reading {
+            srgb: self.srgb.unwrap_or(true),
+            mips: self.mips,
         };
-        let png = ::image::ImageFormat::Png;
-        let reader = || ::image::ImageReader::with_format(std::io::Cursor::new(bytes), png);
-        let (width, height) = reader().into_dimensions().map_err(wrong)?;
-        let side = u64::from(width.max(height));
-        limits.check("texture-size", side, format!("the side of `{name}`"))?;
-        hold([width, height])?;
-        let decoded = reader().decode().map_err(wrong)?.to_rgba8();
-        let size = [decoded.width(), decoded.height()];
-        Ok(finish(
-            size,
-            decoded.into_raw(),
-            self.srgb.unwrap_or(true),
-            self.mips,
-        ))
+        decode::decode(name, bytes, reading, limits, hold)
     }
 }
 

@@ -12,18 +12,19 @@ use preshade_passes::plan::Plan;
 use preshade_passes::state::{Blend, ColorTarget};
 use toml::Spanned;
 
+use super::asset::Parts;
 use super::bind::unknown_stream;
 use super::camera::{self, Orbit, Pose};
 use super::file::{
     BlendName, CameraEntry, DrawEntry, FieldKind, MaterialEntry, RawValue, Scale, SceneFile,
 };
 use super::image::MAX_SIDE;
-use super::mesh::Rigged;
 use super::place::Folder;
 use super::{
     Access, Camera, Draw, DrawOrder, DrawRange, Light, Material, Mesh, Scene, SceneError, Stream,
     Value, Variables, bind, error, material, meshes, numbers, range, size, value_path, variables,
 };
+use crate::limits::Limits;
 use crate::{front, regular};
 
 /// The quantity that the limit `scene-bytes` counts.
@@ -75,23 +76,21 @@ pub fn read(
     variables: &Variables,
     access: Access,
 ) -> Result<Scene, SceneError> {
-    nested(text, access.limits.nesting)?;
     let folder = Folder::of(path, access)?;
     let name = path.display().to_string();
     let source = SceneText { name: &name, text };
+    let file = parsed(source, access.limits)?;
+    let stem = path.file_stem().map(|s| s.to_string_lossy().into_owned());
+    Loader::new(source, folder, file, variables, access)?.scene(stem.unwrap_or_default())
+}
+
+/// The entries of a scene file.
+pub(super) fn parsed(source: SceneText<'_>, limits: Limits) -> Result<SceneFile, SceneError> {
+    let text = source.text;
+    nested(text, limits.nesting)?;
     let file: SceneFile = toml::from_str(text).map_err(|e| source.toml_error(&e))?;
     numbers::check(text).map_err(|(e, range)| source.at(e, range))?;
-    let stem = path.file_stem().map(|s| s.to_string_lossy().into_owned());
-    let variables = variables::set(&file.variables, variables)?;
-    Loader {
-        source,
-        folder,
-        file,
-        variables,
-        access,
-        held: Cell::new(0),
-    }
-    .scene(stem.unwrap_or_default())
+    Ok(file)
 }
 
 /// Fails if brackets nest deeper than the parser's stack allows. Brackets in strings count too:
@@ -116,13 +115,17 @@ fn nested(text: &str, most: u64) -> Result<(), SceneError> {
 /// The scene file's text, for error messages.
 #[derive(Clone, Copy)]
 pub(super) struct SceneText<'a> {
-    name: &'a str,
-    text: &'a str,
+    /// Empty for a text that no user wrote.
+    pub name: &'a str,
+    pub text: &'a str,
 }
 
 impl SceneText<'_> {
     pub(super) fn at(&self, error: SceneError, range: Range<usize>) -> SceneError {
-        error.at(self.name, self.text, range)
+        match self.name {
+            "" => error,
+            name => error.at(name, self.text, range),
+        }
     }
 
     /// toml's message, with a suggestion if it names the expected keys.
@@ -152,18 +155,39 @@ impl SceneText<'_> {
     }
 }
 
-struct Loader<'a> {
-    source: SceneText<'a>,
-    folder: Folder,
-    file: SceneFile,
+/// Reads the entries of a scene file.
+pub(super) struct Loader<'a> {
+    pub source: SceneText<'a>,
+    pub folder: Folder,
+    pub file: SceneFile,
     variables: Variables,
-    access: Access,
+    pub access: Access,
     /// Size of the scene so far, in bytes.
-    held: Cell<u64>,
+    pub held: Cell<u64>,
+}
+
+impl<'a> Loader<'a> {
+    pub(super) fn new(
+        source: SceneText<'a>,
+        folder: Folder,
+        file: SceneFile,
+        variables: &Variables,
+        access: Access,
+    ) -> Result<Self, SceneError> {
+        let variables = variables::set(&file.variables, variables)?;
+        Ok(Self {
+            source,
+            folder,
+            file,
+            variables,
+            access,
+            held: Cell::new(0),
+        })
+    }
 }
 
 impl Loader<'_> {
-    fn scene(&self, stem: String) -> Result<Scene, SceneError> {
+    pub(super) fn scene(&self, stem: String) -> Result<Scene, SceneError> {
         let f = &self.file;
         let at = |e: SceneError, range: Range<usize>| self.source.at(e, range);
         let Target {
@@ -171,8 +195,10 @@ impl Loader<'_> {
             viewport,
             samples,
         } = self.target()?;
+        let [width, height] = viewport.map_or(size, |[_, _, w, h]| [w, h]);
+        let aspect = width as f32 / height.max(1) as f32;
         let limits = &self.access.limits;
-        let light = Light::read(&f.light, limits).map_err(|e| at(e.error, e.at))?;
+        let mut light = Light::read(&f.light, limits).map_err(|e| at(e.error, e.at))?;
         let materials = f
             .materials
             .iter()
@@ -189,7 +215,17 @@ impl Loader<'_> {
             limits,
             self.held.get(),
         )?;
-        let draws = self.draws(&materials, &meshes)?;
+        let mut parts = Parts::new(materials, meshes);
+        self.draws(&mut parts, &light)?;
+        if let (Some((direction, color)), None, None) =
+            (parts.light, &f.light.direction, &f.light.color)
+        {
+            (light.direction, light.color) = (direction, color);
+        }
+        let cameras = match f.cameras.is_empty() {
+            true => self.asset_cameras(&parts, aspect),
+            false => None,
+        };
         let mut scene = Scene {
             name: f.name.clone().unwrap_or(stem),
             size,
@@ -198,9 +234,9 @@ impl Loader<'_> {
             depth_direction: f.depth.direction,
             samples,
             clear_color: f.clear,
-            materials,
-            meshes: meshes.into_iter().map(|m| m.mesh).collect(),
-            draws,
+            materials: parts.materials,
+            meshes: parts.meshes.into_iter().map(|m| m.mesh).collect(),
+            draws: parts.draws,
             cameras: Vec::new(),
             orders: match &f.orders {
                 Some(orders) if !orders.is_empty() => orders.clone(),
@@ -214,8 +250,12 @@ impl Loader<'_> {
             files: self.folder.files(),
             is_made_up: false,
             own_size: None,
+            notes: parts.notes,
         };
-        scene.cameras = self.cameras(scene.aspect())?;
+        scene.cameras = match cameras {
+            Some(cameras) => cameras,
+            None => self.cameras(scene.aspect())?,
+        };
         self.check_values(&scene)?;
         Ok(scene)
     }
@@ -276,31 +316,38 @@ impl Loader<'_> {
     }
 
     /// All draws, in the order of the file.
-    fn draws(&self, materials: &[Material], meshes: &[Rigged]) -> Result<Vec<Draw>, SceneError> {
-        let mut draws = Vec::new();
-        let data = meshes
+    fn draws(&self, parts: &mut Parts, light: &Light) -> Result<(), SceneError> {
+        let data = parts
+            .meshes
             .iter()
             .map(|m| size::of_mesh(&m.mesh) + size::of_joints(m.joints.len()));
         self.hold(data.sum())?;
         for entry in &self.file.draws {
-            let before = draws.len();
-            let drawn = self.draw(entry.get_ref(), materials, meshes, &mut draws);
+            let before = parts.draws.len();
+            let drawn = match &entry.get_ref().gltf {
+                Some(gltf) => self
+                    .asset(entry.get_ref(), gltf.get_ref(), light, parts)
+                    .map_err(|e| self.source.at(e, gltf.span())),
+                None => self.draw(entry.get_ref(), parts),
+            };
             let counted = drawn.and_then(|()| {
                 // The draws of a field differ only in their place.
-                if let Some(draw) = draws.get(before) {
-                    self.streams(&materials[draw.material], &meshes[draw.mesh].mesh, draw)?;
+                if let Some(draw) = parts.draws.get(before) {
+                    let mesh = &parts.meshes[draw.mesh].mesh;
+                    self.streams(&parts.materials[draw.material], mesh, draw)?;
                 }
                 Ok(())
             });
             counted.map_err(|e| self.source.at(e, entry.span()))?;
         }
-        if draws.is_empty() {
+        if parts.draws.is_empty() {
             return Err(
                 SceneError::new(format!("`{}` draws nothing", self.source.name))
                     .help("add a [[draws]] table with a mesh and a material"),
             );
         }
-        Ok(draws)
+        self.end_assets(parts);
+        Ok(())
     }
 
     fn cameras(&self, aspect: f32) -> Result<Vec<Camera>, SceneError> {
@@ -342,7 +389,10 @@ impl Loader<'_> {
                 continue;
             };
             bind::check(scene, material, pass, draw, frame).map_err(|e| {
-                let entry = &self.file.materials[&material.name];
+                // A material of a glTF file has no entry.
+                let Some(entry) = self.file.materials.get(&material.name) else {
+                    return e;
+                };
                 let draws = self.file.draws.iter().map(|d| &d.get_ref().values);
                 let own = draws.filter(|raw| values(raw) == draw.values);
                 let values: Vec<_> = own.chain([&entry.get_ref().values]).collect();
@@ -405,7 +455,7 @@ impl Loader<'_> {
             fragment: entry.entry.fragment.clone(),
             include,
             clip_space: entry.clip,
-            root: self.folder.root().map(Path::to_owned),
+            root: self.folder.root_of(files[0].get_ref()),
             limits: self.access.limits,
         };
         let parsed = front::parse(&texts, &options).map_err(|e| {
@@ -489,7 +539,7 @@ impl Loader<'_> {
     }
 
     /// Counts bytes against the limit before they are allocated.
-    fn hold(&self, bytes: u64) -> Result<(), SceneError> {
+    pub(super) fn hold(&self, bytes: u64) -> Result<(), SceneError> {
         let all = self.held.get().saturating_add(bytes);
         self.held.set(all);
         let limits = &self.access.limits;
@@ -497,7 +547,12 @@ impl Loader<'_> {
     }
 
     /// Counts `more` draws like `draw` against the limit before they are created.
-    fn hold_draws(&self, draws: &[Draw], more: u64, draw: &Draw) -> Result<(), SceneError> {
+    pub(super) fn hold_draws(
+        &self,
+        draws: &[Draw],
+        more: u64,
+        draw: &Draw,
+    ) -> Result<(), SceneError> {
         let all = (draws.len() as u64).saturating_add(more);
         self.access
             .limits
@@ -513,7 +568,7 @@ impl Loader<'_> {
         match (&recipe.file, recipe.pattern) {
             (Some(file), None) => {
                 let (shown, bytes) = self.folder.read(file)?;
-                let hold = |size| self.hold(size::of_texels(size));
+                let hold = |bytes| self.hold(bytes);
                 recipe.decode_within(&shown, &bytes, &self.access.limits, &hold)
             }
             (None, Some(_)) if !(1..=MAX_SIDE).contains(&recipe.size) => Err(SceneError::new(
@@ -543,7 +598,7 @@ impl Loader<'_> {
     }
 
     /// Index of the mesh or material with this name among `names`.
-    fn find(
+    pub(super) fn find(
         &self,
         what: &str,
         wanted: &Spanned<String>,
@@ -556,23 +611,27 @@ impl Loader<'_> {
         })
     }
 
-    fn draw(
-        &self,
-        entry: &DrawEntry,
-        materials: &[Material],
-        meshes: &[Rigged],
-        draws: &mut Vec<Draw>,
-    ) -> Result<(), SceneError> {
-        let mesh = meshes.iter().map(|m| m.mesh.name.as_str());
-        let mesh = self.find("mesh", &entry.mesh, mesh.collect())?;
-        let material = materials.iter().map(|m| m.name.as_str());
-        let material = self.find("material", &entry.material, material.collect())?;
+    fn draw(&self, entry: &DrawEntry, parts: &mut Parts) -> Result<(), SceneError> {
+        let (materials, meshes, draws) = (&parts.materials, &parts.meshes, &mut parts.draws);
+        let (Some(mesh), Some(material), true) =
+            (&entry.mesh, &entry.material, entry.materials.is_empty())
+        else {
+            return Err(
+                SceneError::new("a draw needs a `mesh` and a `material`, or a `gltf`")
+                    .help("`materials` is for `gltf = { file = \"..\" }`"),
+            );
+        };
+        let mesh_name = mesh.get_ref();
+        let names = meshes.iter().map(|m| m.mesh.name.as_str());
+        let mesh = self.find("mesh", mesh, names.collect())?;
+        let names = materials.iter().map(|m| m.name.as_str());
+        let material = self.find("material", material, names.collect())?;
         let rigged = &meshes[mesh];
         let mut draw = Draw {
             name: entry
                 .name
                 .clone()
-                .unwrap_or_else(|| format!("{}#{}", entry.mesh.get_ref(), draws.len())),
+                .unwrap_or_else(|| format!("{mesh_name}#{}", draws.len())),
             mesh,
             material,
             transform: transform(entry.translate, entry.rotate, entry.scale.as_ref()),
@@ -810,7 +869,7 @@ pub(super) fn transform(translate: [f32; 3], rotate: [f32; 3], scale: Option<&Sc
     )
 }
 
-fn values(raw: &BTreeMap<String, Spanned<RawValue>>) -> BTreeMap<String, Value> {
+pub(super) fn values(raw: &BTreeMap<String, Spanned<RawValue>>) -> BTreeMap<String, Value> {
     fn flatten(raw: &RawValue, out: &mut Vec<f64>) {
         match raw {
             RawValue::Integer(n) => out.push(*n as f64),

@@ -4,6 +4,7 @@
 //! generated or read and every texture decoded. [`bind`] turns one draw of it into the bytes that a
 //! GPU pass of a plan needs.
 
+mod asset;
 mod discards;
 mod divisors;
 mod error;
@@ -35,6 +36,7 @@ pub mod codes;
 pub mod image;
 pub mod mesh;
 
+pub use asset::{Shading, load_gltf};
 pub use error::SceneError;
 pub use light::Light;
 pub use load::{load, load_with, load_within, read};
@@ -108,6 +110,9 @@ pub struct Scene {
     pub is_made_up: bool,
     /// The size before [`Scene::resized`], in pixels; `None`: it was not.
     pub own_size: Option<[u32; 2]>,
+    /// What a reader of its files should know: which value of a glTF file fed which binding, and
+    /// what of it is not drawn.
+    pub notes: Vec<String>,
 }
 
 /// Order of the opaque draws of a frame.
@@ -168,8 +173,18 @@ pub enum Value {
 pub struct Sampler {
     /// Magnification, minification and mip filter.
     pub filter: Filter,
+    /// Minification filter, if it is another.
+    pub min_filter: Option<Filter>,
+    /// Filter between mip levels, if it is another.
+    pub mip_filter: Option<Filter>,
     /// Addressing outside of 0..1.
     pub address: Address,
+    /// Addressing along v, if it is another.
+    pub address_v: Option<Address>,
+    /// Addressing along w, if it is another.
+    pub address_w: Option<Address>,
+    /// The least and the largest level of detail; `None`: all.
+    pub lod: Option<[f32; 2]>,
     /// Largest anisotropy, 1 to 16. Above 1 the filter must be linear.
     pub anisotropy: u16,
     /// Comparison function of a comparison sampler.
@@ -180,7 +195,12 @@ impl Default for Sampler {
     fn default() -> Self {
         Self {
             filter: Filter::Linear,
+            min_filter: None,
+            mip_filter: None,
             address: Address::Repeat,
+            address_v: None,
+            address_w: None,
+            lod: None,
             anisotropy: 1,
             compare: None,
         }

@@ -16,6 +16,8 @@ pub(super) struct Folder {
     base: PathBuf,
     /// The prefix that messages omit.
     root: PathBuf,
+    /// Folders outside of the root that a user named at the command line.
+    also: Vec<PathBuf>,
     access: Access,
     /// Full paths of the files read so far.
     read: RefCell<BTreeSet<PathBuf>>,
@@ -38,17 +40,47 @@ impl Folder {
         Ok(Self {
             base,
             root,
+            also: Vec::new(),
             access,
             read: RefCell::default(),
         })
     }
 
-    /// The folder that files must not leave; `None` if there is no such restriction.
-    pub(super) fn root(&self) -> Option<&Path> {
+    /// Allows the folder of a file that a user named.
+    ///
+    /// # Errors
+    /// There is no such folder.
+    pub(super) fn also(&mut self, file: &Path) -> Result<(), SceneError> {
+        let own = Self::of(file, self.access)?;
+        self.also.push(own.root);
+        Ok(())
+    }
+
+    /// The folder that an included file must not leave, beside a file that the scene names; `None`
+    /// if there is no such restriction.
+    pub(super) fn root_of(&self, name: &str) -> Option<PathBuf> {
+        let real = self.whole(name)?;
+        let mut roots = self.roots()?;
+        roots
+            .find(|root| real.starts_with(root))
+            .map(Path::to_owned)
+    }
+
+    /// The folders that files must not leave; `None` if there is no such restriction.
+    fn roots(&self) -> Option<impl Iterator<Item = &Path>> {
         match self.access.outside {
-            super::Outside::Refused => Some(&self.root),
+            super::Outside::Refused => {
+                let also = self.also.iter().map(PathBuf::as_path);
+                Some(std::iter::once(self.root.as_path()).chain(also))
+            }
             super::Outside::Allowed => None,
         }
+    }
+
+    /// Whether a full path may be read.
+    fn is_inside(&self, real: &Path) -> bool {
+        self.roots()
+            .is_none_or(|mut roots| roots.any(|root| real.starts_with(root)))
     }
 
     /// The bytes of a file, and its path for messages.
@@ -58,7 +90,7 @@ impl Folder {
             SceneError::new(format!("cannot read `{name}`: {e}"))
                 .help("paths are relative to the scene file's folder")
         })?;
-        if self.root().is_some_and(|root| !real.starts_with(root)) {
+        if !self.is_inside(&real) {
             return Err(SceneError::new(format!(
                 "`{name}` lies outside of the scene's root folder"
             ))
@@ -88,7 +120,7 @@ impl Folder {
     pub(super) fn folder(&self, name: &Path) -> Result<PathBuf, SceneError> {
         let real = self.base.join(name).canonicalize();
         let real = real.map_err(|e| SceneError::read(name, &e))?;
-        match self.root().is_none_or(|root| real.starts_with(root)) {
+        match self.is_inside(&real) {
             true => Ok(real),
             false => Err(SceneError::new(format!(
                 "`{}` lies outside of the scene's root folder",

@@ -23,10 +23,12 @@ pub(crate) fn of(module: &Module) -> Vec<String> {
         ));
         // Functions that passes create have no filter of their own, so the module's apply.
         let leaf = entry.function.diagnostic_filter_leaf;
-        let filters = filters(
+        let mut filters = filters(
             &module.diagnostic_filters,
             leaf.or(module.diagnostic_filter_leaf),
         );
+        // Each is of another rule, so their order means nothing.
+        filters.sort();
         lines.push(format!("{at}: diagnostics {filters:?}"));
         for input in reflect::inputs(module, &entry.function) {
             let flat = entry.stage != ShaderStage::Fragment;
@@ -145,13 +147,13 @@ fn layout(module: &Module, ty: Handle<Type>) -> String {
     }
 }
 
-/// The chain of diagnostic filters that ends in `leaf`, innermost first.
+/// The diagnostic filters that count for `leaf`, innermost first: of each rule the innermost.
 pub(crate) fn filters(
     arena: &Arena<DiagnosticFilterNode>,
     leaf: Option<Handle<DiagnosticFilterNode>>,
 ) -> Vec<(String, String)> {
     use naga::diagnostic_filter::{FilterableTriggeringRule as Rule, Severity};
-    let mut chain = Vec::new();
+    let mut chain: Vec<(String, String)> = Vec::new();
     let mut next = leaf;
     while let Some(handle) = next {
         let node = &arena[handle];
@@ -168,7 +170,9 @@ pub(crate) fn filters(
             Rule::Unknown(name) => name.to_string(),
             Rule::User(names) => names.join("."),
         };
-        chain.push((severity.to_owned(), rule));
+        if chain.iter().all(|(_, known)| *known != rule) {
+            chain.push((severity.to_owned(), rule));
+        }
         next = node.parent;
     }
     chain

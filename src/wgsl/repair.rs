@@ -77,8 +77,7 @@ fn directives(module: &Module, text: &str) -> String {
         out.push_str("enable f16;\n");
     }
     // naga's parser makes the last one the innermost, which `filters` lists first.
-    let filters_of_module = filters(&module.diagnostic_filters, module.diagnostic_filter_leaf);
-    for (severity, rule) in filters_of_module.into_iter().rev() {
+    for (severity, rule) in shared_filters(module).into_iter().rev() {
         out.push_str(&format!("diagnostic({severity}, {rule});\n"));
     }
     if !out.is_empty() && !text.starts_with("enable") {
@@ -87,14 +86,27 @@ fn directives(module: &Module, text: &str) -> String {
     out
 }
 
+/// The module's filters, without those that a function does not have: it comes from another module
+/// that was linked.
+fn shared_filters(module: &Module) -> Vec<(String, String)> {
+    let mut shared = filters(&module.diagnostic_filters, module.diagnostic_filter_leaf);
+    let functions = module.functions.iter().map(|(_, f)| f);
+    let functions = functions.chain(module.entry_points.iter().map(|e| &e.function));
+    // Functions that passes create have no filter of their own, so the module's apply.
+    for leaf in functions.filter_map(|f| f.diagnostic_filter_leaf) {
+        let own = filters(&module.diagnostic_filters, Some(leaf));
+        shared.retain(|filter| own.contains(filter));
+    }
+    shared
+}
+
 /// The missing attributes of each function and then each entry point.
 fn function_attributes(module: &Module) -> Vec<Vec<String>> {
-    let outer = module.diagnostic_filter_leaf;
+    let shared = shared_filters(module);
     let diagnostics = |function: &naga::Function| -> Vec<String> {
         let all = filters(&module.diagnostic_filters, function.diagnostic_filter_leaf);
-        let shared = filters(&module.diagnostic_filters, outer).len();
         all.iter()
-            .take(all.len().saturating_sub(shared))
+            .filter(|filter| !shared.contains(filter))
             .rev()
             .map(|(severity, rule)| format!("@diagnostic({severity}, {rule})"))
             .collect()

@@ -241,7 +241,7 @@ fn no_fixture_raises_a_false_alarm_against_itself() {
             let name = files[0].file_name().unwrap().to_string_lossy().into_owned();
             let mut results = Vec::new();
             for (how, relation, other) in partners(&original) {
-                let held = agree(&original, &other, relation, &[], &effort);
+                let held = agree(&original, &other, relation.into(), &effort);
                 let judged = match &held {
                     Ok(agreement) => judged(agreement),
                     Err(mismatch) => vec![Err(mismatch.to_string())],
@@ -332,7 +332,7 @@ fn agrees(first: &Plan, second: &Plan, relation: Relation) -> bool {
         inputs: 24,
         ..Effort::default()
     };
-    agree(first, second, relation, &[], &effort)
+    agree(first, second, relation.into(), &effort)
         .unwrap()
         .holds()
 }
@@ -405,4 +405,43 @@ fn derived(original: &Plan, is_vulkan: bool) -> Vec<Plan> {
         plan(&sources, &options).unwrap()
     });
     passes.into()
+}
+
+/// The IR has one precision of floats, so the text is asked.
+#[test]
+fn another_precision_is_told() {
+    let vertex = "#version 300 es\nin vec3 position; uniform mat4 mvp; out vec2 v;\n\
+                  void main() { v = position.xy; gl_Position = mvp * vec4(position, 1.0); }\n";
+    let material = |precision: &str, of_cut: &str| {
+        let fragment = format!(
+            "#version 300 es\nprecision {precision} float;\nin vec2 v; uniform {of_cut} float cut;\n\
+             out vec4 color; void main() {{ if (v.x * 100.0 < cut) discard; color = vec4(1.0); }}\n"
+        );
+        let sources = [
+            Source::new("m.vert", vertex),
+            Source::new("m.frag", fragment),
+        ];
+        plan(&sources, &Options::default()).unwrap()
+    };
+    let high = material("highp", "");
+    let effort = Effort {
+        inputs: 24,
+        ..Effort::default()
+    };
+    for (other, expected) in [
+        (material("highp", "highp"), None),
+        (material("mediump", ""), Some("in `mediump`")),
+        (
+            material("highp", "mediump"),
+            Some("has `mediump` variables"),
+        ),
+    ] {
+        let agreement = agree(&high, &other, Relation::Shadow.into(), &effort).unwrap();
+        assert!(agreement.holds());
+        let said = agreement.notes.join("\n");
+        match expected {
+            None => assert_eq!(said, ""),
+            Some(words) => assert!(said.contains(words), "{said}"),
+        }
+    }
 }

@@ -22,6 +22,7 @@ mod fuzz_corpus;
 mod glsl;
 mod glsl_semantics;
 mod glsl_vulkan;
+mod outputs_glsl;
 mod pass_pages;
 mod refusals;
 mod results_page;

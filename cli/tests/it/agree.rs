@@ -21,6 +21,64 @@ fn git(folder: &Path, args: &[&str]) -> Output {
     run
 }
 
+/// Folders of revisions: what is renamed, and a file of pairs.
+#[test]
+fn revisions_have_renamed_files_and_pairs() {
+    let repository = nowhere("agree-revisions");
+    let shaders = repository.join("shaders");
+    fs::create_dir_all(&shaders).unwrap();
+    let copy = |from: &str, to: &str| {
+        fs::copy(format!("../fixtures/{from}"), shaders.join(to)).unwrap();
+    };
+    copy("agree/leaf.wgsl", "leaf.wgsl");
+    copy("agree/leaf.shadow.wgsl", "shadow.wgsl");
+    copy("shaders/toon.wgsl", "toon.wgsl");
+    git(&repository, &["init", "-q"]);
+    git(&repository, &["add", "."]);
+    git(&repository, &["commit", "-q", "-m", "one"]);
+    git(
+        &repository,
+        &["mv", "shaders/toon.wgsl", "shaders/comic.wgsl"],
+    );
+    git(&repository, &["rm", "-q", "shaders/shadow.wgsl"]);
+    git(&repository, &["commit", "-q", "-m", "two"]);
+    let pairs = "
+        [[pair]]
+        name = 'leaf'
+        first = 'leaf.wgsl'
+        second = 'shadow.wgsl'
+        as = 'shadow'
+        [[waiver]]
+        pair = 'leaf'
+        class = 'loses'
+        reason = 'nobody knows whether it is needed where the pair cannot be read'";
+    fs::write(repository.join("agree.toml"), pairs).unwrap();
+    let run = |args: &[&str]| {
+        let mut preshade = Command::new(env!("CARGO_BIN_EXE_preshade"));
+        let ran = preshade.arg("agree").args(args).current_dir(&repository);
+        let ran = ran.output().unwrap();
+        let said = String::from_utf8_lossy(&ran.stdout).into_owned();
+        (ran.status.code(), said + &stderr(&ran))
+    };
+    let (status, said) = run(&["HEAD~1:shaders", "HEAD:shaders", "--as", "same"]);
+    assert_eq!(status, Some(0), "{said}");
+    assert!(
+        said.contains("toon.wgsl is comic.wgsl in HEAD:shaders"),
+        "{said}"
+    );
+    assert!(
+        said.contains("shadow.wgsl is only in HEAD~1:shaders"),
+        "{said}"
+    );
+    let (status, said) = run(&["HEAD~1:shaders", "--pairs", "agree.toml"]);
+    assert_eq!(status, Some(0), "{said}");
+    assert!(said.contains("not needed any more"), "{said}");
+    let (status, said) = run(&["HEAD:shaders", "--pairs", "agree.toml"]);
+    assert_eq!(status, Some(2), "{said}");
+    assert!(said.contains("HEAD:shaders/shadow.wgsl"), "{said}");
+    assert!(!said.contains("waiver"), "{said}");
+}
+
 /// The Action's script in a repository of two commits.
 #[test]
 fn the_action_reports_what_a_commit_changes() {

@@ -9,6 +9,8 @@ use naga::{Handle, Module, Override, ResourceBinding};
 pub struct Declared {
     /// Binding of the block that we gather loose uniforms in, as members with their names.
     pub loose: Option<ResourceBinding>,
+    /// Binding of a copy of that block with the previous frame's values ([`Self::previous_name`]).
+    pub previous: Option<ResourceBinding>,
     /// The uniforms outside of blocks, samplers included, in order of declaration.
     pub uniforms: Vec<Declaration>,
     /// The combined samplers among them.
@@ -47,11 +49,54 @@ pub struct Declared {
     /// The stages whose entry point the author calls `main`. In the IR it has another name, because
     /// both stages share one name space.
     pub mains: Vec<naga::ShaderStage>,
+    /// The precisions of floats, by stage. The IR has full precision alone.
+    pub precisions: Vec<StagePrecision>,
     /// `discard` demotes the invocation to a helper, as in WGSL. Otherwise it ends it, as in GLSL.
     pub demotes: bool,
 }
 
 impl Declared {
+    /// Whether a block of this binding stands for loose uniforms.
+    pub fn is_loose(&self, binding: Option<ResourceBinding>) -> bool {
+        binding.is_some() && (self.loose == binding || self.previous == binding)
+    }
+
+    /// The name of the loose uniform that has the previous frame's value of `name`.
+    pub fn previous_name(&self, name: &str) -> String {
+        let mut free = format!("{name}_previous");
+        while self.uniforms.iter().any(|u| u.name == free) {
+            free.push('_');
+        }
+        free
+    }
+
+    /// With the uniforms of the previous frame among the loose ones.
+    pub fn with_previous(&self) -> Self {
+        let data = self.uniforms.iter().filter(|u| u.ty.has_data());
+        let copies = data
+            .filter(|_| self.previous.is_some())
+            .map(|u| Declaration {
+                name: self.previous_name(&u.name),
+                ty: u.ty.clone(),
+                location: None,
+            });
+        let copies: Vec<_> = copies.collect();
+        let mut all = self.clone();
+        all.uniforms.extend(copies);
+        all
+    }
+
+    /// The name of a variable, or that of its block: an unnamed GLSL block has no variable's name.
+    pub fn name_of(&self, variable: &naga::GlobalVariable) -> String {
+        let block = || {
+            let at = variable.binding?;
+            let mut all = self.blocks.iter();
+            all.find(|b| b.binding == at).map(|b| b.name.clone())
+        };
+        let own = variable.name.clone().filter(|name| !name.is_empty());
+        own.or_else(block).unwrap_or_default()
+    }
+
     /// The outputs of the fragment stage that a text of Vulkan's declares with fewer components than
     /// the IR has.
     pub fn widened(&self) -> impl Iterator<Item = &Located> {
@@ -94,6 +139,38 @@ pub enum Depth {
     AsWritten,
     /// -1 to 1, as in OpenGL: the IR holds `(z + w) / 2` for the author's `z`.
     OpenGl,
+}
+
+/// The precisions that a stage's text gives to floats.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct StagePrecision {
+    /// The stage.
+    pub stage: naga::ShaderStage,
+    /// That of `precision mediump float;`, or `highp`.
+    pub default: Precision,
+    /// Those that declarations of variables name.
+    pub qualified: Vec<Precision>,
+}
+
+/// A precision of GLSL, the most precise first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Precision {
+    /// `highp`.
+    High,
+    /// `mediump`.
+    Medium,
+    /// `lowp`.
+    Low,
+}
+
+impl std::fmt::Display for Precision {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::High => "`highp`",
+            Self::Medium => "`mediump`",
+            Self::Low => "`lowp`",
+        })
+    }
 }
 
 /// A name and its type.

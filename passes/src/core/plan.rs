@@ -452,8 +452,8 @@ pub struct GpuPass {
     /// pass): variable or member names.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub view_dependent: Vec<String>,
-    /// What the pass leaves out of the author's decisions about coverage, because it depends on the
-    /// viewer.
+    /// What the pass leaves out of the author's decisions about coverage: what depends on the viewer,
+    /// and alpha to coverage or blending where a test of alpha takes their place.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub left_out: Vec<String>,
 }
@@ -841,8 +841,8 @@ fn point_size_note(is_said: bool, topology: Topology) -> Vec<String> {
     vec![note.to_owned()]
 }
 
-/// One `rgba8unorm` per location the fragment stage writes; integer outputs get the integer format
-/// of their width.
+/// A target for each location that the fragment stage writes: of 8 bits for floats, of 32 for integers.
+/// It has no more components than the output, as WebGPU wants.
 fn default_targets(program: &Program, fragment: &str) -> Vec<Option<ColorTarget>> {
     let Some((_, entry)) = program.entry_point(ShaderStage::Fragment, fragment) else {
         return Vec::new();
@@ -854,12 +854,18 @@ fn default_targets(program: &Program, fragment: &str) -> Vec<Option<ColorTarget>
             if targets.len() <= index {
                 targets.resize(index + 1, None);
             }
-            let scalar = program.module().types[output.ty].inner.scalar_kind();
-            targets[index] = Some(ColorTarget::opaque(match scalar {
-                Some(naga::ScalarKind::Uint) => "rgba32uint",
-                Some(naga::ScalarKind::Sint) => "rgba32sint",
-                _ => "rgba8unorm",
-            }));
+            let inner = &program.module().types[output.ty].inner;
+            let of_kind = match inner.scalar_kind() {
+                Some(naga::ScalarKind::Uint) => ["r32uint", "rg32uint", "rgba32uint"],
+                Some(naga::ScalarKind::Sint) => ["r32sint", "rg32sint", "rgba32sint"],
+                _ => ["r8unorm", "rg8unorm", "rgba8unorm"],
+            };
+            let format = match inner {
+                naga::TypeInner::Scalar(_) => of_kind[0],
+                naga::TypeInner::Vector { size, .. } if *size == naga::VectorSize::Bi => of_kind[1],
+                _ => of_kind[2],
+            };
+            targets[index] = Some(ColorTarget::opaque(format));
         }
     }
     targets

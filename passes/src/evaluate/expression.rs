@@ -14,10 +14,18 @@ impl<'a, F: Number> Machine<'a, F> {
         frame: &mut Activation<'a, F>,
         e: Handle<Expression>,
     ) -> Result<Value<F>, Stuck> {
+        self.read_operand(frame, e)?;
+        Ok(known(frame, e)?.clone())
+    }
+
+    /// Counts the work of an operand, whose value is known then.
+    fn read_operand(
+        &mut self,
+        frame: &mut Activation<'a, F>,
+        e: Handle<Expression>,
+    ) -> Result<(), Stuck> {
         self.need(frame, e)?;
-        let value = known(frame, e)?;
-        self.work(value.scalars())?;
-        Ok(value.clone())
+        self.work(known(frame, e)?.scalars())
     }
 
     /// Evaluates an operand that needs no `Emit`, once.
@@ -73,8 +81,8 @@ impl<'a, F: Number> Machine<'a, F> {
                 vector,
                 pattern,
             } => {
-                let vector = self.get(frame, *vector)?;
-                let parts = vector.parts()?;
+                self.read_operand(frame, *vector)?;
+                let parts = known(frame, *vector)?.parts()?;
                 Value::Composite(
                     pattern[..*size as usize]
                         .iter()
@@ -90,8 +98,8 @@ impl<'a, F: Number> Machine<'a, F> {
                 path: Vec::new(),
             },
             Expression::Load { pointer } => {
-                let pointer = self.get(frame, *pointer)?;
-                let place = self.read(&pointer)?;
+                self.read_operand(frame, *pointer)?;
+                let place = self.read(known(frame, *pointer)?)?;
                 self.room(place.scalars())?;
                 place.clone()
             }
@@ -144,10 +152,27 @@ impl<'a, F: Number> Machine<'a, F> {
         frame: &mut Activation<'a, F>,
         operation: &Expression,
     ) -> Result<Value<F>, Stuck> {
-        let operands = crate::graph::operands::of_expression(operation);
-        let operands = operands.into_iter().map(|o| self.get(frame, o));
-        let operands = operands.collect::<Result<Vec<_>, _>>()?;
-        let operands: Vec<&Value<F>> = operands.iter().collect();
+        let operands = match *operation {
+            Expression::Unary { expr, .. } | Expression::As { expr, .. } => {
+                [Some(expr), None, None, None]
+            }
+            Expression::Relational { argument, .. } => [Some(argument), None, None, None],
+            Expression::Binary { left, right, .. } => [Some(left), Some(right), None, None],
+            Expression::Math {
+                arg,
+                arg1,
+                arg2,
+                arg3,
+                ..
+            } => [Some(arg), arg1, arg2, arg3],
+            _ => [None; 4],
+        };
+        for operand in operands.into_iter().flatten() {
+            self.read_operand(frame, operand)?;
+        }
+        let frame = &*frame;
+        let operands = operands.into_iter().flatten().map(|o| known(frame, o));
+        let operands = operands.collect::<Result<Vec<&Value<F>>, _>>()?;
         let value = math::operation(operation, &operands)?;
         self.flips += flips::of(operation, &operands, &value);
         Ok(value)

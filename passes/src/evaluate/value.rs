@@ -268,30 +268,35 @@ impl<F: Number> Value<F> {
             Self::Composite(parts) => Some(parts.len()),
             _ => None,
         });
+        if values.len() > MOST_OPERANDS {
+            return Err(Stuck::Type(format!("{} operands", values.len())));
+        }
         let Some(count) = count else {
-            let scalars = values
-                .iter()
-                .map(|v| v.scalar())
-                .collect::<Result<Vec<_>, _>>()?;
-            return f(&scalars).map(Self::Scalar);
+            let mut scalars = [Scalar::Bool(false); MOST_OPERANDS];
+            for (scalar, value) in scalars.iter_mut().zip(values) {
+                *scalar = value.scalar()?;
+            }
+            return f(&scalars[..values.len()]).map(Self::Scalar);
         };
-        (0..count)
-            .map(|i| {
-                let at: Vec<&Self> = values
-                    .iter()
-                    .map(|v| match v {
-                        Self::Composite(parts) => parts
-                            .get(i)
-                            .ok_or_else(|| Stuck::Type("vectors of two sizes".to_owned())),
-                        one => Ok(*one),
-                    })
-                    .collect::<Result<_, _>>()?;
-                Self::zip(&at, f)
-            })
-            .collect::<Result<_, _>>()
-            .map(Self::Composite)
+        let mut parts = Vec::with_capacity(count);
+        for i in 0..count {
+            let mut at = [values[0]; MOST_OPERANDS];
+            for (part, value) in at.iter_mut().zip(values) {
+                *part = match value {
+                    Self::Composite(parts) => parts
+                        .get(i)
+                        .ok_or_else(|| Stuck::Type("vectors of two sizes".to_owned()))?,
+                    one => one,
+                };
+            }
+            parts.push(Self::zip(&at[..values.len()], f)?);
+        }
+        Ok(Self::Composite(parts))
     }
 }
+
+/// Most operands of an operation by components.
+const MOST_OPERANDS: usize = 4;
 
 fn zero_scalar<F: Number>(kind: ScalarKind, width: u8) -> Result<Scalar<F>, Stuck> {
     Ok(match (kind, width) {

@@ -12,7 +12,7 @@ use crate::core::contract::{Assumption, Contract};
 use crate::core::pass::Refusal;
 use crate::core::plan::{Draws, GpuPass, Phase, Plan, Role};
 use crate::core::reflect;
-use crate::core::state::DepthState;
+use crate::core::state::{AttachmentOps, CompareFunction, DepthBias, DepthFormat, DepthState};
 
 /// The material, for a picture of its own that has one sample and no colour of the author's: alpha
 /// to coverage does not apply there.
@@ -31,6 +31,20 @@ pub fn alone<'p>(plan: &'p Plan, name: &'static str) -> Result<Opaque<'p>, Vec<R
         )]);
     }
     Ok(opaque)
+}
+
+/// The depth of a light's picture, a frame of its own: forward, without the camera's bias, which is in
+/// units of the camera's format and direction. A light needs its own, which the host knows.
+pub fn of_light(attachment: String, format: DepthFormat) -> DepthState {
+    DepthState {
+        attachment,
+        compare: CompareFunction::Less,
+        write: true,
+        bias: DepthBias::default(),
+        read_only: false,
+        ops: AttachmentOps::default(),
+        stencil_ops: format.has_stencil().then(AttachmentOps::default),
+    }
 }
 
 /// The program of a pre-pass.

@@ -46,9 +46,12 @@ pub enum Unmapped {
 const NOWHERE: u32 = u32::MAX / 2;
 
 /// A part of the author's resources and what takes its place.
-struct Pair {
-    ours: Place,
-    theirs: Place,
+#[derive(Clone, Debug)]
+pub struct Pair {
+    /// The author's.
+    pub ours: Place,
+    /// The other.
+    pub theirs: Place,
 }
 
 /// Replaces what `mappings` name. `author` is the author's whole module, `module` a slice of it.
@@ -134,19 +137,22 @@ pub fn remap(
     let functions = functions.into_iter().map(FunctionId::Function);
     let entries = (0..module.entry_points.len()).map(FunctionId::EntryPoint);
     for id in functions.chain(entries).collect::<Vec<_>>() {
-        let parts = Parts::of(function(&module, id));
-        if parts
-            .0
-            .values()
-            .any(|part| pairs.iter().any(|p| p.is_of(part)))
-        {
-            module = place::rewritten(&module, id, |build| Rewrite {
-                replacements: replacements(build, &parts, &pairs),
-                arguments: BTreeMap::new(),
-            });
-        }
+        module = redirected(module, id, &pairs);
     }
     Ok(Remapped { module, views })
+}
+
+/// The module with a function that reads the others' parts in place of the author's.
+pub fn redirected(module: Module, id: FunctionId, pairs: &[Pair]) -> Module {
+    let parts = Parts::of(function(&module, id));
+    let mut all = parts.0.values();
+    if !all.any(|part| pairs.iter().any(|p| p.is_of(part))) {
+        return module;
+    }
+    place::rewritten(&module, id, |build| Rewrite {
+        replacements: replacements(build, &parts, pairs),
+        arguments: BTreeMap::new(),
+    })
 }
 
 fn function(module: &Module, id: FunctionId) -> &Function {

@@ -3,7 +3,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use naga::{Arena, Expression, Function, Handle, Literal, Module, Span, Statement, UnaryOperator};
+use naga::{
+    Arena, BinaryOperator, Expression, Function, Handle, Literal, LocalVariable, Module, Span,
+    Statement, UnaryOperator,
+};
 
 use crate::analysis::opaque::Opaque;
 use crate::analysis::values::ContextId;
@@ -139,9 +142,12 @@ fn told(stage: &Stage<'_, '_>, changes: &Changes) -> Vec<String> {
             let at = line(stage, span_of(f, *e));
             let own = written(*e);
             match *instead {
-                Instead::Other(other) => {
-                    format!("`{own}`{at}: `{}` is in its place", written(other))
-                }
+                Instead::Other(other) => match written(other) {
+                    other if other == own => {
+                        format!("`{own}`{at}: an earlier value is in its place")
+                    }
+                    other => format!("`{own}`{at}: `{other}` is in its place"),
+                },
                 Instead::Bool(value) => format!("`{own}`{at}: it counts as {value}"),
             }
         })
@@ -170,33 +176,136 @@ fn line(stage: &Stage<'_, '_>, span: Span) -> String {
     }
 }
 
-/// Replaces each `if` whose condition is a constant by what it does.
+/// Replaces each `if` whose condition is a constant by what it does. A stage that discards nothing
+/// must not keep its `discard`, which switches early depth tests off.
 fn decide(function: &mut Function) {
-    let Function {
-        body, expressions, ..
-    } = function;
-    operands::visit_mut(body, &mut |statement| {
-        if let Statement::If {
-            condition,
-            accept,
-            reject,
-        } = statement
-            && let Some(value) = constant(expressions, *condition)
-        {
-            let taken = if value { accept } else { reject };
-            *statement = Statement::Block(std::mem::take(taken));
+    loop {
+        let never = never_true(function);
+        let Function {
+            body, expressions, ..
+        } = function;
+        let mut is_changed = false;
+        operands::visit_mut(body, &mut |statement| {
+            let Statement::If {
+                condition,
+                accept,
+                reject,
+            } = statement
+            else {
+                return;
+            };
+            *condition = essential(expressions, &never, *condition);
+            if let Some(value) = constant(expressions, &never, *condition) {
+                let taken = if value { accept } else { reject };
+                *statement = Statement::Block(std::mem::take(taken));
+                is_changed = true;
+            }
+        });
+        if !is_changed {
+            return;
         }
+    }
+}
+
+/// The local variables that begin with false, and that nothing but false is stored to.
+fn never_true(function: &Function) -> BTreeSet<Handle<LocalVariable>> {
+    let all = function.local_variables.iter();
+    let begins = all.filter(|(_, local)| match local.init {
+        Some(init) => constant(&function.expressions, &BTreeSet::new(), init) == Some(false),
+        None => true,
     });
+    let mut never: BTreeSet<_> = begins.map(|(handle, _)| handle).collect();
+    let variable = |e: Handle<Expression>| match function.expressions[e] {
+        Expression::LocalVariable(local) => Some(local),
+        _ => None,
+    };
+    let mut remove = |e: Handle<Expression>| {
+        if let Some(local) = variable(e) {
+            never.remove(&local);
+        }
+    };
+    for (_, expression) in function.expressions.iter() {
+        if !matches!(expression, Expression::Load { .. }) {
+            operands::of_expression(expression)
+                .into_iter()
+                .for_each(&mut remove);
+        }
+    }
+    operands::visit(&function.body, &mut |statement| match statement {
+        Statement::Store { pointer, value }
+            if constant(&function.expressions, &BTreeSet::new(), *value) != Some(false) =>
+        {
+            remove(*pointer);
+        }
+        Statement::Store { .. } | Statement::Emit(_) => {}
+        other => operands::of_statement(other)
+            .into_iter()
+            .for_each(&mut remove),
+    });
+    never
+}
+
+/// A condition without the constants that do not decide it.
+fn essential(
+    expressions: &mut Arena<Expression>,
+    never: &BTreeSet<Handle<LocalVariable>>,
+    e: Handle<Expression>,
+) -> Handle<Expression> {
+    let Expression::Binary { op, left, right } = expressions[e] else {
+        return e;
+    };
+    let neutral = match op {
+        BinaryOperator::LogicalOr => false,
+        BinaryOperator::LogicalAnd => true,
+        _ => return e,
+    };
+    let left = essential(expressions, never, left);
+    let right = essential(expressions, never, right);
+    if constant(expressions, never, left) == Some(neutral) {
+        return right;
+    }
+    if constant(expressions, never, right) == Some(neutral) {
+        return left;
+    }
+    expressions[e] = Expression::Binary { op, left, right };
+    e
 }
 
 /// The value of a constant condition.
-fn constant(expressions: &Arena<Expression>, e: Handle<Expression>) -> Option<bool> {
+fn constant(
+    expressions: &Arena<Expression>,
+    never: &BTreeSet<Handle<LocalVariable>>,
+    e: Handle<Expression>,
+) -> Option<bool> {
+    let known = |e| constant(expressions, never, e);
     match expressions[e] {
         Expression::Literal(Literal::Bool(value)) => Some(value),
         Expression::Unary {
             op: UnaryOperator::LogicalNot,
             expr,
-        } => constant(expressions, expr).map(|value| !value),
+        } => known(expr).map(|value| !value),
+        Expression::Binary {
+            op: BinaryOperator::LogicalOr,
+            left,
+            right,
+        } => match [known(left), known(right)] {
+            [Some(true), _] | [_, Some(true)] => Some(true),
+            [Some(false), Some(false)] => Some(false),
+            _ => None,
+        },
+        Expression::Binary {
+            op: BinaryOperator::LogicalAnd,
+            left,
+            right,
+        } => match [known(left), known(right)] {
+            [Some(false), _] | [_, Some(false)] => Some(false),
+            [Some(true), Some(true)] => Some(true),
+            _ => None,
+        },
+        Expression::Load { pointer } => match expressions[pointer] {
+            Expression::LocalVariable(local) => never.contains(&local).then_some(false),
+            _ => None,
+        },
         _ => None,
     }
 }

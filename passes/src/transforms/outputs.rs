@@ -51,13 +51,13 @@ use crate::analysis::view::{self, Said};
 use crate::core::contract::Contract;
 use crate::core::limits;
 use crate::core::pass::{Example, Facts, Misnamed, Outcome, Pass, PassInfo, Refusal, Refused, Use};
-use crate::core::plan::{Attachment, AttachmentFormat, ClearValue, GpuPass, Phase, Plan, Role};
+use crate::core::plan::{
+    Attachment, AttachmentFormat, ClearValue, Draws, GpuPass, Phase, Plan, Role,
+};
 use crate::core::program::Program;
 use crate::core::refusals::RefusalInfo;
-use crate::core::state::{
-    AttachmentOps, ColorTarget, CompareFunction, DepthBias, DepthDirection, DepthState, Multisample,
-};
-use crate::rebuild::depth_only::{self, VertexStage};
+use crate::core::state::{AttachmentOps, ColorTarget, DepthDirection, DepthState, Multisample};
+use crate::rebuild::depth_only::{self, Placed, VertexStage};
 use crate::rebuild::depth_pass;
 use crate::rebuild::outputs::{self, Direction, Extended, Failed, Shows, Velocity, Wanted};
 use crate::rebuild::place::PositionInvariance;
@@ -65,9 +65,12 @@ use crate::rebuild::viewer::{self, Dropped, Stays};
 use crate::slice::OutputFilter;
 
 mod calls;
+mod cutoff;
 mod distance;
+mod effect;
 mod follows;
 mod names;
+mod notes;
 mod other_view;
 mod params;
 pub mod refusals;
@@ -141,56 +144,49 @@ impl Pass for Outputs {
     ];
 
     fn misnamed(plan: &Plan, params: &Params) -> Option<Misnamed> {
+        if let Some(slip) = effect::slip(params) {
+            return Some(slip);
+        }
         let opaque = depth_pass::alone(plan, NAME).ok()?;
         let viewer = params.viewer.as_deref();
+        let module = opaque.program.module();
         names::misnamed(&opaque, params)
-            .or_else(|| follows::misnamed(opaque.program.module(), viewer))
+            .or_else(|| follows::misnamed(module, viewer))
+            .or_else(|| effect::of_map(module, params))
     }
 
     fn run(plan: &Plan, _facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
         let asked = params.asked();
-        if plan.passes.iter().any(|p| p.role == Role::Outputs) {
-            let reason = "the plan already has a pass of outputs";
-            return Err(refusal(&refusals::HAS_OUTPUTS, reason).into());
-        }
         let from_light = asked.contains(&Asked::Shadow) || asked.contains(&Asked::Distance);
-        if from_light && (asked.contains(&Asked::Depth) || asked.contains(&Asked::Velocity)) {
-            return Err(refusal(
-                &refusals::MIXED_VIEWS,
-                "`shadow` and `distance` are drawn from a light's view, `depth` and `velocity` from \
-                 the camera's",
-            )
-            .into());
-        }
-        let whole = depth_pass::alone(plan, NAME)?;
+        check(plan, &asked, from_light)?;
+        let tested = cutoff::tested(plan, params.cutoff)?;
+        let authors = tested.as_ref().map_or(plan, |(plan, _)| plan);
+        let whole = depth_pass::alone(authors, NAME)?;
         let said = follows::said(whole.program.module(), params.viewer.as_deref())?;
         let drops = from_light && params.view == Viewer::Drop;
         let dropped = match drops {
             true => without_viewer(&whole, &said)?,
             false => None,
         };
-        let of_light = dropped.as_ref().map(|d| with_main(plan, &d.program, None));
+        let of_light = dropped
+            .as_ref()
+            .map(|d| with_main(authors, &d.program, None));
         let author = match &of_light {
             Some(plan) => depth_pass::alone(plan, NAME)?,
             None => whole,
         };
         // What decides coverage and depth is the author's alone: outputs decide nothing.
         let deciding = depth_only::slice(&author, VertexStage::Sliced, &[]);
-        deciding.assumptions(&author, plan, NAME, &[PassEffect::SlicesForView])?;
-        let mut wanted = wanted(&author, (params, &said), &asked)?;
-        if wanted.is_empty() && params.colour_target == ColourTarget::Bound {
-            wanted.push(Wanted {
-                name: "colour".to_owned(),
-                shows: Shows::Nothing,
-                full: false,
-            });
-        }
+        deciding.assumptions(&author, authors, NAME, &[PassEffect::SlicesForView])?;
+        let wanted = wanted(&author, (params, &said), &asked)?;
         let mut extended = match wanted.is_empty() {
             true => None,
-            false => Some(outputs::extend(&author, &wanted).map_err(|why| failed(&why))?),
+            false => {
+                Some(outputs::extend(&author, &wanted, params.group).map_err(|why| failed(&why))?)
+            }
         };
         let of_extended = extended.as_ref();
-        let of_extended = of_extended.map(|e| with_main(plan, &e.program, Some(&e.fragment)));
+        let of_extended = of_extended.map(|e| with_main(authors, &e.program, Some(&e.fragment)));
         let opaque = match &of_extended {
             Some(plan) => depth_pass::alone(plan, NAME)?,
             None => author,
@@ -204,51 +200,16 @@ impl Pass for Outputs {
             extended.renumber(&mut placed);
         }
         let mut next = plan.clone();
-        let depth = depth_state(&opaque, params, from_light);
-        let phase = match from_light {
-            true => Phase::Shadow,
-            false => Phase::Outputs,
-        };
-        let attachment = attachment(&opaque, plan, params, from_light);
-        depth_pass::insert_own(
-            &mut next,
-            &opaque,
-            placed,
-            Role::Outputs,
-            phase,
-            depth,
-            NAME,
-        )?;
-        next.attachments.push(attachment);
+        insert(&mut next, &opaque, placed, params, from_light)?;
         let contract = Contract::exact();
         next.steps.push(slice.step(&opaque, NAME, params, contract));
-        let is_own = |p: &&mut GpuPass| p.role == Role::Outputs;
-        if let Some(pass) = next.passes.iter_mut().find(is_own) {
-            pass.multisample = Multisample::default();
-            if let Some(extended) = &extended {
-                bind(pass, extended);
-                for (wanted, format) in wanted.iter().zip(&extended.formats) {
-                    let name = format!("{ATTACHMENT}{}", wanted.name);
-                    next.attachments.push(Attachment {
-                        name: name.clone(),
-                        format: AttachmentFormat::Color((*format).to_owned()),
-                        samples: 1,
-                        sampled: true,
-                        clear: clear_value(wanted),
-                    });
-                    let written = !matches!(wanted.shows, Shows::Nothing);
-                    pass.targets.push(Some(ColorTarget {
-                        attachment: Some(name),
-                        write_mask: if written { 0b1111 } else { 0 },
-                        ..ColorTarget::opaque(*format)
-                    }));
-                }
-            }
+        if let Some(extended) = &extended {
+            add_targets(&mut next, extended, &wanted);
         }
-        next.notes.extend(notes(&opaque, params, &wanted));
+        next.notes.extend(notes::notes(&opaque, params, &wanted));
         next.notes
             .extend((drops && dropped.is_none()).then(|| NOTHING_DROPPED.to_owned()));
-        let of_view = other_view::apply(&mut next, &opaque, params)?;
+        let of_view = other_view::apply(&mut next, &opaque, (params, &said))?;
         depth_pass::finish(&mut next, "original");
         let program = next.programs.get(Role::Outputs.name());
         let program = program.filter(|_| from_light);
@@ -260,11 +221,83 @@ impl Pass for Outputs {
             other_view::mark(pass, &of_view);
             pass.view_dependent = follows.unwrap_or_default();
             pass.left_out = dropped.map(|d| d.left_out).unwrap_or_default();
+            if let Some((_, left_out)) = &tested {
+                // Blended draws are meant too.
+                pass.draws = Draws::All;
+                pass.left_out.push(left_out.clone());
+            }
             check_limits(pass, opaque.pass)?;
         }
         let names: Vec<&str> = list(Some(&params.write)).collect();
         let what = format!("vertex and fragment stage for {}", names.join(", "));
         Ok(slice.outcome(&opaque, what, next))
+    }
+}
+
+/// Whether a pass is the new one.
+fn is_own(pass: &&mut GpuPass) -> bool {
+    pass.role == Role::Outputs
+}
+
+/// Fails for pictures that do not go together.
+fn check(plan: &Plan, asked: &[Asked], from_light: bool) -> Result<(), Box<Refusal>> {
+    if plan.passes.iter().any(|p| p.role == Role::Outputs) {
+        let reason = "the plan already has a pass of outputs";
+        return Err(refusal(&refusals::HAS_OUTPUTS, reason));
+    }
+    if from_light && (asked.contains(&Asked::Depth) || asked.contains(&Asked::Velocity)) {
+        return Err(refusal(
+            &refusals::MIXED_VIEWS,
+            "`shadow` and `distance` are drawn from a light's view, `depth` and `velocity` from \
+             the camera's",
+        ));
+    }
+    Ok(())
+}
+
+/// Inserts the pass, with its depth.
+fn insert(
+    next: &mut Plan,
+    opaque: &Opaque<'_>,
+    placed: Placed,
+    params: &Params,
+    from_light: bool,
+) -> Result<(), Box<Refusal>> {
+    let depth = depth_state(opaque, params, from_light);
+    let phase = match from_light {
+        true => Phase::Shadow,
+        false => Phase::Outputs,
+    };
+    let attachment = attachment(opaque, next, params, from_light);
+    depth_pass::insert_own(next, opaque, placed, Role::Outputs, phase, depth, NAME)?;
+    next.attachments.push(attachment);
+    if let Some(pass) = next.passes.iter_mut().find(is_own) {
+        pass.multisample = Multisample::default();
+    }
+    Ok(())
+}
+
+/// Adds the targets of the pass, and marks its bindings.
+fn add_targets(next: &mut Plan, extended: &Extended, wanted: &[Wanted]) {
+    let Some(pass) = next.passes.iter_mut().find(is_own) else {
+        return;
+    };
+    bind(pass, extended);
+    for (wanted, format) in wanted.iter().zip(&extended.formats) {
+        let name = format!("{ATTACHMENT}{}", wanted.name);
+        next.attachments.push(Attachment {
+            name: name.clone(),
+            format: AttachmentFormat::Color((*format).to_owned()),
+            samples: 1,
+            sampled: true,
+            clear: clear_value(wanted),
+        });
+        let written = !matches!(wanted.shows, Shows::Nothing);
+        pass.targets.push(Some(ColorTarget {
+            attachment: Some(name),
+            write_mask: if written { 0b1111 } else { 0 },
+            ..ColorTarget::opaque(*format)
+        }));
     }
 }
 
@@ -310,43 +343,17 @@ fn wanted(
             Err(refusal) => refusals.push(*refusal),
         }
     }
-    match refusals.is_empty() {
-        true => Ok(found),
-        false => Err(refusals),
+    if !refusals.is_empty() {
+        return Err(refusals);
     }
-}
-
-/// What a host should know of the pictures.
-fn notes(opaque: &Opaque<'_>, params: &Params, wanted: &[Wanted]) -> Vec<String> {
-    let mut found = Vec::new();
-    if wanted.is_empty() {
-        found.push(
-            "the pass `outputs` writes no colour: WebGL refuses it while a colour target is bound; \
-             `colour-target=bound` writes one"
-                .to_owned(),
-        );
-    }
-    found.extend(wanted.iter().find_map(|w| match &w.shows {
-        Shows::Distance(of) => Some(distance::described(of, params)),
-        _ => None,
-    }));
-    let module = opaque.program.module();
-    if wanted.iter().any(|w| matches!(w.shows, Shows::Velocity(_))) {
-        let info = opaque.program.info().get_entry_point(opaque.vertex);
-        let textures = module.global_variables.iter().filter(|(handle, global)| {
-            let inner = &module.types[global.ty].inner;
-            matches!(inner, naga::TypeInner::Image { .. }) && !info[*handle].is_empty()
+    if found.is_empty() && params.colour_target == ColourTarget::Bound {
+        found.push(Wanted {
+            name: "colour".to_owned(),
+            shows: Shows::Nothing,
+            full: false,
         });
-        let names = textures.filter_map(|(_, global)| global.name.as_deref());
-        let names: Vec<String> = names.map(|name| format!("`{name}`")).collect();
-        if !names.is_empty() {
-            let names = names.join(", ");
-            found.push(format!(
-                "velocities take what the vertex stage samples as unchanged: {names}"
-            ));
-        }
     }
-    found
+    Ok(found)
 }
 
 fn normal(opaque: &Opaque<'_>, params: &Params) -> Result<Shows, Box<Refusal>> {
@@ -363,7 +370,7 @@ fn velocity(opaque: &Opaque<'_>, params: &Params) -> Result<Shows, Box<Refusal>>
     let still = list(params.still.as_deref());
     let jitter = list(params.jitter.as_deref());
     Ok(Shows::Velocity(Velocity {
-        still: names::still(module, still)?,
+        still: names::still(opaque.program, still)?,
         moving: names::attributes(opaque, list(params.moving.as_deref()))?,
         jitter: jitter
             .map(|name| names::member(module, name))
@@ -441,20 +448,11 @@ fn bind(pass: &mut GpuPass, extended: &Extended) {
     }
 }
 
-/// The depth that the pass tests and writes. A light has forward depth, and a bias that the host
-/// knows.
+/// The depth that the pass tests and writes.
 fn depth_state(opaque: &Opaque<'_>, params: &Params, from_light: bool) -> DepthState {
     let attachment = format!("{ATTACHMENT}depth");
     match from_light {
-        true => DepthState {
-            attachment,
-            compare: CompareFunction::Less,
-            write: true,
-            bias: DepthBias::default(),
-            read_only: false,
-            ops: AttachmentOps::default(),
-            stencil_ops: params.format.has_stencil().then(AttachmentOps::default),
-        },
+        true => depth_pass::of_light(attachment, params.format),
         false => DepthState {
             attachment,
             ops: AttachmentOps::default(),

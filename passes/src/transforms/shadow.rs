@@ -25,9 +25,7 @@ use crate::core::contract::Contract;
 use crate::core::pass::{Example, Facts, Outcome, Pass, PassInfo, Refused, Use};
 use crate::core::plan::{Attachment, Phase, Plan, Role, Step};
 use crate::core::refusals::RefusalInfo;
-use crate::core::state::{
-    AttachmentOps, CompareFunction, DepthBias, DepthDirection, DepthFormat, DepthState, Multisample,
-};
+use crate::core::state::{DepthDirection, DepthFormat, Multisample};
 use crate::rebuild::depth_only::{self, VertexStage};
 use crate::rebuild::depth_pass;
 use crate::rebuild::place::PositionInvariance;
@@ -87,18 +85,7 @@ impl Pass for Shadow {
         slice.assumptions(&opaque, plan, Self::INFO.name, &[PassEffect::SlicesForView])?;
         let mut next = plan.clone();
         let placed = slice.place(&opaque, "shadow", PositionInvariance::AsWritten, None);
-        // A shadow map is a frame of its own, with forward depth and one sample.
-        let depth = DepthState {
-            attachment: SHADOW_DEPTH.to_owned(),
-            compare: CompareFunction::Less,
-            write: true,
-            // The camera's bias is in units of the camera's format and direction. A light needs its
-            // own, which the host knows.
-            bias: DepthBias::default(),
-            read_only: false,
-            ops: AttachmentOps::default(),
-            stencil_ops: params.format.has_stencil().then(AttachmentOps::default),
-        };
+        let depth = depth_pass::of_light(SHADOW_DEPTH.to_owned(), params.format);
         depth_pass::insert_own(
             &mut next,
             &opaque,

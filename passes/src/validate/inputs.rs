@@ -92,6 +92,9 @@ const INTEGERS: [u32; 10] = [
     0xffff_ffff,
 ];
 
+/// Values by group and binding.
+pub type Resources = BTreeMap<(u32, u32), Value>;
+
 /// The use of a number, on which the ordinary range depends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Of {
@@ -123,16 +126,17 @@ pub struct Inputs {
 impl Inputs {
     /// The inputs of a seed for the variables of a module, within a guard.
     pub fn new(module: &Module, guard: Option<&Guard>, seed: u64) -> Self {
-        Self::of_places(module, guard, seed, &|_, _| true)
+        Self::of_places(module, guard, seed, &|_, _| true, &mut Resources::new())
     }
 
     /// The same inputs, without the buffers that are not `wanted`, and nothing in the members of a
-    /// struct that are not: values take time.
+    /// struct that are not: values take time. Those of earlier inputs in `spare` give their memory.
     pub fn of_places(
         module: &Module,
         guard: Option<&Guard>,
         seed: u64,
         wanted: &dyn Fn((u32, u32), Option<usize>) -> bool,
+        spare: &mut Resources,
     ) -> Self {
         let profile = profile(seed);
         let (mut resources, mut left_out) = (BTreeMap::new(), Vec::new());
@@ -161,22 +165,24 @@ impl Inputs {
             }
             let name = format!("resource {} {}", at.0, at.1);
             let mut random = Random::new(seed, &name);
-            let mut part = |ty, member| match wanted(at, member) {
-                true => value(module, ty, profile, Of::Draw, &mut random),
+            let mut part = |ty, member, to: &mut Value| match wanted(at, member) {
+                true => refill(module, ty, (profile, Of::Draw), &mut random, to),
                 false => {
                     random.skip(profile.draws() * u64::from(scalars(module, ty)));
-                    Some(Value::Composite(Vec::new()))
+                    *to = Value::Composite(Vec::new());
+                    Some(())
                 }
             };
-            let value = match &module.types[global.ty].inner {
+            let mut value = spare.remove(&at).unwrap_or(Value::Composite(Vec::new()));
+            let filled = match &module.types[global.ty].inner {
                 TypeInner::Struct { members, .. } => {
-                    let members = members.iter().enumerate();
-                    let parts = members.map(|(i, member)| part(member.ty, Some(i)));
-                    parts.collect::<Option<_>>().map(Value::Composite)
+                    let to = parts_of(&mut value, members.len());
+                    let mut members = members.iter().enumerate().zip(to);
+                    members.try_for_each(|((i, member), to)| part(member.ty, Some(i), to))
                 }
-                _ => part(global.ty, None),
+                _ => part(global.ty, None, &mut value),
             };
-            resources.extend(value.map(|value| (at, value)));
+            resources.extend(filled.map(|()| (at, value)));
         }
         let mut this = Self {
             seed,
@@ -535,6 +541,19 @@ fn value(
     of: Of,
     random: &mut Random,
 ) -> Option<Value> {
+    let mut value = Value::Composite(Vec::new());
+    refill(module, ty, (profile, of), random, &mut value)?;
+    Some(value)
+}
+
+/// Writes such a value over one of the same type, whose memory it takes.
+fn refill(
+    module: &Module,
+    ty: Handle<Type>,
+    (profile, of): (Profile, Of),
+    random: &mut Random,
+    to: &mut Value,
+) -> Option<()> {
     let scalar = |s: naga::Scalar, random: &mut Random| {
         let scalar = match (s.kind, s.width) {
             (ScalarKind::Float, 4) => Scalar::F32(float(profile, of, random)),
@@ -545,38 +564,52 @@ fn value(
         };
         Some(Value::Scalar(scalar))
     };
-    let times = |count: usize, part: &mut dyn FnMut() -> Option<Value>| {
-        (0..count)
-            .map(|_| part())
-            .collect::<Option<_>>()
-            .map(Value::Composite)
-    };
     match &module.types[ty].inner {
-        TypeInner::Scalar(s) | TypeInner::Atomic(s) => scalar(*s, random),
-        TypeInner::Vector { size, scalar: s } => times(*size as usize, &mut || scalar(*s, random)),
+        TypeInner::Scalar(s) | TypeInner::Atomic(s) => *to = scalar(*s, random)?,
+        TypeInner::Vector { size, scalar: s } => {
+            for part in parts_of(to, *size as usize) {
+                *part = scalar(*s, random)?;
+            }
+        }
         TypeInner::Matrix {
             columns,
             rows,
             scalar: s,
-        } => times(*columns as usize, &mut || {
-            times(*rows as usize, &mut || scalar(*s, random))
-        }),
+        } => {
+            for column in parts_of(to, *columns as usize) {
+                for part in parts_of(column, *rows as usize) {
+                    *part = scalar(*s, random)?;
+                }
+            }
+        }
         TypeInner::Array { base, size, .. } => {
             let count = match size {
                 ArraySize::Constant(n) => n.get(),
                 _ => RUNTIME_ELEMENTS,
             };
-            times(count as usize, &mut || {
-                value(module, *base, profile, of, random)
-            })
+            for part in parts_of(to, count as usize) {
+                refill(module, *base, (profile, of), random, part)?;
+            }
         }
         TypeInner::Struct { members, .. } => {
-            let members = members
-                .iter()
-                .map(|m| value(module, m.ty, profile, of, random));
-            members.collect::<Option<_>>().map(Value::Composite)
+            for (member, part) in members.iter().zip(parts_of(to, members.len())) {
+                refill(module, member.ty, (profile, of), random, part)?;
+            }
         }
-        _ => None,
+        _ => return None,
+    }
+    Some(())
+}
+
+/// The parts of a composite of this many; it becomes one.
+fn parts_of(value: &mut Value, count: usize) -> &mut [Value] {
+    let is_it = matches!(value, Value::Composite(parts) if parts.len() == count);
+    if !is_it {
+        *value = Value::Composite(vec![Value::u32(0); count]);
+    }
+    match value {
+        Value::Composite(parts) => parts,
+        _ => &mut [],
     }
 }
 
@@ -667,7 +700,14 @@ mod tests {
         let module = naga::front::wgsl::parse_str(text).unwrap();
         for seed in 0..12 {
             let whole = Inputs::new(&module, None, seed);
-            let part = Inputs::of_places(&module, None, seed, &|_, member| member != Some(1));
+            let mut spare = Resources::clone(&whole.resources);
+            let part = Inputs::of_places(
+                &module,
+                None,
+                seed,
+                &|_, member| member != Some(1),
+                &mut spare,
+            );
             let members = |inputs: &Inputs| inputs.resources[&(0, 0)].parts().unwrap().to_vec();
             let (whole, part) = (members(&whole), members(&part));
             for member in [0, 2, 3] {

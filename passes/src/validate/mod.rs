@@ -31,6 +31,7 @@ use crate::core::plan::{Plan, Role};
 use crate::core::program::Program;
 
 pub mod agree;
+mod at_rest;
 #[cfg(test)]
 mod broken_slicer;
 pub mod compare;
@@ -154,7 +155,12 @@ pub fn validate_by(original: &Plan, variant: &Plan, by: By<'_>) -> Vec<Check> {
     let own = with_overrides(program, guard);
     let programs = variant.programs.iter();
     let programs = programs.map(|(key, program)| (key.clone(), with_overrides(program, guard)));
-    let programs: BTreeMap<String, Program> = programs.collect();
+    let mut programs: BTreeMap<String, Program> = programs.collect();
+    for pass in variant.passes.iter().filter(|p| p.role == Role::Outputs) {
+        if let Some(program) = programs.get_mut(&pass.program) {
+            *program = at_rest::at_rest(program, pass);
+        }
+    }
     let mut found = Vec::new();
     for pass in &variant.passes {
         match (pass.role, programs.get(&pass.program)) {

@@ -119,6 +119,9 @@ impl<'a> Pair<'a> {
         for binding in &pass.bindings {
             match &binding.source {
                 BindingSource::Author => {}
+                // [`super::at_rest`].
+                BindingSource::Previous { .. } | BindingSource::Host { .. }
+                    if pass.role == Role::Outputs => {}
                 BindingSource::Geometry { .. } if pass.role == Role::Ids => reads_draw = true,
                 BindingSource::Attachment { name } => {
                     let clear = variant.attachment(name).map(|a| a.clear);
@@ -199,7 +202,7 @@ impl<'a> Pair<'a> {
                 true => held(promise, &places, colors),
                 false => check(
                     promise,
-                    not_evaluated("it leaves out what depends on the viewer, on purpose"),
+                    not_evaluated("it leaves out some of what decides coverage, on purpose"),
                 ),
             });
             return checks;

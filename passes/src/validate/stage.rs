@@ -69,6 +69,8 @@ pub struct Ran<F = f32> {
     pub stored: BTreeMap<(u32, u32), Value<F>>,
     /// As [`RunResult::flips`].
     pub flips: u64,
+    /// As [`RunResult::steps`].
+    pub steps: u64,
 }
 
 impl<'p> Stage<'p> {
@@ -149,6 +151,7 @@ impl<'p> Stage<'p> {
             discarded: outcome.discarded,
             stored: outcome.stored,
             flips: outcome.flips,
+            steps: outcome.steps,
         }
     }
 }

@@ -78,6 +78,7 @@ impl<F: Number> World<'_, F> {
                 discarded: false,
                 stored: BTreeMap::new(),
                 flips: 0,
+                steps: 0,
             }),
             (TestPoint::Anywhere, Some(fragment)) => {
                 let own = |io: &Io| (self.fragment)(fragment.module(), io, 0);

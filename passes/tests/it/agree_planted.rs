@@ -550,7 +550,7 @@ fn found(main: &Plan, text: &str) -> Vec<Class> {
         ..Effort::default()
     };
     let other = plan("other.wgsl", text);
-    let agreement = agree(main, &other, Relation::Shadow, &[], &effort).unwrap();
+    let agreement = agree(main, &other, Relation::Shadow.into(), &effort).unwrap();
     let classes = agreement.findings.iter().map(|f| f.class);
     classes.filter(|c| c.breaks(Relation::Shadow)).collect()
 }

@@ -24,6 +24,7 @@ mod metamorphic;
 mod outputs;
 mod outputs_drop;
 mod outputs_light;
+mod outputs_params;
 mod skip_taps;
 mod slices;
 mod specialize;

@@ -107,6 +107,33 @@ fn a_shadow_without_the_viewer_may_have_no_fragment_stage() {
     assert!(pass(&plan).left_out[0].contains("it counts as false"));
 }
 
+/// A `discard` that nothing reaches would switch early depth tests off.
+#[test]
+fn conditions_that_became_constant_are_folded() {
+    let far = "in.far > fade_from";
+    for (cut, is_tested) in [
+        (
+            format!("if {far} || in.far > 7.0 * fade_from || {far} {{ discard; }}"),
+            false,
+        ),
+        (format!("if ({far}) | ({far}) {{ discard; }}"), false),
+        (
+            format!("var gone = false; if {far} {{ gone = true; }} if gone {{ discard; }}"),
+            false,
+        ),
+        (
+            format!("if {far} || texel.a < 0.5 || {far} {{ discard; }}"),
+            true,
+        ),
+    ] {
+        let plan = dropped(&cut).unwrap_or_else(|why| panic!("{cut}: {why}"));
+        let own = text(&plan);
+        assert_eq!(own.contains("discard"), is_tested, "{own}");
+        assert_eq!(pass(&plan).fragment.is_some(), is_tested, "{own}");
+        assert!(!own.contains("false |"), "{own}");
+    }
+}
+
 #[test]
 fn what_does_not_depend_on_the_viewer_stays() {
     // A dither's place in the picture is not the viewer's.

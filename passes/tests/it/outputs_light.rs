@@ -249,7 +249,7 @@ fn a_distance_is_measured_in_the_call_that_makes_the_position() {
         return Varyings(c, tip.xy / tip.w);";
     let plan = of(&vertex(PROJECT, body), "outputs:write=distance").unwrap();
     let own = text(&plan);
-    assert_eq!(own.matches("kept_w = ").count(), 1, "{own}");
+    assert_eq!(own.matches("captured_w = ").count(), 1, "{own}");
     let name: String = own
         .match_indices("fn project")
         .find(|(at, _)| {
@@ -257,7 +257,7 @@ fn a_distance_is_measured_in_the_call_that_makes_the_position() {
                 .split("\n}")
                 .next()
                 .unwrap()
-                .contains("kept_w = ")
+                .contains("captured_w = ")
         })
         .map(|(at, _)| own[at + 3..].chars().take_while(|c| *c != '(').collect())
         .unwrap();

@@ -3,18 +3,22 @@
 //! Objects are made when a command first needs them. A pipeline or a bind group that wgpu or the
 //! adapter refuses is reported once, its draws are left out, and everything else is executed.
 
+mod clears;
 mod objects;
 mod passes;
 mod read;
+mod webgl;
 
 use std::collections::BTreeMap;
 
 use super::Error;
+use super::contents::Contents;
 use super::file::{Command, DataName, TexelPlace};
 use super::folder::{Capture, get};
 use crate::render::{ColorImage, Gpu};
 use objects::Objects;
 pub(in crate::capture) use objects::topology;
+use webgl::Programs;
 
 /// Something that the replay left out.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -30,6 +34,9 @@ pub struct Replay<'a> {
     gpu: &'a Gpu,
     capture: &'a Capture,
     objects: Objects,
+    programs: Programs,
+    /// What the CPU knows of buffers: WebGL's are made for each draw.
+    contents: Contents,
     encoder: Option<wgpu::CommandEncoder>,
     left_out: BTreeMap<LeftOut, u64>,
 }
@@ -56,6 +63,8 @@ impl<'a> Replay<'a> {
             gpu,
             capture,
             objects: Objects::default(),
+            programs: Programs::default(),
+            contents: Contents::default(),
             encoder: None,
             left_out: BTreeMap::new(),
         }
@@ -85,6 +94,16 @@ impl<'a> Replay<'a> {
     }
 
     fn command(&mut self, command: &Command, place: &str) -> Result<(), Error> {
+        if self.capture.file.source.api.is_webgl() {
+            // Its buffers are made for each draw, from what the CPU knows.
+            self.contents.apply(self.capture, command, &[])?;
+            if matches!(
+                command,
+                Command::WriteBuffer { .. } | Command::CopyBufferToBuffer { .. }
+            ) {
+                return Ok(());
+            }
+        }
         match command {
             Command::WriteBuffer {
                 buffer,

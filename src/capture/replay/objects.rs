@@ -8,9 +8,10 @@ use super::Replay;
 use crate::capture::Error;
 use crate::capture::file::{
     BindGroup, Cull, DepthStencil, GroupLayout, IndexFormat, LayoutChoice, LayoutEntry,
-    RenderPipeline, Resource, Stage, StencilFace, Texture, Topology, View,
+    RenderPipeline, Resource, Stage, StencilFace, Texture, Topology, View, ViewDescriptor,
 };
 use crate::capture::folder::get;
+use crate::capture::texels;
 
 /// What was made so far, by number.
 #[derive(Default)]
@@ -103,6 +104,11 @@ impl Replay<'_> {
                 .device
                 .create_texture(&texture_descriptor(of, &label))
         })?;
+        let mut starts = file.start.textures.iter().filter(|t| t.texture == index);
+        if of.format.has_depth_aspect() && of.sample_count == 1 && starts.next().is_some() {
+            self.start_depths(index, &texture)?;
+            return Ok(texture);
+        }
         for start in file.start.textures.iter().filter(|t| t.texture == index) {
             let bytes = self.capture.data(&start.data)?;
             let aspect = start.aspect.unwrap_or_default();
@@ -144,6 +150,23 @@ impl Replay<'_> {
         Ok(texture)
     }
 
+    /// Depths cannot be copied to on all adapters, so they are drawn.
+    fn start_depths(&self, index: usize, texture: &wgpu::Texture) -> Result<(), Error> {
+        let view = View {
+            texture: index,
+            view: ViewDescriptor {
+                dimension: Some(wgpu::TextureViewDimension::D2Array),
+                ..ViewDescriptor::default()
+            },
+        };
+        let image = texels::at_start(self.capture, &view)?;
+        let label = format!("texture {index}");
+        let drawn = self.gpu.checked(&label, || {
+            crate::render::textures::draw_depths(self.gpu, &image, texture)
+        })?;
+        drawn.map_err(|why| Error::broken(label, why))
+    }
+
     pub(super) fn view(&mut self, view: &View, place: &str) -> Result<wgpu::TextureView, Error> {
         let texture = self.texture(view.texture, place)?.clone();
         let descriptor = view.view.wgpu();
@@ -152,7 +175,7 @@ impl Replay<'_> {
             .checked(place, || texture.create_view(&descriptor))?)
     }
 
-    fn sampler(&mut self, index: usize, place: &str) -> Result<&wgpu::Sampler, Error> {
+    pub(super) fn sampler(&mut self, index: usize, place: &str) -> Result<&wgpu::Sampler, Error> {
         if !self.objects.samplers.contains_key(&index) {
             let of = get(&self.capture.file.samplers, index, "sampler", place)?;
             let descriptor = of.wgpu();
@@ -170,6 +193,7 @@ impl Replay<'_> {
         }
         get(&self.capture.file.shaders, index, "shader", place)?;
         let text = self.capture.text(index)?;
+        let text = crate::front::for_naga(&text);
         let label = format!("shader {index}");
         let made = self.gpu.checked(&label, || {
             self.gpu.shader(wgpu::ShaderModuleDescriptor {
@@ -355,8 +379,11 @@ impl Replay<'_> {
                 let shader_location = a
                     .shader_location
                     .ok_or_else(|| Error::broken(&label, "an attribute has no `shaderLocation`"))?;
+                let format = a.format.own();
+                let format = format
+                    .ok_or_else(|| Error::broken(&label, "an attribute has a format of WebGL"))?;
                 Ok(wgpu::VertexAttribute {
-                    format: a.format,
+                    format,
                     offset: a.offset,
                     shader_location,
                 })
@@ -478,6 +505,9 @@ fn texture_descriptor<'l>(of: &'l Texture, label: &'l str) -> wgpu::TextureDescr
     if of.sample_count == 1 {
         usage |= wgpu::TextureUsages::COPY_SRC | wgpu::TextureUsages::COPY_DST;
     }
+    if of.format.is_depth_stencil_format() {
+        usage |= wgpu::TextureUsages::RENDER_ATTACHMENT;
+    }
     wgpu::TextureDescriptor {
         label: Some(label),
         size: of.size.wgpu(),
@@ -561,7 +591,7 @@ fn entry(of: &LayoutEntry, label: &str) -> Result<wgpu::BindGroupLayoutEntry, Er
     })
 }
 
-fn color_target(of: &crate::capture::file::ColorTarget) -> wgpu::ColorTargetState {
+pub(super) fn color_target(of: &crate::capture::file::ColorTarget) -> wgpu::ColorTargetState {
     let component = |c: crate::capture::file::BlendComponent| wgpu::BlendComponent {
         src_factor: c.src_factor,
         dst_factor: c.dst_factor,
@@ -577,7 +607,7 @@ fn color_target(of: &crate::capture::file::ColorTarget) -> wgpu::ColorTargetStat
     }
 }
 
-fn depth_stencil(of: &DepthStencil) -> wgpu::DepthStencilState {
+pub(super) fn depth_stencil(of: &DepthStencil) -> wgpu::DepthStencilState {
     let face = |f: StencilFace| wgpu::StencilFaceState {
         compare: f.compare,
         fail_op: f.fail_op,
@@ -607,7 +637,7 @@ fn depth_stencil(of: &DepthStencil) -> wgpu::DepthStencilState {
     }
 }
 
-fn primitive(of: &RenderPipeline) -> wgpu::PrimitiveState {
+pub(super) fn primitive(of: &RenderPipeline) -> wgpu::PrimitiveState {
     let p = &of.primitive;
     wgpu::PrimitiveState {
         topology: topology(p.topology),

@@ -6,10 +6,11 @@ use crate::capture::Error;
 use crate::capture::file::{
     ComputeCommand, DepthAttachment, DrawCommand, Load, RenderPassDescriptor,
 };
+use crate::capture::pass::{self, Step};
 
 /// A command of a render pass with its objects. Draws whose pipeline or bind group was left out are
 /// not among them.
-enum Encoded {
+pub(super) enum Encoded {
     Pipeline(wgpu::RenderPipeline),
     Group(u32, Option<wgpu::BindGroup>, Vec<u32>),
     Vertices(u32, Option<wgpu::Buffer>, u64, Option<u64>),
@@ -61,9 +62,18 @@ impl Replay<'_> {
         });
         let depth = depth.transpose()?;
         let mut encoded = Vec::new();
-        let mut missing = Missing::default();
-        for command in commands {
-            self.prepare(command, place, &mut encoded, &mut missing)?;
+        if self.capture.file.source.api.is_webgl() {
+            for step in pass::steps(commands, place)? {
+                encoded.extend(match step {
+                    Step::Draw(draw) => self.draw_of_webgl(&draw, place)?,
+                    Step::Clear(clear) => self.partial_clear(clear, descriptor, place)?,
+                });
+            }
+        } else {
+            let mut missing = Missing::default();
+            for command in commands {
+                self.prepare(command, place, &mut encoded, &mut missing)?;
+            }
         }
         let colors: Vec<Option<wgpu::RenderPassColorAttachment<'_>>> = colors
             .iter()
@@ -217,7 +227,7 @@ impl Replay<'_> {
             } => Encoded::Scissor([*x, *y, *width, *height]),
             DrawCommand::SetBlendConstant { color } => Encoded::BlendConstant(color.wgpu()),
             DrawCommand::SetStencilReference { reference } => Encoded::StencilReference(*reference),
-            DrawCommand::SetNamed { .. } | DrawCommand::Clear { .. } => {
+            DrawCommand::SetNamed { .. } | DrawCommand::Clear(_) => {
                 return Err(Error::broken(
                     place,
                     "it has a command of WebGL, and the capture is not WebGL's",

@@ -65,8 +65,12 @@ pub(super) struct Uniform {
     pub name: String,
     /// Its marker; `None` if it has no data.
     pub mark: Option<String>,
+    /// Group and binding of the plan's buffer.
+    pub binding: Option<[u32; 2]>,
     /// Offset in the plan's buffer.
     pub offset: u32,
+    /// The uniform whose value of the previous frame it has.
+    pub previous_of: Option<String>,
     pub declares: Declares,
     /// The marker of its struct, if that has data.
     pub of: Option<String>,
@@ -226,6 +230,7 @@ pub(in crate::emit) fn prepare(program: &Program) -> Result<Authored, Failed> {
         Err(_) if declared.loose.is_none() => (program.module().clone(), Vec::new()),
         Err(what) => return Err(Failed::Names(what)),
     };
+    let declared = &declared.with_previous();
     let mut out = Authored {
         program: program.clone(),
         words: HashMap::new(),
@@ -248,7 +253,7 @@ pub(in crate::emit) fn prepare(program: &Program) -> Result<Authored, Failed> {
     out.textures(&module, declared, &names);
     out.blocks(&module, declared, &marks);
     out.interface(&module, declared);
-    let layouts = layout::layouts(&module, declared.loose).map_err(Failed::Layout)?;
+    let layouts = layout::layouts(&module, &|b| declared.is_loose(b)).map_err(Failed::Layout)?;
     for (_, global) in module.global_variables.iter() {
         if let Some(binding) = global.binding
             && layouts.std140.contains(&binding)
@@ -391,7 +396,7 @@ impl Authored {
             let Some(binding) = global.binding else {
                 continue;
             };
-            if declared.loose == Some(binding) {
+            if declared.is_loose(Some(binding)) {
                 continue;
             }
             let ty = &module.types[global.ty];
@@ -642,7 +647,9 @@ impl Authored {
             self.uniforms.push(Uniform {
                 name,
                 mark,
+                binding: data.map(|d| d.binding),
                 offset: data.map_or(0, |d| d.offset),
+                previous_of: data.and_then(|d| d.previous_of.clone()),
                 declares: uniform.ty.clone(),
                 of: data.and_then(|data| {
                     let mut ty = module.global_variables[data.variable].ty;

@@ -2,7 +2,7 @@
 //!
 //! | ES 3.00 | ES 1.00 |
 //! |---|---|
-//! | `in`, `out` | `attribute`, `varying`, `gl_FragColor`, `gl_FragData[n]` |
+//! | `in`, `out` | `attribute`, `varying`, `gl_FragColor`, `gl_FragData[n]`; what the output lacks of four components is 0, and alpha 1 |
 //! | `texture`, `textureLod`, `textureGrad` | `texture2D`, `textureCube` and their variants |
 //! | `texelFetch(map, pixel, 0)` of a texture without a sampler | `texture2D(map, (vec2(pixel) + 0.5) / map_size)`, with a uniform `map_size` |
 //! | `while (true)` with a counter | `for` with a constant bound; indices use its variable |
@@ -94,8 +94,8 @@ struct Es100 {
     stage: ShaderStage,
     /// Textures without a sampler.
     fetched: HashSet<String>,
-    /// New names of fragment outputs.
-    outputs: HashMap<String, ast::ExprData>,
+    /// New names of fragment outputs, with the components that are written.
+    outputs: HashMap<String, (ast::ExprData, usize)>,
     samplers: HashMap<String, Sampler>,
     /// Variables, members and functions of type `int`.
     integers: HashSet<String>,
@@ -145,7 +145,7 @@ impl Default for Es100 {
 impl Es100 {
     /// Names fragment outputs: a single one at location 0 is `gl_FragColor`.
     fn outputs_of(&mut self, tree: &ast::TranslationUnit) -> Result<()> {
-        let mut found: Vec<(String, i32)> = Vec::new();
+        let mut found: Vec<(String, i32, usize)> = Vec::new();
         for declaration in &tree.0 {
             let ast::ExternalDeclarationData::Declaration(declaration) = &**declaration else {
                 continue;
@@ -160,15 +160,16 @@ impl Es100 {
                 continue;
             }
             let name = head.name.as_ref().map_or("", |n| n.as_str());
-            if !matches!(*head.ty.ty.ty, ast::TypeSpecifierNonArrayData::Vec4)
-                || head.array_specifier.is_some()
-            {
-                return lacks(format!("the output `{name}`, which is not a vec4"));
-            }
-            found.push((name.to_owned(), types::location(&head.ty).unwrap_or(0)));
+            let components = types::components(&head.ty.ty);
+            let components = components.filter(|_| head.array_specifier.is_none());
+            let Some(components) = components else {
+                return lacks(format!("the output `{name}`, which is no vector of floats"));
+            };
+            let location = types::location(&head.ty).unwrap_or(0);
+            found.push((name.to_owned(), location, components));
         }
-        let alone = matches!(found[..], [(_, 0)]);
-        for (name, location) in found {
+        let alone = matches!(found[..], [(_, 0, _)]);
+        for (name, location, components) in found {
             let builtin = |name: &str| ast::ExprData::variable(name);
             let expression = match alone {
                 true => builtin("gl_FragColor"),
@@ -179,7 +180,7 @@ impl Es100 {
                     ast::ExprData::Bracket(data, index)
                 }
             };
-            self.outputs.insert(name, expression);
+            self.outputs.insert(name, (expression, components));
         }
         Ok(())
     }

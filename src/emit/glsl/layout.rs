@@ -29,14 +29,14 @@ pub(super) struct Layouts {
 /// Lays out all blocks except `without`. Errors name a block that cannot have the IR's offsets.
 pub(super) fn layouts(
     module: &Module,
-    without: Option<ResourceBinding>,
+    is_without: &dyn Fn(Option<ResourceBinding>) -> bool,
 ) -> Result<Layouts, String> {
     let mut out = Layouts::default();
     let mut fixed: Vec<(Handle<Type>, Rules)> = Vec::new();
     let name = |global: &naga::GlobalVariable| global.name.clone().unwrap_or("a block".to_owned());
     let globals = || module.global_variables.iter().map(|(_, g)| g);
     for global in globals().filter(|g| g.space == AddressSpace::Uniform) {
-        if without.is_none() || global.binding != without {
+        if !is_without(global.binding) {
             padded(
                 module,
                 global.ty,

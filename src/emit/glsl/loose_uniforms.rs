@@ -31,8 +31,12 @@ pub(super) struct LooseUniform {
     pub name: String,
     /// Its variable.
     pub variable: Handle<GlobalVariable>,
+    /// The block's group and binding.
+    pub binding: [u32; 2],
     /// Its offset in the block, in bytes.
     pub offset: u32,
+    /// The uniform whose value of the previous frame it has.
+    pub previous_of: Option<String>,
 }
 
 /// Splits the uniforms. On an error, which describes the obstacle, the module keeps its blocks.
@@ -51,10 +55,11 @@ pub(super) fn split(module: &Module, declared: &Declared) -> Result<SplitUniform
         ) {
             continue;
         }
-        if declared.loose.is_none() || global.binding != declared.loose {
+        let Some(at) = global.binding.filter(|at| declared.is_loose(Some(*at))) else {
             roots.insert(handle, UniformRoot::Block);
             continue;
-        }
+        };
+        let is_previous = declared.previous == Some(at);
         let mut variables = Vec::new();
         for member in members {
             let name = member.name.as_deref().unwrap_or_default();
@@ -64,12 +69,18 @@ pub(super) fn split(module: &Module, declared: &Declared) -> Result<SplitUniform
                 continue;
             };
             let ty = author_type(&mut out.types, &mut layouter, &uniform.ty, member.ty)?;
-            let variable = private(&mut out, &uniform.name, ty, None);
+            let name = match is_previous {
+                true => declared.previous_name(&uniform.name),
+                false => uniform.name.clone(),
+            };
+            let variable = private(&mut out, &name, ty, None);
             variables.push(Some((variable, ty)));
             uniforms.push(LooseUniform {
-                name: uniform.name.clone(),
+                name,
                 variable,
+                binding: [at.group, at.binding],
                 offset: member.offset,
+                previous_of: is_previous.then(|| uniform.name.clone()),
             });
         }
         roots.insert(handle, UniformRoot::LooseUniform(variables));

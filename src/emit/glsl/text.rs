@@ -41,7 +41,6 @@ pub(super) fn named(
     stage: ShaderStage,
     dialect: Dialect,
     mut stage_file: StageFile,
-    loose: Option<[u32; 2]>,
 ) -> Result<(String, StageFile), Unexpected> {
     let constructed = match authored.paddings.is_empty() {
         true => naga.to_owned(),
@@ -86,7 +85,7 @@ pub(super) fn named(
             }
         }
     }
-    uniforms(authored, dialect, &mut out, &paths, &mut stage_file, loose);
+    uniforms(authored, dialect, &mut out, &paths, &mut stage_file);
     for texture in &mut stage_file.textures {
         if let Some(Word::Path(path)) = authored.words.get(&texture.name) {
             // An array has a single binding, from which its elements count.
@@ -589,7 +588,6 @@ fn uniforms(
     out: &mut Parts,
     textures: &HashSet<&str>,
     stage_file: &mut StageFile,
-    loose: Option<[u32; 2]>,
 ) {
     let paths: Vec<String> = textures
         .iter()
@@ -646,13 +644,14 @@ fn uniforms(
             ));
         }
         if read.is_some()
-            && let Some(binding) = loose
+            && let Some(binding) = uniform.binding
         {
             stage_file.uniforms.push(GlslUniform {
                 name: name.to_owned(),
                 binding,
                 offset: uniform.offset,
                 location,
+                previous_of: uniform.previous_of.clone(),
             });
         }
         if uniform.mark.is_some() && uniform.declares.has_samplers() {

@@ -30,6 +30,7 @@ impl Vulkan {
         let pairs = CombinedSamplers::of(plan, program);
         let mut declared = program.declared().clone();
         declared.loose = None;
+        declared.previous = None;
         declared.numbers.clear();
         declared.uniforms.retain(|u| !u.ty.has_data());
         Self {

@@ -3,7 +3,8 @@
 
 use naga::{Module, ResourceBinding, ShaderStage};
 use preshade_passes::declared::{
-    Block, Chosen, CombinedSampler, Declaration, Declared, Depth, Located, Numbered, Type,
+    Block, Chosen, CombinedSampler, Declaration, Declared, Depth, Located, Numbered,
+    StagePrecision, Type,
 };
 
 use super::interface::{BindingSlot, Interface, index};
@@ -37,6 +38,14 @@ pub(super) fn declared(
             .collect(),
         ..Declared::default()
     };
+    out.precisions = stages
+        .iter()
+        .map(|stage| StagePrecision {
+            stage: stage.kind,
+            default: stage.precision,
+            qualified: stage.qualified.borrow().iter().copied().collect(),
+        })
+        .collect();
     for stage in stages {
         for uniform in &stage.uniforms {
             let Some(ty) = ty(&stage.structs, &uniform.ty) else {

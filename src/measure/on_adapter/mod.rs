@@ -75,6 +75,7 @@ fn nothing() -> Ran {
         discarded: false,
         stored: BTreeMap::new(),
         flips: 0,
+        steps: 0,
     }
 }
 

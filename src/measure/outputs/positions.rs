@@ -248,8 +248,10 @@ impl DrawPositions<'_> {
         let has_depth = !writes_depth(self.plan);
         let size = drawn.depth.size;
         let viewport = self.viewport.unwrap_or([0, 0, size[0], size[1]]);
+        let program = self.plan.program(self.pass);
+        let is_down = program.is_some_and(|p| p.declared().y_down);
         let parts = in_front(triangle).into_iter();
-        let parts = parts.filter_map(|corners| OnScreen::new(corners, size, viewport));
+        let parts = parts.filter_map(|corners| OnScreen::new(corners, size, viewport, is_down));
         for on_screen in parts.filter(|part| !part.is_culled(self.pass)) {
             on_screen.each_pixel(&mut |pixel, hit: Point| {
                 if !pixels.contains(&pixel) {
@@ -383,6 +385,8 @@ struct OnScreen {
     /// Twice its area. Negative: its corners run counterclockwise.
     area: f64,
     size: [u32; 2],
+    /// Whether y of clip space points down.
+    is_down: bool,
 }
 
 /// A point of a triangle at the centre of a pixel.
@@ -403,7 +407,12 @@ const ROUNDINGS: f64 = 4.0;
 const BESIDE: f64 = 2.0 * SNAP;
 
 impl OnScreen {
-    fn new(corners: [Corner; 3], size: [u32; 2], viewport: [u32; 4]) -> Option<Self> {
+    fn new(
+        corners: [Corner; 3],
+        size: [u32; 2],
+        viewport: [u32; 4],
+        is_down: bool,
+    ) -> Option<Self> {
         let [left, upper, wide, high] = viewport.map(f64::from);
         let screen = corners.map(|[_, [x, y, z, w], ..]| {
             let (x, y) = (x / w, y / w);
@@ -420,6 +429,7 @@ impl OnScreen {
             screen,
             area,
             size,
+            is_down,
         })
     }
 
@@ -475,9 +485,9 @@ impl OnScreen {
             .map(|(w, s)| w * s[2])
             .sum();
         let clips = self.clips(weights);
-        let velocity = velocity(&clips);
+        let velocity = self.velocity(&clips);
         let beside = [[x + SNAP, y], [x, y + SNAP]]
-            .map(|place| self::velocity(&self.clips(self.edges(place).map(|e| e[0]))));
+            .map(|place| self.velocity(&self.clips(self.edges(place).map(|e| e[0]))));
         let slack = std::array::from_fn(|axis| {
             let snapped = beside.map(|v| (v[axis] - velocity[axis]).abs());
             let rounded = [0, 1].map(|when| {
@@ -511,11 +521,12 @@ impl OnScreen {
             })
         })
     }
-}
 
-/// In parts of the picture.
-fn velocity([before, now]: &[[f64; 4]; 2]) -> [f64; 2] {
-    let moved = |axis: usize| now[axis] / now[3] - before[axis] / before[3];
-    let velocity = [moved(0) * 0.5, moved(1) * -0.5];
-    velocity.map(|v| if before[3] > 0.0 { v } else { f64::NAN })
+    /// In parts of the picture, where y points down.
+    fn velocity(&self, [before, now]: &[[f64; 4]; 2]) -> [f64; 2] {
+        let moved = |axis: usize| now[axis] / now[3] - before[axis] / before[3];
+        let down = if self.is_down { 0.5 } else { -0.5 };
+        let velocity = [moved(0) * 0.5, moved(1) * down];
+        velocity.map(|v| if before[3] > 0.0 { v } else { f64::NAN })
+    }
 }

@@ -4,7 +4,7 @@
 use gltf::accessor::{DataType, Dimensions};
 use gltf::{Accessor, Semantic};
 
-use DataType::{F32, U8, U16, U32};
+use DataType::{F32, I8, I16, U8, U16, U32};
 use Dimensions::{Mat4, Scalar, Vec2, Vec3, Vec4};
 
 /// The size of a primitive's data.
@@ -25,7 +25,7 @@ impl Cost {
     }
 }
 
-/// Checks every accessor of a primitive that [`super::gltf`] reads; `buffers` has the buffer
+/// Checks every accessor of a primitive that is read; `buffers` has the buffer
 /// lengths in bytes.
 ///
 /// # Errors
@@ -35,6 +35,8 @@ pub(super) fn of_primitive(
     buffers: &[usize],
 ) -> Result<Cost, String> {
     const FRACTIONS: &[DataType] = &[U8, U16, F32];
+    // KHR_mesh_quantization.
+    const ANY: &[DataType] = &[I8, U8, I16, U16, F32];
     let mut cost = Cost::default();
     let mut take = |accessor: &Accessor<'_>, types: &[DataType], shapes: &[Dimensions]| {
         check(accessor, types, shapes, buffers)?;
@@ -46,11 +48,11 @@ pub(super) fn of_primitive(
     let mut vertices = 0;
     for (semantic, accessor) in primitive.attributes() {
         match semantic {
-            Semantic::Positions => vertices = take(&accessor, &[F32], &[Vec3])?,
-            Semantic::Normals => _ = take(&accessor, &[F32], &[Vec3])?,
-            Semantic::Tangents => _ = take(&accessor, &[F32], &[Vec4])?,
+            Semantic::Positions => vertices = take(&accessor, ANY, &[Vec3])?,
+            Semantic::Normals => _ = take(&accessor, ANY, &[Vec3])?,
+            Semantic::Tangents => _ = take(&accessor, ANY, &[Vec4])?,
             Semantic::Colors(0) => _ = take(&accessor, FRACTIONS, &[Vec3, Vec4])?,
-            Semantic::TexCoords(0 | 1) => _ = take(&accessor, FRACTIONS, &[Vec2])?,
+            Semantic::TexCoords(0 | 1) => _ = take(&accessor, ANY, &[Vec2])?,
             Semantic::Joints(0) => _ = take(&accessor, &[U8, U16], &[Vec4])?,
             Semantic::Weights(0) => _ = take(&accessor, FRACTIONS, &[Vec4])?,
             _ => {}
@@ -62,7 +64,7 @@ pub(super) fn of_primitive(
     for target in primitive.morph_targets() {
         let all = [target.positions(), target.normals(), target.tangents()];
         for accessor in all.into_iter().flatten() {
-            take(&accessor, &[F32], &[Vec3])?;
+            take(&accessor, ANY, &[Vec3])?;
         }
     }
     cost.vertices = vertices;
@@ -80,7 +82,7 @@ pub(super) fn of_skin(skin: &gltf::Skin<'_>, buffers: &[usize]) -> Result<(), St
 
 /// Checks that an accessor has one of these types and fits its buffer (glTF 2.0, sections 3.6.2.2
 /// to 3.6.2.4).
-fn check(
+pub(in crate::scene) fn check(
     accessor: &Accessor<'_>,
     types: &[DataType],
     shapes: &[Dimensions],

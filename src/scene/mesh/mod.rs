@@ -18,9 +18,11 @@ mod lines;
 mod primitives;
 mod teapot;
 
+pub(super) use accessors::check as check_accessor;
 pub use architecture::{Arch, Column, Curtain, Stairs};
 pub use cards::Cards;
 pub use deform::{Morph, Skin};
+pub(super) use gltf::Placed;
 pub use gltf::{Gltf, Rigged};
 pub use lines::{Vertices, WireSphere};
 pub use primitives::{Cuboid, Plane, Sphere};

@@ -5,7 +5,7 @@ use naga::{
     Type,
 };
 
-use super::Extending;
+use super::{Extending, Failed};
 use crate::analysis::authored::{Authored, Place};
 use crate::core::reflect;
 use crate::graph::{FunctionGraph, FunctionId};
@@ -51,16 +51,23 @@ impl Captured {
 impl Extending<'_, '_> {
     /// Makes a value available at the returns of the fragment stage's entry point: its last one,
     /// where it is computed several times, and 0 where it is not.
-    pub(super) fn capture(&mut self, fragment: usize, value: &Authored) -> Captured {
+    pub(super) fn capture(
+        &mut self,
+        fragment: usize,
+        value: &Authored,
+    ) -> Result<Captured, Failed> {
         let path = value.path.clone();
-        match value.place {
-            Place::Input(i) => self.input(fragment, i as u32, path),
+        Ok(match value.place {
+            Place::Input(i) => {
+                let missing = || Failed::Built(format!("no argument has `{}`", value.name));
+                self.input(fragment, i as u32, path).ok_or_else(missing)?
+            }
             Place::Global(variable) => Captured::Global(variable, path),
             Place::Local(FunctionId::EntryPoint(_), variable) => Captured::Local(variable, path),
             Place::Argument(FunctionId::EntryPoint(_), i) => Captured::Argument(i, path),
             Place::Expression(id @ FunctionId::EntryPoint(_), e) => {
                 if is_at_hand(self.opaque.graph.function(id), e) {
-                    return Captured::Value(e, path);
+                    return Ok(Captured::Value(e, path));
                 }
                 let ty = self.ty(value.inner.clone());
                 let function = &mut self.module.entry_points[fragment].function;
@@ -91,12 +98,12 @@ impl Extending<'_, '_> {
                 store_at_end(function, &Captured::Argument(i, path), variable);
                 Captured::Global(variable, Vec::new())
             }
-        }
+        })
     }
 
     /// Keeps a value in a variable of its own, so that it is available at the returns however the
     /// entry point is rewritten before them.
-    pub(super) fn keep(&mut self, entry: usize, value: &Authored) -> Captured {
+    pub(super) fn keep(&mut self, entry: usize, value: &Authored) -> Result<Captured, Failed> {
         let Place::Expression(FunctionId::EntryPoint(_), e) = value.place else {
             return self.capture(entry, value);
         };
@@ -108,11 +115,11 @@ impl Extending<'_, '_> {
             &value.path,
             Expression::GlobalVariable(variable),
         );
-        Captured::Global(variable, Vec::new())
+        Ok(Captured::Global(variable, Vec::new()))
     }
 
     /// An input, by index in the order of `reflect::inputs`.
-    fn input(&self, fragment: usize, mut index: u32, mut path: Vec<u32>) -> Captured {
+    fn input(&self, fragment: usize, mut index: u32, mut path: Vec<u32>) -> Option<Captured> {
         let function = &self.module.entry_points[fragment].function;
         for (i, argument) in function.arguments.iter().enumerate() {
             let members = match argument.binding {
@@ -124,11 +131,11 @@ impl Extending<'_, '_> {
                 if members.is_some() {
                     path.insert(0, index);
                 }
-                return Captured::Argument(i as u32, path);
+                return Some(Captured::Argument(i as u32, path));
             }
             index -= count;
         }
-        Captured::Argument(0, path)
+        None
     }
 
     /// A private variable for a value of a function.
@@ -153,8 +160,8 @@ fn kept(value: &Authored) -> String {
     let is_word = |c: char| c.is_ascii_alphanumeric() || c == '_';
     let last = value.name.rsplit('.').next().unwrap_or_default();
     match !last.is_empty() && last.chars().all(is_word) {
-        true => format!("kept_{last}"),
-        false => "kept_value".to_owned(),
+        true => format!("captured_{last}"),
+        false => "captured_value".to_owned(),
     }
 }
 

@@ -34,13 +34,9 @@ fn octahedral(v: vec3<f32>) -> vec2<f32> {
 enum Ready {
     /// A value, with the type that it is converted to.
     Value(Captured, Widened),
-    Direction(
-        Captured,
-        Handle<Type>,
-        Direction,
-        Option<Handle<naga::Function>>,
-    ),
-    Velocity([u32; 2]),
+    Direction(Captured, Direction, Option<Handle<naga::Function>>),
+    /// Arguments with the positions, and whether y of clip space points down.
+    Velocity([u32; 2], bool),
     Nothing,
     Id(u32, Handle<naga::GlobalVariable>, Handle<Type>),
     Distance(Measured),
@@ -161,12 +157,11 @@ impl Extending<'_, '_> {
                 let (inner, widened) = self.widen(&value.inner);
                 let format = format(&inner, wanted.full);
                 let format = format.ok_or_else(|| Failed::Type(value.name.clone()))?;
-                let captured = self.capture(entry, value);
+                let captured = self.capture(entry, value)?;
                 (Ready::Value(captured, widened), self.ty(inner), format)
             }
             Shows::Direction(value, direction) => {
-                let vec3 = self.vec3();
-                let captured = self.capture(entry, value);
+                let captured = self.capture(entry, value)?;
                 let mut encode = None;
                 let mut size = VectorSize::Quad;
                 if direction.octahedral {
@@ -183,7 +178,7 @@ impl Extending<'_, '_> {
                 };
                 let format = format(&inner, wanted.full);
                 let format = format.ok_or_else(|| Failed::Type(value.name.clone()))?;
-                let ready = Ready::Direction(captured, vec3, direction.clone(), encode);
+                let ready = Ready::Direction(captured, direction.clone(), encode);
                 (ready, self.ty(inner), format)
             }
             Shows::Velocity(_) => {
@@ -197,7 +192,8 @@ impl Extending<'_, '_> {
                     false => "rg16float",
                 };
                 let arguments = [self.take(entry, now), self.take(entry, before)];
-                (Ready::Velocity(arguments), self.ty(inner), format)
+                let is_down = self.opaque.program.declared().y_down;
+                (Ready::Velocity(arguments, is_down), self.ty(inner), format)
             }
             Shows::Id => {
                 let instance = varyings.instance.as_ref().ok_or_else(missing)?;
@@ -211,9 +207,8 @@ impl Extending<'_, '_> {
             }
             Shows::Distance(distance) => {
                 let ty = self.ty(TypeInner::Scalar(Scalar::F32));
-                let measured = self
-                    .measured(entry, distance, varyings)
-                    .ok_or_else(missing)?;
+                let measured = self.measured(entry, distance, varyings)?;
+                let measured = measured.ok_or_else(missing)?;
                 // A depth of 16 bits is of no use to a comparison of depths.
                 (Ready::Distance(measured), ty, "r32float")
             }
@@ -233,11 +228,14 @@ impl Extending<'_, '_> {
         entry: usize,
         distance: &Distance,
         varyings: &Varyings,
-    ) -> Option<Measured> {
+    ) -> Result<Option<Measured>, Failed> {
         let (from, from_four) = match &distance.from {
-            Surface::Value(value) => (self.capture(entry, value), is_four(&value.inner)),
+            Surface::Value(value) => (self.capture(entry, value)?, is_four(&value.inner)),
             Surface::World(_) => {
-                let argument = self.take(entry, varyings.world.as_ref()?);
+                let Some(world) = varyings.world.as_ref() else {
+                    return Ok(None);
+                };
+                let argument = self.take(entry, world);
                 let is_point = matches!(&distance.from, Surface::World(world) if world.is_point);
                 (Captured::Argument(argument, Vec::new()), !is_point)
             }
@@ -253,13 +251,13 @@ impl Extending<'_, '_> {
                 ty,
             }
         });
-        Some(Measured {
+        Ok(Some(Measured {
             from,
             of_four: [from_four, is_four(&self.module.types[light.ty].inner)],
             light,
             range: distance.range.clone(),
             is_divided: distance.is_divided(),
-        })
+        }))
     }
 
     /// Adds a varying to the arguments of the fragment stage.
@@ -328,10 +326,10 @@ impl Ready {
                 let value = captured.read(writer);
                 widen(writer, value, *widened)
             }
-            Self::Direction(captured, vec3, direction, encode) => {
+            Self::Direction(captured, direction, encode) => {
                 let read = captured.read(writer);
                 let value = match &direction.turned {
-                    Some(matrix) => turned(writer, read, matrix, *vec3),
+                    Some(matrix) => turned(writer, read, matrix),
                     None => read,
                 };
                 match encode {
@@ -345,7 +343,7 @@ impl Ready {
             }
             Self::Distance(measured) => measured.write(writer),
             Self::Nothing => writer.expression(Expression::ZeroValue(ty)),
-            Self::Velocity([now, before]) => velocity(writer, *now, *before, ty),
+            Self::Velocity(clips, is_down) => velocity(writer, *clips, *is_down, ty),
             Self::Id(instance, draw, ty) => {
                 let instance = writer.expression(Expression::FunctionArgument(*instance));
                 let mut append = |e| writer.expression(e);
@@ -442,8 +440,8 @@ fn turned(
     writer: &mut FunctionWriter,
     value: Handle<Expression>,
     matrix: &Member,
-    vec3: Handle<Type>,
 ) -> Handle<Expression> {
+    use SwizzleComponent::{X, Y, Z};
     let mut append = |e| writer.expression(e);
     let matrix = buffer(&mut append, matrix);
     // The upper left 3x3 part, column by column: of a 4x4 matrix too.
@@ -453,7 +451,7 @@ fn turned(
             base: matrix,
             index,
         });
-        let column = three(writer, column, vec3);
+        let column = vertex::three(writer, column, [X, Y, Z, Z]);
         let scale = writer.expression(Expression::AccessIndex { base: value, index });
         let term = binary(writer, BinaryOperator::Multiply, column, scale);
         sum = Some(match sum {
@@ -481,23 +479,6 @@ fn turned(
     })
 }
 
-/// The first three components of a vector.
-fn three(
-    writer: &mut FunctionWriter,
-    vector: Handle<Expression>,
-    ty: Handle<Type>,
-) -> Handle<Expression> {
-    let components = (0..3)
-        .map(|index| {
-            writer.expression(Expression::AccessIndex {
-                base: vector,
-                index,
-            })
-        })
-        .collect();
-    writer.expression(Expression::Compose { ty, components })
-}
-
 fn binary(
     writer: &mut FunctionWriter,
     op: BinaryOperator,
@@ -507,15 +488,16 @@ fn binary(
     writer.expression(Expression::Binary { op, left, right })
 }
 
-/// `(now.xy / now.w - before.xy / before.w) * vec2(0.5, -0.5)`, where the third component is w.
+/// `(now.xy / now.w - before.xy / before.w) * vec2(0.5, -0.5)`, where the third component is w. In
+/// the picture y points down; if it does in clip space, nothing is negated.
 fn velocity(
     writer: &mut FunctionWriter,
-    now: u32,
-    before: u32,
+    clips: [u32; 2],
+    is_down: bool,
     ty: Handle<Type>,
 ) -> Handle<Expression> {
     use SwizzleComponent::{X, Y};
-    let [now, before] = [now, before].map(|argument| {
+    let [now, before] = clips.map(|argument| {
         let clip = writer.expression(Expression::FunctionArgument(argument));
         let xy = writer.expression(Expression::Swizzle {
             size: VectorSize::Bi,
@@ -533,7 +515,7 @@ fn velocity(
         binary(writer, BinaryOperator::Divide, xy, w)
     });
     let difference = binary(writer, BinaryOperator::Subtract, now, before);
-    let components = [0.5, -0.5]
+    let components = [0.5, if is_down { 0.5 } else { -0.5 }]
         .map(|half| writer.expression(Expression::Literal(Literal::F32(half))))
         .to_vec();
     let half = writer.expression(Expression::Compose { ty, components });

@@ -11,6 +11,7 @@ use naga::{
 use crate::analysis::authored::Authored;
 use crate::analysis::opaque::Opaque;
 use crate::analysis::world::World;
+use crate::core::declared::Declared;
 use crate::core::mapping;
 use crate::core::plan::{AttributeUse, BindingSource, HostValue};
 use crate::core::program::Program;
@@ -89,8 +90,8 @@ pub enum Surface {
 /// What the position of the previous frame is computed from.
 #[derive(Clone, Debug, Default)]
 pub struct Velocity {
-    /// Buffers that do not change.
-    pub still: BTreeSet<Handle<GlobalVariable>>,
+    /// Buffers, or loose uniforms, that do not change.
+    pub still: Vec<Member>,
     /// Locations of attributes that change.
     pub moving: BTreeSet<u32>,
     /// Buffers, or parts of them, that are taken as 0 in both frames.
@@ -133,6 +134,10 @@ struct Extending<'o, 'p> {
     module: Module,
     bindings: BTreeMap<(u32, u32), BindingSource>,
     attributes: BTreeMap<u32, u32>,
+    /// The group of new bindings, if it is given.
+    group: Option<u32>,
+    /// The block of the previous frame's loose uniforms.
+    previous_loose: Option<ResourceBinding>,
 }
 
 /// A value that the vertex stage passes on.
@@ -154,24 +159,36 @@ struct Varyings {
     world: Option<Varying>,
 }
 
-/// Extends the main pass of a material by outputs, at locations from 0.
+/// Extends the main pass of a material by outputs, at locations from 0. New bindings are in `group`;
+/// by default, copies of buffers are in the group of the original.
 ///
 /// # Errors
 /// [`Failed`].
-pub fn extend(opaque: &Opaque<'_>, wanted: &[Wanted]) -> Result<Extended, Failed> {
+pub fn extend(
+    opaque: &Opaque<'_>,
+    wanted: &[Wanted],
+    group: Option<u32>,
+) -> Result<Extended, Failed> {
     let mut extending = Extending {
         opaque,
         module: opaque.program.module().clone(),
         bindings: BTreeMap::new(),
         attributes: BTreeMap::new(),
+        group,
+        previous_loose: None,
     };
     let first = [extending.free_location(), extending.free_attribute()];
     let wanted = extending.apart(wanted)?;
     let varyings = extending.vertex_stage(&wanted)?;
     let (fragment, formats) = extending.fragment_stage(&wanted, &varyings)?;
     let program = opaque.program.with_module(extending.module);
+    let program = program.map_err(|e| Failed::Built(e.to_string()))?;
+    let declared = Declared {
+        previous: extending.previous_loose,
+        ..opaque.program.declared().clone()
+    };
     Ok(Extended {
-        program: program.map_err(|e| Failed::Built(e.to_string()))?,
+        program: program.with_declared(declared),
         fragment,
         formats,
         bindings: extending.bindings,
@@ -255,8 +272,9 @@ impl Extending<'_, '_> {
         taken.max().map_or(0, |most| most + 1)
     }
 
-    /// The first binding behind all others of a group.
+    /// The first binding behind all others of a group, or of the group that is given.
     fn free_binding(&self, group: u32) -> ResourceBinding {
+        let group = self.group.unwrap_or(group);
         let globals = self.module.global_variables.iter();
         let of_group = globals.filter_map(|(_, g)| g.binding.filter(|b| b.group == group));
         let binding = of_group.map(|b| b.binding + 1).max().unwrap_or(0);

@@ -14,7 +14,8 @@ use crate::core::plan::BindingSource;
 use crate::graph::FunctionId;
 use crate::rebuild::ahead::Ahead;
 use crate::rebuild::place::{self, CodeBuilder, Rewrite};
-use crate::rebuild::remap;
+use crate::rebuild::remap::{self, Pair};
+use crate::rebuild::variable::private;
 use crate::slice::{self, Criterion, OutputFilter, Slice};
 
 /// Suffix of the copies of functions and buffers.
@@ -31,19 +32,25 @@ type Buffers = BTreeMap<Handle<GlobalVariable>, Handle<GlobalVariable>>;
 struct Unjittered<'j> {
     variable: Handle<GlobalVariable>,
     of: Handle<GlobalVariable>,
+    /// The members that are read; `None`: the whole.
+    members: Option<BTreeSet<usize>>,
     jitter: Vec<&'j Member>,
 }
 
 impl Unjittered<'_> {
     /// Fills the copy.
     fn fill(&self, build: &mut CodeBuilder<'_>) {
-        let of = build.expression(Expression::GlobalVariable(self.of));
-        let value = build.expression(Expression::Load { pointer: of });
-        let copy = build.expression(Expression::GlobalVariable(self.variable));
-        build.statement(Statement::Store {
-            pointer: copy,
-            value,
-        });
+        let whole: Vec<Vec<usize>> = match &self.members {
+            Some(members) => members.iter().map(|member| vec![*member]).collect(),
+            None => vec![Vec::new()],
+        };
+        let is_zero = |steps: &Vec<usize>| self.jitter.iter().any(|j| j.steps == *steps);
+        for steps in whole.iter().filter(|steps| !is_zero(steps)) {
+            let of = pointer(&mut |e| build.expression(e), self.of, steps);
+            let value = build.expression(Expression::Load { pointer: of });
+            let pointer = pointer(&mut |e| build.expression(e), self.variable, steps);
+            build.statement(Statement::Store { pointer, value });
+        }
         for jitter in &self.jitter {
             let zero = build.expression(Expression::ZeroValue(jitter.ty));
             let pointer = pointer(&mut |e| build.expression(e), self.variable, &jitter.steps);
@@ -67,10 +74,10 @@ impl Extending<'_, '_> {
         let slice = slice::backward(&opaque.graph, opaque.vertex, &position);
         let has_jitter = !velocity.jitter.is_empty();
         let now = has_jitter
-            .then(|| self.position(&slice, UNJITTERED, &Buffers::new(), &velocity.jitter))
+            .then(|| self.position(&slice, UNJITTERED, &Buffers::new(), velocity))
             .transpose()?;
         let buffers = self.previous_buffers(&slice, &velocity.still)?;
-        let mut before = self.position(&slice, PREVIOUS, &buffers, &velocity.jitter)?;
+        let mut before = self.position(&slice, PREVIOUS, &buffers, velocity)?;
         let to = self.previous_attributes(&velocity.moving);
         before.relocate(&to, PREVIOUS);
         Ok((now, before))
@@ -82,7 +89,7 @@ impl Extending<'_, '_> {
         slice: &Slice,
         suffix: &str,
         buffers: &Buffers,
-        jitter: &[Member],
+        Velocity { still, jitter, .. }: &Velocity,
     ) -> Result<Ahead, Failed> {
         let graph = &self.opaque.graph;
         let name = format!("position_{suffix}");
@@ -92,9 +99,21 @@ impl Extending<'_, '_> {
         let original = ahead.function;
         let mut called = calls::called(&module, &module.functions[original].body);
         called.insert(original);
-        check_jitter(&module, &called, jitter)?;
-        let unjittered = unjittered(&mut module, buffers, jitter)?;
+        let functions = called.iter().map(|f| &module.functions[*f]);
+        let read: Vec<_> = functions.flat_map(remap::parts_read).collect();
+        check_jitter(&module, &read, jitter)?;
+        let declared = self.opaque.program.declared();
+        let is_loose = |member: &&Member| {
+            let binding = module.global_variables[member.global].binding;
+            binding.is_some() && binding == declared.loose && member.steps.len() == 1
+        };
+        // A loose uniform needs no copy of its block.
+        let (loose, jitter): (Vec<_>, Vec<_>) = jitter.iter().partition(is_loose);
+        let unjittered = unjittered(&mut module, buffers, &read, &jitter)?;
         let mut instead = buffers.clone();
+        for member in &loose {
+            instead.entry(member.global).or_insert(member.global);
+        }
         instead.extend(unjittered.iter().map(|(of, copy)| (*of, copy.variable)));
         let reads = |function: &Function| {
             let mut all = function.expressions.iter();
@@ -110,6 +129,46 @@ impl Extending<'_, '_> {
             }
         });
         ahead.function = copies.get(&original).copied().unwrap_or(original);
+        // What stands still is read where it is.
+        let still = still.iter().filter(|still| !still.steps.is_empty());
+        let is_jitter = |still: &&Member| loose.iter().any(|jitter| jitter == still);
+        let still = still.filter(|still| !is_jitter(still));
+        let mut theirs: Vec<(&Member, Member)> = still.map(|s| (s, s.clone())).collect();
+        for jitter in loose {
+            let name = name_of(&module, jitter.global, &jitter.steps)
+                .members
+                .join("_");
+            let zero = private(
+                &mut module,
+                &format!("{name}_{UNJITTERED}"),
+                jitter.ty,
+                None,
+            );
+            let steps = Vec::new();
+            let ty = jitter.ty;
+            theirs.push((
+                jitter,
+                Member {
+                    global: zero,
+                    steps,
+                    ty,
+                },
+            ));
+        }
+        let pairs: Vec<Pair> = theirs
+            .into_iter()
+            .filter_map(|(original, theirs)| {
+                let global = *instead.get(&original.global)?;
+                let ours = Member {
+                    global,
+                    ..original.clone()
+                };
+                Some(Pair { ours, theirs })
+            })
+            .collect();
+        for copy in copies.values() {
+            module = remap::redirected(module, FunctionId::Function(*copy), &pairs);
+        }
         if !unjittered.is_empty() {
             let function = FunctionId::Function(ahead.function);
             module = place::rewritten(&module, function, |build| {
@@ -129,15 +188,16 @@ impl Extending<'_, '_> {
     }
 
     /// A copy of each buffer that the slice reads and that may change.
-    fn previous_buffers(
-        &mut self,
-        slice: &Slice,
-        still: &BTreeSet<Handle<GlobalVariable>>,
-    ) -> Result<Buffers, Failed> {
+    fn previous_buffers(&mut self, slice: &Slice, still: &[Member]) -> Result<Buffers, Failed> {
         let mut copies = Buffers::new();
-        for original in slice.globals.iter().filter(|g| !still.contains(g)) {
+        let declared = self.opaque.program.declared();
+        let is_still = |global: Handle<GlobalVariable>| {
+            let mut all = still.iter();
+            all.any(|still| still.global == global && still.steps.is_empty())
+        };
+        for original in slice.globals.iter().filter(|g| !is_still(**g)) {
             let variable = self.module.global_variables[*original].clone();
-            let of = variable.name.clone().unwrap_or_default();
+            let of = declared.name_of(&variable);
             match variable.space {
                 AddressSpace::Uniform | AddressSpace::Immediate => {}
                 AddressSpace::Storage { access } if access.contains(StorageAccess::STORE) => {
@@ -149,6 +209,10 @@ impl Extending<'_, '_> {
                 _ => continue,
             }
             let at = self.free_binding(variable.binding.map_or(0, |b| b.group));
+            if variable.binding.is_some() && variable.binding == declared.loose {
+                self.previous_loose = Some(at);
+            }
+            let name = (!of.is_empty()).then(|| format!("{of}_{PREVIOUS}"));
             let source = BindingSource::Previous {
                 of,
                 group: variable.binding.map(|b| b.group),
@@ -156,7 +220,7 @@ impl Extending<'_, '_> {
             };
             self.bindings.insert((at.group, at.binding), source);
             let copy = GlobalVariable {
-                name: variable.name.map(|name| format!("{name}_{PREVIOUS}")),
+                name,
                 space: match variable.space {
                     AddressSpace::Immediate if is_uniform(&self.module, variable.ty) => {
                         AddressSpace::Uniform
@@ -191,11 +255,9 @@ impl Extending<'_, '_> {
 /// Fails if no function of the position reads a jitter.
 fn check_jitter(
     module: &Module,
-    called: &BTreeSet<Handle<Function>>,
+    read: &[(Handle<GlobalVariable>, Vec<usize>)],
     jitter: &[Member],
 ) -> Result<(), Failed> {
-    let functions = called.iter().map(|f| &module.functions[*f]);
-    let read: Vec<_> = functions.flat_map(remap::parts_read).collect();
     let is_read = |jitter: &Member| {
         read.iter().any(|(global, steps)| {
             let meets = steps.starts_with(&jitter.steps) || jitter.steps.starts_with(steps);
@@ -213,7 +275,8 @@ fn check_jitter(
 fn unjittered<'j>(
     module: &mut Module,
     buffers: &Buffers,
-    jitter: &'j [Member],
+    read: &[(Handle<GlobalVariable>, Vec<usize>)],
+    jitter: &[&'j Member],
 ) -> Result<BTreeMap<Handle<GlobalVariable>, Unjittered<'j>>, Failed> {
     let mut copies: BTreeMap<_, Unjittered<'j>> = BTreeMap::new();
     for member in jitter {
@@ -234,9 +297,14 @@ fn unjittered<'j>(
             init: None,
             memory_decorations: naga::MemoryDecorations::empty(),
         };
+        let of_it = read.iter().filter(|(global, _)| *global == original);
+        let is_struct = matches!(module.types[*ty].inner, TypeInner::Struct { .. });
+        let members = of_it.map(|(_, steps)| steps.first().copied().filter(|_| is_struct));
+        let members: Option<BTreeSet<usize>> = members.collect();
         let known = copies.entry(original).or_insert_with(|| Unjittered {
             variable: module.global_variables.append(copy, Span::UNDEFINED),
             of,
+            members,
             jitter: Vec::new(),
         });
         known.jitter.push(member);

@@ -11,7 +11,7 @@ use super::{is_position, returned, varying};
 use crate::analysis::world::World;
 use crate::core::reflect;
 use crate::rebuild::ahead::Ahead;
-use crate::rebuild::place::{self, CodeBuilder};
+use crate::rebuild::place;
 use crate::rebuild::returns;
 use crate::rebuild::writer::FunctionWriter;
 
@@ -55,7 +55,7 @@ impl Extending<'_, '_> {
     /// Extends the vertex stage.
     pub(super) fn vertex_stage(&mut self, wanted: &[Wanted]) -> Result<Varyings, Failed> {
         let mut varyings = Varyings::default();
-        let kept = self.world(wanted);
+        let kept = self.world(wanted)?;
         let mut next = self.free_location();
         let mut take = || {
             next += 1;
@@ -69,7 +69,7 @@ impl Extending<'_, '_> {
         if let Some(velocity) = velocity {
             positions = Some(self.positions(velocity)?);
             let ty = self.vec3();
-            varyings.clip = Some(["clip_now", "clip_before"].map(|name| Varying {
+            varyings.clip = Some(["current_clip", "previous_clip"].map(|name| Varying {
                 name,
                 ty,
                 binding: varying(take(), Interpolation::Perspective, Sampling::Center),
@@ -103,30 +103,28 @@ impl Extending<'_, '_> {
             varyings.world.as_ref(),
         ];
         if all.iter().any(Option::is_some) {
-            self.carry(&all, positions, kept);
+            self.carry(&all, positions, kept)?;
         }
         Ok(varyings)
     }
 
     /// Keeps the position in the world, if a distance is measured from it.
-    fn world(&mut self, wanted: &[Wanted]) -> Option<Kept> {
-        let world: &World = wanted.iter().find_map(|w| match &w.shows {
+    fn world(&mut self, wanted: &[Wanted]) -> Result<Option<Kept>, Failed> {
+        let world: Option<&World> = wanted.iter().find_map(|w| match &w.shows {
             Shows::Distance(distance) => match &distance.from {
                 Surface::World(world) => Some(world),
                 Surface::Value(_) => None,
             },
             _ => None,
-        })?;
+        });
+        let Some(world) = world else { return Ok(None) };
         let vertex = self.opaque.vertex;
-        Some(Kept {
+        let matrices = world.matrices.iter().map(|m| self.keep(vertex, m));
+        Ok(Some(Kept {
             is_point: world.is_point,
-            vector: self.keep(vertex, &world.vector),
-            matrices: world
-                .matrices
-                .iter()
-                .map(|m| self.keep(vertex, m))
-                .collect(),
-        })
+            matrices: matrices.collect::<Result<_, _>>()?,
+            vector: self.keep(vertex, &world.vector)?,
+        }))
     }
 
     /// Makes the vertex stage return the varyings beside its own outputs.
@@ -135,24 +133,27 @@ impl Extending<'_, '_> {
         all: &[Option<&Varying>; 4],
         positions: Option<(Option<Ahead>, Ahead)>,
         kept: Option<Kept>,
-    ) {
+    ) -> Result<(), Failed> {
+        let missing = || Failed::Built("a vertex stage without a position".to_owned());
         let entry = self.opaque.vertex;
-        let mut carried = Vec::new();
+        let mut carried: Vec<Option<Carried>> = Vec::new();
         self.module = place::prologue(&self.module, entry, |build| {
             if let Some((now, before)) = positions {
                 carried.push(match now {
-                    None => Carried::Position,
-                    Some(now) => Carried::Clip(called(build, &now, "now")),
+                    None => Some(Carried::Position),
+                    Some(now) => now.call(build, "now").map(Carried::Clip),
                 });
-                carried.push(Carried::Clip(called(build, &before, "before")));
+                carried.push(before.call(build, "before").map(Carried::Clip));
             }
             if let Some(varying) = all[2] {
                 let instance = Binding::BuiltIn(BuiltIn::InstanceIndex);
                 let value = build.input("instance_index", varying.ty, &instance);
-                carried.push(Carried::Value(value));
+                carried.push(Some(Carried::Value(value)));
             }
-            carried.extend(kept.map(Carried::World));
+            carried.extend(kept.map(|kept| Some(Carried::World(kept))));
         });
+        let carried: Option<Vec<Carried>> = carried.into_iter().collect();
+        let carried = carried.ok_or_else(missing)?;
         let module = &self.module;
         let function = &module.entry_points[entry].function;
         let mut members: Vec<StructMember> = reflect::outputs(module, function)
@@ -167,6 +168,7 @@ impl Extending<'_, '_> {
             .collect();
         let own = members.len() as u32;
         let position = members.iter().position(|m| is_position(m.binding.as_ref()));
+        let position = position.ok_or_else(missing)?;
         let is_struct = function
             .result
             .as_ref()
@@ -186,7 +188,7 @@ impl Extending<'_, '_> {
                     .map(|index| returned(writer, value, index))
                     .collect(),
             };
-            let position = components[position?];
+            let position = components[position];
             for value in &carried {
                 use SwizzleComponent::{W, X, Y, Z};
                 components.push(match value {
@@ -204,15 +206,7 @@ impl Extending<'_, '_> {
             }
             Some(writer.expression(Expression::Compose { ty, components }))
         });
-    }
-}
-
-/// The result of a function that computes a position.
-fn called(build: &mut CodeBuilder<'_>, ahead: &Ahead, name: &str) -> Handle<Expression> {
-    match ahead.call(build, name) {
-        Some(result) => result,
-        // A position slice has a result.
-        None => build.literal(naga::Literal::F32(0.0)),
+        Ok(())
     }
 }
 

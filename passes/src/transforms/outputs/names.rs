@@ -10,8 +10,10 @@ use super::{Asked, Params, list, refusals};
 use crate::analysis::authored::{self, Authored};
 use crate::analysis::lit;
 use crate::analysis::opaque::Opaque;
+use crate::core::declared;
 use crate::core::mapping::{self, Path};
 use crate::core::pass::{Misnamed, Refusal};
+use crate::core::program::Program;
 use crate::core::reflect;
 use crate::core::refusals::RefusalInfo;
 use crate::rebuild::outputs::Member;
@@ -322,23 +324,31 @@ fn is_matrix(module: &Module, member: &Member) -> bool {
         if columns == rows && *columns >= VectorSize::Tri && scalar.width == 4)
 }
 
-/// The buffers of these names.
+/// The buffers and the loose uniforms of these names.
 pub fn still<'n>(
-    module: &Module,
+    program: &Program,
     names: impl Iterator<Item = &'n str>,
-) -> Result<BTreeSet<Handle<GlobalVariable>>, Box<Refusal>> {
+) -> Result<Vec<Member>, Box<Refusal>> {
+    let module = program.module();
+    let declared = program.declared();
     let still = |name: &str| {
         let found = member(module, name)?;
-        if found.steps.is_empty() {
-            return Ok(found.global);
+        let global = &module.global_variables[found.global];
+        let is_loose = global.binding.is_some() && global.binding == declared.loose;
+        let is_whole = found.steps.len() == usize::from(is_loose);
+        if is_whole || found.steps.is_empty() {
+            return Ok(found);
         }
-        let whole = module.global_variables[found.global].name.as_deref();
+        let whole = mapping::name_of(module, found.global, &found.steps[..usize::from(is_loose)]);
+        let whole = match is_loose {
+            true => whole.members.join("."),
+            false => declared.name_of(global),
+        };
         Err(refusal(
             &refusals::NO_SUCH_NAME,
             format!(
                 "`{name}` is a part of a buffer, and hosts keep whole buffers: name the variable \
-                 `{}`",
-                whole.unwrap_or_default()
+                 `{whole}`"
             ),
         ))
     };
@@ -351,9 +361,16 @@ pub fn attributes<'n>(
     names: impl Iterator<Item = &'n str>,
 ) -> Result<BTreeSet<u32>, Box<Refusal>> {
     let attributes = attribute_names(opaque);
+    let matrices = &opaque.program.declared().attributes;
     let location = |name: &str| {
         let found = attributes.iter().find(|(own, _)| *own == name);
-        found.map(|(_, location)| *location).ok_or_else(|| {
+        let column = found.map(|(_, location)| vec![*location]);
+        // A matrix is a vector for each column.
+        let whole = || {
+            let of = matrices.iter().find(|a| a.declaration.name == name)?;
+            Some((of.location..of.location + columns(&of.declaration.ty)).collect())
+        };
+        column.or_else(whole).ok_or_else(|| {
             let known: Vec<String> = attributes.iter().map(|(n, _)| format!("`{n}`")).collect();
             refusal(
                 &refusals::NO_SUCH_NAME,
@@ -364,7 +381,21 @@ pub fn attributes<'n>(
             )
         })
     };
-    names.map(location).collect()
+    let all: Vec<Vec<u32>> = names.map(location).collect::<Result<_, _>>()?;
+    Ok(all.into_iter().flatten().collect())
+}
+
+/// The locations of an attribute of GLSL.
+fn columns(ty: &declared::Type) -> u32 {
+    match ty {
+        declared::Type::Array(of, n) => n * columns(of),
+        declared::Type::Plain(name) => {
+            let size = name.split_once("mat").map(|(_, size)| size);
+            let columns = size.and_then(|size| size.chars().next()?.to_digit(10));
+            columns.unwrap_or(1)
+        }
+        _ => 1,
+    }
 }
 
 /// Names of all attributes, with their locations.

@@ -60,12 +60,12 @@ pub struct Params {
     /// `normal`: whether to write two numbers from -1 to 1, octahedral, in place of three.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub octahedral: bool,
-    /// `velocity`: buffers that are the same in each frame, by the names of their variables, joined
-    /// by `+`. Default: none.
+    /// `velocity`: buffers, or GLSL uniforms outside of blocks, that are the same in each frame, by
+    /// the names of their variables, joined by `+`. Default: none.
     #[serde(rename = "static", skip_serializing_if = "Option::is_none")]
     pub still: Option<String>,
     /// `velocity`: attributes that change from frame to frame (transforms of instances, vertices
-    /// that the CPU moves), by name, joined by `+`. Default: none.
+    /// that the CPU moves), by name, joined by `+`. A GLSL matrix is one name. Default: none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub moving: Option<String>,
     /// `velocity`: uniforms, or parts of them, that shift the picture by a part of a pixel, joined
@@ -102,6 +102,14 @@ pub struct Params {
     /// author's group and binding.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub layout: Option<String>,
+    /// The alpha from 0 to 1 from which on alpha to coverage and blended materials cover a pixel. Such a
+    /// material is refused without it. It is not applied to others.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cutoff: Option<f32>,
+    /// The group of bindings that the author does not have, behind his own there. Default: copies of
+    /// buffers are in the group of the original, and others in the last group.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub group: Option<u32>,
     /// How precisely floats are stored. Distances always have 32 bits.
     pub precision: Precision,
     /// What is bound where nothing but depth is written.
@@ -128,6 +136,8 @@ impl Default for Params {
             viewer: None,
             map: None,
             layout: None,
+            cutoff: None,
+            group: None,
             precision: Precision::default(),
             colour_target: ColourTarget::default(),
             format: DepthFormat::default(),

@@ -3,6 +3,10 @@
 use crate::core::refusals::refusals;
 
 refusals! {
+    ALPHA_DECIDES = "alpha-decides":
+        "Alpha to coverage or blending decides how much of a pixel a material covers. A picture of \
+         depths, velocities or ids has one value for each pixel.",
+        "Say which alpha covers: `cutoff=0.5`.";
     AMBIGUOUS_NAME = "ambiguous-name":
         "Several values of the material have the name that you gave.",
         "Write `NAME@FUNCTION`, `NAME@FUNCTION:LINE`, or the whole path of a member: `surface.normal`.";

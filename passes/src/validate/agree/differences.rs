@@ -6,6 +6,7 @@ use naga::BuiltIn;
 
 use super::trial::{Two, What};
 use super::{Class, Relation};
+use crate::core::state::DepthDirection;
 use crate::evaluate::{Number, Scalar, Value};
 use crate::validate::compare::{self, Colors, Depths, Discards, Stores, text};
 use crate::validate::inputs::{Inputs, Profile};
@@ -15,14 +16,19 @@ use crate::validate::world::{self, TestPoint};
 const FRAG_DEPTH: Slot = Slot::BuiltIn(BuiltIn::FragDepth);
 const SAMPLE_MASK: Slot = Slot::BuiltIn(BuiltIn::SampleMask);
 
+/// The output of [`Class::DepthBias`].
+pub(super) const BIASED: &str = "z of the position";
+
 impl Two<'_> {
     /// Whether the two agree in twice the digits.
     pub(super) fn is_rounding(&self, what: What, inputs: &Inputs, place: TestPoint) -> bool {
         let world = world::precise(inputs);
         let run = |stages| world.run(stages, place, 4 * self.effort.steps, None);
         let (Ok(first), Ok(mut second)) = (run(self.first), run(self.second)) else {
+            self.budget.spend(self.effort.steps);
             return false;
         };
+        self.budget.spend(first.steps + second.steps);
         // What is close counts as equal.
         let snap = |ours: Option<&Value<f64>>, theirs: Option<&mut Value<f64>>| {
             if let (Some(ours), Some(theirs)) = (ours, theirs)
@@ -33,9 +39,6 @@ impl Two<'_> {
         };
         for (slot, ours) in &first.outputs {
             snap(Some(ours), second.outputs.get_mut(slot));
-        }
-        if let What::Outputs(ours, theirs) = what {
-            snap(first.outputs.get(&ours), second.outputs.get_mut(&theirs));
         }
         for (at, ours) in &first.stored {
             snap(Some(ours), second.stored.get_mut(at));
@@ -78,6 +81,20 @@ impl Two<'_> {
         })
     }
 
+    /// Whether a pass of another depth has the positions of the first but for z.
+    fn is_biased<F: Number>(&self, first: &Ran<F>, second: &Ran<F>) -> bool {
+        let position = |ran: &Ran<F>| ran.outputs.get(&POSITION)?.parts().ok().map(<[_]>::to_vec);
+        let (Some(a), Some(b)) = (position(first), position(second)) else {
+            return false;
+        };
+        let is_same = |i: usize| match (a.get(i), b.get(i)) {
+            (Some(a), Some(b)) => compare::same_bits(a, b),
+            _ => false,
+        };
+        !matches!(self.relation, Relation::Same | Relation::Position)
+            && [0, 1, 3].map(is_same) == [true; 3]
+    }
+
     /// The first difference that the promise forbids.
     pub(super) fn difference<F: Number>(
         &self,
@@ -108,10 +125,23 @@ impl Two<'_> {
                 Slot::BuiltIn(_) => true,
                 Slot::Location(..) => false,
             };
-            let mut slots = slots.into_iter().filter(counts).chain([POSITION]);
-            let moved = slots.find_map(|slot| of((slot, slot), &compare::same_bits));
-            let moved = moved.map(|output| (Class::Position, output));
-            return moved.or_else(|| self.stored(what, first, second));
+            // A bias of the depth counts only if nothing else differs.
+            let (mut bias, mut moved) = (None, None);
+            for slot in slots.into_iter().filter(counts).chain([POSITION]) {
+                match of((slot, slot), &compare::same_bits) {
+                    None => {}
+                    Some(_) if slot == POSITION && self.is_biased(first, second) => {
+                        let depth = |ran: &Ran<F>| {
+                            let position = ran.outputs.get(&POSITION)?;
+                            Some(text(position.parts().ok()?.get(2)?))
+                        };
+                        let [a, b] = [first, second].map(|ran| depth(ran).unwrap_or_default());
+                        bias = Some((Class::DepthBias, [BIASED.to_owned(), a, b]));
+                    }
+                    Some(output) => moved = moved.or(Some((Class::Position, output))),
+                }
+            }
+            return moved.or_else(|| self.stored(what, first, second)).or(bias);
         }
         let [ours, theirs] = [self.covered(first), self.covered(second)];
         match (ours, theirs) {
@@ -163,9 +193,6 @@ impl Two<'_> {
                 };
                 depth.or_else(alpha).map(|output| (Class::Depth, output))
             }
-            What::Outputs(ours, theirs) => {
-                of((ours, theirs), &compare::same_bits).map(|output| (Class::Color, output))
-            }
             _ => {
                 let rule = compare::Rule::Fragments {
                     colors: Colors::Bits,
@@ -194,6 +221,17 @@ pub(super) fn clamp_depth(ran: &mut Ran) {
             false => depth.clamp(0.0, 1.0),
         };
     }
+}
+
+/// Whether the second puts a vertex nearer than the first, if the first one's is in view.
+pub(super) fn nearer(first: &Ran, second: &Ran, direction: DepthDirection) -> Option<bool> {
+    let position = |ran: &Ran| ran.outputs.get(&POSITION)?.floats().ok();
+    let (a, b) = (position(first)?, position(second)?);
+    let ([_, _, ours, w], [_, _, theirs, _]) = (&a[..], &b[..]) else {
+        return None;
+    };
+    let is_seen = *w > 0.0 && (0.0..=*w).contains(ours) && theirs.is_finite() && ours != theirs;
+    is_seen.then(|| (theirs < ours) == (direction == DepthDirection::Forward))
 }
 
 /// What differs from the velocity at rest on other inputs.

@@ -50,10 +50,10 @@ impl Two<'_> {
             (Some(None), _) | (Some(Some(_)), None) => true,
             (Some(Some(members)), Some(member)) => members.contains(&member),
         };
-        let first = Inputs::of_places(ours, None, seed, &is_read);
-        let second = Inputs::of_places(theirs, None, seed, &|at, member| {
-            is_read(at, member) && !first.resources.contains_key(&at)
-        });
+        let mut spare = self.budget.spare();
+        let first = Inputs::of_places(ours, None, seed, &is_read, &mut spare);
+        let is_left = |at, member| is_read(at, member) && !first.resources.contains_key(&at);
+        let second = Inputs::of_places(theirs, None, seed, &is_left, &mut spare);
         let mut inputs = first.beside(second);
         if inputs.profile == Profile::Ordinary && !seed.is_multiple_of(6) {
             inputs = inputs.spread(&self.numbers, [ours, theirs]);

@@ -15,21 +15,26 @@ use super::numbers::Numbers;
 use super::stage::Stage;
 use super::world::PassStages;
 use crate::core::mapping::Mapping;
-use crate::core::plan::{GpuPass, Plan};
+use crate::core::plan::{GpuPass, Plan, Role};
 use crate::core::program::Location;
 
 mod attributes;
+mod budget;
 mod buffers;
 mod differences;
 mod draws;
 mod fed;
 mod matching;
 mod motion;
+mod normals;
+mod notes;
 mod parts;
+mod promises;
 mod quote;
 mod reads;
 mod rename;
 mod sampled;
+mod traced;
 mod trial;
 mod words;
 
@@ -131,6 +136,8 @@ pub enum Class {
     Moves,
     /// The second reads something that the first does not have.
     Unmatched,
+    /// The depth of vertices differs, and nothing else, and always in one direction.
+    DepthBias,
     /// They differ in the mip level that they read alone.
     LevelOnly,
     /// They agree if both see the same view, and the discards depend on the view.
@@ -139,11 +146,13 @@ pub enum Class {
     Rounding,
     /// They differ for infinities, NaN and huge numbers alone.
     Extreme,
+    /// Depths must be equal, and a GPU may round the two positions differently.
+    Variant,
 }
 
 impl Class {
     /// All of them.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 13] = [
         Self::Position,
         Self::KeepsHidden,
         Self::Loses,
@@ -151,10 +160,12 @@ impl Class {
         Self::Color,
         Self::Moves,
         Self::Unmatched,
+        Self::DepthBias,
         Self::LevelOnly,
         Self::ViewDependent,
         Self::Rounding,
         Self::Extreme,
+        Self::Variant,
     ];
 
     /// Its word in options and files.
@@ -167,10 +178,12 @@ impl Class {
             Self::Color => "color",
             Self::Moves => "moves",
             Self::Unmatched => "unmatched",
+            Self::DepthBias => "depth-bias",
             Self::LevelOnly => "level-only",
             Self::ViewDependent => "view-dependent",
             Self::Rounding => "rounding",
             Self::Extreme => "extreme",
+            Self::Variant => "variant",
         }
     }
 
@@ -178,7 +191,9 @@ impl Class {
     /// matters where depths are compared for equality, or a picture must not change.
     pub fn breaks(self, relation: Relation) -> bool {
         match self {
-            Self::ViewDependent | Self::Extreme => false,
+            Self::ViewDependent | Self::Extreme | Self::Variant => false,
+            // A shadow map has a bias of its own. Other depths are compared with the main pass's.
+            Self::DepthBias => relation != Relation::Shadow,
             Self::Rounding => matches!(relation, Relation::Same | Relation::Prepass),
             _ => true,
         }
@@ -284,6 +299,9 @@ pub struct Agreement {
     pub promises: Vec<Held>,
     /// The findings, worst first.
     pub findings: Vec<Finding>,
+    /// What was assumed, and what no input shows, a sentence each.
+    #[serde(skip)]
+    pub notes: Vec<String>,
 }
 
 /// Two programs that cannot be held against each other.
@@ -318,6 +336,28 @@ pub enum Mismatch {
     Renamed(String),
 }
 
+/// What is asked about two programs.
+#[derive(Clone, Copy, Debug)]
+pub struct Question<'a> {
+    /// What they should have in common.
+    pub relation: Relation,
+    /// Names of the second and the first program that mean one thing.
+    pub maps: &'a [Mapping],
+    /// For [`Relation::Normal`], the value of the first program that is the normal. Default: its
+    /// output of that name, or the unit vector that meets a light in a dot product.
+    pub normal: Option<&'a str>,
+}
+
+impl From<Relation> for Question<'_> {
+    fn from(relation: Relation) -> Self {
+        Self {
+            relation,
+            maps: &[],
+            normal: None,
+        }
+    }
+}
+
 /// Holds the main pass of `second` against the main pass of `first`.
 ///
 /// # Errors
@@ -326,10 +366,15 @@ pub enum Mismatch {
 pub fn agree(
     first: &Plan,
     second: &Plan,
-    relation: Relation,
-    maps: &[Mapping],
+    question: Question<'_>,
     effort: &Effort,
 ) -> Result<Agreement, Mismatch> {
+    let Question {
+        relation,
+        maps,
+        normal,
+    } = question;
+    let of_first = first;
     let sides = [(first, "the first"), (second, "the second")];
     let [ours, theirs] = sides.map(|(plan, side)| {
         let pass = plan.main().and_then(|p| Some((p, plan.program(p)?)));
@@ -354,6 +399,11 @@ pub fn agree(
         Some(program) => stages(ours, program, side)?,
         None => first,
     };
+    let derived = match relation {
+        Relation::Normal => normals::derived(of_first, first.vertex.program, normal),
+        _ => None,
+    };
+    let budget = budget::Budget::new(effort.steps);
     let multisample = &ours.multisample;
     let two = trial::Two {
         first,
@@ -369,12 +419,16 @@ pub fn agree(
             .as_ref()
             .and_then(|d| d.compare.direction())
             .unwrap_or_default(),
+        normal: derived.as_ref().map(|made| of_derived(made, side)),
+        budget: &budget,
     };
     let (promises, mut findings) = two.held();
+    findings.extend(notes::variant(&two, &promises));
     findings.sort_by_key(|f| f.class);
     Ok(Agreement {
         relation,
         partners: matching.partners.clone(),
+        notes: notes::all(&two),
         promises,
         findings,
     })
@@ -398,18 +452,36 @@ fn stages<'p>(
     })
 }
 
+/// The stages of the pass that writes the normal.
+fn of_derived<'p>(
+    made: &'p Result<Plan, String>,
+    side: &'static str,
+) -> Result<PassStages<'p>, String> {
+    let plan = made.as_ref().map_err(Clone::clone)?;
+    let pass = plan.passes.iter().find(|p| p.role == Role::Outputs);
+    let found = pass.and_then(|pass| stages(pass, plan.program(pass)?, side).ok());
+    found.ok_or_else(|| "the pass of its normal has no stages".to_owned())
+}
+
 impl Agreement {
     /// Whether every promise was proved or tried, and none is broken.
     pub fn holds(&self) -> bool {
         let mut promises = self.promises.iter();
         let is_held =
             |h: &Held| !matches!(h.outcome, Outcome::Differs | Outcome::NotEvaluated { .. });
-        self.findings.is_empty() && promises.all(is_held)
+        let is_note = |f: &Finding| f.class == Class::Variant;
+        self.findings.iter().all(is_note) && promises.all(is_held)
     }
 
-    /// Whether nothing at all was proved or tried.
+    /// Whether nothing was proved or tried of what the relation is about: of normals and velocities,
+    /// if it is about these.
     pub fn is_nothing(&self) -> bool {
-        let mut promises = self.promises.iter();
+        let own = |h: &&Held| match self.relation {
+            Relation::Normal => h.promise == "normals",
+            Relation::Velocity => h.promise.starts_with("velocity"),
+            _ => true,
+        };
+        let mut promises = self.promises.iter().filter(own);
         promises.all(|h| matches!(h.outcome, Outcome::NotEvaluated { .. }))
     }
 }

@@ -7,9 +7,10 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
+use super::budget::Draw;
 use super::fed::{self, Rule, part, part_mut};
 use super::quote::digits;
-use super::trial::{Draw, Two};
+use super::trial::Two;
 use super::words::Sliced;
 use super::{Class, Finding, Outcome, reads};
 use crate::core::mapping;
@@ -68,7 +69,11 @@ impl Two<'_> {
                 .filter_map(|n| self.sample(n, slot, &previous))
                 .collect();
             if samples.len() < 8 {
-                let why = "too few vertices were inside the view in both frames".to_owned();
+                let why = match self.budget.is_below(0) {
+                    true => "it takes too many steps: too expensive",
+                    false => "too few vertices were inside the view in both frames",
+                };
+                let why = why.to_owned();
                 return (Outcome::NotEvaluated { why }, findings);
             }
             if let Some(words) = wrong(&samples) {
@@ -118,6 +123,9 @@ impl Two<'_> {
     /// A vertex in two frames. What has no previous value stays the same in all samples, as a scale
     /// would.
     fn sample(&self, n: u64, slot: Slot, previous: &[&Rule]) -> Option<Sample> {
+        if self.budget.is_below(0) {
+            return None;
+        }
         let first = self.effort.seed.next_multiple_of(ORDINARY);
         let rules = &self.matching.rules;
         let read = self.read(rules);
@@ -163,7 +171,7 @@ impl Two<'_> {
         let stages = [self.first, self.second];
         let corner = now.corner();
         let at = |inputs: &Inputs, program, place, slot| {
-            let ran = Draw::new(inputs, stages)
+            let ran = Draw::new(inputs, stages, self.budget)
                 .run(program, place, 4 * self.effort.steps)
                 .ok()?;
             let value: &Value = ran.outputs.get(&slot)?;

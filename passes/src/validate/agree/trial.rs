@@ -1,15 +1,16 @@
 //! Proves the promises of a relation, or tries them on inputs and sorts the differences by class.
 
-use std::cell::OnceCell;
+use std::cell::{Cell, OnceCell};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use super::budget::{self, Budget, Draw};
 use super::differences::{self, moving};
 use super::fed::{self, Rule};
 use super::matching::Matching;
+use super::normals::{self, Encodings};
 use super::words::{self, Example, Sliced};
 use super::{Class, Finding, Held, Outcome, Relation, draws, reads};
-use crate::core::reflect::Io;
 use crate::core::state::DepthDirection;
 use crate::evaluate::{Stuck, Value};
 use crate::graph::effect::Effect;
@@ -21,9 +22,9 @@ use crate::validate::inputs::{Inputs, Profile};
 use crate::validate::levels::Reading;
 use crate::validate::numbers::Numbers;
 use crate::validate::proof;
-use crate::validate::stage::{Ran, Slot, Stage};
+use crate::validate::stage::{Ran, Slot};
 use crate::validate::term::{self, Symbolic};
-use crate::validate::world::{self, PassStages, TestPoint, Texels};
+use crate::validate::world::{self, PassStages, TestPoint};
 
 /// One in this many inputs is run on the whole programs, also beside a proof that depends on the slicer:
 /// by default as many as in [validation](crate::validate).
@@ -42,6 +43,7 @@ const MORE: u64 = 4;
 const QUOTA: u64 = 4;
 
 /// Two programs, the second in the first one's terms.
+#[derive(Clone)]
 pub(super) struct Two<'a> {
     pub(super) first: PassStages<'a>,
     pub(super) second: PassStages<'a>,
@@ -56,6 +58,10 @@ pub(super) struct Two<'a> {
     pub(super) direction: DepthDirection,
     /// What both compare with.
     pub(super) numbers: Arc<Numbers>,
+    /// The first program as a pass that writes its normal to location 0, if it has no output of it;
+    /// or why there is none.
+    pub(super) normal: Option<Result<PassStages<'a>, String>>,
+    pub(super) budget: &'a Budget,
 }
 
 /// What a promise compares.
@@ -80,6 +86,8 @@ struct Found {
     examples: BTreeMap<Class, Example>,
     ended: u64,
     tried: u64,
+    /// The budget was spent before all inputs were tried.
+    is_cut: bool,
     why: Option<String>,
     /// On ordinary numbers.
     seen: Seen,
@@ -87,11 +95,24 @@ struct Found {
     hits: BTreeMap<Class, u64>,
 }
 
-/// The number of fragments that a program kept, and that a program discarded.
+/// The number of fragments that a program kept, and that a program discarded; and of vertices that
+/// the second puts nearer and farther, and nowhere else.
 #[derive(Clone, Copy, Debug, Default)]
 struct Seen {
     kept: u64,
     discarded: u64,
+    nearer: u64,
+    farther: u64,
+}
+
+/// What the inputs so far say together.
+#[derive(Default)]
+struct State {
+    seen: Seen,
+    /// The velocity of what rests.
+    rest: Option<Value>,
+    /// How normals may be encoded.
+    encodings: Encodings,
 }
 
 impl Found {
@@ -117,53 +138,21 @@ fn is_plain(inputs: &Inputs) -> bool {
     matches!(inputs.profile, Profile::Ordinary | Profile::Equal)
 }
 
-/// A triangle of both programs.
-pub(super) struct Draw<'i> {
-    inputs: &'i Inputs,
-    stages: [PassStages<'i>; 2],
-    /// What the vertex stages made of its corners, which all fragments share.
-    corners: [OnceCell<Result<[Ran; 3], Stuck>>; 2],
-}
-
-impl<'i> Draw<'i> {
-    pub(super) fn new(inputs: &'i Inputs, stages: [PassStages<'i>; 2]) -> Self {
-        Self {
-            inputs,
-            stages,
-            corners: [OnceCell::new(), OnceCell::new()],
-        }
-    }
-
-    /// Runs a program at a place.
-    pub(super) fn run(&self, program: usize, place: TestPoint, steps: u64) -> Result<Ran, Stuck> {
-        let attached = BTreeMap::new();
-        let world = world::concrete(self.inputs, &attached, Texels::Waves);
-        let stages = self.stages[program];
-        let (Some(fragment), TestPoint::Corner(_) | TestPoint::Inside) = (stages.fragment, place)
-        else {
-            return world.run(stages, place, steps, None);
-        };
-        let corners =
-            self.corners[program].get_or_init(|| world.corners(stages.vertex, steps, &|_| None));
-        match corners {
-            Ok(corners) => world.shaded(fragment, place, corners, steps, None),
-            Err(stuck) => Err(stuck.clone()),
-        }
-    }
-}
-
 impl<'a> Two<'a> {
     /// Checks the promises of the relation.
     pub(super) fn held(&self) -> (Vec<Held>, Vec<Finding>) {
         let (mut held, mut findings) = (Vec::new(), Vec::new());
-        for (promise, what) in self.promises() {
+        let promises = self.promises();
+        let count = promises.len() as u64;
+        for (promise, what) in promises {
+            self.budget.share(count);
             // A velocity that varies at rest is wrong in motion, too.
             let is_moving = matches!(what, Ok(What::Moving(_)));
             if is_moving && findings.iter().any(|f: &Finding| f.class == Class::Moves) {
                 continue;
             }
             let (outcome, found) = match what {
-                Ok(what) => self.promise(promise, what),
+                Ok(what) => self.of_normal(what).promise(promise, what),
                 Err(why) => (Outcome::NotEvaluated { why }, Vec::new()),
             };
             held.push(Held {
@@ -182,55 +171,6 @@ impl<'a> Two<'a> {
             }
         }
         (held, findings)
-    }
-
-    fn promises(&self) -> Vec<(&'static str, Result<What, String>)> {
-        use Relation as R;
-        let positions = ("positions", Ok(What::Positions));
-        let coverage = ("discards and depths", Ok(What::Coverage));
-        match self.relation {
-            R::Same => vec![positions, coverage, ("colours", Ok(What::Colors))],
-            R::Prepass | R::Shadow => vec![positions, coverage],
-            R::Position => vec![positions],
-            R::Discard => vec![coverage],
-            R::Velocity => vec![
-                positions,
-                coverage,
-                ("velocity at rest", self.velocity().map(What::Still)),
-                ("velocity in motion", self.velocity().map(What::Moving)),
-            ],
-            R::Normal => vec![positions, coverage, ("normals", self.normal())],
-        }
-    }
-
-    fn velocity(&self) -> Result<Slot, String> {
-        let outputs = self.second.fragment.map(Stage::outputs).unwrap_or_default();
-        let named = named(&outputs, &["velocity", "motion"]);
-        let slots = locations(&outputs);
-        match (named, &slots[..]) {
-            (Some(slot), _) => Ok(slot),
-            (None, [one]) => Ok(*one),
-            (None, []) => Err("the velocity pass has no output".to_owned()),
-            (None, _) => Err(
-                "no output of the velocity pass has `velocity` or `motion` in its name".to_owned(),
-            ),
-        }
-    }
-
-    fn normal(&self) -> Result<What, String> {
-        let [first, second] = [self.first, self.second].map(|stages| {
-            let outputs = stages.fragment.map(Stage::outputs).unwrap_or_default();
-            (named(&outputs, &["normal"]), locations(&outputs))
-        });
-        let theirs = match (second.0, &second.1[..]) {
-            (Some(slot), _) => slot,
-            (None, [one]) => *one,
-            _ => return Err("no output of the normal pass has `normal` in its name".to_owned()),
-        };
-        let ours = first.0.ok_or(
-            "no output of the main pass has `normal` in its name, so there is nothing to compare with",
-        )?;
-        Ok(What::Outputs(ours, theirs))
     }
 
     /// The places that are compared; of the corners one, since they are alike.
@@ -302,15 +242,22 @@ impl<'a> Two<'a> {
     ) -> (Outcome, Vec<Finding>) {
         let mut classes = found.examples.keys();
         let is_equal = classes.all(|c| matches!(c, Class::Extreme | Class::Rounding));
+        // Too few inputs say nothing about a class.
+        let is_short = found.is_cut && found.ended < budget::FEWEST;
         if is_equal
+            && !is_short
             && found.ended > 0
             && let Some(why) = self.unseen(what, found.seen)
         {
             let why = why.to_owned();
             return (Outcome::NotEvaluated { why }, Vec::new());
         }
-        if found.examples.is_empty() {
+        if found.examples.is_empty() || is_short && is_equal {
             let why = match (found.ended, found.why) {
+                (_, None) if is_short => format!(
+                    "{} inputs took as many steps as there are for a pair: too expensive",
+                    found.tried
+                ),
                 (0, None) => "no input came to an end within the step limit".to_owned(),
                 (0, Some(why)) => why,
                 (few, why) if few * QUOTA < found.tried => format!(
@@ -338,7 +285,7 @@ impl<'a> Two<'a> {
         let without_levels = OnceCell::new();
         let mut findings = Vec::new();
         for (class, example) in found.examples {
-            let is_level = is_of_fragment(&class) && {
+            let is_level = is_of_fragment(&class) && !found.is_cut && {
                 let again = || {
                     self.tried(
                         (what, sliced),
@@ -348,13 +295,15 @@ impl<'a> Two<'a> {
                         &classes,
                     )
                 };
-                !without_levels
-                    .get_or_init(again)
-                    .examples
-                    .contains_key(&class)
+                let again = without_levels.get_or_init(again);
+                !again.is_cut && !again.examples.contains_key(&class)
             };
             let class = if is_level { Class::LevelOnly } else { class };
             findings.push(words::finding(self, promise, what, class, &example));
+        }
+        // A bias goes one way.
+        if findings.iter().any(|f| f.class == Class::Position) {
+            findings.retain(|f| f.class != Class::DepthBias);
         }
         // Kept or lost at another level is one finding.
         let mut seen = std::collections::BTreeSet::new();
@@ -499,7 +448,8 @@ impl<'a> Two<'a> {
         until: &[Class],
     ) -> Found {
         let mut found = Found::default();
-        let mut rest = None;
+        let mut state = State::default();
+        let allowed = self.budget.allowed(until.is_empty());
         // Most inputs are tried on slices alone: a discard does not depend on the lights.
         let slices = [sliced[0].stages(self.first), sliced[1].stages(self.second)];
         let whole = [self.first, self.second];
@@ -508,7 +458,9 @@ impl<'a> Two<'a> {
         let discards = OnceCell::new();
         for seed in self.effort.seed.. {
             // If fragments are rarely kept, or rarely discarded, more inputs follow.
-            let Seen { kept, discarded } = found.seen;
+            let Seen {
+                kept, discarded, ..
+            } = state.seen;
             let is_rare = |n: u64| n * RARE < found.tried;
             let wants_more = || {
                 what != What::Positions
@@ -520,17 +472,21 @@ impl<'a> Two<'a> {
             if found.tried >= count && !wants_more() {
                 break;
             }
+            found.is_cut = self.budget.is_below(allowed);
+            if found.is_cut {
+                break;
+            }
             let is_whole = seed.is_multiple_of(BESIDE) || self.stores(what) == Stores::Same;
             let (stages, read) = match is_whole {
                 true => (whole, &read_by_whole),
                 false => (slices, &read_by_slices),
             };
             let inputs = self.inputs(seed, reading, rules, read);
-            let draw = Draw::new(&inputs, stages);
+            let draw = Draw::new(&inputs, stages, self.budget);
             found.tried += 1;
             let mut ended = true;
             for place in Self::places(what, inputs.corner()) {
-                let mut tried = self.try_one(what, &draw, place, &mut rest, &mut found.seen);
+                let mut tried = self.try_one(what, &draw, place, &mut state);
                 if let Ok(Some((class, _))) = &tried {
                     *found.hits.entry(*class).or_default() += 1;
                     if !found.wants(*class, &inputs, place) {
@@ -539,12 +495,12 @@ impl<'a> Two<'a> {
                     // The whole programs have the last word on a difference of a new class.
                     let inputs = self.inputs(seed, reading, rules, &read_by_whole);
                     if !is_whole {
-                        let draw = Draw::new(&inputs, whole);
-                        tried = self.try_one(what, &draw, place, &mut rest, &mut found.seen);
+                        let draw = Draw::new(&inputs, whole, self.budget);
+                        tried = self.try_one(what, &draw, place, &mut state);
                     }
                     if let Ok(Some((class, _))) = &mut tried
                         && is_plain(&inputs)
-                        && !matches!(what, What::Still(_))
+                        && !matches!(what, What::Still(_) | What::Outputs(..))
                         && self.is_rounding(what, &inputs, place)
                     {
                         *class = Class::Rounding;
@@ -578,6 +534,8 @@ impl<'a> Two<'a> {
                     }
                 }
             }
+            drop(draw);
+            self.budget.keep(inputs);
             found.ended += u64::from(ended);
             if found.ended == 0 && found.tried > 24 {
                 break;
@@ -592,6 +550,7 @@ impl<'a> Two<'a> {
                 break;
             }
         }
+        found.seen = state.seen;
         found
     }
 
@@ -602,8 +561,11 @@ impl<'a> Two<'a> {
         what: What,
         draw: &Draw<'_>,
         place: TestPoint,
-        rest: &mut Option<Value>,
-        seen: &mut Seen,
+        State {
+            seen,
+            rest,
+            encodings,
+        }: &mut State,
     ) -> Result<Option<(Class, [String; 3])>, Stuck> {
         let steps = self.effort.steps;
         let mut first = draw.run(0, place, steps)?;
@@ -618,12 +580,39 @@ impl<'a> Two<'a> {
         if let What::Still(slot) = what {
             return Ok(moving(draw.inputs, &second, slot, rest));
         }
-        Ok(self.difference(what, &first, &second))
+        if let What::Outputs(ours, theirs) = what {
+            let is_compared = is_plain(draw.inputs) && !first.discarded && !second.discarded;
+            let values = (first.outputs.get(&ours), second.outputs.get(&theirs));
+            return Ok(match (is_compared, values) {
+                (true, (Some(a), Some(b))) => {
+                    normals::difference(encodings, (a, self.normal.is_some()), b)
+                }
+                _ => None,
+            });
+        }
+        let mut found = self.difference(what, &first, &second);
+        if let Some((class @ Class::DepthBias, _)) = &mut found {
+            match differences::nearer(&first, &second, self.direction) {
+                Some(true) => seen.nearer += 1,
+                Some(false) => seen.farther += 1,
+                None => {}
+            }
+            if seen.nearer > 0 && seen.farther > 0 {
+                *class = Class::Position;
+            }
+        }
+        Ok(found)
     }
 
     fn by_terms(&self, what: What, place: TestPoint) -> bool {
         let inputs = self.inputs(1, Reading::Chosen, &[], &self.read(&self.matching.rules));
         let [ours, theirs] = [self.first, self.second].map(|s| s.vertex.module());
+        let left = Cell::new(self.budget.of_terms());
+        let steps = |most: u64| most.min(left.get());
+        let spent = |ran: Ran<Symbolic>| {
+            left.set(left.get().saturating_sub(ran.steps));
+            ran
+        };
         term::proved(self.effort.paths, || {
             let mut world = world::symbolic(ours, &inputs);
             let mut resources: BTreeMap<(u32, u32), Value<Symbolic>> =
@@ -631,8 +620,12 @@ impl<'a> Two<'a> {
             resources.extend(Arc::unwrap_or_clone(std::mem::take(&mut world.resources)));
             fed::feed(&self.matching.rules, &mut resources);
             world.resources = Arc::new(resources);
-            let first = world.run(self.first, place, self.effort.steps, None)?;
-            let second = world.run(self.second, place, 4 * self.effort.steps, None)?;
+            let limit = self.effort.steps;
+            let first = world
+                .run(self.first, place, steps(limit), None)
+                .map(spent)?;
+            let second = world.run(self.second, place, steps(4 * limit), None);
+            let second = second.map(spent)?;
             if what == What::Colors && first.discarded != second.discarded {
                 return Ok(false);
             }
@@ -640,21 +633,4 @@ impl<'a> Two<'a> {
         })
         .is_some()
     }
-}
-
-/// The output whose name contains one of these words.
-fn named(outputs: &[Io], words: &[&str]) -> Option<Slot> {
-    let is_it = |io: &&Io| {
-        let name = io.name.as_deref().unwrap_or_default().to_lowercase();
-        words.iter().any(|w| name.contains(w))
-    };
-    let found = outputs.iter().find(is_it)?;
-    found.binding.as_ref().map(Slot::of)
-}
-
-fn locations(outputs: &[Io]) -> Vec<Slot> {
-    let slots = outputs
-        .iter()
-        .filter_map(|io| io.binding.as_ref().map(Slot::of));
-    slots.filter(|s| matches!(s, Slot::Location(..))).collect()
 }

@@ -3,15 +3,15 @@
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 
-use naga::{Expression, Function, Handle, Module, Span, Statement};
+use naga::Span;
 
+use super::differences::BIASED;
 use super::fed::Rule;
-use super::quote::{digits, fewer, short, written};
+use super::quote::{apart, digits};
+use super::traced::{Decision, Pairing, Run, beginnings, decisions, kills};
 use super::trial::{Two, What};
-use super::{Class, Finding, Spot};
-use crate::core::operands;
+use super::{Class, Finding, Relation, Spot};
 use crate::core::program::Program;
-use crate::evaluate::{Scalar, Traced, Value};
 use crate::graph::Graph;
 use crate::slice::{self, Criterion, OutputFilter};
 use crate::validate::levels::Reading;
@@ -133,19 +133,6 @@ fn spans(graph: &Graph<'_>, stage: Stage<'_>, criteria: &[Criterion]) -> BTreeSe
     slice.parts.iter().flat_map(of_part).collect()
 }
 
-/// One program's run of a slice.
-struct Run<'a> {
-    stages: PassStages<'a>,
-    trace: Vec<Traced>,
-}
-
-/// The comparison that decides a discard.
-struct Decision {
-    spot: Spot,
-    /// Texts and values of its operands.
-    operands: [(String, f32); 2],
-}
-
 /// The finding of an example.
 pub(super) fn finding(
     two: &Two<'_>,
@@ -184,18 +171,24 @@ pub(super) fn finding(
         },
     ];
     let [first, second] = &runs;
-    let decisions = match is_discard {
-        true => [first.decision(), second.decision()],
-        false => [None, None],
+    let decisions = match (is_discard, example.output[1] == "kept") {
+        (true, true) => {
+            let [second, first] = decisions(second, first);
+            [first, second]
+        }
+        (true, false) => decisions(first, second),
+        (false, _) => [None, None],
     };
-    let spots = [
-        first.first_beyond(&second.numbers()),
-        second.first_beyond(&first.numbers()),
-    ];
+    // A velocity is compared with that of other inputs.
+    let spots = match what {
+        What::Still(_) => [None, None],
+        _ => beginnings(first, second),
+    };
     // The values are the same, and the thresholds decide.
     let is_decided = match &decisions {
         [Some(a), Some(b)] => matches!(Pairing::of(a, b), Pairing::Thresholds { .. }),
-        _ => false,
+        // One has a condition that the other lacks.
+        [a, b] => a.is_some() || b.is_some(),
     };
     let words = Sentence {
         two,
@@ -221,174 +214,6 @@ pub(super) fn finding(
     }
 }
 
-impl Run<'_> {
-    fn program(&self, traced: &Traced) -> &Program {
-        let fragment = self.stages.fragment.map(|f| f.program);
-        let all = [fragment, Some(self.stages.vertex.program)];
-        let mut all = all.into_iter().flatten();
-        all.find(|p| p.sources().file_of(traced.span).is_some())
-            .unwrap_or(self.stages.vertex.program)
-    }
-
-    /// All floats that it computes.
-    fn numbers(&self) -> BTreeSet<u32> {
-        let mut all = BTreeSet::new();
-        for traced in &self.trace {
-            floats(&traced.value, &mut all);
-        }
-        all
-    }
-
-    /// The first computed value that the other run never has.
-    fn first_beyond(&self, others: &BTreeSet<u32>) -> Option<Spot> {
-        let is_new = |traced: &&Traced| {
-            let mut own = BTreeSet::new();
-            floats(&traced.value, &mut own);
-            // A composition has its parts' numbers.
-            let is_computed = !matches!(traced.kind, "Compose" | "Splat" | "Swizzle");
-            is_computed && !own.is_subset(others) && !self.is_read(traced)
-        };
-        let found = self.trace.iter().find(is_new)?;
-        Some(self.spot(found)).filter(|spot| spot.location.is_some())
-    }
-
-    /// Whether a value is read from a uniform or a buffer as it is.
-    fn is_read(&self, traced: &Traced) -> bool {
-        let stages = [self.stages.fragment, Some(self.stages.vertex)];
-        let mut stages = stages.into_iter().flatten();
-        // The stages of a slice may be two programs of one source.
-        stages.any(|stage| {
-            let module = stage.module();
-            let function = match traced.at.0 {
-                Some(handle) => module.functions.try_get(handle).ok(),
-                None => Some(stage.function()),
-            };
-            let is_it = |f: &&Function| {
-                traced.at.1.index() < f.expressions.len()
-                    && f.expressions.get_span(traced.at.1) == traced.span
-            };
-            let Some(function) = function.filter(is_it) else {
-                return false;
-            };
-            let mut e = traced.at.1;
-            loop {
-                match function.expressions[e] {
-                    Expression::AccessIndex { base, .. } => e = base,
-                    Expression::Load { pointer } => e = pointer,
-                    Expression::GlobalVariable(_) => return true,
-                    _ => return false,
-                }
-            }
-        })
-    }
-
-    fn spot(&self, traced: &Traced) -> Spot {
-        let program = self.program(traced);
-        Spot {
-            location: program.sources().locate(traced.span),
-            text: written(program, traced.span).unwrap_or_else(|| traced.kind.to_owned()),
-            value: short(&traced.value),
-        }
-    }
-
-    /// The last comparison that a branch depends on, or the last one.
-    fn decision(&self) -> Option<Decision> {
-        let fragment = self.stages.fragment?;
-        let conditions = conditions(fragment);
-        let compared = || self.trace.iter().rev().filter(|t| t.compared.is_some());
-        let found = compared().find(|t| conditions.contains(&t.at));
-        let found = found.or_else(|| compared().next())?;
-        let operands = found.compared.as_ref()?;
-        let module = fragment.module();
-        let function = match found.at.0 {
-            Some(handle) => &module.functions[handle],
-            None => fragment.function(),
-        };
-        let Expression::Binary { left, right, .. } = function.expressions[found.at.1] else {
-            return None;
-        };
-        let program = self.program(found);
-        let operand = |e: Handle<Expression>, value: &Value| {
-            let number = match value {
-                Value::Scalar(Scalar::F32(x)) => *x,
-                Value::Scalar(Scalar::I32(x)) => *x as f32,
-                Value::Scalar(Scalar::U32(x)) => *x as f32,
-                _ => return None,
-            };
-            Some((called(program, module, function, e), number))
-        };
-        Some(Decision {
-            spot: self.spot(found),
-            operands: [operand(left, &operands[0])?, operand(right, &operands[1])?],
-        })
-    }
-}
-
-/// The comparisons that branches of a stage depend on, by function.
-fn conditions(stage: Stage<'_>) -> BTreeSet<(Option<Handle<Function>>, Handle<Expression>)> {
-    let module = stage.module();
-    let mut all = BTreeSet::new();
-    let mut of = |handle: Option<Handle<Function>>, function: &Function| {
-        let (mut pending, mut stored) = (Vec::new(), Vec::new());
-        operands::visit(&function.body, &mut |statement| match statement {
-            Statement::If { condition, .. } => pending.push(*condition),
-            Statement::Store { pointer, value } => stored.push((*pointer, *value)),
-            _ => {}
-        });
-        while let Some(e) = pending.pop() {
-            if !all.insert((handle, e)) {
-                continue;
-            }
-            let operation = &function.expressions[e];
-            match operation {
-                Expression::Unary { .. }
-                | Expression::Binary { .. }
-                | Expression::Relational { .. }
-                | Expression::Select { .. } => pending.extend(operands::of_expression(operation)),
-                // `&&` and `||` store their result.
-                Expression::Load { pointer } => {
-                    let variable = &function.expressions[*pointer];
-                    let is_it = |(to, _): &&(_, _)| function.expressions[*to] == *variable;
-                    pending.extend(stored.iter().filter(is_it).map(|(_, value)| *value));
-                }
-                _ => {}
-            }
-        }
-    };
-    of(None, stage.function());
-    for function in crate::core::calls::called(module, &stage.function().body) {
-        of(Some(function), &module.functions[function]);
-    }
-    all
-}
-
-fn floats(value: &Value, all: &mut BTreeSet<u32>) {
-    match value {
-        Value::Scalar(Scalar::F32(x)) => {
-            all.insert(x.to_bits());
-        }
-        Value::Composite(parts) => parts.iter().for_each(|p| floats(p, all)),
-        _ => {}
-    }
-}
-
-/// What an operand is called: its name, or the author's text.
-fn called(
-    program: &Program,
-    module: &Module,
-    function: &Function,
-    e: Handle<Expression>,
-) -> String {
-    match &function.expressions[e] {
-        Expression::Literal(_) => String::new(),
-        Expression::Constant(c) => module.constants[*c].name.clone().unwrap_or_default(),
-        _ => match function.named_expressions.get(&e) {
-            Some(name) => name.clone(),
-            None => written(program, function.expressions.get_span(e)).unwrap_or_default(),
-        },
-    }
-}
-
 /// What a finding says.
 struct Sentence<'a> {
     two: &'a Two<'a>,
@@ -402,16 +227,27 @@ impl Sentence<'_> {
     fn said(&self) -> String {
         let [first, second] = self.two.relation.names();
         let [output, ours, theirs] = &self.example.output;
-        let [ours, theirs] = [ours, theirs].map(|text| match self.class {
-            Class::Rounding => text.clone(),
-            _ => fewer(text),
-        });
+        let [ours, theirs] = match self.class {
+            Class::Rounding => [ours.clone(), theirs.clone()],
+            _ => apart([ours, theirs]),
+        };
         let what = match output.as_str() {
             "the fragment" => self.discard(),
             "position" => format!(
                 "{second} puts this vertex at {theirs}, and {first} puts it at {ours}{}",
                 self.beginning()
             ),
+            BIASED => {
+                let end = match self.two.relation {
+                    Relation::Shadow => "",
+                    _ => "; their depths are never equal",
+                };
+                format!(
+                    "{second} puts this vertex at z = {theirs}, and {first} at z = {ours}, with the same \
+                     x, y and w{}{end}",
+                    self.beginning()
+                )
+            }
             "the velocity" => {
                 format!("with nothing moving, the velocity is {theirs} here and {ours} elsewhere")
             }
@@ -491,7 +327,7 @@ impl Sentence<'_> {
                     self.two.second
                 };
                 let why = match stages.fragment {
-                    Some(f) if may_discard(f) => "decides otherwise",
+                    Some(f) if kills(f.module(), &f.function().body) => "has no such condition",
                     _ => "never discards",
                 };
                 format!("{plain}: {}, and {keeps} {why}", compares(discards, b))
@@ -505,21 +341,6 @@ impl Sentence<'_> {
     }
 }
 
-fn may_discard(stage: Stage<'_>) -> bool {
-    let module = stage.module();
-    let mut found = false;
-    let mut look = |function: &Function| {
-        operands::visit(&function.body, &mut |s| {
-            found |= matches!(s, Statement::Kill)
-        });
-    };
-    look(stage.function());
-    for function in crate::core::calls::called(module, &stage.function().body) {
-        look(&module.functions[function]);
-    }
-    found
-}
-
 fn compares(who: &str, decision: &Decision) -> String {
     let [(_, left), (_, right)] = &decision.operands;
     format!(
@@ -528,69 +349,4 @@ fn compares(who: &str, decision: &Decision) -> String {
         digits(*left),
         digits(*right)
     )
-}
-
-/// How the operands of two comparisons correspond.
-enum Pairing {
-    /// One value, two thresholds.
-    Thresholds {
-        name: String,
-        value: String,
-        kept: String,
-        discarded: String,
-    },
-    /// One threshold, two values.
-    Values {
-        kept: String,
-        discarded: String,
-        threshold: String,
-    },
-    /// Neither.
-    Apart,
-}
-
-impl Pairing {
-    fn of(kept: &Decision, discarded: &Decision) -> Self {
-        let named = |(name, number): &(String, f32)| match name.is_empty() {
-            true => digits(*number),
-            false => format!("`{name}` = {}", digits(*number)),
-        };
-        let number = |(_, number): &(String, f32)| digits(*number);
-        let flipped = |[a, b]: &[(String, f32); 2]| [b.clone(), a.clone()];
-        let is_one = |a: &(String, f32), b: &(String, f32)| a.1.to_bits() == b.1.to_bits();
-        let (a, b) = (&kept.operands, &discarded.operands);
-        for (a, b) in [
-            (a.clone(), b.clone()),
-            (a.clone(), flipped(b)),
-            (flipped(a), b.clone()),
-            (flipped(a), flipped(b)),
-        ] {
-            let ([value, threshold], [other, limit]) = (&a, &b);
-            let is_fixed = value.0.is_empty();
-            if is_one(value, other) && !is_one(threshold, limit) && !is_fixed {
-                let name = match value.0.as_str() {
-                    "" => String::new(),
-                    name => format!("`{name}` = "),
-                };
-                let (kept, discarded) = (number(threshold), number(limit));
-                if kept == discarded {
-                    return Self::Apart;
-                }
-                return Self::Thresholds {
-                    name,
-                    value: digits(value.1),
-                    kept,
-                    discarded,
-                };
-            }
-            if is_one(threshold, limit) && !is_one(value, other) && threshold.0 != value.0 {
-                return Self::Values {
-                    kept: named(value),
-                    discarded: named(other),
-                    threshold: digits(threshold.1),
-                };
-            }
-        }
-        Self::Apart
-    }
 }

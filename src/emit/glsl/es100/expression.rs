@@ -83,7 +83,7 @@ impl Es100 {
         match &mut **expression {
             ExprData::Variable(name) => {
                 let name = name.as_str();
-                if let Some(output) = self.outputs.get(name) {
+                if let Some((output, _)) = self.outputs.get(name) {
                     **expression = output.clone();
                 } else if name == "gl_FragDepth" {
                     self.extensions.insert("GL_EXT_frag_depth");
@@ -134,8 +134,17 @@ impl Es100 {
                 if !has {
                     return lacks("a bitwise assignment");
                 }
+                let components = match &***to {
+                    ExprData::Variable(name) => self.outputs.get(name.as_str()).map(|o| o.1),
+                    _ => None,
+                };
                 self.expression(to)?;
                 self.expression(from)?;
+                if let Some(components) = components
+                    && components < 4
+                {
+                    filled(from, components);
+                }
             }
             ExprData::Bracket(of, index) => {
                 self.expression(of)?;
@@ -356,6 +365,17 @@ fn constructed(ty: TypeSpecifierNonArrayData, of: ast::Expr) -> ExprData {
     let ty = ast::TypeSpecifierData::from(ty);
     let function = FunIdentifierData::TypeSpecifier(Box::new(ty.into()));
     ExprData::FunCall(function.into(), vec![of])
+}
+
+/// A `vec4` of fewer components, with 0 for what is missing and 1 for alpha.
+fn filled(of: &mut ast::Expr, components: usize) {
+    let given = std::mem::replace(of, ExprData::FloatConst(1.0).into());
+    let mut all = vec![given];
+    all.extend((components..3).map(|_| ExprData::FloatConst(0.0).into()));
+    all.push(ExprData::FloatConst(1.0).into());
+    let ty = ast::TypeSpecifierData::from(TypeSpecifierNonArrayData::Vec4);
+    let function = FunIdentifierData::TypeSpecifier(Box::new(ty.into()));
+    *of = ExprData::FunCall(function.into(), all).into();
 }
 
 fn vec2(of: ast::Expr) -> ast::Expr {

@@ -14,6 +14,17 @@ pub(super) fn is_output(ty: &ast::FullySpecifiedType) -> bool {
     qualifiers(ty).any(|q| matches!(&**q, Spec::Storage(s) if **s == Storage::Out))
 }
 
+/// The components of a float or a vector of floats.
+pub(super) fn components(ty: &ast::TypeSpecifier) -> Option<usize> {
+    match *ty.ty {
+        Ty::Float => Some(1),
+        Ty::Vec2 => Some(2),
+        Ty::Vec3 => Some(3),
+        Ty::Vec4 => Some(4),
+        _ => None,
+    }
+}
+
 /// The number in `layout(location = ..)`.
 pub(super) fn location(ty: &ast::FullySpecifiedType) -> Option<i32> {
     qualifiers(ty).find_map(|q| {

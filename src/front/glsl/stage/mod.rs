@@ -1,11 +1,13 @@
 //! Collects the global declarations of one stage.
 
 use std::cell::{Cell, RefCell};
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeSet, HashMap, HashSet};
 
-use glsl_lang::ast::{self, DeclarationData, ExprData, ExternalDeclarationData, NodeSpan};
+use glsl_lang::ast::{
+    self, DeclarationData, ExprData, ExternalDeclarationData, NodeSpan, TypeSpecifierNonArrayData,
+};
 use naga::{ConservativeDepth, ShaderStage, Span};
-use preshade_passes::declared::{self, LengthConstant};
+use preshade_passes::declared::{self, LengthConstant, Precision};
 
 use super::constant::{self, ConstantValue, Constants, Specialised};
 use super::lengths::Candidate;
@@ -143,6 +145,10 @@ pub(super) struct GlslStage<'u> {
     defaults: [OfBlocks; 2],
     /// `gl_FragCoord` counts from the top.
     pub origin_upper_left: bool,
+    /// The precision of floats without a qualifier.
+    pub precision: Precision,
+    /// The precisions of qualifiers.
+    pub qualified: RefCell<BTreeSet<Precision>>,
     /// The declared length of `gl_ClipDistance`.
     pub clip_distances: Option<u32>,
 }
@@ -199,6 +205,8 @@ impl<'u> GlslStage<'u> {
             depth: None,
             defaults: [OfBlocks::default(); 2],
             origin_upper_left: false,
+            precision: Precision::High,
+            qualified: RefCell::default(),
             clip_distances: None,
         };
         let mut definitions = Vec::new();
@@ -276,7 +284,12 @@ impl<'u> GlslStage<'u> {
         let place = self.place(declaration.span);
         match &declaration.content {
             DeclarationData::FunctionPrototype(p) => self.prototype(p),
-            DeclarationData::Precision(..) => Ok(()),
+            DeclarationData::Precision(precision, ty) => {
+                if matches!(ty.ty.content, TypeSpecifierNonArrayData::Float) {
+                    self.precision = qualifiers::precision(precision);
+                }
+                Ok(())
+            }
             DeclarationData::Invariant(name) => {
                 self.invariant |= name.as_str() == "gl_Position";
                 Ok(())

@@ -1,10 +1,11 @@
 //! Type qualifiers: storage, layout, interpolation.
 
 use glsl_lang::ast::{
-    self, InterpolationQualifierData, LayoutQualifierSpecData, StorageQualifierData,
-    TypeQualifierSpecData,
+    self, InterpolationQualifierData, LayoutQualifierSpecData, PrecisionQualifierData,
+    StorageQualifierData, TypeQualifierSpecData,
 };
 use naga::{ConservativeDepth, ShaderStage};
+use preshade_passes::declared::Precision;
 
 use super::{GlslStage, unsupported};
 use crate::front::error::Error;
@@ -143,9 +144,20 @@ impl GlslStage<'_> {
                 },
                 TypeQualifierSpecData::Invariant => out.invariant = true,
                 TypeQualifierSpecData::Precise => out.precise = true,
-                TypeQualifierSpecData::Precision(_) => {}
+                TypeQualifierSpecData::Precision(named) => {
+                    self.qualified.borrow_mut().insert(precision(named));
+                }
             }
         }
         Ok(out)
+    }
+}
+
+/// The precision that a text names.
+pub(super) fn precision(named: &ast::PrecisionQualifier) -> Precision {
+    match named.content {
+        PrecisionQualifierData::High => Precision::High,
+        PrecisionQualifierData::Medium => Precision::Medium,
+        PrecisionQualifierData::Low => Precision::Low,
     }
 }

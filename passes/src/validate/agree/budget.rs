@@ -1,0 +1,130 @@
+//! What a pair may cost. It is counted in steps of the interpreter, so that a result does not depend
+//! on the machine.
+
+use std::cell::{Cell, OnceCell, RefCell};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use crate::evaluate::Stuck;
+use crate::validate::inputs::{Inputs, Resources};
+use crate::validate::stage::Ran;
+use crate::validate::world::{self, PassStages, TestPoint, Texels};
+
+/// All runs of a pair on numbers take as many steps as this many of the longest runs.
+const RUNS: u64 = 160;
+
+/// All runs of a promise on terms.
+const RUNS_OF_TERMS: u64 = 10;
+
+/// With fewer inputs a promise does not count as tried.
+pub(super) const FEWEST: u64 = 16;
+
+/// The steps that a pair may still take.
+pub(super) struct Budget {
+    /// The most steps of a run.
+    run: u64,
+    left: Cell<u64>,
+    /// Values of earlier inputs, whose memory the next ones take.
+    spare: RefCell<Resources>,
+}
+
+impl Budget {
+    /// Of a pair whose runs take at most this many steps.
+    pub(super) fn new(run: u64) -> Self {
+        Self {
+            run,
+            left: Cell::default(),
+            spare: RefCell::default(),
+        }
+    }
+
+    /// Adds the share of one of some promises.
+    pub(super) fn share(&self, promises: u64) {
+        let all = self.run.saturating_mul(RUNS);
+        self.left
+            .set(self.left.get().saturating_add(all / promises.max(1)));
+    }
+
+    /// Steps of all runs of a promise on terms.
+    pub(super) fn of_terms(&self) -> u64 {
+        self.run.saturating_mul(RUNS_OF_TERMS)
+    }
+
+    /// What may be left after a search. Half of the steps of the first one are for others.
+    pub(super) fn allowed(&self, is_first: bool) -> u64 {
+        if is_first { self.left.get() / 2 } else { 0 }
+    }
+
+    /// Whether no more is left than this.
+    pub(super) fn is_below(&self, allowed: u64) -> bool {
+        self.left.get() <= allowed
+    }
+
+    /// Counts a run.
+    pub(super) fn spend(&self, steps: u64) {
+        self.left.set(self.left.get().saturating_sub(steps));
+    }
+
+    /// Keeps the memory of inputs that nobody needs any more.
+    pub(super) fn keep(&self, inputs: Inputs) {
+        if let Ok(values) = Arc::try_unwrap(inputs.resources) {
+            self.spare.borrow_mut().extend(values);
+        }
+    }
+
+    /// Values whose memory the next inputs take.
+    pub(super) fn spare(&self) -> Resources {
+        self.spare.take()
+    }
+}
+
+/// A triangle of both programs.
+pub(super) struct Draw<'i> {
+    pub(super) inputs: &'i Inputs,
+    stages: [PassStages<'i>; 2],
+    budget: &'i Budget,
+    /// What the vertex stages made of its corners, which all fragments share.
+    corners: [OnceCell<Result<[Ran; 3], Stuck>>; 2],
+}
+
+impl<'i> Draw<'i> {
+    pub(super) fn new(inputs: &'i Inputs, stages: [PassStages<'i>; 2], budget: &'i Budget) -> Self {
+        Self {
+            inputs,
+            stages,
+            budget,
+            corners: [OnceCell::new(), OnceCell::new()],
+        }
+    }
+
+    /// Runs a program at a place.
+    pub(super) fn run(&self, program: usize, place: TestPoint, steps: u64) -> Result<Ran, Stuck> {
+        let attached = BTreeMap::new();
+        let world = world::concrete(self.inputs, &attached, Texels::Waves);
+        let stages = self.stages[program];
+        let spent = |ran: &Result<Ran, Stuck>| match ran {
+            Ok(ran) => self.budget.spend(ran.steps),
+            Err(_) => self.budget.spend(steps),
+        };
+        let (Some(fragment), TestPoint::Corner(_) | TestPoint::Inside) = (stages.fragment, place)
+        else {
+            let ran = world.run(stages, place, steps, None);
+            spent(&ran);
+            return ran;
+        };
+        let corners = self.corners[program].get_or_init(|| {
+            let corners = world.corners(stages.vertex, steps, &|_| None);
+            match &corners {
+                Ok(corners) => self.budget.spend(corners.iter().map(|ran| ran.steps).sum()),
+                Err(_) => self.budget.spend(steps),
+            }
+            corners
+        });
+        let ran = match corners {
+            Ok(corners) => world.shaded(fragment, place, corners, steps, None),
+            Err(stuck) => return Err(stuck.clone()),
+        };
+        spent(&ran);
+        ran
+    }
+}

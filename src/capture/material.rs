@@ -1,0 +1,209 @@
+//! The material of a captured pipeline: its program and its state.
+
+use std::collections::BTreeMap;
+
+use preshade_passes::state::{
+    Blend, BlendComponent, ColorTarget, DepthBias, MaterialState, Multisample, PrimitiveState,
+    StencilFace, StencilState,
+};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use super::Error;
+use super::file::{self, Cull, RenderPipeline, ShaderLanguage};
+use super::folder::{Capture, get};
+use crate::front::{self, Source};
+use crate::scene::Material;
+
+/// Why a draw is not in the scene.
+pub(super) enum Left {
+    /// It is left out, and everything else is drawn.
+    Out(String),
+    /// The capture is broken, or the device is lost.
+    Broken(Error),
+}
+
+impl From<Error> for Left {
+    fn from(error: Error) -> Self {
+        Self::Broken(error)
+    }
+}
+
+/// The rows of what a program of WebGL draws.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Rows {
+    /// The first is the top one: the author's positions.
+    AsWritten,
+    /// The first is the bottom one, as WebGL stores them: y is negated.
+    FromBottom,
+}
+
+/// The same name in another list of WebGPU's names.
+pub(super) fn same<T: DeserializeOwned>(of: impl Serialize) -> Result<T, String> {
+    let text = serde_json::to_value(of).map_err(|e| e.to_string())?;
+    let shown = text.to_string();
+    serde_json::from_value(text).map_err(|_| format!("preshade has no {shown}"))
+}
+
+/// The material of a pipeline.
+pub(super) fn read(
+    capture: &Capture,
+    of: &RenderPipeline,
+    name: &str,
+    rows: Rows,
+) -> Result<Material, Left> {
+    let vertex = &of.vertex.stage;
+    let fragment = of.fragment.as_ref().map(|f| &f.stage);
+    if !vertex.constants.is_empty() || fragment.is_some_and(|f| !f.constants.is_empty()) {
+        return Err(Left::Out("its pipeline sets constants".to_owned()));
+    }
+    let mut modules = vec![vertex.module];
+    modules.extend(fragment.map(|f| f.module).filter(|m| *m != vertex.module));
+    let mut sources = Vec::new();
+    for module in modules {
+        let shader = get(&capture.file.shaders, module, "shader", name)?;
+        let ending = match shader.language {
+            ShaderLanguage::Wgsl => "wgsl",
+            ShaderLanguage::SpirV => "spv",
+            ShaderLanguage::GlslEs100 | ShaderLanguage::GlslEs300 if sources.is_empty() => "vert",
+            ShaderLanguage::GlslEs100 | ShaderLanguage::GlslEs300 => "frag",
+        };
+        let mut bytes = capture.data(&shader.data)?.to_vec();
+        if rows == Rows::FromBottom && ending == "vert" {
+            bytes = upside_down(&String::from_utf8_lossy(&bytes)).into_bytes();
+        }
+        let source = Source::from_bytes(format!("{name}.{ending}"), bytes);
+        sources.push(source.map_err(|e| Left::Out(e.to_string()))?);
+    }
+    // If both modules call theirs `main`, linking gives the second another name.
+    let wanted = fragment.and_then(|f| f.entry_point.clone());
+    let options = front::Options {
+        vertex: vertex.entry_point.clone(),
+        fragment: wanted.filter(|f| sources.len() == 1 || vertex.entry_point.as_ref() != Some(f)),
+        limits: *capture.limits(),
+        ..front::Options::default()
+    };
+    let parsed = front::parse(&sources, &options).map_err(|e| Left::Out(e.to_string()))?;
+    Ok(Material {
+        name: name.to_owned(),
+        file: None,
+        vertex: parsed.vertex,
+        fragment: fragment.and(parsed.fragment),
+        program: parsed.program,
+        defines: BTreeMap::new(),
+        state: state(of).map_err(Left::Out)?,
+        values: BTreeMap::new(),
+        textures: BTreeMap::new(),
+        samplers: BTreeMap::new(),
+        attributes: BTreeMap::new(),
+    })
+}
+
+/// A vertex stage of WebGL whose `main` negates the y of its position.
+fn upside_down(text: &str) -> String {
+    const OWN: &str = "preshade_upright_main";
+    let mut out = String::with_capacity(text.len() + 100);
+    let mut rest = text;
+    while let Some(at) = rest.find("main") {
+        let (before, found) = rest.split_at(at);
+        let after = &found["main".len()..];
+        let is_word = before.ends_with(char::is_whitespace) && before.trim_end().ends_with("void");
+        let is_call = after.trim_start().starts_with('(');
+        out += before;
+        out += if is_word && is_call { OWN } else { "main" };
+        rest = after;
+    }
+    out += rest;
+    out += &format!("\nvoid main() {{ {OWN}(); gl_Position.y = -gl_Position.y; }}\n");
+    out
+}
+
+fn state(of: &RenderPipeline) -> Result<MaterialState, String> {
+    let p = &of.primitive;
+    let mut state = MaterialState {
+        primitive: PrimitiveState {
+            // Fans and loops have indices of ours.
+            topology: same(super::replay::topology(p.topology))?,
+            cull: match p.cull_mode {
+                Cull::None => preshade_passes::state::CullMode::None,
+                Cull::Front => preshade_passes::state::CullMode::Front,
+                Cull::Back => preshade_passes::state::CullMode::Back,
+            },
+            front_face: same(p.front_face)?,
+            unclipped_depth: p.unclipped_depth,
+        },
+        multisample: Multisample {
+            count: of.multisample.count,
+            mask: of.multisample.mask,
+            alpha_to_coverage: of.multisample.alpha_to_coverage_enabled,
+        },
+        ..MaterialState::default()
+    };
+    if let Some(depth) = &of.depth_stencil {
+        let compare = depth.depth_compare.unwrap_or(wgpu::CompareFunction::Always);
+        state.depth_compare = Some(same(compare)?);
+        state.depth_write = depth.depth_write_enabled.unwrap_or(false);
+        state.depth_format = same(depth.format)?;
+        state.depth_bias = DepthBias {
+            constant: depth.depth_bias,
+            slope_scale: depth.depth_bias_slope_scale,
+            clamp: depth.depth_bias_clamp,
+        };
+        state.stencil = stencil(depth)?;
+    } else {
+        state.depth_compare = Some(preshade_passes::state::CompareFunction::Always);
+        state.depth_write = false;
+    }
+    for target in of.fragment.iter().flat_map(|f| &f.targets) {
+        state
+            .targets
+            .push(target.as_ref().map(color_target).transpose()?);
+    }
+    Ok(state)
+}
+
+pub(super) fn has_stencil(of: &file::DepthStencil) -> bool {
+    let plain = file::StencilFace::default();
+    of.stencil_front != plain || of.stencil_back != plain
+}
+
+fn stencil(of: &file::DepthStencil) -> Result<Option<StencilState>, String> {
+    if !has_stencil(of) {
+        return Ok(None);
+    }
+    let face = |f: file::StencilFace| -> Result<StencilFace, String> {
+        Ok(StencilFace {
+            compare: same(f.compare)?,
+            fail: same(f.fail_op)?,
+            depth_fail: same(f.depth_fail_op)?,
+            pass: same(f.pass_op)?,
+        })
+    };
+    Ok(Some(StencilState {
+        front: face(of.stencil_front)?,
+        back: face(of.stencil_back)?,
+        read_mask: of.stencil_read_mask,
+        write_mask: of.stencil_write_mask,
+        reference: 0,
+    }))
+}
+
+fn color_target(of: &file::ColorTarget) -> Result<ColorTarget, String> {
+    let component = |c: file::BlendComponent| -> Result<BlendComponent, String> {
+        Ok(BlendComponent {
+            src: same(c.src_factor)?,
+            dst: same(c.dst_factor)?,
+            operation: same(c.operation)?,
+        })
+    };
+    let blend = of.blend.as_ref().map(|b| {
+        Ok::<_, String>(Blend {
+            color: component(b.color)?,
+            alpha: component(b.alpha)?,
+        })
+    });
+    let mut target = ColorTarget::opaque(same::<String>(of.format)?);
+    target.blend = blend.transpose()?;
+    target.write_mask = (of.write_mask & 0xf) as u8;
+    Ok(target)
+}

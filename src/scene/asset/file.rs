@@ -1,0 +1,218 @@
+//! A glTF file with its buffers: what both a mesh and a whole scene are read from.
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+
+use base64::Engine as _;
+use glam::Mat4;
+use gltf::buffer::Source;
+
+use crate::scene::SceneError;
+
+/// Extensions that are read.
+const READ: [&str; 8] = [
+    "EXT_mesh_gpu_instancing",
+    "EXT_texture_webp",
+    "KHR_lights_punctual",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_unlit",
+    "KHR_mesh_quantization",
+    "KHR_texture_basisu",
+    "KHR_texture_transform",
+];
+
+/// A file, read by the name that a scene gives it.
+pub(in crate::scene) type Read<'a> = &'a dyn Fn(&str) -> Result<Vec<u8>, SceneError>;
+
+/// A size check: it gets the numbers of vertices and bytes before they are allocated.
+pub(in crate::scene) type Take<'a> = &'a dyn Fn(u64, u64) -> Result<(), SceneError>;
+
+/// A glTF 2.0 file and the content of its buffers.
+pub(in crate::scene) struct Asset {
+    /// Name, as the scene gives it.
+    pub file: String,
+    pub document: gltf::Document,
+    pub buffers: Vec<Vec<u8>>,
+}
+
+/// The nodes of the default scene, and where they are.
+pub(in crate::scene) struct Nodes<'g> {
+    /// In depth-first order.
+    pub all: Vec<Below<'g>>,
+    /// Transforms to the world, by index.
+    pub world: BTreeMap<usize, Mat4>,
+}
+
+/// A node of the default scene.
+pub(in crate::scene) struct Below<'g> {
+    pub node: gltf::Node<'g>,
+    /// The names of the node and of those above it.
+    pub names: Vec<&'g str>,
+}
+
+impl Asset {
+    /// Reads a file and its buffers.
+    ///
+    /// # Errors
+    /// It is no glTF 2.0, requires an extension that is not read, or lacks a part of a buffer.
+    pub fn open(file: &str, read: Read<'_>, take: Take<'_>) -> Result<Self, SceneError> {
+        let wrong = |what: String| SceneError::new(format!("`{file}`: {what}"));
+        let bytes = read(file)?;
+        let gltf = gltf::Gltf::from_slice_without_validation(&bytes)
+            .map_err(|e| wrong(format!("no glTF 2.0: {e}")))?;
+        let mut blob = gltf.blob;
+        let mut root = gltf.document.into_json();
+        // The crate knows fewer extensions than are read here.
+        for name in std::mem::take(&mut root.extensions_required) {
+            if !READ.contains(&name.as_str()) {
+                return Err(unread(
+                    wrong(format!("it requires the extension `{name}`")),
+                    &name,
+                ));
+            }
+        }
+        let document =
+            gltf::Document::from_json(root).map_err(|e| wrong(format!("no glTF 2.0: {e}")))?;
+        let mut this = Self {
+            file: file.to_owned(),
+            document,
+            buffers: Vec::new(),
+        };
+        let mut held = 0;
+        for buffer in this.document.buffers() {
+            let data = match buffer.source() {
+                Source::Bin => blob.take().ok_or_else(|| wrong("no binary chunk".into()))?,
+                Source::Uri(uri) => this.uri(uri, read)?,
+            };
+            // Several buffers may share a file.
+            held += data.len() as u64;
+            take(0, held)?;
+            if data.len() < buffer.length() {
+                return Err(wrong(format!(
+                    "buffer {} holds {} of {} bytes",
+                    buffer.index(),
+                    data.len(),
+                    buffer.length()
+                )));
+            }
+            this.buffers.push(data);
+        }
+        Ok(this)
+    }
+
+    pub fn wrong(&self, what: impl std::fmt::Display) -> SceneError {
+        SceneError::new(format!("`{}`: {what}", self.file))
+    }
+
+    /// The bytes that a URI names: its own, or those of a file beside this one.
+    pub fn uri(&self, uri: &str, read: Read<'_>) -> Result<Vec<u8>, SceneError> {
+        if let Some(rest) = uri.strip_prefix("data:") {
+            let data = rest.split_once(";base64,").map(|(_, data)| data);
+            let engine = base64::engine::general_purpose::GeneralPurpose::new(
+                &base64::alphabet::STANDARD,
+                base64::engine::GeneralPurposeConfig::new()
+                    .with_decode_padding_mode(base64::engine::DecodePaddingMode::Indifferent),
+            );
+            let bytes = data.and_then(|data| engine.decode(data).ok());
+            return bytes.ok_or_else(|| self.wrong("a data URI that is no base64"));
+        }
+        if uri.contains("://") {
+            return Err(self.wrong(format!("`{uri}` is on the network, and is not fetched")));
+        }
+        let folder = match self.file.rsplit_once('/') {
+            Some((folder, _)) => format!("{folder}/"),
+            None => String::new(),
+        };
+        let name = urlencoding::decode(uri).unwrap_or(Cow::Borrowed(uri));
+        read(&format!("{folder}{name}"))
+    }
+
+    /// The bytes of a part of a buffer.
+    pub fn view(&self, view: &gltf::buffer::View<'_>) -> Option<&[u8]> {
+        let end = view.offset().checked_add(view.length())?;
+        let buffer = self.buffers.get(view.buffer().index())?;
+        buffer.get(view.offset()..end)
+    }
+
+    /// Lengths of the buffers, in bytes.
+    pub fn lengths(&self) -> Vec<usize> {
+        self.buffers.iter().map(Vec::len).collect()
+    }
+
+    /// The nodes of the default scene.
+    ///
+    /// # Errors
+    /// A node has two parents.
+    pub fn nodes(&self) -> Result<Nodes<'_>, SceneError> {
+        let document = &self.document;
+        let roots: Vec<_> = match document
+            .default_scene()
+            .or_else(|| document.scenes().next())
+        {
+            Some(scene) => scene.nodes().collect(),
+            None => document.nodes().collect(),
+        };
+        let mut out = Nodes {
+            all: Vec::new(),
+            world: BTreeMap::new(),
+        };
+        let roots = roots.into_iter().rev();
+        let mut stack: Vec<_> = roots.map(|n| (n, Mat4::IDENTITY, Vec::new())).collect();
+        while let Some((node, parent, mut names)) = stack.pop() {
+            names.extend(node.name());
+            let here = parent * Mat4::from_cols_array_2d(&node.transform().matrix());
+            if out.world.insert(node.index(), here).is_some() {
+                return Err(self.wrong("a node has two parents"));
+            }
+            let children: Vec<_> = node.children().map(|c| (c, here, names.clone())).collect();
+            stack.extend(children.into_iter().rev());
+            out.all.push(Below { node, names });
+        }
+        Ok(out)
+    }
+
+    /// The joint matrices of a skin in the file's pose, with the inverse bind pose applied.
+    pub fn joints(&self, skin: &gltf::Skin<'_>, world: &BTreeMap<usize, Mat4>) -> Vec<Mat4> {
+        let reader = skin.reader(|b| self.buffers.get(b.index()).map(AsRef::as_ref));
+        let inverse: Vec<Mat4> = reader
+            .read_inverse_bind_matrices()
+            .map(|m| m.map(|m| Mat4::from_cols_array_2d(&m)).collect())
+            .unwrap_or_default();
+        let joints = skin.joints().enumerate().map(|(i, joint)| {
+            let pose = world.get(&joint.index()).copied().unwrap_or(Mat4::IDENTITY);
+            pose * inverse.get(i).copied().unwrap_or(Mat4::IDENTITY)
+        });
+        joints.collect()
+    }
+
+    /// What of the file is not drawn, a line each.
+    pub fn left_out(&self) -> Vec<String> {
+        let used = self.document.extensions_used();
+        let ignored = used.filter(|name| !READ.contains(name));
+        let mut lines: Vec<String> = ignored
+            .map(|name| format!("the extension `{name}` is not read, and what it adds is missing"))
+            .collect();
+        if self.document.animations().next().is_some() {
+            lines.push("animations are not played: the nodes' own pose is drawn".to_owned());
+        }
+        if self.document.scenes().len() > 1 {
+            lines.push("of its scenes, the default one is drawn".to_owned());
+        }
+        lines
+    }
+}
+
+/// Tells what to do about a required extension.
+fn unread(error: SceneError, name: &str) -> SceneError {
+    let what = match name {
+        "KHR_draco_mesh_compression" | "EXT_meshopt_compression" | "KHR_meshopt_compression" => {
+            "export the file without mesh compression: `npx @gltf-transform/cli copy` writes one \
+             that has none, and exporters have a switch for it"
+        }
+        "KHR_materials_pbrSpecularGlossiness" => {
+            "`npx @gltf-transform/cli metalrough` writes a file without it"
+        }
+        _ => "export the file without it",
+    };
+    error.help(what).of_extension()
+}
