@@ -92,7 +92,7 @@ pub enum BrowserError {
         message: String,
     },
     /// The condition never holds.
-    #[error("`{0}` was not true within {} s", LOADING.as_secs())]
+    #[error("`{}` was not true within {} s", .0, LOADING.as_secs())]
     Condition(String),
     /// The recorder says why.
     #[error("{message}{}", said(.page))]
