@@ -23,6 +23,8 @@ mod apart;
 mod bench;
 mod beside;
 mod bounded;
+#[cfg(feature = "capture")]
+mod capture;
 mod codes;
 mod completions;
 mod config;
@@ -137,6 +139,9 @@ enum Command {
     Plan(plan::PlanArgs),
     /// Finds the best recipes by error and time: those that no other recipe beats in both.
     Explore(explore::ExploreArgs),
+    /// Records frames of a page that draws with WebGPU or WebGL into a frame folder.
+    #[cfg(feature = "capture")]
+    Capture(capture::CaptureArgs),
     /// Lists the adapters of this machine.
     Adapters(adapters::AdaptersArgs),
     /// Compares frozen hand-written shaders with preshade's variants of the same entry points.
@@ -159,6 +164,8 @@ impl Command {
             Self::Verify(a) => verify::run(a),
             Self::Plan(a) => plan::run(a),
             Self::Explore(a) => explore::run(a),
+            #[cfg(feature = "capture")]
+            Self::Capture(a) => capture::run(a),
             Self::Adapters(a) => adapters::run(a),
             Self::Bench(a) => bench::run(a),
             Self::Completions(a) => completions::run(a, Cli::command()),

@@ -8,12 +8,15 @@
 //! 4. [`pass`] finds the render passes and their draws;
 //! 5. [`scene`] makes a [`crate::scene::Scene`] of one pass: its pipelines are the materials.
 
+#[cfg(feature = "capture")]
+pub mod browser;
 mod check;
 pub mod codes;
 mod contents;
 pub mod file;
 pub mod folder;
 mod material;
+pub mod page;
 mod pass;
 pub mod replay;
 mod scene;

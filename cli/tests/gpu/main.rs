@@ -1,4 +1,4 @@
-//! Tests of commands that draw: they need an adapter, and `page` and `three` also Chromium, node
+//! Tests of commands that draw: they need an adapter, `capture` Chromium, and `page` and `three` also node
 //! and npm. `scripts/setup.sh vulkan three swiftshader` installs them. A test fails if something is
 //! missing.
 
@@ -14,6 +14,8 @@ mod swiftshader_support;
 mod trees;
 
 mod agree;
+#[cfg(feature = "capture")]
+mod capture;
 mod cli;
 mod hostile;
 mod kept;

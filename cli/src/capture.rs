@@ -1,0 +1,249 @@
+//! `preshade capture`: records frames of a page into a frame folder.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use clap::builder::NonEmptyStringValueParser;
+use preshade::unstable::capture::FILE;
+use preshade::unstable::capture::browser::{self, Visit};
+use preshade::unstable::capture::page::{RECORDER, bookmarklet};
+use serde_json::Value;
+
+use crate::limits::LimitArgs;
+use crate::{Ending, Failure, output};
+
+/// Arguments of `capture`.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  preshade capture https://example.com/demo --frames 2 -o frame/
+  preshade capture page.html --wait-for '#canvas[data-ready]' -o frame/
+  preshade capture --script > preshade-capture.js
+  preshade capture ~/Downloads/frame.tar -o frame/
+
+The page is drawn by Chromium without a window, in software: by a GPU with --hardware. The variable
+CHROMIUM names another program. A captured frame holds other people's shaders, textures and meshes.
+docs/guides/capture.md shows what to do with it.")]
+pub struct CaptureArgs {
+    /// Address of a page, an HTML file, a folder with index.html, or a frame.tar that the recorder
+    /// saved.
+    #[arg(required_unless_present_any = ["script", "bookmarklet"])]
+    page: Option<String>,
+    /// Folder to write.
+    #[arg(short, long, value_name = "DIR", default_value = "frame")]
+    out: PathBuf,
+    /// Frames to record, one after the other.
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    frames: u32,
+    /// Record so many seconds after the page is loaded and ready.
+    #[arg(long, value_name = "SECONDS", default_value_t = 1.0, value_parser = seconds)]
+    after: f64,
+    /// Wait until the page has an element of this CSS selector, or until a JavaScript expression is
+    /// true: `js:scene.isReady()`.
+    #[arg(long, value_name = "SELECTOR|js:EXPRESSION", value_parser = NonEmptyStringValueParser::new())]
+    wait_for: Option<String>,
+    /// Size of the window, in pixels.
+    #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = size)]
+    size: [u32; 2],
+    /// Draw with this machine's GPU.
+    #[arg(long)]
+    hardware: bool,
+    /// One more flag for Chromium, as `--flag=--lang=de`; may be repeated.
+    #[arg(long, value_name = "FLAG", allow_hyphen_values = true)]
+    flag: Vec<String>,
+    /// Give up when the browser is silent for so long.
+    #[arg(long, value_name = "SECONDS", default_value_t = 120)]
+    patience: u64,
+    #[command(flatten)]
+    limits: LimitArgs,
+    /// Print the recorder, for a script tag before the page's own scripts.
+    #[arg(long, conflicts_with_all = ["page", "bookmarklet"])]
+    script: bool,
+    /// Print the recorder as a bookmarklet.
+    #[arg(long, conflicts_with = "page")]
+    bookmarklet: bool,
+}
+
+/// Zero or more, and not so many that nobody would wait.
+fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(seconds) if (0.0..=3600.0).contains(&seconds) => Ok(seconds),
+        _ => Err("a number from 0 to 3600".to_owned()),
+    }
+}
+
+fn size(text: &str) -> Result<[u32; 2], String> {
+    let parts = text.split_once('x').map(|(w, h)| (w.parse(), h.parse()));
+    match parts {
+        Some((Ok(width @ 1..=16384), Ok(height @ 1..=16384))) => Ok([width, height]),
+        _ => Err("two numbers from 1 to 16384, as 1280x720".to_owned()),
+    }
+}
+
+/// Records the page.
+pub fn run(args: &CaptureArgs) -> Result<Ending, Failure> {
+    if args.script {
+        output::data(RECORDER)?;
+        return Ok(Ending::Fine);
+    }
+    if args.bookmarklet {
+        output::data(&bookmarklet())?;
+        return Ok(Ending::Fine);
+    }
+    let page = args.page.as_deref().unwrap_or_default();
+    let limits = args.limits.limits();
+    browser::prepare(&args.out)?;
+    let recorded = match Path::new(page) {
+        file if file.extension().is_some_and(|e| e == "tar") && file.is_file() => {
+            browser::unpack(&mut fs::File::open(file)?, &args.out, &limits).map_err(Failure::from)
+        }
+        _ => {
+            let condition = args.wait_for.as_deref().map(condition);
+            let visit = Visit {
+                url: &address(page)?,
+                program: None,
+                frames: args.frames,
+                size: args.size,
+                condition: condition.as_deref(),
+                after: Duration::from_secs_f64(args.after),
+                is_hardware: args.hardware,
+                flags: &args.flag,
+                patience: Duration::from_secs(args.patience),
+            };
+            browser::record(&visit, &args.out, &limits).map_err(Failure::from)
+        }
+    };
+    // What was written before a failure stays, and is told.
+    let file = args.out.join(FILE);
+    if file.is_file() {
+        let json = serde_json::from_slice(&fs::read(&file)?)?;
+        output::table(&summary(&json, &args.out)?)?;
+    }
+    recorded?;
+    Ok(Ending::Fine)
+}
+
+/// The JavaScript expression of `--wait-for`.
+fn condition(text: &str) -> String {
+    match text.strip_prefix("js:") {
+        Some(expression) => expression.to_owned(),
+        None => format!("document.querySelector({})", Value::from(text)),
+    }
+}
+
+/// The address of a page: as given, of a file or folder, or of a host without `http://`.
+fn address(page: &str) -> Result<String, Failure> {
+    if page.contains("://") || page.starts_with("data:") {
+        return Ok(page.to_owned());
+    }
+    let path = Path::new(page);
+    let file = match path.is_dir() {
+        true => path.join("index.html"),
+        false => path.to_path_buf(),
+    };
+    if let Ok(file) = file.canonicalize() {
+        return Ok(file_address(&file));
+    }
+    let host = page.split(['/', ':', '?']).next().unwrap_or_default();
+    match host == "localhost" || (host.contains('.') && !path.is_dir() && !page.ends_with(".html"))
+    {
+        true => Ok(format!("http://{page}")),
+        false => Err(Failure(format!(
+            "error: there is no file `{}`",
+            file.display()
+        ))),
+    }
+}
+
+fn file_address(file: &Path) -> String {
+    let mut address = "file://".to_owned();
+    let path = file.to_string_lossy().replace('\\', "/");
+    if !path.starts_with('/') {
+        address.push('/');
+    }
+    for byte in path.bytes() {
+        match byte {
+            b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'/' | b'-' | b'_' | b'.' | b'~' | b':' => {
+                address.push(char::from(byte));
+            }
+            _ => {
+                // Writing to a string never fails.
+                let _ = write!(address, "%{byte:02X}");
+            }
+        }
+    }
+    address
+}
+
+/// What frames hold.
+#[derive(Default)]
+struct Counts {
+    draws: usize,
+    passes: usize,
+    pipelines: std::collections::BTreeSet<u64>,
+}
+
+impl Counts {
+    fn add(&mut self, commands: &Value) {
+        for command in commands.as_array().into_iter().flatten() {
+            let name = command["do"].as_str().unwrap_or_default();
+            self.draws += usize::from(name.starts_with("draw"));
+            self.passes += usize::from(name == "renderPass");
+            if name == "renderPass" {
+                let inner = command["commands"].as_array().into_iter().flatten();
+                let set = inner.filter(|c| c["do"] == "setPipeline");
+                self.pipelines
+                    .extend(set.filter_map(|c| c["pipeline"].as_u64()));
+            }
+            self.add(&command["commands"]);
+        }
+    }
+}
+
+/// What was recorded, and what was not.
+fn summary(json: &Value, folder: &Path) -> Result<String, Failure> {
+    let mut counts = Counts::default();
+    let frames = json["frames"].as_array().map_or(&[][..], Vec::as_slice);
+    for frame in frames {
+        counts.add(&frame["commands"]);
+    }
+    let mut bytes = fs::metadata(folder.join(FILE))?.len();
+    for entry in fs::read_dir(folder.join("data"))? {
+        bytes += entry?.metadata()?.len();
+    }
+    let size = frames.first().map_or(String::new(), |frame| {
+        format!(" of {}x{}", frame["size"][0], frame["size"][1])
+    });
+    let mut text = format!(
+        "{}: {}{size}, {}, {}, {}, {:.1} MiB, by {} on {}\n",
+        folder.display(),
+        output::count(frames.len(), "frame"),
+        output::count(counts.draws, "draw"),
+        output::count(counts.passes, "render pass").replace("passs", "passes"),
+        output::count(counts.pipelines.len(), "pipeline"),
+        bytes as f64 / f64::from(1 << 20),
+        json["source"]["api"].as_str().unwrap_or("?"),
+        json["source"]["adapter"].as_str().unwrap_or("?"),
+    );
+    for refused in json["refused"].as_array().into_iter().flatten() {
+        let [what, why] = ["what", "why"].map(|key| refused[key].as_str().unwrap_or_default());
+        text.push_str(&format!(
+            "  left out: {what} ({}): {why}\n",
+            refused["count"]
+        ));
+    }
+    let mut unknown: BTreeMap<&str, usize> = BTreeMap::new();
+    for entry in json["unknown"].as_array().into_iter().flatten() {
+        *unknown
+            .entry(entry["why"].as_str().unwrap_or_default())
+            .or_default() += 1;
+    }
+    for (why, count) in unknown {
+        text.push_str(&format!("  unknown content ({count}): {why}\n"));
+    }
+    text.push_str("It holds the page's shaders, textures and meshes: ask their owners before you pass it on.\n");
+    Ok(text)
+}

@@ -1,0 +1,308 @@
+//! Records frames of a page in Chromium, headless, by DevTools' protocol.
+
+mod find;
+mod process;
+mod protocol;
+mod unpack;
+
+use std::io::{Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+use serde_json::{Value, json};
+
+pub use find::{VARIABLE, find};
+pub use unpack::{UnpackError, prepare, unpack};
+
+use super::page::RECORDER;
+use crate::limits::Limits;
+use process::Browser;
+use protocol::Client;
+
+/// The page may load, and wait for its condition, so long.
+const LOADING: Duration = Duration::from_secs(120);
+/// A condition is asked so often.
+const ASKING: Duration = Duration::from_millis(200);
+
+/// What to record.
+#[derive(Clone, Debug)]
+pub struct Visit<'a> {
+    /// Its address.
+    pub url: &'a str,
+    /// The program; `None`: found.
+    pub program: Option<&'a Path>,
+    /// Frames.
+    pub frames: u32,
+    /// Width and height of the window, in pixels.
+    pub size: [u32; 2],
+    /// The page is ready when this expression is true.
+    pub condition: Option<&'a str>,
+    /// And then after so long.
+    pub after: Duration,
+    /// Whether the machine's GPU draws, not SwiftShader.
+    pub is_hardware: bool,
+    /// More flags for the browser.
+    pub flags: &'a [String],
+    /// The browser is given up after it was silent so long.
+    pub patience: Duration,
+}
+
+/// The page was not recorded.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum BrowserError {
+    /// There is no browser.
+    #[error(
+        "there is no Chromium or Chrome: install one, or name its program by the variable {VARIABLE}"
+    )]
+    None,
+    /// The one that is named is no file.
+    #[error("there is no program `{}`, which is named as the browser", .0.display())]
+    Missing(PathBuf),
+    /// It does not start.
+    #[error("`{}` does not start: {message}", program.display())]
+    Start {
+        /// The program.
+        program: PathBuf,
+        /// Why.
+        message: String,
+    },
+    /// The connection to it broke.
+    #[error("the browser ended: {0}")]
+    Lost(String),
+    /// It does not answer.
+    #[error("the browser was silent for {} s", .0.as_secs())]
+    Silent(Duration),
+    /// It refuses a call.
+    #[error("{method}: {message}")]
+    Protocol {
+        /// The call.
+        method: String,
+        /// Why.
+        message: String,
+    },
+    /// The page does not load.
+    #[error("`{url}` does not load: {message}")]
+    Load {
+        /// Its address.
+        url: String,
+        /// Why.
+        message: String,
+    },
+    /// The condition never holds.
+    #[error("`{}` was not true within {} s", .0, LOADING.as_secs())]
+    Condition(String),
+    /// The recorder says why.
+    #[error("{message}{}", said(.page))]
+    Page {
+        /// The recorder's message.
+        message: String,
+        /// Errors of the page.
+        page: Vec<String>,
+    },
+    /// The stream is no frame folder.
+    #[error(transparent)]
+    Unpack(#[from] UnpackError),
+}
+
+fn said(errors: &[String]) -> String {
+    let lines = errors.iter().take(5);
+    lines
+        .map(|error| format!("\n  the page says: {error}"))
+        .collect()
+}
+
+/// What the page sends: the stream, and errors of its own.
+struct Heard {
+    stream: std::fs::File,
+    is_whole: bool,
+    failed: Option<std::io::Error>,
+    errors: Vec<String>,
+    is_loaded: bool,
+}
+
+impl Heard {
+    fn event(&mut self, method: &str, parameters: &Value) {
+        match method {
+            "Runtime.bindingCalled" => {
+                self.chunk(parameters["payload"].as_str().unwrap_or_default())
+            }
+            "Runtime.exceptionThrown" => {
+                let details = &parameters["exceptionDetails"];
+                let text = details["exception"]["description"]
+                    .as_str()
+                    .or(details["text"].as_str());
+                self.says(text);
+            }
+            "Runtime.consoleAPICalled" if parameters["type"] == "error" => {
+                let first = &parameters["args"][0];
+                self.says(first["value"].as_str().or(first["description"].as_str()));
+            }
+            "Page.loadEventFired" => self.is_loaded = true,
+            _ => {}
+        }
+    }
+
+    fn says(&mut self, text: Option<&str>) {
+        if let Some(line) = text.and_then(|text| text.lines().next()) {
+            self.errors.push(line.to_owned());
+        }
+    }
+
+    /// An empty chunk is the end.
+    fn chunk(&mut self, text: &str) {
+        if text.is_empty() {
+            self.is_whole = true;
+            return;
+        }
+        let written = STANDARD
+            .decode(text)
+            .map_err(std::io::Error::other)
+            .and_then(|bytes| self.stream.write_all(&bytes));
+        if let Err(error) = written {
+            self.failed.get_or_insert(error);
+        }
+    }
+}
+
+/// Records a page into `folder`. If it fails after some frames, the folder holds them, and the error
+/// is returned.
+///
+/// # Errors
+/// [`BrowserError`].
+pub fn record(visit: &Visit, folder: &Path, limits: &Limits) -> Result<(), BrowserError> {
+    let browser = Browser::start(visit)?;
+    let (port, path) = browser.address()?;
+    let mut client = Client::connect(port, &path, visit.patience)?;
+    let mut heard = Heard {
+        stream: tempfile::tempfile().map_err(UnpackError::Write)?,
+        is_whole: false,
+        failed: None,
+        errors: Vec::new(),
+        is_loaded: false,
+    };
+    let recorded = drive(&mut client, visit, &mut heard);
+    drop(client);
+    drop(browser);
+    if let Some(error) = heard.failed {
+        return Err(UnpackError::Write(error).into());
+    }
+    heard
+        .stream
+        .seek(SeekFrom::Start(0))
+        .map_err(UnpackError::Write)?;
+    let unpacked = unpack(&mut heard.stream, folder, limits);
+    recorded?;
+    Ok(unpacked?)
+}
+
+fn drive(client: &mut Client, visit: &Visit, heard: &mut Heard) -> Result<(), BrowserError> {
+    client.open_page()?;
+    let [width, height] = visit.size;
+    let screen =
+        json!({ "width": width, "height": height, "deviceScaleFactor": 1, "mobile": false });
+    let set_up = [
+        ("Page.enable", json!({})),
+        ("Runtime.enable", json!({})),
+        ("Emulation.setDeviceMetricsOverride", screen),
+        ("Runtime.addBinding", json!({ "name": "preshadeSink" })),
+        (
+            "Page.addScriptToEvaluateOnNewDocument",
+            json!({ "source": RECORDER }),
+        ),
+    ];
+    for (method, parameters) in set_up {
+        client.call(method, parameters, &mut |m, p| heard.event(m, p))?;
+    }
+    load(client, visit, heard)?;
+    if let Some(condition) = visit.condition {
+        wait_for(client, condition, heard)?;
+    }
+    client.listen(visit.after, &mut |m, p| {
+        heard.event(m, p);
+        false
+    })?;
+    let start = format!("preshadeCapture.start({{ frames: {} }})", visit.frames);
+    let result = evaluate(client, &start, heard)?;
+    if let Err(message) = result {
+        let page = std::mem::take(&mut heard.errors);
+        return Err(BrowserError::Page { message, page });
+    }
+    if !heard.is_whole {
+        client.listen(visit.patience, &mut |m, p| {
+            heard.event(m, p);
+            heard.is_whole
+        })?;
+    }
+    Ok(())
+}
+
+fn load(client: &mut Client, visit: &Visit, heard: &mut Heard) -> Result<(), BrowserError> {
+    let url = visit.url;
+    let failed = |message: &str| BrowserError::Load {
+        url: url.to_owned(),
+        message: message.to_owned(),
+    };
+    let result = client.call("Page.navigate", json!({ "url": url }), &mut |m, p| {
+        heard.event(m, p)
+    })?;
+    if let Some(message) = result["errorText"].as_str() {
+        return Err(failed(message));
+    }
+    let is_loaded = heard.is_loaded
+        || client.listen(LOADING, &mut |m, p| {
+            heard.event(m, p);
+            heard.is_loaded
+        })?;
+    match is_loaded {
+        true => Ok(()),
+        false => Err(failed(&format!("no end after {} s", LOADING.as_secs()))),
+    }
+}
+
+fn wait_for(client: &mut Client, condition: &str, heard: &mut Heard) -> Result<(), BrowserError> {
+    let asked = format!("Boolean({condition})");
+    for _ in 0..LOADING.as_millis() / ASKING.as_millis() {
+        match evaluate(client, &asked, heard)? {
+            Ok(Value::Bool(true)) => return Ok(()),
+            Ok(_) => {}
+            Err(message) => {
+                let message = format!("`{condition}`: {message}");
+                return Err(BrowserError::Page {
+                    message,
+                    page: Vec::new(),
+                });
+            }
+        }
+        client.listen(ASKING, &mut |m, p| {
+            heard.event(m, p);
+            false
+        })?;
+    }
+    Err(BrowserError::Condition(condition.to_owned()))
+}
+
+/// The value of an expression of the page, or the message of what it throws.
+fn evaluate(
+    client: &mut Client,
+    expression: &str,
+    heard: &mut Heard,
+) -> Result<Result<Value, String>, BrowserError> {
+    let parameters =
+        json!({ "expression": expression, "awaitPromise": true, "returnByValue": true });
+    let mut result = client.call("Runtime.evaluate", parameters, &mut |m, p| {
+        heard.event(m, p)
+    })?;
+    let Some(details) = result.get("exceptionDetails") else {
+        return Ok(Ok(result["result"]["value"].take()));
+    };
+    let thrown = &details["exception"]["description"];
+    let text = thrown
+        .as_str()
+        .or(details["text"].as_str())
+        .unwrap_or_default();
+    let line = text.lines().next().unwrap_or_default();
+    Ok(Err(line.trim_start_matches("Error: ").to_owned()))
+}

@@ -1,0 +1,2 @@
+globalThis.deviceType = 'webgpu';
+require('./playcanvas-scene.js');

@@ -1,0 +1,4 @@
+import { WebGPURenderer } from 'three/webgpu';
+import { run } from './stress-scene.js';
+
+run(new WebGPURenderer({ canvas: document.getElementById('canvas') }));
