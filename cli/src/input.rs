@@ -3,6 +3,7 @@
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
+use clap::builder::{PathBufValueParser, TypedValueParser};
 use preshade::unstable::capture::{self, Capture};
 use preshade::unstable::front::{self, Source};
 use preshade::unstable::measure;
@@ -27,7 +28,7 @@ use crate::state::StateArgs;
 pub struct ShaderArgs {
     /// A WGSL or SPIR-V file with both entry points, or a vertex and a fragment file, or a scene
     /// (.toml, a glTF file, or the folder of a captured frame); `-` is stdin and needs --lang.
-    #[arg(required = true, num_args = 1.., value_name = "FILE", value_parser = given)]
+    #[arg(required = true, num_args = 1.., value_name = "FILE", value_parser = given())]
     pub files: Vec<PathBuf>,
     /// Language of the input. Required for stdin; default: by the file's ending (.wgsl, or .vert,
     /// .vs, .frag, .fs or .glsl for GLSL, .spv for SPIR-V).
@@ -71,9 +72,8 @@ pub struct ShaderArgs {
 }
 
 /// A path as given. The folder of a captured frame stands for its file.
-pub fn given(text: &str) -> Result<PathBuf, std::convert::Infallible> {
-    let path = PathBuf::from(text);
-    Ok(match capture::is_folder(&path) {
+pub fn given() -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().map(|path| match capture::is_folder(&path) {
         true => path.join(capture::FILE),
         false => path,
     })

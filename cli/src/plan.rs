@@ -55,7 +55,7 @@ Exit status 1: a plan broke its contract (it is not taken); 2: an input failed."
 pub struct PlanArgs {
     /// Scenes (.toml), captured frames, folders of them, or bare shaders: a WGSL file, or a vertex and a fragment file
     /// of one name. Of several each has a folder of its own below --out.
-    #[arg(required = true, value_name = "SCENE", value_parser = input::given)]
+    #[arg(required = true, value_name = "SCENE", value_parser = input::given())]
     scenes: Vec<PathBuf>,
     /// Set a variable of the scene; may be given several times.
     #[arg(long = "set", value_name = "NAME=VALUE")]

@@ -20,6 +20,7 @@ pub mod page;
 mod pass;
 pub mod replay;
 mod scene;
+mod share;
 mod texels;
 mod webgl;
 
@@ -27,6 +28,7 @@ pub use check::{Check, Compared, check};
 pub use folder::{Capture, FILE, is_folder};
 pub use pass::{Pass, passes};
 pub use scene::{Choice, scene};
+pub use share::{Share, shares};
 
 use crate::limits::Exceeded;
 use crate::{front, regular, render};

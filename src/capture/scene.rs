@@ -15,6 +15,7 @@ use super::folder::{Capture, get};
 use super::material::{self, Left, Rows};
 use super::pass::{self, Kind, Part, Pass, PassDraw, passes};
 use super::replay::{Replay, Until};
+use super::share::{Share, shares};
 use super::{Error, texels, webgl};
 use crate::render::Gpu;
 use crate::scene::bind::{
@@ -64,7 +65,30 @@ pub fn scene(capture: &Capture, choice: Choice, gpu: Option<&Gpu>) -> Result<Sce
     };
     let mut scene = made.scene()?;
     scene.notes = made.notes.into_iter().collect();
+    if let Some(gpu) = gpu {
+        let shares = shares(capture, gpu, choice.frame)?;
+        scene.notes.insert(0, told(&shares, index));
+    }
     Ok(scene)
+}
+
+/// The frame's passes in a line, for a reader of the report.
+fn told(shares: &[Share], own: usize) -> String {
+    let one = |(index, share): (usize, &Share)| {
+        let drawn = match index == own {
+            true => ", which this report is about",
+            false => "",
+        };
+        let draws = match share.draws {
+            1 => "1 draw".to_owned(),
+            n => format!("{n} draws"),
+        };
+        let percent = 100.0 * share.part;
+        format!("{} of {draws} {percent:.0} %{drawn}", share.kind.name())
+    };
+    let passes = shares.iter().enumerate().filter(|(_, s)| s.draws > 0);
+    let passes: Vec<String> = passes.map(one).collect();
+    format!("the frame's time by render pass: {}", passes.join("; "))
 }
 
 /// The pass to take.

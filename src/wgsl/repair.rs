@@ -92,7 +92,6 @@ fn shared_filters(module: &Module) -> Vec<(String, String)> {
     let mut shared = filters(&module.diagnostic_filters, module.diagnostic_filter_leaf);
     let functions = module.functions.iter().map(|(_, f)| f);
     let functions = functions.chain(module.entry_points.iter().map(|e| &e.function));
-    // Functions that passes create have no filter of their own, so the module's apply.
     for leaf in functions.filter_map(|f| f.diagnostic_filter_leaf) {
         let own = filters(&module.diagnostic_filters, Some(leaf));
         shared.retain(|filter| own.contains(filter));
@@ -104,7 +103,10 @@ fn shared_filters(module: &Module) -> Vec<(String, String)> {
 fn function_attributes(module: &Module) -> Vec<Vec<String>> {
     let shared = shared_filters(module);
     let diagnostics = |function: &naga::Function| -> Vec<String> {
-        let all = filters(&module.diagnostic_filters, function.diagnostic_filter_leaf);
+        // Functions that passes create have no filter of their own, so the module's apply.
+        let leaf = function.diagnostic_filter_leaf;
+        let leaf = leaf.or(module.diagnostic_filter_leaf);
+        let all = filters(&module.diagnostic_filters, leaf);
         all.iter()
             .filter(|filter| !shared.contains(filter))
             .rev()

@@ -4,18 +4,21 @@
 //! adapter refuses is reported once, its draws are left out, and everything else is executed.
 
 mod clears;
+mod clock;
 mod objects;
 mod passes;
 mod read;
 mod webgl;
 
 use std::collections::BTreeMap;
+use std::time::Instant;
 
 use super::Error;
 use super::contents::Contents;
 use super::file::{Command, DataName, TexelPlace};
 use super::folder::{Capture, get};
 use crate::render::{ColorImage, Gpu};
+use clock::Clock;
 use objects::Objects;
 pub(in crate::capture) use objects::topology;
 use webgl::Programs;
@@ -91,6 +94,43 @@ impl<'a> Replay<'a> {
             self.command(command, &place)?;
         }
         self.flush()
+    }
+
+    /// Executes one frame again and returns the seconds of each command that runs on the GPU; 0 for
+    /// writes. A GPU's own clock measures, or the wall clock on adapters without one.
+    ///
+    /// # Errors
+    /// As [`Self::frame`].
+    pub(super) fn timed(&mut self, frame: usize) -> Result<Vec<f64>, Error> {
+        let capture = self.capture;
+        let of = get(&capture.file.frames, frame, "frame", "the replay")?;
+        let clock = Clock::new(self.gpu)?;
+        let mut times = Vec::new();
+        for (index, command) in of.commands.iter().enumerate() {
+            let place = format!("frame {frame}, command {index}");
+            if matches!(
+                command,
+                Command::WriteBuffer { .. } | Command::WriteTexture { .. }
+            ) {
+                self.command(command, &place)?;
+                times.push(0.0);
+                continue;
+            }
+            let start = Instant::now();
+            if let Some(clock) = &clock {
+                self.encode(|e| clock.start(e));
+            }
+            self.command(command, &place)?;
+            if let Some(clock) = &clock {
+                self.encode(|e| clock.stop(e));
+            }
+            self.flush()?;
+            times.push(match &clock {
+                Some(clock) => clock.seconds(self.gpu)?,
+                None => start.elapsed().as_secs_f64(),
+            });
+        }
+        Ok(times)
     }
 
     fn command(&mut self, command: &Command, place: &str) -> Result<(), Error> {
