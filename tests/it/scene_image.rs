@@ -114,6 +114,50 @@ fn a_volume_has_fewer_slices_in_each_level() {
     assert_eq!(texels.at(1, [0, 0, 2]), None);
 }
 
+/// A KTX2 file of one level: Vulkan's format, the colour model, the transfer function, the scheme of
+/// compression, and the level as stored.
+fn ktx2(of: [u32; 4], size: u32, stored: &[u8], length: usize) -> Vec<u8> {
+    let [format, model, transfer, scheme] = of;
+    let mut out = b"\xabKTX 20\xbb\r\n\x1a\n".to_vec();
+    let mut words = |words: &[u32]| out.extend(words.iter().flat_map(|w| w.to_le_bytes()));
+    words(&[format, 1, size, size, 0, 0, 1, 1, scheme]);
+    // The descriptor follows the index of the one level; there is no other metadata.
+    let (descriptor, data) = (80 + 24, 80 + 24 + 44);
+    words(&[descriptor, 44, 0, 0, 0, 0, 0, 0]);
+    words(&[data, 0, stored.len() as u32, 0, length as u32, 0]);
+    words(&[44, 0, 2 | 40 << 16, model | 1 << 8 | transfer << 16]);
+    words(&[0, 16, 0, 127 << 16, 0, 0, u32::MAX]);
+    out.extend(stored);
+    out
+}
+
+#[test]
+fn ktx2_files_have_their_own_formats() {
+    let decode = |bytes: &[u8]| Recipe::default().decode("a.ktx2", bytes);
+    // R8_UNORM, as it is, and in a frame of Zstandard with one raw block.
+    let plain = decode(&ktx2([9, 1, 1, 0], 2, &[1, 2, 3, 4], 4)).unwrap();
+    assert_eq!(plain.format, wgpu::TextureFormat::R8Unorm);
+    assert_eq!(plain.levels, [[1, 2, 3, 4]]);
+    let frame = [0x28, 0xb5, 0x2f, 0xfd, 0x20, 4, 0x21, 0, 0, 1, 2, 3, 4];
+    let packed = decode(&ktx2([9, 1, 1, 2], 2, &frame, 4)).unwrap();
+    assert_eq!(packed.levels, plain.levels);
+    let etc1s = decode(&ktx2([0, 163, 2, 1], 4, &[0; 16], 0)).unwrap_err();
+    assert!(etc1s.to_string().contains("ETC1S"), "{etc1s}");
+    // A block of UASTC.
+    let block = [
+        219, 166, 131, 66, 15, 38, 152, 255, 67, 200, 81, 217, 98, 234, 115, 251,
+    ];
+    let uastc = decode(&ktx2([0, 166, 2, 0], 4, &block, 16));
+    match cfg!(feature = "basis") {
+        true => {
+            let uastc = uastc.unwrap();
+            assert_eq!(uastc.format, wgpu::TextureFormat::Bc7RgbaUnormSrgb);
+            assert_eq!(uastc.levels[0].len(), 16);
+        }
+        false => assert!(uastc.unwrap_err().to_string().contains("`basis`")),
+    }
+}
+
 /// A triangle bound to one joint that has moved up by 5 since it was bound at y = 2, under a node
 /// that must not move it.
 fn glb() -> Vec<u8> {

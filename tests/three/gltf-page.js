@@ -21,8 +21,7 @@ function surroundings() {
     for (let y = 0; y < h; y++) {
         const up = Math.sin(((y + 0.5) / h - 0.5) * Math.PI);
         for (let x = 0; x < w; x++) {
-            for (let c = 0; c < 3; c++)
-                data[(y * w + x) * 4 + c] = GROUND[c] + (SKY[c] - GROUND[c]) * (0.5 + 0.5 * up);
+            for (let c = 0; c < 3; c++) data[(y * w + x) * 4 + c] = GROUND[c] + (SKY[c] - GROUND[c]) * (0.5 + 0.5 * up);
             data[(y * w + x) * 4 + 3] = 1;
         }
     }
@@ -46,12 +45,7 @@ function framing(object) {
     const center = box.getCenter(new THREE.Vector3());
     const radius = box.getSize(new THREE.Vector3()).length() / 2;
     const distance = radius / Math.sin((20 * Math.PI) / 180);
-    const camera = new THREE.PerspectiveCamera(
-        40,
-        width / height,
-        (distance - radius) * 0.5,
-        distance + radius * 2,
-    );
+    const camera = new THREE.PerspectiveCamera(40, width / height, (distance - radius) * 0.5, distance + radius * 2);
     camera.position.set(0.6, 0.4, 1).normalize().multiplyScalar(distance).add(center);
     camera.lookAt(center);
     return camera;

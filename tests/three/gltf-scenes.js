@@ -62,7 +62,10 @@ export const SCENES = {
     /** A camera, a sun, a lamp and a hierarchy. */
     lamps() {
         const scene = new THREE.Scene();
-        const floor = new THREE.Mesh(new THREE.PlaneGeometry(8, 8, 8, 8), standard({ color: 0x909080, roughness: 0.9 }));
+        const floor = new THREE.Mesh(
+            new THREE.PlaneGeometry(8, 8, 8, 8),
+            standard({ color: 0x909080, roughness: 0.9 }),
+        );
         floor.rotation.x = -Math.PI / 2;
         scene.add(floor);
         const arm = new THREE.Group();
@@ -112,7 +115,10 @@ export const SCENES = {
             standard({ color: 0x202020, emissive: 0xff6020, emissiveIntensity: 0.7, flatShading: true }),
         );
         scene.add(glowing);
-        const flat = new THREE.Mesh(new THREE.TorusGeometry(0.5, 0.15, 12, 32), new THREE.MeshBasicMaterial({ color: 0x40c0a0 }));
+        const flat = new THREE.Mesh(
+            new THREE.TorusGeometry(0.5, 0.15, 12, 32),
+            new THREE.MeshBasicMaterial({ color: 0x40c0a0 }),
+        );
         flat.position.set(0, 1.3, 0);
         scene.add(flat);
         const edges = new THREE.LineSegments(
@@ -127,7 +133,11 @@ export const SCENES = {
     copies() {
         const scene = new THREE.Scene();
         const count = 300;
-        const mesh = new THREE.InstancedMesh(new THREE.BoxGeometry(0.3, 0.3, 0.3), standard({ color: 0x70a0c8, roughness: 0.5 }), count);
+        const mesh = new THREE.InstancedMesh(
+            new THREE.BoxGeometry(0.3, 0.3, 0.3),
+            standard({ color: 0x70a0c8, roughness: 0.5 }),
+            count,
+        );
         const dummy = new THREE.Object3D();
         for (let i = 0; i < count; i++) {
             dummy.position.set((i % 20) * 0.5 - 4.75, Math.sin(i * 0.7) * 0.4, Math.floor(i / 20) * 0.5 - 3.5);

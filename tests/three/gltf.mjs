@@ -52,7 +52,9 @@ async function generated() {
     try {
         if (!existsSync(python)) {
             execFileSync('python3', ['-m', 'venv', join(out, 'packages/python')], { stdio: 'inherit' });
-            execFileSync(python, ['-m', 'pip', 'install', '--quiet', 'trimesh', 'pillow', 'scipy'], { stdio: 'inherit' });
+            execFileSync(python, ['-m', 'pip', 'install', '--quiet', 'trimesh', 'pillow', 'scipy'], {
+                stdio: 'inherit',
+            });
         }
         const names = execFileSync(python, [here('gltf-models.py'), out], { encoding: 'utf8' });
         return names.trim().split('\n');

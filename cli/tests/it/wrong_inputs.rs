@@ -49,7 +49,7 @@ const CASES: &[Case] = &[
         "shader_type spatial;\n",
         &["Godot's shading language"],
     ),
-    ("a.gltf", "{}", &["is a mesh", "docs/reference/scenes.md"]),
+    ("a.obj", "{}", &["is a mesh", "docs/reference/scenes.md"]),
     (
         "toy.frag",
         "void mainImage(out vec4 c, in vec2 p) { c = vec4(p / iResolution.xy, 0.0, 1.0); }",
@@ -226,7 +226,7 @@ fn utf16_is_read_and_binary_files_are_named() {
         let text = format!("{mark}{shader}");
         text.encode_utf16().flat_map(u16::to_le_bytes).collect()
     };
-    let files: [(&str, &[u8]); 7] = [
+    let files: [(&str, &[u8]); 8] = [
         (
             "elf.wgsl",
             b"\x7fELF\x02\x01\x01\0\0\0\0\0\0\0\0\0\x03\0\x3e\0",
@@ -236,6 +236,7 @@ fn utf16_is_read_and_binary_files_are_named() {
         ("marked.wgsl", &units("\u{feff}")),
         ("unmarked.wgsl", &units("")),
         ("a.glb", b"glTF\x02\0\0\0\xff\xfe"),
+        ("glb.wgsl", b"glTF\x02\0\0\0\xff\xfe"),
         ("a.spv", &[0x03, 0x02, 0x23, 0x07, 0xff]),
     ];
     let folder = here("bytes", &files);
@@ -245,8 +246,12 @@ fn utf16_is_read_and_binary_files_are_named() {
             ["explain", "unmarked.wgsl"],
             "UTF-16 without a byte order mark",
         ),
-        (["explain", "a.glb"], "a glTF mesh: a scene file names it"),
-        (["plan", "a.glb"], "a glTF mesh: a scene file names it"),
+        (
+            ["explain", "glb.wgsl"],
+            "a glTF mesh: a scene file names it",
+        ),
+        (["explain", "a.glb"], "no glTF 2.0"),
+        (["plan", "a.glb"], "no glTF 2.0"),
         (["explain", "a.spv"], "a.spv is no valid SPIR-V"),
         (["explain", "elf.wgsl"], "it is no text"),
         (["explain", "note.wgsl"], "note.wgsl has only comments"),

@@ -1,5 +1,6 @@
 //! glTF files as they are: nodes, primitives, materials, cameras and lights as a scene's draws.
 
+mod asked;
 mod built_in;
 pub(super) mod file;
 mod import;

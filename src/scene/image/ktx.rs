@@ -75,6 +75,16 @@ pub(super) fn decode(
             );
         }
     }
+    for (i, level) in (0..).zip(&image.levels) {
+        let [_, _, depth] = image.extent(i);
+        let rows = image.rows(i).unwrap_or([0, 0]);
+        let needed = rows.iter().chain([&depth]).map(|n| u64::from(*n));
+        let needed = needed.fold(1, u64::saturating_mul);
+        if (level.len() as u64) < needed {
+            let has = level.len();
+            return Err(wrong(format!("level {i} has {has} of {needed} bytes")));
+        }
+    }
     let is_bytes = image.format.remove_srgb_suffix() == TextureFormat::Rgba8Unorm;
     // Only a file that asks for levels has none.
     if let ([_], true, 1, true) = (
@@ -111,7 +121,7 @@ fn uncompressed(header: &Header, data: &[u8], length: u64) -> Result<Vec<u8>, St
     Ok(out)
 }
 
-/// Turns blocks of UASTC into bytes.
+/// Turns blocks of UASTC into those of BC7, which have the same size.
 #[cfg(feature = "basis")]
 fn uastc(image: &mut Image, srgb: bool) -> Result<(), String> {
     use basis_universal::{
@@ -132,21 +142,21 @@ fn uastc(image: &mut Image, srgb: bool) -> Result<(), String> {
                 num_blocks_x: across,
                 num_blocks_y: down,
                 has_alpha: true,
-                original_width: width,
-                original_height: height,
+                // Whole blocks: the crate makes room for no more than these.
+                original_width: across * 4,
+                original_height: down * 4,
             };
-            let (flags, format) = (DecodeFlags::empty(), TranscoderBlockFormat::RGBA32);
-            let texels = transcoder.transcode_slice(blocks, slice, flags, format);
-            let mut texels = texels.map_err(|e| format!("level {i} of UASTC: {e:?}"))?;
-            texels.truncate(width as usize * height as usize * 4);
-            level.extend(texels);
+            let (flags, format) = (DecodeFlags::empty(), TranscoderBlockFormat::BC7);
+            let made = transcoder.transcode_slice(blocks, slice, flags, format);
+            let made = made.map_err(|e| format!("level {i} of UASTC: {e:?}"))?;
+            level.extend(made.get(..layer_bytes).ok_or("too few blocks of BC7")?);
         }
         levels.push(level);
     }
     image.levels = levels;
     image.format = match srgb {
-        true => TextureFormat::Rgba8UnormSrgb,
-        false => TextureFormat::Rgba8Unorm,
+        true => TextureFormat::Bc7RgbaUnormSrgb,
+        false => TextureFormat::Bc7RgbaUnorm,
     };
     Ok(())
 }
