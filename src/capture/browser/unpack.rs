@@ -90,6 +90,10 @@ pub fn unpack(stream: &mut dyn Read, folder: &Path, limits: &Limits) -> Result<(
     for entry in archive.entries().map_err(UnpackError::Read)? {
         // The rest is cut off.
         let Ok(mut entry) = entry else { break };
+        // Files make their folders.
+        if entry.header().entry_type() == EntryType::Directory {
+            continue;
+        }
         let name = String::from_utf8_lossy(&entry.path_bytes()).into_owned();
         let is_file = name == FILE;
         let is_known = is_file || name.strip_prefix("data/").is_some_and(is_data);

@@ -56,6 +56,7 @@ class GlReader {
 
     /** Bytes `begin` to `end` of a buffer. */
     buffer(buffer, info, begin, end) {
+        if (!this.two && !info.shadow) throw new Error('a buffer filled before the recorder');
         if (!this.two) return info.shadow.slice(begin, end);
         const bytes = new Uint8Array(end - begin);
         const { own: o } = this;
