@@ -24,6 +24,23 @@ pub struct Compared {
     pub most: u8,
 }
 
+impl Compared {
+    /// One line for a reader of a report.
+    pub fn told(&self) -> String {
+        match self.differ {
+            0 => format!(
+                "the replayed frame is the page's, in all {} pixels",
+                self.pixels
+            ),
+            n => format!(
+                "the replayed frame differs from the page's picture in {n} of {} pixels, in {} by \
+                 more than one step: another driver drew it",
+                self.pixels, self.by_more
+            ),
+        }
+    }
+}
+
 /// The frames of a capture, each replayed and compared.
 #[derive(Debug)]
 pub struct Check {
@@ -44,26 +61,10 @@ pub fn check(capture: &Capture, gpu: &Gpu) -> Result<Check, Error> {
     let (mut frames, mut pictures) = (Vec::new(), Vec::new());
     for index in 0..capture.file.frames.len() {
         replay.frame(index, Until::End)?;
-        let place = format!("frame {index}");
-        let frame = get(&capture.file.frames, index, "frame", &place)?;
-        let Some(shown) = &frame.picture else {
+        let Some((found, ours)) = shown(capture, &mut replay, index)? else {
             continue;
         };
-        let ours = replay.picture(index)?;
-        let theirs = capture.data(&shown.data)?;
-        if shown.size != ours.size || theirs.len() != ours.bytes.len() {
-            return Err(Error::broken(
-                place,
-                format!(
-                    "the picture has {:?} pixels and {} bytes, and the canvas {:?} and {}",
-                    shown.size,
-                    theirs.len(),
-                    ours.size,
-                    ours.bytes.len()
-                ),
-            ));
-        }
-        frames.push(compared(index, &ours, &theirs));
+        frames.push(found);
         pictures.push(ours);
     }
     Ok(Check {
@@ -71,6 +72,37 @@ pub fn check(capture: &Capture, gpu: &Gpu) -> Result<Check, Error> {
         pictures,
         left_out: replay.left_out().clone(),
     })
+}
+
+/// A frame that was just replayed, beside the page's picture of it. `None` without one.
+///
+/// # Errors
+/// The picture has another size or format than the canvas, or the device is lost.
+pub(super) fn shown(
+    capture: &Capture,
+    replay: &mut Replay<'_>,
+    index: usize,
+) -> Result<Option<(Compared, ColorImage)>, Error> {
+    let place = format!("frame {index}");
+    let frame = get(&capture.file.frames, index, "frame", &place)?;
+    let Some(shown) = &frame.picture else {
+        return Ok(None);
+    };
+    let ours = replay.picture(index)?;
+    let theirs = capture.data(&shown.data)?;
+    if shown.size != ours.size || theirs.len() != ours.bytes.len() {
+        return Err(Error::broken(
+            place,
+            format!(
+                "the picture has {:?} pixels and {} bytes, and the canvas {:?} and {}",
+                shown.size,
+                theirs.len(),
+                ours.size,
+                ours.bytes.len()
+            ),
+        ));
+    }
+    Ok(Some((compared(index, &ours, &theirs), ours)))
 }
 
 fn compared(frame: usize, ours: &ColorImage, theirs: &[u8]) -> Compared {

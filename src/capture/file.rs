@@ -607,6 +607,9 @@ pub struct VertexBufferLayout {
     #[serde(default)]
     pub step_mode: wgpu::VertexStepMode,
     pub attributes: Vec<VertexAttribute>,
+    /// WebGL: how many instances read one element.
+    #[serde(default = "one")]
+    pub divisor: u32,
 }
 
 /// A `GPUVertexAttribute`. WebGL's have names in place of locations.
@@ -884,10 +887,20 @@ pub struct ComputePipeline {
 #[serde(default)]
 #[allow(missing_docs)]
 pub struct Named {
+    #[serde(deserialize_with = "with_nan")]
     pub uniforms: BTreeMap<String, Vec<f64>>,
     pub blocks: BTreeMap<String, BufferRange>,
     pub textures: BTreeMap<String, OneOrMore>,
     pub constants: BTreeMap<String, [f64; 4]>,
+}
+
+/// JSON has no NaN: it is `null`.
+fn with_nan<'de, D: serde::Deserializer<'de>>(
+    from: D,
+) -> Result<BTreeMap<String, Vec<f64>>, D::Error> {
+    let lists = BTreeMap::<String, Vec<Option<f64>>>::deserialize(from)?;
+    let list = |list: Vec<Option<f64>>| list.into_iter().map(|n| n.unwrap_or(f64::NAN)).collect();
+    Ok(lists.into_iter().map(|(name, l)| (name, list(l))).collect())
 }
 
 /// A texture of WebGL with its sampler, or an array of them.

@@ -66,8 +66,9 @@ pub fn scene(capture: &Capture, choice: Choice, gpu: Option<&Gpu>) -> Result<Sce
     let mut scene = made.scene()?;
     scene.notes = made.notes.into_iter().collect();
     if let Some(gpu) = gpu {
-        let shares = shares(capture, gpu, choice.frame)?;
+        let (shares, compared) = shares(capture, gpu, choice.frame)?;
         scene.notes.insert(0, told(&shares, index));
+        scene.notes.extend(compared.map(|c| c.told()));
     }
     Ok(scene)
 }

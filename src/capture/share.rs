@@ -1,6 +1,7 @@
-//! What part of a frame's time each of its passes takes.
+//! What part of a frame's time each of its passes takes, and whether its replay is right.
 
 use super::Error;
+use super::check::{Compared, shown};
 use super::folder::Capture;
 use super::pass::{Kind, passes};
 use super::replay::{Replay, Until};
@@ -21,15 +22,21 @@ pub struct Share {
 }
 
 /// The parts of a frame's render passes, in order, from a replay. Each command is submitted and waited
-/// for alone. Of several frames the least time of each command counts.
+/// for alone. Of several frames the least time of each command counts. Beside them, the replayed frame
+/// against the page's picture, if there is one.
 ///
 /// # Errors
 /// The capture is broken, or the device is lost.
-pub fn shares(capture: &Capture, gpu: &Gpu, frame: usize) -> Result<Vec<Share>, Error> {
+pub fn shares(
+    capture: &Capture,
+    gpu: &Gpu,
+    frame: usize,
+) -> Result<(Vec<Share>, Option<Compared>), Error> {
     let mut replay = Replay::new(gpu, capture);
     for earlier in 0..=frame {
         replay.frame(earlier, Until::End)?;
     }
+    let compared = shown(capture, &mut replay, frame)?.map(|(compared, _)| compared);
     let mut least: Vec<f64> = Vec::new();
     for _ in 0..TIMED {
         let times = replay.timed(frame)?;
@@ -51,5 +58,5 @@ pub fn shares(capture: &Capture, gpu: &Gpu, frame: usize) -> Result<Vec<Share>, 
             .get(pass.command)
             .map_or(0.0, |t| t / whole.max(f64::MIN_POSITIVE)),
     };
-    Ok(all.iter().map(share).collect())
+    Ok((all.iter().map(share).collect(), compared))
 }

@@ -31,6 +31,8 @@ struct Source<'d> {
     bytes: &'d [u8],
     stride: usize,
     offset: usize,
+    /// How many instances read one element.
+    divisor: usize,
 }
 
 /// What a binding of the program is in the draw.
@@ -133,7 +135,11 @@ pub(super) fn interleaved(
         let (found, step) = match placed(pipeline, &input, draw, &contents) {
             Some(found) => found,
             None => {
-                let of = constants.get(&input.name).unwrap_or(&DEFAULT);
+                let column = format!("{}[{}]", input.name, input.column);
+                let of = constants
+                    .get(&input.name)
+                    .or_else(|| constants.get(&column));
+                let of = of.unwrap_or(&DEFAULT);
                 let source = Source {
                     location: input.location,
                     format: AttributeFormat::Own(wgpu::VertexFormat::Float32x4),
@@ -141,6 +147,7 @@ pub(super) fn interleaved(
                     bytes: of,
                     stride: 0,
                     offset: 0,
+                    divisor: 1,
                 };
                 (source, wgpu::VertexStepMode::Instance)
             }
@@ -362,6 +369,7 @@ fn placed<'d>(
                 bytes: &data.bytes,
                 stride: stride as usize,
                 offset: attribute.offset as usize,
+                divisor: layout.divisor.max(1) as usize,
             },
             layout.step_mode,
         ));
@@ -382,7 +390,7 @@ fn interleave(
         match (s.stride, room < size) {
             (_, true) => 0,
             (0, false) => usize::MAX,
-            (stride, false) => (room - size) / stride + 1,
+            (stride, false) => ((room - size) / stride + 1).saturating_mul(s.divisor),
         }
     };
     let shortest = sources.iter().map(elements).min()?;
@@ -405,7 +413,7 @@ fn interleave(
     for (source, attribute) in sources.iter().zip(&attributes) {
         let size = source.format.size() as usize;
         for element in 0..count {
-            let from = source.offset + element * source.stride;
+            let from = source.offset + element / source.divisor * source.stride;
             let to = element * stride as usize + attribute.offset as usize;
             let Some(own) = source.bytes.get(from..from + size) else {
                 break;
