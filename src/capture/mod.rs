@@ -26,7 +26,7 @@ mod webgl;
 
 pub use check::{Check, Compared, check};
 pub use folder::{Capture, FILE, is_folder};
-pub use pass::{Pass, passes};
+pub use pass::{Kind, Pass, passes};
 pub use scene::{Choice, scene};
 pub use share::{Share, shares};
 

@@ -289,10 +289,27 @@ impl<'c> Maker<'c> {
         Ok(found)
     }
 
+    /// The name that three.js and Babylon.js define in the text: `#define SHADER_NAME Stone`.
+    fn named_in_text(&self, of: &RenderPipeline) -> Option<String> {
+        let stage = of.fragment.as_ref().map_or(&of.vertex.stage, |f| &f.stage);
+        let text = self.capture.text(stage.module).ok()?;
+        let line = text.lines().take(200).find_map(|line| {
+            let line = line.trim_start_matches(['/', ' ']);
+            line.strip_prefix("#define SHADER_NAME ")
+        })?;
+        let name = line.rsplit(':').next().unwrap_or(line).trim();
+        (!name.is_empty()).then(|| name.to_owned())
+    }
+
     /// A name for files: the label, with the number if another pipeline has it too.
     fn name(&self, of: &RenderPipeline, pipeline: usize) -> String {
         let shader = self.capture.file.shaders.get(of.vertex.stage.module);
-        let labels = [of.label.as_str(), shader.map_or("", |s| &s.label)];
+        let own = self.named_in_text(of);
+        let labels = [
+            of.label.as_str(),
+            own.as_deref().unwrap_or(""),
+            shader.map_or("", |s| &s.label),
+        ];
         let label = labels.into_iter().find(|l| !l.trim().is_empty());
         let tame = |c: char| match c.is_ascii_alphanumeric() || "-_.".contains(c) {
             true => c,

@@ -5,6 +5,8 @@
 #![cfg(feature = "verify")]
 #![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
 
+#[path = "../support/capture_support.rs"]
+mod capture_support;
 #[path = "../support/fixtures_support.rs"]
 mod fixtures_support;
 #[path = "../support/interfaces.rs"]
@@ -20,6 +22,7 @@ mod render_support;
 mod swiftshader_support;
 
 mod adversarial;
+mod captures;
 mod decide;
 mod device_lost;
 mod early_discard;

@@ -2,6 +2,9 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
 
+#[cfg(feature = "verify")]
+#[path = "../support/capture_support.rs"]
+mod capture_support;
 #[cfg(all(feature = "glsl", feature = "spirv"))]
 mod combinations_support;
 #[path = "../support/fixtures_support.rs"]
@@ -13,6 +16,8 @@ mod results_support;
 mod adversarial;
 mod agree;
 mod build_script;
+#[cfg(feature = "verify")]
+mod captures;
 mod combinations;
 mod dialects;
 mod emit_tessellation;

@@ -21,13 +21,14 @@ const PASSES: [&[&str]; 7] = [
 ];
 
 /// The rooms of `preshade`, lowest first. Rooms that are not listed are free.
-const PRESHADE: [&[&str]; 9] = [
+const PRESHADE: [&[&str]; 10] = [
     &["wgsl"],
     &["front"],
     &["emit"],
     &["pipeline"],
     &["scene"],
     &["render"],
+    &["capture"],
     &["measure"],
     &["search"],
     &["report"],

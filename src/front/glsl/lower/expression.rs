@@ -7,7 +7,7 @@ use glsl_lang::ast::{
 
 use super::super::interface::SplitSampler;
 use super::super::source_marks::unmarked;
-use super::super::stage::{initial_length, unsupported};
+use super::super::stage::{DIVIDED_BY_ZERO, initial_length, unsupported};
 use super::super::ty::{Component, MemoryLayout, Ty};
 use super::super::{absent, built_ins, constant};
 use super::declaration::output_of;
@@ -405,6 +405,16 @@ impl Lower<'_, '_> {
             B::Mod => (splat(a, &ty), splat(b, &ty)),
             _ => (a, b),
         };
+        if *op == B::Div
+            && let (Some(a), Some(0.0)) = (literal(&a.text), literal(&b.text))
+        {
+            self.stage.used.insert(DIVIDED_BY_ZERO.to_owned());
+            let text = match a {
+                0.0 => "0.0".to_owned(),
+                _ => format!("{:e}", f32::MAX.copysign(a)),
+            };
+            return Ok(Ex::primary(text, ty));
+        }
         if matches!(op, B::Equal | B::NonEqual)
             && self.stage.structs.count(&a.ty).elements > COMPARED
         {
@@ -765,6 +775,12 @@ fn float(f: f32) -> String {
         true => text,
         false => text + ".0",
     }
+}
+
+/// The number of a literal of floats.
+fn literal(text: &str) -> Option<f32> {
+    let digits = text.trim_end_matches(['f', 'F']);
+    digits.contains('.').then(|| digits.parse().ok()).flatten()
 }
 
 fn operator(op: &B) -> (&'static str, u8) {

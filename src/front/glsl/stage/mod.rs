@@ -21,7 +21,7 @@ pub(super) mod side_effects;
 mod types;
 
 pub(super) use qualifiers::{Qualifiers, Storage};
-pub(super) use reachable::{FRAG_COORD_Y, PRECISE};
+pub(super) use reachable::{DIVIDED_BY_ZERO, FRAG_COORD_Y, PRECISE};
 pub(super) use types::spelled;
 
 use types::APART;

@@ -84,6 +84,9 @@ fn visit(
 /// A pseudo name in `GlslStage::used`: the fragment coordinate's y is read.
 pub(in crate::front::glsl) const FRAG_COORD_Y: &str = "gl_FragCoord.y";
 
+/// A use that lowering finds: no name in GLSL has a space.
+pub(in crate::front::glsl) const DIVIDED_BY_ZERO: &str = "/ 0.0";
+
 /// A pseudo name in `GlslStage::used`: a local variable is `precise`.
 pub(in crate::front::glsl) const PRECISE: &str = "precise";
 

@@ -1,0 +1,58 @@
+//! Captured frames: replayed, and as scenes.
+
+use std::fs;
+
+use preshade::unstable::capture::{self, Capture, Choice, check};
+use preshade::unstable::limits::Limits;
+use preshade::unstable::measure::{self, Session, Settings, Timed, TimingSettings};
+use preshade::unstable::recipe::Recipe;
+use preshade::unstable::render::ShaderForm;
+
+use crate::capture_support::{SIZE, folder};
+use crate::render_support::{gpu, render};
+
+#[test]
+fn a_captured_frame_is_drawn_as_it_was_and_takes_variants() {
+    let own = folder();
+    let path = own.write("drawn");
+    let capture = Capture::open(&path, &Limits::default()).unwrap();
+    let found = check(&capture, gpu()).unwrap();
+    assert!(found.left_out.is_empty(), "{:?}", found.left_out);
+    let frame = &found.frames[0];
+    assert_eq!((frame.pixels, frame.differ), (u64::from(SIZE * SIZE), 0));
+
+    let scene = capture::scene(&capture, Choice::default(), Some(gpu())).unwrap();
+    let names: Vec<&str> = scene.materials.iter().map(|m| m.name.as_str()).collect();
+    assert_eq!((names, scene.draws.len()), (vec!["quads"], 2));
+    assert!(
+        scene.notes.iter().any(|n| n.contains("the page's, in all")),
+        "{:?}",
+        scene.notes
+    );
+    // The texture has what the earlier pass drew, so the scene's picture is the frame's.
+    let drawn = render(gpu(), &scene);
+    assert_eq!(
+        drawn.colors[0].as_ref().unwrap().bytes,
+        found.pictures[0].bytes
+    );
+
+    let session = Session::new(gpu(), &scene, ShaderForm::Text).unwrap();
+    let facts = measure::facts(&session).unwrap();
+    let recipe = Recipe::parse_list("depth-prepass").unwrap();
+    let variant = measure::variant(session.originals(), &recipe, &facts);
+    let settings = Settings {
+        timed: Timed::No,
+        timing: TimingSettings::default(),
+        frames_per_camera: 1,
+        command: String::new(),
+    };
+    let outcome = measure::verify(&session, &[variant], &settings, &mut |_| ()).unwrap();
+    let verdicts: Vec<String> = outcome
+        .report
+        .variants
+        .iter()
+        .map(|v| format!("{:?}", v.verdict))
+        .collect();
+    assert!(verdicts[1].starts_with("Holds"), "{verdicts:?}");
+    fs::remove_dir_all(path).unwrap();
+}

@@ -1,0 +1,111 @@
+//! Frame folders that are broken, and the programs of those that are not.
+
+use std::fs;
+
+use preshade::unstable::capture::{self, Capture, Choice, Kind};
+use preshade::unstable::limits::Limits;
+use serde_json::json;
+
+use crate::capture_support::{folder, name};
+
+#[test]
+fn a_broken_capture_is_an_error_that_names_the_place() {
+    let cases = [
+        (
+            "/schema",
+            json!("preshade.frames.v9"),
+            "its schema is `preshade.frames.v9`, and this",
+        ),
+        (
+            "/shaders/0/data",
+            json!("../../etc/passwd"),
+            "`../../etc/passwd` is no name of data",
+        ),
+        (
+            "/shaders/0/data",
+            json!(name(99)),
+            "cannot read `data/00000000000000000000000000000063.bin`",
+        ),
+        (
+            "/shaders/0/language",
+            json!("hlsl"),
+            "unknown variant `hlsl`",
+        ),
+        ("/frames", json!([]), "it has no frame"),
+        (
+            "/frames/0/commands/2/commands/0/pipeline",
+            json!(7),
+            "there is no render pipeline 7, only 2",
+        ),
+        (
+            "/frames/0/commands/2/commands/0/do",
+            json!("draw2"),
+            "unknown variant `draw2`",
+        ),
+        (
+            "/frames/0/commands/0/offset",
+            json!(9999),
+            "buffer 1: bytes 9999 to 10271 are written, and it has 272",
+        ),
+        (
+            "/bindGroups/0/entries/0/buffer",
+            json!(5),
+            "there is no buffer 5, only 2",
+        ),
+        (
+            "/bindGroups/1/entries/0/texture",
+            json!(5),
+            "there is no texture 5, only 3",
+        ),
+        (
+            "/textures/1/size",
+            json!([99999, 1, 1]),
+            "texture 1 would be 99999; the limit `texture-size`",
+        ),
+        (
+            "/buffers/0/size",
+            json!(1_u64 << 60),
+            "the limit `scene-bytes`",
+        ),
+        (
+            "/renderPipelines/1/fragment/entryPoint",
+            json!("nothing"),
+            "what `quads` draws is left out: there is no fragment entry point `nothing`",
+        ),
+    ];
+    for (index, (place, value, told)) in cases.into_iter().enumerate() {
+        let mut own = folder();
+        match own.file.pointer_mut(place) {
+            Some(found) => *found = value,
+            None => own.file["frames"][0]["commands"][0]["offset"] = value,
+        }
+        let path = own.write(&format!("broken-{index}"));
+        let read = Capture::open(&path, &Limits::default())
+            .and_then(|capture| capture::scene(&capture, Choice::default(), None).map(drop));
+        let error = read.unwrap_err().to_string();
+        assert!(error.contains(told), "{place}: {error}");
+        fs::remove_dir_all(path).unwrap();
+    }
+}
+
+#[test]
+fn passes_are_told_apart_by_what_reads_them() {
+    let path = folder().write("passes");
+    let capture = Capture::open(&path, &Limits::default()).unwrap();
+    let passes = capture::passes(&capture, 0).unwrap();
+    let found: Vec<(Kind, usize)> = passes.iter().map(|p| (p.kind, p.draws.len())).collect();
+    assert_eq!(found, [(Kind::FullScreen, 1), (Kind::Main, 2)]);
+    let scene = capture::scene(&capture, Choice::default(), None).unwrap();
+    let bound = scene.draws[1].captured.as_ref().unwrap();
+    // The dynamic offset chose the second draw's numbers.
+    let near: Vec<f32> = bound.buffers[0]
+        .data
+        .bytes
+        .as_chunks::<4>()
+        .0
+        .iter()
+        .map(|b| f32::from_le_bytes(*b))
+        .collect();
+    assert_eq!(near, [0.5, 0.5, 0.25, 0.0]);
+    fs::remove_dir_all(path).unwrap();
+}
