@@ -155,3 +155,21 @@ fn a_matrix_attribute_is_one_name_and_an_unnamed_block_has_its_own() {
     let [text, _] = written(&plan, Target::GlslEs300).unwrap();
     assert!(text.contains("vec2(0.5, -0.5)"), "{text}");
 }
+
+/// The range of depths says nothing about y: OpenGL has both ranges (`glClipControl`).
+#[test]
+fn y_follows_from_the_language_and_not_from_the_range_of_depths() {
+    let vertex = VERTEX.replace("precision highp float;", "#version 450 core");
+    let vertex = vertex.replace("attribute", "in").replace("varying", "out");
+    let fragment = "#version 450 core
+        out vec4 color; void main() { color = vec4(1.0); }";
+    let texts = [("a.vert", vertex.as_str()), ("a.frag", fragment)];
+    for (recipe, y) in [
+        ("outputs:write=velocity", "vec2(0.5, -0.5)"),
+        ("outputs:write=velocity,y=down", "vec2(0.5, 0.5)"),
+    ] {
+        let plan = made(texts, recipe).unwrap();
+        let [text, _] = written(&plan, Target::GlslEs300).unwrap();
+        assert!(text.contains(y), "{recipe}: {text}");
+    }
+}

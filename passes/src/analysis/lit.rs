@@ -12,7 +12,7 @@ use crate::analysis::values::{ContextId, Node, ValueId, Values};
 use crate::graph::Graph;
 
 /// Every unit vector that a dot product multiplies with a vector of a buffer (a light's direction or
-/// position, the camera's place), and that no such vector takes part in. A value is found once,
+/// position, the camera's place) or with a constant one, and that no such vector takes part in. A value is found once,
 /// however often it meets one.
 pub fn normals(graph: &Graph<'_>, fragment: usize) -> Vec<Authored> {
     let Ok(values) = Values::new(graph, fragment) else {
@@ -43,7 +43,7 @@ pub fn normals(graph: &Graph<'_>, fragment: usize) -> Vec<Authored> {
                 let normal = source(&values, as_read);
                 if !known.iter().any(|other| is_same(&values, *other, normal))
                     && is_unit(&values, normal, DEEPEST)
-                    && reads(&values, light).of_buffer
+                    && (reads(&values, light).of_buffer || is_constant(&values, light))
                     && reads(&values, normal) == INTERPOLATED
                 {
                     known.push(normal);
@@ -102,6 +102,29 @@ fn is_same(values: &Values<'_, '_>, a: ValueId, b: ValueId) -> bool {
     };
     let is_one = || (of(a).is_some() && of(a) == of(b)) || (is_normalized(a) && is_normalized(b));
     a == b || (is_one() && values.values[a].operands == values.values[b].operands)
+}
+
+/// Whether a value is computed from nothing but literals: a light of a fixed direction.
+fn is_constant(values: &Values<'_, '_>, value: ValueId) -> bool {
+    let held = with_operands(values, vec![value]);
+    let mut held = (0..held.len()).filter(|v| held[*v]);
+    held.all(|v| match &values.values[v].node {
+        Node::Expression(context, e, _) => {
+            let f = values.function(*context).function;
+            !matches!(
+                f.expressions[*e],
+                Expression::ImageSample { .. } | Expression::ImageLoad { .. }
+            ) && !is_from_memory(values, *context, *e)
+        }
+        Node::Version(..) => true,
+        _ => false,
+    })
+}
+
+/// Whether an expression loads what the host fills.
+fn is_from_memory(values: &Values<'_, '_>, context: ContextId, e: Handle<Expression>) -> bool {
+    let f = values.function(context);
+    matches!(f.function.expressions[e], Expression::Load { .. }) && !is_variable(values, context, e)
 }
 
 fn is_vec3(inner: &TypeInner) -> bool {

@@ -83,7 +83,7 @@ pub fn dropped(opaque: &Opaque<'_>, follows: &[String]) -> Result<Option<Dropped
 
 fn unclear(stage: &Stage<'_, '_>, Unclear((context, e)): Unclear) -> Stays {
     let f = stage.f(context);
-    let written = text::expression(stage.values.graph.module(), f, e);
+    let written = written(stage, f, e);
     let line = line(stage, f.function.expressions.get_span(e));
     Stays::Discard(format!(
         "no rule says what `{written}`{line} is without the viewer"
@@ -133,12 +133,11 @@ fn without(stage: &Stage<'_, '_>, fragment: usize, changes: &Changes) -> Module 
 }
 
 fn told(stage: &Stage<'_, '_>, changes: &Changes) -> Vec<String> {
-    let module = stage.values.graph.module();
     changes
         .iter()
         .map(|((context, e), instead)| {
             let f = stage.f(*context);
-            let written = |e| text::expression(module, f, e);
+            let written = |e| written(stage, f, e);
             let at = line(stage, span_of(f, *e));
             let own = written(*e);
             match *instead {
@@ -152,6 +151,19 @@ fn told(stage: &Stage<'_, '_>, changes: &Changes) -> Vec<String> {
             }
         })
         .collect()
+}
+
+/// An expression as the author wrote it: WebGL's plain uniforms have no block.
+fn written(stage: &Stage<'_, '_>, f: &FunctionGraph<'_>, e: Handle<Expression>) -> String {
+    let module = stage.values.graph.module();
+    let text = text::expression(module, f, e);
+    let declared = stage.values.graph.program().declared();
+    let mut globals = module.global_variables.iter();
+    let block = globals.find(|(_, g)| declared.is_loose(g.binding));
+    match block.and_then(|(_, g)| g.name.as_deref()) {
+        Some(name) => text.replace(&format!("{name}."), ""),
+        None => text,
+    }
 }
 
 /// The place of an expression, or of one that reads it: loads of variables have none.

@@ -69,6 +69,7 @@ mod cutoff;
 mod distance;
 mod effect;
 mod follows;
+mod jitter;
 mod names;
 mod notes;
 mod other_view;
@@ -77,7 +78,7 @@ pub mod refusals;
 
 use names::refusal;
 use params::list;
-pub use params::{Asked, ColourTarget, Params, Precision, Viewer};
+pub use params::{Asked, ClipY, ColourTarget, Params, Precision, Viewer};
 
 const NAME: &str = "outputs";
 
@@ -152,6 +153,7 @@ impl Pass for Outputs {
         let module = opaque.program.module();
         names::misnamed(&opaque, params)
             .or_else(|| follows::misnamed(module, viewer))
+            .or_else(|| effect::of_static(&opaque, params))
             .or_else(|| effect::of_map(module, params))
     }
 
@@ -161,6 +163,11 @@ impl Pass for Outputs {
         check(plan, &asked, from_light)?;
         let tested = cutoff::tested(plan, params.cutoff)?;
         let authors = tested.as_ref().map_or(plan, |(plan, _)| plan);
+        let steady = match from_light {
+            true => jitter::without(authors, params)?,
+            false => None,
+        };
+        let authors = steady.as_ref().unwrap_or(authors);
         let whole = depth_pass::alone(authors, NAME)?;
         let said = follows::said(whole.program.module(), params.viewer.as_deref())?;
         let drops = from_light && params.view == Viewer::Drop;
@@ -366,15 +373,17 @@ fn normal(opaque: &Opaque<'_>, params: &Params) -> Result<Shows, Box<Refusal>> {
 }
 
 fn velocity(opaque: &Opaque<'_>, params: &Params) -> Result<Shows, Box<Refusal>> {
-    let module = opaque.program.module();
     let still = list(params.still.as_deref());
-    let jitter = list(params.jitter.as_deref());
+    let jitter = list(params.jitter.as_deref()).map(|name| jitter::of(opaque.program, name));
+    let jitter: Vec<_> = jitter.collect::<Result<_, _>>()?;
     Ok(Shows::Velocity(Velocity {
         still: names::still(opaque.program, still)?,
         moving: names::attributes(opaque, list(params.moving.as_deref()))?,
-        jitter: jitter
-            .map(|name| names::member(module, name))
-            .collect::<Result<_, _>>()?,
+        jitter: jitter.into_iter().flatten().collect(),
+        is_down: match params.y {
+            Some(y) => y == ClipY::Down,
+            None => opaque.program.declared().y_down,
+        },
     }))
 }
 

@@ -177,6 +177,28 @@ fn two_normals_are_refused_by_both_names() {
     assert!(refused.contains("@fs` (vec3, line "), "{refused}");
 }
 
+/// A tangent of hair has the role of a normal, so a note tells which value was taken. A light may be
+/// a constant.
+#[test]
+fn a_note_tells_the_normal_and_a_light_may_be_constant() {
+    for light in ["vec3(0.0, 1.0, 0.0)", "normalize(vec3(1.0, 2.0, 3.0))"] {
+        let shader = SHADER.replace("light.direction)", &format!("{light})"));
+        let plan = with_facts(&shader, "outputs:write=normal", &Facts::default()).unwrap();
+        let told = plan
+            .notes
+            .iter()
+            .find(|note| note.starts_with("`outputs-normal` holds"));
+        assert!(told.unwrap().contains("(vec3, line "), "{told:?}");
+    }
+    let plan = outputs("outputs:write=normal,normal=v").unwrap();
+    assert!(
+        !plan
+            .notes
+            .iter()
+            .any(|note| note.contains("outputs-normal"))
+    );
+}
+
 #[test]
 fn a_normal_is_turned_by_a_matrix_and_encoded() {
     let plan = outputs("outputs:write=normal,matrix=camera.view,octahedral=true").unwrap();
@@ -338,6 +360,98 @@ fn jitter_is_left_out_of_copies_arguments_pointers_and_arrays() {
     let refused = refused.unwrap_err();
     assert!(refused.starts_with("outputs[unread-jitter]"), "{refused}");
     assert!(refused.contains("`frame.lights`"), "{refused}");
+}
+
+/// Without a matrix there is no position, so a whole one is no jitter.
+#[test]
+fn a_matrix_is_no_jitter_and_numbers_of_it_are() {
+    for (jitter, path) in [
+        (
+            "outputs:write=velocity,jitter=camera.view_proj",
+            "`camera.view_proj`",
+        ),
+        ("outputs:write=velocity,jitter=camera", "`camera.view_proj`"),
+        ("outputs:write=velocity,jitter=model", "`model`"),
+    ] {
+        let refused = outputs(jitter).unwrap_err();
+        assert!(refused.starts_with("outputs[jitter-matrix]"), "{refused}");
+        assert!(refused.contains(path), "{refused}");
+        assert!(refused.contains("jitter=camera.proj[2].xy"), "{refused}");
+    }
+    for (jitter, elements) in [
+        (
+            "outputs:write=velocity,jitter=camera.view_proj[2].xy",
+            &["[2][0]", "[2][1]"][..],
+        ),
+        (
+            "outputs:write=velocity,jitter=camera.view_proj[2][0]",
+            &["[2][0]"],
+        ),
+        (
+            "outputs:write=velocity,jitter=camera.view_proj[3]",
+            &["[3][0]", "[3][3]"],
+        ),
+    ] {
+        let text = text(&outputs(jitter).unwrap());
+        for element in elements {
+            let (column, row) = element.split_at(3);
+            let letter = ["x", "y", "z", "w"][row[1..2].parse::<usize>().unwrap()];
+            for own in ["camera_unjittered", "camera_previous_unjittered"] {
+                let forms = [
+                    format!("{own}.view_proj{element} = 0f;"),
+                    format!("{own}.view_proj{column}.{letter} = 0f;"),
+                ];
+                assert!(
+                    forms.iter().any(|form| text.contains(form)),
+                    "{jitter}: {text}"
+                );
+            }
+        }
+    }
+    for beyond in [
+        "outputs:write=velocity,jitter=camera.view_proj[4].xy",
+        "outputs:write=velocity,jitter=camera.view_proj[2].q",
+        "outputs:write=velocity,jitter=camera.view_proj[2][4]",
+    ] {
+        let refused = outputs(beyond).unwrap_err();
+        assert!(refused.starts_with("outputs[no-such-name]"), "{refused}");
+    }
+}
+
+/// A light has no jitter.
+#[test]
+fn jitter_is_left_out_of_a_light_s_picture() {
+    for recipe in [
+        "outputs:write=shadow,jitter=camera.jitter",
+        "outputs:write=distance,jitter=camera.jitter",
+        "outputs:write=shadow,jitter=camera.jitter,map=lamp.view_proj=camera.view_proj",
+    ] {
+        let text = text(&outputs(recipe).unwrap());
+        assert!(!text.contains("camera.jitter"), "{recipe}: {text}");
+        assert!(text.contains("jitter_zero"), "{recipe}: {text}");
+    }
+}
+
+#[test]
+fn the_y_of_a_velocity_is_that_of_the_language_unless_it_is_said() {
+    for (recipe, y) in [
+        ("outputs:write=velocity", "-0.5f"),
+        ("outputs:write=velocity,y=up", "-0.5f"),
+        ("outputs:write=velocity,y=down", " 0.5f"),
+    ] {
+        let text = text(&outputs(recipe).unwrap());
+        assert!(
+            text.contains(&format!(
+                "vec2<f32>(0.5f,{}",
+                if y.starts_with('-') {
+                    format!(" {y}")
+                } else {
+                    y.to_owned()
+                }
+            )),
+            "{recipe}: {text}"
+        );
+    }
 }
 
 #[test]

@@ -277,6 +277,94 @@ fn what_nobody_can_say_is_refused_with_its_line() {
     }
 }
 
+/// Whatever form a test takes around the viewer's condition, inside it, or before it.
+#[test]
+fn a_test_of_a_texture_never_disappears() {
+    let near = "in.far < 20.0";
+    for cut in [
+        "if texel.a < 0.5 { if NEAR { discard; } }",
+        "if texel.a >= 0.5 { } else { if NEAR { discard; } }",
+        "let cut = texel.a < 0.5; if cut { if NEAR { discard; } }",
+        "if texel.a < 0.5 { maybe(in.far); }",
+        "if NEAR { if texel.a < 0.5 { if in.far > 1.0 { discard; } } }",
+        "for (var k = 0; k < 2; k++) { if texel.a < 0.5 { if NEAR { discard; } } }",
+    ] {
+        let shader = relief(&cut.replace("NEAR", near)).replace(
+            "@fragment",
+            "fn maybe(d: f32) { if d < 20.0 { discard; } }\n@fragment",
+        );
+        let plan = of(&shader, "outputs:write=shadow,view=drop");
+        let own = text(&plan.unwrap_or_else(|why| panic!("{cut}: {why}")));
+        assert!(own.contains("discard") && own.contains("0.5f"), "{own}");
+        assert!(!own.contains("20f"), "{cut}: {own}");
+    }
+    for cut in [
+        "if in.uv.x < 0.5 { if NEAR { discard; } }",
+        "if texel.a >= 0.5 { return texel; } if NEAR { discard; }",
+        "var hide = texel.a < 0.5; hide = hide && NEAR; if hide { discard; }",
+        "var keep = texel.a >= 0.5; keep = keep || in.far > 20.0; if !keep { discard; }",
+        "var hide = false; for (var k = 0; k < 3; k++) { if texel.a < 0.5 { hide = NEAR; } } if hide { discard; }",
+        "var hide = false; for (var k = 0; k < 3; k++) { if hide { discard; } hide = texel.a < 0.5 && NEAR; }",
+        "var hide = in.uv.x < 0.5; hide = hide && NEAR; if hide { discard; }",
+        "if hidden(texel.a, in.far) { discard; }",
+        "let near = NEAR; if near { discard; } if near { if texel.a < 0.5 { discard; } }",
+    ] {
+        let shader = relief(&cut.replace("NEAR", near)).replace(
+            "@fragment",
+            "fn hidden(a: f32, d: f32) -> bool { var h = a < 0.5; h = h && d < 20.0; return h; }
+            @fragment",
+        );
+        match of(&shader, "outputs:write=shadow,view=drop") {
+            Err(refused) => assert!(refused.starts_with("outputs[viewer-decides]"), "{refused}"),
+            Ok(plan) => panic!("{cut}: {}", text(&plan)),
+        }
+    }
+}
+
+/// Where the viewer is near, the material is thin. It would be thin everywhere.
+#[test]
+fn a_test_that_the_viewer_limits_stays_if_it_is_the_only_one() {
+    let other = "if texel.a < 0.5 { discard; }";
+    for limited in [
+        "if in.far < 1.0 && texel.r < 0.5 { discard; }",
+        "if in.far < 1.0 { if texel.r < 0.5 { discard; } }",
+        "if texel.r < 0.5 { if in.far < 1.0 { discard; } }",
+        "if dot(camera.eye - in.world, vec3(0.0, 1.0, 0.0)) < 0.0 && texel.r < 0.7 { discard; }",
+    ] {
+        dropped(limited).unwrap_or_else(|why| panic!("{limited}: {why}"));
+        for cut in [format!("{limited} {other}"), format!("{other} {limited}")] {
+            let refused = match dropped(&cut) {
+                Err(refused) => refused,
+                Ok(plan) => panic!("{cut}: {}", text(&plan)),
+            };
+            assert!(refused.starts_with("outputs[viewer-decides]"), "{refused}");
+        }
+        // One that disappears is no other.
+        let beside = format!("if in.far > 90.0 {{ discard; }} {limited}");
+        dropped(&beside).unwrap_or_else(|why| panic!("{beside}: {why}"));
+    }
+    let both = "if texel.a < 0.2 || (in.far < 1.0 && texel.a < 0.5) { discard; }";
+    assert!(dropped(both).is_err());
+}
+
+/// A decal reads its textures at places that the picture gives.
+#[test]
+fn a_texture_at_the_pixel_s_place_is_no_dither() {
+    for cut in [
+        "if fade < textureLoad(map, vec2<i32>(in.clip.xy), 0).r { discard; }",
+        "let at = camera.view_proj * vec4(in.clip.xy, textureLoad(heights, vec2<i32>(in.clip.xy), 0).r, 1.0);
+         if any(abs(at.xyz) > vec3(0.5)) { discard; }",
+        "let at = camera.view_proj * vec4(in.clip.xy, 0.0, 1.0);
+         if textureSampleLevel(map, s, at.xy, 0.0).a < 0.1 { discard; }",
+    ] {
+        let refused = match dropped(cut) {
+            Err(refused) => refused,
+            Ok(plan) => panic!("{cut}: {}", text(&plan)),
+        };
+        assert!(refused.starts_with("outputs[viewer-decides]"), "{refused}");
+    }
+}
+
 #[test]
 fn each_call_is_judged_apart() {
     let shader = relief("cut(texel.a * fade, 0.5); cut(texel.a, 0.1);").replace(

@@ -32,6 +32,17 @@ fn parameters_that_are_malformed_or_idle_are_slips() {
             "outputs:write=shadow,range=light.strength",
             "`range` has no effect",
         ),
+        (
+            "outputs:write=id,jitter=camera.jitter",
+            "`jitter` has no effect",
+        ),
+        ("outputs:write=id,y=down", "`y` has no effect"),
+        (
+            "outputs:write=velocity,static=light",
+            "does not read `light`",
+        ),
+        ("outputs:write=id,cutoff=-1", "from 0 to 1, and not -1"),
+        ("outputs:write=id,cutoff=1.5", "from 0 to 1, and not 1.5"),
         ("outputs:write=shadow,layout=view.wgsl", "without `map`"),
         (
             "outputs:write=shadow,map=light.view_proj",
@@ -112,6 +123,41 @@ fn a_cutoff_takes_the_place_of_alpha_to_coverage_and_blending() {
     let [with, without] = ["outputs:write=id,cutoff=0.5", "outputs:write=id"]
         .map(|recipe| text(&outputs(recipe).unwrap()));
     assert_eq!(with, without);
+}
+
+/// The alpha that blends is that of the blended target.
+#[test]
+fn a_cutoff_tests_the_alpha_of_the_blended_target() {
+    let shader = SHADER
+        .replace("@fragment fn fs(", "struct Targets { @location(0) ids: vec4<f32>, @location(1) colour: vec4<f32> }\n@fragment fn fs(")
+        .replace("-> @location(0) vec4<f32> {", "-> Targets {")
+        .replace(
+            "return vec4(surface.albedo * lit(n, v, light.direction) * light.strength, 1.0);",
+            "return Targets(vec4(surface.albedo, 0.75), vec4(surface.albedo, surface.roughness));",
+        );
+    let state = MaterialState {
+        targets: vec![
+            Some(ColorTarget::opaque("rgba8unorm")),
+            Some(ColorTarget {
+                blend: Some(Blend::ALPHA),
+                ..ColorTarget::opaque("rgba8unorm")
+            }),
+        ],
+        ..MaterialState::default()
+    };
+    let plan = Plan::original("test", common::program(&shader), "vs", Some("fs"), &state);
+    let made = Outputs::run(
+        &plan,
+        &Facts::default(),
+        &params("outputs:write=id,cutoff=0.25"),
+    );
+    let Ok(made) = made else { panic!("refused") };
+    let text = text(&made.plan);
+    assert!(
+        text.contains(">= 0.25f)") && !text.contains("0.75f"),
+        "{text}"
+    );
+    assert!(!text.contains("Targets("), "{text}");
 }
 
 #[test]

@@ -18,6 +18,7 @@ pub(super) fn declared(
     stages: &[GlslStage<'_>],
     interface: &Interface,
     clip: ClipSpace,
+    is_vulkan: bool,
 ) -> Declared {
     let mut out = Declared {
         loose: (!interface.uniforms.is_empty()).then(|| binding(interface.uniform_slot)),
@@ -25,7 +26,8 @@ pub(super) fn declared(
             ClipSpace::AsWritten => Depth::AsWritten,
             ClipSpace::OpenGl => Depth::OpenGl,
         },
-        y_down: is_y_down(clip),
+        // OpenGL's y points up with either range of depths (`glClipControl`).
+        y_down: is_vulkan && clip == ClipSpace::AsWritten,
         point_size: stages
             .iter()
             .any(|s| s.kind == ShaderStage::Vertex && s.used.contains("gl_PointSize")),
@@ -180,11 +182,6 @@ fn dropped(stages: &[GlslStage<'_>]) -> Vec<String> {
         );
     }
     out
-}
-
-/// Only Vulkan's clip space goes from 0 to 1 by default, and its y points down.
-pub(super) fn is_y_down(clip: ClipSpace) -> bool {
-    clip == ClipSpace::AsWritten
 }
 
 /// Binding numbers of texts that naga read unchanged.

@@ -90,7 +90,8 @@ fn parsed(
         _ => read_by_naga(texts).map(|modules| {
             let declared = Declared {
                 numbers: declared::as_bound(&modules),
-                y_down: declared::is_y_down(ClipSpace::AsWritten),
+                // naga reads Vulkan's GLSL alone.
+                y_down: true,
                 ..Declared::default()
             };
             (modules, declared)
@@ -280,9 +281,11 @@ fn lower(
     for (unit, text) in units.iter().zip(texts) {
         stages.push(GlslStage::collect(unit, text.stage, raised)?);
     }
-    let clip = options.clip_space.unwrap_or_else(|| clip_space(&stages));
+    let of_text = clip_space(&stages);
+    let clip = options.clip_space.unwrap_or(of_text);
     let mut interface = Interface::of(&mut stages)?;
-    let mut declared = declared::declared(&stages, &interface, clip);
+    let mut declared =
+        declared::declared(&stages, &interface, clip, of_text == ClipSpace::AsWritten);
     let lowered: Result<Vec<LoweredStage>, Error> = stages
         .iter_mut()
         .map(|stage| {

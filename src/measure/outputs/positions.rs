@@ -249,7 +249,13 @@ impl DrawPositions<'_> {
         let size = drawn.depth.size;
         let viewport = self.viewport.unwrap_or([0, 0, size[0], size[1]]);
         let program = self.plan.program(self.pass);
-        let is_down = program.is_some_and(|p| p.declared().y_down);
+        let said = self
+            .plan
+            .steps
+            .iter()
+            .find_map(|s| s.params.get("y")?.as_str());
+        let of_language = program.is_some_and(|p| p.declared().y_down);
+        let is_down = said.map_or(of_language, |y| y == "down");
         let parts = in_front(triangle).into_iter();
         let parts = parts.filter_map(|corners| OnScreen::new(corners, size, viewport, is_down));
         for on_screen in parts.filter(|part| !part.is_culled(self.pass)) {

@@ -9,10 +9,25 @@ use crate::graph::{FunctionGraph, StmtId};
 /// What remains of a condition.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Part {
-    /// A condition of the author's, and what it reads.
-    Author(Reads),
+    /// A condition of the author's.
+    Author {
+        /// What it reads.
+        reads: Reads,
+        /// Whether it was the author's only where something of the viewer's was so, as
+        /// `alpha < 0.5` in `near && alpha < 0.5`.
+        limited: bool,
+    },
     /// Nothing: the viewer alone decides it.
     Viewer,
+}
+
+impl Part {
+    fn author(reads: Reads) -> Self {
+        Self::Author {
+            reads,
+            limited: false,
+        }
+    }
 }
 
 impl Stage<'_, '_> {
@@ -22,6 +37,7 @@ impl Stage<'_, '_> {
     /// The first condition of which nobody can say what it is without the viewer.
     pub fn conditions(&self) -> Result<Changes, Unclear> {
         let mut changes = Changes::new();
+        let mut limits = Vec::new();
         for context in 0..self.values.contexts.len() {
             for (id, node) in self.f(context).statements.iter() {
                 let Statement::If {
@@ -55,13 +71,24 @@ impl Stage<'_, '_> {
                     (true, true) => return Err(Unclear(at)),
                     // The tests inside it stay.
                     (false, true) => discards_if,
+                    // So does a test around it.
+                    _ if self.is_in_test((context, id), at)? => discards_if,
                     _ => !discards_if,
                 };
-                if self.neutral(at, kept, &mut changes)? == Part::Viewer {
-                    changes.insert(at, Instead::Bool(kept));
+                let part = self.neutral(at, kept, &mut changes)?;
+                if part == Part::Viewer {
+                    let before = changes.insert(at, Instead::Bool(kept));
+                    // Another branch on the same value.
+                    if before.is_some_and(|before| before != Instead::Bool(kept)) {
+                        return Err(Unclear(at));
+                    }
+                }
+                if kept == discards_if || matches!(part, Part::Author { limited: true, .. }) {
+                    limits.push((at, id));
                 }
             }
         }
+        self.check_limits(&limits, &changes)?;
         Ok(changes)
     }
 
@@ -74,7 +101,7 @@ impl Stage<'_, '_> {
     /// `kept`, unless the author's part decides beside it.
     fn neutral(&self, at: At, kept: bool, changes: &mut Changes) -> Result<Part, Unclear> {
         if !self.depends(at) {
-            return Ok(Part::Author(self.reads(at)));
+            return Ok(Part::author(self.reads(at)));
         }
         let (context, e) = at;
         let f = self.f(context);
@@ -121,10 +148,10 @@ impl Stage<'_, '_> {
         match rest::of(self, at, Mode::Alpha) {
             Rest::Author(author) => {
                 changes.extend(author.changes);
-                Ok(Part::Author(self.reads(at)))
+                Ok(Part::author(self.reads(at)))
             }
-            Rest::Nothing => Ok(Part::Viewer),
-            Rest::Unclear => Err(Unclear(at)),
+            Rest::Nothing if !self.has_test(at) => Ok(Part::Viewer),
+            _ => Err(Unclear(at)),
         }
     }
 
@@ -142,11 +169,26 @@ impl Stage<'_, '_> {
         for ((side, negated), part) in sides.iter().zip(&mut parts) {
             *part = self.neutral(*side, kept != *negated, changes)?;
         }
-        let (viewer, author, reads) = match parts {
+        let (viewer, author, reads, limited) = match parts {
             [Part::Viewer, Part::Viewer] => return Ok(Part::Viewer),
-            [Part::Author(a), Part::Author(b)] => return Ok(Part::Author(a.max(b))),
-            [Part::Viewer, Part::Author(reads)] => (sides[0], sides[1], reads),
-            [Part::Author(reads), Part::Viewer] => (sides[1], sides[0], reads),
+            [
+                Part::Author { reads, limited },
+                Part::Author {
+                    reads: others,
+                    limited: other,
+                },
+            ] => {
+                // `alpha < 0.2 || near && alpha < 0.5`: a test of its own beside a limited one.
+                if either && (limited || other) {
+                    return Err(Unclear(sides[usize::from(other)].0));
+                }
+                return Ok(Part::Author {
+                    reads: reads.max(others),
+                    limited: limited || other,
+                });
+            }
+            [Part::Viewer, Part::Author { reads, limited }] => (sides[0], sides[1], reads, limited),
+            [Part::Author { reads, limited }, Part::Viewer] => (sides[1], sides[0], reads, limited),
         };
         // `near && alpha < 0.5` is `alpha < 0.5`; of `near && odd_pixel` nothing remains.
         match reads {
@@ -160,7 +202,10 @@ impl Stage<'_, '_> {
                 changes.insert(side, Instead::Bool((kept == either) != negated))
             }
         };
-        Ok(Part::Author(reads))
+        Ok(Part::Author {
+            reads,
+            limited: limited || !either,
+        })
     }
 
     fn comparison(
@@ -178,6 +223,7 @@ impl Stage<'_, '_> {
         let unclear = Err(Unclear(at));
         match rests {
             [Rest::Unclear, _] | [_, Rest::Unclear] => unclear,
+            [Rest::Nothing, Rest::Nothing] if self.has_test(at) => unclear,
             [Rest::Nothing, Rest::Nothing] => Ok(Part::Viewer),
             [Rest::Author(a), Rest::Author(b)] => {
                 // A sum's fade may be neutral at another number than 0.
@@ -187,7 +233,7 @@ impl Stage<'_, '_> {
                 }
                 changes.extend(a.changes);
                 changes.extend(b.changes);
-                Ok(Part::Author(self.reads(at)))
+                Ok(Part::author(self.reads(at)))
             }
             [Rest::Author(author), Rest::Nothing] => {
                 self.with_threshold(at, author, sides, changes)
@@ -207,14 +253,14 @@ impl Stage<'_, '_> {
         [value, threshold]: [At; 2],
         changes: &mut Changes,
     ) -> Result<Part, Unclear> {
-        if self.reads(value) == Reads::Nothing {
+        if self.reads(value) == Reads::Nothing && !self.has_test(at) {
             return Ok(Part::Viewer);
         }
         match rest::of(self, threshold, Mode::Threshold) {
             Rest::Author(other) => {
                 changes.extend(author.changes);
                 changes.extend(other.changes);
-                Ok(Part::Author(self.reads(at)))
+                Ok(Part::author(self.reads(at)))
             }
             _ => Err(Unclear(at)),
         }

@@ -14,6 +14,7 @@ use crate::analysis::view;
 use crate::graph::rate::Rate;
 use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId};
 
+mod beside;
 mod conditions;
 mod kills;
 mod loads;
@@ -67,6 +68,9 @@ pub struct Stage<'g, 'p> {
     /// Whether each value depends on a texture that is read at interpolated coordinates: the
     /// material's, and no pattern of pixels.
     textured: Vec<bool>,
+    /// Whether each value depends on a texture that is read at a place of the picture's: a dither's
+    /// pattern, or the surface below a decal.
+    screen: Vec<bool>,
 }
 
 /// What a value that the viewer has no part in reads of the material.
@@ -74,7 +78,7 @@ pub struct Stage<'g, 'p> {
 enum Reads {
     /// Nothing that differs on its surface: uniforms, the pixel's place.
     Nothing,
-    /// Interpolated inputs.
+    /// Interpolated inputs, or textures at a place of the picture's.
     Inputs,
     /// Textures.
     Textures,
@@ -99,14 +103,18 @@ impl<'g, 'p> Stage<'g, 'p> {
             |v| matches!(&values.values[*v].node, Node::Input(i) if is_location(&values, *i)),
         );
         let interpolated = with_users(&values, inputs.collect());
-        let texels = all.filter(|v| interpolated[*v] && is_texel(&values, *v));
-        let textured = with_users(&values, texels.collect());
+        let texels = all.filter(|v| is_texel(&values, *v));
+        let (texels, others): (Vec<_>, Vec<_>) = texels.partition(|v| interpolated[*v]);
+        let textured = with_users(&values, texels);
+        let others = others.into_iter().filter(|v| varies(&values, *v));
+        let screen = with_users(&values, others.collect());
         Some(Self {
             values,
             dependent,
             decides,
             interpolated,
             textured,
+            screen,
         })
     }
 
@@ -145,12 +153,16 @@ impl<'g, 'p> Stage<'g, 'p> {
         self.is(&self.textured, at)
     }
 
+    fn reads_screen(&self, at: At) -> bool {
+        self.is(&self.screen, at)
+    }
+
     /// What a value reads of the material. Of one that loses the viewer, an input at least is left.
     fn reads(&self, at: At) -> Reads {
-        let depends = self.depends(at);
+        let decides = self.depends(at) || self.reads_screen(at);
         match self.is_textured(at) {
             true => Reads::Textures,
-            false if depends || (self.is(&self.interpolated, at) && self.is_varying(at)) => {
+            false if decides || (self.is(&self.interpolated, at) && self.is_varying(at)) => {
                 Reads::Inputs
             }
             false => Reads::Nothing,
@@ -160,7 +172,7 @@ impl<'g, 'p> Stage<'g, 'p> {
     /// Whether an expression differs from fragment to fragment.
     fn is_varying(&self, (context, e): At) -> bool {
         let value = self.values.named(context, e);
-        value.is_some_and(|v| self.values.values[v].fact.rate > Rate::Instance)
+        value.is_some_and(|v| varies(&self.values, v))
     }
 
     /// Whether a statement runs only if something of the viewer's is so.
@@ -260,6 +272,11 @@ fn is_source(
         }
         _ => false,
     }
+}
+
+/// Whether a value differs from fragment to fragment.
+fn varies(values: &Values<'_, '_>, value: ValueId) -> bool {
+    values.values[value].fact.rate > Rate::Instance
 }
 
 fn is_of_position(values: &Values<'_, '_>, value: ValueId) -> bool {

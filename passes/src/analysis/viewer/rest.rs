@@ -179,7 +179,8 @@ impl Search<'_, '_, '_> {
 
     /// What nobody looks behind: lengths and directions, results of comparisons, other texels.
     pub(super) fn wall(&self, at: At) -> Rest {
-        match self.mode != Mode::Coordinates && self.stage.is_textured(at) {
+        let is_read = self.stage.is_textured(at) || self.stage.reads_screen(at);
+        match self.mode != Mode::Coordinates && is_read {
             true => Rest::Unclear,
             false => Rest::Nothing,
         }

@@ -181,7 +181,7 @@ impl Extending<'_, '_> {
                 let ready = Ready::Direction(captured, direction.clone(), encode);
                 (ready, self.ty(inner), format)
             }
-            Shows::Velocity(_) => {
+            Shows::Velocity(velocity) => {
                 let [now, before] = varyings.clip.as_ref().ok_or_else(missing)?;
                 let inner = TypeInner::Vector {
                     size: VectorSize::Bi,
@@ -192,8 +192,8 @@ impl Extending<'_, '_> {
                     false => "rg16float",
                 };
                 let arguments = [self.take(entry, now), self.take(entry, before)];
-                let is_down = self.opaque.program.declared().y_down;
-                (Ready::Velocity(arguments, is_down), self.ty(inner), format)
+                let ready = Ready::Velocity(arguments, velocity.is_down);
+                (ready, self.ty(inner), format)
             }
             Shows::Id => {
                 let instance = varyings.instance.as_ref().ok_or_else(missing)?;

@@ -24,6 +24,7 @@ mod capture;
 mod fragment;
 mod numbers;
 mod previous;
+pub mod steady;
 mod vertex;
 
 /// A picture to write.
@@ -94,8 +95,11 @@ pub struct Velocity {
     pub still: Vec<Member>,
     /// Locations of attributes that change.
     pub moving: BTreeSet<u32>,
-    /// Buffers, or parts of them, that are taken as 0 in both frames.
+    /// Buffers, or parts of them, that are taken as 0 in both frames. The steps may lead to a number
+    /// in a matrix, and the type is then the matrix's.
     pub jitter: Vec<Member>,
+    /// Whether the y of the clip position points down.
+    pub is_down: bool,
 }
 
 /// The extended material.

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use naga::{
-    AddressSpace, Expression, Function, GlobalVariable, Handle, Module, Span, Statement,
+    AddressSpace, Expression, Function, GlobalVariable, Handle, Literal, Module, Span, Statement,
     StorageAccess, Type, TypeInner,
 };
 
@@ -52,7 +52,14 @@ impl Unjittered<'_> {
             build.statement(Statement::Store { pointer, value });
         }
         for jitter in &self.jitter {
-            let zero = build.expression(Expression::ZeroValue(jitter.ty));
+            let is_matrix = matches!(
+                build.module().types[jitter.ty].inner,
+                TypeInner::Matrix { .. }
+            );
+            let zero = match is_matrix {
+                true => build.literal(Literal::F32(0.0)),
+                false => build.expression(Expression::ZeroValue(jitter.ty)),
+            };
             let pointer = pointer(&mut |e| build.expression(e), self.variable, &jitter.steps);
             build.statement(Statement::Store {
                 pointer,

@@ -2,8 +2,8 @@
 //! one value for each pixel.
 
 use naga::{
-    BinaryOperator, Binding, Block, Expression, Literal, Module, ScalarKind, ShaderStage, Span,
-    Statement, TypeInner, UnaryOperator, VectorSize,
+    BinaryOperator, Binding, Block, Expression, Handle, Literal, Module, ScalarKind, ShaderStage,
+    Span, Statement, TypeInner, UnaryOperator, VectorSize,
 };
 
 use super::names::refusal;
@@ -12,7 +12,9 @@ use crate::analysis::coverage::ALPHA;
 use crate::core::pass::Refusal;
 use crate::core::plan::{Phase, Plan, Role};
 use crate::core::reflect;
+use crate::core::state::ColorTarget;
 use crate::rebuild::returns;
+use crate::rebuild::writer::FunctionWriter;
 
 /// The plan with a main pass that discards below `cutoff`, and what it leaves out, in words. `None`:
 /// its alpha covers nothing.
@@ -42,10 +44,18 @@ pub fn tested(plan: &Plan, cutoff: Option<f32>) -> Result<Option<(Plan, String)>
         let (entry, _) = program.entry_point(ShaderStage::Fragment, name)?;
         Some((program, entry))
     });
-    let without = || refuse("but the fragment stage writes no alpha to location 0");
+    // Alpha to coverage takes the alpha of location 0; blending, that of each target.
+    let is_own = |t: &Option<ColorTarget>| t.as_ref().is_some_and(ColorTarget::is_blended);
+    let blended = pass.targets.iter().position(is_own).unwrap_or(0);
+    let location = match pass.multisample.alpha_to_coverage {
+        true => 0,
+        false => blended as u32,
+    };
+    let why = format!("but the fragment stage writes no alpha to location {location}");
+    let without = || refuse(&why);
     let (program, entry) = entry.ok_or_else(without)?;
     let mut module = program.module().clone();
-    test(&mut module, entry, cutoff).ok_or_else(without)?;
+    test(&mut module, entry, (location, cutoff)).ok_or_else(without)?;
     let program = program.with_module(module);
     let program = program.map_err(|e| Refusal::bug(NAME, e))?;
     let mut plan = with_main(plan, &program, None);
@@ -63,12 +73,12 @@ pub fn tested(plan: &Plan, cutoff: Option<f32>) -> Result<Option<(Plan, String)>
     Ok(Some((plan, left)))
 }
 
-/// Discards at each return of the fragment stage where alpha is below `cutoff`, or no number.
-fn test(module: &mut Module, entry: usize, cutoff: f32) -> Option<()> {
+/// Discards at each return of the fragment stage where the alpha of a location is below `cutoff`, or no number.
+fn test(module: &mut Module, entry: usize, (of, cutoff): (u32, f32)) -> Option<()> {
     let outputs = reflect::outputs(module, &module.entry_points[entry].function);
     let is_color = |binding: &Option<Binding>| {
-        let first = matches!(binding, Some(Binding::Location { location: 0, blend_src, .. })
-            if blend_src.is_none_or(|i| i == 0));
+        let first = matches!(binding, Some(Binding::Location { location, blend_src, .. })
+            if *location == of && blend_src.is_none_or(|i| i == 0));
         first
     };
     let index = outputs.iter().position(|io| is_color(&io.binding))?;
@@ -83,12 +93,11 @@ fn test(module: &mut Module, entry: usize, cutoff: f32) -> Option<()> {
     let is_struct = function.result.as_ref()?.binding.is_none();
     returns::rewrite(function, &mut |writer, value| {
         let value = value?;
-        let mut part = |base, index| writer.expression(Expression::AccessIndex { base, index });
         let color = match is_struct {
-            true => part(value, index as u32),
+            true => part(writer, value, index as u32, true),
             false => value,
         };
-        let left = part(color, ALPHA);
+        let left = part(writer, color, ALPHA, false);
         let right = writer.expression(Expression::Literal(Literal::F32(cutoff)));
         let covers = writer.expression(Expression::Binary {
             op: BinaryOperator::GreaterEqual,
@@ -112,4 +121,20 @@ fn test(module: &mut Module, entry: usize, cutoff: f32) -> Option<()> {
         Some(value)
     });
     Some(())
+}
+
+/// A member or a component, without the whole where the whole is composed of its parts.
+fn part(
+    writer: &mut FunctionWriter,
+    base: Handle<Expression>,
+    index: u32,
+    is_struct: bool,
+) -> Handle<Expression> {
+    match &writer.function.expressions[base] {
+        Expression::Compose { components, .. } if is_struct || components.len() == 4 => {
+            components[index as usize]
+        }
+        Expression::Splat { value, .. } => *value,
+        _ => writer.expression(Expression::AccessIndex { base, index }),
+    }
 }

@@ -2,10 +2,12 @@
 
 use naga::{Module, TypeInner};
 
-use super::{Asked, ColourTarget, Params, Precision, Viewer, list};
+use super::{Asked, ColourTarget, Params, Precision, Viewer, list, names};
+use crate::analysis::opaque::Opaque;
 use crate::core::mapping::{Mapping, Unknown};
 use crate::core::pass::Misnamed;
 use crate::core::state::DepthFormat;
+use crate::slice::{self, Criterion, OutputFilter};
 
 /// What is wrong with the parameters, whatever the material is.
 pub fn slip(params: &Params) -> Option<Misnamed> {
@@ -27,6 +29,13 @@ pub fn slip(params: &Params) -> Option<Misnamed> {
     }
     if let Err(malformed) = params.mappings() {
         return said(format!("in `map`, {malformed}"));
+    }
+    if let Some(cutoff) = params.cutoff
+        && !(0.0..=1.0).contains(&cutoff)
+    {
+        return said(format!(
+            "`cutoff` is an alpha from 0 to 1, and not {cutoff}"
+        ));
     }
     let (name, needs) = without_effect(params)?;
     said(format!("`{name}` has no effect without {needs}"))
@@ -75,9 +84,10 @@ fn without_effect(params: &Params) -> Option<(&'static str, &'static str)> {
         (
             "jitter",
             params.jitter.is_some(),
-            has(&Asked::Velocity),
-            VELOCITY,
+            has(&Asked::Velocity) || from_light,
+            "`write=velocity`, `write=shadow` or `write=distance`",
         ),
+        ("y", params.y.is_some(), has(&Asked::Velocity), VELOCITY),
         (
             "position",
             params.position.is_some(),
@@ -127,6 +137,21 @@ fn without_effect(params: &Params) -> Option<(&'static str, &'static str)> {
         .into_iter()
         .filter(|(_, given, used, _)| *given && !used);
     idle.next().map(|(name, _, _, needs)| (name, needs))
+}
+
+/// The first buffer of `static` that the position does not read.
+pub fn of_static(opaque: &Opaque<'_>, params: &Params) -> Option<Misnamed> {
+    let position = [Criterion::Output(OutputFilter::Position)];
+    let slice = slice::backward(&opaque.graph, opaque.vertex, &position);
+    let idle = list(params.still.as_deref()).find(|name| {
+        let found = names::still(opaque.program, std::iter::once(*name));
+        found.is_ok_and(|found| found.iter().all(|m| !slice.globals.contains(&m.global)))
+    })?;
+    Some(Misnamed {
+        message: format!("`static={idle}` has no effect: the position does not read `{idle}`"),
+        name: String::new(),
+        known: Vec::new(),
+    })
 }
 
 /// The first name of `map` that the material, or the layout, lacks.

@@ -6,7 +6,7 @@ use naga::{
     AddressSpace, Binding, GlobalVariable, Handle, Module, ScalarKind, TypeInner, VectorSize,
 };
 
-use super::{Asked, Params, list, refusals};
+use super::{Asked, Params, jitter, list, refusals};
 use crate::analysis::authored::{self, Authored};
 use crate::analysis::lit;
 use crate::analysis::opaque::Opaque;
@@ -54,16 +54,17 @@ pub fn misnamed(opaque: &Opaque<'_>, params: &Params) -> Option<Misnamed> {
         let refused = value(opaque, &name).err()?;
         found(&name, refused, values().collect())
     });
-    let buffers = [
-        &params.still,
-        &params.jitter,
-        &params.matrix,
-        &params.light,
-        &params.range,
-    ];
+    let buffers = [&params.still, &params.matrix, &params.light, &params.range];
     let mut buffers = buffers.into_iter().flat_map(|text| list(text.as_deref()));
     let of_value = of_value.or_else(|| {
         buffers.find_map(|name| found(name, member(module, name).err()?, paths().collect()))
+    });
+    let mut jitter = list(params.jitter.as_deref());
+    let of_value = of_value.or_else(|| {
+        jitter.find_map(|name| {
+            let refused = jitter::of(opaque.program, name).err()?;
+            found(name, refused, paths().collect())
+        })
     });
     of_value.or_else(|| {
         list(params.moving.as_deref()).find_map(|name| {

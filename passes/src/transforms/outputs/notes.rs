@@ -19,8 +19,13 @@ pub fn notes(opaque: &Opaque<'_>, params: &Params, wanted: &[Wanted]) -> Vec<Str
                 .to_owned(),
         );
     }
-    found.extend(wanted.iter().find_map(|w| match &w.shows {
+    found.extend(wanted.iter().filter_map(|w| match &w.shows {
         Shows::Distance(of) => Some(distance::described(of, params)),
+        Shows::Direction(normal, _) if params.normal.is_none() => Some(format!(
+            "`outputs-normal` holds {}, which meets a light in a dot product. If that is no normal, \
+             such as a tangent of hair, name it: `normal=NAME`",
+            normal.described(opaque.program)
+        )),
         _ => None,
     }));
     let module = opaque.program.module();

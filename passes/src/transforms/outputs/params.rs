@@ -29,6 +29,16 @@ pub enum Viewer {
     Drop,
 }
 
+/// Where the y of the clip position points.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum ClipY {
+    /// To the top of the picture, as in WebGPU, OpenGL, Direct3D and Metal.
+    Up,
+    /// To the bottom, as in Vulkan.
+    Down,
+}
+
 /// What is bound where a pass needs no colour.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
@@ -68,10 +78,16 @@ pub struct Params {
     /// that the CPU moves), by name, joined by `+`. A GLSL matrix is one name. Default: none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub moving: Option<String>,
-    /// `velocity`: uniforms, or parts of them, that shift the picture by a part of a pixel, joined
-    /// by `+`: `frame.camera.jitter`. They count as 0 in both frames.
+    /// `velocity`, `shadow` and `distance`: uniforms, or parts of them, that shift the picture by a part of a pixel, joined
+    /// by `+`: `frame.camera.jitter`. They count as 0, in both frames. Numbers of a matrix are named as
+    /// in `camera.proj[2].xy`, columns first.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub jitter: Option<String>,
+    /// `velocity`: where the y of your clip position points in the picture. Default: that of the
+    /// language, `down` for Vulkan's GLSL and SPIR-V and `up` for others. With a viewport of negative
+    /// height, it is `up` in Vulkan.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub y: Option<ClipY>,
     /// `distance`: the position that it is measured from, by the name of a value of the fragment
     /// stage; one of four components is divided by the fourth. Default: the vector that the view's matrix turns into the clip position.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -129,6 +145,7 @@ impl Default for Params {
             still: None,
             moving: None,
             jitter: None,
+            y: None,
             position: None,
             light: None,
             range: None,

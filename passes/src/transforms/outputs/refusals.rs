@@ -13,6 +13,10 @@ refusals! {
     HAS_OUTPUTS = "has-outputs":
         "The plan already has a pass of outputs.",
         "Name all outputs in one step: `outputs:write=normal+velocity`.";
+    JITTER_MATRIX = "jitter-matrix":
+        "Jitter counts as 0, and a position that is multiplied by a matrix of zeros is none.",
+        "Name the offset: a member of its own, or the numbers of the matrix that hold it, as in \
+         `jitter=camera.proj[2].xy`.";
     MIXED_VIEWS = "mixed-views":
         "A shadow map and distances are drawn from a light's view, depth and velocity from the camera's.",
         "Write them by two recipes, or take `shadow` for the map.";
