@@ -34,8 +34,8 @@ Examples:
 
 Bindings are matched by group and number, then by name and type, then by --map; attributes by
 location, then by name. Where number and name disagree, --as same takes the number if both programs
-are of one language; otherwise the name decides. Exit status: 0 the two agree, 1 they don't, 2 bad usage or input, 3 nothing
-could be evaluated.")]
+are of one language; otherwise the name decides. Exit status: 0 the two agree, 1 they don't, 2 bad usage or input, 3 a
+part of what was asked could not be evaluated.")]
 pub struct AgreeArgs {
     /// The files of the other program, separated by commas: one file with both entry points, or a
     /// vertex and a fragment file.
@@ -316,7 +316,7 @@ pub fn run(args: &AgreeArgs) -> Result<Ending, Failure> {
     }
     Ok(match () {
         () if report.is_broken() => Ending::ContractBroken,
-        () if report.is_nothing() && report.unchanged == 0 => Ending::NotMeasured,
+        () if report.is_partial() => Ending::NotMeasured,
         () => Ending::Fine,
     })
 }

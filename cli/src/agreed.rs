@@ -136,7 +136,14 @@ impl Pair {
                 format!("proved: the same slice, and agreed on {inputs} inputs")
             }
             Outcome::Proved { .. } => "proved: the same operations".to_owned(),
-            Outcome::Agreed { inputs } => format!("agreed on {inputs} inputs"),
+            Outcome::Agreed {
+                inputs,
+                cut_from: None,
+            } => format!("agreed on {inputs} inputs"),
+            Outcome::Agreed {
+                inputs,
+                cut_from: Some(all),
+            } => format!("agreed on {inputs} of {all} inputs: too expensive for more"),
             Outcome::NotEvaluated { why } => format!("not evaluated: {why}"),
             Outcome::Differs => {
                 let names: Vec<&str> = of_it().map(|j| j.finding.class.name()).collect();
@@ -149,8 +156,11 @@ impl Pair {
         }
     }
 
-    fn is_nothing(&self) -> bool {
-        self.agreement.is_nothing()
+    /// Whether a part of what was asked was not evaluated, and no waiver accepts that.
+    fn is_partial(&self) -> bool {
+        let waived = self.findings.iter().filter(|j| j.waived.is_some());
+        let waived: Vec<&str> = waived.map(|j| j.finding.words.as_str()).collect();
+        self.agreement.is_nothing() || self.agreement.not_evaluated(&waived).is_some()
     }
 }
 
@@ -201,9 +211,10 @@ impl Report {
         findings.any(|j| j.breaks)
     }
 
-    /// Whether nothing was evaluated.
-    pub fn is_nothing(&self) -> bool {
-        self.pairs.iter().all(Pair::is_nothing)
+    /// Whether a part of what was asked was not evaluated.
+    pub fn is_partial(&self) -> bool {
+        let is_all_unread = self.pairs.is_empty() && self.unchanged == 0;
+        is_all_unread || self.pairs.iter().any(Pair::is_partial)
     }
 
     /// The report for people.
@@ -269,6 +280,9 @@ impl Report {
             .filter(|p| p.findings.iter().any(|j| j.breaks));
         let (broken, all) = (broken.count(), self.pairs.len());
         let _ = match broken {
+            0 if self.is_partial() => {
+                writeln!(out, "### Shaders: {all} compared, not all evaluated\n")
+            }
             0 => writeln!(out, "### Shaders: {all} compared, none differs\n"),
             _ => writeln!(out, "### Shaders: {broken} of {all} differ\n"),
         };

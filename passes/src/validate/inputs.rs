@@ -119,6 +119,8 @@ pub struct Inputs {
     texels: BTreeMap<(u32, u32, u32), f32>,
     /// Attribute components that a guard fixes.
     attributes: BTreeMap<(u32, u32), f32>,
+    /// Locations whose attributes have another location's numbers.
+    same: BTreeMap<u32, u32>,
     /// Numbers that inputs reach.
     numbers: Option<Arc<Numbers>>,
 }
@@ -192,6 +194,7 @@ impl Inputs {
             levels: Arc::default(),
             texels: BTreeMap::new(),
             attributes: BTreeMap::new(),
+            same: BTreeMap::new(),
             numbers: None,
         };
         for assumed in guard.into_iter().flat_map(|g| &g.values) {
@@ -257,6 +260,12 @@ impl Inputs {
         self.attributes.insert((location, component), value);
     }
 
+    /// Gives the attributes of the first location of each pair the numbers of the second, and all
+    /// others numbers of their own.
+    pub(super) fn same_numbers(&mut self, pairs: &[(u32, u32)]) {
+        self.same = pairs.iter().copied().collect();
+    }
+
     fn assume(&mut self, module: &Module, assumed: &Assumed) {
         let mut random = Random::new(self.seed, &assumed.name);
         let number = within(assumed, &mut random);
@@ -318,7 +327,13 @@ impl Inputs {
 
     /// An input of a vertex stage at a corner of the triangle.
     pub fn attribute(&self, module: &Module, io: &Io, corner: usize) -> Option<Value> {
-        let slot = Slot::of(io.binding.as_ref()?);
+        let slot = match Slot::of(io.binding.as_ref()?) {
+            Slot::Location(location, blend) => {
+                let other = self.same.get(&location);
+                Slot::Location(other.copied().unwrap_or(location), blend)
+            }
+            slot => slot,
+        };
         let mut random = Random::new(self.seed, &format!("vertex {slot} {corner}"));
         match slot {
             Slot::BuiltIn(BuiltIn::VertexIndex) => {

@@ -15,7 +15,7 @@ use preshade_passes::validate::agree::{
 const MAIN: &str = include_str!("../../../fixtures/agree/leaf.wgsl");
 const SHADOW: &str = include_str!("../../../fixtures/agree/leaf.shadow.wgsl");
 
-fn plan(name: &str, text: &str) -> Plan {
+pub fn plan(name: &str, text: &str) -> Plan {
     let module = wgsl::parse_str(text).unwrap();
     let mut sources = SourceMap::new();
     sources.add(name, text);
@@ -27,7 +27,7 @@ fn plan(name: &str, text: &str) -> Plan {
     Plan::original(name, program, "vs", fragment.as_deref(), &state)
 }
 
-fn held(
+pub fn held(
     relation: Relation,
     first: &str,
     second: &str,
@@ -41,7 +41,7 @@ fn held(
     answered(question, first, second)
 }
 
-fn answered(question: Question<'_>, first: &str, second: &str) -> Result<Agreement, Mismatch> {
+pub fn answered(question: Question<'_>, first: &str, second: &str) -> Result<Agreement, Mismatch> {
     let effort = Effort {
         inputs: 480,
         ..Effort::default()
@@ -51,7 +51,7 @@ fn answered(question: Question<'_>, first: &str, second: &str) -> Result<Agreeme
 }
 
 /// The classes of findings, without the note on rounding that most pre-passes get.
-fn classes(agreement: &Agreement) -> Vec<Class> {
+pub fn classes(agreement: &Agreement) -> Vec<Class> {
     let classes = agreement.findings.iter().map(|f| f.class);
     classes.filter(|class| *class != Class::Variant).collect()
 }
@@ -642,14 +642,17 @@ fn a_pair_has_a_budget() {
         steps: 10_000,
         ..Effort::default()
     };
-    for (fetches, expected) in [(4, 480..=1920), (100, 16..=300), (900, 0..=0)] {
+    for (fetches, expected) in [(4, 480..=1920), (100, 120..=300), (900, 0..=0)] {
         let half = fetches / 2;
         let first = plan("main.wgsl", &material(fetches, &format!("{half}.0")));
         let second = material(fetches, "0.0").replace("if a <", &format!("if a - {half}.0 <"));
         let second = plan("other.wgsl", &second);
         let agreement = agree(&first, &second, Relation::Discard.into(), &effort).unwrap();
         let inputs = match &agreement.promises[0].outcome {
-            Outcome::Agreed { inputs } => *inputs,
+            Outcome::Agreed { inputs, cut_from } => {
+                assert_eq!(cut_from.is_some(), fetches == 100);
+                *inputs
+            }
             Outcome::NotEvaluated { why } => {
                 assert!(why.contains("step limit"), "{why}");
                 0

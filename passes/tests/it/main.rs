@@ -7,6 +7,7 @@ mod metamorphic_support;
 mod uniformity_cases;
 
 mod agree;
+mod agree_claims;
 mod agree_planted;
 mod bound;
 mod budgets;

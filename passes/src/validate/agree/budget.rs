@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use crate::evaluate::Stuck;
 use crate::validate::inputs::{Inputs, Resources};
-use crate::validate::stage::Ran;
+use crate::validate::stage::{POSITION, Ran};
 use crate::validate::world::{self, PassStages, TestPoint, Texels};
 
 /// All runs of a pair on numbers take as many steps as this many of the longest runs.
@@ -15,9 +15,6 @@ const RUNS: u64 = 160;
 
 /// All runs of a promise on terms.
 const RUNS_OF_TERMS: u64 = 10;
-
-/// With fewer inputs a promise does not count as tried.
-pub(super) const FEWEST: u64 = 16;
 
 /// The steps that a pair may still take.
 pub(super) struct Budget {
@@ -60,6 +57,11 @@ impl Budget {
         self.left.get() <= allowed
     }
 
+    /// The steps that are left.
+    pub(super) fn left(&self) -> u64 {
+        self.left.get()
+    }
+
     /// Counts a run.
     pub(super) fn spend(&self, steps: u64) {
         self.left.set(self.left.get().saturating_sub(steps));
@@ -97,6 +99,41 @@ impl<'i> Draw<'i> {
         }
     }
 
+    /// Whether the first program's vertices of a place are in view: the whole triangle, or a corner.
+    pub(super) fn is_seen(&self, place: TestPoint, steps: u64) -> bool {
+        let Ok(corners) = self.corners(0, steps) else {
+            return false;
+        };
+        let is_seen = |ran: &Ran| {
+            let position = ran.outputs.get(&POSITION);
+            let position = position.and_then(|p| p.floats().ok()).unwrap_or_default();
+            let [x, y, z, w] = position[..] else {
+                return false;
+            };
+            let is_inside = x.abs() <= w && y.abs() <= w && (0.0..=w).contains(&z);
+            w > 0.0 && w.is_finite() && is_inside
+        };
+        match place {
+            TestPoint::Corner(corner) => corners.get(corner).is_some_and(is_seen),
+            _ => corners.iter().all(is_seen),
+        }
+    }
+
+    /// The vertices of a program.
+    fn corners(&self, program: usize, steps: u64) -> Result<&[Ran; 3], Stuck> {
+        let corners = self.corners[program].get_or_init(|| {
+            let attached = BTreeMap::new();
+            let world = world::concrete(self.inputs, &attached, Texels::Waves);
+            let corners = world.corners(self.stages[program].vertex, steps, &|_| None);
+            match &corners {
+                Ok(corners) => self.budget.spend(corners.iter().map(|ran| ran.steps).sum()),
+                Err(_) => self.budget.spend(steps),
+            }
+            corners
+        });
+        corners.as_ref().map_err(Clone::clone)
+    }
+
     /// Runs a program at a place.
     pub(super) fn run(&self, program: usize, place: TestPoint, steps: u64) -> Result<Ran, Stuck> {
         let attached = BTreeMap::new();
@@ -112,18 +149,8 @@ impl<'i> Draw<'i> {
             spent(&ran);
             return ran;
         };
-        let corners = self.corners[program].get_or_init(|| {
-            let corners = world.corners(stages.vertex, steps, &|_| None);
-            match &corners {
-                Ok(corners) => self.budget.spend(corners.iter().map(|ran| ran.steps).sum()),
-                Err(_) => self.budget.spend(steps),
-            }
-            corners
-        });
-        let ran = match corners {
-            Ok(corners) => world.shaded(fragment, place, corners, steps, None),
-            Err(stuck) => return Err(stuck.clone()),
-        };
+        let corners = self.corners(program, steps)?;
+        let ran = world.shaded(fragment, place, corners, steps, None);
         spent(&ran);
         ran
     }

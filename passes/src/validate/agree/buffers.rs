@@ -3,7 +3,7 @@
 use naga::{AddressSpace, GlobalVariable, Handle, Module, Type};
 
 use super::Relation;
-use super::fed::{Cast, Rule, cast, plain};
+use super::fed::{Cast, Rule, cast, cast_by, offsets, plain};
 use super::matching::{By, Matcher};
 use super::parts::{Part, beside};
 use crate::core::mapping;
@@ -52,6 +52,21 @@ pub(super) fn leaves(module: &Module) -> Vec<Leaf> {
     all
 }
 
+/// Leaves that are the bias of a depth by their name.
+pub(super) fn biases(module: &Module) -> Vec<((u32, u32), Vec<usize>)> {
+    let leaves = leaves(module).into_iter();
+    let biases = leaves.filter(|leaf| {
+        let name = leaf.name.to_lowercase();
+        let is_level = ["lod", "mip"].iter().any(|word| name.contains(word));
+        name.contains("bias") && !is_level && mapping::members(module, leaf.ty).is_empty()
+    });
+    let placed = biases.filter_map(|leaf| {
+        let at = evaluate::place(&module.global_variables[leaf.global])?;
+        Some((at, leaf.steps))
+    });
+    placed.collect()
+}
+
 impl Matcher<'_> {
     /// A buffer.
     pub(super) fn data(&mut self, global: Handle<GlobalVariable>) {
@@ -70,8 +85,10 @@ impl Matcher<'_> {
         let fits = |v: &GlobalVariable, by_number: bool| {
             let is_data = v.space != AddressSpace::Handle;
             let is_kind = !by_number || std::mem::discriminant(&v.space) == kind;
+            let (a, b) = ((self.theirs, ty), (self.ours, v.ty));
+            let is_by_offset = self.is_bound_by_number(variable, v);
             (is_data && is_kind)
-                .then(|| cast((self.theirs, ty), (self.ours, v.ty)))
+                .then(|| cast_by(a, b, is_by_offset))
                 .flatten()
         };
         // What the last frame had is no partner of the same name: it was another value of this frame's.
@@ -80,6 +97,9 @@ impl Matcher<'_> {
             || self.relation == Relation::Velocity && is_previous_path(&name);
         let whole = self.partner(global, &fits).filter(|_| !is_split);
         let name = name.to_string();
+        if let Some((our, cast, _)) = &whole {
+            self.tell_offsets((global, ty), *our, cast);
+        }
         if let Some((our, Cast::Same, by)) = &whole
             && mapped.is_empty()
             && self.is_same_space(global, *our)
@@ -102,6 +122,35 @@ impl Matcher<'_> {
                 self.rule(theirs, (our.global, &our.steps), cast, By::Map);
             }
         }
+    }
+
+    /// Notes members of one binding that are not where the other program has them.
+    fn tell_offsets(
+        &mut self,
+        (global, ty): (Handle<GlobalVariable>, Handle<Type>),
+        our: Handle<GlobalVariable>,
+        cast: &Cast,
+    ) {
+        let variable = &self.ours.global_variables[our];
+        if self.theirs.global_variables[global].binding != variable.binding {
+            return;
+        }
+        let (theirs, ours) = (offsets(self.theirs, ty), offsets(self.ours, variable.ty));
+        let names = mapping::members(self.theirs, ty);
+        let pairs: Vec<(usize, usize)> = match cast {
+            Cast::Same => (0..theirs.len().min(ours.len())).map(|i| (i, i)).collect(),
+            Cast::Members(all) => all.iter().map(|(i, j, _)| (*i, *j)).collect(),
+            _ => return,
+        };
+        let moved = pairs.into_iter().filter(|(i, j)| theirs[*i] != ours[*j]);
+        let moved = moved.map(|(i, j)| {
+            format!(
+                "`{}` is at byte {} there and at byte {} here",
+                names[i].0, theirs[i], ours[j]
+            )
+        });
+        let moved: Vec<String> = moved.take(3).collect();
+        self.notes.extend(moved);
     }
 
     /// Whether a type of theirs has values of two frames.
@@ -183,6 +232,21 @@ impl Matcher<'_> {
         }
     }
 
+    /// Whether a host that fills our part fills theirs: in one binding, the bytes must be the same.
+    fn is_where_it_was(
+        &self,
+        (global, steps): (Handle<GlobalVariable>, &[usize]),
+        leaf: &Leaf,
+    ) -> bool {
+        let (theirs, ours) = (
+            &self.theirs.global_variables[global],
+            &self.ours.global_variables[leaf.global],
+        );
+        theirs.binding != ours.binding
+            || !self.is_bound_by_number(theirs, ours)
+            || offset(self.theirs, theirs.ty, steps) == offset(self.ours, ours.ty, &leaf.steps)
+    }
+
     /// The part of ours with the same path, or the only one with the same last name.
     fn named(
         &self,
@@ -200,6 +264,7 @@ impl Matcher<'_> {
             .leaves
             .iter()
             .filter(|leaf| !last.is_empty() && plain(&leaf.name) == last)
+            .filter(|leaf| self.is_where_it_was((global, steps), leaf))
             .filter_map(|leaf| Some((leaf, cast((self.theirs, ty), (self.ours, leaf.ty))?)))
             .collect();
         let is_same_path = |leaf: &Leaf| {
@@ -219,6 +284,19 @@ impl Matcher<'_> {
             });
         chosen.map(|(leaf, cast)| (leaf.global, leaf.steps.clone(), cast.clone()))
     }
+}
+
+/// Where a part outside of arrays begins.
+fn offset(module: &Module, ty: Handle<Type>, steps: &[usize]) -> u32 {
+    let (mut at, mut ty) = (0, ty);
+    for step in steps {
+        at += offsets(module, ty).get(*step).copied().unwrap_or(0);
+        match mapping::members(module, ty).get(*step) {
+            Some((_, member)) => ty = *member,
+            None => break,
+        }
+    }
+    at
 }
 
 /// The words by which a name says that it holds the last frame's value.
@@ -249,6 +327,23 @@ fn without_previous(name: &str) -> String {
 fn is_previous(name: &str) -> bool {
     let bare = without_previous(name);
     plain(&bare) != plain(name)
+}
+
+/// The last name of a path, without the numbers of elements.
+pub(super) fn last_name(path: &mapping::Path) -> &str {
+    let is_number = |name: &&String| name.starts_with(|c: char| c.is_ascii_digit());
+    let mut members = path.members.iter().rev();
+    members.find(|n| !is_number(n)).unwrap_or(&path.variable)
+}
+
+/// Whether a path says that it holds the last frame's value of what has this name.
+pub(super) fn is_previous_of(path: &mapping::Path, name: &str) -> bool {
+    is_previous_path(path) && plain(&without_previous(last_name(path))) == plain(name)
+}
+
+/// Whether an attribute of the one name is the last frame's of the other.
+pub(super) fn is_previous_name(previous: &str, name: &str) -> bool {
+    is_previous(previous) && plain(&without_previous(previous)) == plain(name)
 }
 
 fn is_previous_path(path: &mapping::Path) -> bool {

@@ -9,7 +9,7 @@ use super::{Class, Relation};
 use crate::core::state::DepthDirection;
 use crate::evaluate::{Number, Scalar, Value};
 use crate::validate::compare::{self, Colors, Depths, Discards, Stores, text};
-use crate::validate::inputs::{Inputs, Profile};
+use crate::validate::inputs::Inputs;
 use crate::validate::stage::{POSITION, Ran, Slot};
 use crate::validate::world::{self, TestPoint};
 
@@ -223,39 +223,73 @@ pub(super) fn clamp_depth(ran: &mut Ran) {
     }
 }
 
-/// Whether the second puts a vertex nearer than the first, if the first one's is in view.
-pub(super) fn nearer(first: &Ran, second: &Ran, direction: DepthDirection) -> Option<bool> {
+/// How far a bias moves a depth at most, as a share of the range of depths.
+const MOST_BIAS: f32 = 0.05;
+
+/// How a second depth of one vertex is biased.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Bias {
+    Nearer,
+    Farther,
+    /// The first one's vertex is out of view.
+    Unseen,
+    /// It is another depth.
+    None,
+}
+
+/// Whether the depth of a vertex is in view.
+pub(super) fn is_viewed(first: &Ran) -> bool {
+    let position = first.outputs.get(&POSITION).and_then(|p| p.floats().ok());
+    matches!(position.as_deref(), Some([_, _, z, w]) if *w > 0.0 && (0.0..=*w).contains(z))
+}
+
+/// How the second's depth of a vertex is biased.
+pub(super) fn bias(first: &Ran, second: &Ran, direction: DepthDirection) -> Bias {
     let position = |ran: &Ran| ran.outputs.get(&POSITION)?.floats().ok();
-    let (a, b) = (position(first)?, position(second)?);
-    let ([_, _, ours, w], [_, _, theirs, _]) = (&a[..], &b[..]) else {
-        return None;
+    let (Some(a), Some(b)) = (position(first), position(second)) else {
+        return Bias::None;
     };
-    let is_seen = *w > 0.0 && (0.0..=*w).contains(ours) && theirs.is_finite() && ours != theirs;
-    is_seen.then(|| (theirs < ours) == (direction == DepthDirection::Forward))
+    let ([_, _, ours, w], [_, _, theirs, _]) = (&a[..], &b[..]) else {
+        return Bias::None;
+    };
+    let is_seen = is_viewed(first);
+    let is_usual = ours.is_finite() && w.is_finite();
+    match (theirs - ours).abs() <= MOST_BIAS * ours.abs().max(*w) {
+        _ if is_usual && !theirs.is_finite() => Bias::None,
+        // It is clipped.
+        _ if *w <= 0.0 || !is_usual => Bias::Unseen,
+        true if is_seen && theirs != ours => {
+            match (theirs < ours) == (direction == DepthDirection::Forward) {
+                true => Bias::Nearer,
+                false => Bias::Farther,
+            }
+        }
+        true => Bias::Unseen,
+        // Nothing is lost between the light and its near plane.
+        false if *theirs == ours.clamp(0.0, *w) => Bias::Unseen,
+        // Its own bias comes first.
+        false if (theirs - ours.clamp(0.0, *w)).abs() <= MOST_BIAS * w => Bias::Unseen,
+        false => Bias::None,
+    }
 }
 
 /// What differs from the velocity at rest on other inputs.
 pub(super) fn moving(
-    inputs: &Inputs,
     second: &Ran,
     slot: Slot,
     rest: &mut Option<Value>,
 ) -> Option<(Class, [String; 3])> {
-    let is_plain = matches!(inputs.profile, Profile::Ordinary | Profile::Equal);
-    if second.discarded || !is_plain {
-        return None;
-    }
     let value = second.outputs.get(&slot)?;
     let parts = value
         .parts()
         .map(|p| Value::Composite(p[..p.len().min(2)].to_vec()));
     let value = parts.unwrap_or_else(|_| value.clone());
+    let numbers = |v: &Value| v.floats().unwrap_or_default();
+    if !numbers(&value).iter().all(|x| x.is_finite()) {
+        let output = ["the velocity".to_owned(), String::new(), text(&value)];
+        return Some((Class::Moves, output));
+    }
     let known = rest.get_or_insert_with(|| value.clone());
-    let numbers = |v: &Value| {
-        v.floats()
-            .or_else(|_| v.float().map(|x| vec![x]))
-            .unwrap_or_default()
-    };
     let mut pairs = numbers(known).into_iter().zip(numbers(&value));
     // A division by w and its product are rounded.
     let is_far = |(a, b): (f32, f32)| (a - b).abs() > 1e-3 * (1.0 + a.abs());

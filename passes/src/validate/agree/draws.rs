@@ -59,7 +59,17 @@ impl Two<'_> {
             inputs = inputs.spread(&self.numbers, [ours, theirs]);
         }
         let mut inputs = inputs.with_levels(&Arc::new(Levels::all(reading)));
+        // A bias is small.
+        for (at, steps) in &self.matching.biases {
+            let resources = Arc::make_mut(&mut inputs.resources);
+            if let Some(value) = resources.get_mut(at)
+                && let Some(value) = fed::part_mut(value, steps)
+            {
+                shrink(value);
+            }
+        }
         fed::feed(rules, Arc::make_mut(&mut inputs.resources));
+        inputs.same_numbers(&self.matching.previous_inputs);
         for (location, component) in &self.matching.filled {
             let value = if *component == 3 { 1.0 } else { 0.0 };
             inputs.fix_attribute(*location, *component, value);
@@ -91,6 +101,15 @@ impl Two<'_> {
                 }
             }
         }
+    }
+}
+
+/// Makes ordinary numbers those of a bias.
+fn shrink(value: &mut Value) {
+    match value {
+        Value::Scalar(Scalar::F32(x)) if x.abs() < 1e6 => *x = (*x * 0.01).clamp(-0.04, 0.04),
+        Value::Composite(parts) => parts.iter_mut().for_each(shrink),
+        _ => {}
     }
 }
 

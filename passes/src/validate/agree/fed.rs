@@ -42,9 +42,15 @@ pub(super) struct Rule {
 }
 
 /// How our type becomes theirs; `None` if they don't hold the same.
-pub(super) fn cast(
+pub(super) fn cast(theirs: (&Module, Handle<Type>), ours: (&Module, Handle<Type>)) -> Option<Cast> {
+    cast_by(theirs, ours, false)
+}
+
+/// The same; if so told, members are partners by their offset, as one host fills them.
+pub(super) fn cast_by(
     (theirs, their): (&Module, Handle<Type>),
     (ours, our): (&Module, Handle<Type>),
+    is_by_offset: bool,
 ) -> Option<Cast> {
     use TypeInner as T;
     match (&theirs.types[their].inner, &ours.types[our].inner) {
@@ -59,7 +65,7 @@ pub(super) fn cast(
                 base: b, size: m, ..
             },
         ) => {
-            let element = cast((theirs, *a), (ours, *b))?;
+            let element = cast_by((theirs, *a), (ours, *b), is_by_offset)?;
             let is_runtime = |size: &ArraySize| !matches!(size, ArraySize::Constant(_));
             let is_same = n == m || (is_runtime(n) && is_runtime(m));
             Some(match element {
@@ -67,13 +73,15 @@ pub(super) fn cast(
                 element => Cast::Elements(Box::new(element)),
             })
         }
-        (T::Struct { .. }, T::Struct { .. }) => of_members((theirs, their), (ours, our)),
+        (T::Struct { .. }, T::Struct { .. }) => {
+            of_members((theirs, their), (ours, our), is_by_offset)
+        }
         (T::Struct { members, .. }, _) if let [one] = &members[..] => {
-            let inner = cast((theirs, one.ty), (ours, our))?;
+            let inner = cast_by((theirs, one.ty), (ours, our), is_by_offset)?;
             Some(Cast::Wrapped(Box::new(inner)))
         }
         (_, T::Struct { members, .. }) if let [one] = &members[..] => {
-            let inner = cast((theirs, their), (ours, one.ty))?;
+            let inner = cast_by((theirs, their), (ours, one.ty), is_by_offset)?;
             Some(Cast::Unwrapped(Box::new(inner)))
         }
         (a @ (T::Vector { .. } | T::Matrix { .. }), b) => (a == b).then_some(Cast::Same),
@@ -85,12 +93,27 @@ pub(super) fn cast(
 fn of_members(
     (theirs, their): (&Module, Handle<Type>),
     (ours, our): (&Module, Handle<Type>),
+    is_by_offset: bool,
 ) -> Option<Cast> {
     let (a, b) = (members(theirs, their), members(ours, our));
     let one = |(i, (_, their)): (usize, &(String, Handle<Type>)), j: usize| {
         let (_, our) = b.get(j)?;
-        Some((i, j, cast((theirs, *their), (ours, *our))?))
+        let cast = cast_by((theirs, *their), (ours, *our), is_by_offset)?;
+        Some((i, j, cast))
     };
+    if is_by_offset {
+        let (at, to) = (offsets(theirs, their), offsets(ours, our));
+        let place = |i: usize| to.iter().position(|offset| at.get(i) == Some(offset));
+        let all = a.iter().enumerate();
+        let all: Vec<_> = all
+            .map(|member| one(member, place(member.0)?))
+            .collect::<Option<_>>()?;
+        let is_same = a.len() == b.len() && all.iter().all(|(i, j, c)| i == j && *c == Cast::Same);
+        return Some(match is_same {
+            true => Cast::Same,
+            false => Cast::Members(all),
+        });
+    }
     let partner = |name: &str| b.iter().position(|(other, _)| plain(other) == plain(name));
     let by_name: Option<Vec<_>> = a
         .iter()
@@ -112,6 +135,14 @@ fn of_members(
         true => Cast::Same,
         false => Cast::Members(all),
     })
+}
+
+/// The offsets of a struct's members.
+pub(super) fn offsets(module: &Module, ty: Handle<Type>) -> Vec<u32> {
+    match &module.types[ty].inner {
+        TypeInner::Struct { members, .. } => members.iter().map(|m| m.offset).collect(),
+        _ => Vec::new(),
+    }
 }
 
 /// A name without the habits of its language: `u_viewProj` and `view_proj` are one.

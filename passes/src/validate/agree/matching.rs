@@ -8,7 +8,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use naga::{AddressSpace, GlobalVariable, Handle, Module, ResourceBinding, Type, TypeInner};
 use serde::Serialize;
 
-use super::buffers::{Leaf, leaves};
+use super::attributes::Attributes;
+use super::buffers::{self, Leaf, leaves};
 use super::fed::{Cast, Rule, cast, plain};
 use super::sampled::sampled;
 use super::{Mismatch, Relation, rename};
@@ -76,6 +77,13 @@ pub(super) struct Matching {
     pub(super) lost_inputs: BTreeMap<u32, String>,
     /// Attribute components that the first program does not read: a vertex format fills them.
     pub(super) filled: Vec<(u32, u32)>,
+    /// Attributes that hold another frame's value of one of the first program's, or that share one:
+    /// their location in the renamed program, and ours.
+    pub(super) previous_inputs: Vec<(u32, u32)>,
+    /// Members of both programs with `bias` in their names, by group and binding.
+    pub(super) biases: Vec<((u32, u32), Vec<usize>)>,
+    /// What the matching took for granted, a sentence each.
+    pub(super) notes: Vec<String>,
 }
 
 /// How a variable of ours fits, by its number if so told.
@@ -96,6 +104,7 @@ pub(super) struct Matcher<'a> {
     pub(super) rules: Vec<Rule>,
     partners: Vec<Partner>,
     lost: Vec<Lost>,
+    pub(super) notes: Vec<String>,
     /// Our place, and the place of theirs that has it now.
     taken: BTreeMap<(u32, u32), Option<(u32, u32)>>,
     own: u32,
@@ -125,6 +134,7 @@ pub(super) fn matched(
         rules: Vec::new(),
         partners: Vec::new(),
         lost: Vec::new(),
+        notes: Vec::new(),
         taken: BTreeMap::new(),
         own: 0,
         sampled: [sampled(ours), sampled(theirs)],
@@ -152,7 +162,12 @@ pub(super) fn matched(
     for (theirs, found) in samplers {
         matcher.bind(theirs, found);
     }
-    let (locations, lost_inputs, filled) = matcher.attributes(first, second);
+    let Attributes {
+        locations,
+        lost: lost_inputs,
+        filled,
+        previous: previous_inputs,
+    } = matcher.attributes(first, second);
     let is_strange =
         matcher.partners.is_empty() && !(matcher.lost.is_empty() && lost_inputs.is_empty());
     if is_strange {
@@ -168,14 +183,18 @@ pub(super) fn matched(
         true => None,
         false => Some(renamed(first.vertex.program, matcher.joined_ours())?),
     };
+    let biases = [ours, program.module()].map(buffers::biases).concat();
     Ok(Matching {
         first,
+        biases,
         program,
         rules: matcher.rules,
         partners: matcher.partners,
         lost: matcher.lost,
         lost_inputs,
         filled,
+        previous_inputs,
+        notes: matcher.notes,
     })
 }
 
@@ -249,6 +268,12 @@ fn check(
 }
 
 impl Matcher<'_> {
+    /// Whether the locations of attributes are the host's in both programs. OpenGL may choose them.
+    pub(super) fn has_locations(&self) -> bool {
+        let mut programs = self.programs.iter();
+        self.relation == Relation::Same && programs.all(|p| p.language() != Language::Glsl)
+    }
+
     /// The name of a variable in both forms that partners compare.
     fn their_name(&self, global: Handle<GlobalVariable>) -> String {
         plain(
@@ -261,7 +286,11 @@ impl Matcher<'_> {
 
     /// Whether a variable and its next version are bound by number, whatever their names: both
     /// authors gave the numbers, and in one language. OpenGL counts textures and buffers apart.
-    fn is_bound_by_number(&self, theirs: &GlobalVariable, ours: &GlobalVariable) -> bool {
+    pub(super) fn is_bound_by_number(
+        &self,
+        theirs: &GlobalVariable,
+        ours: &GlobalVariable,
+    ) -> bool {
         let [first, second] = self.programs;
         let is_authors = |program: &Program, variable: &GlobalVariable| {
             let declared = program.declared();

@@ -21,9 +21,11 @@ use crate::core::program::Location;
 mod attributes;
 mod budget;
 mod buffers;
+mod causes;
 mod differences;
 mod draws;
 mod fed;
+mod found;
 mod matching;
 mod motion;
 mod normals;
@@ -58,7 +60,7 @@ pub enum Relation {
     Discard,
     /// As a pre-pass; and the velocity is constant if nothing moves, and follows what moves.
     Velocity,
-    /// As a pre-pass, and the normal, where both programs write one.
+    /// As a pre-pass, and the normal that the first program writes or lights with.
     Normal,
 }
 
@@ -269,6 +271,9 @@ pub enum Outcome {
     Agreed {
         /// Their number.
         inputs: u64,
+        /// The number that was asked for, if more would have been too expensive.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        cut_from: Option<u64>,
     },
     /// The findings say how.
     Differs,
@@ -471,6 +476,17 @@ impl Agreement {
             |h: &Held| !matches!(h.outcome, Outcome::Differs | Outcome::NotEvaluated { .. });
         let is_note = |f: &Finding| f.class == Class::Variant;
         self.findings.iter().all(is_note) && promises.all(is_held)
+    }
+
+    /// Why a part of what was asked was neither proved nor tried, unless a finding in `accepted` says
+    /// so: its words.
+    pub fn not_evaluated(&self, accepted: &[&str]) -> Option<&str> {
+        let reasons = self.promises.iter().filter_map(|h| match &h.outcome {
+            Outcome::NotEvaluated { why } => Some(why.as_str()),
+            _ => None,
+        });
+        let mut reasons = reasons.filter(|why| !accepted.contains(why));
+        reasons.next()
     }
 
     /// Whether nothing was proved or tried of what the relation is about: of normals and velocities,

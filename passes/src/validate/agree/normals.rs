@@ -89,17 +89,15 @@ impl Encoding {
     }
 }
 
-/// The two normals, if no encoding explains them and all normals before. Infinite ones are not
-/// compared. A named value of ours counts as a direction, of any length.
+/// The two normals, if no encoding explains them and all normals before. Ours is finite. A named
+/// value of ours counts as a direction, of any length.
 pub(super) fn difference(
     encodings: &mut Encodings,
     (ours, is_named): (&Value, bool),
     theirs: &Value,
 ) -> Option<(Class, [String; 3])> {
     let (a, b) = (ours.floats().ok()?, theirs.floats().ok()?);
-    if !a.iter().chain(&b).all(|x| x.is_finite()) {
-        return None;
-    }
+    let is_finite = b.iter().all(|x| x.is_finite());
     let is_close = |[of_ours, of_theirs]: &[Encoding; 2]| {
         let (Some(a), Some(b)) = (of_ours.decoded(&a), of_theirs.decoded(&b)) else {
             return false;
@@ -112,7 +110,8 @@ pub(super) fn difference(
         // A vector without a length has no direction.
         pairs.all(|(a, b)| a.is_nan() || (a - b).abs() <= CLOSE * (1.0 + a.abs()))
     };
-    let left: Vec<_> = encodings.0.iter().copied().filter(is_close).collect();
+    let left = encodings.0.iter().copied();
+    let left: Vec<_> = left.filter(|e| is_finite && is_close(e)).collect();
     match left.is_empty() {
         // The ones before stay, and another input shows the same.
         true => {

@@ -34,7 +34,8 @@ pub(super) fn variant(two: &Two<'_>, promises: &[Held]) -> Option<Finding> {
         (Outcome::Proved { .. }, [true, true])
         | (Outcome::Differs | Outcome::NotEvaluated { .. }, _) => return None,
         (Outcome::Agreed { .. }, [true, true]) => {
-            "the two positions are invariant, but different operations compute them".to_owned()
+            "the two positions are invariant, but that the same operations compute them was not proved"
+                .to_owned()
         }
         (_, [false, false]) => "neither position is invariant".to_owned(),
         (_, [true, false]) => format!("the position of {second} is not invariant"),
@@ -50,6 +51,10 @@ pub(super) fn variant(two: &Two<'_>, promises: &[Held]) -> Option<Finding> {
 /// A sentence on each.
 pub(super) fn all(two: &Two<'_>) -> Vec<String> {
     let mut notes = by_order(two);
+    notes.extend(two.matching.notes.iter().cloned());
+    if two.relation == Relation::Velocity {
+        notes.extend(two.unmoved_note());
+    }
     notes.extend(precisions(two));
     notes.extend(derivatives(two));
     notes

@@ -25,7 +25,7 @@ impl Two<'_> {
         }
     }
 
-    fn velocity(&self) -> Result<Slot, String> {
+    pub(super) fn velocity(&self) -> Result<Slot, String> {
         let outputs = self.second.fragment.map(Stage::outputs).unwrap_or_default();
         let named = named(&outputs, &["velocity", "motion"]);
         let slots = locations(&outputs);

@@ -144,8 +144,16 @@ impl Run<'_> {
 
     /// The comparisons that branches depend on, the last first; or all, if none is known.
     fn compared(&self) -> Vec<&Traced> {
-        let conditions = self.stages.fragment.map(conditions).unwrap_or_default();
-        let all = || self.trace.iter().rev().filter(|t| t.compared.is_some());
+        let of = |is_exit| {
+            let of = |stage| conditions(stage, is_exit);
+            self.stages.fragment.map(of).unwrap_or_default()
+        };
+        let (conditions, exits) = (of(false), of(true));
+        let is_exit = |t: &Traced| exits.contains(&t.at) && !conditions.contains(&t.at);
+        let all = || {
+            let all = self.trace.iter().rev();
+            all.filter(|t| t.compared.is_some() && !is_exit(t))
+        };
         let deciding: Vec<_> = all().filter(|t| conditions.contains(&t.at)).collect();
         match deciding.is_empty() {
             true => all().collect(),
@@ -279,14 +287,20 @@ pub(super) fn kills(module: &Module, block: &naga::Block) -> bool {
     found
 }
 
-/// The comparisons that branches of a stage depend on, by function.
-fn conditions(stage: Stage<'_>) -> BTreeSet<At> {
+/// The comparisons that branches of a stage depend on, by function; or those that end loops.
+fn conditions(stage: Stage<'_>, is_exit: bool) -> BTreeSet<At> {
     let module = stage.module();
     let mut all = BTreeSet::new();
     let mut of = |handle: Option<Handle<Function>>, function: &Function| {
         let mut pending = Vec::new();
         operands::visit(&function.body, &mut |statement| {
-            if let Statement::If { condition, .. } = statement {
+            if let Statement::If {
+                condition,
+                accept,
+                reject,
+            } = statement
+                && [accept, reject].iter().any(|b| is_break(b)) == is_exit
+            {
                 pending.push(*condition);
             }
         });
@@ -297,6 +311,11 @@ fn conditions(stage: Stage<'_>) -> BTreeSet<At> {
         of(Some(function), &module.functions[function]);
     }
     all
+}
+
+fn is_break(block: &naga::Block) -> bool {
+    let mut block = block.iter();
+    matches!(block.next(), Some(Statement::Break)) && block.next().is_none()
 }
 
 /// Adds what some conditions of a function consist of.

@@ -4,11 +4,13 @@ use std::cell::{Cell, OnceCell};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::budget::{self, Budget, Draw};
-use super::differences::{self, moving};
+use super::budget::{Budget, Draw};
+use super::causes::covered_by_alpha;
+use super::differences::{self, Bias, moving};
 use super::fed::{self, Rule};
+use super::found::{Found, Seen, State, is_plain};
 use super::matching::Matching;
-use super::normals::{self, Encodings};
+use super::normals;
 use super::words::{self, Example, Sliced};
 use super::{Class, Finding, Held, Outcome, Relation, draws, reads};
 use crate::core::state::DepthDirection;
@@ -18,7 +20,6 @@ use crate::graph::{FunctionId, Graph};
 use crate::slice::{Criterion, OutputFilter};
 use crate::validate::Effort;
 use crate::validate::compare::{Colors, Stores};
-use crate::validate::inputs::{Inputs, Profile};
 use crate::validate::levels::Reading;
 use crate::validate::numbers::Numbers;
 use crate::validate::proof;
@@ -41,6 +42,13 @@ const MORE: u64 = 4;
 
 /// One in this many inputs must end.
 const QUOTA: u64 = 4;
+
+/// Of this many seeds, the first [`ORDINARY`] have ordinary numbers.
+const PROFILES: u64 = 6;
+const ORDINARY: u64 = 3;
+
+/// Inputs of a promise whose numbers are looked at.
+const TRACED: u64 = 32;
 
 /// Two programs, the second in the first one's terms.
 #[derive(Clone)]
@@ -78,64 +86,6 @@ pub(super) enum What {
     Still(Slot),
     /// An output of the second, which follows the first one's positions.
     Moving(Slot),
-}
-
-/// Examples by class.
-#[derive(Default)]
-struct Found {
-    examples: BTreeMap<Class, Example>,
-    ended: u64,
-    tried: u64,
-    /// The budget was spent before all inputs were tried.
-    is_cut: bool,
-    why: Option<String>,
-    /// On ordinary numbers.
-    seen: Seen,
-    /// Places that differ, by class.
-    hits: BTreeMap<Class, u64>,
-}
-
-/// The number of fragments that a program kept, and that a program discarded; and of vertices that
-/// the second puts nearer and farther, and nowhere else.
-#[derive(Clone, Copy, Debug, Default)]
-struct Seen {
-    kept: u64,
-    discarded: u64,
-    nearer: u64,
-    farther: u64,
-}
-
-/// What the inputs so far say together.
-#[derive(Default)]
-struct State {
-    seen: Seen,
-    /// The velocity of what rests.
-    rest: Option<Value>,
-    /// How normals may be encoded.
-    encodings: Encodings,
-}
-
-impl Found {
-    /// A difference for huge numbers alone is a class of its own.
-    fn class_of(&self, class: Class, inputs: &Inputs) -> Class {
-        match is_plain(inputs) || self.examples.contains_key(&class) {
-            true => class,
-            false => Class::Extreme,
-        }
-    }
-
-    /// Whether it lacks an example of a difference. At a corner, the lines of the vertex stage are
-    /// known too.
-    fn wants(&self, class: Class, inputs: &Inputs, place: TestPoint) -> bool {
-        let known = self.examples.get(&self.class_of(class, inputs));
-        known.is_none_or(|k| {
-            is_plain(inputs) && k.place == TestPoint::Inside && place != TestPoint::Inside
-        })
-    }
-}
-
-fn is_plain(inputs: &Inputs) -> bool {
-    matches!(inputs.profile, Profile::Ordinary | Profile::Equal)
 }
 
 impl<'a> Two<'a> {
@@ -202,7 +152,8 @@ impl<'a> Two<'a> {
         if let What::Moving(slot) = what {
             return self.motion(promise, slot, &sliced);
         }
-        let is_comparable = !matches!(what, What::Outputs(..) | What::Still(_));
+        let is_comparable =
+            !matches!(what, What::Outputs(..) | What::Still(_)) && !self.loses_alpha(what);
         let places = Self::places(what, 0);
         let is_same = || {
             let (colors, compared) = (self.colors(what), self.stores(what));
@@ -243,7 +194,7 @@ impl<'a> Two<'a> {
         let mut classes = found.examples.keys();
         let is_equal = classes.all(|c| matches!(c, Class::Extreme | Class::Rounding));
         // Too few inputs say nothing about a class.
-        let is_short = found.is_cut && found.ended < budget::FEWEST;
+        let is_short = found.is_cut && found.ended * QUOTA < self.effort.inputs;
         if is_equal
             && !is_short
             && found.ended > 0
@@ -254,9 +205,9 @@ impl<'a> Two<'a> {
         }
         if found.examples.is_empty() || is_short && is_equal {
             let why = match (found.ended, found.why) {
-                (_, None) if is_short => format!(
-                    "{} inputs took as many steps as there are for a pair: too expensive",
-                    found.tried
+                (few, None) if is_short => format!(
+                    "{few} of {} inputs took as many steps as there are for a pair: too expensive",
+                    self.effort.inputs
                 ),
                 (0, None) => "no input came to an end within the step limit".to_owned(),
                 (0, Some(why)) => why,
@@ -266,8 +217,11 @@ impl<'a> Two<'a> {
                     why.map_or(String::new(), |w| format!(": {w}"))
                 ),
                 (inputs, _) => {
+                    let is_counted = matches!(what, What::Outputs(..) | What::Still(_));
+                    let inputs = if is_counted { found.compared } else { inputs };
+                    let cut_from = found.is_cut.then_some(self.effort.inputs);
                     return (
-                        Outcome::Agreed { inputs },
+                        Outcome::Agreed { inputs, cut_from },
                         self.of_view(promise, (what, sliced)),
                     );
                 }
@@ -285,23 +239,34 @@ impl<'a> Two<'a> {
         let without_levels = OnceCell::new();
         let mut findings = Vec::new();
         for (class, example) in found.examples {
-            let is_level = is_of_fragment(&class) && !found.is_cut && {
-                let again = || {
-                    self.tried(
-                        (what, sliced),
-                        enough,
-                        Reading::Ignored,
-                        &self.matching.rules,
-                        &classes,
-                    )
+            let differing = found.differing.get(&class).into_iter().flatten().copied();
+            let differing: Vec<_> = differing.chain([(example.seed, example.place)]).collect();
+            let is_level = is_of_fragment(&class)
+                && !found.is_cut
+                && self.agree_without_levels(what, class, &differing)
+                && {
+                    let again = || {
+                        self.tried(
+                            (what, sliced),
+                            enough,
+                            Reading::Ignored,
+                            &self.matching.rules,
+                            &classes,
+                        )
+                    };
+                    let again = without_levels.get_or_init(again);
+                    !again.is_cut && !again.examples.contains_key(&class)
                 };
-                let again = without_levels.get_or_init(again);
-                !again.is_cut && !again.examples.contains_key(&class)
-            };
             let class = if is_level { Class::LevelOnly } else { class };
             findings.push(words::finding(self, promise, what, class, &example));
         }
         // A bias goes one way.
+        let is_unseen = found.seen.viewed == 0;
+        for finding in findings.iter_mut().filter(|_| is_unseen) {
+            if finding.class == Class::DepthBias {
+                finding.class = Class::Position;
+            }
+        }
         if findings.iter().any(|f| f.class == Class::Position) {
             findings.retain(|f| f.class != Class::DepthBias);
         }
@@ -334,6 +299,12 @@ impl<'a> Two<'a> {
     fn unseen(&self, what: What, seen: Seen) -> Option<&'static str> {
         match seen {
             _ if what == What::Positions => None,
+            Seen { compared: 0, .. } if matches!(what, What::Outputs(..)) => {
+                Some("no fragment that both keep has a finite normal")
+            }
+            Seen { compared: 0, .. } if matches!(what, What::Still(_)) => {
+                Some("no fragment that is kept has a finite velocity")
+            }
             Seen { kept: 0, .. } => {
                 Some("both discard each fragment that was tried, so nothing was compared")
             }
@@ -431,9 +402,10 @@ impl<'a> Two<'a> {
             Slot::BuiltIn(_) => Criterion::Output(OutputFilter::FragDepth),
         };
         match what {
-            What::Outputs(_, theirs) | What::Still(theirs) | What::Moving(theirs) => {
+            What::Outputs(_, theirs) | What::Still(theirs) => {
                 vec![output(theirs), Criterion::Discard]
             }
+            What::Moving(theirs) => vec![output(theirs)],
             _ => proof::of_fragment(self.colors(what)),
         }
     }
@@ -456,7 +428,16 @@ impl<'a> Two<'a> {
         let [read_by_slices, read_by_whole] = [slices, whole].map(|s| draws::read_by(s, rules));
         let mut last_new = None;
         let discards = OnceCell::new();
-        for seed in self.effort.seed.. {
+        let start = self.effort.seed;
+        let ordinary = start.next_multiple_of(PROFILES);
+        let before = self.budget.left();
+        let mut is_expensive = false;
+        for n in 0.. {
+            // Ordinary numbers come first if there is no time for others.
+            let seed = match is_expensive {
+                true => ordinary + PROFILES * (n / ORDINARY) + n % ORDINARY,
+                false => start + n,
+            };
             // If fragments are rarely kept, or rarely discarded, more inputs follow.
             let Seen {
                 kept, discarded, ..
@@ -485,32 +466,23 @@ impl<'a> Two<'a> {
             let draw = Draw::new(&inputs, stages, self.budget);
             found.tried += 1;
             let mut ended = true;
+            let compared = state.seen.compared;
             for place in Self::places(what, inputs.corner()) {
                 let mut tried = self.try_one(what, &draw, place, &mut state);
                 if let Ok(Some((class, _))) = &tried {
-                    *found.hits.entry(*class).or_default() += 1;
-                    if !found.wants(*class, &inputs, place) {
+                    found.count(*class, &inputs, place);
+                    let may_trace = is_plain(&inputs) || found.traced < TRACED;
+                    if !found.wants(*class, &inputs, place) || !may_trace {
                         continue;
                     }
-                    // The whole programs have the last word on a difference of a new class.
                     let inputs = self.inputs(seed, reading, rules, &read_by_whole);
-                    if !is_whole {
-                        let draw = Draw::new(&inputs, whole, self.budget);
-                        tried = self.try_one(what, &draw, place, &mut state);
-                    }
-                    if let Ok(Some((class, _))) = &mut tried
-                        && is_plain(&inputs)
-                        && !matches!(what, What::Still(_) | What::Outputs(..))
-                        && self.is_rounding(what, &inputs, place)
-                    {
-                        *class = Class::Rounding;
-                    }
+                    tried = self.confirmed((what, sliced), &inputs, place, &mut state);
+                    found.traced += u64::from(!is_plain(&inputs));
                 }
                 match tried {
                     Ok(None) => {}
                     Ok(Some((class, output))) => {
                         if found.wants(class, &inputs, place) {
-                            let class = found.class_of(class, &inputs);
                             let rules = rules.to_vec();
                             let example = Example {
                                 seed,
@@ -534,9 +506,14 @@ impl<'a> Two<'a> {
                     }
                 }
             }
+            found.compared += u64::from(state.seen.compared > compared);
             drop(draw);
             self.budget.keep(inputs);
             found.ended += u64::from(ended);
+            if n == 0 {
+                let spent = before.saturating_sub(self.budget.left());
+                is_expensive = spent.saturating_mul(count) > before.saturating_sub(allowed);
+            }
             if found.ended == 0 && found.tried > 24 {
                 break;
             }
@@ -556,7 +533,7 @@ impl<'a> Two<'a> {
 
     /// Runs both on one input.
     #[allow(clippy::type_complexity)]
-    fn try_one(
+    pub(super) fn try_one(
         &self,
         what: What,
         draw: &Draw<'_>,
@@ -578,28 +555,42 @@ impl<'a> Two<'a> {
         differences::clamp_depth(&mut first);
         differences::clamp_depth(&mut second);
         if let What::Still(slot) = what {
-            return Ok(moving(draw.inputs, &second, slot, rest));
+            let value = second.outputs.get(&slot).and_then(|v| v.floats().ok());
+            let is_finite = value.is_some_and(|v| v.iter().all(|x| x.is_finite()));
+            let is_compared = is_plain(draw.inputs)
+                && !second.discarded
+                && (is_finite || draw.is_seen(place, steps));
+            seen.compared += u64::from(is_compared);
+            return Ok(is_compared.then(|| moving(&second, slot, rest)).flatten());
         }
         if let What::Outputs(ours, theirs) = what {
             let is_compared = is_plain(draw.inputs) && !first.discarded && !second.discarded;
             let values = (first.outputs.get(&ours), second.outputs.get(&theirs));
             return Ok(match (is_compared, values) {
-                (true, (Some(a), Some(b))) => {
+                (true, (Some(a), Some(b)))
+                    if a.floats().is_ok_and(|a| a.iter().all(|x| x.is_finite())) =>
+                {
+                    seen.compared += 1;
                     normals::difference(encodings, (a, self.normal.is_some()), b)
                 }
                 _ => None,
             });
         }
+        seen.viewed += u64::from(what == What::Positions && differences::is_viewed(&first));
         let mut found = self.difference(what, &first, &second);
         if let Some((class @ Class::DepthBias, _)) = &mut found {
-            match differences::nearer(&first, &second, self.direction) {
-                Some(true) => seen.nearer += 1,
-                Some(false) => seen.farther += 1,
-                None => {}
+            match differences::bias(&first, &second, self.direction) {
+                Bias::Nearer => seen.nearer += 1,
+                Bias::Farther => seen.farther += 1,
+                Bias::Unseen => {}
+                Bias::None => *class = Class::Position,
             }
             if seen.nearer > 0 && seen.farther > 0 {
                 *class = Class::Position;
             }
+        }
+        if found.is_none() && self.loses_alpha(what) {
+            found = covered_by_alpha(&first, &second);
         }
         Ok(found)
     }

@@ -248,6 +248,9 @@ impl Sentence<'_> {
                     self.beginning()
                 )
             }
+            "the velocity" if ours.is_empty() => {
+                format!("with nothing moving, the velocity is {theirs} at a point in view")
+            }
             "the velocity" => {
                 format!("with nothing moving, the velocity is {theirs} here and {ours} elsewhere")
             }
