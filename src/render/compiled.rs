@@ -81,7 +81,7 @@ pub(super) fn shader(
         gpu.checked(&format!("the shader `{label}`"), || {
             gpu.shader(wgpu::ShaderModuleDescriptor {
                 label: Some(label),
-                source: wgpu::ShaderSource::Wgsl(crate::wgsl::subgroups::without(text)),
+                source: wgpu::ShaderSource::Wgsl(crate::front::for_naga(text).into()),
             })
         })
     };

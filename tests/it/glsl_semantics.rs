@@ -1257,12 +1257,22 @@ fn a_literal_divided_by_zero_is_the_largest_float() {
 void main() {{ gl_FragColor = vec4(x > 2.0 ? {value} : x); }}"
         )
     };
-    for (value, written) in [("1.0 / 0.0", "3.4028"), ("-1.0 / 0.0", "-"), ("0.0 / 0.0", "0")] {
+    for (value, written) in [
+        ("1.0 / 0.0", "3.4028"),
+        ("-1.0 / 0.0", "-"),
+        ("0.0 / 0.0", "0"),
+    ] {
         let parsed = parse(&body(value));
         let notes = &parsed.program.declared().notes;
         assert!(notes.iter().any(|n| n.contains("literal 0.0")), "{notes:?}");
         let text = wgsl(parsed);
         assert!(text.contains(written), "{value}: {text}");
     }
-    assert!(parse(&body("1.0 / 2.0")).program.declared().notes.is_empty());
+    assert!(
+        parse(&body("1.0 / 2.0"))
+            .program
+            .declared()
+            .notes
+            .is_empty()
+    );
 }

@@ -779,7 +779,8 @@ fn float(f: f32) -> String {
 
 /// The number of a literal of floats.
 fn literal(text: &str) -> Option<f32> {
-    let digits = text.trim_end_matches(['f', 'F']);
+    let text = unmarked(text);
+    let digits = text.trim().trim_end_matches(['f', 'F']);
     digits.contains('.').then(|| digits.parse().ok()).flatten()
 }
 
