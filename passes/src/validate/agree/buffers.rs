@@ -219,6 +219,20 @@ impl Matcher<'_> {
                 .iter()
                 .any(|(their, _)| their.steps.starts_with(steps));
         if !is_split && let Some((our, from, cast)) = self.named(global, steps, ty) {
+            let variables = [
+                &self.theirs.global_variables[global],
+                &self.ours.global_variables[our],
+            ];
+            let there = offset(self.theirs, variables[0].ty, steps);
+            let here = offset(self.ours, variables[1].ty, &from);
+            let is_one = variables[0].binding == variables[1].binding;
+            if is_one && there != here && self.relation != Relation::Velocity {
+                let path = mapping::name_of(self.theirs, global, steps);
+                self.notes.push(format!(
+                    "`{}` is at byte {there} there and at byte {here} here",
+                    last_name(&path)
+                ));
+            }
             return self.rule((global, to, &steps[..]), (our, &from), cast, By::Name);
         }
         let members = mapping::members(self.theirs, ty);

@@ -189,9 +189,14 @@ impl Two<'_> {
             return None;
         };
         let criteria = self.criteria(What::Moving(slot));
-        let previous = self.previous(&Sliced::of(self.second, &criteria, false));
+        let sliced = Sliced::of_both(self, &criteria, false);
+        let previous = self.previous(&sliced[1]);
+        // A finding names some of them.
+        let found = self.still("", &previous, &sliced);
         let names = self.unmoved(&previous).into_keys();
-        let names: Vec<String> = names.map(|name| format!("`{name}`")).collect();
+        let names = names.map(|name| format!("`{name}`"));
+        let is_left = |name: &String| !found.iter().any(|f| f.words.contains(name));
+        let names: Vec<String> = names.filter(is_left).collect();
         let is_silent = previous.is_empty() || names.is_empty();
         (!is_silent).then(|| {
             format!(
