@@ -173,3 +173,41 @@ fn y_follows_from_the_language_and_not_from_the_range_of_depths() {
         assert!(text.contains(y), "{recipe}: {text}");
     }
 }
+
+#[test]
+fn a_point_light_beside_plain_uniforms_is_plain() {
+    let plan = webgl("outputs:write=distance").unwrap();
+    for target in [Target::GlslEs100, Target::GlslEs300] {
+        let [text, json] = written(&plan, target).unwrap();
+        assert!(text.contains("point_light;"), "{text}");
+        assert!(!text.contains("point_light_"), "{text}");
+        assert!(json.contains("\"name\": \"point_light\""), "{json}");
+    }
+}
+
+#[test]
+fn plain_uniforms_are_named_without_our_block_and_unnamed_blocks_by_their_names() {
+    let refused = webgl("outputs:write=velocity,static=modelMatrx").unwrap_err();
+    assert!(refused.contains("`modelMatrix`"), "{refused}");
+    assert!(!refused.contains(".modelMatrix"), "{refused}");
+    let fragment = FRAGMENT
+        .replace("uniform vec3 tint;", "uniform vec3 tint, cameraPosition;")
+        .replace(
+            "c.a < dissolve",
+            "c.a < dissolve || cameraPosition.y > 2.0 * dissolve",
+        );
+    let texts = [("a.vert", VERTEX), ("a.frag", fragment.as_str())];
+    let plan = made(texts, "outputs:write=shadow,view=drop").unwrap();
+    let own = plan.passes.iter().find(|pass| !pass.left_out.is_empty());
+    let left_out = &own.unwrap().left_out;
+    assert!(left_out[0].contains("cameraPosition.y"), "{left_out:?}");
+    assert!(!left_out[0].contains(".cameraPosition"), "{left_out:?}");
+    let texts = [("a.vert", INSTANCED), ("a.frag", PLAIN)];
+    made(
+        texts,
+        "outputs:write=velocity,jitter=Camera.view_proj[2].xy",
+    )
+    .unwrap();
+    let refused = made(texts, "outputs:write=velocity,jitter=Camera.view_proj").unwrap_err();
+    assert!(refused.contains("jitter-matrix"), "{refused}");
+}

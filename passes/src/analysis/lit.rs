@@ -12,12 +12,21 @@ use crate::analysis::values::{ContextId, Node, ValueId, Values};
 use crate::graph::Graph;
 
 /// Every unit vector that a dot product multiplies with a vector of a buffer (a light's direction or
-/// position, the camera's place) or with a constant one, and that no such vector takes part in. A value is found once,
-/// however often it meets one.
+/// position, the camera's place) and that no such vector takes part in. A value is found once,
+/// however often it meets one. If there is none, a constant vector counts as a light's.
 pub fn normals(graph: &Graph<'_>, fragment: usize) -> Vec<Authored> {
     let Ok(values) = Values::new(graph, fragment) else {
         return Vec::new();
     };
+    let found = meeting(&values, &|light| reads(&values, light).of_buffer);
+    match found.is_empty() {
+        true => meeting(&values, &|light| is_constant(&values, light)),
+        false => found,
+    }
+}
+
+/// The unit vectors that a dot product multiplies with a light's.
+fn meeting(values: &Values<'_, '_>, is_light: &dyn Fn(ValueId) -> bool) -> Vec<Authored> {
     let mut known: Vec<ValueId> = Vec::new();
     let mut found = Vec::new();
     for context in 0..values.contexts.len() {
@@ -32,7 +41,7 @@ pub fn normals(graph: &Graph<'_>, fragment: usize) -> Vec<Authored> {
             else {
                 continue;
             };
-            if !is_vec3(f.ty(graph.module(), arg)) || values.named(context, e).is_none() {
+            if !is_vec3(f.ty(values.graph.module(), arg)) || values.named(context, e).is_none() {
                 continue;
             }
             for (normal, light) in [(arg, arg1), (arg1, arg)] {
@@ -40,15 +49,20 @@ pub fn normals(graph: &Graph<'_>, fragment: usize) -> Vec<Authored> {
                 let (Some(as_read), Some(light)) = (value(normal), value(light)) else {
                     continue;
                 };
-                let normal = source(&values, as_read);
-                if !known.iter().any(|other| is_same(&values, *other, normal))
-                    && is_unit(&values, normal, DEEPEST)
-                    && (reads(&values, light).of_buffer || is_constant(&values, light))
-                    && reads(&values, normal) == INTERPOLATED
+                let normal = source(values, as_read);
+                if !known.iter().any(|other| is_same(values, *other, normal))
+                    && is_unit(values, normal, DEEPEST)
+                    && is_light(light)
+                    && reads(values, normal) == INTERPOLATED
                 {
                     known.push(normal);
                     let at = [normal, as_read];
-                    found.extend(at.into_iter().find_map(|v| authored(&values, v)));
+                    let mut taken = at.into_iter().find_map(|v| authored(values, v));
+                    // A load has no place in the text.
+                    if let Some(taken) = taken.as_mut().filter(|t| !t.span.is_defined()) {
+                        taken.span = f.function.expressions.get_span(e);
+                    }
+                    found.extend(taken);
                 }
             }
         }

@@ -11,6 +11,8 @@ pub struct Declared {
     pub loose: Option<ResourceBinding>,
     /// Binding of a copy of that block with the previous frame's values ([`Self::previous_name`]).
     pub previous: Option<ResourceBinding>,
+    /// The block of loose uniforms that a pass adds, and that the host fills.
+    pub host: Option<ResourceBinding>,
     /// The uniforms outside of blocks, samplers included, in order of declaration.
     pub uniforms: Vec<Declaration>,
     /// The combined samplers among them.
@@ -58,7 +60,7 @@ pub struct Declared {
 impl Declared {
     /// Whether a block of this binding stands for loose uniforms.
     pub fn is_loose(&self, binding: Option<ResourceBinding>) -> bool {
-        binding.is_some() && (self.loose == binding || self.previous == binding)
+        binding.is_some() && [self.loose, self.previous, self.host].contains(&binding)
     }
 
     /// The name of the loose uniform that has the previous frame's value of `name`.

@@ -365,9 +365,10 @@ fn wanted(
 
 fn normal(opaque: &Opaque<'_>, params: &Params) -> Result<Shows, Box<Refusal>> {
     let value = calls::single(opaque, names::normal(opaque, params.normal.as_deref())?)?;
-    let module = opaque.program.module();
     let turned = params.matrix.as_deref();
-    let turned = turned.map(|name| names::matrix(module, name)).transpose()?;
+    let turned = turned
+        .map(|name| names::matrix(opaque.program, name))
+        .transpose()?;
     let octahedral = params.octahedral;
     Ok(Shows::Direction(value, Direction { turned, octahedral }))
 }

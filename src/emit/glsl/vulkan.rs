@@ -31,6 +31,7 @@ impl Vulkan {
         let mut declared = program.declared().clone();
         declared.loose = None;
         declared.previous = None;
+        declared.host = None;
         declared.numbers.clear();
         declared.uniforms.retain(|u| !u.ty.has_data());
         Self {

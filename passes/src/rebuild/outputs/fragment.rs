@@ -240,17 +240,8 @@ impl Extending<'_, '_> {
                 (Captured::Argument(argument, Vec::new()), !is_point)
             }
         };
-        let light = distance.light.clone().unwrap_or_else(|| {
-            let ty = self.ty(TypeInner::Vector {
-                size: VectorSize::Quad,
-                scalar: Scalar::F32,
-            });
-            Member {
-                global: self.host_uniform("point_light", ty, HostValue::PointLight),
-                steps: Vec::new(),
-                ty,
-            }
-        });
+        let light = distance.light.clone();
+        let light = light.unwrap_or_else(|| self.host_vector("point_light", HostValue::PointLight));
         Ok(Some(Measured {
             from,
             of_four: [from_four, is_four(&self.module.types[light.ty].inner)],

@@ -5,13 +5,13 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use naga::{
     AddressSpace, Binding, BuiltIn, Expression, GlobalVariable, Handle, Interpolation, Module,
-    ResourceBinding, Sampling, Scalar, Span, Type, TypeInner, VectorSize,
+    ResourceBinding, Sampling, Scalar, Span, StructMember, Type, TypeInner, VectorSize,
 };
 
 use crate::analysis::authored::Authored;
 use crate::analysis::opaque::Opaque;
 use crate::analysis::world::World;
-use crate::core::declared::Declared;
+use crate::core::declared::{self, Declaration, Declared};
 use crate::core::mapping;
 use crate::core::plan::{AttributeUse, BindingSource, HostValue};
 use crate::core::program::Program;
@@ -142,6 +142,8 @@ struct Extending<'o, 'p> {
     group: Option<u32>,
     /// The block of the previous frame's loose uniforms.
     previous_loose: Option<ResourceBinding>,
+    /// A loose uniform that the host fills: its block, and its declaration.
+    host_loose: Option<(ResourceBinding, Declaration)>,
 }
 
 /// A value that the vertex stage passes on.
@@ -180,6 +182,7 @@ pub fn extend(
         attributes: BTreeMap::new(),
         group,
         previous_loose: None,
+        host_loose: None,
     };
     let first = [extending.free_location(), extending.free_attribute()];
     let wanted = extending.apart(wanted)?;
@@ -187,10 +190,14 @@ pub fn extend(
     let (fragment, formats) = extending.fragment_stage(&wanted, &varyings)?;
     let program = opaque.program.with_module(extending.module);
     let program = program.map_err(|e| Failed::Built(e.to_string()))?;
-    let declared = Declared {
+    let mut declared = Declared {
         previous: extending.previous_loose,
         ..opaque.program.declared().clone()
     };
+    if let Some((at, uniform)) = extending.host_loose {
+        declared.host = Some(at);
+        declared.uniforms.push(uniform);
+    }
     Ok(Extended {
         program: program.with_declared(declared),
         fragment,
@@ -283,6 +290,52 @@ impl Extending<'_, '_> {
         let of_group = globals.filter_map(|(_, g)| g.binding.filter(|b| b.group == group));
         let binding = of_group.map(|b| b.binding + 1).max().unwrap_or(0);
         ResourceBinding { group, binding }
+    }
+
+    /// A vector of four that the host fills. A shader with loose uniforms gets another loose one.
+    fn host_vector(&mut self, name: &str, value: HostValue) -> Member {
+        let vector = self.ty(TypeInner::Vector {
+            size: VectorSize::Quad,
+            scalar: Scalar::F32,
+        });
+        let known = self.opaque.program.declared();
+        if known.loose.is_none() {
+            return Member {
+                global: self.host_uniform(name, vector, value),
+                steps: Vec::new(),
+                ty: vector,
+            };
+        }
+        let mut free = name.to_owned();
+        while known.uniforms.iter().any(|u| u.name == free) {
+            free.push('_');
+        }
+        let block = Type {
+            name: Some(format!("{free}_block")),
+            inner: TypeInner::Struct {
+                members: vec![StructMember {
+                    name: Some(free.clone()),
+                    ty: vector,
+                    binding: None,
+                    offset: 0,
+                }],
+                span: 16,
+            },
+        };
+        let ty = self.module.types.insert(block, Span::UNDEFINED);
+        let global = self.host_uniform(&format!("{free}_uniforms"), ty, value);
+        let uniform = Declaration {
+            name: free,
+            ty: declared::Type::Plain("vec4".to_owned()),
+            location: None,
+        };
+        let at = self.module.global_variables[global].binding;
+        self.host_loose = at.map(|at| (at, uniform));
+        Member {
+            global,
+            steps: vec![0],
+            ty: vector,
+        }
     }
 
     /// A uniform that the host fills, in the last group of the author's: that of the most frequent

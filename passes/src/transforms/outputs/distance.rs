@@ -1,6 +1,6 @@
 //! What a distance is measured between.
 
-use naga::{Module, ScalarKind, TypeInner, VectorSize};
+use naga::{ScalarKind, TypeInner, VectorSize};
 
 use super::names::{self, refusal};
 use super::{Params, calls, refusals};
@@ -8,17 +8,18 @@ use crate::analysis::opaque::Opaque;
 use crate::analysis::view::{self, Said};
 use crate::analysis::world::{self, NoWorld};
 use crate::core::pass::Refusal;
+use crate::core::program::Program;
 use crate::rebuild::outputs::{Distance, Member, Shows, Surface};
 
 /// The surface, the light and the range of the parameters.
 pub fn distance(opaque: &Opaque<'_>, params: &Params, said: &Said) -> Result<Shows, Box<Refusal>> {
-    let module = opaque.program.module();
+    let program = opaque.program;
     let light = params.light.as_deref();
     let range = params.range.as_deref();
     Ok(Shows::Distance(Distance {
         from: surface(opaque, params.position.as_deref(), said)?,
-        light: light.map(|name| light_of(module, name)).transpose()?,
-        range: range.map(|name| range_of(module, name)).transpose()?,
+        light: light.map(|name| light_of(program, name)).transpose()?,
+        range: range.map(|name| range_of(program, name)).transpose()?,
     }))
 }
 
@@ -87,9 +88,9 @@ pub fn described(distance: &Distance, params: &Params) -> String {
     )
 }
 
-fn light_of(module: &Module, name: &str) -> Result<Member, Box<Refusal>> {
-    let found = names::member(module, name)?;
-    match is_position(&module.types[found.ty].inner) {
+fn light_of(program: &Program, name: &str) -> Result<Member, Box<Refusal>> {
+    let found = names::member(program, name)?;
+    match is_position(&program.module().types[found.ty].inner) {
         true => Ok(found),
         false => Err(refusal(
             &refusals::NOT_A_POSITION,
@@ -98,13 +99,13 @@ fn light_of(module: &Module, name: &str) -> Result<Member, Box<Refusal>> {
     }
 }
 
-fn range_of(module: &Module, name: &str) -> Result<Member, Box<Refusal>> {
-    let found = names::member(module, name)?;
+fn range_of(program: &Program, name: &str) -> Result<Member, Box<Refusal>> {
+    let found = names::member(program, name)?;
     let is_float = |inner: &TypeInner| {
         matches!(inner, TypeInner::Scalar(scalar)
             if scalar.kind == ScalarKind::Float && scalar.width == 4)
     };
-    match is_float(&module.types[found.ty].inner) {
+    match is_float(&program.module().types[found.ty].inner) {
         true => Ok(found),
         false => Err(refusal(
             &refusals::NO_SUCH_NAME,

@@ -21,7 +21,7 @@ const LETTERS: [&str; 2] = ["xyzw", "rgba"];
 /// There is no such part, or it is or holds a whole matrix: without a matrix there is no position.
 pub fn of(program: &Program, name: &str) -> Result<Vec<Member>, Box<Refusal>> {
     let module = program.module();
-    let found = match names::member(module, name) {
+    let found = match names::member(program, name) {
         Ok(found) => found,
         Err(refused) => return in_matrix(program, name).ok_or(refused),
     };
@@ -75,7 +75,7 @@ fn in_matrix(program: &Program, name: &str) -> Option<Vec<Member>> {
     let plain = name.trim().replace('[', ".").replace(']', "");
     let words: Vec<&str> = plain.split('.').map(str::trim).collect();
     (1..words.len()).rev().find_map(|end| {
-        let whole = names::member(module, &words[..end].join(".")).ok()?;
+        let whole = names::member(program, &words[..end].join(".")).ok()?;
         let TypeInner::Matrix { columns, rows, .. } = module.types[whole.ty].inner else {
             return None;
         };

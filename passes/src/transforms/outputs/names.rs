@@ -32,9 +32,9 @@ pub(super) fn refusal(code: &RefusalInfo, reason: impl Into<String>) -> Box<Refu
 
 /// The first name among the parameters that the material lacks.
 pub fn misnamed(opaque: &Opaque<'_>, params: &Params) -> Option<Misnamed> {
-    let module = opaque.program.module();
+    let program = opaque.program;
     let values = || all_values(opaque).into_iter().map(|v| v.name);
-    let paths = || buffers(module).into_iter().map(|(path, _)| path);
+    let paths = || buffers(program).into_iter().map(|(path, _)| path);
     let missing = |refused: &Refusal| refused.code == refusals::NO_SUCH_NAME.code;
     let found = |name: &str, refused: Box<Refusal>, known: Vec<String>| {
         missing(&refused).then(|| Misnamed {
@@ -57,7 +57,7 @@ pub fn misnamed(opaque: &Opaque<'_>, params: &Params) -> Option<Misnamed> {
     let buffers = [&params.still, &params.matrix, &params.light, &params.range];
     let mut buffers = buffers.into_iter().flat_map(|text| list(text.as_deref()));
     let of_value = of_value.or_else(|| {
-        buffers.find_map(|name| found(name, member(module, name).err()?, paths().collect()))
+        buffers.find_map(|name| found(name, member(program, name).err()?, paths().collect()))
     });
     let mut jitter = list(params.jitter.as_deref());
     let of_value = of_value.or_else(|| {
@@ -219,7 +219,9 @@ fn is_direction(value: &Authored) -> bool {
 }
 
 /// All buffers, their members and the members of these, by path.
-fn buffers(module: &Module) -> Vec<(String, Member)> {
+fn buffers(program: &Program) -> Vec<(String, Member)> {
+    let module = program.module();
+    let declared = program.declared();
     let mut found = Vec::new();
     for (handle, global) in module.global_variables.iter() {
         if !is_buffer(module, handle) {
@@ -230,11 +232,15 @@ fn buffers(module: &Module) -> Vec<(String, Member)> {
             steps: Vec::new(),
             ty: global.ty,
         };
-        let mut work = vec![(global.name.clone().unwrap_or_default(), whole)];
+        // A plain uniform of WebGL has no block, and an unnamed block has a name of its own.
+        let name = match global.binding.is_some() && global.binding == declared.loose {
+            true => String::new(),
+            false => declared.name_of(global),
+        };
+        let mut work = vec![(name, whole)];
         while let Some((path, member)) = work.pop() {
             let members = mapping::members(module, member.ty).into_iter();
             for (i, (own, ty)) in members.enumerate().rev() {
-                // An unnamed GLSL block has no prefix.
                 let path = match path.is_empty() {
                     true => own,
                     false => format!("{path}.{own}"),
@@ -244,7 +250,9 @@ fn buffers(module: &Module) -> Vec<(String, Member)> {
                 let global = handle;
                 work.push((path, Member { global, steps, ty }));
             }
-            found.push((path, member));
+            if !path.is_empty() {
+                found.push((path, member));
+            }
         }
     }
     found
@@ -258,13 +266,14 @@ fn is_buffer(module: &Module, variable: Handle<GlobalVariable>) -> bool {
 }
 
 /// The buffer, or the part of one, of that name or path. A path may leave its start out.
-pub fn member(module: &Module, name: &str) -> Result<Member, Box<Refusal>> {
+pub fn member(program: &Program, name: &str) -> Result<Member, Box<Refusal>> {
+    let module = program.module();
     let path = name.parse::<Path>().ok();
     let whole = path.and_then(|path| path.resolve(module).ok());
     if let Some(found) = whole.filter(|found| is_buffer(module, found.global)) {
         return Ok(found);
     }
-    let all = buffers(module);
+    let all = buffers(program);
     let end = format!(".{name}");
     let called = all
         .iter()
@@ -295,24 +304,24 @@ pub fn member(module: &Module, name: &str) -> Result<Member, Box<Refusal>> {
 }
 
 /// A matrix of three or four columns and rows.
-pub fn matrix(module: &Module, name: &str) -> Result<Member, Box<Refusal>> {
-    let found = member(module, name)?;
-    match is_matrix(module, &found) {
+pub fn matrix(program: &Program, name: &str) -> Result<Member, Box<Refusal>> {
+    let found = member(program, name)?;
+    match is_matrix(program.module(), &found) {
         true => Ok(found),
         false => Err(refusal(
             &refusals::NO_SUCH_NAME,
             format!(
                 "`{name}` is no matrix of 3x3 or 4x4 floats: {}",
-                matrices(module)
+                matrices(program)
             ),
         )),
     }
 }
 
 /// The matrices that there are, for a message.
-pub fn matrices(module: &Module) -> String {
-    let all = buffers(module).into_iter();
-    let all = all.filter(|(_, member)| is_matrix(module, member));
+pub fn matrices(program: &Program) -> String {
+    let all = buffers(program).into_iter();
+    let all = all.filter(|(_, member)| is_matrix(program.module(), member));
     let all: Vec<String> = all.map(|(path, _)| format!("`{path}`")).collect();
     match all.is_empty() {
         true => "the material has none".to_owned(),
@@ -333,7 +342,7 @@ pub fn still<'n>(
     let module = program.module();
     let declared = program.declared();
     let still = |name: &str| {
-        let found = member(module, name)?;
+        let found = member(program, name)?;
         let global = &module.global_variables[found.global];
         let is_loose = global.binding.is_some() && global.binding == declared.loose;
         let is_whole = found.steps.len() == usize::from(is_loose);

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use naga::{Handle, Module, ShaderStage, Type, TypeInner};
+use naga::{GlobalVariable, Handle, Module, ShaderStage, Type, TypeInner};
 
 use super::names::refusal;
 use super::{Params, refusals};
@@ -86,6 +86,63 @@ fn loose(program: &Program, mapping: &Mapping) -> Option<String> {
     of.members.into_iter().next().filter(|_| is_loose)
 }
 
+/// The block of a program's loose uniforms.
+struct Block {
+    variable: Handle<GlobalVariable>,
+    name: String,
+    ty: Handle<Type>,
+}
+
+impl Block {
+    fn of(program: &Program) -> Option<Self> {
+        let loose = program.declared().loose;
+        let mut globals = program.module().global_variables.iter();
+        let (variable, global) =
+            globals.find(|(_, g)| g.binding.is_some() && g.binding == loose)?;
+        Some(Self {
+            variable,
+            name: global.name.clone().unwrap_or_default(),
+            ty: global.ty,
+        })
+    }
+
+    /// The number of the member of a name.
+    fn member(&self, module: &Module, name: &str) -> Option<usize> {
+        let TypeInner::Struct { members, .. } = &module.types[self.ty].inner else {
+            return None;
+        };
+        members.iter().position(|m| m.name.as_deref() == Some(name))
+    }
+
+    /// Whether the program reads a member.
+    fn is_read(&self, module: &Module, member: usize) -> bool {
+        let entries = module.entry_points.iter().map(|e| &e.function);
+        let functions = entries.chain(module.functions.iter().map(|(_, f)| f));
+        let mut read = functions.flat_map(remap::parts_read);
+        read.any(|(global, steps)| {
+            let is_part = steps.first().is_none_or(|first| *first == member);
+            global == self.variable && is_part
+        })
+    }
+
+    /// Gives members other names. `None`: another type has these already.
+    fn rename(&self, module: &mut Module, names: &[(usize, &str)]) -> Option<()> {
+        let mut renamed = module.types[self.ty].clone();
+        if let TypeInner::Struct { members, .. } = &mut renamed.inner {
+            for (member, name) in names {
+                members[*member].name = Some((*name).to_owned());
+            }
+        }
+        match module.types.get(&renamed) {
+            None => module.types.replace(self.ty, renamed),
+            // Nothing has another name.
+            Some(same) if same == self.ty => {}
+            Some(_) => return None,
+        }
+        Some(())
+    }
+}
+
 /// The program with other names for its loose uniforms. Those that do not follow the viewer keep
 /// theirs: they are the material's.
 fn renamed(
@@ -94,55 +151,20 @@ fn renamed(
     plain: &[Mapping],
     said: &Said,
 ) -> Result<Program, Box<Refusal>> {
-    let mut declared = program.declared().clone();
-    let mut module = program.module().clone();
-    let of_block =
-        |(_, g): &(_, &naga::GlobalVariable)| g.binding.is_some() && g.binding == declared.loose;
-    let Some((handle, block)) = module.global_variables.iter().find(of_block) else {
+    let Some(block) = Block::of(program) else {
         return Ok(program.clone());
-    };
-    let name = block.name.clone().unwrap_or_default();
-    let ty = block.ty;
-    let entries = module.entry_points.iter().map(|e| &e.function);
-    let functions = entries.chain(module.functions.iter().map(|(_, f)| f));
-    let read: Vec<_> = functions.flat_map(remap::parts_read).collect();
-    let is_read = |member: usize| {
-        let mut all = read.iter().filter(|(global, _)| *global == handle);
-        all.any(|(_, steps)| steps.first().is_none_or(|first| *first == member))
     };
     let pairs: Vec<(String, &str)> = plain
         .iter()
         .filter_map(|m| Some((loose(author, m)?, m.theirs.variable.as_str())))
         .collect();
-    let follows = view::view_dependent(program, said).into_iter();
-    let own = follows.filter_map(|path| Some(path.strip_prefix(&format!("{name}."))?.to_owned()));
-    let is_mapped = |path: &String| {
-        let first = path.split('.').next();
-        pairs.iter().any(|(ours, _)| Some(ours.as_str()) == first)
-    };
-    if let Some(lacks) = own.clone().find(|path| !is_mapped(path)) {
-        let has: Vec<String> = pairs
-            .iter()
-            .map(|(_, theirs)| format!("`{theirs}`"))
-            .collect();
-        return Err(refusal(
-            &refusals::OTHER_VIEW_LACKS,
-            format!(
-                "the slice reads `{lacks}`, which follows the viewer and which the other view lacks; \
-                 it has {}",
-                has.join(", ")
-            ),
-        ));
-    }
+    check_partners(program, &block, &pairs, said)?;
+    let mut declared = program.declared().clone();
+    let mut module = program.module().clone();
     for (ours, theirs) in pairs.iter().filter(|(ours, theirs)| ours != theirs) {
-        let at = |of: &str| {
-            members(&module, ty)
-                .iter()
-                .position(|m| m.as_deref() == Some(of))
-        };
-        let other = at(theirs);
+        let other = block.member(&module, theirs);
         let is_taken = match other {
-            Some(other) => is_read(other),
+            Some(other) => block.is_read(&module, other),
             None => declared.uniforms.iter().any(|u| u.name == **theirs),
         };
         if is_taken {
@@ -152,7 +174,6 @@ fn renamed(
             ));
         }
         // One that nothing reads takes the free name.
-        let renames = [(at(ours), *theirs), (other, ours.as_str())];
         for uniform in &mut declared.uniforms {
             if uniform.name == *ours {
                 uniform.name = (*theirs).to_owned();
@@ -160,34 +181,47 @@ fn renamed(
                 uniform.name.clone_from(ours);
             }
         }
-        for (member, to) in renames {
-            rename(&mut module, ty, member, to);
-        }
+        let own = block.member(&module, ours).map(|member| (member, *theirs));
+        let other = other.map(|member| (member, ours.as_str()));
+        let names: Vec<_> = own.into_iter().chain(other).collect();
+        block
+            .rename(&mut module, &names)
+            .ok_or_else(|| Refusal::bug(super::NAME, "two blocks have the same uniforms"))?;
     }
     let program = program.with_module(module);
     let program = program.map_err(|e| Refusal::bug(super::NAME, e))?;
     Ok(program.with_declared(declared))
 }
 
-/// The names of a struct's members.
-fn members(module: &Module, ty: Handle<Type>) -> Vec<Option<String>> {
-    match &module.types[ty].inner {
-        TypeInner::Struct { members, .. } => members.iter().map(|m| m.name.clone()).collect(),
-        _ => Vec::new(),
-    }
-}
-
-fn rename(module: &mut Module, ty: Handle<Type>, member: Option<usize>, to: &str) {
-    let mut renamed = module.types[ty].clone();
-    let TypeInner::Struct { members, .. } = &mut renamed.inner else {
-        return;
+/// Fails if a loose uniform that follows the viewer has no partner.
+fn check_partners(
+    program: &Program,
+    block: &Block,
+    pairs: &[(String, &str)],
+    said: &Said,
+) -> Result<(), Box<Refusal>> {
+    let start = format!("{}.", block.name);
+    let follows = view::view_dependent(program, said).into_iter();
+    let mut own = follows.filter_map(|path| Some(path.strip_prefix(&start)?.to_owned()));
+    let is_mapped = |path: &String| {
+        let first = path.split('.').next();
+        pairs.iter().any(|(ours, _)| Some(ours.as_str()) == first)
     };
-    if let Some(member) = member.and_then(|i| members.get_mut(i)) {
-        member.name = Some(to.to_owned());
-    }
-    if module.types.get(&renamed).is_none() {
-        module.types.replace(ty, renamed);
-    }
+    let Some(lacks) = own.find(|path| !is_mapped(path)) else {
+        return Ok(());
+    };
+    let has: Vec<String> = pairs
+        .iter()
+        .map(|(_, theirs)| format!("`{theirs}`"))
+        .collect();
+    Err(refusal(
+        &refusals::OTHER_VIEW_LACKS,
+        format!(
+            "the slice reads `{lacks}`, which follows the viewer and which the other view lacks; \
+             it has {}",
+            has.join(", ")
+        ),
+    ))
 }
 
 /// Marks the bindings of the other view.
