@@ -190,7 +190,7 @@ fn a_note_tells_the_normal_and_a_light_may_be_constant() {
             .find(|note| note.starts_with("`outputs-normal` holds"));
         assert!(told.unwrap().contains("(vec3, line "), "{told:?}");
     }
-    let plan = outputs("outputs:write=normal,normal=v").unwrap();
+    let plan = outputs("outputs:write=normal,normal=v@fs").unwrap();
     assert!(
         !plan
             .notes

@@ -125,13 +125,6 @@ pub(super) fn layouts(stages: &[GlslStage<'_>], interface: &Interface, out: &mut
 fn notes(stages: &[GlslStage<'_>], clip: ClipSpace) -> Vec<String> {
     let mut fragment = stages.iter().filter(|s| s.kind == ShaderStage::Fragment);
     let mut out = Vec::new();
-    if stages.iter().any(|s| s.used.contains(DIVIDED_BY_ZERO)) {
-        out.push(
-            "a number divided by a literal 0.0 is the largest float, or 0: GLSL leaves it open, and \
-             WGSL has no constant infinity"
-                .to_owned(),
-        );
-    }
     match clip {
         ClipSpace::OpenGl => {
             let uses =
@@ -160,6 +153,19 @@ fn notes(stages: &[GlslStage<'_>], clip: ClipSpace) -> Vec<String> {
                 .to_owned(),
         ),
         ClipSpace::AsWritten => {}
+    }
+    out
+}
+
+/// Notes on what only lowering finds.
+pub(super) fn lowered(stages: &[GlslStage<'_>]) -> Vec<String> {
+    let mut out = Vec::new();
+    if stages.iter().any(|s| s.used.contains(DIVIDED_BY_ZERO)) {
+        out.push(
+            "a number divided by a literal 0.0 is the largest float, or 0: GLSL leaves it open, and \
+             WGSL has no constant infinity"
+                .to_owned(),
+        );
     }
     out
 }

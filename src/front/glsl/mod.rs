@@ -304,6 +304,7 @@ fn lower(
         .collect();
     let lowered = lowered?;
     declared::layouts(&stages, &interface, &mut declared);
+    declared.notes.extend(declared::lowered(&stages));
     declared.demotes = stages.iter().any(|s| s.demotes.get());
     let mut lengths: Vec<lengths::Candidate> = Vec::new();
     for length in stages.iter().flat_map(|s| s.lengths.take()) {

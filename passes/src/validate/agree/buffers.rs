@@ -132,7 +132,9 @@ impl Matcher<'_> {
         cast: &Cast,
     ) {
         let variable = &self.ours.global_variables[our];
-        if self.theirs.global_variables[global].binding != variable.binding {
+        // A light's struct of its own has an order of its own.
+        let theirs = &self.theirs.global_variables[global];
+        if theirs.binding != variable.binding || theirs.name != variable.name {
             return;
         }
         let (theirs, ours) = (offsets(self.theirs, ty), offsets(self.ours, variable.ty));
@@ -225,7 +227,8 @@ impl Matcher<'_> {
             ];
             let there = offset(self.theirs, variables[0].ty, steps);
             let here = offset(self.ours, variables[1].ty, &from);
-            let is_one = variables[0].binding == variables[1].binding;
+            let is_one = variables[0].binding == variables[1].binding
+                && variables[0].name == variables[1].name;
             if is_one && there != here && self.relation != Relation::Velocity {
                 let path = mapping::name_of(self.theirs, global, steps);
                 self.notes.push(format!(
