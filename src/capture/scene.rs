@@ -293,12 +293,16 @@ impl<'c> Maker<'c> {
     fn named_in_text(&self, of: &RenderPipeline) -> Option<String> {
         let stage = of.fragment.as_ref().map_or(&of.vertex.stage, |f| &f.stage);
         let text = self.capture.text(stage.module).ok()?;
-        let line = text.lines().take(200).find_map(|line| {
-            let line = line.trim_start_matches(['/', ' ']);
-            line.strip_prefix("#define SHADER_NAME ")
-        })?;
-        let name = line.rsplit(':').next().unwrap_or(line).trim();
-        (!name.is_empty()).then(|| name.to_owned())
+        let defined = |word: &str| {
+            let mut lines = text
+                .lines()
+                .take(200)
+                .map(|l| l.trim_start_matches(['/', ' ']));
+            let value = lines.find_map(|l| l.strip_prefix(word))?;
+            let name = value.rsplit(':').next().unwrap_or(value).trim();
+            (!name.is_empty()).then(|| name.to_owned())
+        };
+        defined("#define SHADER_NAME ").or_else(|| defined("#define SHADER_TYPE "))
     }
 
     /// A name for files: the label, with the number if another pipeline has it too.

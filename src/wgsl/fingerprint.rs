@@ -152,8 +152,22 @@ pub(crate) fn filters(
     arena: &Arena<DiagnosticFilterNode>,
     leaf: Option<Handle<DiagnosticFilterNode>>,
 ) -> Vec<(String, String)> {
+    let mut counting: Vec<(String, String)> = Vec::new();
+    for (severity, rule) in filter_chain(arena, leaf) {
+        if counting.iter().all(|(_, known)| *known != rule) {
+            counting.push((severity, rule));
+        }
+    }
+    counting
+}
+
+/// The chain of diagnostic filters that ends in `leaf`, innermost first.
+pub(crate) fn filter_chain(
+    arena: &Arena<DiagnosticFilterNode>,
+    leaf: Option<Handle<DiagnosticFilterNode>>,
+) -> Vec<(String, String)> {
     use naga::diagnostic_filter::{FilterableTriggeringRule as Rule, Severity};
-    let mut chain: Vec<(String, String)> = Vec::new();
+    let mut chain = Vec::new();
     let mut next = leaf;
     while let Some(handle) = next {
         let node = &arena[handle];
@@ -170,9 +184,7 @@ pub(crate) fn filters(
             Rule::Unknown(name) => name.to_string(),
             Rule::User(names) => names.join("."),
         };
-        if chain.iter().all(|(_, known)| *known != rule) {
-            chain.push((severity.to_owned(), rule));
-        }
+        chain.push((severity.to_owned(), rule));
         next = node.parent;
     }
     chain

@@ -10,7 +10,7 @@ use naga::{
     Function, GlobalVariable, Handle, Module, Type, TypeInner,
 };
 
-use super::fingerprint::filters;
+use super::fingerprint::{filter_chain, filters};
 use super::text::{self, TokenKind, Words};
 
 /// Restores everything that the writer dropped.
@@ -93,7 +93,7 @@ fn shared_filters(module: &Module) -> Vec<(String, String)> {
     let functions = module.functions.iter().map(|(_, f)| f);
     let functions = functions.chain(module.entry_points.iter().map(|e| &e.function));
     for leaf in functions.filter_map(|f| f.diagnostic_filter_leaf) {
-        let own = filters(&module.diagnostic_filters, Some(leaf));
+        let own = filter_chain(&module.diagnostic_filters, Some(leaf));
         shared.retain(|filter| own.contains(filter));
     }
     shared
