@@ -83,10 +83,8 @@ impl Contents {
                     return Ok(());
                 }
                 let from = self.buffer(capture, *source)?;
-                let first = (*source_offset as usize).min(from.len());
-                let last = size.map_or(from.len(), |s| first.saturating_add(s as usize));
-                let bytes = from[first..last.min(from.len())].to_vec();
-                self.write(capture, *destination, *destination_offset, &bytes)?;
+                let bytes = cut(&from, *source_offset, *size);
+                self.write(capture, *destination, *destination_offset, bytes)?;
             }
             Command::WriteTexture { destination, .. }
             | Command::CopyBufferToTexture { destination, .. }
@@ -223,6 +221,13 @@ impl Contents {
     pub fn is_as_at_start(&self, texture: usize) -> bool {
         !self.changed_textures.contains(&texture)
     }
+}
+
+/// A part of a buffer, as far as the buffer reaches. Without a size it goes to the end.
+pub(super) fn cut(bytes: &[u8], offset: u64, size: Option<u64>) -> &[u8] {
+    let first = (offset as usize).min(bytes.len());
+    let last = size.map_or(bytes.len(), |s| first.saturating_add(s as usize));
+    &bytes[first..last.min(bytes.len())]
 }
 
 /// A buffer's content at the start.

@@ -287,13 +287,6 @@ impl Sampler {
             border_color: None,
         }
     }
-
-    /// Whether it filters.
-    pub fn filters(&self) -> bool {
-        self.mag_filter == wgpu::FilterMode::Linear
-            || self.min_filter == wgpu::FilterMode::Linear
-            || self.mipmap_filter == wgpu::MipmapFilterMode::Linear
-    }
 }
 
 /// A shader's text.

@@ -1,7 +1,6 @@
 //! A [`Scene`] of one captured render pass. Its pipelines are the materials, and its draws bind what
 //! they bound when the frame was captured.
 
-use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -9,7 +8,7 @@ use glam::{Mat4, Vec3};
 use preshade_passes::plan::BindingKind;
 use preshade_passes::state::{DepthDirection, DepthFormat};
 
-use super::contents::Contents;
+use super::contents::{Contents, cut};
 use super::file::{self, Load, RenderPipeline, Resource, View};
 use super::folder::{Capture, get};
 use super::material::{self, Left, Rows};
@@ -56,7 +55,7 @@ pub fn scene(capture: &Capture, choice: Choice, gpu: Option<&Gpu>) -> Result<Sce
         gpu,
         frame: choice.frame,
         size: [0; 2],
-        buffers: RefCell::default(),
+        buffers: BTreeMap::new(),
         images: BTreeMap::new(),
         notes: BTreeSet::new(),
         materials: Vec::new(),
@@ -120,7 +119,7 @@ pub(super) struct Maker<'c> {
     frame: usize,
     /// Width and height of the target.
     size: [u32; 2],
-    buffers: RefCell<BTreeMap<Part, Data>>,
+    buffers: BTreeMap<Part, Data>,
     images: BTreeMap<(usize, String), Arc<Image>>,
     notes: BTreeSet<String>,
     pub(super) materials: Vec<Material>,
@@ -442,7 +441,7 @@ impl<'c> Maker<'c> {
 
     /// Part of a buffer as data. Equal parts are one allocation.
     pub(super) fn part(&mut self, part: Part) -> Result<Data, Left> {
-        if let Some(known) = self.buffers.borrow().get(&part) {
+        if let Some(known) = self.buffers.get(&part) {
             return Ok(known.clone());
         }
         let (buffer, offset, size) = part;
@@ -453,10 +452,8 @@ impl<'c> Maker<'c> {
                 None => self.contents.buffer(self.capture, buffer)?,
             },
         };
-        let first = (offset as usize).min(bytes.len());
-        let last = size.map_or(bytes.len(), |s| first.saturating_add(s as usize));
-        let data = Data::new(bytes[first..last.min(bytes.len())].to_vec());
-        self.buffers.borrow_mut().insert(part, data.clone());
+        let data = Data::new(cut(&bytes, offset, size).to_vec());
+        self.buffers.insert(part, data.clone());
         Ok(data)
     }
 

@@ -7,10 +7,11 @@ use std::collections::BTreeMap;
 use preshade_passes::plan::BindingUse;
 use wgpu::util::DeviceExt as _;
 
+use super::Replay;
 use super::objects::{color_target, depth_stencil, primitive};
 use super::passes::Encoded;
-use super::{LeftOut, Replay};
 use crate::capture::Error;
+use crate::capture::contents::cut;
 use crate::capture::file::RenderPipeline;
 use crate::capture::folder::get;
 use crate::capture::material::{self, Left, Rows};
@@ -60,8 +61,10 @@ impl Replay<'_> {
     }
 
     fn left(&mut self, draw: &PassDraw, why: String) {
-        let what = format!("a draw with render pipeline {}", draw.pipeline);
-        *self.left_out.entry(LeftOut { what, why }).or_default() += 1;
+        self.leave_out(
+            format!("a draw with render pipeline {}", draw.pipeline),
+            why,
+        );
     }
 
     fn encoded(&mut self, draw: &PassDraw, place: &str) -> Result<Vec<Encoded>, Left> {
@@ -72,9 +75,7 @@ impl Replay<'_> {
         let contents = &self.contents;
         let mut part = |(buffer, offset, size): Part| -> Result<Data, Left> {
             let bytes = contents.buffer(capture, buffer)?;
-            let first = (offset as usize).min(bytes.len());
-            let last = size.map_or(bytes.len(), |s| first.saturating_add(s as usize));
-            Ok(Data::new(bytes[first..last.min(bytes.len())].to_vec()))
+            Ok(Data::new(cut(&bytes, offset, size).to_vec()))
         };
         let material = &program.material;
         let vertices = webgl::interleaved(capture, draw, pipeline, material, &mut part)?;
@@ -237,10 +238,7 @@ impl Replay<'_> {
                 Given::Loose(data) => Held::Buffer(self.held(&data, wgpu::BufferUsages::UNIFORM)?),
                 Given::Block(range) => {
                     let bytes = self.contents.buffer(self.capture, range.buffer)?;
-                    let first = (range.offset as usize).min(bytes.len());
-                    let size = range.size.map_or(usize::MAX, |s| s as usize);
-                    let last = first.saturating_add(size).min(bytes.len());
-                    let data = Data::new(bytes[first..last].to_vec());
+                    let data = Data::new(cut(&bytes, range.offset, range.size).to_vec());
                     let data = crate::capture::texels::padded(data);
                     Held::Buffer(self.held(&data, wgpu::BufferUsages::UNIFORM)?)
                 }
