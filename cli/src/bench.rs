@@ -387,6 +387,7 @@ fn layers(
         files: Vec::new(),
         is_made_up: false,
         own_size: None,
+        initial: Default::default(),
         notes: Vec::new(),
         name: "handwritten".to_owned(),
         size,

@@ -13,7 +13,7 @@ use crate::{Ending, Failure};
 Examples:
   preshade graph lit.wgsl | dot -Tsvg > lit.svg
   preshade graph lit.wgsl --format json
-  preshade graph scene.toml --name floor          one material of a scene")]
+  preshade graph scene.toml --material floor      one material of a scene")]
 pub struct GraphArgs {
     /// Output form.
     #[arg(long, value_enum, default_value_t = GraphFormat::Dot)]
@@ -37,7 +37,7 @@ pub fn run(args: &GraphArgs) -> Result<Ending, Failure> {
     let [plan] = &plans[..] else {
         let names: Vec<&str> = plans.iter().map(|p| p.material.as_str()).collect();
         return Err(Failure(format!(
-            "error: a graph is of one material: choose one with --name; there are: {}",
+            "error: a graph is of one material: choose one with --material; there are: {}",
             names.join(", ")
         )));
     };

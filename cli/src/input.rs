@@ -40,7 +40,7 @@ pub struct ShaderArgs {
     /// Fragment entry point, if the shader has several.
     #[arg(long, value_name = "NAME")]
     pub fragment: Option<String>,
-    /// Name of the material; default: the file's. With a scene, the material to take.
+    /// Name of a shader's material; default: the file's.
     #[arg(long)]
     pub name: Option<String>,
     /// Set a variable of a scene; may be given several times.
@@ -56,8 +56,9 @@ pub struct ShaderArgs {
     /// Part of the name of the adapter that replays a capture.
     #[arg(skip)]
     pub replay_on: Option<String>,
-    /// Draw a glTF file with this shader in place of the built-in material.
-    #[arg(long, value_name = "FILE", conflicts_with = "materials")]
+    /// With a scene or a captured frame, the name of the material to take. With a glTF file, the
+    /// shader that draws it in place of the built-in material.
+    #[arg(long, value_name = "NAME|FILE", conflicts_with = "materials")]
     pub material: Option<PathBuf>,
     /// Draw a glTF file with the `[materials]` of this TOML file, each by the name of one of the glTF
     /// file's ("*": all others).
@@ -177,7 +178,7 @@ pub enum Input {
 
 /// The original plans of materials.
 pub struct Materials {
-    /// The requested ones: a shader's material, or a scene's materials, or the one that `--name`
+    /// The requested ones: a shader's material, or a scene's materials, or the one that `--material`
     /// selects.
     pub asked: Vec<Plan>,
     /// All materials of the frame, the requested ones among them.
@@ -226,13 +227,13 @@ impl ShaderArgs {
                 )
             }
         };
-        let asked = match &self.name {
+        let asked = match self.chosen() {
             None => plans.clone(),
             Some(name) => match plans.iter().find(|p| p.material == *name) {
                 Some(plan) => vec![plan.clone()],
                 None => {
                     let names: Vec<&str> = plans.iter().map(|p| p.material.as_str()).collect();
-                    return Err(Failure::unknown("material", name, &names));
+                    return Err(Failure::unknown("material", &name, &names));
                 }
             },
         };
@@ -255,7 +256,8 @@ impl ShaderArgs {
 
     /// The given files, without stdin.
     fn given(&self) -> Vec<PathBuf> {
-        let more = self.material.iter().chain(&self.materials);
+        let shader = self.material.iter().filter(|_| self.chosen().is_none());
+        let more = shader.chain(&self.materials);
         let files = self.files.iter().chain(&self.state.state).chain(more);
         files.filter(|f| !is_stdin(f)).cloned().collect()
     }
@@ -332,7 +334,7 @@ impl ShaderArgs {
 
     fn input_with(&self, more: &Variables, purpose: Purpose) -> Result<Input, Failure> {
         let variables = self.variables(more)?;
-        self.check_gltf_flags()?;
+        self.check_material_flags()?;
         match self.scene_file() {
             None if !variables.is_empty() => Err(Failure(
                 "error: --set and --sweep are for a scene: a shader has no variables".to_owned(),
@@ -379,8 +381,9 @@ impl ShaderArgs {
     /// [`Self::scene`], with some of its variables set.
     pub fn scene_with(&self, variables: &Variables) -> Result<scene::Scene, Failure> {
         match self.input_with(variables, Purpose::Draw)? {
-            Input::Scene(_) if self.name.is_some() => Err(Failure(
-                "error: --name is for a shader: all materials of a scene are drawn".to_owned(),
+            Input::Scene(_) if self.chosen().is_some() => Err(Failure(
+                "error: --material: all materials of a scene are drawn; `rewrite` and `explain` take one"
+                    .to_owned(),
             )),
             Input::Scene(scene) => Ok(scene),
             Input::Shader(parsed, state) => {
@@ -460,24 +463,41 @@ impl ShaderArgs {
         }
     }
 
-    /// Refuses the flags of a glTF file for other files.
-    fn check_gltf_flags(&self) -> Result<(), Failure> {
-        let given = [
-            ("--material", self.material.is_some()),
-            ("--materials", self.materials.is_some()),
-        ];
-        let is_one = self.scene_file().is_some_and(is_gltf);
-        match given.iter().find(|(_, given)| *given) {
-            Some((flag, _)) if !is_one => Err(Failure(format!(
-                "error: {flag} is for a glTF file (.glb, .gltf), whose materials it draws"
-            ))),
-            _ => Ok(()),
+    /// The material that `--material` takes of a scene.
+    fn chosen(&self) -> Option<String> {
+        let is_gltf = self.scene_file().is_some_and(is_gltf);
+        let name = self.material.as_ref().filter(|_| !is_gltf)?;
+        Some(name.to_string_lossy().into_owned())
+    }
+
+    /// Refuses the flags that choose materials for other files.
+    fn check_material_flags(&self) -> Result<(), Failure> {
+        let file = self.scene_file();
+        if self.material.is_some() && file.is_none() {
+            return Err(Failure(
+                "error: --material is for a scene, a captured frame or a glTF file: a shader has one \
+                 material"
+                    .to_owned(),
+            ));
         }
+        if self.materials.is_some() && !file.is_some_and(is_gltf) {
+            return Err(Failure(
+                "error: --materials is for a glTF file (.glb, .gltf), whose materials it draws"
+                    .to_owned(),
+            ));
+        }
+        Ok(())
     }
 
     /// Refuses flags of a material, since a scene file defines its own.
     fn check_scene_flags(&self) -> Result<(), Failure> {
         let s = &self.state;
+        if self.name.is_some() {
+            return Err(Failure(
+                "error: --name is for a shader; to take one material of a scene: --material"
+                    .to_owned(),
+            ));
+        }
         let given = [
             ("--lang", self.lang.is_some()),
             ("--vertex", self.vertex.is_some()),

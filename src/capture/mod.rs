@@ -28,7 +28,7 @@ pub use check::{Check, Compared, check};
 pub use folder::{Capture, FILE, is_folder};
 pub use pass::{Kind, Pass, passes};
 pub use scene::{Choice, scene};
-pub use share::{Share, shares};
+pub use share::{Share, Shares, shares};
 
 use crate::limits::Exceeded;
 use crate::{front, regular, render};

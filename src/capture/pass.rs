@@ -101,6 +101,13 @@ pub struct Call {
     pub indexed: bool,
 }
 
+impl Call {
+    /// Vertices of all instances. Arguments that are in a buffer count as one.
+    pub(super) fn vertices(&self) -> u64 {
+        u64::from(self.count.max(1)) * u64::from(self.instances.max(1))
+    }
+}
+
 /// The render passes of a frame.
 ///
 /// # Errors

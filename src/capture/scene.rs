@@ -22,8 +22,11 @@ use crate::scene::bind::{
     TextureContent, VertexAttribute, VertexBuffer,
 };
 use crate::scene::{
-    Camera, Draw, DrawOrder, DrawRange, Frame, Image, Light, Material, Mesh, Scene,
+    Camera, Draw, DrawOrder, DrawRange, Frame, Image, Initial, Light, Material, Mesh, Scene,
 };
+
+/// Materials whose part of the frame's time is measured: each takes some replays of the frame.
+const TIMED_MATERIALS: usize = 12;
 
 /// Which pass of which frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -63,11 +66,21 @@ pub fn scene(capture: &Capture, choice: Choice, gpu: Option<&Gpu>) -> Result<Sce
         meshes: Vec::new(),
     };
     let mut scene = made.scene()?;
-    scene.notes = made.notes.into_iter().collect();
+    scene.notes = std::mem::take(&mut made.notes).into_iter().collect();
     if let Some(gpu) = gpu {
-        let (shares, compared) = shares(capture, gpu, choice.frame)?;
-        scene.notes.insert(0, told(&shares, index));
-        scene.notes.extend(compared.map(|c| c.told()));
+        let timed = made.by_time();
+        let groups: Vec<_> = timed
+            .iter()
+            .map(|(_, pipelines)| pipelines.clone())
+            .collect();
+        let shares = shares(capture, gpu, choice.frame, &groups)?;
+        let names = timed.iter().map(|(m, _)| scene.materials[*m].name.as_str());
+        let materials = names.zip(shares.groups.iter().copied()).collect();
+        scene.notes.insert(0, told(&shares.passes, index));
+        scene
+            .notes
+            .insert(1, told_materials(materials, scene.materials.len()));
+        scene.notes.extend(shares.compared.map(|c| c.told()));
     }
     Ok(scene)
 }
@@ -91,6 +104,21 @@ fn told(shares: &[Share], own: usize) -> String {
     format!("the frame's time by render pass: {}", passes.join("; "))
 }
 
+/// The parts of a frame's time that its materials take, the largest first.
+fn told_materials(mut materials: Vec<(&str, f64)>, all: usize) -> String {
+    materials.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let left = match all - materials.len() {
+        0 => String::new(),
+        n => format!("; {n} that draw fewer vertices are not timed"),
+    };
+    let one = |(name, part): (&str, f64)| format!("`{name}` {:.0} %", 100.0 * part);
+    let materials: Vec<String> = materials.into_iter().map(one).collect();
+    format!(
+        "the part of the frame's time that each material's draws take: {}{left}",
+        materials.join(", ")
+    )
+}
+
 /// The pass to take.
 fn chosen(all: &[Pass<'_>], choice: Choice) -> Result<usize, Error> {
     let place = format!("frame {}", choice.frame);
@@ -98,10 +126,7 @@ fn chosen(all: &[Pass<'_>], choice: Choice) -> Result<usize, Error> {
         get(all, index, "render pass", &place)?;
         return Ok(index);
     }
-    let vertices = |p: &Pass<'_>| -> u64 {
-        let of = |d: &PassDraw| u64::from(d.call.count.max(1)) * u64::from(d.call.instances.max(1));
-        p.draws.iter().map(of).sum()
-    };
+    let vertices = |p: &Pass<'_>| -> u64 { p.draws.iter().map(|d| d.call.vertices()).sum() };
     let main = all.iter().enumerate().filter(|(_, p)| p.kind == Kind::Main);
     main.max_by_key(|(_, p)| vertices(p))
         .map(|(index, _)| index)
@@ -181,6 +206,7 @@ impl<'c> Maker<'c> {
             files: capture.files(),
             is_made_up: false,
             own_size: None,
+            initial: target.initial,
             notes: Vec::new(),
         })
     }
@@ -203,6 +229,7 @@ impl<'c> Maker<'c> {
             clear: [0.0; 4],
             depth: None,
             direction: DepthDirection::Forward,
+            initial: Initial::default(),
         };
         if let Some(color) = first {
             let own = color.clear_value.map_or([0.0; 4], file::Color::numbers);
@@ -211,10 +238,7 @@ impl<'c> Maker<'c> {
                 Load::Load => match earlier(self.before, color.view.texture) {
                     Earlier::Cleared(clear, _) => clear,
                     Earlier::Drawn => {
-                        self.notes.insert(
-                            "the pass draws onto an earlier picture, and the scene onto one colour"
-                                .to_owned(),
-                        );
+                        made.initial.colors = self.loaded_colors()?;
                         own
                     }
                 },
@@ -229,12 +253,8 @@ impl<'c> Maker<'c> {
                 _ => match earlier(self.before, depth.view.texture) {
                     Earlier::Cleared(_, clear) => clear,
                     Earlier::Drawn => {
-                        self.notes.insert(
-                            "the pass tests the depth of an earlier one, and the scene a cleared \
-                             depth"
-                                .to_owned(),
-                        );
-                        1.0
+                        made.initial.depth = self.loaded(&depth.view, "depth")?;
+                        self.first_clear(depth.view.texture)
                     }
                 },
             };
@@ -250,6 +270,68 @@ impl<'c> Maker<'c> {
             }
         }
         Ok(made)
+    }
+
+    /// What earlier passes left in the colour attachments that the pass loads.
+    fn loaded_colors(&mut self) -> Result<Vec<Option<Arc<Image>>>, Error> {
+        let pass = self.pass;
+        let mut found = Vec::new();
+        for attachment in &pass.descriptor.color_attachments {
+            found.push(match attachment {
+                Some(of) if of.load_op == Load::Load => self.loaded(&of.view, "picture")?,
+                _ => None,
+            });
+        }
+        Ok(found)
+    }
+
+    /// What earlier passes left in an attachment. `None`, with a note, if it cannot be read back.
+    fn loaded(&mut self, view: &View, what: &str) -> Result<Option<Arc<Image>>, Error> {
+        let of = get(
+            &self.capture.file.textures,
+            view.texture,
+            "texture",
+            "a pass",
+        )?;
+        if of.sample_count > 1 {
+            self.notes.insert(format!(
+                "the pass draws onto an earlier {what} of several samples, which the scene clears"
+            ));
+            return Ok(None);
+        }
+        let image = self.replayed()?.map(|replay| replay.read_view(view));
+        Ok(image.transpose()?.map(Arc::new))
+    }
+
+    /// The depth to which an earlier pass clears a texture, or the farthest one.
+    fn first_clear(&self, texture: usize) -> f32 {
+        let depths = self
+            .before
+            .iter()
+            .filter_map(|p| p.descriptor.depth_stencil_attachment.as_ref());
+        let mut own = depths.filter(|d| d.view.texture == texture);
+        let clear = own.find(|d| d.depth_load_op == Some(Load::Clear));
+        clear.and_then(|d| d.depth_clear_value).unwrap_or(1.0)
+    }
+
+    /// The materials that draw most vertices, with their pipelines.
+    fn by_time(&self) -> Vec<(usize, BTreeSet<usize>)> {
+        let mut of: BTreeMap<usize, (u64, BTreeSet<usize>)> = BTreeMap::new();
+        for draw in &self.pass.draws {
+            let made = self.by_pipeline.iter();
+            let mut made = made.filter(|((pipeline, _), _)| *pipeline == draw.pipeline);
+            if let Some((_, Some(material))) = made.next() {
+                let entry = of.entry(*material).or_default();
+                entry.0 += draw.call.vertices();
+                entry.1.insert(draw.pipeline);
+            }
+        }
+        let mut of: Vec<_> = of.into_iter().collect();
+        of.sort_by_key(|(_, (vertices, _))| std::cmp::Reverse(*vertices));
+        of.truncate(TIMED_MATERIALS);
+        of.into_iter()
+            .map(|(m, (_, pipelines))| (m, pipelines))
+            .collect()
     }
 
     /// The material of a pipeline. `None`, with a note, if its text cannot be read.
@@ -697,4 +779,5 @@ struct Target {
     clear: [f64; 4],
     depth: Option<DepthFormat>,
     direction: DepthDirection,
+    initial: Initial,
 }

@@ -1,4 +1,6 @@
-//! What part of a frame's time each of its passes takes, and whether its replay is right.
+//! What part of a frame's time its passes and materials take, and whether its replay is right.
+
+use std::collections::BTreeSet;
 
 use super::Error;
 use super::check::{Compared, shown};
@@ -21,9 +23,21 @@ pub struct Share {
     pub part: f64,
 }
 
-/// The parts of a frame's render passes, in order, from a replay. Each command is submitted and waited
-/// for alone. Of several frames the least time of each command counts. Beside them, the replayed frame
-/// against the page's picture, if there is one.
+/// What a frame's time consists of.
+#[derive(Clone, Debug, Default)]
+pub struct Shares {
+    /// Each render pass, in order.
+    pub passes: Vec<Share>,
+    /// By how much the frame is shorter without the draws of each group of pipelines, from 0 to 1. Groups
+    /// may overlap on the screen, so the parts need not add up to their pass's.
+    pub groups: Vec<f64>,
+    /// The replayed frame against the page's picture, if there is one.
+    pub compared: Option<Compared>,
+}
+
+/// The parts of a frame's time, from a replay. Each command is submitted and waited for alone. Of several
+/// frames the least time of each command counts. `groups` are render pipelines: the frame is replayed
+/// without the draws of one group after the other.
 ///
 /// # Errors
 /// The capture is broken, or the device is lost.
@@ -31,32 +45,44 @@ pub fn shares(
     capture: &Capture,
     gpu: &Gpu,
     frame: usize,
-) -> Result<(Vec<Share>, Option<Compared>), Error> {
+    groups: &[BTreeSet<usize>],
+) -> Result<Shares, Error> {
     let mut replay = Replay::new(gpu, capture);
     for earlier in 0..=frame {
         replay.frame(earlier, Until::End)?;
     }
     let compared = shown(capture, &mut replay, frame)?.map(|(compared, _)| compared);
-    let mut least: Vec<f64> = Vec::new();
+    let mut whole = Vec::new();
+    let mut without = vec![Vec::new(); groups.len()];
     for _ in 0..TIMED {
-        let times = replay.timed(frame)?;
-        match least.is_empty() {
-            true => least = times,
-            false => {
-                for (least, now) in least.iter_mut().zip(times) {
-                    *least = least.min(now);
-                }
-            }
+        least(&mut whole, replay.timed(frame)?);
+        for (group, times) in groups.iter().zip(&mut without) {
+            replay.hide(group.clone());
+            least(times, replay.timed(frame)?);
         }
+        replay.hide(BTreeSet::new());
     }
-    let whole: f64 = least.iter().sum();
-    let all = passes(capture, frame)?;
+    let total = whole.iter().sum::<f64>().max(f64::MIN_POSITIVE);
     let share = |pass: &super::pass::Pass<'_>| Share {
         kind: pass.kind,
         draws: pass.draws.len(),
-        part: least
-            .get(pass.command)
-            .map_or(0.0, |t| t / whole.max(f64::MIN_POSITIVE)),
+        part: whole.get(pass.command).map_or(0.0, |t| t / total),
     };
-    Ok((all.iter().map(share).collect(), compared))
+    let gone = |times: &Vec<f64>| (1.0 - times.iter().sum::<f64>() / total).max(0.0);
+    Ok(Shares {
+        passes: passes(capture, frame)?.iter().map(share).collect(),
+        groups: without.iter().map(gone).collect(),
+        compared,
+    })
+}
+
+/// Keeps the lesser time of each command.
+fn least(so_far: &mut Vec<f64>, now: Vec<f64>) {
+    if so_far.is_empty() {
+        *so_far = now;
+        return;
+    }
+    for (least, now) in so_far.iter_mut().zip(now) {
+        *least = least.min(now);
+    }
 }

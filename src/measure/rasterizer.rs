@@ -179,6 +179,7 @@ fn scene(material: Material, triangle: &[[f32; 3]; 3]) -> Scene {
         files: Vec::new(),
         is_made_up: false,
         own_size: None,
+        initial: Default::default(),
         notes: Vec::new(),
         name: "rasterizer".to_owned(),
         size: [SIZE; 2],

@@ -187,6 +187,7 @@ impl<'a> Counter<'a> {
         let variant = Variant::new(plans, form)?;
         let settings = FrameSettings {
             clear_color: [0.0; 4],
+            initial_colors: false,
         };
         Ok(Prepared::new(inputs, &variant, &settings)?.keeping_samples())
     }

@@ -26,6 +26,8 @@ use crate::scene::{DrawOrder, Frame, Scene, bind};
 pub struct FrameSettings {
     /// Clear value of the colour attachments, linear RGBA.
     pub clear_color: [f64; 4],
+    /// Whether the colour attachments hold [`Scene::initial`] in place of the clear value.
+    pub initial_colors: bool,
 }
 
 impl FrameSettings {
@@ -33,6 +35,7 @@ impl FrameSettings {
     pub fn of(scene: &Scene) -> Self {
         Self {
             clear_color: scene.clear_color,
+            initial_colors: true,
         }
     }
 }
@@ -67,7 +70,7 @@ pub struct Prepared<'a> {
     meshes: Meshes,
     table: DrawTable,
     passes: Vec<PreparedPass>,
-    clear_color: [f64; 4],
+    settings: FrameSettings,
     /// Whether the samples of a colour target are kept after resolving.
     resolved_samples: wgpu::StoreOp,
     creation: Duration,
@@ -192,7 +195,7 @@ impl<'a> Prepared<'a> {
             meshes,
             table,
             passes,
-            clear_color: settings.clear_color,
+            settings: *settings,
             // A host discards the samples after resolving, so we do too.
             resolved_samples: wgpu::StoreOp::Discard,
             creation: start.elapsed(),
@@ -272,6 +275,8 @@ impl<'a> Prepared<'a> {
     fn encode_with(&self, encoder: &mut wgpu::CommandEncoder, queries: Queries<'_>) {
         let mut done: Option<Phase> = None;
         self.table.clear(encoder);
+        let initial = self.inputs.initial();
+        initial.encode(&self.targets, self.settings.initial_colors, encoder);
         compute::encode(self.inputs, &self.compute, When::is_frame, encoder);
         let last_color = self
             .passes
@@ -489,7 +494,7 @@ impl<'a> Prepared<'a> {
             }
             ColorAttachments::Scene => {}
         }
-        let [r, g, b, a] = self.clear_color;
+        let [r, g, b, a] = self.settings.clear_color;
         self.targets
             .colors
             .iter()
@@ -497,6 +502,10 @@ impl<'a> Prepared<'a> {
             .map(|(location, slot)| {
                 let (target, planned) = (slot.as_ref()?, planned(location)?);
                 let mut ops = operations(planned, wgpu::Color { r, g, b, a });
+                let initial = self.inputs.initial().color(location, &target.drawn);
+                if initial.is_some() && self.settings.initial_colors {
+                    ops.load = wgpu::LoadOp::Load;
+                }
                 // Stored attachments are visible, resolved if multisampled. Discarded ones are not.
                 let resolved = target
                     .resolved
@@ -520,9 +529,19 @@ impl<'a> Prepared<'a> {
         pass: &PreparedPass,
     ) -> Option<wgpu::RenderPassDepthStencilAttachment<'_>> {
         let target = self.targets.depth(pass.frame.depth.as_deref()?)?;
+        let is_scene_depth =
+            pass.frame.depth.as_deref() == Some(preshade_passes::plan::SCENE_DEPTH);
+        let initial = self.inputs.initial().depth(&target.texture);
+        let is_kept = is_scene_depth && initial.is_some();
         Some(wgpu::RenderPassDepthStencilAttachment {
             view: &target.view,
-            depth_ops: pass.frame.depth_ops.map(|o| operations(o, target.clear)),
+            depth_ops: pass.frame.depth_ops.map(|o| match is_kept {
+                true => wgpu::Operations {
+                    load: wgpu::LoadOp::Load,
+                    ..operations(o, target.clear)
+                },
+                false => operations(o, target.clear),
+            }),
             stencil_ops: pass.frame.stencil_ops.map(|o| operations(o, 0)),
         })
     }

@@ -11,6 +11,7 @@ use wgpu::util::{BufferInitDescriptor, DeviceExt};
 
 use super::compiled::Compiled;
 use super::gpu::Gpu;
+use super::initial::Initial;
 use super::textures::Textures;
 use super::{Error, state};
 use crate::scene::bind::{self, Rate};
@@ -27,6 +28,7 @@ pub struct SceneInputs<'a> {
     /// The resources of the previous frame, of the same draws.
     previous: Option<&'a SceneInputs<'a>>,
     compiled: Option<Compiled>,
+    initial: Initial,
 }
 
 /// The resources of one draw.
@@ -168,6 +170,7 @@ impl<'a> SceneInputs<'a> {
             draws,
             previous: None,
             compiled: None,
+            initial: Initial::new(gpu, scene)?,
         })
     }
 
@@ -189,6 +192,11 @@ impl<'a> SceneInputs<'a> {
             compiled: Some(Compiled::default()),
             ..self
         }
+    }
+
+    /// What the attachments hold before the first pass.
+    pub(super) fn initial(&self) -> &Initial {
+        &self.initial
     }
 
     /// What its frames share.

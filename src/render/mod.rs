@@ -19,6 +19,7 @@ mod compute;
 mod drawn;
 pub mod frame;
 pub mod gpu;
+mod initial;
 pub mod inputs;
 mod layout;
 mod limits;

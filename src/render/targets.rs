@@ -198,6 +198,7 @@ fn depths(
             };
             let copyable = readback::is_copyable(format, a.samples);
             let mut usage = wgpu::TextureUsages::RENDER_ATTACHMENT;
+            usage.set(wgpu::TextureUsages::COPY_DST, a.samples == 1);
             usage.set(wgpu::TextureUsages::COPY_SRC, copyable);
             usage.set(wgpu::TextureUsages::TEXTURE_BINDING, a.sampled || !copyable);
             let texture = gpu.checked(&what, || {
@@ -390,7 +391,10 @@ fn color(
     if samples == 1 {
         let texture = create(
             1,
-            wgpu::TextureUsages::COPY_SRC | wgpu::TextureUsages::TEXTURE_BINDING | stored,
+            wgpu::TextureUsages::COPY_SRC
+                | wgpu::TextureUsages::COPY_DST
+                | wgpu::TextureUsages::TEXTURE_BINDING
+                | stored,
         )?;
         return Ok(ColorTarget {
             format,

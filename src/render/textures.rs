@@ -168,7 +168,11 @@ fn size(image: &Image, view: TextureViewDimension) -> Result<Extent3d, String> {
     })
 }
 
-fn upload(
+/// A texture of an image, as `view` reads it.
+///
+/// # Errors
+/// A message: the image has too few bytes, or its size does not fit the format.
+pub(super) fn upload(
     gpu: &Gpu,
     image: &Image,
     view: TextureViewDimension,
@@ -196,7 +200,7 @@ fn upload(
         sample_count: 1,
         dimension,
         format,
-        usage: TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST,
+        usage: TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST | TextureUsages::COPY_SRC,
         view_formats: &[],
     });
     for (level, texels) in (0..levels).zip(&image.levels) {

@@ -250,6 +250,7 @@ impl Loader<'_> {
             files: self.folder.files(),
             is_made_up: false,
             own_size: None,
+            initial: Default::default(),
             notes: parts.notes,
         };
         scene.cameras = match cameras {

@@ -90,6 +90,8 @@ pub struct Scene {
     pub samples: u32,
     /// Background, linear RGBA.
     pub clear_color: [f64; 4],
+    /// What the attachments hold in place of their clear values.
+    pub initial: Initial,
     /// Materials.
     pub materials: Vec<Material>,
     /// Meshes.
@@ -224,6 +226,16 @@ pub enum Address {
     Repeat,
     MirrorRepeat,
     ClampToEdge,
+}
+
+/// What earlier passes of the host's frame left in the attachments. Images have the attachments' size and
+/// one sample; multisampled attachments are always cleared.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Initial {
+    /// Colours by location, in the attachments' formats.
+    pub colors: Vec<Option<Arc<Image>>>,
+    /// Depth.
+    pub depth: Option<Arc<Image>>,
 }
 
 /// The content of a texture, with all its mip levels, in any format of WebGPU's whose texels have

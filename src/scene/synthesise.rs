@@ -93,6 +93,7 @@ pub fn synthesise(parsed: Parsed, state: MaterialState) -> Scene {
         files: Vec::new(),
         is_made_up: true,
         own_size: None,
+        initial: Default::default(),
         notes: Vec::new(),
     }
 }

@@ -29,6 +29,14 @@ fn a_captured_frame_is_drawn_as_it_was_and_takes_variants() {
         "{:?}",
         scene.notes
     );
+    assert!(
+        scene
+            .notes
+            .iter()
+            .any(|n| n.contains("each material's draws take: `quads`")),
+        "{:?}",
+        scene.notes
+    );
     // The texture has what the earlier pass drew, so the scene's picture is the frame's.
     let drawn = render(gpu(), &scene);
     assert_eq!(
@@ -54,5 +62,38 @@ fn a_captured_frame_is_drawn_as_it_was_and_takes_variants() {
         .map(|v| format!("{:?}", v.verdict))
         .collect();
     assert!(verdicts[1].starts_with("Holds"), "{verdicts:?}");
+    fs::remove_dir_all(path).unwrap();
+}
+
+/// The near quad is drawn first, in a pass of its own. The far one is drawn onto that picture, behind it.
+#[test]
+fn a_pass_that_loads_its_attachments_starts_from_what_they_held() {
+    let mut own = folder();
+    let commands = &mut own.file["frames"][0]["commands"];
+    let mut near = commands[2].clone();
+    near["descriptor"]["depthStencilAttachment"]["depthStoreOp"] = "store".into();
+    let mut far = near.clone();
+    far["descriptor"]["colorAttachments"][0]["loadOp"] = "load".into();
+    far["descriptor"]["depthStencilAttachment"]["depthLoadOp"] = "load".into();
+    // Each has the state, and the binding and the draw of its own quad.
+    near["commands"].as_array_mut().unwrap().drain(3..5);
+    far["commands"].as_array_mut().unwrap().drain(5..);
+    commands[2] = near;
+    commands.as_array_mut().unwrap().push(far);
+    let path = own.write("loaded");
+    let capture = Capture::open(&path, &Limits::default()).unwrap();
+    let found = check(&capture, gpu()).unwrap();
+    assert_eq!(found.frames[0].differ, 0);
+    let choice = Choice {
+        pass: Some(2),
+        ..Choice::default()
+    };
+    let scene = capture::scene(&capture, choice, Some(gpu())).unwrap();
+    assert_eq!(scene.draws.len(), 1);
+    let drawn = render(gpu(), &scene);
+    assert_eq!(
+        drawn.colors[0].as_ref().unwrap().bytes,
+        found.pictures[0].bytes
+    );
     fs::remove_dir_all(path).unwrap();
 }

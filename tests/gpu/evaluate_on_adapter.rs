@@ -213,6 +213,7 @@ fn drawn(parsed: front::Parsed, size: [u32; 2]) -> ColorImage {
         files: Vec::new(),
         is_made_up: false,
         own_size: None,
+        initial: Default::default(),
         notes: Vec::new(),
         name: "words".to_owned(),
         size,

@@ -418,7 +418,7 @@ fn what_a_scene_forbids_is_neither_written_nor_said_to_apply() {
         let args = [
             "rewrite",
             scene,
-            "--name",
+            "--material",
             name,
             "--pass",
             "depth-prepass",

@@ -10,7 +10,7 @@ mod passes;
 mod read;
 mod webgl;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Instant;
 
 use super::Error;
@@ -42,6 +42,8 @@ pub struct Replay<'a> {
     contents: Contents,
     encoder: Option<wgpu::CommandEncoder>,
     left_out: BTreeMap<LeftOut, u64>,
+    /// Render pipelines whose draws are not executed.
+    hidden: BTreeSet<usize>,
 }
 
 impl std::fmt::Debug for Replay<'_> {
@@ -70,7 +72,13 @@ impl<'a> Replay<'a> {
             contents: Contents::default(),
             encoder: None,
             left_out: BTreeMap::new(),
+            hidden: BTreeSet::new(),
         }
+    }
+
+    /// Executes no draws of these render pipelines from now on.
+    pub(super) fn hide(&mut self, pipelines: BTreeSet<usize>) {
+        self.hidden = pipelines;
     }
 
     /// What was left out so far, and how often.

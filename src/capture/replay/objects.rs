@@ -506,7 +506,8 @@ fn texture_descriptor<'l>(of: &'l Texture, label: &'l str) -> wgpu::TextureDescr
         usage |= wgpu::TextureUsages::COPY_SRC | wgpu::TextureUsages::COPY_DST;
     }
     if of.format.is_depth_stencil_format() {
-        usage |= wgpu::TextureUsages::RENDER_ATTACHMENT;
+        // Start content is drawn, and what a pass left is read in a shader.
+        usage |= wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING;
     }
     wgpu::TextureDescriptor {
         label: Some(label),

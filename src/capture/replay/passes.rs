@@ -25,9 +25,11 @@ pub(super) enum Encoded {
     StencilReference(u32),
 }
 
-/// What is missing for the next draws.
+/// Why the next draws are not executed.
 #[derive(Default)]
 struct Missing {
+    /// The pipeline is one of [`Replay::hide`].
+    hidden: bool,
     pipeline: Option<(String, String)>,
     groups: std::collections::BTreeMap<u32, (String, String)>,
 }
@@ -65,6 +67,7 @@ impl Replay<'_> {
         if self.capture.file.source.api.is_webgl() {
             for step in pass::steps(commands, place)? {
                 encoded.extend(match step {
+                    Step::Draw(draw) if self.hidden.contains(&draw.pipeline) => Vec::new(),
                     Step::Draw(draw) => self.draw_of_webgl(&draw, place)?,
                     Step::Clear(clear) => self.partial_clear(clear, descriptor, place)?,
                 });
@@ -132,12 +135,16 @@ impl Replay<'_> {
                 | DrawCommand::DrawIndirect { .. }
                 | DrawCommand::DrawIndexedIndirect { .. }
         );
+        if is_draw && missing.hidden {
+            return Ok(());
+        }
         if is_draw && let Some((what, why)) = missing.first().cloned() {
             self.leave_out(format!("a draw with {what}"), why);
             return Ok(());
         }
         encoded.push(match command {
             DrawCommand::SetPipeline { pipeline } => {
+                missing.hidden = self.hidden.contains(pipeline);
                 match self.render_pipeline(*pipeline, place)? {
                     Ok(made) => {
                         missing.pipeline = None;

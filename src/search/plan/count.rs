@@ -57,6 +57,7 @@ impl<'a> FragmentCounter<'a> {
                 let variant = Variant::new(&counting, ShaderForm::Ir)?;
                 let clear = FrameSettings {
                     clear_color: [0.0; 4],
+                    initial_colors: false,
                 };
                 groups.push((first, which, Prepared::new(inputs, &variant, &clear)?));
             }

@@ -127,6 +127,7 @@ pub fn scene(size: [u32; 2], materials: Vec<Material>, draws: Vec<Draw>) -> Scen
         files: Vec::new(),
         is_made_up: false,
         own_size: None,
+        initial: Default::default(),
         notes: Vec::new(),
         light: Light {
             direction: Vec3::Y,

@@ -1,0 +1,96 @@
+//! What the scene's attachments hold before its first pass.
+
+use wgpu::{Extent3d, TextureDimension, TextureUsages, TextureViewDimension};
+
+use super::gpu::Gpu;
+use super::targets::Targets;
+use super::{Error, state, textures};
+use crate::scene::Scene;
+
+/// The textures that are copied to the attachments at the start of each frame.
+#[derive(Debug, Default)]
+pub(super) struct Initial {
+    colors: Vec<Option<wgpu::Texture>>,
+    depth: Option<wgpu::Texture>,
+}
+
+impl Initial {
+    /// Uploads [`Scene::initial`].
+    ///
+    /// # Errors
+    /// [`Error::Scene`] if an image does not fit, or the adapter fails.
+    pub fn new(gpu: &Gpu, scene: &Scene) -> Result<Self, Error> {
+        let of = &scene.initial;
+        if of.colors.iter().flatten().next().is_none() && of.depth.is_none() {
+            return Ok(Self::default());
+        }
+        let failed = |message: String| Error::Scene {
+            draw: scene.name.clone(),
+            message: format!("initial content of its attachments: {message}"),
+        };
+        let flat = TextureViewDimension::D2;
+        gpu.checked("initial content", || {
+            let color = |image| textures::upload(gpu, image, flat, image.format);
+            let colors = of
+                .colors
+                .iter()
+                .map(|c| c.as_deref().map(color).transpose());
+            let depth = of.depth.as_deref().map(|image| {
+                let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+                    label: Some("initial depth"),
+                    size: Extent3d {
+                        width: image.size[0],
+                        height: image.size[1],
+                        depth_or_array_layers: 1,
+                    },
+                    mip_level_count: 1,
+                    sample_count: 1,
+                    dimension: TextureDimension::D2,
+                    format: state::depth_format(scene.depth_format),
+                    usage: TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC,
+                    view_formats: &[],
+                });
+                textures::draw_depths(gpu, image, &texture).map(|()| texture)
+            });
+            Ok(Self {
+                colors: colors.collect::<Result<_, _>>().map_err(failed)?,
+                depth: depth.transpose().map_err(failed)?,
+            })
+        })?
+    }
+
+    /// The initial depth for the scene's depth attachment `to`.
+    pub fn depth(&self, to: &wgpu::Texture) -> Option<&wgpu::Texture> {
+        self.depth.as_ref().filter(|from| fits(from, to))
+    }
+
+    /// The initial colour for the scene's colour attachment `to` at a location.
+    pub fn color(&self, location: usize, to: &wgpu::Texture) -> Option<&wgpu::Texture> {
+        let of = self.colors.get(location)?.as_ref();
+        of.filter(|from| fits(from, to))
+    }
+
+    /// Copies the content to the attachments.
+    pub fn encode(&self, targets: &Targets, colors: bool, encoder: &mut wgpu::CommandEncoder) {
+        let mut copy = |from: Option<&wgpu::Texture>, to: &wgpu::Texture| {
+            if let Some(from) = from {
+                let (source, target) = (from.as_image_copy(), to.as_image_copy());
+                encoder.copy_texture_to_texture(source, target, from.size());
+            }
+        };
+        if let Some(target) = targets.depth(preshade_passes::plan::SCENE_DEPTH) {
+            copy(self.depth(&target.texture), &target.texture);
+        }
+        for (location, target) in targets.colors.iter().enumerate() {
+            if let Some(target) = target.as_ref().filter(|_| colors) {
+                copy(self.color(location, &target.drawn), &target.drawn);
+            }
+        }
+    }
+}
+
+/// Whether one texture can be copied to the other.
+fn fits(from: &wgpu::Texture, to: &wgpu::Texture) -> bool {
+    let format = |t: &wgpu::Texture| t.format().remove_srgb_suffix();
+    to.sample_count() == 1 && from.size() == to.size() && format(from) == format(to)
+}
