@@ -45,6 +45,9 @@ pub struct CaptureArgs {
     /// true: `js:scene.isReady()`.
     #[arg(long, value_name = "SELECTOR|js:EXPRESSION", value_parser = NonEmptyStringValueParser::new())]
     wait_for: Option<String>,
+    /// JavaScript that draws a frame, for a page that draws on demand: `viewer.render()`.
+    #[arg(long, value_name = "JS", value_parser = NonEmptyStringValueParser::new())]
+    draw: Option<String>,
     /// Size of the window, in pixels.
     #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = size)]
     size: [u32; 2],
@@ -108,6 +111,7 @@ pub fn run(args: &CaptureArgs) -> Result<Ending, Failure> {
                 frames: args.frames,
                 size: args.size,
                 condition: condition.as_deref(),
+                draw: args.draw.as_deref(),
                 after: Duration::from_secs_f64(args.after),
                 is_hardware: args.hardware,
                 flags: &args.flag,

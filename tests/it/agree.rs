@@ -228,7 +228,7 @@ fn judged(agreement: &Agreement) -> Vec<Result<&'static str, String>> {
 fn no_fixture_raises_a_false_alarm_against_itself() {
     let inputs = std::env::var("AGREE_INPUTS").ok();
     let effort = Effort {
-        inputs: inputs.map_or(24, |n| n.parse().unwrap()),
+        inputs: inputs.map_or(12, |n| n.parse().unwrap()),
         ..Effort::default()
     };
     let mut all = Vec::new();

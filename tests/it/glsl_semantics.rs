@@ -797,7 +797,7 @@ fn chains_without_open_brackets_are_bounded() {
 /// over.
 #[test]
 fn directives_exhaust_no_stack() {
-    let main = "layout(location = 0) out vec4 c;\nvoid main() { c = vec4(L18 1.0 R18); }\n";
+    let main = "layout(location = 0) out vec4 c;\nvoid main() { c = vec4(L15 1.0 R15); }\n";
     let doubled = |space: &str, letter: char, bracket: char| -> String {
         let line = |i: usize| match i {
             0 => format!("#{space}define {letter}0 {bracket}\n"),
@@ -807,7 +807,7 @@ fn directives_exhaust_no_stack() {
                 i - 1
             ),
         };
-        (0..19).map(line).collect()
+        (0..16).map(line).collect()
     };
     for space in ["  ", "\t", " /* */ ", "\\\n"] {
         let macros = doubled(space, 'L', '(') + &doubled(space, 'R', ')');

@@ -39,6 +39,8 @@ pub struct Visit<'a> {
     pub size: [u32; 2],
     /// The page is ready when this expression is true.
     pub condition: Option<&'a str>,
+    /// JavaScript that draws a frame of a page that draws on demand.
+    pub draw: Option<&'a str>,
     /// And then after so long.
     pub after: Duration,
     /// Whether the machine's GPU draws, not SwiftShader.
@@ -224,7 +226,8 @@ fn drive(client: &mut Client, visit: &Visit, heard: &mut Heard) -> Result<(), Br
         heard.event(m, p);
         false
     })?;
-    let start = format!("preshadeCapture.start({{ frames: {} }})", visit.frames);
+    let draw = visit.draw.map_or_else(String::new, |js| format!(", draw: () => {{ {js} }}"));
+    let start = format!("preshadeCapture.start({{ frames: {}{draw} }})", visit.frames);
     let result = evaluate(client, &start, heard)?;
     if let Err(message) = result {
         let page = std::mem::take(&mut heard.errors);

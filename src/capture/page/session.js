@@ -111,8 +111,18 @@ function tick() {
     realRequest.call(globalThis, (time) => {
         if (phase === IDLE) return;
         boundary(time);
+        if (phase !== IDLE && !blocked) drawOnDemand();
         tick();
     });
+}
+
+/** For a page that draws on demand, its own way to draw. */
+function drawOnDemand() {
+    try {
+        session?.draw?.();
+    } catch (error) {
+        fail(error);
+    }
 }
 
 function boundary(time) {
@@ -141,6 +151,7 @@ function arm(time) {
     session.first = time;
     session.time = time;
     session.last = performance.now();
+    session.nudges = 0;
     session.folder = new Folder(session.sink, best.source.describe(best));
     best.source.begin(session.folder, best);
     phase = RECORDING;
@@ -151,6 +162,7 @@ function closeFrame(time) {
     frame.time = (session.time - session.first) / 1000;
     session.time = time;
     session.last = performance.now();
+    session.nudges = 0;
     session.recorded += 1;
     const isLast = session.recorded === session.wanted;
     if (isLast) {
@@ -188,13 +200,14 @@ function summary(folder) {
 
 function idleTime() {
     const waited = performance.now() - session.last;
-    if (waited > NUDGE_MS && !session.nudged) {
-        session.nudged = true;
+    if (waited > NUDGE_MS * (session.nudges + 1)) {
+        session.nudges += 1;
         globalThis.dispatchEvent(new Event('resize'));
     }
     if (waited > GIVE_UP_MS) {
         const why = workerCanvases ? ': a canvas of it is drawn by a worker, which is not recorded' : '';
-        fail(new Error(`the page drew nothing in ${GIVE_UP_MS / 1000} s by WebGL or WebGPU${why}`));
+        const remedy = '; if it draws on demand, give --draw (or `draw` of start) the JavaScript that draws';
+        fail(new Error(`the page drew nothing in ${GIVE_UP_MS / 1000} s by WebGL or WebGPU${why || remedy}`));
     }
 }
 
@@ -211,13 +224,18 @@ function fail(error) {
     failed.reject(error);
 }
 
-/** Records `frames` frames, from the next that the page draws. Resolves to a summary once all is written. */
-function startCapture({ frames = 1, sink } = {}) {
+/**
+ * Records `frames` frames, from the next that the page draws. Resolves to a summary once all is written. `draw` is called
+ * in every frame until then.
+ */
+function startCapture({ frames = 1, draw, sink } = {}) {
     if (session) return Promise.reject(new Error('a capture is under way'));
     return new Promise((resolve, reject) => {
         session = {
             wanted: Math.max(1, frames | 0),
             recorded: 0,
+            nudges: 0,
+            draw,
             sink: sink ?? defaultSink(),
             writing: Promise.resolve(),
             last: performance.now(),
