@@ -6,7 +6,7 @@ use preshade::unstable::nearest::nearest;
 use preshade::unstable::passes::contract::Assumption;
 use preshade::unstable::passes::core::refusals::RefusalInfo;
 use preshade::unstable::passes::{PASSES, pass_named, refusals};
-use preshade::unstable::{emit, front, lock, measure, render, scene};
+use preshade::unstable::{capture, emit, front, lock, measure, render, scene};
 
 use crate::Failure;
 
@@ -18,6 +18,7 @@ fn infos() -> impl Iterator<Item = &'static RefusalInfo> {
         lock::codes::REFUSALS,
         scene::codes::REFUSALS,
         render::codes::REFUSALS,
+        capture::codes::REFUSALS,
     ];
     errors.into_iter().flatten().chain(refusals())
 }
@@ -55,7 +56,17 @@ pub fn of(error: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
             measure::Error::Mismatch(_) | measure::Error::Clock => None,
         };
     }
+    #[cfg(feature = "capture")]
+    {
+        use capture::browser::{BrowserError, UnpackError};
+        let told = error.downcast_ref().map(BrowserError::code);
+        let told = told.or_else(|| error.downcast_ref().map(UnpackError::code));
+        if told.is_some() {
+            return told;
+        }
+    }
     None.or_else(|| error.downcast_ref().map(render::Error::code))
+        .or_else(|| error.downcast_ref().map(capture::Error::code))
         .or_else(|| error.downcast_ref().map(emit::EmitError::code))
         .or_else(|| error.downcast_ref().map(lock::Mismatch::code))
         .or_else(|| error.downcast_ref().map(lock::LockError::code))

@@ -794,6 +794,18 @@ pub enum IndexFormat {
     Uint32,
 }
 
+impl IndexFormat {
+    /// Indices in a buffer of so many bytes.
+    pub fn count(self, bytes: usize) -> u64 {
+        let size = match self {
+            Self::Uint8 => 1,
+            Self::Uint16 => 2,
+            Self::Uint32 => 4,
+        };
+        bytes as u64 / size
+    }
+}
+
 /// A `GPUDepthStencilState`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(rename_all = "camelCase")]

@@ -12,6 +12,7 @@ use serde::de::DeserializeOwned;
 use super::Error;
 use super::file::{self, Cull, RenderPipeline, ShaderLanguage};
 use super::folder::{Capture, get};
+use super::points;
 use crate::front::{self, Source};
 use crate::scene::Material;
 
@@ -59,6 +60,8 @@ pub(super) fn read(
     }
     let mut modules = vec![vertex.module];
     modules.extend(fragment.map(|f| f.module).filter(|m| *m != vertex.module));
+    let is_points = of.primitive.topology == file::Topology::PointList;
+    let mut is_sized = false;
     let mut sources = Vec::new();
     for module in modules {
         let shader = get(&capture.file.shaders, module, "shader", name)?;
@@ -69,8 +72,25 @@ pub(super) fn read(
             ShaderLanguage::GlslEs100 | ShaderLanguage::GlslEs300 => "frag",
         };
         let mut bytes = capture.data(&shader.data)?.to_vec();
-        if rows == Rows::FromBottom && ending == "vert" {
-            bytes = upside_down(&String::from_utf8_lossy(&bytes)).into_bytes();
+        if ending == "vert" || ending == "frag" {
+            let mut text = String::from_utf8_lossy(&bytes).into_owned();
+            // The text itself may ask whether it is ES.
+            if shader.language == ShaderLanguage::GlslEs100 && !text.contains("#version") {
+                text.insert_str(0, "#version 100\n");
+            }
+            if ending == "vert" {
+                is_sized = is_points && points::are_sized(&text);
+            }
+            text = match (is_sized, ending) {
+                (true, "vert") => points::vertex(&text),
+                (true, _) => points::fragment(&text),
+                (false, _) => text,
+            };
+            if rows == Rows::FromBottom && ending == "vert" {
+                let negated = "gl_Position.y = -gl_Position.y;";
+                text = points::after_main(&text, "preshade_upright_main", negated);
+            }
+            bytes = text.into_bytes();
         }
         let source = Source::from_bytes(format!("{name}.{ending}"), bytes);
         sources.push(source.map_err(|e| Left::Out(e.to_string()))?);
@@ -84,6 +104,11 @@ pub(super) fn read(
         ..front::Options::default()
     };
     let parsed = front::parse(&sources, &options).map_err(|e| Left::Out(e.to_string()))?;
+    let mut state = state(of).map_err(Left::Out)?;
+    if is_sized {
+        state.primitive.topology = preshade_passes::state::Topology::TriangleList;
+        state.primitive.cull = preshade_passes::state::CullMode::None;
+    }
     Ok(Material {
         name: name.to_owned(),
         file: None,
@@ -91,31 +116,12 @@ pub(super) fn read(
         fragment: fragment.and(parsed.fragment),
         program: parsed.program,
         defines: BTreeMap::new(),
-        state: state(of).map_err(Left::Out)?,
+        state,
         values: BTreeMap::new(),
         textures: BTreeMap::new(),
         samplers: BTreeMap::new(),
         attributes: BTreeMap::new(),
     })
-}
-
-/// A vertex stage of WebGL whose `main` negates the y of its position.
-fn upside_down(text: &str) -> String {
-    const OWN: &str = "preshade_upright_main";
-    let mut out = String::with_capacity(text.len() + 100);
-    let mut rest = text;
-    while let Some(at) = rest.find("main") {
-        let (before, found) = rest.split_at(at);
-        let after = &found["main".len()..];
-        let is_word = before.ends_with(char::is_whitespace) && before.trim_end().ends_with("void");
-        let is_call = after.trim_start().starts_with('(');
-        out += before;
-        out += if is_word && is_call { OWN } else { "main" };
-        rest = after;
-    }
-    out += rest;
-    out += &format!("\nvoid main() {{ {OWN}(); gl_Position.y = -gl_Position.y; }}\n");
-    out
 }
 
 fn state(of: &RenderPipeline) -> Result<MaterialState, String> {

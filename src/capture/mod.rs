@@ -18,6 +18,7 @@ pub mod folder;
 mod material;
 pub mod page;
 mod pass;
+mod points;
 pub mod replay;
 mod scene;
 mod share;

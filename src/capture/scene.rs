@@ -417,15 +417,16 @@ impl<'c> Maker<'c> {
             Some(named) => self.named_resources(named, material)?,
             None => self.resources(draw, material)?,
         };
+        let program = self.materials[material].clone();
         let vertex_buffers = match self.capture.file.source.api.is_webgl() {
             true => {
                 let capture = self.capture;
-                let program = self.materials[material].clone();
                 webgl::interleaved(capture, draw, pipeline, &program, &mut |p| self.part(p))?
             }
             false => self.vertex_buffers(draw, pipeline)?,
         };
-        let (indices, call) = webgl::indices(draw, pipeline, call, &mut |part| self.part(part))?;
+        let (indices, call) =
+            webgl::indices(draw, pipeline, &program, call, &mut |part| self.part(part))?;
         let mut vertex_count = vertex_buffers
             .iter()
             .filter(|b| b.step == wgpu::VertexStepMode::Vertex)
@@ -518,6 +519,7 @@ impl<'c> Maker<'c> {
                 .viewport
                 .unwrap_or([0.0, 0.0, width as f32, height as f32, 0.0, 1.0]),
             scissor: draw.scissor.unwrap_or([0, 0, width, height]),
+            of: self.size,
         })
     }
 

@@ -15,6 +15,7 @@ use super::file::{
 use super::folder::{Capture, get};
 use super::material::Left;
 use super::pass::{Call, Part, PassDraw};
+use super::points;
 use super::scene::{Bound, Maker};
 use super::texels;
 use crate::scene::Material;
@@ -131,7 +132,12 @@ pub(super) fn interleaved(
     let named = draw.named.and_then(|n| capture.file.named.get(n));
     let mut steps: [Vec<Source<'_>>; 2] = Default::default();
     let constants = constants(named);
+    let mut corner = None;
     for input in attributes(material) {
+        if input.name == CORNER {
+            corner = Some(input.location);
+            continue;
+        }
         let (found, step) = match placed(pipeline, &input, draw, &contents) {
             Some(found) => found,
             None => {
@@ -157,7 +163,15 @@ pub(super) fn interleaved(
     let last = draw.call.first_instance.saturating_add(draw.call.instances);
     let [vertices, instances] = steps;
     let mut made = Vec::new();
-    made.extend(interleave(&vertices, wgpu::VertexStepMode::Vertex, None));
+    let by_vertex = interleave(&vertices, wgpu::VertexStepMode::Vertex, None);
+    match (corner, draw.viewport) {
+        (None, _) => made.extend(by_vertex),
+        (Some(_), None) => return Err(Left::Out("points without a viewport".to_owned())),
+        (Some(location), Some([_, _, width, height, ..])) => {
+            let numbers = numbers(draw, draw.call, part)?;
+            made.push(points::spread(by_vertex, &numbers, [width, height], location));
+        }
+    }
     let count = Some(last as usize);
     made.extend(interleave(
         &instances,
@@ -167,19 +181,62 @@ pub(super) fn interleaved(
     Ok(made)
 }
 
-/// The indices of a draw and its arguments. Bytes become 16 bits, and fans and loops of WebGL lists and
-/// strips.
+/// The input of a vertex stage that draws points as squares: which corner the vertex is.
+pub(super) const CORNER: &str = "preshade_corner";
+
+/// Whether a program draws points as squares.
+pub(super) fn is_points(material: &Material) -> bool {
+    attributes(material).iter().any(|a| a.name == CORNER)
+}
+
+/// The index buffer of a draw that has one.
+fn given_indices(
+    draw: &PassDraw,
+    call: Call,
+    part: &mut Parts<'_>,
+) -> Result<Option<(Data, IndexFormat)>, Left> {
+    match (call.indexed, draw.indices) {
+        (false, _) => Ok(None),
+        (true, None) => Err(Left::Out("no index buffer is set".to_owned())),
+        (true, Some((of, format))) => Ok(Some((part(of)?, format))),
+    }
+}
+
+/// The number of each vertex of a draw.
+fn numbers(draw: &PassDraw, call: Call, part: &mut Parts<'_>) -> Result<Vec<u32>, Left> {
+    let given = given_indices(draw, call, part)?;
+    let all = call.first..call.first.saturating_add(call.count);
+    Ok(match given {
+        None => all.collect(),
+        Some((data, format)) => all.map(|i| index(&data, format, i)).collect(),
+    })
+}
+
+/// The indices of a draw and its arguments. Bytes become 16 bits, fans and loops of WebGL lists and
+/// strips, and points that have a size two triangles each.
 pub(super) fn indices(
     draw: &PassDraw,
     pipeline: &RenderPipeline,
+    material: &Material,
     call: Call,
     part: &mut Parts<'_>,
 ) -> Result<(Option<Indices>, Call), Left> {
-    let given = match (call.indexed, draw.indices) {
-        (false, _) => None,
-        (true, None) => return Err(Left::Out("no index buffer is set".to_owned())),
-        (true, Some((of, format))) => Some((part(of)?, format)),
-    };
+    if is_points(material) {
+        let call = Call {
+            first: 0,
+            count: call.count.saturating_mul(6),
+            indexed: false,
+            ..call
+        };
+        return Ok((None, call));
+    }
+    let given = given_indices(draw, call, part)?;
+    if let Some((data, format)) = &given
+        && u64::from(call.first) + u64::from(call.count) > format.count(data.bytes.len())
+    {
+        let why = "it reads indices beyond their buffer: WebGL and WebGPU draw nothing of it";
+        return Err(Left::Out(why.to_owned()));
+    }
     let topology = pipeline.primitive.topology;
     if !matches!(topology, Topology::TriangleFan | Topology::LineLoop) {
         return Ok((given.map(|(data, format)| widened(data, format)), call));

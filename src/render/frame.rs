@@ -557,6 +557,7 @@ impl<'a> Prepared<'a> {
                 continue;
             };
             if let Some(area) = &draw.area {
+                let area = area.scaled(self.inputs.scene().size);
                 let [x, y, w, h, near, far] = area.viewport;
                 render.set_viewport(x, y, w, h, near, far);
                 let [x, y, w, h] = area.scissor;

@@ -38,6 +38,7 @@ mod trusted;
 pub use frame::{ComputedVertices, FrameSettings, Prepared, Rendered};
 pub use gpu::{AdapterChoice, AdapterReport, Gpu, adapters};
 pub use inputs::SceneInputs;
+pub(crate) use layout::binding_type;
 pub use picture::{ColorImage, DepthImage};
 pub use self_test::{SelfTestResult, self_test};
 pub use shader::{ShaderForm, Variant};

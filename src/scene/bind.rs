@@ -215,6 +215,33 @@ pub struct Area {
     pub viewport: [f32; 6],
     /// x, y, width and height in pixels.
     pub scissor: [u32; 4],
+    /// The size of the target that they are of, in pixels.
+    pub of: [u32; 2],
+}
+
+impl Area {
+    /// The same part of a target of another size.
+    pub(crate) fn scaled(self, size: [u32; 2]) -> Self {
+        if size == self.of {
+            return self;
+        }
+        let [x, y, width, height, near, far] = self.viewport;
+        let [sx, sy] = [0, 1].map(|i| size[i] as f32 / self.of[i].max(1) as f32);
+        let [left, top, w, h] = self.scissor;
+        let span = |axis: usize, from: u32, length: u32| {
+            let of = u64::from(self.of[axis].max(1));
+            let to = u64::from(size[axis]);
+            let begin = u64::from(from) * to / of;
+            let end = ((u64::from(from) + u64::from(length)) * to).div_ceil(of).min(to);
+            [begin as u32, end.saturating_sub(begin) as u32]
+        };
+        let ([left, w], [top, h]) = (span(0, left, w), span(1, top, h));
+        Self {
+            viewport: [x * sx, y * sy, width * sx, height * sy, near, far],
+            scissor: [left, top, w, h],
+            of: size,
+        }
+    }
 }
 
 impl DrawBindings {

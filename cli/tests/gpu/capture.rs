@@ -11,38 +11,40 @@ use preshade::unstable::limits::Limits;
 
 /// Captures a page of `tests/capture`. Returns what was printed, and the folder.
 fn captured(page: &str) -> (String, PathBuf) {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
-    let script = root.join(format!("tests/capture/pages/{page}.js"));
     let out = Path::new(env!("CARGO_TARGET_TMPDIR"))
         .join("capture")
         .join(page);
-    let _ = fs::remove_dir_all(&out);
-    fs::create_dir_all(&out).unwrap();
+    let html = written(page, &out);
+    recorded(&html, &out.join("frame"), "js:globalThis.ready")
+}
+
+/// An HTML file with a page of `tests/capture`, in a new folder.
+fn written(page: &str, out: &Path) -> PathBuf {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
+    let script = root.join(format!("tests/capture/pages/{page}.js"));
+    let _ = fs::remove_dir_all(out);
+    fs::create_dir_all(out).unwrap();
     let html = out.join("a page.html");
     let text = format!(
         "<!doctype html><canvas id=canvas width=320 height=240></canvas><script src='file://{}'></script>",
         script.display()
     );
     fs::write(&html, text).unwrap();
-    let folder = out.join("frame");
+    html
+}
+
+fn recorded(html: &Path, folder: &Path, condition: &str) -> (String, PathBuf) {
     let output = Command::new(env!("CARGO_BIN_EXE_preshade"))
         .arg("capture")
-        .arg(&html)
-        .args([
-            "--frames",
-            "2",
-            "--after",
-            "0",
-            "--wait-for",
-            "js:globalThis.ready",
-            "-o",
-        ])
-        .arg(&folder)
+        .arg(html)
+        .args(["--frames", "2", "--after", "0", "--wait-for", condition, "-o"])
+        .arg(folder)
         .output()
         .unwrap();
     let complained = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{complained}");
-    (String::from_utf8_lossy(&output.stdout).into_owned(), folder)
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    (said, folder.to_owned())
 }
 
 /// Every number refers to an object, and every data file is there with the content of its name.
@@ -79,5 +81,17 @@ fn a_page_of_webgl_2_is_captured_whole() {
         !said.contains("left out") && !said.contains("unknown"),
         "{said}"
     );
+    is_whole(&folder);
+}
+
+#[test]
+fn a_page_in_a_frame_is_captured() {
+    let out = Path::new(env!("CARGO_TARGET_TMPDIR")).join("capture/in-a-frame");
+    written("webgl2-small", &out);
+    let outer = out.join("outer.html");
+    let text = "<!doctype html><iframe src='a page.html' width=400 height=300></iframe>";
+    fs::write(&outer, text).unwrap();
+    let (said, folder) = recorded(&outer, &out.join("frame"), "js:frames[0].ready");
+    assert!(said.contains("2 frames of 320x240, 6 draws"), "{said}");
     is_whole(&folder);
 }

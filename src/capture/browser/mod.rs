@@ -5,6 +5,7 @@ mod process;
 mod protocol;
 mod unpack;
 
+use std::collections::BTreeSet;
 use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -16,6 +17,7 @@ use serde_json::{Value, json};
 pub use find::{VARIABLE, find};
 pub use unpack::{UnpackError, prepare, unpack};
 
+use super::codes;
 use super::page::RECORDER;
 use crate::limits::Limits;
 use process::Browser;
@@ -109,6 +111,22 @@ pub enum BrowserError {
     Unpack(#[from] UnpackError),
 }
 
+impl BrowserError {
+    /// The stable error code.
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::None
+            | Self::Missing(_)
+            | Self::Start { .. }
+            | Self::Lost(_)
+            | Self::Silent(_)
+            | Self::Protocol { .. } => codes::BROWSER.code,
+            Self::Load { .. } | Self::Condition(_) | Self::Page { .. } => codes::PAGE.code,
+            Self::Unpack(error) => error.code(),
+        }
+    }
+}
+
 fn said(errors: &[String]) -> String {
     let lines = errors.iter().take(5);
     lines
@@ -123,6 +141,8 @@ struct Heard {
     failed: Option<std::io::Error>,
     errors: Vec<String>,
     is_loaded: bool,
+    /// Where scripts of the page and of its frames run.
+    contexts: BTreeSet<i64>,
 }
 
 impl Heard {
@@ -143,6 +163,17 @@ impl Heard {
                 self.says(first["value"].as_str().or(first["description"].as_str()));
             }
             "Page.loadEventFired" => self.is_loaded = true,
+            "Runtime.executionContextCreated" => {
+                let context = &parameters["context"];
+                if context["auxData"]["isDefault"] == true {
+                    self.contexts.extend(context["id"].as_i64());
+                }
+            }
+            "Runtime.executionContextDestroyed" => {
+                let gone = parameters["executionContextId"].as_i64();
+                self.contexts.retain(|id| Some(*id) != gone);
+            }
+            "Runtime.executionContextsCleared" => self.contexts.clear(),
             _ => {}
         }
     }
@@ -184,6 +215,7 @@ pub fn record(visit: &Visit, folder: &Path, limits: &Limits) -> Result<(), Brows
         failed: None,
         errors: Vec::new(),
         is_loaded: false,
+        contexts: BTreeSet::new(),
     };
     let recorded = drive(&mut client, visit, &mut heard);
     drop(client);
@@ -226,9 +258,12 @@ fn drive(client: &mut Client, visit: &Visit, heard: &mut Heard) -> Result<(), Br
         heard.event(m, p);
         false
     })?;
-    let draw = visit.draw.map_or_else(String::new, |js| format!(", draw: () => {{ {js} }}"));
+    let draw = visit
+        .draw
+        .map_or_else(String::new, |js| format!(", draw: () => {{ {js} }}"));
     let start = format!("preshadeCapture.start({{ frames: {}{draw} }})", visit.frames);
-    let result = evaluate(client, &start, heard)?;
+    let context = largest(client, heard)?;
+    let result = evaluate(client, &start, context, heard)?;
     if let Err(message) = result {
         let page = std::mem::take(&mut heard.errors);
         return Err(BrowserError::Page { message, page });
@@ -268,7 +303,7 @@ fn load(client: &mut Client, visit: &Visit, heard: &mut Heard) -> Result<(), Bro
 fn wait_for(client: &mut Client, condition: &str, heard: &mut Heard) -> Result<(), BrowserError> {
     let asked = format!("Boolean({condition})");
     for _ in 0..LOADING.as_millis() / ASKING.as_millis() {
-        match evaluate(client, &asked, heard)? {
+        match evaluate(client, &asked, None, heard)? {
             Ok(Value::Bool(true)) => return Ok(()),
             Ok(_) => {}
             Err(message) => {
@@ -287,14 +322,40 @@ fn wait_for(client: &mut Client, condition: &str, heard: &mut Heard) -> Result<(
     Err(BrowserError::Condition(condition.to_owned()))
 }
 
-/// The value of an expression of the page, or the message of what it throws.
+/// Pixels of the largest canvas of a document.
+const LARGEST: &str = "Math.max(0, ...Array.from(document.querySelectorAll('canvas'), c => c.width * c.height))";
+
+/// The frame of the page that has the largest canvas; `None`: the page itself.
+fn largest(client: &mut Client, heard: &mut Heard) -> Result<Option<i64>, BrowserError> {
+    let mut best = match evaluate(client, LARGEST, None, heard)? {
+        Ok(pixels) => (pixels.as_f64().unwrap_or(0.0), None),
+        Err(_) => (0.0, None),
+    };
+    for context in heard.contexts.clone() {
+        // A frame may be gone by now.
+        let Ok(Ok(pixels)) = evaluate(client, LARGEST, Some(context), heard) else {
+            continue;
+        };
+        let pixels = pixels.as_f64().unwrap_or(0.0);
+        if pixels > best.0 {
+            best = (pixels, Some(context));
+        }
+    }
+    Ok(best.1)
+}
+
+/// The value of an expression of the page or of one of its frames, or the message of what it throws.
 fn evaluate(
     client: &mut Client,
     expression: &str,
+    context: Option<i64>,
     heard: &mut Heard,
 ) -> Result<Result<Value, String>, BrowserError> {
-    let parameters =
+    let mut parameters =
         json!({ "expression": expression, "awaitPromise": true, "returnByValue": true });
+    if let Some(context) = context {
+        parameters["contextId"] = json!(context);
+    }
     let mut result = client.call("Runtime.evaluate", parameters, &mut |m, p| {
         heard.event(m, p)
     })?;

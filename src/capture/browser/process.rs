@@ -30,6 +30,8 @@ const FLAGS: &[&str] = &[
     "--hide-scrollbars",
     "--mute-audio",
     "--enable-unsafe-webgpu",
+    // Frames of other sites run in the page's process, where the recorder reaches them.
+    "--disable-features=IsolateOrigins,site-per-process",
     // Modules of a page that is a local file.
     "--allow-file-access-from-files",
 ];

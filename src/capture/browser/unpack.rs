@@ -6,7 +6,7 @@ use std::path::Path;
 
 use tar::{Archive, EntryType};
 
-use crate::capture::FILE;
+use crate::capture::{FILE, codes};
 use crate::limits::{Exceeded, Limits};
 
 /// The stream or the folder is none.
@@ -31,6 +31,13 @@ pub enum UnpackError {
     /// The folder holds something else.
     #[error("`{0}` holds other files than a capture: name a new folder")]
     Occupied(String),
+}
+
+impl UnpackError {
+    /// The stable error code.
+    pub fn code(&self) -> &'static str {
+        codes::CAPTURE.code
+    }
 }
 
 const DATA: &str = "data";

@@ -400,7 +400,9 @@ Object.assign(GlTaking.prototype, {
     },
 
     blitAsCaptured(to) {
-        if (!to.info || to.renderbuffer) return this.note('blitFramebuffer', 'scales or converts into no texture');
+        // WebGL reads no renderbuffer back: it matters only if the frame goes on with its content.
+        if (to.renderbuffer) return (to.info.lost = this);
+        if (!to.info) return this.note('blitFramebuffer', 'scales or converts into no texture');
         dirty(to.info, to.level);
         const { number } = this.resources.sync(to.info);
         this.asCaptured(number, 'blitFramebuffer that scales or converts');

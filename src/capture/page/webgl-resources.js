@@ -259,6 +259,8 @@ class GlResources {
                     why: 'a renderbuffer, drawn before the capture',
                 });
         }
+        if (info.lost === take && !replaced) take.note('blitFramebuffer', 'scales or converts into no texture');
+        info.lost = null;
         info.taken.drawn = true;
         folder.entries.textures[info.taken.number].usage |= ATTACHMENT;
         return info.taken.number;

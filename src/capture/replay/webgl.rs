@@ -2,9 +2,9 @@
 //! that the first row of every texture is the bottom one, as in WebGL. Then no copy, no upload and no
 //! texture coordinate needs a change.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
-use preshade_passes::plan::BindingUse;
+use preshade_passes::plan::{BindingKind, BindingUse};
 use wgpu::util::DeviceExt as _;
 
 use super::Replay;
@@ -17,6 +17,7 @@ use crate::capture::folder::get;
 use crate::capture::material::{self, Left, Rows};
 use crate::capture::pass::{Part, PassDraw};
 use crate::capture::webgl::{self, Given};
+use crate::render::binding_type;
 use crate::scene::Material;
 use crate::scene::bind::{Data, Indices, VertexBuffer};
 
@@ -79,8 +80,9 @@ impl Replay<'_> {
         };
         let material = &program.material;
         let vertices = webgl::interleaved(capture, draw, pipeline, material, &mut part)?;
-        let (indices, call) = webgl::indices(draw, pipeline, draw.call, &mut part)?;
-        let made = self.pipeline_of(draw.pipeline, pipeline, &program, &vertices)?;
+        let (indices, call) = webgl::indices(draw, pipeline, material, draw.call, &mut part)?;
+        let unfiltered = self.unfiltered(draw, &program, place)?;
+        let made = self.pipeline_of(draw.pipeline, pipeline, &program, &vertices, unfiltered)?;
         let mut encoded = vec![Encoded::Pipeline(made.clone())];
         for (group, bound) in self.groups_of(draw, &program, &made, place)? {
             encoded.push(Encoded::Group(group, Some(bound), Vec::new()));
@@ -145,6 +147,7 @@ impl Replay<'_> {
         of: &RenderPipeline,
         program: &Program,
         vertices: &[VertexBuffer],
+        unfiltered: BTreeSet<(u32, u32)>,
     ) -> Result<wgpu::RenderPipeline, Left> {
         let attributes: Vec<Vec<wgpu::VertexAttribute>> = vertices
             .iter()
@@ -158,7 +161,7 @@ impl Replay<'_> {
                 own.collect()
             })
             .collect();
-        let key = (index, format!("{attributes:?}"));
+        let key = (index, format!("{attributes:?}{unfiltered:?}"));
         if let Some(known) = self.programs.pipelines.get(&key) {
             return known.clone().map_err(Left::Out);
         }
@@ -182,13 +185,21 @@ impl Replay<'_> {
             wgpu::FrontFace::Ccw => wgpu::FrontFace::Cw,
             wgpu::FrontFace::Cw => wgpu::FrontFace::Ccw,
         };
+        if webgl::is_points(&program.material) {
+            primitive.topology = wgpu::PrimitiveTopology::TriangleList;
+            primitive.cull_mode = None;
+        }
         let label = format!("render pipeline {index}");
+        let layout = match unfiltered.is_empty() {
+            true => None,
+            false => Some(self.layout_of(&label, program, &unfiltered)?),
+        };
         let material = &program.material;
         let made = self.gpu.checked(&label, || {
             let device = &self.gpu.device;
             device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
                 label: Some(&label),
-                layout: None,
+                layout: layout.as_ref(),
                 vertex: wgpu::VertexState {
                     module: &program.module,
                     entry_point: Some(&material.vertex),
@@ -215,6 +226,83 @@ impl Replay<'_> {
         let made = made.map_err(|e| e.to_string());
         self.programs.pipelines.insert(key, made.clone());
         made.map_err(Left::Out)
+    }
+
+    /// Bindings of depth textures that the program reads as floats, and of their samplers: WebGPU's own
+    /// layout would want to filter them.
+    fn unfiltered(
+        &mut self,
+        draw: &PassDraw,
+        program: &Program,
+        place: &str,
+    ) -> Result<BTreeSet<(u32, u32)>, Left> {
+        let named = draw.named.unwrap_or(usize::MAX);
+        let named = get(&self.capture.file.named, named, "named resources", place)?;
+        let mut found = BTreeSet::new();
+        for used in &program.bindings {
+            if !matches!(used.kind, BindingKind::Texture | BindingKind::Sampler) {
+                continue;
+            }
+            if let Given::Texture(of) | Given::Sampler(of) =
+                webgl::given(&program.material, used, named)?
+                && self.texture(of.texture.texture, place)?.format().has_depth_aspect()
+            {
+                found.insert((used.group, used.binding));
+            }
+        }
+        Ok(found)
+    }
+
+    /// The layout of a program some of whose textures are not filtered.
+    fn layout_of(
+        &self,
+        label: &str,
+        program: &Program,
+        unfiltered: &BTreeSet<(u32, u32)>,
+    ) -> Result<wgpu::PipelineLayout, Left> {
+        let mut groups: Vec<Vec<wgpu::BindGroupLayoutEntry>> = Vec::new();
+        for used in &program.bindings {
+            let planned = used.layout.as_ref().and_then(binding_type);
+            let planned = planned.ok_or_else(|| Left::Out(format!("`{}` has no layout", used.name)))?;
+            let is_float = |t: &mut wgpu::BindingType| match t {
+                wgpu::BindingType::Texture { sample_type, .. } => {
+                    *sample_type = wgpu::TextureSampleType::Float { filterable: false };
+                }
+                wgpu::BindingType::Sampler(of) => *of = wgpu::SamplerBindingType::NonFiltering,
+                _ => {}
+            };
+            let mut ty = planned;
+            if unfiltered.contains(&(used.group, used.binding)) {
+                is_float(&mut ty);
+            }
+            let group = used.group as usize;
+            groups.resize_with(groups.len().max(group + 1), Vec::new);
+            groups[group].push(wgpu::BindGroupLayoutEntry {
+                binding: used.binding,
+                visibility: wgpu::ShaderStages::VERTEX_FRAGMENT,
+                ty,
+                count: None,
+            });
+        }
+        let made = self.gpu.checked(label, || {
+            let device = &self.gpu.device;
+            let layouts: Vec<_> = groups
+                .iter()
+                .map(|entries| {
+                    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+                        label: None,
+                        entries,
+                    })
+                })
+                .collect();
+            let layouts: Vec<_> = layouts.iter().map(Some).collect();
+            device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+                label: Some(label),
+                bind_group_layouts: &layouts,
+                immediate_size: 0,
+            })
+        });
+        made.map_err(|e| Left::Out(e.to_string()))
     }
 
     /// The bind groups of a draw, by group.

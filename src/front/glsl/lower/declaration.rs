@@ -11,7 +11,7 @@ use super::super::interface::{BindingSlot, Opened, SplitSampler, index, split_ty
 use super::super::source_marks::{Marks, unmarked};
 use super::super::stage::{Block, Global, Qualifiers, Storage, Variable, unsupported};
 use super::super::ty::{BlockEntry, Component, GlslMember, MemoryLayout, Rules, Ty, stored};
-use super::{Lower, Var};
+use super::{Lower, RESERVED, Var};
 use crate::front::ClipSpace;
 use crate::front::error::Error;
 
@@ -182,6 +182,9 @@ impl Lower<'_, '_> {
                     if let Some(instance) = &open {
                         own.name = self.fresh(&format!("{instance}_{}", member.name));
                         renamed.insert(member.name.clone(), own.name.clone());
+                    } else if RESERVED.contains(&member.name.as_str()) {
+                        own.name = self.safe(&member.name);
+                        renamed.insert(member.name.clone(), own.name.clone());
                     }
                     body += &member_text(&mut self.marks, &own, rules);
                     names.push(member.name.clone());
@@ -199,10 +202,10 @@ impl Lower<'_, '_> {
             false => Some("a uniform"),
         };
         for member in &block.members {
-            let text = match (&instance, renamed.get(&member.name)) {
-                (_, Some(renamed)) => renamed.clone(),
-                (Some(instance), None) => format!("{instance}.{}", member.name),
-                (None, None) => member.name.clone(),
+            let own = renamed.get(&member.name).unwrap_or(&member.name);
+            let text = match &instance {
+                Some(instance) if open.is_none() => format!("{instance}.{own}"),
+                _ => own.clone(),
             };
             let mut var = Var::plain(text, member.ty.clone()).fixed(fixed);
             var.lay = lay(member);
