@@ -67,7 +67,10 @@ pub fn scene(capture: &Capture, choice: Choice, gpu: Option<&Gpu>) -> Result<Sce
     if let Some(gpu) = gpu {
         let (shares, compared) = shares(capture, gpu, choice.frame)?;
         scene.notes.insert(0, told(&shares, index));
-        scene.notes.extend(compared.map(|c| c.told()));
+        scene.notes.push(match compared {
+            Some(compared) => compared.told(),
+            None => "the capture has no picture of the frame, so the replay was not compared".to_owned(),
+        });
     }
     Ok(scene)
 }

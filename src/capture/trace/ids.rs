@@ -6,9 +6,24 @@ use std::rc::Rc;
 use wgpu_core::device::trace::DataKind;
 use wgpu_core::id::{Marker, PointerId, markers};
 
-use super::passes::Kept;
-use super::{Made, refusal};
+use super::{Made, Refusal, refusal};
 use crate::capture::file::{DataName, DrawCommand, GroupLayout, View};
+
+/// Commands, and why others were left out.
+#[derive(Clone, Debug)]
+pub(super) struct Kept<C> {
+    pub commands: Vec<C>,
+    pub refused: Vec<Refusal>,
+}
+
+impl<C> Default for Kept<C> {
+    fn default() -> Self {
+        Self {
+            commands: Vec::new(),
+            refused: Vec::new(),
+        }
+    }
+}
 
 /// What was made at an address.
 pub(super) struct Map<M, T> {

@@ -9,26 +9,10 @@ use wgpu_core::command::{
     RenderCommand,
 };
 
-use super::ids::Ids;
+use super::ids::{Ids, Kept};
 use super::objects::index_format;
 use super::{Made, Refusal, refusal};
 use crate::capture::file::{Color, ComputeCommand, DrawCommand};
-
-/// Commands, and why others were left out.
-#[derive(Clone, Debug)]
-pub(super) struct Kept<C> {
-    pub commands: Vec<C>,
-    pub refused: Vec<Refusal>,
-}
-
-impl<C> Default for Kept<C> {
-    fn default() -> Self {
-        Self {
-            commands: Vec::new(),
-            refused: Vec::new(),
-        }
-    }
-}
 
 /// What is missing for the next draws or dispatches.
 #[derive(Default)]

@@ -141,6 +141,7 @@ pub(super) fn access(file: &CaptureFile, store: &Store, command: &Command) -> Ac
         file,
         store,
         access: Access::default(),
+        groups: BTreeSet::new(),
     };
     found.command(command);
     found.access
@@ -150,6 +151,8 @@ struct Found<'f> {
     file: &'f CaptureFile,
     store: &'f Store,
     access: Access,
+    /// Bind groups of the pass so far, and whether their offsets are dynamic.
+    groups: BTreeSet<(usize, bool)>,
 }
 
 impl Found<'_> {
@@ -381,7 +384,8 @@ impl Found<'_> {
     /// can be stored to.
     fn group(&mut self, group: usize, is_dynamic: bool) {
         let file = self.file;
-        let Some(of) = file.bind_groups.get(group) else {
+        let is_new = self.groups.insert((group, is_dynamic));
+        let Some(of) = file.bind_groups.get(group).filter(|_| is_new) else {
             return;
         };
         let layout = match &of.layout {
