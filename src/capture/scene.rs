@@ -69,7 +69,9 @@ pub fn scene(capture: &Capture, choice: Choice, gpu: Option<&Gpu>) -> Result<Sce
         scene.notes.insert(0, told(&shares, index));
         scene.notes.push(match compared {
             Some(compared) => compared.told(),
-            None => "the capture has no picture of the frame, so the replay was not compared".to_owned(),
+            None => {
+                "the capture has no picture of the frame, so the replay was not compared".to_owned()
+            }
         });
     }
     Ok(scene)

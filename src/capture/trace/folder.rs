@@ -11,7 +11,7 @@ use super::data::{self, Store};
 use crate::capture::FILE;
 use crate::capture::file::{
     CaptureFile, CapturedFrame, Command, ComputeCommand, DataName, DrawCommand, GroupLayout,
-    LayoutChoice, RenderPassDescriptor, Resource,
+    LayoutChoice, RenderPassDescriptor, Resource, Unknown,
 };
 use crate::limits::Limits;
 
@@ -163,6 +163,7 @@ pub(super) fn compact(
     all: &CaptureFile,
     mut setup: Vec<Command>,
     mut frames: Vec<CapturedFrame>,
+    mut unknown: Vec<Unknown>,
 ) -> CaptureFile {
     let mut n = Numbers::default();
     setup.iter_mut().for_each(|c| n.command(c));
@@ -171,6 +172,8 @@ pub(super) fn compact(
         let canvas = frame.canvas.iter_mut();
         canvas.for_each(|canvas| n.set(List::Textures, canvas));
     }
+    let buffers = unknown.iter_mut().flat_map(|u| &mut u.buffer);
+    buffers.for_each(|buffer| n.set(List::Buffers, buffer));
     // Each list before those that its entries refer to.
     let bind_groups = n.entries(List::Groups, &all.bind_groups, |n, group| {
         match &mut group.layout {
@@ -221,6 +224,7 @@ pub(super) fn compact(
         render_pipelines,
         compute_pipelines,
         setup,
+        unknown,
         frames,
         schema: all.schema.clone(),
         source: all.source.clone(),

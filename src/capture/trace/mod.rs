@@ -30,7 +30,7 @@ use std::rc::Rc;
 
 pub use version::Version;
 
-use super::file::{Api, CapturedFrame, Refused, SCHEMA, Source};
+use super::file::{Api, CapturedFrame, Refused, SCHEMA, Source, Unknown};
 use crate::limits::{Exceeded, Limits};
 use crate::regular::ReadError;
 use data::Store;
@@ -42,6 +42,10 @@ pub const TRACE: &str = "trace.ron";
 
 /// What the reader wants of an app that records a trace.
 const REMEDY: &str = "record it with wgpu 29 or 30 (docs/guides/capture-wgpu.md)";
+
+/// Why a buffer that nothing wrote is not just zero.
+const UNWRITTEN: &str = "nothing in the trace writes the buffer: wgpu's traces lack `Queue::write_buffer_with` \
+                         (docs/guides/capture-wgpu.md)";
 
 /// A trace that is not read.
 #[derive(Debug, thiserror::Error)]
@@ -304,8 +308,8 @@ fn write(
         .map_or(0, |before| marks[before].end);
     let end = marks[window.end - 1].end;
     let (earlier, chosen) = (&steps[..start], &steps[start..end]);
-    let kept = slice::kept(&file, &store, earlier, chosen);
-    let kept = kept.into_iter().map(|index| &earlier[index]);
+    let before = slice::before(&file, &store, earlier, chosen);
+    let kept = before.kept.into_iter().map(|index| &earlier[index]);
     let mut refused: BTreeMap<&(String, String), u64> = BTreeMap::new();
     for why in kept.clone().chain(chosen).flat_map(|step| &step.refused) {
         *refused.entry(why).or_default() += 1;
@@ -335,7 +339,12 @@ fn write(
         first = mark.end;
     }
     let setup = kept.filter_map(|step| step.command.clone()).collect();
-    let mut made = folder::compact(&file, setup, frames);
+    let unknown = before.unwritten.into_iter().map(|buffer| Unknown {
+        buffer: Some(buffer),
+        texture: None,
+        why: UNWRITTEN.to_owned(),
+    });
+    let mut made = folder::compact(&file, setup, frames, unknown.collect());
     made.refused = refused;
     // Before anything of that size is allocated.
     super::folder::check(&made, limits).map_err(|error| match error {

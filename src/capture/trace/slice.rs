@@ -108,16 +108,34 @@ impl Needed {
     }
 }
 
-/// The steps before the frames that decide what the frames read, in order.
-pub(super) fn kept(
+/// What the frames need of what was before them.
+pub(super) struct Before {
+    /// The steps that decide what the frames read, in order.
+    pub kept: Vec<usize>,
+    /// Buffers that the frames read, that could be written, and that no step wrote.
+    pub unwritten: Vec<usize>,
+}
+
+/// Goes through all steps up to the last frame, backwards.
+pub(super) fn before(
     file: &CaptureFile,
     store: &Store,
     earlier: &[Step],
     frames: &[Step],
-) -> Vec<usize> {
+) -> Before {
     let mut needed = Needed::default();
+    let mut written = BTreeSet::new();
+    let mut note = |access: &Access| {
+        for part in access.overwrites.iter().chain(&access.changes) {
+            if let Part::Bytes { buffer, .. } = part {
+                written.insert(*buffer);
+            }
+        }
+    };
     for command in frames.iter().rev().filter_map(|s| s.command.as_ref()) {
-        needed.before(&access(file, store, command));
+        let access = access(file, store, command);
+        note(&access);
+        needed.before(&access);
     }
     let mut kept = Vec::new();
     for (index, step) in earlier.iter().enumerate().rev() {
@@ -125,14 +143,24 @@ pub(super) fn kept(
             continue;
         };
         let access = access(file, store, command);
-        let mut written = access.overwrites.iter().chain(&access.changes);
-        if written.any(|part| needed.has(*part)) {
+        note(&access);
+        let mut changed = access.overwrites.iter().chain(&access.changes);
+        if changed.any(|part| needed.has(*part)) {
             needed.before(&access);
             kept.push(index);
         }
     }
     kept.reverse();
-    kept
+    let can_be_written = |buffer: &usize| {
+        let usage = file.buffers.get(*buffer).map_or(0, |b| b.usage);
+        usage & wgpu::BufferUsages::COPY_DST.bits() != 0
+    };
+    let read = needed.bytes.iter().filter(|(_, ranges)| !ranges.is_empty());
+    let unwritten = read.map(|(buffer, _)| *buffer).filter(can_be_written);
+    Before {
+        kept,
+        unwritten: unwritten.filter(|b| !written.contains(b)).collect(),
+    }
 }
 
 /// What a command reads and writes.
