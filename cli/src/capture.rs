@@ -1,4 +1,4 @@
-//! `preshade capture`: records frames of a page into a frame folder.
+//! `preshade capture`: records frames of a page, or of an app's trace, into a frame folder.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -10,6 +10,7 @@ use clap::builder::NonEmptyStringValueParser;
 use preshade::unstable::capture::FILE;
 use preshade::unstable::capture::browser::{self, Visit};
 use preshade::unstable::capture::page::{RECORDER, bookmarklet};
+use preshade::unstable::capture::trace::{self, Found, Wanted};
 use serde_json::Value;
 
 use crate::limits::LimitArgs;
@@ -23,14 +24,16 @@ Examples:
   preshade capture page.html --wait-for '#canvas[data-ready]' -o frame/
   preshade capture --script > preshade-capture.js
   preshade capture ~/Downloads/frame.tar -o frame/
+  preshade capture --wgpu-trace trace/ --frames 2 -o frame/
 
 The page is drawn by Chromium without a window, in software: by a GPU with --hardware. The variable
 CHROMIUM names another program. A captured frame holds other people's shaders, textures and meshes.
-docs/guides/capture.md shows what to do with it.")]
+docs/guides/capture.md shows what to do with it, and docs/guides/capture-wgpu.md how an app that
+draws with wgpu writes a trace.")]
 pub struct CaptureArgs {
     /// Address of a page, an HTML file, a folder with index.html, or a frame.tar that the recorder
     /// saved.
-    #[arg(required_unless_present_any = ["script", "bookmarklet"])]
+    #[arg(required_unless_present_any = ["script", "bookmarklet", "wgpu_trace"])]
     page: Option<String>,
     /// Folder to write.
     #[arg(short, long, value_name = "DIR", default_value = "frame")]
@@ -60,6 +63,21 @@ pub struct CaptureArgs {
     /// Give up when the browser is silent for so long.
     #[arg(long, value_name = "SECONDS", default_value_t = 120)]
     patience: u64,
+    /// Read the frames from a trace that wgpu 29 or 30 wrote: a folder with trace.ron.
+    #[arg(
+        long,
+        value_name = "DIR",
+        conflicts_with_all = [
+            "page", "script", "bookmarklet", "after", "wait_for", "size", "hardware", "flag", "patience",
+        ]
+    )]
+    wgpu_trace: Option<PathBuf>,
+    /// With --wgpu-trace: the first frame to write, from 0. Without it, the last ones are written.
+    #[arg(long, value_name = "FRAME", requires = "wgpu_trace")]
+    from: Option<usize>,
+    /// With --wgpu-trace: what ends a frame. Without it: present, or submit if the app has no window.
+    #[arg(long, value_name = "WHAT", requires = "wgpu_trace")]
+    frames_by: Option<FramesBy>,
     #[command(flatten)]
     limits: LimitArgs,
     /// Print the recorder, for a script tag before the page's own scripts.
@@ -68,6 +86,15 @@ pub struct CaptureArgs {
     /// Print the recorder as a bookmarklet.
     #[arg(long, conflicts_with = "page")]
     bookmarklet: bool,
+}
+
+/// What ends a frame of a trace.
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum FramesBy {
+    /// The app shows a texture in its window.
+    Present,
+    /// The app submits a render pass; what it submits without one belongs to the next frame.
+    Submit,
 }
 
 /// Zero or more, and not so many that nobody would wait.
@@ -99,6 +126,9 @@ pub fn run(args: &CaptureArgs) -> Result<Ending, Failure> {
     let page = args.page.as_deref().unwrap_or_default();
     let limits = args.limits.limits();
     browser::prepare(&args.out)?;
+    if let Some(folder) = &args.wgpu_trace {
+        return traced(folder, args);
+    }
     let recorded = match Path::new(page) {
         file if file.extension().is_some_and(|e| e == "tar") && file.is_file() => {
             browser::unpack(&mut fs::File::open(file)?, &args.out, &limits).map_err(Failure::from)
@@ -121,13 +151,50 @@ pub fn run(args: &CaptureArgs) -> Result<Ending, Failure> {
         }
     };
     // What was written before a failure stays, and is told.
-    let file = args.out.join(FILE);
-    if file.is_file() {
-        let json = serde_json::from_slice(&fs::read(&file)?)?;
-        output::table(&summary(&json, &args.out)?)?;
+    if args.out.join(FILE).is_file() {
+        output::table(&summary(&args.out)?)?;
     }
     recorded?;
     Ok(Ending::Fine)
+}
+
+/// Writes frames of a trace.
+fn traced(folder: &Path, args: &CaptureArgs) -> Result<Ending, Failure> {
+    let wanted = Wanted {
+        frames: args.frames as usize,
+        from: args.from,
+        by: args.frames_by.map(|by| match by {
+            FramesBy::Present => trace::FramesBy::Present,
+            FramesBy::Submit => trace::FramesBy::Submit,
+        }),
+    };
+    let found = trace::convert(folder, &args.out, &wanted, &args.limits.limits())?;
+    let mut text = summary(&args.out)?;
+    text.push_str(&told(&found));
+    output::table(&text)?;
+    Ok(Ending::Fine)
+}
+
+/// Which frames of the trace were written.
+fn told(found: &Found) -> String {
+    let last = found.first + found.written - 1;
+    let written = match found.written {
+        1 => format!("frame {last}"),
+        _ => format!("frames {} to {last}", found.first),
+    };
+    let ends = match found.by {
+        trace::FramesBy::Present => "presented",
+        trace::FramesBy::Submit => "submitted, without a window",
+    };
+    let cut = match found.is_cut {
+        true => "; the trace has no end, and what follows the last whole frame is left out",
+        false => "",
+    };
+    format!(
+        "The trace of wgpu {} has {} that the app {ends}. This is {written}, counted from 0{cut}.\n",
+        found.version.number(),
+        output::count(found.frames, "frame"),
+    )
 }
 
 /// The JavaScript expression of `--wait-for`.
@@ -208,7 +275,8 @@ impl Counts {
 }
 
 /// What was recorded, and what was not.
-fn summary(json: &Value, folder: &Path) -> Result<String, Failure> {
+fn summary(folder: &Path) -> Result<String, Failure> {
+    let json: Value = serde_json::from_slice(&fs::read(folder.join(FILE))?)?;
     let mut counts = Counts::default();
     let frames = json["frames"].as_array().map_or(&[][..], Vec::as_slice);
     for frame in frames {
@@ -248,6 +316,10 @@ fn summary(json: &Value, folder: &Path) -> Result<String, Failure> {
     for (why, count) in unknown {
         text.push_str(&format!("  unknown content ({count}): {why}\n"));
     }
-    text.push_str("It holds the page's shaders, textures and meshes: ask their owners before you pass it on.\n");
+    let whose = match json["source"]["api"] == "wgpu" {
+        true => "app",
+        false => "page",
+    };
+    text.push_str(&format!("It holds the {whose}'s shaders, textures and meshes: ask their owners before you pass it on.\n"));
     Ok(text)
 }

@@ -139,7 +139,7 @@ enum Command {
     Plan(plan::PlanArgs),
     /// Finds the best recipes by error and time: those that no other recipe beats in both.
     Explore(explore::ExploreArgs),
-    /// Records frames of a page that draws with WebGPU or WebGL into a frame folder.
+    /// Records frames of a page (WebGPU, WebGL) or of a wgpu app into a frame folder.
     #[cfg(feature = "capture")]
     Capture(capture::CaptureArgs),
     /// Lists the adapters of this machine.

@@ -46,7 +46,7 @@ impl Compared {
 pub struct Check {
     /// A frame without a picture is not among them.
     pub frames: Vec<Compared>,
-    /// The pictures of the replay.
+    /// The pictures of the replay: of each frame with a canvas.
     pub pictures: Vec<ColorImage>,
     /// What the replay left out, and how often.
     pub left_out: BTreeMap<LeftOut, u64>,
@@ -61,11 +61,12 @@ pub fn check(capture: &Capture, gpu: &Gpu) -> Result<Check, Error> {
     let (mut frames, mut pictures) = (Vec::new(), Vec::new());
     for index in 0..capture.file.frames.len() {
         replay.frame(index, Until::End)?;
-        let Some((found, ours)) = shown(capture, &mut replay, index)? else {
-            continue;
-        };
-        frames.push(found);
-        pictures.push(ours);
+        if let Some((found, ours)) = shown(capture, &mut replay, index)? {
+            frames.push(found);
+            pictures.push(ours);
+        } else if capture.file.frames[index].canvas.is_some() {
+            pictures.push(replay.picture(index)?);
+        }
     }
     Ok(Check {
         frames,

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use super::Error;
 use super::file::{BufferType, Command, ComputeCommand, GroupLayout, Resource};
 use super::folder::{Capture, get};
-use super::pass::{PassDraw, passes};
+use super::pass::{self, PassDraw, passes};
 
 /// Contents before a command.
 #[derive(Debug, Default)]
@@ -27,6 +27,15 @@ impl Contents {
     /// The capture is broken, or lacks data.
     pub fn before(capture: &Capture, frame: usize, command: usize) -> Result<Self, Error> {
         let mut contents = Self::default();
+        for (index, command) in capture.file.setup.iter().enumerate() {
+            let draws = match command {
+                Command::RenderPass { commands, .. } => {
+                    pass::draws(commands, &format!("setup, command {index}"))?
+                }
+                _ => Vec::new(),
+            };
+            contents.apply(capture, command, &draws)?;
+        }
         for earlier in 0..=frame {
             let of = get(&capture.file.frames, earlier, "frame", "the capture")?;
             let draws: BTreeMap<usize, Vec<PassDraw>> = passes(capture, earlier)?

@@ -2,14 +2,14 @@
 
 use std::collections::BTreeMap;
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 /// Version of the file.
 pub const SCHEMA: &str = "preshade.frames.v1";
 
 /// A file in `data`: the hash of its content, 32 hexadecimal digits.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
-#[serde(try_from = "String")]
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize, Serialize)]
+#[serde(try_from = "String", into = "String")]
 pub struct DataName(String);
 
 impl TryFrom<String> for DataName {
@@ -25,6 +25,12 @@ impl TryFrom<String> for DataName {
     }
 }
 
+impl From<DataName> for String {
+    fn from(name: DataName) -> Self {
+        name.0
+    }
+}
+
 impl DataName {
     /// The file's name in the folder `data`.
     pub fn file(&self) -> String {
@@ -33,7 +39,7 @@ impl DataName {
 }
 
 /// The whole file.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(rename_all = "camelCase")]
 #[allow(missing_docs)]
 pub struct CaptureFile {
@@ -61,6 +67,9 @@ pub struct CaptureFile {
     pub named: Vec<Named>,
     #[serde(default)]
     pub start: Start,
+    /// Commands before the first frame.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub setup: Vec<Command>,
     #[serde(default)]
     pub unknown: Vec<Unknown>,
     #[serde(default)]
@@ -69,7 +78,7 @@ pub struct CaptureFile {
 }
 
 /// What was captured, and by whom.
-#[derive(Clone, Debug, Default, Deserialize)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(default)]
 #[allow(missing_docs)]
 pub struct Source {
@@ -81,7 +90,7 @@ pub struct Source {
 }
 
 /// The API that the page or app drew with.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
 #[allow(missing_docs)]
 pub enum Api {
@@ -100,7 +109,7 @@ impl Api {
 }
 
 /// A buffer.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[allow(missing_docs)]
 pub struct Buffer {
     pub size: u64,
@@ -111,7 +120,7 @@ pub struct Buffer {
 }
 
 /// A texture.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(rename_all = "camelCase")]
 #[allow(missing_docs)]
 pub struct Texture {
@@ -140,13 +149,13 @@ fn one() -> u32 {
 }
 
 /// Three sizes, as a list or by name. A size that is left out is 1.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(from = "Triple<1>")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(from = "Triple<1>", into = "[u32; 3]")]
 pub struct Extent(pub [u32; 3]);
 
 /// A place in a texture. A number that is left out is 0.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
-#[serde(from = "Triple<0>")]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(from = "Triple<0>", into = "[u32; 3]")]
 pub struct Origin(pub [u32; 3]);
 
 #[derive(Deserialize)]
@@ -189,6 +198,18 @@ impl From<Triple<0>> for Origin {
     }
 }
 
+impl From<Extent> for [u32; 3] {
+    fn from(extent: Extent) -> Self {
+        extent.0
+    }
+}
+
+impl From<Origin> for [u32; 3] {
+    fn from(origin: Origin) -> Self {
+        origin.0
+    }
+}
+
 impl Extent {
     /// As wgpu has it.
     pub fn wgpu(self) -> wgpu::Extent3d {
@@ -210,7 +231,7 @@ impl Origin {
 }
 
 /// A colour: four numbers, or by name.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(untagged)]
 #[allow(missing_docs)]
 pub enum Color {
@@ -235,7 +256,7 @@ impl Color {
 }
 
 /// A `GPUSamplerDescriptor`.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(rename_all = "camelCase", default)]
 #[allow(missing_docs)]
 pub struct Sampler {
@@ -290,7 +311,7 @@ impl Sampler {
 }
 
 /// A shader's text.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[allow(missing_docs)]
 pub struct Shader {
     pub data: DataName,
@@ -300,7 +321,7 @@ pub struct Shader {
 }
 
 /// The language of a shader.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[allow(missing_docs)]
 pub enum ShaderLanguage {
     #[serde(rename = "wgsl")]
@@ -314,14 +335,14 @@ pub enum ShaderLanguage {
 }
 
 /// A `GPUBindGroupLayoutDescriptor`.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[allow(missing_docs)]
 pub struct BindGroupLayout {
     pub entries: Vec<LayoutEntry>,
 }
 
 /// A `GPUBindGroupLayoutEntry`.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(rename_all = "camelCase")]
 #[allow(missing_docs)]
 pub struct LayoutEntry {
@@ -334,7 +355,7 @@ pub struct LayoutEntry {
 }
 
 /// A `GPUBufferBindingLayout`.
-#[derive(Clone, Debug, Default, Deserialize)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(rename_all = "camelCase", default)]
 #[allow(missing_docs)]
 pub struct BufferLayout {
@@ -345,7 +366,7 @@ pub struct BufferLayout {
 }
 
 /// How a buffer is bound.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[allow(missing_docs)]
 pub enum BufferType {
@@ -367,7 +388,7 @@ impl BufferType {
 }
 
 /// A `GPUSamplerBindingLayout`.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[allow(missing_docs)]
 pub struct SamplerLayout {
     #[serde(rename = "type", default = "filtering")]
@@ -379,7 +400,7 @@ fn filtering() -> wgpu::SamplerBindingType {
 }
 
 /// A `GPUTextureBindingLayout`.
-#[derive(Clone, Debug, Default, Deserialize)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(rename_all = "camelCase", default)]
 #[allow(missing_docs)]
 pub struct TextureLayout {
@@ -389,7 +410,7 @@ pub struct TextureLayout {
 }
 
 /// A `GPUTextureSampleType`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[allow(missing_docs)]
 pub enum SampleType {
@@ -415,7 +436,7 @@ impl SampleType {
 }
 
 /// A `GPUStorageTextureBindingLayout`.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(rename_all = "camelCase")]
 #[allow(missing_docs)]
 pub struct StorageTextureLayout {
@@ -430,7 +451,7 @@ fn write_only() -> wgpu::StorageTextureAccess {
 }
 
 /// A `GPUPipelineLayoutDescriptor`.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(rename_all = "camelCase")]
 #[allow(missing_docs)]
 pub struct PipelineLayout {
@@ -438,7 +459,7 @@ pub struct PipelineLayout {
 }
 
 /// A `GPUBindGroupDescriptor`.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[allow(missing_docs)]
 pub struct BindGroup {
     pub layout: GroupLayout,
@@ -446,7 +467,7 @@ pub struct BindGroup {
 }
 
 /// The layout of a bind group.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(untagged, rename_all_fields = "camelCase")]
 pub enum GroupLayout {
     /// One of the file's.
@@ -468,7 +489,7 @@ pub enum GroupLayout {
 }
 
 /// A `GPUBindGroupEntry`.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[allow(missing_docs)]
 pub struct GroupEntry {
     pub binding: u32,
@@ -477,7 +498,7 @@ pub struct GroupEntry {
 }
 
 /// A bound resource.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(untagged)]
 #[allow(missing_docs)]
 pub enum Resource {
@@ -487,7 +508,7 @@ pub enum Resource {
 }
 
 /// A part of a buffer.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct BufferRange {
     /// Number of the buffer.
     pub buffer: usize,
@@ -500,7 +521,7 @@ pub struct BufferRange {
 }
 
 /// A view of a texture.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct View {
     /// Number of the texture.
     pub texture: usize,
@@ -510,7 +531,7 @@ pub struct View {
 }
 
 /// A `GPUTextureViewDescriptor`.
-#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
 #[serde(rename_all = "camelCase", default)]
 #[allow(missing_docs)]
 pub struct ViewDescriptor {
@@ -540,7 +561,7 @@ impl ViewDescriptor {
 }
 
 /// The layout of a pipeline.
-#[derive(Clone, Debug, Default, Deserialize)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(untagged)]
 pub enum LayoutChoice {
     /// One of the file's.
@@ -553,7 +574,7 @@ pub enum LayoutChoice {
 }
 
 /// A shader stage of a pipeline.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(rename_all = "camelCase")]
 #[allow(missing_docs)]
 pub struct Stage {
@@ -564,7 +585,7 @@ pub struct Stage {
 }
 
 /// A `GPURenderPipelineDescriptor`.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(rename_all = "camelCase")]
 #[allow(missing_docs)]
 pub struct RenderPipeline {
@@ -582,7 +603,7 @@ pub struct RenderPipeline {
 }
 
 /// A `GPUVertexState`.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[allow(missing_docs)]
 pub struct VertexState {
     #[serde(flatten)]
@@ -592,7 +613,7 @@ pub struct VertexState {
 }
 
 /// A `GPUVertexBufferLayout`.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(rename_all = "camelCase")]
 #[allow(missing_docs)]
 pub struct VertexBufferLayout {
@@ -606,7 +627,7 @@ pub struct VertexBufferLayout {
 }
 
 /// A `GPUVertexAttribute`. WebGL's have names in place of locations.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(rename_all = "camelCase")]
 #[allow(missing_docs)]
 pub struct VertexAttribute {
@@ -621,8 +642,8 @@ pub struct VertexAttribute {
 
 /// A `GPUVertexFormat`, or one of WebGL's that WebGPU lacks: integers that are read as floats
 /// (`uscaled8x4`), and three components of 8 or 16 bits (`unorm8x3`).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(try_from = "String")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(try_from = "String", into = "String")]
 pub enum AttributeFormat {
     /// WebGPU's.
     Own(wgpu::VertexFormat),
@@ -673,6 +694,26 @@ impl TryFrom<String> for AttributeFormat {
     }
 }
 
+impl From<AttributeFormat> for String {
+    fn from(format: AttributeFormat) -> Self {
+        match format {
+            AttributeFormat::Own(own) => match serde_json::to_value(own) {
+                Ok(serde_json::Value::String(name)) => name,
+                _ => Self::new(),
+            },
+            AttributeFormat::Other(packed) => {
+                let kind = match (packed.is_signed, packed.is_normalised) {
+                    (false, false) => "uscaled",
+                    (true, false) => "sscaled",
+                    (false, true) => "unorm",
+                    (true, true) => "snorm",
+                };
+                format!("{kind}{}x{}", packed.bits, packed.components)
+            }
+        }
+    }
+}
+
 impl AttributeFormat {
     /// WebGPU's format, if it is one.
     pub fn own(self) -> Option<wgpu::VertexFormat> {
@@ -692,7 +733,7 @@ impl AttributeFormat {
 }
 
 /// A `GPUFragmentState`.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[allow(missing_docs)]
 pub struct FragmentState {
     #[serde(flatten)]
@@ -702,7 +743,7 @@ pub struct FragmentState {
 }
 
 /// A `GPUColorTargetState`.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(rename_all = "camelCase")]
 #[allow(missing_docs)]
 pub struct ColorTarget {
@@ -717,7 +758,7 @@ fn every_channel() -> u32 {
 }
 
 /// A `GPUBlendState`.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[allow(missing_docs)]
 pub struct Blend {
     #[serde(default)]
@@ -727,7 +768,7 @@ pub struct Blend {
 }
 
 /// A `GPUBlendComponent`.
-#[derive(Clone, Copy, Debug, Deserialize)]
+#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
 #[serde(rename_all = "camelCase", default)]
 #[allow(missing_docs)]
 pub struct BlendComponent {
@@ -747,7 +788,7 @@ impl Default for BlendComponent {
 }
 
 /// A `GPUPrimitiveState`.
-#[derive(Clone, Debug, Default, Deserialize)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(rename_all = "camelCase", default)]
 #[allow(missing_docs)]
 pub struct Primitive {
@@ -759,7 +800,7 @@ pub struct Primitive {
 }
 
 /// A `GPUPrimitiveTopology`, and WebGL's.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[allow(missing_docs)]
 pub enum Topology {
@@ -774,7 +815,7 @@ pub enum Topology {
 }
 
 /// A `GPUCullMode`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[allow(missing_docs)]
 pub enum Cull {
@@ -785,7 +826,7 @@ pub enum Cull {
 }
 
 /// A `GPUIndexFormat`, and WebGL's third.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
 #[allow(missing_docs)]
 pub enum IndexFormat {
@@ -807,7 +848,7 @@ impl IndexFormat {
 }
 
 /// A `GPUDepthStencilState`.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(rename_all = "camelCase")]
 #[allow(missing_docs)]
 pub struct DepthStencil {
@@ -835,7 +876,7 @@ fn every_bit() -> u32 {
 }
 
 /// A `GPUStencilFaceState`.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(rename_all = "camelCase", default)]
 #[allow(missing_docs)]
 pub struct StencilFace {
@@ -857,7 +898,7 @@ impl Default for StencilFace {
 }
 
 /// A `GPUMultisampleState`.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(rename_all = "camelCase", default)]
 #[allow(missing_docs)]
 pub struct Multisample {
@@ -877,7 +918,7 @@ impl Default for Multisample {
 }
 
 /// A `GPUComputePipelineDescriptor`.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[allow(missing_docs)]
 pub struct ComputePipeline {
     #[serde(default)]
@@ -888,7 +929,7 @@ pub struct ComputePipeline {
 }
 
 /// WebGL's resources of a draw, by name.
-#[derive(Clone, Debug, Default, Deserialize)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(default)]
 #[allow(missing_docs)]
 pub struct Named {
@@ -909,7 +950,7 @@ fn with_nan<'de, D: serde::Deserializer<'de>>(
 }
 
 /// A texture of WebGL with its sampler, or an array of them.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(untagged)]
 #[allow(missing_docs)]
 pub enum OneOrMore {
@@ -928,7 +969,7 @@ impl OneOrMore {
 }
 
 /// A texture of WebGL with its sampler.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[allow(missing_docs)]
 pub struct SampledTexture {
     #[serde(flatten)]
@@ -937,7 +978,7 @@ pub struct SampledTexture {
 }
 
 /// Content before the first frame.
-#[derive(Clone, Debug, Default, Deserialize)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(default)]
 #[allow(missing_docs)]
 pub struct Start {
@@ -946,7 +987,7 @@ pub struct Start {
 }
 
 /// Content of a buffer.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[allow(missing_docs)]
 pub struct StartBuffer {
     pub buffer: usize,
@@ -954,7 +995,7 @@ pub struct StartBuffer {
 }
 
 /// Content of one level of a texture: all of its layers, or one.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(rename_all = "camelCase")]
 #[allow(missing_docs)]
 pub struct StartTexture {
@@ -968,7 +1009,7 @@ pub struct StartTexture {
 }
 
 /// Content that could not be read.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[allow(missing_docs)]
 pub struct Unknown {
     pub buffer: Option<usize>,
@@ -977,7 +1018,7 @@ pub struct Unknown {
 }
 
 /// Something that the writer left out.
-#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[allow(missing_docs)]
 pub struct Refused {
     pub what: String,
@@ -991,7 +1032,7 @@ fn once() -> u64 {
 }
 
 /// One frame.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[allow(missing_docs)]
 pub struct CapturedFrame {
     #[serde(default)]
@@ -1003,7 +1044,7 @@ pub struct CapturedFrame {
 }
 
 /// What the page showed, upright.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[allow(missing_docs)]
 pub struct Picture {
     pub data: DataName,
@@ -1012,7 +1053,7 @@ pub struct Picture {
 }
 
 /// One side of a copy: a texture.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(rename_all = "camelCase")]
 #[allow(missing_docs)]
 pub struct TexelPlace {
@@ -1026,7 +1067,7 @@ pub struct TexelPlace {
 }
 
 /// The layout of texels in a buffer.
-#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize)]
 #[serde(rename_all = "camelCase", default)]
 #[allow(missing_docs)]
 pub struct TexelLayout {
@@ -1047,7 +1088,7 @@ impl TexelLayout {
 }
 
 /// One side of a copy: a buffer.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[allow(missing_docs)]
 pub struct BufferPlace {
     pub buffer: usize,
@@ -1056,7 +1097,7 @@ pub struct BufferPlace {
 }
 
 /// A command of the queue.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(tag = "do", rename_all = "camelCase", rename_all_fields = "camelCase")]
 #[allow(missing_docs)]
 pub enum Command {
@@ -1115,7 +1156,7 @@ pub enum Command {
 }
 
 /// A `GPURenderPassDescriptor`.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(rename_all = "camelCase")]
 #[allow(missing_docs)]
 pub struct RenderPassDescriptor {
@@ -1127,7 +1168,7 @@ pub struct RenderPassDescriptor {
 }
 
 /// What happens to an attachment first.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[allow(missing_docs)]
 pub enum Load {
@@ -1137,7 +1178,7 @@ pub enum Load {
 }
 
 /// What happens to an attachment last.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[allow(missing_docs)]
 pub enum Store {
@@ -1157,7 +1198,7 @@ impl Store {
 }
 
 /// A `GPURenderPassColorAttachment`.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(rename_all = "camelCase")]
 #[allow(missing_docs)]
 pub struct ColorAttachment {
@@ -1172,7 +1213,7 @@ pub struct ColorAttachment {
 }
 
 /// A `GPURenderPassDepthStencilAttachment`.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(rename_all = "camelCase")]
 #[allow(missing_docs)]
 pub struct DepthAttachment {
@@ -1191,7 +1232,7 @@ pub struct DepthAttachment {
 }
 
 /// A command in a render pass.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(tag = "do", rename_all = "camelCase", rename_all_fields = "camelCase")]
 #[allow(missing_docs)]
 pub enum DrawCommand {
@@ -1277,7 +1318,7 @@ pub enum DrawCommand {
 }
 
 /// A clear that does not fill the target. What is left out is not cleared.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[allow(missing_docs)]
 pub struct Clear {
     pub color: Option<[f64; 4]>,
@@ -1292,7 +1333,7 @@ pub struct Clear {
 }
 
 /// The bits that a clear writes.
-#[derive(Clone, Copy, Debug, Deserialize)]
+#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
 #[allow(missing_docs)]
 pub struct ClearMask {
     #[serde(default = "every_channel")]
@@ -1315,7 +1356,7 @@ fn far() -> f32 {
 }
 
 /// A command in a compute pass.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(tag = "do", rename_all = "camelCase", rename_all_fields = "camelCase")]
 #[allow(missing_docs)]
 pub enum ComputeCommand {

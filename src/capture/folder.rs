@@ -146,7 +146,7 @@ fn read(text: &str) -> Result<CaptureFile, Error> {
 }
 
 /// Checks sizes before anything of them is allocated.
-fn check(file: &CaptureFile, limits: &Limits) -> Result<(), Error> {
+pub(super) fn check(file: &CaptureFile, limits: &Limits) -> Result<(), Error> {
     if file.frames.is_empty() {
         return Err(Error::File("it has no frame".to_owned()));
     }

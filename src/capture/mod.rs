@@ -23,6 +23,8 @@ pub mod replay;
 mod scene;
 mod share;
 mod texels;
+#[cfg(feature = "capture")]
+pub mod trace;
 mod webgl;
 
 pub use check::{Check, Compared, check};

@@ -147,7 +147,8 @@ pub(super) enum Step<'c> {
     Clear(&'c Clear),
 }
 
-fn draws(commands: &[DrawCommand], place: &str) -> Result<Vec<PassDraw>, Error> {
+/// The draws of a pass.
+pub(super) fn draws(commands: &[DrawCommand], place: &str) -> Result<Vec<PassDraw>, Error> {
     let draw = |step| match step {
         Step::Draw(draw) => Some(*draw),
         Step::Clear(_) => None,

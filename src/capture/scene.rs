@@ -80,7 +80,12 @@ pub fn scene(capture: &Capture, choice: Choice, gpu: Option<&Gpu>) -> Result<Sce
         scene
             .notes
             .insert(1, told_materials(materials, scene.materials.len()));
-        scene.notes.extend(shares.compared.map(|c| c.told()));
+        scene.notes.push(match shares.compared {
+            Some(compared) => compared.told(),
+            None => {
+                "the capture has no picture of the frame, so the replay was not compared".to_owned()
+            }
+        });
     }
     Ok(scene)
 }

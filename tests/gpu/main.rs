@@ -54,6 +54,8 @@ mod sweep;
 mod tessellate;
 mod tessellate_static;
 mod texture_formats;
+#[cfg(feature = "capture")]
+mod traces;
 mod undrawn;
 mod validate_on_adapter;
 mod visibility_buffer;

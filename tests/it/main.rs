@@ -42,4 +42,6 @@ mod scene_shaders;
 mod scene_synthesise;
 mod shared_binding;
 mod snapshots;
+#[cfg(feature = "capture")]
+mod traces;
 mod validate;

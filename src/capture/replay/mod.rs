@@ -44,6 +44,7 @@ pub struct Replay<'a> {
     left_out: BTreeMap<LeftOut, u64>,
     /// Render pipelines whose draws are not executed.
     hidden: BTreeSet<usize>,
+    is_set_up: bool,
 }
 
 impl std::fmt::Debug for Replay<'_> {
@@ -73,6 +74,7 @@ impl<'a> Replay<'a> {
             encoder: None,
             left_out: BTreeMap::new(),
             hidden: BTreeSet::new(),
+            is_set_up: false,
         }
     }
 
@@ -86,12 +88,17 @@ impl<'a> Replay<'a> {
         &self.left_out
     }
 
-    /// Executes one frame. Frames have to be executed in order.
+    /// Executes one frame, and before the first one what the capture does once. Frames have to be executed in order.
     ///
     /// # Errors
     /// The capture names objects that it does not have, data is missing, or the device is lost.
     pub fn frame(&mut self, frame: usize, until: Until) -> Result<(), Error> {
         let capture = self.capture;
+        if !std::mem::replace(&mut self.is_set_up, true) {
+            for (index, command) in capture.file.setup.iter().enumerate() {
+                self.command(command, &format!("setup, command {index}"))?;
+            }
+        }
         let of = get(&capture.file.frames, frame, "frame", "the replay")?;
         let most = match until {
             Until::End => of.commands.len(),

@@ -8,7 +8,8 @@ use super::Replay;
 use crate::capture::Error;
 use crate::capture::file::{
     BindGroup, Cull, DepthStencil, GroupLayout, IndexFormat, LayoutChoice, LayoutEntry,
-    RenderPipeline, Resource, Stage, StencilFace, Texture, Topology, View, ViewDescriptor,
+    RenderPipeline, Resource, ShaderLanguage, Stage, StencilFace, Texture, Topology, View,
+    ViewDescriptor,
 };
 use crate::capture::folder::get;
 use crate::capture::texels;
@@ -191,14 +192,24 @@ impl Replay<'_> {
         if let Some(known) = self.objects.modules.get(&index) {
             return Ok(known.clone());
         }
-        get(&self.capture.file.shaders, index, "shader", place)?;
-        let text = self.capture.text(index)?;
-        let text = crate::front::for_naga(&text);
+        let of = get(&self.capture.file.shaders, index, "shader", place)?;
         let label = format!("shader {index}");
+        let source = match of.language {
+            ShaderLanguage::SpirV => {
+                let words = self.capture.data(&of.data)?;
+                let words = words.chunks_exact(4);
+                let words = words.map(|w| u32::from_le_bytes([w[0], w[1], w[2], w[3]]));
+                wgpu::ShaderSource::SpirV(words.collect())
+            }
+            _ => {
+                let text = self.capture.text(index)?;
+                wgpu::ShaderSource::Wgsl(crate::front::for_naga(&text).into())
+            }
+        };
         let made = self.gpu.checked(&label, || {
             self.gpu.shader(wgpu::ShaderModuleDescriptor {
                 label: Some(&label),
-                source: wgpu::ShaderSource::Wgsl(text.into()),
+                source,
             })
         })?;
         self.objects.modules.insert(index, made.clone());
