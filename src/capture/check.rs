@@ -34,7 +34,7 @@ impl Compared {
             ),
             n => format!(
                 "the replayed frame differs from the page's picture in {n} of {} pixels, in {} by \
-                 more than one step: another driver drew it",
+                 more than one step of 255 (another driver rounds and samples otherwise)",
                 self.pixels, self.by_more
             ),
         }

@@ -80,6 +80,12 @@ pub fn scene(capture: &Capture, choice: Choice, gpu: Option<&Gpu>) -> Result<Sce
         scene
             .notes
             .insert(1, told_materials(materials, scene.materials.len()));
+        for (left, count) in &shares.left_out {
+            scene.notes.push(format!(
+                "the replay of the frame leaves out {count} of {}: {}",
+                left.what, left.why
+            ));
+        }
         scene.notes.push(match shares.compared {
             Some(compared) => compared.told(),
             None => {
@@ -305,7 +311,11 @@ impl<'c> Maker<'c> {
             return Ok(None);
         }
         let image = self.replayed()?.map(|replay| replay.read_view(view));
-        Ok(image.transpose()?.map(Arc::new))
+        let mut image = image.transpose()?;
+        if let Some(image) = image.as_mut().filter(|_| self.is_from_bottom()) {
+            image.turn_over();
+        }
+        Ok(image.map(Arc::new))
     }
 
     /// The depth to which an earlier pass clears a texture, or the farthest one.
@@ -519,13 +529,23 @@ impl<'c> Maker<'c> {
         if draw.viewport.is_none() && draw.scissor.is_none() {
             return None;
         }
+        let whole = [0.0, 0.0, width as f32, height as f32, 0.0, 1.0];
+        let mut viewport = draw.viewport.unwrap_or(whole);
+        let mut scissor = draw.scissor.unwrap_or([0, 0, width, height]);
+        if self.is_from_bottom() {
+            viewport[1] = whole[3] - viewport[1] - viewport[3];
+            scissor[1] = height.saturating_sub(scissor[1].saturating_add(scissor[3]));
+        }
         Some(Area {
-            viewport: draw
-                .viewport
-                .unwrap_or([0.0, 0.0, width as f32, height as f32, 0.0, 1.0]),
-            scissor: draw.scissor.unwrap_or([0, 0, width, height]),
+            viewport,
+            scissor,
             of: self.size,
         })
+    }
+
+    /// Whether the capture counts rows from the bottom. The scene counts from the top.
+    fn is_from_bottom(&self) -> bool {
+        self.capture.file.source.api.is_webgl()
     }
 
     /// Part of a buffer as data. Equal parts are one allocation.

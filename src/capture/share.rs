@@ -1,12 +1,12 @@
 //! What part of a frame's time its passes and materials take, and whether its replay is right.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::Error;
 use super::check::{Compared, shown};
 use super::folder::Capture;
 use super::pass::{Kind, passes};
-use super::replay::{Replay, Until};
+use super::replay::{LeftOut, Replay, Until};
 use crate::render::Gpu;
 
 /// Frames that are timed, after one that is not.
@@ -33,6 +33,8 @@ pub struct Shares {
     pub groups: Vec<f64>,
     /// The replayed frame against the page's picture, if there is one.
     pub compared: Option<Compared>,
+    /// What the replay left out, and how often.
+    pub left_out: BTreeMap<LeftOut, u64>,
 }
 
 /// The parts of a frame's time, from a replay. Each command is submitted and waited for alone. Of several
@@ -52,6 +54,7 @@ pub fn shares(
         replay.frame(earlier, Until::End)?;
     }
     let compared = shown(capture, &mut replay, frame)?.map(|(compared, _)| compared);
+    let left_out = replay.left_out().clone();
     let mut whole = Vec::new();
     let mut without = vec![Vec::new(); groups.len()];
     for _ in 0..TIMED {
@@ -73,6 +76,7 @@ pub fn shares(
         passes: passes(capture, frame)?.iter().map(share).collect(),
         groups: without.iter().map(gone).collect(),
         compared,
+        left_out,
     })
 }
 

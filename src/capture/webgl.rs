@@ -169,7 +169,12 @@ pub(super) fn interleaved(
         (Some(_), None) => return Err(Left::Out("points without a viewport".to_owned())),
         (Some(location), Some([_, _, width, height, ..])) => {
             let numbers = numbers(draw, draw.call, part)?;
-            made.push(points::spread(by_vertex, &numbers, [width, height], location));
+            made.push(points::spread(
+                by_vertex,
+                &numbers,
+                [width, height],
+                location,
+            ));
         }
     }
     let count = Some(last as usize);

@@ -60,6 +60,11 @@ impl Textures {
         };
         let (texture, sample_type) = match &binding.content {
             TextureContent::Image(image) if !binding.multisampled => {
+                let decoded = match is_readable(gpu, image.format) {
+                    true => None,
+                    false => image.decoded(),
+                };
+                let image = decoded.as_ref().unwrap_or(image);
                 let (format, sample_type) = fitting(gpu, image, binding).map_err(failed)?;
                 for (_, feature) in format.required_features().iter_names() {
                     let what = format!("the texture of {format:?} that draw `{draw}` binds");
@@ -109,6 +114,11 @@ impl Textures {
         self.0.push((key, (view.clone(), ty)));
         Ok((view, ty))
     }
+}
+
+/// Whether the device has what a format needs.
+pub(crate) fn is_readable(gpu: &Gpu, format: TextureFormat) -> bool {
+    gpu.device.features().contains(format.required_features())
 }
 
 /// The format in which an image is uploaded for a binding, and how the binding reads it.

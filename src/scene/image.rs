@@ -1,5 +1,6 @@
 //! Textures: generated patterns, image files, and their mip levels.
 
+pub(crate) mod blocks;
 pub(super) mod decode;
 mod ktx;
 mod texels;

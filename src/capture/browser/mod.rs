@@ -261,7 +261,10 @@ fn drive(client: &mut Client, visit: &Visit, heard: &mut Heard) -> Result<(), Br
     let draw = visit
         .draw
         .map_or_else(String::new, |js| format!(", draw: () => {{ {js} }}"));
-    let start = format!("preshadeCapture.start({{ frames: {}{draw} }})", visit.frames);
+    let start = format!(
+        "preshadeCapture.start({{ frames: {}{draw} }})",
+        visit.frames
+    );
     let context = largest(client, heard)?;
     let result = evaluate(client, &start, context, heard)?;
     if let Err(message) = result {
@@ -323,7 +326,8 @@ fn wait_for(client: &mut Client, condition: &str, heard: &mut Heard) -> Result<(
 }
 
 /// Pixels of the largest canvas of a document.
-const LARGEST: &str = "Math.max(0, ...Array.from(document.querySelectorAll('canvas'), c => c.width * c.height))";
+const LARGEST: &str =
+    "Math.max(0, ...Array.from(document.querySelectorAll('canvas'), c => c.width * c.height))";
 
 /// The frame of the page that has the largest canvas; `None`: the page itself.
 fn largest(client: &mut Client, heard: &mut Heard) -> Result<Option<i64>, BrowserError> {

@@ -5,6 +5,7 @@
 
 mod clears;
 mod clock;
+mod compressed;
 mod objects;
 mod passes;
 mod read;
@@ -170,20 +171,7 @@ impl<'a> Replay<'a> {
                 data,
                 layout,
                 size,
-            } => {
-                self.flush()?;
-                let texture = self.texture(destination.texture, place)?.clone();
-                let bytes = self.capture.data(data)?;
-                self.gpu.checked(place, || {
-                    self.gpu.queue.write_texture(
-                        texel_copy(&texture, destination),
-                        &bytes,
-                        layout.wgpu(),
-                        size.wgpu(),
-                    );
-                })?;
-                Ok(())
-            }
+            } => self.write_texture(destination, data, layout, size, place),
             Command::RenderPass {
                 descriptor,
                 commands,

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use wgpu::util::DeviceExt as _;
 
 use super::Replay;
+use super::compressed::decoded;
 use crate::capture::Error;
 use crate::capture::file::{
     BindGroup, Cull, DepthStencil, GroupLayout, IndexFormat, LayoutChoice, LayoutEntry,
@@ -101,9 +102,9 @@ impl Replay<'_> {
         let of = get(&file.textures, index, "texture", place)?;
         let label = format!("texture {index} {}", of.label);
         let texture = self.gpu.checked(&label, || {
-            self.gpu
-                .device
-                .create_texture(&texture_descriptor(of, &label))
+            let mut descriptor = texture_descriptor(of, &label);
+            descriptor.format = self.readable(of.format);
+            self.gpu.device.create_texture(&descriptor)
         })?;
         let mut starts = file.start.textures.iter().filter(|t| t.texture == index);
         if of.format.has_depth_aspect() && of.sample_count == 1 && starts.next().is_some() {
@@ -114,6 +115,17 @@ impl Replay<'_> {
             let bytes = self.capture.data(&start.data)?;
             let aspect = start.aspect.unwrap_or_default();
             let size = level_size(&texture, start.mip_level, start.layer.is_some());
+            let blocks = wgpu::Extent3d {
+                width: (of.size.0[0] >> start.mip_level).max(1),
+                height: (of.size.0[1] >> start.mip_level).max(1),
+                ..size
+            };
+            let bytes = match texture.format() == of.format {
+                true => bytes,
+                false => decoded(of.format, blocks, &bytes, None)
+                    .map_err(|why| Error::broken(&label, why))?
+                    .into(),
+            };
             let (row, rows) = rows(&texture, aspect, size);
             let needed = u64::from(row) * u64::from(rows) * u64::from(size.depth_or_array_layers);
             if (bytes.len() as u64) < needed {
@@ -170,7 +182,8 @@ impl Replay<'_> {
 
     pub(super) fn view(&mut self, view: &View, place: &str) -> Result<wgpu::TextureView, Error> {
         let texture = self.texture(view.texture, place)?.clone();
-        let descriptor = view.view.wgpu();
+        let mut descriptor = view.view.wgpu();
+        descriptor.format = descriptor.format.map(|f| self.readable(f));
         Ok(self
             .gpu
             .checked(place, || texture.create_view(&descriptor))?)

@@ -40,9 +40,13 @@ impl Replay<'_> {
     pub fn read_view(&mut self, view: &View) -> Result<Image, Error> {
         self.flush()?;
         let place = format!("texture {}", view.texture);
-        let of = get(&self.capture.file.textures, view.texture, "texture", &place)?;
-        let shown = Shown::of(of, view);
         let texture = self.texture(view.texture, &place)?.clone();
+        let of = get(&self.capture.file.textures, view.texture, "texture", &place)?;
+        let mut of = of.clone();
+        // Compressed texels may have been decoded.
+        of.format = self.readable(of.format);
+        let of = &of;
+        let shown = Shown::of(of, view);
         let mut levels = Vec::new();
         for level in shown.levels.clone() {
             let mut bytes = Vec::new();

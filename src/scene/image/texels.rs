@@ -30,6 +30,21 @@ impl Image {
         }
     }
 
+    /// Puts the rows of each layer in the other order. Only of images that are not compressed.
+    pub(crate) fn turn_over(&mut self) {
+        for level in 0..self.levels.len() {
+            let Some([row, rows]) = self.rows(level as u32) else {
+                continue;
+            };
+            let layer = row as usize * rows as usize;
+            for layer in self.levels[level].chunks_mut(layer.max(1)) {
+                let turned = layer.chunks(row.max(1) as usize).rev().flatten();
+                let turned: Vec<u8> = turned.copied().collect();
+                layer.copy_from_slice(&turned);
+            }
+        }
+    }
+
     /// Width, height, and layers or depth of a level.
     pub fn extent(&self, level: u32) -> [u32; 3] {
         let at = |side: u32| side.checked_shr(level).unwrap_or(0).max(1);
