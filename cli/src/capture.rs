@@ -91,9 +91,7 @@ pub struct CaptureArgs {
 /// What ends a frame of a trace.
 #[derive(Clone, Copy, clap::ValueEnum)]
 enum FramesBy {
-    /// The app shows a texture in its window.
     Present,
-    /// The app submits a render pass; what it submits without one belongs to the next frame.
     Submit,
 }
 

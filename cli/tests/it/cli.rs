@@ -274,6 +274,37 @@ fn an_output_folder_that_cannot_be_written_to_is_told_before_anything_is_drawn()
 }
 
 #[test]
+fn frames_of_a_trace_are_told_and_a_trace_that_is_none_is_an_error() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
+    let traces = root.join("fixtures/wgpu-traces");
+    let out = nowhere("trace");
+    let captured = |trace: &Path, more: &[&str]| {
+        let mut args = vec!["capture", "--wgpu-trace", trace.to_str().unwrap()];
+        args.extend(["-o", out.to_str().unwrap()]);
+        args.extend(more);
+        let output = run(&args);
+        let told = [&output.stdout[..], &output.stderr].concat();
+        (output.status.success(), String::from_utf8(told).unwrap())
+    };
+    let (is_fine, told) = captured(&traces.join("30"), &["--frames", "2"]);
+    assert!(is_fine, "{told}");
+    for expected in [
+        ": 2 frames of 64x48, 8 draws, 6 render passes, 3 pipelines, ",
+        "It holds the app's shaders",
+        "The trace of wgpu 30 has 3 frames that the app presented. This is frames 1 to 2, counted from 0.",
+    ] {
+        assert!(told.contains(expected), "{told}");
+    }
+    let (is_fine, told) = captured(&root.join("fixtures"), &[]);
+    assert!(
+        !is_fine && told.contains("cannot read `trace.ron`"),
+        "{told}"
+    );
+    let (is_fine, told) = captured(&traces.join("29"), &["https://example.com"]);
+    assert!(!is_fine && told.contains("cannot be used with"), "{told}");
+}
+
+#[test]
 fn stdin_is_a_file_like_any_other() {
     let output = preshade()
         .args([
