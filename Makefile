@@ -1,4 +1,4 @@
-.PHONY: demo check test promises bench audit fuzz docs
+.PHONY: demo check test promises captures bench audit fuzz docs
 
 # Draws the shrine with the original and its variants, and prints the cost and gain of each. The features
 # left out read other dialects of WGSL, which the shrine does not use.
@@ -27,6 +27,18 @@ test:
 promises:
 	scripts/setup.sh vulkan
 	cargo run --release -p preshade-cli -- verify fixtures --every-pass --size 160x90
+
+# Records pages of libraries from npm, replays each on SwiftShader and llvmpipe, verifies two variants of its
+# materials, and writes the tables of docs/results/captures.md. DEMOS names a folder of checkouts for more
+# pages: see tests/capture/survey/demos.mjs. It takes an hour.
+captures:
+	scripts/setup.sh vulkan three swiftshader
+	cargo build --release --all-features -p preshade-cli
+	cargo build --release --all-features --example captures
+	cd tests/capture && npm ci --ignore-scripts
+	cd tests/capture/survey && npm ci --ignore-scripts --legacy-peer-deps
+	cd tests/capture/survey && node survey.mjs $(if $(DEMOS),--demos $(abspath $(DEMOS)))
+	cd tests/capture/survey && node survey.mjs --cost
 
 # Times frozen hand-written shaders beside those that preshade generates from the same entry points.
 bench:

@@ -1,5 +1,8 @@
 // One draw: the pipeline that GL's state makes, the resources it names, and the call.
 
+const VERTEX_ARRAY_BINDING = 0x85b5;
+const ARRAY_DIVISOR = 0x88fe;
+
 Object.assign(GlTaking.prototype, {
     uniformSet(args, name) {
         setUniform(this, args, name);
@@ -57,30 +60,66 @@ Object.assign(GlTaking.prototype, {
                 input.constants[key] = [...o.getVertexAttrib(location, GL.CURRENT_VERTEX_ATTRIB)];
                 continue;
             }
-            const integer = this.two && get('INTEGER');
-            const { format, bytes } = vertexFormat(get('TYPE'), get('SIZE'), get('NORMALIZED'), integer);
+            const { type, size, normalized, integer, stride, offset, divisor } = this.pointer(location);
+            const { format, bytes } = vertexFormat(type, size, normalized, integer);
             const layout = {
-                arrayStride: get('STRIDE') || bytes,
+                arrayStride: stride || bytes,
                 attributes: [{ name, format, offset: 0 }],
             };
             if (column !== undefined) layout.attributes[0].column = column;
-            const divisor = this.divisor(location);
             if (divisor) layout.stepMode = 'instance';
             if (divisor > 1) layout.divisor = divisor;
             const taken = this.resources.buffer(buffer);
             input.layouts.push(layout);
-            input.bindings.push({
-                taken,
-                offset: o.getVertexAttribOffset(location, GL.VERTEX_ATTRIB_ARRAY_POINTER),
-            });
+            input.bindings.push({ taken, offset });
             input.used.push({ taken });
         }
         return input;
     },
 
-    divisor(location) {
-        if (!this.two && (this.instancing ??= this.own.getExtension('ANGLE_instanced_arrays')) === null) return 0;
-        return this.own.getVertexAttrib(location, 0x88fe);
+    /** Pointers of the bound vertex array, by location. */
+    pointers() {
+        const { own: o, two } = this;
+        const extension = two || (this.arrayObjects ??= o.getExtension('OES_vertex_array_object'));
+        const array = extension ? o.getParameter(VERTEX_ARRAY_BINDING) : null;
+        let known = this.arrays.get(array);
+        if (!known) this.arrays.set(array, (known = new Map()));
+        return known;
+    },
+
+    /** How an array is read. The browser asks the GPU's process for most of it, which takes long, so it is kept. */
+    pointer(location) {
+        const known = this.pointers();
+        let pointer = known.get(location);
+        if (!pointer) {
+            const { own: o, two } = this;
+            const get = (what) => o.getVertexAttrib(location, GL[`VERTEX_ATTRIB_ARRAY_${what}`]);
+            const instances = two || (this.instancing ??= o.getExtension('ANGLE_instanced_arrays'));
+            pointer = {
+                type: get('TYPE'),
+                size: get('SIZE'),
+                normalized: get('NORMALIZED'),
+                integer: two && get('INTEGER'),
+                stride: get('STRIDE'),
+                offset: o.getVertexAttribOffset(location, GL.VERTEX_ATTRIB_ARRAY_POINTER),
+                divisor: instances ? o.getVertexAttrib(location, ARRAY_DIVISOR) : 0,
+            };
+            known.set(location, pointer);
+        }
+        return pointer;
+    },
+
+    pointerSet(name, [location, ...rest]) {
+        const pointer = this.pointers().get(location);
+        if (!pointer) return;
+        if (name === 'vertexAttribDivisor') [pointer.divisor] = rest;
+        else if (name === 'vertexAttribIPointer') {
+            const [size, type, stride, offset] = rest;
+            Object.assign(pointer, { size, type, stride, offset, normalized: false, integer: true });
+        } else {
+            const [size, type, normalized, stride, offset] = rest;
+            Object.assign(pointer, { size, type, stride, offset, normalized: Boolean(normalized), integer: false });
+        }
     },
 
     /** What the program's names mean in this draw: a number in `named`. */

@@ -13,6 +13,8 @@ class GlTaking {
         this.drawBuffersExtension = this.two ? null : this.own.getExtension('WEBGL_draw_buffers');
         this.passId = 0;
         this.noted = new Set();
+        /** Pointers by vertex array, as far as they were asked. */
+        this.arrays = new Map();
         this.feedback = this.two && this.own.getParameter(GL.TRANSFORM_FEEDBACK_ACTIVE);
         this.beginFrame();
     }

@@ -296,6 +296,9 @@ function trackState() {
         'framebufferTexture2D framebufferTextureLayer framebufferRenderbuffer renderbufferStorage renderbufferStorageMultisample',
         (take) => (take.targetDirty = true),
     );
+    afterTaken('vertexAttribPointer vertexAttribIPointer vertexAttribDivisor', (take, args, name) =>
+        take.pointerSet(name, args),
+    );
     afterTaken('useProgram', (take) => (take.programDirty = true));
     afterTaken('linkProgram', (take) => (take.programDirty = true));
 }
@@ -350,6 +353,13 @@ function trackExtensions() {
             };
         }
         replaceMultiDraw(gl, extension);
+        const { vertexAttribDivisorANGLE } = extension;
+        if (vertexAttribDivisorANGLE) {
+            extension.vertexAttribDivisorANGLE = function () {
+                vertexAttribDivisorANGLE.apply(extension, arguments);
+                if (taking !== null && taking.gl === gl) taking.pointerSet('vertexAttribDivisor', arguments);
+            };
+        }
         const { drawBuffersWEBGL } = extension;
         if (drawBuffersWEBGL) {
             extension.drawBuffersWEBGL = function () {

@@ -2,6 +2,7 @@
 // writes the table of docs/results/captures.md.
 //
 //     node survey.mjs [--programs DIR] [--keep DIR] [--demos DIR] [--again] [PAGE ..]
+//     node survey.mjs --cost                                what recording costs, in a table of its own
 //
 // --programs: where cargo put `preshade` and `examples/captures`; default: target/release of this checkout.
 // --keep: where captures go, and stay; default: a folder that is removed. --again: those that are there are not
@@ -16,7 +17,8 @@ import { fileURLToPath } from 'node:url';
 import { promisify } from 'node:util';
 import { count } from '../check.mjs';
 import { pages, serve } from './serve.mjs';
-import { table } from './table.mjs';
+import { cost, costTable } from './cost.mjs';
+import { placed, table } from './table.mjs';
 
 const run = promisify(execFile);
 const ROOT = fileURLToPath(new URL('../../../', import.meta.url));
@@ -43,6 +45,12 @@ const drivers = {
 };
 const folder = keep ? resolve(keep) : await mkdtemp(join(tmpdir(), 'preshade-'));
 
+if (words.includes('--cost')) {
+    const text = costTable(await cost());
+    console.log(text);
+    await writeFile(REPORT, placed(await readFile(REPORT, 'utf8'), 'cost', text));
+    process.exit();
+}
 const all = [];
 for (const { name, title, apis } of await pages()) {
     for (const api of apis) {
@@ -70,7 +78,7 @@ server.close();
 const known = all.map(({ id }) => rows.get(id)).filter(Boolean);
 const kept = demos ? known : [...rows.values()];
 await writeFile(RESULTS, kept.map((row) => `${JSON.stringify(row)}\n`).join(''));
-await writeFile(REPORT, table(kept, await readFile(REPORT, 'utf8')));
+await writeFile(REPORT, placed(await readFile(REPORT, 'utf8'), 'pages', table(kept)));
 if (!keep) await rm(folder, { recursive: true });
 
 /** Captures, replays and verifies one page: a row of the table. */
@@ -89,7 +97,8 @@ async function survey({ id, title, path }) {
     row.passes = Math.round(totals.passes / totals.frames);
     row.refused = file.refused.map(({ what, why, count }) => `${what} (${count}): ${why}`);
     row.unknown = file.unknown.length;
-    for (const [driver, icd] of Object.entries(drivers)) row[driver] = await replayed(out, icd);
+    const replays = Object.entries(drivers).map(async ([driver, icd]) => [driver, await replayed(out, icd)]);
+    for (const [driver, found] of await Promise.all(replays)) row[driver] = found;
     row.verify = await verified(out);
     return row;
 }
@@ -118,8 +127,10 @@ async function verified(out) {
     const { output, errors, failed } = await program('preshade', ['verify', out, ...options, '--time', 'no'], {
         VK_DRIVER_FILES: drivers.llvmpipe,
     });
-    const broken = output.split('\n').filter((line) => /broken|changed|BROKEN/.test(line));
-    return failed ? { status: failed, error: short(errors || output), broken } : { status: 0 };
+    if (!failed) return { status: 0 };
+    const lines = `${output}\n${errors}`.split('\n');
+    const at = lines.findIndex((line) => /^error|broken|not measured:/.test(line));
+    return { status: failed, why: short(lines.slice(Math.max(0, at), at + 6).join(' ')) };
 }
 
 async function program(name, words, variables = {}) {

@@ -1,10 +1,13 @@
 // A-Frame: primitives, text, shadows, an animation
 // Drawn with WebGL.
 
-import 'aframe/dist/aframe-master.min.js';
 import { loaded, withoutCanvas } from './common.js';
 
 withoutCanvas();
+const script = document.createElement('script');
+script.src = '/npm/aframe/dist/aframe-master.min.js';
+document.head.append(script);
+await new Promise((resolve) => (script.onload = resolve));
 document.body.insertAdjacentHTML(
     'beforeend',
     `<a-scene renderer="antialias: true" shadow="type: pcf" xr-mode-ui="enabled: false" loading-screen="enabled: false">

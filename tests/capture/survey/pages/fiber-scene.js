@@ -1,9 +1,12 @@
 // React Three Fiber: a scene of components with shadows and instances
 // Drawn with WebGL.
 
-import { createRoot, useFrame } from '@react-three/fiber';
+import { createRoot, extend, useFrame } from '@react-three/fiber';
 import { createElement as h, useRef } from 'react';
+import * as THREE from 'three';
 import { canvas, height, loaded, width } from './common.js';
+
+extend(THREE);
 
 function Box({ at, color }) {
     const mesh = useRef();

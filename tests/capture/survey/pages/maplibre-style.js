@@ -1,7 +1,7 @@
 // MapLibre GL: fills, extrusions, lines with dashes, circles and a heat map of GeoJSON
 // Drawn with WebGL.
 
-import maplibregl from 'maplibre-gl';
+import * as maplibregl from 'maplibre-gl';
 import { height, loaded, random, width, withoutCanvas } from './common.js';
 
 withoutCanvas();

@@ -40,6 +40,7 @@ const block = twgl.createUniformBlockInfo(gl, scene, 'View');
 const eye = twgl.m4.inverse(twgl.m4.lookAt([3, 2, 5], [0, 0, 0], [0, 1, 0]));
 loaded();
 loop((step) => {
+    gl.bindVertexArray(null);
     gl.enable(gl.DEPTH_TEST);
     gl.enable(gl.CULL_FACE);
     twgl.bindFramebufferInfo(gl, target);
@@ -56,6 +57,7 @@ loop((step) => {
         twgl.drawBufferInfo(gl, array);
     });
     twgl.bindFramebufferInfo(gl, null);
+    gl.bindVertexArray(null);
     gl.disable(gl.DEPTH_TEST);
     gl.useProgram(screen.program);
     twgl.setBuffersAndAttributes(gl, screen, quad);
