@@ -49,7 +49,9 @@ fn is_300(text: &str) -> bool {
 fn declare(text: &str, declared: &str) -> String {
     let start = text.len() - text.trim_start().len();
     let end = match text[start..].starts_with("#version") {
-        true => text[start..].find('\n').map_or(text.len(), |n| start + n + 1),
+        true => text[start..]
+            .find('\n')
+            .map_or(text.len(), |n| start + n + 1),
         false => start,
     };
     format!("{}{declared}{}", &text[..end], &text[end..])

@@ -232,7 +232,9 @@ impl Area {
             let of = u64::from(self.of[axis].max(1));
             let to = u64::from(size[axis]);
             let begin = u64::from(from) * to / of;
-            let end = ((u64::from(from) + u64::from(length)) * to).div_ceil(of).min(to);
+            let end = ((u64::from(from) + u64::from(length)) * to)
+                .div_ceil(of)
+                .min(to);
             [begin as u32, end.saturating_sub(begin) as u32]
         };
         let ([left, w], [top, h]) = (span(0, left, w), span(1, top, h));

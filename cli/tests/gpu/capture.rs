@@ -37,7 +37,15 @@ fn recorded(html: &Path, folder: &Path, condition: &str) -> (String, PathBuf) {
     let output = Command::new(env!("CARGO_BIN_EXE_preshade"))
         .arg("capture")
         .arg(html)
-        .args(["--frames", "2", "--after", "0", "--wait-for", condition, "-o"])
+        .args([
+            "--frames",
+            "2",
+            "--after",
+            "0",
+            "--wait-for",
+            condition,
+            "-o",
+        ])
         .arg(folder)
         .output()
         .unwrap();

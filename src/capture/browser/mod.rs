@@ -318,7 +318,8 @@ fn wait_for(client: &mut Client, condition: &str, heard: &mut Heard) -> Result<(
 }
 
 /// Pixels of the largest canvas of a document.
-const LARGEST: &str = "Math.max(0, ...Array.from(document.querySelectorAll('canvas'), c => c.width * c.height))";
+const LARGEST: &str =
+    "Math.max(0, ...Array.from(document.querySelectorAll('canvas'), c => c.width * c.height))";
 
 /// The frame of the page that has the largest canvas; `None`: the page itself.
 fn largest(client: &mut Client, heard: &mut Heard) -> Result<Option<i64>, BrowserError> {

@@ -245,7 +245,10 @@ impl Replay<'_> {
             }
             if let Given::Texture(of) | Given::Sampler(of) =
                 webgl::given(&program.material, used, named)?
-                && self.texture(of.texture.texture, place)?.format().has_depth_aspect()
+                && self
+                    .texture(of.texture.texture, place)?
+                    .format()
+                    .has_depth_aspect()
             {
                 found.insert((used.group, used.binding));
             }
@@ -263,7 +266,8 @@ impl Replay<'_> {
         let mut groups: Vec<Vec<wgpu::BindGroupLayoutEntry>> = Vec::new();
         for used in &program.bindings {
             let planned = used.layout.as_ref().and_then(binding_type);
-            let planned = planned.ok_or_else(|| Left::Out(format!("`{}` has no layout", used.name)))?;
+            let planned =
+                planned.ok_or_else(|| Left::Out(format!("`{}` has no layout", used.name)))?;
             let is_float = |t: &mut wgpu::BindingType| match t {
                 wgpu::BindingType::Texture { sample_type, .. } => {
                     *sample_type = wgpu::TextureSampleType::Float { filterable: false };
