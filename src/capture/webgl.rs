@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use naga::ScalarKind;
 use preshade_passes::declared::{Declaration, Type};
-use preshade_passes::plan::{BindingKind, BindingUse};
+use preshade_passes::plan::{BindingKind, BindingLayout, BindingUse};
 use preshade_passes::reflect;
 
 use super::file::{
@@ -58,7 +58,8 @@ pub(super) fn given<'n>(
     let is = |b: naga::ResourceBinding| (b.group, b.binding) == (used.group, used.binding);
     let texture = |path: Option<&str>| {
         let path = path.unwrap_or(&used.name);
-        sampled(named, path).ok_or_else(|| missing(path))
+        let found = sampled(named, path).or_else(|| unread(named, used));
+        found.ok_or_else(|| missing(path))
     };
     match used.kind {
         BindingKind::Uniform if declared.loose.is_some_and(is) => {
@@ -80,6 +81,24 @@ pub(super) fn given<'n>(
         }
         _ => Err(missing(&used.name)),
     }
+}
+
+/// Any texture of the same shape: WebGL names none that no pixel depends on, and its compiler may find
+/// more of these than ours.
+fn unread<'n>(named: &'n Named, used: &BindingUse) -> Option<&'n SampledTexture> {
+    let shape = match &used.layout {
+        Some(BindingLayout::Texture { view_dimension, .. }) => view_dimension.as_str(),
+        _ => "2d",
+    };
+    let all = named.textures.values().flat_map(|t| t.all());
+    let is_alike = |t: &&SampledTexture| match t.texture.view.dimension {
+        Some(wgpu::TextureViewDimension::D2) | None => shape == "2d",
+        Some(wgpu::TextureViewDimension::D2Array) => shape == "2d-array",
+        Some(wgpu::TextureViewDimension::Cube) => shape == "cube",
+        Some(wgpu::TextureViewDimension::D3) => shape == "3d",
+        _ => false,
+    };
+    all.into_iter().find(is_alike)
 }
 
 impl Maker<'_> {

@@ -27,6 +27,9 @@ impl Replay<'_> {
         self.flush()?;
         let texture = self.texture(destination.texture, place)?.clone();
         let bytes = self.capture.data(data)?;
+        if texture.format() == wgpu::TextureFormat::Depth32Float {
+            return self.write_depths(&texture, destination, &bytes, place);
+        }
         let of = get(
             &self.capture.file.textures,
             destination.texture,

@@ -73,13 +73,19 @@ for (const page of chosen) {
     const row = await survey(page);
     rows.set(page.id, row);
     console.log(JSON.stringify(row));
+    await report();
 }
 server.close();
-const known = all.map(({ id }) => rows.get(id)).filter(Boolean);
-const kept = demos ? known : [...rows.values()];
-await writeFile(RESULTS, kept.map((row) => `${JSON.stringify(row)}\n`).join(''));
-await writeFile(REPORT, placed(await readFile(REPORT, 'utf8'), 'pages', table(kept)));
 if (!keep) await rm(folder, { recursive: true });
+
+/** Writes the tables. Without the checkouts, rows of their demos stay. */
+async function report() {
+    const known = all.map(({ id }) => rows.get(id)).filter(Boolean);
+    const others = [...rows.values()].filter((row) => !known.includes(row) && !demos);
+    const list = [...known, ...others];
+    await writeFile(RESULTS, list.map((row) => `${JSON.stringify(row)}\n`).join(''));
+    await writeFile(REPORT, placed(await readFile(REPORT, 'utf8'), 'pages', table(list)));
+}
 
 /** Captures, replays and verifies one page: a row of the table. */
 async function survey({ id, title, path }) {

@@ -12,7 +12,7 @@ const WORDS = { 0: 'holds', 1: 'broken', 2: 'error', 3: 'not measured' };
 
 export function isWhole({ error, refused, swiftshader }) {
     const differs = swiftshader?.differ?.some(Boolean) ?? true;
-    return !error && !refused.length && !swiftshader.left.length && !differs;
+    return !error && !refused.length && !swiftshader.left?.length && !differs;
 }
 
 /** A row of a page for each page, and what they add up to. */

@@ -5,6 +5,7 @@ import * as maplibregl from 'maplibre-gl';
 import { height, loaded, random, width, withoutCanvas } from './common.js';
 
 withoutCanvas();
+maplibregl.setWorkerUrl?.('/npm/maplibre-gl/dist/maplibre-gl-worker.mjs');
 const holder = document.createElement('div');
 holder.style.cssText = `width:${width}px;height:${height}px`;
 document.body.append(holder);
@@ -39,7 +40,7 @@ const map = new maplibregl.Map({
                 id: 'blocks',
                 type: 'fill-extrusion',
                 source: 'blocks',
-                paint: { 'fill-extrusion-height': ['get', 'high'], 'fill-extrusion-color': ['hsl', ['get', 'hue'], 50, 60], 'fill-extrusion-opacity': 0.9 },
+                paint: { 'fill-extrusion-height': ['get', 'high'], 'fill-extrusion-color': ['interpolate', ['linear'], ['get', 'hue'], 0, '#cc6644', 360, '#4466cc'], 'fill-extrusion-opacity': 0.9 },
             },
         ],
     },

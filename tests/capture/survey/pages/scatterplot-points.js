@@ -8,4 +8,4 @@ const next = random(4);
 const plot = createScatterplot({ canvas, width, height, pointSize: 6, colorBy: 'category', pointColor: ['#e66', '#6e6', '#66e', '#ee6'], backgroundColor: '#112' });
 await plot.draw(Array.from({ length: 500 }, (_, i) => [next() * 2 - 1, next() * 2 - 1, i % 4, next()]));
 loaded();
-loop((step) => plot.lookAt([Math.sin(step * 0.02) * 0.2, 0], 1.5, 0));
+loop((step) => plot.set({ pointSize: 6 + Math.sin(step * 0.1) }));

@@ -22,7 +22,7 @@ const module = root.device.createShaderModule({
     code: tgpu.resolve({
         template: `
 @group(0) @binding(0) var<storage, read_write> boids: array<Boid>;
-@compute @workgroup_size(64) fn move(@builtin(global_invocation_id) id: vec3u) {
+@compute @workgroup_size(64) fn advance(@builtin(global_invocation_id) id: vec3u) {
     if (id.x >= arrayLength(&boids)) { return; }
     var boid = boids[id.x];
     for (var i = 0u; i < arrayLength(&boids); i++) {
