@@ -14,6 +14,9 @@ use crate::regular;
 /// The file that makes a folder a frame folder.
 pub const FILE: &str = "frame.json";
 
+/// Content that is kept for the next call: buffers and shaders are read again and again, and textures once.
+const KEPT_BYTES: usize = 256 << 20;
+
 /// Whether a path is a frame folder.
 pub fn is_folder(path: &Path) -> bool {
     path.join(FILE).is_file()
@@ -26,8 +29,8 @@ pub struct Capture {
     limits: Limits,
     /// `frame.json`.
     pub file: CaptureFile,
-    /// Data read so far.
-    data: RefCell<BTreeMap<DataName, Arc<[u8]>>>,
+    /// The files read so far. Content is kept up to [`KEPT_BYTES`].
+    data: RefCell<BTreeMap<DataName, Option<Arc<[u8]>>>>,
 }
 
 impl Capture {
@@ -77,12 +80,12 @@ impl Capture {
         self.folder.join("data").join(name.file())
     }
 
-    /// The content of a file in `data`.
+    /// The content of a file in `data`. Some of them are kept for the next call.
     ///
     /// # Errors
     /// It is missing or too large.
     pub fn data(&self, name: &DataName) -> Result<Arc<[u8]>, Error> {
-        if let Some(known) = self.data.borrow().get(name) {
+        if let Some(Some(known)) = self.data.borrow().get(name) {
             return Ok(Arc::clone(known));
         }
         let bytes = regular::bytes(&self.path(name), &self.limits, "file-bytes");
@@ -92,9 +95,10 @@ impl Capture {
                 error,
             })?
             .into();
-        self.data
-            .borrow_mut()
-            .insert(name.clone(), Arc::clone(&bytes));
+        let mut data = self.data.borrow_mut();
+        let kept: usize = data.values().flatten().map(|b| b.len()).sum();
+        let is_kept = kept + bytes.len() <= KEPT_BYTES;
+        data.insert(name.clone(), is_kept.then(|| Arc::clone(&bytes)));
         Ok(bytes)
     }
 

@@ -15,7 +15,7 @@ fn random_recipes_compose_or_refuse() {
     let count = std::env::var("PRESHADE_COMBINATIONS")
         .ok()
         .and_then(|n| n.parse().ok())
-        .unwrap_or(500);
+        .unwrap_or(1000);
     // Each pass meets the material of its own page, because some fit few others.
     let pages = examples().filter_map(|(_, used)| match used {
         Use::Page(file) => Some(vec![

@@ -93,9 +93,12 @@ fn run(program: &Program, entry: usize, seed: u32) -> Result<RunResult, Stuck> {
             _ => input(module, &inputs.next().unwrap(), seed),
         })
         .collect();
+    // Entry points may give one binding to different variables.
+    let used = program.info().get_entry_point(entry);
     let resources: BTreeMap<(u32, u32), Value> = module
         .global_variables
         .iter()
+        .filter(|(handle, _)| !used[*handle].is_empty())
         .filter(|(_, g)| g.space != naga::AddressSpace::Handle)
         .filter_map(|(_, g)| {
             let at = g.binding.as_ref()?;
