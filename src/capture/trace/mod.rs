@@ -1,10 +1,10 @@
 //! A frame folder from the trace that wgpu writes itself: the folder of `wgpu::Trace::Directory`.
 //!
-//! 1. [`elements`] splits `trace.ron` into actions; [`version`] tells which wgpu wrote them;
-//! 2. [`recorder`] executes them on paper with [`objects`], [`shaders`], [`submit`] and [`passes`]: objects get
-//!    numbers, commands are those of a frame folder, and data stays in its files ([`data`]);
-//! 3. [`slice`] finds the commands before the frames that decide what the frames read;
-//! 4. [`start`] turns the first writes among them into contents, and [`folder`] writes what is left.
+//! 1. `elements` splits `trace.ron` into actions; `version` tells which wgpu wrote them;
+//! 2. `recorder` executes them on paper with `objects`, `shaders`, `submit` and `passes`: objects get
+//!    numbers, commands are those of a frame folder, and data stays in its files (`data`);
+//! 3. `slice` finds the commands before the frames that decide what the frames read;
+//! 4. `start` turns the first writes among them into contents, and `folder` writes what is left.
 //!
 //! No GPU is needed. Nothing is executed, and no file outside of the trace is opened.
 
