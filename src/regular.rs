@@ -65,6 +65,22 @@ pub fn bytes(path: &Path, limits: &Limits, limit: &'static str) -> Result<Vec<u8
     Ok(bytes)
 }
 
+/// What a file holds that gzip compressed. The limit holds for both sizes.
+///
+/// # Errors
+/// [`ReadError`].
+#[cfg(feature = "verify")]
+pub fn unpacked(path: &Path, limits: &Limits, limit: &'static str) -> Result<Vec<u8>, ReadError> {
+    let packed = bytes(path, limits, limit)?;
+    let mut bytes = Vec::new();
+    flate2::read::GzDecoder::new(packed.as_slice())
+        .take(limits.of(limit).saturating_add(1))
+        .read_to_end(&mut bytes)?;
+    let what = format_args!("the bytes in {}", path.display());
+    limits.check(limit, bytes.len() as u64, what)?;
+    Ok(bytes)
+}
+
 /// [`bytes`], as text.
 ///
 /// # Errors

@@ -1,16 +1,18 @@
 //! `preshade capture`: records frames of a page, or of an app's trace, into a frame folder.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::builder::NonEmptyStringValueParser;
-use preshade::unstable::capture::FILE;
 use preshade::unstable::capture::browser::{self, Visit};
+use preshade::unstable::capture::file::{Api, Refused};
 use preshade::unstable::capture::page::{RECORDER, bookmarklet};
 use preshade::unstable::capture::trace::{self, Found, Wanted};
+use preshade::unstable::capture::{Capture, file_of, is_folder, passes};
+use preshade::unstable::limits::Limits;
 use serde_json::Value;
 
 use crate::limits::LimitArgs;
@@ -125,7 +127,7 @@ pub fn run(args: &CaptureArgs) -> Result<Ending, Failure> {
     let limits = args.limits.limits();
     browser::prepare(&args.out)?;
     if let Some(folder) = &args.wgpu_trace {
-        return traced(folder, args);
+        return traced(folder, args, &limits);
     }
     let recorded = match Path::new(page) {
         file if file.extension().is_some_and(|e| e == "tar") && file.is_file() => {
@@ -149,15 +151,15 @@ pub fn run(args: &CaptureArgs) -> Result<Ending, Failure> {
         }
     };
     // What was written before a failure stays, and is told.
-    if args.out.join(FILE).is_file() {
-        output::table(&summary(&args.out)?)?;
+    if is_folder(&args.out) {
+        output::table(&summary(&args.out, &limits)?)?;
     }
     recorded?;
     Ok(Ending::Fine)
 }
 
 /// Writes frames of a trace.
-fn traced(folder: &Path, args: &CaptureArgs) -> Result<Ending, Failure> {
+fn traced(folder: &Path, args: &CaptureArgs, limits: &Limits) -> Result<Ending, Failure> {
     let wanted = Wanted {
         frames: args.frames as usize,
         from: args.from,
@@ -166,8 +168,8 @@ fn traced(folder: &Path, args: &CaptureArgs) -> Result<Ending, Failure> {
             FramesBy::Submit => trace::FramesBy::Submit,
         }),
     };
-    let found = trace::convert(folder, &args.out, &wanted, &args.limits.limits())?;
-    let mut text = summary(&args.out)?;
+    let found = trace::convert(folder, &args.out, &wanted, limits)?;
+    let mut text = summary(&args.out, limits)?;
     text.push_str(&told(&found));
     output::table(&text)?;
     Ok(Ending::Fine)
@@ -247,76 +249,52 @@ fn file_address(file: &Path) -> String {
     address
 }
 
-/// What frames hold.
-#[derive(Default)]
-struct Counts {
-    draws: usize,
-    passes: usize,
-    pipelines: std::collections::BTreeSet<u64>,
-}
-
-impl Counts {
-    fn add(&mut self, commands: &Value) {
-        for command in commands.as_array().into_iter().flatten() {
-            let name = command["do"].as_str().unwrap_or_default();
-            self.draws += usize::from(name.starts_with("draw"));
-            self.passes += usize::from(name == "renderPass");
-            if name == "renderPass" {
-                let inner = command["commands"].as_array().into_iter().flatten();
-                let set = inner.filter(|c| c["do"] == "setPipeline");
-                self.pipelines
-                    .extend(set.filter_map(|c| c["pipeline"].as_u64()));
-            }
-            self.add(&command["commands"]);
+/// What was recorded, and what was not.
+fn summary(folder: &Path, limits: &Limits) -> Result<String, Failure> {
+    let capture = Capture::open(folder, limits)?;
+    let file = &capture.file;
+    let (mut draws, mut all_passes, mut pipelines) = (0, 0, BTreeSet::new());
+    for frame in 0..file.frames.len() {
+        for pass in passes(&capture, frame)? {
+            all_passes += 1;
+            draws += pass.draws.len();
+            pipelines.extend(pass.draws.iter().map(|d| d.pipeline));
         }
     }
-}
-
-/// What was recorded, and what was not.
-fn summary(folder: &Path) -> Result<String, Failure> {
-    let json: Value = serde_json::from_slice(&fs::read(folder.join(FILE))?)?;
-    let mut counts = Counts::default();
-    let frames = json["frames"].as_array().map_or(&[][..], Vec::as_slice);
-    for frame in frames {
-        counts.add(&frame["commands"]);
-    }
-    let mut bytes = fs::metadata(folder.join(FILE))?.len();
+    let mut bytes = fs::metadata(file_of(folder))?.len();
     for entry in fs::read_dir(folder.join("data"))? {
         bytes += entry?.metadata()?.len();
     }
-    let size = frames.first().map_or(String::new(), |frame| {
-        format!(" of {}x{}", frame["size"][0], frame["size"][1])
+    let size = file.frames.first().map_or(String::new(), |frame| {
+        let [width, height] = frame.size;
+        format!(" of {width}x{height}")
     });
+    let adapter = Some(file.source.adapter.as_str()).filter(|a| !a.is_empty());
     let mut text = format!(
         "{}: {}{size}, {}, {}, {}, {:.1} MiB, by {} on {}\n",
         folder.display(),
-        output::count(frames.len(), "frame"),
-        output::count(counts.draws, "draw"),
-        output::count(counts.passes, "render pass").replace("passs", "passes"),
-        output::count(counts.pipelines.len(), "pipeline"),
+        output::count(file.frames.len(), "frame"),
+        output::count(draws, "draw"),
+        output::count(all_passes, "render pass").replace("passs", "passes"),
+        output::count(pipelines.len(), "pipeline"),
         bytes as f64 / f64::from(1 << 20),
-        json["source"]["api"].as_str().unwrap_or("?"),
-        json["source"]["adapter"].as_str().unwrap_or("?"),
+        file.source.api.name(),
+        adapter.unwrap_or("?"),
     );
-    for refused in json["refused"].as_array().into_iter().flatten() {
-        let [what, why] = ["what", "why"].map(|key| refused[key].as_str().unwrap_or_default());
-        text.push_str(&format!(
-            "  left out: {what} ({}): {why}\n",
-            refused["count"]
-        ));
+    for refused in &file.refused {
+        let Refused { what, why, count } = refused;
+        text.push_str(&format!("  left out: {what} ({count}): {why}\n"));
     }
     let mut unknown: BTreeMap<&str, usize> = BTreeMap::new();
-    for entry in json["unknown"].as_array().into_iter().flatten() {
-        *unknown
-            .entry(entry["why"].as_str().unwrap_or_default())
-            .or_default() += 1;
+    for entry in &file.unknown {
+        *unknown.entry(&entry.why).or_default() += 1;
     }
     for (why, count) in unknown {
         text.push_str(&format!("  unknown content ({count}): {why}\n"));
     }
-    let whose = match json["source"]["api"] == "wgpu" {
-        true => "app",
-        false => "page",
+    let whose = match file.source.api {
+        Api::Wgpu => "app",
+        _ => "page",
     };
     text.push_str(&format!("It holds the {whose}'s shaders, textures and meshes: ask their owners before you pass it on.\n"));
     Ok(text)

@@ -75,7 +75,7 @@ pub struct ShaderArgs {
 /// A path as given. The folder of a captured frame stands for its file.
 pub fn given() -> impl TypedValueParser<Value = PathBuf> {
     PathBufValueParser::new().map(|path| match capture::is_folder(&path) {
-        true => path.join(capture::FILE),
+        true => capture::file_of(&path),
         false => path,
     })
 }
@@ -164,8 +164,7 @@ enum Purpose {
 
 /// The folder of a captured frame.
 fn captured(file: &Path) -> Option<&Path> {
-    let is_file = file.file_name().is_some_and(|n| n == capture::FILE);
-    is_file.then(|| file.parent().unwrap_or(Path::new(".")))
+    capture::is_file(file).then(|| file.parent().unwrap_or(Path::new(".")))
 }
 
 /// The parsed input.

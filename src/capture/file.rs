@@ -102,6 +102,16 @@ pub enum Api {
 }
 
 impl Api {
+    /// Its word in `frame.json`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::WebGpu => "webgpu",
+            Self::WebGl2 => "webgl2",
+            Self::WebGl1 => "webgl1",
+            Self::Wgpu => "wgpu",
+        }
+    }
+
     /// Whether rows, depths and names are WebGL's.
     pub fn is_webgl(self) -> bool {
         matches!(self, Self::WebGl2 | Self::WebGl1)

@@ -14,12 +14,59 @@ use crate::regular;
 /// The file that makes a folder a frame folder.
 pub const FILE: &str = "frame.json";
 
+/// The same file, compressed by gzip.
+pub(super) const PACKED: &str = "frame.json.gz";
+
 /// Content that is kept for the next call: buffers and shaders are read again and again, and textures once.
 const KEPT_BYTES: usize = 256 << 20;
 
 /// Whether a path is a frame folder.
 pub fn is_folder(path: &Path) -> bool {
-    path.join(FILE).is_file()
+    file_of(path).is_file()
+}
+
+/// The file of a folder, compressed or not. If there are both, the readable one counts.
+pub fn file_of(folder: &Path) -> PathBuf {
+    let (plain, packed) = (folder.join(FILE), folder.join(PACKED));
+    match !plain.is_file() && packed.is_file() {
+        true => packed,
+        false => plain,
+    }
+}
+
+/// Whether a path names the file of a folder.
+pub fn is_file(path: &Path) -> bool {
+    path.file_name().is_some_and(|n| n == FILE || n == PACKED)
+}
+
+/// Writes `frame.json`, compressed if it is large, in place of an earlier one.
+///
+/// # Errors
+/// The system's.
+#[cfg(feature = "capture")]
+pub(super) fn write(folder: &Path, json: &[u8]) -> std::io::Result<()> {
+    use std::io::{ErrorKind, Write as _};
+    use std::{fs, fs::File};
+
+    /// A larger one is compressed: commands repeat themselves, and a frame of 1,000 draws has more of them than data.
+    const PACKED_FROM: usize = 64 << 10;
+    let (name, other) = match json.len() > PACKED_FROM {
+        true => (PACKED, FILE),
+        false => (FILE, PACKED),
+    };
+    let mut file = File::create(folder.join(name))?;
+    match name == PACKED {
+        true => {
+            let mut packed = flate2::write::GzEncoder::new(file, flate2::Compression::default());
+            packed.write_all(json)?;
+            packed.finish()?;
+        }
+        false => file.write_all(json)?,
+    }
+    match fs::remove_file(folder.join(other)) {
+        Err(e) if e.kind() != ErrorKind::NotFound => Err(e),
+        _ => Ok(()),
+    }
 }
 
 /// A frame folder that was read. Data is read when it is needed.
@@ -39,9 +86,17 @@ impl Capture {
     /// # Errors
     /// `frame.json` is missing, is another version, is no JSON of this form, or exceeds a limit.
     pub fn open(folder: &Path, limits: &Limits) -> Result<Self, Error> {
-        let path = folder.join(FILE);
-        let text = regular::text(&path, limits, "file-bytes").map_err(|error| Error::Read {
-            file: FILE.to_owned(),
+        let path = file_of(folder);
+        let text = match path.ends_with(PACKED) {
+            true => regular::unpacked(&path, limits, "file-bytes").and_then(regular::decode),
+            false => regular::text(&path, limits, "file-bytes"),
+        };
+        let text = text.map_err(|error| Error::Read {
+            file: path
+                .file_name()
+                .unwrap_or_default()
+                .to_string_lossy()
+                .into_owned(),
             error,
         })?;
         let file = read(&text)?;
@@ -71,9 +126,7 @@ impl Capture {
     pub fn files(&self) -> Vec<PathBuf> {
         let data = self.data.borrow();
         let data = data.keys().map(|name| self.path(name));
-        std::iter::once(self.folder.join(FILE))
-            .chain(data)
-            .collect()
+        std::iter::once(file_of(&self.folder)).chain(data).collect()
     }
 
     fn path(&self, name: &DataName) -> PathBuf {

@@ -28,7 +28,7 @@ pub mod trace;
 mod webgl;
 
 pub use check::{Check, Compared, check};
-pub use folder::{Capture, FILE, is_folder};
+pub use folder::{Capture, file_of, is_file, is_folder};
 pub use pass::{Kind, Pass, passes};
 pub use scene::{Choice, scene};
 pub use share::{Share, Shares, shares};

@@ -69,17 +69,18 @@ pub fn scene(capture: &Capture, choice: Choice, gpu: Option<&Gpu>) -> Result<Sce
     scene.notes = std::mem::take(&mut made.notes).into_iter().collect();
     if let Some(gpu) = gpu {
         let timed = made.by_time();
-        let groups: Vec<_> = timed
-            .iter()
-            .map(|(_, pipelines)| pipelines.clone())
-            .collect();
-        let shares = shares(capture, gpu, choice.frame, &groups)?;
-        let names = timed.iter().map(|(m, _)| scene.materials[*m].name.as_str());
-        let materials = names.zip(shares.groups.iter().copied()).collect();
+        let pipelines: Vec<usize> = timed.iter().map(|(pipeline, _)| *pipeline).collect();
+        let shares = shares(capture, gpu, choice.frame, &pipelines)?;
+        let names = timed.iter().map(|(_, materials)| {
+            let names = materials
+                .iter()
+                .map(|m| format!("`{}`", scene.materials[*m].name));
+            names.collect::<Vec<_>>().join(" and ")
+        });
+        let parts = names.zip(shares.pipelines.iter().copied()).collect();
+        let left = scene.materials.len() - timed.iter().map(|(_, m)| m.len()).sum::<usize>();
         scene.notes.insert(0, told(&shares.passes, index));
-        scene
-            .notes
-            .insert(1, told_materials(materials, scene.materials.len()));
+        scene.notes.insert(1, told_materials(parts, left));
         for (left, count) in &shares.left_out {
             scene.notes.push(format!(
                 "the replay of the frame leaves out {count} of {}: {}",
@@ -116,13 +117,13 @@ fn told(shares: &[Share], own: usize) -> String {
 }
 
 /// The parts of a frame's time that its materials take, the largest first.
-fn told_materials(mut materials: Vec<(&str, f64)>, all: usize) -> String {
+fn told_materials(mut materials: Vec<(String, f64)>, left: usize) -> String {
     materials.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let left = match all - materials.len() {
+    let left = match left {
         0 => String::new(),
         n => format!("; {n} that draw fewer vertices are not timed"),
     };
-    let one = |(name, part): (&str, f64)| format!("`{name}` {:.0} %", 100.0 * part);
+    let one = |(name, part): (String, f64)| format!("{name} {:.0} %", 100.0 * part);
     let materials: Vec<String> = materials.into_iter().map(one).collect();
     format!(
         "the part of the frame's time that each material's draws take: {}{left}",
@@ -329,23 +330,28 @@ impl<'c> Maker<'c> {
         clear.and_then(|d| d.depth_clear_value).unwrap_or(1.0)
     }
 
-    /// The materials that draw most vertices, with their pipelines.
-    fn by_time(&self) -> Vec<(usize, BTreeSet<usize>)> {
-        let mut of: BTreeMap<usize, (u64, BTreeSet<usize>)> = BTreeMap::new();
+    /// The pipelines that draw most vertices, with their materials: a pipeline has one for each stencil reference.
+    fn by_time(&self) -> Vec<(usize, Vec<usize>)> {
+        let mut vertices: BTreeMap<usize, u64> = BTreeMap::new();
         for draw in &self.pass.draws {
-            let made = self.by_pipeline.iter();
-            let mut made = made.filter(|((pipeline, _), _)| *pipeline == draw.pipeline);
-            if let Some((_, Some(material))) = made.next() {
-                let entry = of.entry(*material).or_default();
-                entry.0 += draw.call.vertices();
-                entry.1.insert(draw.pipeline);
-            }
+            *vertices.entry(draw.pipeline).or_default() += draw.call.vertices();
         }
-        let mut of: Vec<_> = of.into_iter().collect();
-        of.sort_by_key(|(_, (vertices, _))| std::cmp::Reverse(*vertices));
+        let materials = |pipeline: usize| -> Vec<usize> {
+            let range = (pipeline, 0)..=(pipeline, u32::MAX);
+            self.by_pipeline
+                .range(range)
+                .filter_map(|(_, material)| *material)
+                .collect()
+        };
+        let mut of: Vec<_> = vertices
+            .into_iter()
+            .map(|(pipeline, vertices)| (vertices, pipeline, materials(pipeline)))
+            .filter(|(_, _, materials)| !materials.is_empty())
+            .collect();
+        of.sort_by_key(|(vertices, ..)| std::cmp::Reverse(*vertices));
         of.truncate(TIMED_MATERIALS);
         of.into_iter()
-            .map(|(m, (_, pipelines))| (m, pipelines))
+            .map(|(_, pipeline, m)| (pipeline, m))
             .collect()
     }
 

@@ -1,6 +1,6 @@
 //! What part of a frame's time its passes and materials take, and whether its replay is right.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use super::Error;
 use super::check::{Compared, shown};
@@ -28,9 +28,9 @@ pub struct Share {
 pub struct Shares {
     /// Each render pass, in order.
     pub passes: Vec<Share>,
-    /// By how much the frame is shorter without the draws of each group of pipelines, from 0 to 1. Groups
-    /// may overlap on the screen, so the parts need not add up to their pass's.
-    pub groups: Vec<f64>,
+    /// By how much the frame is shorter without the draws of each of the given pipelines, from 0 to 1. They may
+    /// overlap on the screen, so the parts need not add up to their pass's.
+    pub pipelines: Vec<f64>,
     /// The replayed frame against the page's picture, if there is one.
     pub compared: Option<Compared>,
     /// What the replay left out, and how often.
@@ -38,8 +38,8 @@ pub struct Shares {
 }
 
 /// The parts of a frame's time, from a replay. Each command is submitted and waited for alone. Of several
-/// frames the least time of each command counts. `groups` are render pipelines: the frame is replayed
-/// without the draws of one group after the other.
+/// frames the least time of each command counts. `pipelines` are render pipelines: the frame is replayed
+/// without the draws of one after the other.
 ///
 /// # Errors
 /// The capture is broken, or the device is lost.
@@ -47,7 +47,7 @@ pub fn shares(
     capture: &Capture,
     gpu: &Gpu,
     frame: usize,
-    groups: &[BTreeSet<usize>],
+    pipelines: &[usize],
 ) -> Result<Shares, Error> {
     let mut replay = Replay::new(gpu, capture);
     for earlier in 0..=frame {
@@ -56,14 +56,14 @@ pub fn shares(
     let compared = shown(capture, &mut replay, frame)?.map(|(compared, _)| compared);
     let left_out = replay.left_out().clone();
     let mut whole = Vec::new();
-    let mut without = vec![Vec::new(); groups.len()];
+    let mut without = vec![Vec::new(); pipelines.len()];
     for _ in 0..TIMED {
         least(&mut whole, replay.timed(frame)?);
-        for (group, times) in groups.iter().zip(&mut without) {
-            replay.hide(group.clone());
+        for (pipeline, times) in pipelines.iter().zip(&mut without) {
+            replay.hide(Some(*pipeline));
             least(times, replay.timed(frame)?);
         }
-        replay.hide(BTreeSet::new());
+        replay.hide(None);
     }
     let total = whole.iter().sum::<f64>().max(f64::MIN_POSITIVE);
     let share = |pass: &super::pass::Pass<'_>| Share {
@@ -74,7 +74,7 @@ pub fn shares(
     let gone = |times: &Vec<f64>| (1.0 - times.iter().sum::<f64>() / total).max(0.0);
     Ok(Shares {
         passes: passes(capture, frame)?.iter().map(share).collect(),
-        groups: without.iter().map(gone).collect(),
+        pipelines: without.iter().map(gone).collect(),
         compared,
         left_out,
     })

@@ -370,8 +370,8 @@ impl Material {
 }
 
 impl Scene {
-    /// The scene at another resolution. The viewport scales too, and cameras keep their vertical
-    /// field of view.
+    /// The scene at another resolution. The viewport and what the attachments hold scale too, and cameras keep
+    /// their vertical field of view.
     #[must_use]
     pub fn resized(mut self, size: [u32; 2]) -> Self {
         let before = self.aspect();
@@ -383,6 +383,12 @@ impl Scene {
         }
         self.own_size.get_or_insert(self.size);
         self.size = size;
+        let of = &mut self.initial;
+        for image in of.colors.iter_mut().chain([&mut of.depth]).flatten() {
+            if let Some(resampled) = image.resampled(size) {
+                *image = Arc::new(resampled);
+            }
+        }
         let scale = before / self.aspect();
         for frame in self.cameras.iter_mut().flat_map(|c| &mut c.frames) {
             frame.projection.x_axis *= scale;

@@ -1,6 +1,7 @@
 //! Frame folders that are broken, and the programs of those that are not.
 
 use std::fs;
+use std::io::Write as _;
 
 use preshade::unstable::capture::{self, Capture, Choice, Kind};
 use preshade::unstable::limits::Limits;
@@ -86,6 +87,37 @@ fn a_broken_capture_is_an_error_that_names_the_place() {
         assert!(error.contains(told), "{place}: {error}");
         fs::remove_dir_all(path).unwrap();
     }
+}
+
+#[test]
+fn a_compressed_frame_is_read_within_the_limit() {
+    let path = folder().write("packed");
+    let plain = path.join("frame.json");
+    let packed = path.join("frame.json.gz");
+    let pack = |text: &[u8]| {
+        let file = fs::File::create(&packed).unwrap();
+        let mut writer = flate2::write::GzEncoder::new(file, flate2::Compression::fast());
+        writer.write_all(text).unwrap();
+        writer.finish().unwrap();
+    };
+    pack(&fs::read(&plain).unwrap());
+    fs::remove_file(&plain).unwrap();
+    assert!(capture::is_folder(&path) && capture::file_of(&path) == packed);
+    let limits = Limits {
+        file_bytes: 1 << 20,
+        ..Limits::default()
+    };
+    let draws = |capture: &Capture| capture::passes(capture, 0).unwrap()[1].draws.len();
+    assert_eq!(draws(&Capture::open(&path, &limits).unwrap()), 2);
+    // Small, and large when it is read.
+    pack(&vec![b' '; 4 << 20]);
+    assert!(packed.metadata().unwrap().len() < limits.file_bytes);
+    let error = Capture::open(&path, &limits).unwrap_err().to_string();
+    assert!(error.contains("the limit `file-bytes`"), "{error}");
+    fs::write(&packed, b"no gzip").unwrap();
+    let error = Capture::open(&path, &limits).unwrap_err().to_string();
+    assert!(error.contains("cannot read `frame.json.gz`"), "{error}");
+    fs::remove_dir_all(path).unwrap();
 }
 
 #[test]

@@ -7,7 +7,7 @@ use preshade::unstable::capture::browser::prepare;
 use preshade::unstable::capture::trace::{
     Found, FramesBy, TRACE, TraceError, Version, Wanted, convert,
 };
-use preshade::unstable::capture::{Capture, FILE};
+use preshade::unstable::capture::{Capture, file_of};
 use preshade::unstable::limits::Limits;
 use serde_json::Value;
 
@@ -47,7 +47,7 @@ fn converted(trace: &Path, test: &str, wanted: &Wanted) -> Result<(Found, Value)
     prepare(&out).unwrap();
     let found = convert(trace, &out, wanted, &Limits::default())?;
     Capture::open(&out, &Limits::default()).unwrap();
-    let json = serde_json::from_slice(&fs::read(out.join(FILE)).unwrap()).unwrap();
+    let json = serde_json::from_slice(&fs::read(file_of(&out)).unwrap()).unwrap();
     Ok((found, json))
 }
 

@@ -1,12 +1,13 @@
 //! A frame folder from a tar stream, which a page wrote: names and sizes are checked.
 
 use std::fs;
-use std::io::{self, Read, Write as _};
+use std::io::{self, Read};
 use std::path::Path;
 
 use tar::{Archive, EntryType};
 
-use crate::capture::{FILE, codes};
+use crate::capture::codes;
+use crate::capture::folder::{self, FILE, PACKED};
 use crate::limits::{Exceeded, Limits};
 
 /// The stream or the folder is none.
@@ -58,11 +59,13 @@ pub fn prepare(folder: &Path) -> Result<(), UnpackError> {
     for entry in entries {
         names.push(entry.map_err(UnpackError::Write)?.file_name());
     }
-    if names.iter().any(|name| name != FILE && name != DATA) {
+    if (names.iter()).any(|name| ![FILE, PACKED, DATA].iter().any(|own| name == own)) {
         return Err(UnpackError::Occupied(folder.display().to_string()));
     }
-    if names.iter().any(|name| name == FILE) {
-        fs::remove_file(folder.join(FILE)).map_err(UnpackError::Write)?;
+    for file in [FILE, PACKED] {
+        if names.iter().any(|name| name == file) {
+            fs::remove_file(folder.join(file)).map_err(UnpackError::Write)?;
+        }
     }
     let data = folder.join(DATA);
     if !data.is_dir() {
@@ -102,7 +105,7 @@ pub fn unpack(stream: &mut dyn Read, folder: &Path, limits: &Limits) -> Result<(
             continue;
         }
         let name = String::from_utf8_lossy(&entry.path_bytes()).into_owned();
-        let is_file = name == FILE;
+        let is_file = name == FILE || name == PACKED;
         let is_known = is_file || name.strip_prefix("data/").is_some_and(is_data);
         if !is_known || entry.header().entry_type() != EntryType::Regular {
             return Err(UnpackError::Name(name));
@@ -120,8 +123,11 @@ pub fn unpack(stream: &mut dyn Read, folder: &Path, limits: &Limits) -> Result<(
         if read as u64 != entry.size() {
             break;
         }
-        let mut file = fs::File::create(folder.join(&name)).map_err(UnpackError::Write)?;
-        file.write_all(&content).map_err(UnpackError::Write)?;
+        let written = match name == FILE {
+            true => folder::write(folder, &content),
+            false => fs::write(folder.join(&name), &content),
+        };
+        written.map_err(UnpackError::Write)?;
         has_file |= is_file;
     }
     match has_file {

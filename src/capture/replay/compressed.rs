@@ -1,5 +1,7 @@
 //! Writes texels to textures. Compressed ones that the adapter cannot read are decoded.
 
+use std::sync::Arc;
+
 use super::Replay;
 use crate::capture::Error;
 use crate::capture::file::{DataName, Extent, TexelLayout, TexelPlace};
@@ -36,53 +38,38 @@ impl Replay<'_> {
             "texture",
             place,
         )?;
-        let (mut bytes, mut layout, size) = (bytes, layout.wgpu(), size.wgpu());
-        if texture.format() != of.format {
-            let texels = decoded(of.format, size, &bytes, Some(&layout));
-            bytes = texels.map_err(|why| Error::broken(place, why))?.into();
+        let to = super::texel_copy(&texture, destination);
+        self.write_texels(of.format, to, bytes, layout.wgpu(), size.wgpu(), place)
+    }
+
+    /// Writes texels of a format, decoded where the texture has another one.
+    pub(super) fn write_texels(
+        &self,
+        format: wgpu::TextureFormat,
+        to: wgpu::TexelCopyTextureInfo<'_>,
+        mut bytes: Arc<[u8]>,
+        mut layout: wgpu::TexelCopyBufferLayout,
+        mut size: wgpu::Extent3d,
+        place: &str,
+    ) -> Result<(), Error> {
+        if to.texture.format() != format {
+            // Blocks may reach beyond the level, and texels may not.
+            let level = to.texture.size();
+            let level = level.mip_level_size(to.mip_level, to.texture.dimension());
+            size.width = size.width.min(level.width.saturating_sub(to.origin.x));
+            size.height = size.height.min(level.height.saturating_sub(to.origin.y));
+            let texels = blocks::decode_layers(format, size, &bytes, &layout);
+            let few = || Error::broken(place, format!("texels of {format:?} have too few bytes"));
+            bytes = texels.ok_or_else(few)?.into();
             layout = wgpu::TexelCopyBufferLayout {
                 offset: 0,
                 bytes_per_row: Some(size.width * 4),
                 rows_per_image: Some(size.height),
             };
         }
-        self.gpu.checked(place, || {
-            let to = super::texel_copy(&texture, destination);
-            self.gpu.queue.write_texture(to, &bytes, layout, size);
-        })?;
+        let queue = &self.gpu.queue;
+        let write = || queue.write_texture(to, &bytes, layout, size);
+        self.gpu.checked(place, write)?;
         Ok(())
     }
-}
-
-/// Texels of compressed ones, layer by layer. Without a layout, the rows of blocks have no padding.
-pub(super) fn decoded(
-    format: wgpu::TextureFormat,
-    size: wgpu::Extent3d,
-    bytes: &[u8],
-    layout: Option<&wgpu::TexelCopyBufferLayout>,
-) -> Result<Vec<u8>, String> {
-    let few = || format!("texels of {format:?} have too few bytes");
-    let (across, down) = format.block_dimensions();
-    let block = format.block_copy_size(None).unwrap_or(16) as usize;
-    let (row, rows) = (
-        size.width.div_ceil(across) as usize * block,
-        size.height.div_ceil(down) as usize,
-    );
-    let given = |f: fn(&wgpu::TexelCopyBufferLayout) -> Option<u32>| layout.and_then(f);
-    let pitch = given(|l| l.bytes_per_row).map_or(row, |p| p as usize);
-    let layer_rows = given(|l| l.rows_per_image).map_or(rows, |r| r as usize);
-    let first = layout.map_or(0, |l| l.offset as usize);
-    let mut texels = Vec::new();
-    for layer in 0..size.depth_or_array_layers as usize {
-        let mut blocks = Vec::new();
-        for index in 0..rows {
-            let from = (layer * layer_rows + index)
-                .checked_mul(pitch)
-                .and_then(|from| from.checked_add(first));
-            let from = from.ok_or_else(few)?;
-            blocks.extend_from_slice(bytes.get(from..from + row).ok_or_else(few)?);
-        }
-        texels.extend(blocks::decode(format, [size.width, size.height], &blocks).ok_or_else(few)?);
-    }
-    Ok(texels)
 }

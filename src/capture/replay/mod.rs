@@ -11,7 +11,7 @@ mod passes;
 mod read;
 mod webgl;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::time::Instant;
 
 use super::Error;
@@ -44,8 +44,8 @@ pub struct Replay<'a> {
     contents: Contents,
     encoder: Option<wgpu::CommandEncoder>,
     left_out: BTreeMap<LeftOut, u64>,
-    /// Render pipelines whose draws are not executed.
-    hidden: BTreeSet<usize>,
+    /// The render pipeline whose draws are not executed.
+    hidden: Option<usize>,
     is_set_up: bool,
 }
 
@@ -75,14 +75,14 @@ impl<'a> Replay<'a> {
             contents: Contents::default(),
             encoder: None,
             left_out: BTreeMap::new(),
-            hidden: BTreeSet::new(),
+            hidden: None,
             is_set_up: false,
         }
     }
 
-    /// Executes no draws of these render pipelines from now on.
-    pub(super) fn hide(&mut self, pipelines: BTreeSet<usize>) {
-        self.hidden = pipelines;
+    /// Executes no draws of this render pipeline from now on.
+    pub(super) fn hide(&mut self, pipeline: Option<usize>) {
+        self.hidden = pipeline;
     }
 
     /// What was left out so far, and how often.

@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 use wgpu::util::DeviceExt as _;
 
 use super::Replay;
-use super::compressed::decoded;
 use crate::capture::Error;
 use crate::capture::file::{
     BindGroup, Cull, DepthStencil, GroupLayout, IndexFormat, LayoutChoice, LayoutEntry,
@@ -114,51 +113,30 @@ impl Replay<'_> {
         for start in file.start.textures.iter().filter(|t| t.texture == index) {
             let bytes = self.capture.data(&start.data)?;
             let aspect = start.aspect.unwrap_or_default();
-            let size = level_size(&texture, start.mip_level, start.layer.is_some());
-            let blocks = wgpu::Extent3d {
-                width: (of.size.0[0] >> start.mip_level).max(1),
-                height: (of.size.0[1] >> start.mip_level).max(1),
-                ..size
-            };
-            let bytes = match texture.format() == of.format {
-                true => bytes,
-                false => decoded(of.format, blocks, &bytes, None)
-                    .map_err(|why| Error::broken(&label, why))?
-                    .into(),
-            };
-            let (row, rows) = rows(&texture, aspect, size);
+            let size = level_size(of, start.mip_level, start.layer.is_some());
+            let (row, rows) = rows(of.format, aspect, size);
             let needed = u64::from(row) * u64::from(rows) * u64::from(size.depth_or_array_layers);
             if (bytes.len() as u64) < needed {
-                return Err(Error::broken(
-                    label,
-                    format!(
-                        "level {} has {} bytes, and its texels have {needed}",
-                        start.mip_level,
-                        bytes.len()
-                    ),
-                ));
+                let (level, found) = (start.mip_level, bytes.len());
+                let why = format!("level {level} has {found} bytes, and its texels have {needed}");
+                return Err(Error::broken(label, why));
             }
-            self.gpu.checked(&label, || {
-                self.gpu.queue.write_texture(
-                    wgpu::TexelCopyTextureInfo {
-                        texture: &texture,
-                        mip_level: start.mip_level,
-                        origin: wgpu::Origin3d {
-                            x: 0,
-                            y: 0,
-                            z: start.layer.unwrap_or(0),
-                        },
-                        aspect,
-                    },
-                    &bytes,
-                    wgpu::TexelCopyBufferLayout {
-                        offset: 0,
-                        bytes_per_row: Some(row),
-                        rows_per_image: Some(rows),
-                    },
-                    size,
-                );
-            })?;
+            let to = wgpu::TexelCopyTextureInfo {
+                texture: &texture,
+                mip_level: start.mip_level,
+                origin: wgpu::Origin3d {
+                    x: 0,
+                    y: 0,
+                    z: start.layer.unwrap_or(0),
+                },
+                aspect,
+            };
+            let layout = wgpu::TexelCopyBufferLayout {
+                offset: 0,
+                bytes_per_row: Some(row),
+                rows_per_image: Some(rows),
+            };
+            self.write_texels(of.format, to, bytes, layout, size, &label)?;
         }
         Ok(texture)
     }
@@ -545,10 +523,10 @@ fn texture_descriptor<'l>(of: &'l Texture, label: &'l str) -> wgpu::TextureDescr
     }
 }
 
-/// Size of a level: all of its layers, or one.
-fn level_size(texture: &wgpu::Texture, level: u32, one_layer: bool) -> wgpu::Extent3d {
-    let size = texture.size().mip_level_size(level, texture.dimension());
-    let size = size.physical_size(texture.format());
+/// Size of a level in whole blocks: all of its layers, or one.
+fn level_size(of: &Texture, level: u32, one_layer: bool) -> wgpu::Extent3d {
+    let size = of.size.wgpu().mip_level_size(level, of.dimension);
+    let size = size.physical_size(of.format);
     wgpu::Extent3d {
         depth_or_array_layers: match one_layer {
             true => 1,
@@ -559,8 +537,11 @@ fn level_size(texture: &wgpu::Texture, level: u32, one_layer: bool) -> wgpu::Ext
 }
 
 /// Bytes of a row of blocks, and rows of blocks of a layer.
-fn rows(texture: &wgpu::Texture, aspect: wgpu::TextureAspect, size: wgpu::Extent3d) -> (u32, u32) {
-    let format = texture.format();
+fn rows(
+    format: wgpu::TextureFormat,
+    aspect: wgpu::TextureAspect,
+    size: wgpu::Extent3d,
+) -> (u32, u32) {
     let (across, down) = format.block_dimensions();
     let block = format.block_copy_size(Some(aspect)).unwrap_or(4);
     (

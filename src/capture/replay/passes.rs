@@ -28,7 +28,7 @@ pub(super) enum Encoded {
 /// Why the next draws are not executed.
 #[derive(Default)]
 struct Missing {
-    /// The pipeline is one of [`Replay::hide`].
+    /// The pipeline is that of [`Replay::hide`].
     hidden: bool,
     pipeline: Option<(String, String)>,
     groups: std::collections::BTreeMap<u32, (String, String)>,
@@ -67,7 +67,7 @@ impl Replay<'_> {
         if self.capture.file.source.api.is_webgl() {
             for step in pass::steps(commands, place)? {
                 encoded.extend(match step {
-                    Step::Draw(draw) if self.hidden.contains(&draw.pipeline) => Vec::new(),
+                    Step::Draw(draw) if self.hidden == Some(draw.pipeline) => Vec::new(),
                     Step::Draw(draw) => self.draw_of_webgl(&draw, place)?,
                     Step::Clear(clear) => self.partial_clear(clear, descriptor, place)?,
                 });
@@ -144,7 +144,7 @@ impl Replay<'_> {
         }
         encoded.push(match command {
             DrawCommand::SetPipeline { pipeline } => {
-                missing.hidden = self.hidden.contains(pipeline);
+                missing.hidden = self.hidden == Some(*pipeline);
                 match self.render_pipeline(*pipeline, place)? {
                     Ok(made) => {
                         missing.pipeline = None;

@@ -8,11 +8,11 @@ use serde_json::Value;
 
 use super::TraceError;
 use super::data::{self, Store};
-use crate::capture::FILE;
 use crate::capture::file::{
     CaptureFile, CapturedFrame, Command, ComputeCommand, DataName, DrawCommand, GroupLayout,
     LayoutChoice, RenderPassDescriptor, Resource, Unknown,
 };
+use crate::capture::folder;
 use crate::limits::Limits;
 
 /// A list of the file.
@@ -266,7 +266,7 @@ pub(super) fn write(
     }
     let mut json = serde_json::to_value(file).map_err(|e| TraceError::Broken(e.to_string()))?;
     without_nulls(&mut json);
-    fs::write(out.join(FILE), json.to_string()).map_err(TraceError::Write)
+    folder::write(out, json.to_string().as_bytes()).map_err(TraceError::Write)
 }
 
 struct Writer<'w> {

@@ -58,6 +58,34 @@ pub(crate) fn decode(format: TextureFormat, size: [u32; 2], blocks: &[u8]) -> Op
     Some(rgba.collect())
 }
 
+/// Decodes the layers of a level. Rows of blocks may have padding, as WebGPU's buffers of texels have. `None`: as
+/// [`decode`].
+pub(crate) fn decode_layers(
+    format: TextureFormat,
+    size: wgpu::Extent3d,
+    bytes: &[u8],
+    layout: &wgpu::TexelCopyBufferLayout,
+) -> Option<Vec<u8>> {
+    let (across, down) = format.block_dimensions();
+    let row = size.width.div_ceil(across) as usize * format.block_copy_size(None)? as usize;
+    let rows = size.height.div_ceil(down) as usize;
+    let pitch = layout.bytes_per_row.map_or(row, |p| p as usize);
+    let layer_rows = layout.rows_per_image.map_or(rows, |r| r as usize);
+    let first = usize::try_from(layout.offset).ok()?;
+    let mut texels = Vec::new();
+    for layer in 0..size.depth_or_array_layers as usize {
+        let mut blocks = Vec::new();
+        for index in 0..rows {
+            let from = (layer * layer_rows + index)
+                .checked_mul(pitch)?
+                .checked_add(first)?;
+            blocks.extend_from_slice(bytes.get(from..from.checked_add(row)?)?);
+        }
+        texels.extend(decode(format, [size.width, size.height], &blocks)?);
+    }
+    Some(texels)
+}
+
 impl Image {
     /// The image with plain texels. `None`: its format is not compressed, or cannot be decoded.
     pub(crate) fn decoded(&self) -> Option<Self> {
@@ -65,13 +93,17 @@ impl Image {
         let mut levels = Vec::new();
         for (level, blocks) in (0..).zip(&self.levels) {
             let [width, height, layers] = self.extent(level);
-            let [row, rows] = self.rows(level)?;
-            let layer = row as usize * rows as usize;
-            let mut texels = Vec::new();
-            for blocks in blocks.chunks(layer.max(1)).take(layers as usize) {
-                texels.extend(decode(self.format, [width, height], blocks)?);
-            }
-            levels.push(texels);
+            let size = wgpu::Extent3d {
+                width,
+                height,
+                depth_or_array_layers: layers,
+            };
+            levels.push(decode_layers(
+                self.format,
+                size,
+                blocks,
+                &Default::default(),
+            )?);
         }
         Some(Self {
             format,

@@ -45,6 +45,31 @@ impl Image {
         }
     }
 
+    /// Level 0 at another size: each texel is the one that is nearest. `None`: the format is compressed.
+    pub(crate) fn resampled(&self, size: [u32; 2]) -> Option<Self> {
+        let ([row, rows], texel) = (self.rows(0)?, self.block_bytes()? as usize);
+        let layer = (row as usize * rows as usize).max(1);
+        let from = |i: u32, axis: usize| {
+            let [of, to] = [self.size[axis], size[axis]].map(u64::from);
+            ((2 * u64::from(i) + 1) * of / (2 * to)) as usize
+        };
+        let mut texels = Vec::new();
+        for layer in self.levels.first()?.chunks(layer) {
+            for y in 0..size[1] {
+                let row = layer.chunks(row.max(1) as usize).nth(from(y, 1))?;
+                for x in 0..size[0] {
+                    let at = from(x, 0) * texel;
+                    texels.extend_from_slice(row.get(at..at + texel)?);
+                }
+            }
+        }
+        Some(Self {
+            size,
+            levels: vec![texels],
+            ..self.clone()
+        })
+    }
+
     /// Width, height, and layers or depth of a level.
     pub fn extent(&self, level: u32) -> [u32; 3] {
         let at = |side: u32| side.checked_shr(level).unwrap_or(0).max(1);
@@ -214,5 +239,32 @@ pub(super) fn srgb_to_linear(v: f32) -> f32 {
         v / 12.92
     } else {
         ((v + 0.055) / 1.055).powf(2.4)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_nearest_texel_stands_for_each() {
+        let image = Image {
+            size: [4, 2],
+            layers: 1,
+            dimension: TextureDimension::D2,
+            format: TextureFormat::R8Unorm,
+            levels: vec![vec![0, 1, 2, 3, 10, 11, 12, 13]],
+        };
+        let small = image.resampled([2, 1]).map(|image| image.levels);
+        assert_eq!(small, Some(vec![vec![11, 13]]));
+        let large = image.resampled([8, 2]).map(|image| image.levels);
+        let rows = [[0, 0, 1, 1, 2, 2, 3, 3], [10, 10, 11, 11, 12, 12, 13, 13]];
+        assert_eq!(large, Some(vec![rows.concat()]));
+        let compressed = Image {
+            format: TextureFormat::Bc1RgbaUnorm,
+            levels: vec![vec![0; 8]],
+            ..image
+        };
+        assert!(compressed.resampled([2, 2]).is_none());
     }
 }
