@@ -388,6 +388,7 @@ fn layers(
         is_made_up: false,
         own_size: None,
         initial: Default::default(),
+        rows: Default::default(),
         notes: Vec::new(),
         name: "handwritten".to_owned(),
         size,

@@ -1,13 +1,12 @@
 //! `preshade capture`: records frames of a page, or of an app's trace, into a frame folder.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::builder::NonEmptyStringValueParser;
-use preshade::unstable::capture::browser::{self, Visit};
+use preshade::unstable::capture::browser::{self, Site, Visit};
 use preshade::unstable::capture::file::{Api, Refused};
 use preshade::unstable::capture::page::{RECORDER, bookmarklet};
 use preshade::unstable::capture::trace::{self, Found, Wanted};
@@ -56,21 +55,24 @@ pub struct CaptureArgs {
     /// Size of the window, in pixels.
     #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = size)]
     size: [u32; 2],
+    /// For a page of your disk: the folder that it may read. Without it, the page's own.
+    #[arg(long, value_name = "DIR")]
+    root: Option<PathBuf>,
     /// Draw with this machine's GPU.
     #[arg(long)]
     hardware: bool,
     /// One more flag for Chromium, as `--flag=--lang=de`; may be repeated.
     #[arg(long, value_name = "FLAG", allow_hyphen_values = true)]
     flag: Vec<String>,
-    /// Give up when the browser is silent for so long.
-    #[arg(long, value_name = "SECONDS", default_value_t = 120)]
-    patience: u64,
+    /// Give up when the page draws nothing for so long. Default: 30; the browser itself has 120.
+    #[arg(long, value_name = "SECONDS")]
+    patience: Option<u64>,
     /// Read the frames from a trace that wgpu 29 or 30 wrote: a folder with trace.ron.
     #[arg(
         long,
         value_name = "DIR",
         conflicts_with_all = [
-            "page", "script", "bookmarklet", "after", "wait_for", "size", "hardware", "flag", "patience",
+            "page", "script", "bookmarklet", "after", "wait_for", "size", "root", "hardware", "flag", "patience",
         ]
     )]
     wgpu_trace: Option<PathBuf>,
@@ -135,8 +137,9 @@ pub fn run(args: &CaptureArgs) -> Result<Ending, Failure> {
         }
         _ => {
             let condition = args.wait_for.as_deref().map(condition);
+            let place = Place::of(page, args.root.as_deref())?;
             let visit = Visit {
-                url: &address(page)?,
+                url: place.address(),
                 program: None,
                 frames: args.frames,
                 size: args.size,
@@ -145,9 +148,11 @@ pub fn run(args: &CaptureArgs) -> Result<Ending, Failure> {
                 after: Duration::from_secs_f64(args.after),
                 is_hardware: args.hardware,
                 flags: &args.flag,
-                patience: Duration::from_secs(args.patience),
+                patience: args.patience.map(Duration::from_secs),
             };
-            browser::record(&visit, &args.out, &limits).map_err(Failure::from)
+            let recorded = browser::record(&visit, &args.out, &limits);
+            place.tell_missing();
+            recorded.map_err(Failure::from)
         }
     };
     // What was written before a failure stays, and is told.
@@ -205,48 +210,67 @@ fn condition(text: &str) -> String {
     }
 }
 
-/// The address of a page: as given, of a file or folder, or of a host without `http://`.
-fn address(page: &str) -> Result<String, Failure> {
-    if page.contains("://") || page.starts_with("data:") {
-        return Ok(page.to_owned());
-    }
-    let path = Path::new(page);
-    let file = match path.is_dir() {
-        true => path.join("index.html"),
-        false => path.to_path_buf(),
-    };
-    if let Ok(file) = file.canonicalize() {
-        return Ok(file_address(&file));
-    }
-    let host = page.split(['/', ':', '?']).next().unwrap_or_default();
-    match host == "localhost" || (host.contains('.') && !path.is_dir() && !page.ends_with(".html"))
-    {
-        true => Ok(format!("http://{page}")),
-        false => Err(Failure(format!(
-            "error: there is no file `{}`",
-            file.display()
-        ))),
-    }
+/// Where a page is.
+enum Place {
+    /// At an address.
+    Web(String),
+    /// A file of this machine, served from a folder.
+    Local(Site, String),
 }
 
-fn file_address(file: &Path) -> String {
-    let mut address = "file://".to_owned();
-    let path = file.to_string_lossy().replace('\\', "/");
-    if !path.starts_with('/') {
-        address.push('/');
+impl Place {
+    /// The page as given: an address, a file or folder, or a host without `http://`.
+    fn of(page: &str, root: Option<&Path>) -> Result<Self, Failure> {
+        let path = Path::new(page.strip_prefix("file://").unwrap_or(page));
+        if path == Path::new(page) && (page.contains("://") || page.starts_with("data:")) {
+            return Ok(Self::Web(page.to_owned()));
+        }
+        let file = match path.is_dir() {
+            true => path.join("index.html"),
+            false => path.to_path_buf(),
+        };
+        if !file.is_file() {
+            let host = page.split(['/', ':', '?']).next().unwrap_or_default();
+            let is_host = host == "localhost" || (host.contains('.') && !page.ends_with(".html"));
+            return match is_host && !path.is_dir() {
+                true => Ok(Self::Web(format!("http://{page}"))),
+                false => Err(Failure(format!(
+                    "error: there is no file `{}`",
+                    file.display()
+                ))),
+            };
+        }
+        let own = file.parent().filter(|p| !p.as_os_str().is_empty());
+        let root = root.or(own).unwrap_or(Path::new("."));
+        let site = Site::open(root)?;
+        let address = site.address(&file).ok_or_else(|| {
+            Failure(format!(
+                "error: --root: `{}` is not below `{}`",
+                file.display(),
+                root.display()
+            ))
+        })?;
+        Ok(Self::Local(site, address))
     }
-    for byte in path.bytes() {
-        match byte {
-            b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'/' | b'-' | b'_' | b'.' | b'~' | b':' => {
-                address.push(char::from(byte));
-            }
-            _ => {
-                // Writing to a string never fails.
-                let _ = write!(address, "%{byte:02X}");
-            }
+
+    fn address(&self) -> &str {
+        match self {
+            Self::Web(address) | Self::Local(_, address) => address,
         }
     }
-    address
+
+    /// Tells which files a local page lacked.
+    fn tell_missing(&self) {
+        let Self::Local(site, _) = self else { return };
+        let missing = site.missing();
+        if !missing.is_empty() {
+            output::message(&format!(
+                "warning: the page asked for files that are not there: {}. It may read what is below its own folder; \
+                 --root names one above",
+                missing.join(", ")
+            ));
+        }
+    }
 }
 
 /// What was recorded, and what was not.

@@ -4,9 +4,12 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use clap::builder::{PathBufValueParser, TypedValueParser};
+use preshade::unstable::capture::file::Api;
 use preshade::unstable::capture::{self, Capture};
+use preshade::unstable::emit::{self, Target};
 use preshade::unstable::front::{self, Source};
 use preshade::unstable::measure;
+use preshade::unstable::measure::record::Pictures;
 use preshade::unstable::passes::naga::{Binding, BuiltIn, ShaderStage};
 use preshade::unstable::passes::pass::Facts;
 use preshade::unstable::passes::plan::Plan;
@@ -15,7 +18,7 @@ use preshade::unstable::passes::reflect;
 use preshade::unstable::passes::state::{CullMode, MaterialState};
 use preshade::unstable::recipe::Recipe;
 use preshade::unstable::regular;
-use preshade::unstable::render::{AdapterChoice, Gpu};
+use preshade::unstable::render::{AdapterChoice, Gpu, Rendered};
 use preshade::unstable::scene::{self, Scene, Variable, Variables};
 
 use crate::Failure;
@@ -172,7 +175,7 @@ pub enum Input {
     /// One material and its state.
     Shader(front::Parsed, MaterialState),
     /// A scene, with the requested depth format, direction and sample count.
-    Scene(Scene),
+    Scene(Box<Scene>),
 }
 
 /// The original plans of materials.
@@ -198,7 +201,7 @@ impl ShaderArgs {
     /// material.
     pub fn plans_by_draws(&self, recipe: &Recipe) -> Result<Materials, Failure> {
         let input = match self.input()? {
-            Input::Scene(scene) => Input::Scene(measure::grouped_for(scene, recipe)?),
+            Input::Scene(scene) => Input::Scene(Box::new(measure::grouped_for(*scene, recipe)?)),
             shader @ Input::Shader(..) => shader,
         };
         self.plans_of(input, recipe)
@@ -348,7 +351,8 @@ impl ShaderArgs {
             Some(path) if self.files.len() == 1 => {
                 self.check_scene_flags()?;
                 if let Some(folder) = captured(path) {
-                    return Ok(Input::Scene(self.captured(folder, purpose)?));
+                    let scene = self.captured(folder, purpose)?;
+                    return Ok(Input::Scene(Box::new(scene)));
                 }
                 let access = self.limits.access();
                 let scene = match is_gltf(path) {
@@ -356,7 +360,7 @@ impl ShaderArgs {
                     false => scene::load_within(path, &variables, access),
                 };
                 let scene = scene.map_err(|e| Failure(e.render()))?;
-                Ok(Input::Scene(self.state.set_up(scene)))
+                Ok(Input::Scene(Box::new(self.state.set_up(scene))))
             }
             Some(_) => Err(Failure(
                 "error: a scene file stands alone: its materials name their shaders".to_owned(),
@@ -384,7 +388,7 @@ impl ShaderArgs {
                 "error: --material: all materials of a scene are drawn; `rewrite` and `explain` take one"
                     .to_owned(),
             )),
-            Input::Scene(scene) => Ok(scene),
+            Input::Scene(scene) => Ok(*scene),
             Input::Shader(parsed, state) => {
                 self.check_fragment(&parsed)?;
                 let mut scene = scene::synthesise(parsed, state);
@@ -434,9 +438,50 @@ impl ShaderArgs {
         files.find(|file| is_scene(file))
     }
 
+    /// The language to write without another wish: that of a page of WebGL, and else WGSL.
+    pub fn target(&self) -> Target {
+        let file = self.scene_file().and_then(captured);
+        // What is wrong with the capture is told where its scene is read.
+        let capture = file.and_then(|folder| Capture::open(folder, &self.limits.limits()).ok());
+        match capture.map(|c| c.file.source.api) {
+            Some(Api::WebGl2) => Target::GlslEs300,
+            Some(Api::WebGl1) => Target::GlslEs100,
+            _ => Target::Wgsl,
+        }
+    }
+
+    /// Of a captured frame: writes what the page showed, what the replay shows, and their difference.
+    pub fn write_frame(&self, dir: &Path) -> Result<(), Failure> {
+        let Some(folder) = self.scene_file().and_then(captured) else {
+            return Ok(());
+        };
+        let capture = Capture::open(folder, &self.limits.limits())?;
+        let on = self.replay_on.clone();
+        let on = on.map_or(AdapterChoice::Best, AdapterChoice::Matching);
+        let gpu = Gpu::with_trust(&on, self.limits.limits().trust())?;
+        let Some(shown) = capture::pictures(&capture, &gpu, self.frame)? else {
+            return Ok(());
+        };
+        let [page, replay] = shown.map(|image| Rendered {
+            colors: vec![Some(image)],
+            depth: None,
+        });
+        let Some(pictures) = Pictures::new("replay", &page, &replay) else {
+            return Ok(());
+        };
+        let files = [
+            pictures.original.file("frame.page.png")?,
+            pictures.variant.file("frame.replay.png")?,
+            pictures.difference.file("frame.difference.png")?,
+        ];
+        emit::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
+        Ok(())
+    }
+
     /// The scene of a captured frame.
     fn captured(&self, folder: &Path, purpose: Purpose) -> Result<Scene, Failure> {
-        let failed = |e: capture::Error| Failure(format!("error: {}: {e}", folder.display()));
+        let failed =
+            |e: capture::Error| Failure(format!("error[{}]: {}: {e}", e.code(), folder.display()));
         let capture = Capture::open(folder, &self.limits.limits()).map_err(failed)?;
         let choice = capture::Choice {
             frame: self.frame,

@@ -16,7 +16,7 @@ use preshade::unstable::regular;
 use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
 use preshade::unstable::report;
 use preshade::unstable::report::html::plan::Redrawn;
-use preshade::unstable::scene::{DrawOrder, Scene};
+use preshade::unstable::scene::{DrawOrder, Rows, Scene};
 use preshade::unstable::search::plan::{
     self as decide, Decision, Exhausted, Hold, Model, RegretReport, SceneSoFar, Settings, Timed,
 };
@@ -191,9 +191,22 @@ pub fn run(args: &PlanArgs) -> Result<Ending, Failure> {
         written.try_for_each(|m| check_name(&m.name))?;
         Ok(scene)
     };
-    let mut loaded: Vec<(&PathBuf, Result<Scene, Failure>)> =
-        scenes.iter().zip(jobs.iter().map(read)).collect();
-    if let [(_, Err(Failure(why)))] = &mut loaded[..] {
+    let mut loaded: Vec<Loaded<'_>> = scenes
+        .iter()
+        .zip(&jobs)
+        .map(|(path, job)| Loaded {
+            path,
+            shader: &job.shader,
+            scene: read(job),
+        })
+        .collect();
+    if let [
+        Loaded {
+            scene: Err(Failure(why)),
+            ..
+        },
+    ] = &mut loaded[..]
+    {
         return Err(Failure(std::mem::take(why)));
     }
     let gpu = Gpu::with_trust(&choice, args.limits.limits().trust())?;
@@ -206,10 +219,17 @@ fn path_of(job: &Job) -> PathBuf {
     job.shader.files.first().cloned().unwrap_or_default()
 }
 
+/// A scene, or why it was not read.
+struct Loaded<'a> {
+    path: &'a PathBuf,
+    shader: &'a ShaderArgs,
+    scene: Result<Scene, Failure>,
+}
+
 /// Plans each scene, of those that could be read.
 fn each(
     args: &PlanArgs,
-    scenes: Vec<(&PathBuf, Result<Scene, Failure>)>,
+    scenes: Vec<Loaded<'_>>,
     (mut gpu, choice): (Gpu, &AdapterChoice),
     mut kept: KeptScenes,
     bar: &ProgressLine,
@@ -219,7 +239,12 @@ fn each(
         _ => model(args, &gpu, bar)?.0,
     };
     let (mut outcome, count) = (Ending::Fine, scenes.len());
-    for (path, scene) in scenes {
+    for Loaded {
+        path,
+        shader,
+        scene,
+    } in scenes
+    {
         bar.reset();
         let name = path.display().to_string();
         let out = match (&args.out, count) {
@@ -228,7 +253,8 @@ fn each(
         };
         let planned = scene.and_then(|scene| {
             let mut keep = |so_far: &SceneSoFar| kept.keep(&name, so_far);
-            one(args, scene, out.as_deref(), (&gpu, &model), bar, &mut keep)
+            let on = (&gpu, &model);
+            one(args, (shader, scene), out.as_deref(), on, bar, &mut keep)
         });
         match planned {
             Ok(Ending::Fine | Ending::NotMeasured) => {}
@@ -247,7 +273,7 @@ fn each(
 /// Plans one scene.
 fn one(
     args: &PlanArgs,
-    scene: Scene,
+    (shader, scene): (&ShaderArgs, Scene),
     out: Option<&Path>,
     (gpu, model): (&Gpu, &Model),
     bar: &ProgressLine,
@@ -270,6 +296,7 @@ fn one(
     })?;
     bar.finish_and_clear();
     let planned = Planned {
+        shader,
         session: &session,
         facts: &facts,
         decision: &decision,
@@ -513,6 +540,7 @@ fn grouped(args: &PlanArgs, scene: Scene) -> Result<Scene, Failure> {
 
 /// A decision and its inputs.
 struct Planned<'a> {
+    shader: &'a ShaderArgs,
     session: &'a Session<'a>,
     facts: &'a Facts,
     decision: &'a Decision,
@@ -521,6 +549,11 @@ struct Planned<'a> {
 impl Planned<'_> {
     /// The plans of every material, in one of the decision's plans.
     fn plans(&self, plan: usize) -> Result<Vec<Plan>, Failure> {
+        self.of(plan, self.session.originals())
+    }
+
+    /// The same of other originals.
+    fn of(&self, plan: usize, originals: &[Plan]) -> Result<Vec<Plan>, Failure> {
         let recipes = &self.decision.plans[plan].recipes;
         let of = |original: &Plan| -> Result<Plan, Failure> {
             let recipe = match recipes.get(&original.material) {
@@ -530,7 +563,26 @@ impl Planned<'_> {
             let plan = recipe.apply(original, self.facts);
             plan.map_err(|r| Failure(format!("error: {r}")))
         };
-        self.session.originals().iter().map(of).collect()
+        originals.iter().map(of).collect()
+    }
+
+    /// The materials as the author wrote them: those of a frame of WebGL are drawn with another sign of y.
+    fn authored(&self) -> Result<Vec<Plan>, Failure> {
+        let drawn = self.session.originals();
+        if self.session.scene().rows == Rows::FromTop {
+            return Ok(drawn.to_vec());
+        }
+        let written = self.shader.plans(&Recipe::default())?.asked;
+        for of in drawn
+            .iter()
+            .filter(|d| written.iter().all(|w| w.material != d.material))
+        {
+            output::message(&format!(
+                "note: `{}` is a part of a material, whose text is not written: see `preshade rewrite`",
+                of.material
+            ));
+        }
+        Ok(written)
     }
 
     /// The plans that the policy draws with, but for the original.
@@ -593,14 +645,11 @@ impl Planned<'_> {
             told("report.html", page),
         ];
         let mut written = files.len();
+        let (authored, target) = (self.authored()?, self.shader.target());
         for (folder, plan) in self.decision.folders() {
             let mut files = Vec::new();
-            for plan in self.plans(plan)? {
-                files.extend(emit::emit(
-                    &plan,
-                    &[emit::Target::Wgsl],
-                    &emit::Options::default(),
-                )?);
+            for plan in self.of(plan, &authored)? {
+                files.extend(emit::emit(&plan, &[target], &emit::Options::default())?);
             }
             written += files.len();
             emit::write(&dir.join(folder), &files).map_err(|e| Failure(format!("error: {e}")))?;

@@ -46,8 +46,9 @@ pub struct RewriteArgs {
     /// so on.
     #[arg(long = "pass", value_name = "NAME[:k=v,..]")]
     passes: Vec<String>,
-    /// Targets to write, separated by commas, beside `plan.json`.
-    #[arg(long, value_enum, value_delimiter = ',', default_value = "wgsl")]
+    /// Targets to write, separated by commas, beside `plan.json`. Default: wgsl, and of a captured frame of
+    /// WebGL the GLSL ES that the page has.
+    #[arg(long, value_enum, value_delimiter = ',')]
     emit: Vec<EmitTarget>,
     /// Folder to write to, created if necessary. Without it, shaders and plan go to stdout.
     #[arg(short, long, alias = "output", value_name = "DIR")]
@@ -158,7 +159,10 @@ impl From<EmitTarget> for Target {
 pub fn run(args: &RewriteArgs, config: Option<&Path>) -> Result<Ending, Failure> {
     let mut recipe = Recipe::parse(&args.passes)?;
     layouts::read(&mut recipe)?;
-    let targets: Vec<Target> = args.emit.iter().map(|t| Target::from(*t)).collect();
+    let mut targets: Vec<Target> = args.emit.iter().map(|t| Target::from(*t)).collect();
+    if targets.is_empty() {
+        targets.push(args.shader.target());
+    }
     let nowhere = args.out.is_none() && args.out_dir.is_none();
     if nowhere && targets.contains(&Target::Spirv) {
         return Err(Failure(

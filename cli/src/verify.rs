@@ -260,6 +260,9 @@ pub fn run(args: &VerifyArgs) -> Result<Ending, Failure> {
     for dir in args.out.as_deref().into_iter().chain(shared) {
         check_folder(dir)?;
     }
+    if let Some(dir) = &args.out {
+        args.shader.on(args.adapter.as_deref()).write_frame(dir)?;
+    }
     for material in &first.materials {
         for note in material.plan().notes {
             output::message(&format!("note: `{}`: {note}", material.name));

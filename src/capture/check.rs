@@ -8,6 +8,7 @@ use super::Error;
 use super::folder::{Capture, get};
 use super::replay::{LeftOut, Replay, Until};
 use crate::render::{ColorImage, Gpu};
+use crate::scene::Image;
 
 /// A replayed frame beside the page's picture.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -20,24 +21,38 @@ pub struct Compared {
     pub differ: u64,
     /// Pixels that differ by more than one step of a channel of 8 bits.
     pub by_more: u64,
-    /// The largest difference of a channel, in steps.
+    /// The largest difference of a channel, in steps of 1/255.
     pub most: u8,
 }
 
 impl Compared {
-    /// One line for a reader of a report.
-    pub fn told(&self) -> String {
+    /// One line for a reader of a report: `page` and `here` are the adapters.
+    pub fn told(&self, page: &str, here: &str) -> String {
         match self.differ {
             0 => format!(
                 "the replayed frame is the page's, in all {} pixels",
                 self.pixels
             ),
-            n => format!(
-                "the replayed frame differs from the page's picture in {n} of {} pixels, in {} by \
-                 more than one step of 255 (another driver rounds and samples otherwise)",
-                self.pixels, self.by_more
-            ),
+            n => {
+                let care = match self.is_off() {
+                    true => {
+                        ". That is more than drivers differ by: this report is about another picture than the page's"
+                    }
+                    false => "",
+                };
+                format!(
+                    "the replayed frame differs from the page's picture in {n} of {} pixels, in {} by more \
+                     than one step of 255, at most by {} (the page was drawn by {page}, the replay by \
+                     {here}){care}",
+                    self.pixels, self.by_more, self.most
+                )
+            }
         }
+    }
+
+    /// Whether more differs than drivers explain: one pixel in five by more than a step.
+    pub fn is_off(&self) -> bool {
+        self.by_more * 5 > self.pixels
     }
 }
 
@@ -75,6 +90,33 @@ pub fn check(capture: &Capture, gpu: &Gpu) -> Result<Check, Error> {
     })
 }
 
+/// What the page showed in a frame, and what its replay shows. `None` without a picture of the page.
+///
+/// # Errors
+/// As [`check`].
+pub fn pictures(
+    capture: &Capture,
+    gpu: &Gpu,
+    frame: usize,
+) -> Result<Option<[ColorImage; 2]>, Error> {
+    let mut replay = Replay::new(gpu, capture);
+    for index in 0..=frame {
+        replay.frame(index, Until::End)?;
+    }
+    let Some((_, ours)) = shown(capture, &mut replay, frame)? else {
+        return Ok(None);
+    };
+    let picture = capture.file.frames[frame].picture.as_ref();
+    let bytes = picture.map(|p| capture.data(&p.data)).transpose()?;
+    Ok(bytes.map(|bytes| {
+        let theirs = ColorImage {
+            bytes: bytes.to_vec(),
+            ..ours.clone()
+        };
+        [theirs, ours]
+    }))
+}
+
 /// A frame that was just replayed, beside the page's picture of it. `None` without one.
 ///
 /// # Errors
@@ -91,37 +133,75 @@ pub(super) fn shown(
     };
     let ours = replay.picture(index)?;
     let theirs = capture.data(&shown.data)?;
-    if shown.size != ours.size || theirs.len() != ours.bytes.len() {
+    let place = place.as_str();
+    let plain = |format: wgpu::TextureFormat| format.remove_srgb_suffix();
+    if shown.size != ours.size
+        || theirs.len() != ours.bytes.len()
+        || plain(shown.format) != plain(ours.format)
+    {
         return Err(Error::broken(
             place,
             format!(
-                "the picture has {:?} pixels and {} bytes, and the canvas {:?} and {}",
+                "the picture is {:?} of {:?} pixels and {} bytes, and the canvas {:?} of {:?} and {}",
+                shown.format,
                 shown.size,
                 theirs.len(),
+                ours.format,
                 ours.size,
                 ours.bytes.len()
             ),
         ));
     }
-    Ok(Some((compared(index, &ours, &theirs), ours)))
+    let image = |bytes: &[u8]| Image {
+        size: ours.size,
+        layers: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format: plain(ours.format),
+        levels: vec![bytes.to_vec()],
+    };
+    let found = compared(index, &image(&ours.bytes), &image(&theirs));
+    let unread = || {
+        Error::broken(
+            place,
+            format!("pictures of {:?} are not compared", ours.format),
+        )
+    };
+    Ok(Some((found.ok_or_else(unread)?, ours)))
 }
 
-fn compared(frame: usize, ours: &ColorImage, theirs: &[u8]) -> Compared {
-    let texel = ours.format.block_copy_size(None).unwrap_or(4) as usize;
-    let pairs = ours.bytes.chunks(texel).zip(theirs.chunks(texel));
+fn compared(frame: usize, ours: &Image, theirs: &Image) -> Option<Compared> {
+    let [width, height] = ours.size;
     let mut found = Compared {
         frame,
-        pixels: u64::from(ours.size[0]) * u64::from(ours.size[1]),
+        pixels: u64::from(width) * u64::from(height),
         differ: 0,
         by_more: 0,
         most: 0,
     };
-    for (a, b) in pairs.filter(|(a, b)| a != b) {
-        let most = a.iter().zip(b).map(|(a, b)| a.abs_diff(*b)).max();
-        let most = most.unwrap_or(0);
+    let (ours, theirs) = (ours.texels()?, theirs.texels()?);
+    for place in (0..height).flat_map(|y| (0..width).map(move |x| [x, y, 0])) {
+        let [Some(a), Some(b)] = [&ours, &theirs].map(|of| of.at(0, place)) else {
+            continue;
+        };
+        // NaN differs from all but NaN.
+        let channels = a
+            .iter()
+            .zip(b)
+            .map(|(a, b)| match a.is_nan() && b.is_nan() {
+                true => 0.0,
+                false => (a - b).abs() * 255.0,
+            });
+        let most = channels.fold(
+            0.0,
+            |most: f32, d| if d > most || d.is_nan() { d } else { most },
+        );
+        if most == 0.0 {
+            continue;
+        }
         found.differ += 1;
-        found.by_more += u64::from(most > 1);
-        found.most = found.most.max(most);
+        found.by_more += u64::from(most.is_nan() || most > 1.01);
+        let most = if most.is_nan() { 255.0 } else { most.round() };
+        found.most = found.most.max(most.clamp(1.0, 255.0) as u8);
     }
-    found
+    Some(found)
 }

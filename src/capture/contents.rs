@@ -61,6 +61,7 @@ impl Contents {
         command: &Command,
         draws: &[PassDraw],
     ) -> Result<(), Error> {
+        self.writes_of_gpu(capture, command, draws);
         match command {
             Command::WriteBuffer {
                 buffer,
@@ -95,6 +96,20 @@ impl Contents {
                 let bytes = cut(&from, *source_offset, *size);
                 self.write(capture, *destination, *destination_offset, bytes)?;
             }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// Notes what the GPU may write by a command: textures, and buffers that shaders store to. `draws` are those of
+    /// a render pass.
+    pub(super) fn writes_of_gpu(
+        &mut self,
+        capture: &Capture,
+        command: &Command,
+        draws: &[PassDraw],
+    ) {
+        match command {
             Command::WriteTexture { destination, .. }
             | Command::CopyBufferToTexture { destination, .. }
             | Command::CopyTextureToTexture { destination, .. } => {
@@ -129,8 +144,8 @@ impl Contents {
                     }
                 }
             }
+            _ => {}
         }
-        Ok(())
     }
 
     /// Notes what shaders may store through a bind group. If its layout was derived from a pipeline,
@@ -248,6 +263,7 @@ fn start(capture: &Capture, buffer: usize) -> Result<Arc<[u8]>, Error> {
         None => Ok(vec![0; of.size as usize].into()),
         Some(start) => {
             let bytes = capture.data(&start.data)?;
+            whole(&place, &bytes, of.size)?;
             if bytes.len() as u64 == of.size {
                 return Ok(bytes);
             }
@@ -255,5 +271,16 @@ fn start(capture: &Capture, buffer: usize) -> Result<Arc<[u8]>, Error> {
             bytes.resize(of.size as usize, 0);
             Ok(bytes.into())
         }
+    }
+}
+
+/// Refuses data that is shorter than the buffer. A recorder copies whole words, so up to three bytes may lack.
+pub(super) fn whole(place: &str, bytes: &[u8], size: u64) -> Result<(), Error> {
+    match (bytes.len() as u64) < size & !3 {
+        true => Err(Error::broken(
+            place,
+            format!("its data has {} bytes, and it has {size}", bytes.len()),
+        )),
+        false => Ok(()),
     }
 }

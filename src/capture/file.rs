@@ -245,15 +245,15 @@ impl Origin {
 #[serde(untagged)]
 #[allow(missing_docs)]
 pub enum Color {
-    List([f64; 4]),
+    List([Option<f64>; 4]),
     Names { r: f64, g: f64, b: f64, a: f64 },
 }
 
 impl Color {
-    /// The four numbers.
+    /// The four numbers. JSON has no NaN: it is `null`.
     pub fn numbers(self) -> [f64; 4] {
         match self {
-            Self::List(list) => list,
+            Self::List(list) => list.map(|n| n.unwrap_or(f64::NAN)),
             Self::Names { r, g, b, a } => [r, g, b, a],
         }
     }
@@ -855,6 +855,15 @@ impl IndexFormat {
         };
         bytes as u64 / size
     }
+
+    /// The highest index.
+    pub fn highest(self) -> u32 {
+        match self {
+            Self::Uint8 => u32::from(u8::MAX),
+            Self::Uint16 => u32::from(u16::MAX),
+            Self::Uint32 => u32::MAX,
+        }
+    }
 }
 
 /// A `GPUDepthStencilState`.
@@ -947,7 +956,8 @@ pub struct Named {
     pub uniforms: BTreeMap<String, Vec<f64>>,
     pub blocks: BTreeMap<String, BufferRange>,
     pub textures: BTreeMap<String, OneOrMore>,
-    pub constants: BTreeMap<String, [f64; 4]>,
+    #[serde(deserialize_with = "with_nan")]
+    pub constants: BTreeMap<String, Vec<f64>>,
 }
 
 /// JSON has no NaN: it is `null`.

@@ -1,13 +1,13 @@
 //! Reads a frame folder. It opens `frame.json` and files in `data` that are named by a hash, and
 //! nothing else.
 
-use std::cell::RefCell;
+use std::cell::{OnceCell, RefCell};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::Error;
-use super::file::{CaptureFile, DataName, SCHEMA};
+use super::file::{CaptureFile, Command, DataName, DrawCommand, Resource, SCHEMA};
 use crate::limits::Limits;
 use crate::regular;
 
@@ -78,6 +78,7 @@ pub struct Capture {
     pub file: CaptureFile,
     /// The files read so far. Content is kept up to [`KEPT_BYTES`].
     data: RefCell<BTreeMap<DataName, Option<Arc<[u8]>>>>,
+    has_whole_depth_range: OnceCell<bool>,
 }
 
 impl Capture {
@@ -106,6 +107,7 @@ impl Capture {
             limits: *limits,
             file,
             data: RefCell::default(),
+            has_whole_depth_range: OnceCell::new(),
         })
     }
 
@@ -155,6 +157,25 @@ impl Capture {
         Ok(bytes)
     }
 
+    /// Whether the depth range of every draw is 0 to 1.
+    pub(super) fn has_whole_depth_range(&self) -> bool {
+        *self.has_whole_depth_range.get_or_init(|| {
+            let commands = self.file.frames.iter().flat_map(|f| &f.commands);
+            let mut commands = commands.flat_map(|command| match command {
+                Command::RenderPass { commands, .. } => commands.as_slice(),
+                _ => &[],
+            });
+            commands.all(|command| match command {
+                DrawCommand::SetViewport {
+                    min_depth,
+                    max_depth,
+                    ..
+                } => [*min_depth, *max_depth] == [0.0, 1.0],
+                _ => true,
+            })
+        })
+    }
+
     /// The text of a shader.
     ///
     /// # Errors
@@ -179,7 +200,10 @@ pub(super) fn get<'a, T>(
     list.get(index).ok_or_else(|| {
         Error::broken(
             place,
-            format!("there is no {what} {index}, only {}", list.len()),
+            match list.len() {
+                0 => format!("there is no {what} {index}: it has none"),
+                n => format!("there is no {what} {index}: the last is {}", n - 1),
+            },
         )
     })
 }
@@ -216,6 +240,14 @@ pub(super) fn check(file: &CaptureFile, limits: &Limits) -> Result<(), Error> {
         let [width, height, layers] = texture.size.0;
         let side = u64::from(width.max(height).max(layers));
         limits.check("texture-size", side, format_args!("texture {index}"))?;
+        if texture.mip_level_count == 0 || u64::from(texture.mip_level_count) > levels(side) {
+            let why = format!(
+                "it has {} mip levels, and its size allows {}",
+                texture.mip_level_count,
+                levels(side)
+            );
+            return Err(Error::broken(format!("texture {index}"), why));
+        }
         let block = u64::from(texture.format.block_copy_size(None).unwrap_or(8));
         let (across, down) = texture.format.block_dimensions();
         let texels = u64::from(width.div_ceil(across))
@@ -225,5 +257,50 @@ pub(super) fn check(file: &CaptureFile, limits: &Limits) -> Result<(), Error> {
         bytes = bytes.saturating_add(texels.saturating_mul(block));
     }
     limits.check("scene-bytes", bytes, "the bytes of buffers and textures")?;
+    for start in &file.start.textures {
+        level(file, start.texture, start.mip_level, "its start")?;
+    }
+    for group in &file.bind_groups {
+        for entry in &group.entries {
+            if let Resource::Texture(view) = &entry.resource {
+                level(file, view.texture, view.view.base_mip_level, "a bind group")?;
+            }
+        }
+    }
+    let named = file.named.iter().flat_map(|n| n.textures.values());
+    for texture in named.flat_map(|t| t.all()) {
+        let view = &texture.texture;
+        level(file, view.texture, view.view.base_mip_level, "a draw")?;
+    }
+    for command in (file.setup.iter()).chain(file.frames.iter().flat_map(|f| &f.commands)) {
+        let Command::RenderPass { descriptor, .. } = command else {
+            continue;
+        };
+        let colors = descriptor.color_attachments.iter().flatten();
+        let colors = colors.flat_map(|c| std::iter::once(&c.view).chain(&c.resolve_target));
+        let depth = descriptor.depth_stencil_attachment.iter();
+        for view in colors.chain(depth.map(|d| &d.view)) {
+            level(file, view.texture, view.view.base_mip_level, "a pass")?;
+        }
+    }
     Ok(())
+}
+
+/// The most mip levels of a texture whose longest side has so many texels.
+fn levels(side: u64) -> u64 {
+    u64::from(side.max(1).ilog2()) + 1
+}
+
+/// Refuses a mip level that the texture lacks. A texture that lacks is an error where it is used.
+fn level(file: &CaptureFile, texture: usize, level: u32, what: &str) -> Result<(), Error> {
+    match file.textures.get(texture) {
+        Some(of) if level >= of.mip_level_count => Err(Error::broken(
+            format!("texture {texture}"),
+            format!(
+                "{what} names mip level {level}, and it has {}",
+                of.mip_level_count
+            ),
+        )),
+        _ => Ok(()),
+    }
 }

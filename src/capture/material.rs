@@ -2,9 +2,10 @@
 
 use std::collections::BTreeMap;
 
+use preshade_passes::evaluate::overrides;
 use preshade_passes::state::{
-    Blend, BlendComponent, ColorTarget, DepthBias, MaterialState, Multisample, PrimitiveState,
-    StencilFace, StencilState,
+    Blend, BlendComponent, ColorTarget, DepthBias, FrontFace, MaterialState, Multisample,
+    PrimitiveState, StencilFace, StencilState,
 };
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -13,8 +14,8 @@ use super::Error;
 use super::file::{self, Cull, RenderPipeline, ShaderLanguage};
 use super::folder::{Capture, get};
 use super::points;
-use crate::front::{self, Source};
-use crate::scene::Material;
+use crate::front::{self, ROW_NOTES, Source};
+use crate::scene::{Material, Rows};
 
 /// Why a draw is not in the scene.
 pub(super) enum Left {
@@ -30,15 +31,6 @@ impl From<Error> for Left {
     }
 }
 
-/// The rows of what a program of WebGL draws.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Rows {
-    /// The first is the top one: the author's positions.
-    AsWritten,
-    /// The first is the bottom one, as WebGL stores them: y is negated.
-    FromBottom,
-}
-
 /// The same name in another list of WebGPU's names.
 pub(super) fn same<T: DeserializeOwned>(of: impl Serialize) -> Result<T, String> {
     let text = serde_json::to_value(of).map_err(|e| e.to_string())?;
@@ -46,7 +38,7 @@ pub(super) fn same<T: DeserializeOwned>(of: impl Serialize) -> Result<T, String>
     serde_json::from_value(text).map_err(|_| format!("preshade has no {shown}"))
 }
 
-/// The material of a pipeline.
+/// The material of a pipeline. If its target's first row is the bottom one, positions have their y negated.
 pub(super) fn read(
     capture: &Capture,
     of: &RenderPipeline,
@@ -55,8 +47,15 @@ pub(super) fn read(
 ) -> Result<Material, Left> {
     let vertex = &of.vertex.stage;
     let fragment = of.fragment.as_ref().map(|f| &f.stage);
-    if !vertex.constants.is_empty() || fragment.is_some_and(|f| !f.constants.is_empty()) {
-        return Err(Left::Out("its pipeline sets constants".to_owned()));
+    let mut constants = vertex.constants.clone();
+    for (name, value) in fragment.iter().flat_map(|f| &f.constants) {
+        if constants
+            .insert(name.clone(), *value)
+            .is_some_and(|other| other != *value)
+        {
+            let why = format!("its pipeline sets the constant `{name}` to two values");
+            return Err(Left::Out(why));
+        }
     }
     let mut modules = vec![vertex.module];
     modules.extend(fragment.map(|f| f.module).filter(|m| *m != vertex.module));
@@ -80,6 +79,11 @@ pub(super) fn read(
             }
             if ending == "vert" {
                 is_sized = is_points && points::are_sized(&text);
+            }
+            if capture.has_whole_depth_range() {
+                for (name, value) in [("near", "0.0"), ("far", "1.0"), ("diff", "1.0")] {
+                    text = text.replace(&format!("gl_DepthRange.{name}"), value);
+                }
             }
             text = match (is_sized, ending) {
                 (true, "vert") => points::vertex(&text),
@@ -105,6 +109,23 @@ pub(super) fn read(
     };
     let parsed = front::parse(&sources, &options).map_err(|e| Left::Out(e.to_string()))?;
     let mut state = state(of).map_err(Left::Out)?;
+    let mut program = parsed.program;
+    if !constants.is_empty() {
+        let module = overrides::with_defaults(program.module(), &constants);
+        let set = program.with_module(module);
+        program = set.map_err(|e| Left::Out(format!("with its pipeline's constants: {e}")))?;
+    }
+    if rows == Rows::FromBottom {
+        state.primitive.front_face = match state.primitive.front_face {
+            FrontFace::Ccw => FrontFace::Cw,
+            FrontFace::Cw => FrontFace::Ccw,
+        };
+        let mut declared = program.declared().clone();
+        declared
+            .notes
+            .retain(|note| !ROW_NOTES.contains(&note.as_str()));
+        program = program.with_declared(declared);
+    }
     if is_sized {
         state.primitive.topology = preshade_passes::state::Topology::TriangleList;
         state.primitive.cull = preshade_passes::state::CullMode::None;
@@ -114,7 +135,7 @@ pub(super) fn read(
         file: None,
         vertex: parsed.vertex,
         fragment: fragment.and(parsed.fragment),
-        program: parsed.program,
+        program,
         defines: BTreeMap::new(),
         state,
         values: BTreeMap::new(),

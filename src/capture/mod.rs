@@ -27,7 +27,7 @@ mod texels;
 pub mod trace;
 mod webgl;
 
-pub use check::{Check, Compared, check};
+pub use check::{Check, Compared, check, pictures};
 pub use folder::{Capture, file_of, is_file, is_folder};
 pub use pass::{Kind, Pass, passes};
 pub use scene::{Choice, scene};

@@ -4,7 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::Error;
 use super::file::{
-    Clear, Command, DrawCommand, IndexFormat, Load, RenderPassDescriptor, Resource, View,
+    Clear, Command, ComputeCommand, DrawCommand, IndexFormat, Load, RenderPassDescriptor, Resource,
+    View,
 };
 use super::folder::{Capture, get};
 
@@ -21,6 +22,18 @@ pub struct Pass<'c> {
     canvas: Option<usize>,
     /// Its draws, in order.
     pub draws: Vec<PassDraw>,
+    /// Whether it clears a part of its attachments before it draws, beside what its descriptor clears.
+    pub clears_first: bool,
+    /// The number of draws before the first clear between draws: all of them without one.
+    pub before_clear: usize,
+}
+
+impl Pass<'_> {
+    /// Vertices of the draws before the first clear.
+    pub(super) fn vertices(&self) -> u64 {
+        let draws = self.draws.iter().take(self.before_clear);
+        draws.map(|d| d.call.vertices()).sum()
+    }
 }
 
 /// What a pass is for, by its attachments and draws.
@@ -122,19 +135,31 @@ pub fn passes(capture: &Capture, frame: usize) -> Result<Vec<Pass<'_>>, Error> {
             commands,
         } = done
         {
-            let draws = draws(commands, &format!("{place}, command {command}"))?;
+            let steps = steps(commands, &format!("{place}, command {command}"))?;
+            let is_clear = |step: &Step<'_>| matches!(step, Step::Clear(_));
+            let clears = steps.iter().take_while(|s| is_clear(s)).count();
+            let drawn = steps.iter().skip(clears).position(is_clear);
+            let draws = only_draws(steps);
             found.push(Pass {
                 command,
                 descriptor,
                 kind: Kind::Clear,
                 canvas: of.canvas,
+                clears_first: clears > 0,
+                before_clear: drawn.unwrap_or(draws.len()),
                 draws,
             });
         }
     }
     for index in 0..found.len() {
         let (before, later) = found.split_at(index + 1);
-        let kind = before.last().map(|pass| kind(capture, pass, later));
+        let others = before.last().map_or_else(BTreeSet::new, |pass| {
+            let commands = of.commands.iter().skip(pass.command + 1);
+            commands.flat_map(|c| read_otherwise(capture, c)).collect()
+        });
+        let kind = before
+            .last()
+            .map(|pass| kind(capture, pass, later, &others));
         found[index].kind = kind.unwrap_or(Kind::Clear);
     }
     Ok(found)
@@ -149,14 +174,15 @@ pub(super) enum Step<'c> {
 
 /// The draws of a pass.
 pub(super) fn draws(commands: &[DrawCommand], place: &str) -> Result<Vec<PassDraw>, Error> {
+    Ok(only_draws(steps(commands, place)?))
+}
+
+fn only_draws(steps: Vec<Step<'_>>) -> Vec<PassDraw> {
     let draw = |step| match step {
         Step::Draw(draw) => Some(*draw),
         Step::Clear(_) => None,
     };
-    Ok(steps(commands, place)?
-        .into_iter()
-        .filter_map(draw)
-        .collect())
+    steps.into_iter().filter_map(draw).collect()
 }
 
 /// The draws and clears of a pass, in order.
@@ -283,17 +309,44 @@ impl PassDraw {
 /// The textures that a draw binds.
 fn sampled(capture: &Capture, draw: &PassDraw) -> BTreeSet<usize> {
     let groups = draw.groups.values();
-    let entries = groups.filter_map(|(group, _)| capture.file.bind_groups.get(*group));
-    let bound = entries
-        .flat_map(|g| &g.entries)
-        .filter_map(|e| match &e.resource {
-            Resource::Texture(view) => Some(view.texture),
-            _ => None,
-        });
+    let bound = groups.flat_map(|(group, _)| bound(capture, *group));
     let named = draw.named.and_then(|n| capture.file.named.get(n));
     let named = named.into_iter().flat_map(|n| n.textures.values());
     let named = named.flat_map(|t| t.all().iter().map(|t| t.texture.texture));
     bound.chain(named).collect()
+}
+
+/// The textures that a command reads other than by draws: copies, resolves and compute.
+fn read_otherwise(capture: &Capture, command: &Command) -> Vec<usize> {
+    match command {
+        Command::CopyTextureToBuffer { source, .. }
+        | Command::CopyTextureToTexture { source, .. } => vec![source.texture],
+        Command::RenderPass { descriptor, .. } => {
+            let colors = descriptor.color_attachments.iter().flatten();
+            let resolved = colors.filter(|c| c.resolve_target.is_some());
+            resolved.map(|c| c.view.texture).collect()
+        }
+        Command::ComputePass { commands, .. } => {
+            let groups = commands.iter().filter_map(|command| match command {
+                ComputeCommand::SetBindGroup { bind_group, .. } => *bind_group,
+                _ => None,
+            });
+            groups.flat_map(|group| bound(capture, group)).collect()
+        }
+        _ => Vec::new(),
+    }
+}
+
+/// The textures of a bind group.
+fn bound(capture: &Capture, group: usize) -> Vec<usize> {
+    let group = capture.file.bind_groups.get(group);
+    let entries = group.into_iter().flat_map(|g| &g.entries);
+    entries
+        .filter_map(|e| match &e.resource {
+            Resource::Texture(view) => Some(view.texture),
+            _ => None,
+        })
+        .collect()
 }
 
 /// Draws without vertex buffers or depth that cover the target with a triangle or two.
@@ -305,7 +358,8 @@ fn is_full_screen(pass: &Pass<'_>) -> bool {
             .all(|d| d.call.instances <= 1 && d.call.count <= 6 && d.call.indirect.is_none())
 }
 
-fn kind(capture: &Capture, pass: &Pass<'_>, later: &[Pass<'_>]) -> Kind {
+/// `others`: textures that commands other than draws read.
+fn kind(capture: &Capture, pass: &Pass<'_>, later: &[Pass<'_>], others: &BTreeSet<usize>) -> Kind {
     if pass.draws.is_empty() {
         return Kind::Clear;
     }
@@ -314,7 +368,8 @@ fn kind(capture: &Capture, pass: &Pass<'_>, later: &[Pass<'_>]) -> Kind {
             .iter()
             .any(|d| sampled(capture, d).contains(&texture))
     };
-    let is_read = |texture: usize| later.iter().any(|p| reads(p, texture));
+    let is_read =
+        |texture: usize| later.iter().any(|p| reads(p, texture)) || others.contains(&texture);
     let colors = pass.descriptor.color_attachments.iter().flatten();
     let shown = pass.canvas;
     let mut drawn = colors.flat_map(|c| std::iter::once(&c.view).chain(&c.resolve_target));

@@ -11,7 +11,7 @@ use preshade_passes::state::{DepthDirection, DepthFormat};
 use super::contents::{Contents, cut};
 use super::file::{self, Load, RenderPipeline, Resource, View};
 use super::folder::{Capture, get};
-use super::material::{self, Left, Rows};
+use super::material::{self, Left};
 use super::pass::{self, Kind, Part, Pass, PassDraw, passes};
 use super::replay::{Replay, Until};
 use super::share::{Share, shares};
@@ -22,11 +22,17 @@ use crate::scene::bind::{
     TextureContent, VertexAttribute, VertexBuffer,
 };
 use crate::scene::{
-    Camera, Draw, DrawOrder, DrawRange, Frame, Image, Initial, Light, Material, Mesh, Scene,
+    Camera, Draw, DrawOrder, DrawRange, Frame, Image, Initial, Light, Material, Mesh, Rows, Scene,
 };
 
 /// Materials whose part of the frame's time is measured: each takes some replays of the frame.
 const TIMED_MATERIALS: usize = 12;
+
+/// A pass with a smaller part of the frame's time is not told apart.
+const LEAST_PART: f64 = 0.02;
+
+/// Characters of a material's name, which becomes that of files.
+const LONGEST_NAME: usize = 64;
 
 /// Which pass of which frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -87,12 +93,21 @@ pub fn scene(capture: &Capture, choice: Choice, gpu: Option<&Gpu>) -> Result<Sce
                 left.what, left.why
             ));
         }
-        scene.notes.push(match shares.compared {
-            Some(compared) => compared.told(),
-            None => {
-                "the capture has no picture of the frame, so the replay was not compared".to_owned()
+        match shares.compared {
+            Some(compared) => {
+                let told = compared.told(&capture.file.source.adapter, &gpu.adapter().name);
+                let at = if compared.is_off() {
+                    0
+                } else {
+                    scene.notes.len()
+                };
+                scene.notes.insert(at, told);
             }
-        });
+            None => scene.notes.push(
+                "the capture has no picture of the frame, so the replay was not compared"
+                    .to_owned(),
+            ),
+        }
     }
     Ok(scene)
 }
@@ -109,21 +124,40 @@ fn told(shares: &[Share], own: usize) -> String {
             n => format!("{n} draws"),
         };
         let percent = 100.0 * share.part;
-        format!("{} of {draws} {percent:.0} %{drawn}", share.kind.name())
+        format!(
+            "{index}, {} of {draws}, {percent:.0} %{drawn}",
+            share.kind.name()
+        )
     };
-    let passes = shares.iter().enumerate().filter(|(_, s)| s.draws > 0);
-    let passes: Vec<String> = passes.map(one).collect();
-    format!("the frame's time by render pass: {}", passes.join("; "))
+    // Many small passes are one entry, in order of time.
+    let mut passes: Vec<(usize, &Share)> = shares.iter().enumerate().collect();
+    passes.retain(|(index, s)| s.draws > 0 && (s.part >= LEAST_PART || *index == own));
+    passes.sort_by(|a, b| b.1.part.total_cmp(&a.1.part));
+    let small: Vec<&Share> = shares
+        .iter()
+        .enumerate()
+        .filter(|(index, s)| s.draws > 0 && s.part < LEAST_PART && *index != own)
+        .map(|(_, s)| s)
+        .collect();
+    let mut told: Vec<String> = passes.into_iter().map(one).collect();
+    if !small.is_empty() {
+        let part: f64 = small.iter().map(|s| s.part).sum();
+        told.push(format!("{} others {:.0} %", small.len(), 100.0 * part));
+    }
+    format!("the frame's time by render pass: {}", told.join("; "))
 }
 
 /// The parts of a frame's time that its materials take, the largest first.
-fn told_materials(mut materials: Vec<(String, f64)>, left: usize) -> String {
-    materials.sort_by(|a, b| b.1.total_cmp(&a.1));
+fn told_materials(mut materials: Vec<(String, Option<f64>)>, left: usize) -> String {
+    materials.sort_by(|a, b| b.1.unwrap_or(0.0).total_cmp(&a.1.unwrap_or(0.0)));
     let left = match left {
         0 => String::new(),
         n => format!("; {n} that draw fewer vertices are not timed"),
     };
-    let one = |(name, part): (String, f64)| format!("{name} {:.0} %", 100.0 * part);
+    let one = |(name, part): (String, Option<f64>)| match part {
+        Some(part) => format!("{name} {:.0} %", 100.0 * part),
+        None => format!("{name} less than the times vary"),
+    };
     let materials: Vec<String> = materials.into_iter().map(one).collect();
     format!(
         "the part of the frame's time that each material's draws take: {}{left}",
@@ -138,11 +172,21 @@ fn chosen(all: &[Pass<'_>], choice: Choice) -> Result<usize, Error> {
         get(all, index, "render pass", &place)?;
         return Ok(index);
     }
-    let vertices = |p: &Pass<'_>| -> u64 { p.draws.iter().map(|d| d.call.vertices()).sum() };
     let main = all.iter().enumerate().filter(|(_, p)| p.kind == Kind::Main);
-    main.max_by_key(|(_, p)| vertices(p))
+    main.max_by_key(|(_, p)| p.vertices())
         .map(|(index, _)| index)
-        .ok_or_else(|| Error::broken(place, "no render pass of it draws materials"))
+        .ok_or_else(|| {
+            let drawing = all.iter().enumerate().filter(|(_, p)| !p.draws.is_empty());
+            let one = |(index, p): (usize, &Pass<'_>)| format!("{index} ({})", p.kind.name());
+            let drawing: Vec<String> = drawing.map(one).collect();
+            Error::broken(
+                place,
+                format!(
+                    "no render pass of it draws a scene's materials; --render-pass takes one of {}",
+                    drawing.join(", ")
+                ),
+            )
+        })
 }
 
 pub(super) struct Maker<'c> {
@@ -172,7 +216,14 @@ impl<'c> Maker<'c> {
         let target = self.target()?;
         self.size = target.size;
         let mut draws = Vec::new();
-        for (index, draw) in self.pass.draws.iter().enumerate() {
+        self.note_clears();
+        for (index, draw) in self
+            .pass
+            .draws
+            .iter()
+            .enumerate()
+            .take(self.pass.before_clear)
+        {
             let Some(material) = self.material(draw)? else {
                 continue;
             };
@@ -219,8 +270,24 @@ impl<'c> Maker<'c> {
             is_made_up: false,
             own_size: None,
             initial: target.initial,
+            rows: self.rows(),
             notes: Vec::new(),
         })
+    }
+
+    /// A scene clears its attachments only as a whole, and before it draws.
+    fn note_clears(&mut self) {
+        if self.pass.clears_first {
+            let note = "the pass clears a part of its attachments before it draws, which the scene does not";
+            self.notes.insert(note.to_owned());
+        }
+        let left = self.pass.draws.len() - self.pass.before_clear;
+        if left > 0 {
+            self.notes.insert(format!(
+                "the pass clears again after {} of its draws, so the {left} draws after that are left out",
+                self.pass.before_clear
+            ));
+        }
     }
 
     fn target(&mut self) -> Result<Target, Error> {
@@ -243,33 +310,43 @@ impl<'c> Maker<'c> {
             direction: DepthDirection::Forward,
             initial: Initial::default(),
         };
-        if let Some(color) = first {
-            let own = color.clear_value.map_or([0.0; 4], file::Color::numbers);
-            made.clear = match color.load_op {
-                Load::Clear => own,
-                Load::Load => match earlier(self.before, color.view.texture) {
-                    Earlier::Cleared(clear, _) => clear,
-                    Earlier::Drawn => {
-                        made.initial.colors = self.loaded_colors()?;
-                        own
-                    }
-                },
+        for color in &self.pass.descriptor.color_attachments {
+            let (clear, image) = match color {
+                Some(color) => self.start_color(color)?,
+                None => ([0.0; 4], None),
             };
+            made.initial.clear_colors.push(clear);
+            made.initial.colors.push(image);
         }
+        let drawn = self
+            .pass
+            .descriptor
+            .color_attachments
+            .iter()
+            .position(Option::is_some);
+        made.clear = drawn.map_or([0.0; 4], |location| made.initial.clear_colors[location]);
         if let Some(depth) = depth {
             let format = texture(&depth.view)?.format;
             let format = material::same(format);
             made.depth = Some(format.map_err(|e| Error::broken("a render pass", e))?);
             let clear = match depth.depth_load_op {
                 Some(Load::Clear) => depth.depth_clear_value.unwrap_or(0.0),
-                _ => match earlier(self.before, depth.view.texture) {
-                    Earlier::Cleared(_, clear) => clear,
-                    Earlier::Drawn => {
-                        made.initial.depth = self.loaded(&depth.view, "depth")?;
+                _ => match self.earlier(&depth.view)? {
+                    Earlier::Cleared(Clears {
+                        depth: Some(depth), ..
+                    }) => depth,
+                    _ => {
+                        let view = aspect(&depth.view, wgpu::TextureAspect::DepthOnly);
+                        made.initial.depth = self.loaded(&view, "depth")?;
                         self.first_clear(depth.view.texture)
                     }
                 },
             };
+            if texture(&depth.view)?.format.has_stencil_aspect() {
+                let (clear, image) = self.start_stencil(depth)?;
+                made.initial.clear_stencil = clear;
+                made.initial.stencil = image;
+            }
             made.direction = match clear < 0.5 {
                 true => DepthDirection::Reversed,
                 false => DepthDirection::Forward,
@@ -284,17 +361,66 @@ impl<'c> Maker<'c> {
         Ok(made)
     }
 
-    /// What earlier passes left in the colour attachments that the pass loads.
-    fn loaded_colors(&mut self) -> Result<Vec<Option<Arc<Image>>>, Error> {
-        let pass = self.pass;
-        let mut found = Vec::new();
-        for attachment in &pass.descriptor.color_attachments {
-            found.push(match attachment {
-                Some(of) if of.load_op == Load::Load => self.loaded(&of.view, "picture")?,
-                _ => None,
+    /// The clear value of a colour, and what earlier passes left in it if the pass loads that.
+    fn start_color(
+        &mut self,
+        of: &file::ColorAttachment,
+    ) -> Result<([f64; 4], Option<Arc<Image>>), Error> {
+        let own = of.clear_value.map_or([0.0; 4], file::Color::numbers);
+        if of.load_op == Load::Clear {
+            return Ok((own, None));
+        }
+        match self.earlier(&of.view)? {
+            Earlier::Cleared(Clears {
+                color: Some(color), ..
+            }) => Ok((color, None)),
+            _ => Ok((own, self.loaded(&of.view, "picture")?)),
+        }
+    }
+
+    /// The same of the stencil.
+    fn start_stencil(
+        &mut self,
+        of: &file::DepthAttachment,
+    ) -> Result<(u32, Option<Arc<Image>>), Error> {
+        if of.stencil_load_op == Some(Load::Clear) {
+            return Ok((of.stencil_clear_value, None));
+        }
+        match self.earlier(&of.view)? {
+            Earlier::Cleared(Clears {
+                stencil: Some(stencil),
+                ..
+            }) => Ok((stencil, None)),
+            _ => {
+                let view = aspect(&of.view, wgpu::TextureAspect::StencilOnly);
+                Ok((0, self.loaded(&view, "stencil")?))
+            }
+        }
+    }
+
+    /// What the frame left in a view before the pass.
+    fn earlier(&self, view: &View) -> Result<Earlier, Error> {
+        let frame = get(
+            &self.capture.file.frames,
+            self.frame,
+            "frame",
+            "the capture",
+        )?;
+        let commands = frame.commands.iter().enumerate().take(self.pass.command);
+        for (index, command) in commands.rev() {
+            let pass = self.before.iter().find(|p| p.command == index);
+            let mut writes = Contents::default();
+            let draws = pass.map_or(&[][..], |p| &p.draws);
+            writes.writes_of_gpu(self.capture, command, draws);
+            if writes.is_as_at_start(view.texture) {
+                continue;
+            }
+            return Ok(match pass.and_then(|p| cleared(p, view)) {
+                Some(clears) => Earlier::Cleared(clears),
+                None => Earlier::Drawn,
             });
         }
-        Ok(found)
+        Ok(Earlier::Drawn)
     }
 
     /// What earlier passes left in an attachment. `None`, with a note, if it cannot be read back.
@@ -312,11 +438,7 @@ impl<'c> Maker<'c> {
             return Ok(None);
         }
         let image = self.replayed()?.map(|replay| replay.read_view(view));
-        let mut image = image.transpose()?;
-        if let Some(image) = image.as_mut().filter(|_| self.is_from_bottom()) {
-            image.turn_over();
-        }
-        Ok(image.map(Arc::new))
+        Ok(image.transpose()?.map(Arc::new))
     }
 
     /// The depth to which an earlier pass clears a texture, or the farthest one.
@@ -372,7 +494,7 @@ impl<'c> Maker<'c> {
             return Ok(*known);
         }
         let name = self.name(of, draw.pipeline);
-        let found = match material::read(self.capture, of, &name, Rows::AsWritten) {
+        let found = match material::read(self.capture, of, &name, self.rows()) {
             Ok(mut material) => {
                 if let Some(stencil) = &mut material.state.stencil {
                     stencil.reference = key.1;
@@ -421,13 +543,17 @@ impl<'c> Maker<'c> {
             true => c,
             false => '-',
         };
-        let name: String = label.unwrap_or("pipeline").chars().map(tame).collect();
-        let name = name.trim_matches('-').to_owned();
-        let taken = self.materials.iter().any(|m| m.name == name);
-        match taken || label.is_none() || name.is_empty() {
-            true => format!("{name}-{pipeline}"),
-            false => name,
-        }
+        let name = label.unwrap_or_default().chars().take(LONGEST_NAME);
+        let name: String = name.map(tame).collect();
+        let name = match name.trim_matches(['-', '.']) {
+            "" => format!("pipeline-{pipeline}"),
+            name => name.to_owned(),
+        };
+        // The same pipeline with another stencil reference is another material.
+        let numbered = [name.clone(), format!("{name}-{pipeline}")].into_iter();
+        let mut numbered = numbered.chain((2..).map(|n| format!("{name}-{pipeline}-{n}")));
+        let is_free = |name: &String| self.materials.iter().all(|m| m.name != *name);
+        numbered.find(is_free).unwrap_or_default()
     }
 
     fn draw(&mut self, index: usize, draw: &PassDraw, material: usize) -> Result<Draw, Left> {
@@ -447,7 +573,9 @@ impl<'c> Maker<'c> {
             false => self.vertex_buffers(draw, pipeline)?,
         };
         let (indices, call) =
-            webgl::indices(draw, pipeline, &program, call, &mut |part| self.part(part))?;
+            webgl::indices(self.capture, draw, pipeline, &program, call, &mut |part| {
+                self.part(part)
+            })?;
         let mut vertex_count = vertex_buffers
             .iter()
             .filter(|b| b.step == wgpu::VertexStepMode::Vertex)
@@ -536,22 +664,20 @@ impl<'c> Maker<'c> {
             return None;
         }
         let whole = [0.0, 0.0, width as f32, height as f32, 0.0, 1.0];
-        let mut viewport = draw.viewport.unwrap_or(whole);
-        let mut scissor = draw.scissor.unwrap_or([0, 0, width, height]);
-        if self.is_from_bottom() {
-            viewport[1] = whole[3] - viewport[1] - viewport[3];
-            scissor[1] = height.saturating_sub(scissor[1].saturating_add(scissor[3]));
-        }
         Some(Area {
-            viewport,
-            scissor,
+            viewport: draw.viewport.unwrap_or(whole),
+            scissor: draw.scissor.unwrap_or([0, 0, width, height]),
             of: self.size,
         })
     }
 
-    /// Whether the capture counts rows from the bottom. The scene counts from the top.
-    fn is_from_bottom(&self) -> bool {
-        self.capture.file.source.api.is_webgl()
+    /// The order of rows. A scene that is drawn has WebGL's own, since programs may depend on it. The programs of one
+    /// that is only read are as the author wrote them.
+    fn rows(&self) -> Rows {
+        match self.capture.file.source.api.is_webgl() && self.gpu.is_some() {
+            true => Rows::FromBottom,
+            false => Rows::FromTop,
+        }
     }
 
     /// Part of a buffer as data. Equal parts are one allocation.
@@ -773,36 +899,51 @@ impl<'c> Maker<'c> {
 /// Buffers, textures and samplers of a draw.
 pub(super) type Bound = (Vec<BufferBinding>, Vec<TextureBinding>, Vec<SamplerBinding>);
 
-/// What the passes before left in a texture.
+/// What the commands before a pass left in a view.
 enum Earlier {
-    /// A colour or a depth all over.
-    Cleared([f64; 4], f32),
+    /// These values all over.
+    Cleared(Clears),
     /// Something else, if only of an earlier frame.
     Drawn,
 }
 
-fn earlier(before: &[Pass<'_>], texture: usize) -> Earlier {
-    for pass in before.iter().rev() {
-        let mut colors = pass.descriptor.color_attachments.iter().flatten();
-        let color = colors.find(|c| c.view.texture == texture);
-        let depth = pass.descriptor.depth_stencil_attachment.iter();
-        let mut depth = depth.filter(|d| d.view.texture == texture);
-        let (color, depth) = (color, depth.next());
-        if color.is_none() && depth.is_none() {
-            continue;
-        }
-        let is_cleared = color.is_some_and(|c| c.load_op == Load::Clear)
-            || depth.is_some_and(|d| d.depth_load_op == Some(Load::Clear));
-        if !pass.draws.is_empty() || !is_cleared {
-            return Earlier::Drawn;
-        }
-        let clear = color.and_then(|c| c.clear_value);
-        return Earlier::Cleared(
-            clear.map_or([0.0; 4], file::Color::numbers),
-            depth.and_then(|d| d.depth_clear_value).unwrap_or(0.0),
-        );
+/// The values to which a pass clears an attachment.
+struct Clears {
+    color: Option<[f64; 4]>,
+    depth: Option<f32>,
+    stencil: Option<u32>,
+}
+
+/// The values, if the pass does nothing to the view but clear it.
+fn cleared(pass: &Pass<'_>, view: &View) -> Option<Clears> {
+    if !pass.draws.is_empty() || pass.clears_first {
+        return None;
     }
-    Earlier::Drawn
+    let same = |other: &View| other.texture == view.texture && other.view == view.view;
+    let of = pass.descriptor;
+    let mut colors = of.color_attachments.iter().flatten();
+    let color = colors.find(|c| same(&c.view) && c.load_op == Load::Clear);
+    let depth = of
+        .depth_stencil_attachment
+        .as_ref()
+        .filter(|d| same(&d.view));
+    let clears = |op| op == Some(Load::Clear);
+    Some(Clears {
+        color: color.map(|c| c.clear_value.map_or([0.0; 4], file::Color::numbers)),
+        depth: depth
+            .filter(|d| clears(d.depth_load_op))
+            .map(|d| d.depth_clear_value.unwrap_or(0.0)),
+        stencil: depth
+            .filter(|d| clears(d.stencil_load_op))
+            .map(|d| d.stencil_clear_value),
+    })
+}
+
+/// One aspect of a view.
+fn aspect(view: &View, aspect: wgpu::TextureAspect) -> View {
+    let mut view = view.clone();
+    view.view.aspect = Some(aspect);
+    view
 }
 
 /// The targets of the pass.

@@ -29,8 +29,8 @@ pub struct Shares {
     /// Each render pass, in order.
     pub passes: Vec<Share>,
     /// By how much the frame is shorter without the draws of each of the given pipelines, from 0 to 1. They may
-    /// overlap on the screen, so the parts need not add up to their pass's.
-    pub pipelines: Vec<f64>,
+    /// overlap on the screen, so the parts need not add up to their pass's. `None`: the frame's own times vary by more.
+    pub pipelines: Vec<Option<f64>>,
     /// The replayed frame against the page's picture, if there is one.
     pub compared: Option<Compared>,
     /// What the replay left out, and how often.
@@ -56,9 +56,12 @@ pub fn shares(
     let compared = shown(capture, &mut replay, frame)?.map(|(compared, _)| compared);
     let left_out = replay.left_out().clone();
     let mut whole = Vec::new();
+    let mut totals = Vec::new();
     let mut without = vec![Vec::new(); pipelines.len()];
     for _ in 0..TIMED {
-        least(&mut whole, replay.timed(frame)?);
+        let times = replay.timed(frame)?;
+        totals.push(times.iter().sum::<f64>());
+        least(&mut whole, times);
         for (pipeline, times) in pipelines.iter().zip(&mut without) {
             replay.hide(Some(*pipeline));
             least(times, replay.timed(frame)?);
@@ -71,7 +74,13 @@ pub fn shares(
         draws: pass.draws.len(),
         part: whole.get(pass.command).map_or(0.0, |t| t / total),
     };
-    let gone = |times: &Vec<f64>| (1.0 - times.iter().sum::<f64>() / total).max(0.0);
+    // The least times of two runs differ by about as much as the two least of one.
+    totals.sort_by(f64::total_cmp);
+    let varies = totals.get(1).map_or(0.0, |second| second / totals[0] - 1.0);
+    let gone = |times: &Vec<f64>| {
+        let part = 1.0 - times.iter().sum::<f64>() / total;
+        (part > varies).then_some(part)
+    };
     Ok(Shares {
         passes: passes(capture, frame)?.iter().map(share).collect(),
         pipelines: without.iter().map(gone).collect(),

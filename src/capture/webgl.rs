@@ -9,7 +9,7 @@ use preshade_passes::plan::{BindingKind, BindingLayout, BindingUse};
 use preshade_passes::reflect;
 
 use super::file::{
-    AttributeFormat, BufferRange, IndexFormat, Named, Packed, RenderPipeline, SampledTexture,
+    Api, AttributeFormat, BufferRange, IndexFormat, Named, Packed, RenderPipeline, SampledTexture,
     Topology,
 };
 use super::folder::{Capture, get};
@@ -136,6 +136,17 @@ impl Maker<'_> {
 /// The bytes of a part of a buffer.
 pub(super) type Parts<'p> = dyn FnMut(Part) -> Result<Data, Left> + 'p;
 
+/// Refuses a draw of too many instances or vertices: they are copied.
+fn within(capture: &Capture, call: Call) -> Result<(), Left> {
+    let limits = capture.limits();
+    let instances = u64::from(call.first_instance) + u64::from(call.instances);
+    let vertices = u64::from(call.count);
+    limits
+        .check("copies", instances, "the instances of a draw")
+        .and_then(|()| limits.check("vertices", vertices, "the vertices of a draw"))
+        .map_err(|e| Left::Out(e.to_string()))
+}
+
 /// The attributes that the program reads, interleaved: one buffer by vertex, and one by instance.
 pub(super) fn interleaved(
     capture: &Capture,
@@ -144,6 +155,7 @@ pub(super) fn interleaved(
     material: &Material,
     part: &mut Parts<'_>,
 ) -> Result<Vec<VertexBuffer>, Left> {
+    within(capture, draw.call)?;
     let mut contents = BTreeMap::new();
     for (slot, of) in &draw.vertices {
         contents.insert(*slot, part(*of)?);
@@ -237,8 +249,10 @@ fn numbers(draw: &PassDraw, call: Call, part: &mut Parts<'_>) -> Result<Vec<u32>
 }
 
 /// The indices of a draw and its arguments. Bytes become 16 bits, fans and loops of WebGL lists and
-/// strips, and points that have a size two triangles each.
+/// strips, and points that have a size two triangles each. In WebGL 2 the highest index of a format starts the
+/// primitive anew: in WebGPU only that of a strip does.
 pub(super) fn indices(
+    capture: &Capture,
     draw: &PassDraw,
     pipeline: &RenderPipeline,
     material: &Material,
@@ -254,6 +268,7 @@ pub(super) fn indices(
         };
         return Ok((None, call));
     }
+    within(capture, call)?;
     let given = given_indices(draw, call, part)?;
     if let Some((data, format)) = &given
         && u64::from(call.first) + u64::from(call.count) > format.count(data.bytes.len())
@@ -261,20 +276,45 @@ pub(super) fn indices(
         let why = "it reads indices beyond their buffer: WebGL and WebGPU draw nothing of it";
         return Err(Left::Out(why.to_owned()));
     }
+    let restarts = capture.file.source.api == Api::WebGl2;
+    let corners = (call.first..call.first.saturating_add(call.count)).map(|i| match &given {
+        None => Some(i),
+        Some((data, format)) => {
+            Some(index(data, *format, i)).filter(|n| !restarts || *n != format.highest())
+        }
+    });
     let topology = pipeline.primitive.topology;
-    if !matches!(topology, Topology::TriangleFan | Topology::LineLoop) {
-        return Ok((given.map(|(data, format)| widened(data, format)), call));
+    let is_own = match topology {
+        Topology::TriangleFan | Topology::LineLoop => false,
+        Topology::TriangleStrip | Topology::LineStrip => true,
+        _ => corners.clone().all(|corner| corner.is_some()),
+    };
+    if is_own {
+        let widened = given.map(|(data, format)| widened(data, format, restarts));
+        return Ok((widened, call));
     }
-    let corner = |i: u32| match &given {
-        None => call.first.saturating_add(i),
-        Some((data, format)) => index(data, *format, call.first.saturating_add(i)),
-    };
-    let numbers: Vec<u32> = match topology {
-        Topology::TriangleFan => (1..call.count.saturating_sub(1))
-            .flat_map(|i| [corner(0), corner(i), corner(i + 1)])
-            .collect(),
-        _ => (0..call.count).chain([0]).map(corner).collect(),
-    };
+    let corners: Vec<Option<u32>> = corners.collect();
+    let runs = corners.split(Option::is_none);
+    let mut numbers = Vec::new();
+    for run in runs.map(|run| run.iter().copied().flatten().collect::<Vec<u32>>()) {
+        let whole = |corners: usize| run[..run.len() / corners * corners].to_vec();
+        numbers.extend(match topology {
+            Topology::TriangleFan => {
+                let triangles = run.windows(2).skip(1);
+                triangles
+                    .flat_map(|pair| [run[0], pair[0], pair[1]])
+                    .collect()
+            }
+            Topology::LineLoop => {
+                let separator = (!numbers.is_empty()).then_some(u32::MAX);
+                let first = run.first().copied();
+                separator.into_iter().chain(run).chain(first).collect()
+            }
+            Topology::TriangleList => whole(3),
+            Topology::LineList => whole(2),
+            _ => run,
+        });
+    }
     let call = Call {
         first: 0,
         count: numbers.len() as u32,
@@ -290,13 +330,16 @@ pub(super) fn indices(
     Ok((Some(made), call))
 }
 
-fn widened(mut data: Data, format: IndexFormat) -> Indices {
+fn widened(mut data: Data, format: IndexFormat, restarts: bool) -> Indices {
     let (format, size) = match format {
         IndexFormat::Uint32 => (wgpu::IndexFormat::Uint32, 4),
         IndexFormat::Uint16 => (wgpu::IndexFormat::Uint16, 2),
         IndexFormat::Uint8 => {
-            let wide = data.bytes.iter().flat_map(|b| u16::from(*b).to_le_bytes());
-            data = Data::new(wide.collect());
+            let wide = data.bytes.iter().map(|b| match *b {
+                u8::MAX if restarts => u16::MAX,
+                b => u16::from(b),
+            });
+            data = Data::new(wide.flat_map(u16::to_le_bytes).collect());
             (wgpu::IndexFormat::Uint16, 2)
         }
     };

@@ -63,6 +63,8 @@ use preshade_passes::program::{Language, Program, Searched, SourceMap};
 use self::dialect::{CompiledFrom, Dialect};
 pub use error::{Code, Color, Error, Label};
 #[cfg(feature = "verify")]
+pub(crate) use glsl::ROW_NOTES;
+#[cfg(feature = "verify")]
 pub(crate) use wgsl::for_naga;
 
 use crate::limits::Limits;

@@ -180,6 +180,7 @@ fn scene(material: Material, triangle: &[[f32; 3]; 3]) -> Scene {
         is_made_up: false,
         own_size: None,
         initial: Default::default(),
+        rows: Default::default(),
         notes: Vec::new(),
         name: "rasterizer".to_owned(),
         size: [SIZE; 2],

@@ -19,7 +19,7 @@ use super::shader::{PlannedPass, Variant};
 use super::subdivided::{Meshes, Subdivided, SubdivisionCost};
 use super::targets::Targets;
 use super::{Error, compute, order, readback};
-use crate::scene::{DrawOrder, Frame, Scene, bind};
+use crate::scene::{DrawOrder, Frame, Rows, Scene, bind};
 
 /// Settings of a frame that belong neither to the scene nor to the plan.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -414,13 +414,22 @@ impl<'a> Prepared<'a> {
                 };
                 readback::color(self.gpu, texture, target.format).map(Some)
             })
-            .collect::<Result<_, Error>>()?;
+            .collect::<Result<Vec<_>, Error>>()?;
         let depth = self
             .targets
             .depth(preshade_passes::plan::SCENE_DEPTH)
             .map(|d| readback::depth(self.gpu, &d.texture, d.format))
             .transpose()?;
-        Ok(Rendered { colors, depth })
+        let mut rendered = Rendered { colors, depth };
+        if self.inputs.scene().rows == Rows::FromBottom {
+            rendered
+                .colors
+                .iter_mut()
+                .flatten()
+                .for_each(ColorImage::turn_over);
+            rendered.depth.iter_mut().for_each(DepthImage::turn_over);
+        }
+        Ok(rendered)
     }
 
     /// Keeps every sample of the colour targets, for [`Self::render_red`].
@@ -494,14 +503,19 @@ impl<'a> Prepared<'a> {
             }
             ColorAttachments::Scene => {}
         }
-        let [r, g, b, a] = self.settings.clear_color;
+        let own = &self.inputs.scene().initial.clear_colors;
+        let clear = |location: usize| {
+            let own = own.get(location).filter(|_| self.settings.initial_colors);
+            let [r, g, b, a] = *own.unwrap_or(&self.settings.clear_color);
+            wgpu::Color { r, g, b, a }
+        };
         self.targets
             .colors
             .iter()
             .enumerate()
             .map(|(location, slot)| {
                 let (target, planned) = (slot.as_ref()?, planned(location)?);
-                let mut ops = operations(planned, wgpu::Color { r, g, b, a });
+                let mut ops = operations(planned, clear(location));
                 let initial = self.inputs.initial().color(location, &target.drawn);
                 if initial.is_some() && self.settings.initial_colors {
                     ops.load = wgpu::LoadOp::Load;
@@ -531,18 +545,16 @@ impl<'a> Prepared<'a> {
         let target = self.targets.depth(pass.frame.depth.as_deref()?)?;
         let is_scene_depth =
             pass.frame.depth.as_deref() == Some(preshade_passes::plan::SCENE_DEPTH);
-        let initial = self.inputs.initial().depth(&target.texture);
-        let is_kept = is_scene_depth && initial.is_some();
+        let (mut keeps, mut clear_stencil) = ([false; 2], 0);
+        if is_scene_depth {
+            keeps = self.inputs.initial().keeps(&target.texture);
+            clear_stencil = self.inputs.scene().initial.clear_stencil;
+        }
         Some(wgpu::RenderPassDepthStencilAttachment {
             view: &target.view,
-            depth_ops: pass.frame.depth_ops.map(|o| match is_kept {
-                true => wgpu::Operations {
-                    load: wgpu::LoadOp::Load,
-                    ..operations(o, target.clear)
-                },
-                false => operations(o, target.clear),
-            }),
-            stencil_ops: pass.frame.stencil_ops.map(|o| operations(o, 0)),
+            depth_ops: (pass.frame.depth_ops).map(|o| kept(keeps[0], operations(o, target.clear))),
+            stencil_ops: (pass.frame.stencil_ops)
+                .map(|o| kept(keeps[1], operations(o, clear_stencil))),
         })
     }
 
@@ -750,6 +762,14 @@ impl FrameBuilder<'_, '_> {
             call,
         }))
     }
+}
+
+/// Operations on an attachment, which start from its content if it is kept.
+fn kept<V>(is_kept: bool, mut of: wgpu::Operations<V>) -> wgpu::Operations<V> {
+    if is_kept {
+        of.load = wgpu::LoadOp::Load;
+    }
+    of
 }
 
 /// A frame's load and store operations as wgpu types.

@@ -5,13 +5,16 @@ use wgpu::{Extent3d, TextureDimension, TextureUsages, TextureViewDimension};
 use super::gpu::Gpu;
 use super::targets::Targets;
 use super::{Error, state, textures};
-use crate::scene::Scene;
+use crate::scene::{Image, Scene};
 
 /// The textures that are copied to the attachments at the start of each frame.
 #[derive(Debug, Default)]
 pub(super) struct Initial {
     colors: Vec<Option<wgpu::Texture>>,
+    /// Depth and stencil.
     depth: Option<wgpu::Texture>,
+    /// Whether it holds depths, and whether stencil values.
+    has: [bool; 2],
 }
 
 impl Initial {
@@ -21,7 +24,8 @@ impl Initial {
     /// [`Error::Scene`] if an image does not fit, or the adapter fails.
     pub fn new(gpu: &Gpu, scene: &Scene) -> Result<Self, Error> {
         let of = &scene.initial;
-        if of.colors.iter().flatten().next().is_none() && of.depth.is_none() {
+        let has = [&of.depth, &of.stencil].map(|image| image.is_some());
+        if of.colors.iter().flatten().next().is_none() && !has.contains(&true) {
             return Ok(Self::default());
         }
         let failed = |message: String| Error::Scene {
@@ -35,33 +39,48 @@ impl Initial {
                 .colors
                 .iter()
                 .map(|c| c.as_deref().map(color).transpose());
-            let depth = of.depth.as_deref().map(|image| {
+            let depth = of.depth.as_ref().or(of.stencil.as_ref()).map(|image| {
+                let size = Extent3d {
+                    width: image.size[0],
+                    height: image.size[1],
+                    depth_or_array_layers: 1,
+                };
                 let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
                     label: Some("initial depth"),
-                    size: Extent3d {
-                        width: image.size[0],
-                        height: image.size[1],
-                        depth_or_array_layers: 1,
-                    },
+                    size,
                     mip_level_count: 1,
                     sample_count: 1,
                     dimension: TextureDimension::D2,
                     format: state::depth_format(scene.depth_format),
-                    usage: TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC,
+                    usage: TextureUsages::RENDER_ATTACHMENT
+                        | TextureUsages::COPY_SRC
+                        | TextureUsages::COPY_DST,
                     view_formats: &[],
                 });
-                textures::draw_depths(gpu, image, &texture).map(|()| texture)
+                if let Some(image) = &of.depth {
+                    textures::draw_depths(gpu, image, &texture)?;
+                }
+                if let Some(image) = &of.stencil {
+                    write_stencil(gpu, image, &texture, size)?;
+                }
+                Ok(texture)
             });
             Ok(Self {
                 colors: colors.collect::<Result<_, _>>().map_err(failed)?,
                 depth: depth.transpose().map_err(failed)?,
+                has,
             })
         })?
     }
 
-    /// The initial depth for the scene's depth attachment `to`.
-    pub fn depth(&self, to: &wgpu::Texture) -> Option<&wgpu::Texture> {
+    /// The initial depth and stencil for the scene's depth attachment `to`.
+    fn depth(&self, to: &wgpu::Texture) -> Option<&wgpu::Texture> {
         self.depth.as_ref().filter(|from| fits(from, to))
+    }
+
+    /// Whether the scene's depth attachment `to` starts with depths, and whether with stencil values.
+    pub fn keeps(&self, to: &wgpu::Texture) -> [bool; 2] {
+        self.depth(to).map_or([false; 2], |_| self.has)
     }
 
     /// The initial colour for the scene's colour attachment `to` at a location.
@@ -87,6 +106,33 @@ impl Initial {
             }
         }
     }
+}
+
+fn write_stencil(
+    gpu: &Gpu,
+    image: &Image,
+    texture: &wgpu::Texture,
+    size: Extent3d,
+) -> Result<(), String> {
+    let bytes = image
+        .levels
+        .first()
+        .filter(|_| texture.format().has_stencil_aspect());
+    let bytes = bytes.ok_or_else(|| format!("{:?} has no stencil", texture.format()))?;
+    gpu.queue.write_texture(
+        wgpu::TexelCopyTextureInfo {
+            aspect: wgpu::TextureAspect::StencilOnly,
+            ..texture.as_image_copy()
+        },
+        bytes,
+        wgpu::TexelCopyBufferLayout {
+            offset: 0,
+            bytes_per_row: Some(size.width),
+            rows_per_image: Some(size.height),
+        },
+        size,
+    );
+    Ok(())
 }
 
 /// Whether one texture can be copied to the other.

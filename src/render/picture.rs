@@ -13,6 +13,22 @@ pub struct ColorImage {
     pub bytes: Vec<u8>,
 }
 
+impl ColorImage {
+    /// Puts its rows in the other order.
+    pub(crate) fn turn_over(&mut self) {
+        turn_over(&mut self.bytes, self.size[1]);
+    }
+}
+
+/// Puts rows of equal length in the other order.
+fn turn_over<T>(values: &mut [T], rows: u32) {
+    let row = values.len() / rows.max(1) as usize;
+    values.reverse();
+    for row in values.chunks_mut(row.max(1)) {
+        row.reverse();
+    }
+}
+
 /// Depth at full precision. A unorm depth is the float nearest to `n / (2^bits - 1)`; distinct
 /// values map to distinct floats.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,6 +39,13 @@ pub struct DepthImage {
     pub samples: u32,
     /// Values row by row; the samples of a pixel follow each other.
     pub values: Vec<f32>,
+}
+
+impl DepthImage {
+    /// Puts its rows in the other order.
+    pub(crate) fn turn_over(&mut self) {
+        turn_over(&mut self.values, self.size[1]);
+    }
 }
 
 /// The encoding of a channel.

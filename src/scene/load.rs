@@ -251,6 +251,7 @@ impl Loader<'_> {
             is_made_up: false,
             own_size: None,
             initial: Default::default(),
+            rows: Default::default(),
             notes: parts.notes,
         };
         scene.cameras = match cameras {

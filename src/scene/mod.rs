@@ -92,6 +92,8 @@ pub struct Scene {
     pub clear_color: [f64; 4],
     /// What the attachments hold in place of their clear values.
     pub initial: Initial,
+    /// The order of rows in its targets. Pictures are upright either way.
+    pub rows: Rows,
     /// Materials.
     pub materials: Vec<Material>,
     /// Meshes.
@@ -228,14 +230,30 @@ pub enum Address {
     ClampToEdge,
 }
 
-/// What earlier passes of the host's frame left in the attachments. Images have the attachments' size and
-/// one sample; multisampled attachments are always cleared.
+/// The order in which a target's rows are stored.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Rows {
+    /// The first is the top one, as in WebGPU.
+    #[default]
+    FromTop,
+    /// The first is the bottom one, as in WebGL.
+    FromBottom,
+}
+
+/// What the attachments hold before the first draw. Images are what earlier passes of the host's frame left; they
+/// have the attachments' size and one sample, and multisampled attachments are always cleared.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Initial {
+    /// Clear values of colours by location. Of locations beyond it, the scene's.
+    pub clear_colors: Vec<[f64; 4]>,
     /// Colours by location, in the attachments' formats.
     pub colors: Vec<Option<Arc<Image>>>,
     /// Depth.
     pub depth: Option<Arc<Image>>,
+    /// Clear value of the stencil.
+    pub clear_stencil: u32,
+    /// Stencil values, `R8Uint`.
+    pub stencil: Option<Arc<Image>>,
 }
 
 /// The content of a texture, with all its mip levels, in any format of WebGPU's whose texels have
@@ -384,7 +402,8 @@ impl Scene {
         self.own_size.get_or_insert(self.size);
         self.size = size;
         let of = &mut self.initial;
-        for image in of.colors.iter_mut().chain([&mut of.depth]).flatten() {
+        let planes = [&mut of.depth, &mut of.stencil];
+        for image in of.colors.iter_mut().chain(planes).flatten() {
             if let Some(resampled) = image.resampled(size) {
                 *image = Arc::new(resampled);
             }

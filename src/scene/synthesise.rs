@@ -94,6 +94,7 @@ pub fn synthesise(parsed: Parsed, state: MaterialState) -> Scene {
         is_made_up: true,
         own_size: None,
         initial: Default::default(),
+        rows: Default::default(),
         notes: Vec::new(),
     }
 }

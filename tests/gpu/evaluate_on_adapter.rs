@@ -214,6 +214,7 @@ fn drawn(parsed: front::Parsed, size: [u32; 2]) -> ColorImage {
         is_made_up: false,
         own_size: None,
         initial: Default::default(),
+        rows: Default::default(),
         notes: Vec::new(),
         name: "words".to_owned(),
         size,

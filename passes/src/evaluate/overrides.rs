@@ -71,6 +71,23 @@ fn literal(module: &Module, ty: Handle<Type>, value: f64) -> Option<Literal> {
     })
 }
 
+/// The module with other defaults of its overrides, by `@id` or else by name: the constants that a pipeline sets.
+pub fn with_defaults(module: &Module, values: &BTreeMap<String, f64>) -> Module {
+    let mut out = module.clone();
+    for (handle, of) in module.overrides.iter() {
+        let key = of.id.map(|id| id.to_string()).or(of.name.clone());
+        let number = key.and_then(|key| values.get(&key));
+        let Some(literal) = number.and_then(|n| literal(module, of.ty, *n)) else {
+            continue;
+        };
+        let init = out
+            .global_expressions
+            .append(Expression::Literal(literal), Span::UNDEFINED);
+        out.overrides[handle].init = Some(init);
+    }
+    out
+}
+
 /// Converts a number to an override's type.
 pub(crate) fn value(module: &Module, ty: Handle<Type>, number: f64) -> Option<Value> {
     Value::literal(&literal(module, ty, number)?).ok()

@@ -3,6 +3,7 @@
 mod find;
 mod process;
 mod protocol;
+mod site;
 mod unpack;
 
 use std::collections::BTreeSet;
@@ -15,6 +16,7 @@ use base64::engine::general_purpose::STANDARD;
 use serde_json::{Value, json};
 
 pub use find::{VARIABLE, find};
+pub use site::Site;
 pub use unpack::{UnpackError, prepare, unpack};
 
 use super::codes;
@@ -25,6 +27,10 @@ use protocol::Client;
 
 /// The page may load, and wait for its condition, so long.
 const LOADING: Duration = Duration::from_secs(120);
+/// The browser may be silent so long.
+const SILENT: Duration = Duration::from_secs(120);
+/// A page may draw nothing so long.
+pub const DRAWING: Duration = Duration::from_secs(30);
 /// A condition is asked so often.
 const ASKING: Duration = Duration::from_millis(200);
 
@@ -49,8 +55,9 @@ pub struct Visit<'a> {
     pub is_hardware: bool,
     /// More flags for the browser.
     pub flags: &'a [String],
-    /// The browser is given up after it was silent so long.
-    pub patience: Duration,
+    /// The browser is given up after it was silent so long. A page that draws nothing is given up after this, or
+    /// after [`DRAWING`] without it.
+    pub patience: Option<Duration>,
 }
 
 /// The page was not recorded.
@@ -96,8 +103,13 @@ pub enum BrowserError {
         message: String,
     },
     /// The condition never holds.
-    #[error("`{}` was not true within {} s", .0, LOADING.as_secs())]
-    Condition(String),
+    #[error("`{condition}` was not true within {} s{}", LOADING.as_secs(), said(.page))]
+    Condition {
+        /// The expression.
+        condition: String,
+        /// Errors of the page.
+        page: Vec<String>,
+    },
     /// The recorder says why.
     #[error("{message}{}", said(.page))]
     Page {
@@ -121,25 +133,33 @@ impl BrowserError {
             | Self::Lost(_)
             | Self::Silent(_)
             | Self::Protocol { .. } => codes::BROWSER.code,
-            Self::Load { .. } | Self::Condition(_) | Self::Page { .. } => codes::PAGE.code,
+            Self::Load { .. } | Self::Condition { .. } | Self::Page { .. } => codes::PAGE.code,
             Self::Unpack(error) => error.code(),
         }
     }
 }
 
 fn said(errors: &[String]) -> String {
-    let lines = errors.iter().take(5);
-    lines
+    errors
+        .iter()
         .map(|error| format!("\n  the page says: {error}"))
         .collect()
 }
+
+/// Errors of the page that are kept.
+const TOLD: usize = 5;
+
+const TOO_LARGE: &str = "it is larger than the limit `scene-bytes` allows";
 
 /// What the page sends: the stream, and errors of its own.
 struct Heard {
     stream: std::fs::File,
     is_whole: bool,
     failed: Option<std::io::Error>,
+    /// The first errors of the page.
     errors: Vec<String>,
+    /// Bytes that the stream may still grow by.
+    room: u64,
     is_loaded: bool,
     /// Where scripts of the page and of its frames run.
     contexts: BTreeSet<i64>,
@@ -179,8 +199,9 @@ impl Heard {
     }
 
     fn says(&mut self, text: Option<&str>) {
-        if let Some(line) = text.and_then(|text| text.lines().next()) {
-            self.errors.push(line.to_owned());
+        let line = text.and_then(|text| text.lines().next());
+        if let Some(line) = line.filter(|_| self.errors.len() < TOLD) {
+            self.errors.push(line.chars().take(500).collect());
         }
     }
 
@@ -193,7 +214,12 @@ impl Heard {
         let written = STANDARD
             .decode(text)
             .map_err(std::io::Error::other)
-            .and_then(|bytes| self.stream.write_all(&bytes));
+            .and_then(|bytes| {
+                // Any script of the page may call this.
+                let room = self.room.checked_sub(bytes.len() as u64);
+                self.room = room.ok_or_else(|| std::io::Error::other(TOO_LARGE))?;
+                self.stream.write_all(&bytes)
+            });
         if let Err(error) = written {
             self.failed.get_or_insert(error);
         }
@@ -208,12 +234,15 @@ impl Heard {
 pub fn record(visit: &Visit, folder: &Path, limits: &Limits) -> Result<(), BrowserError> {
     let browser = Browser::start(visit)?;
     let (port, path) = browser.address()?;
-    let mut client = Client::connect(port, &path, visit.patience)?;
+    let patience = visit.patience.unwrap_or(SILENT).max(SILENT);
+    let mut client = Client::connect(port, &path, patience)?;
     let mut heard = Heard {
         stream: tempfile::tempfile().map_err(UnpackError::Write)?,
         is_whole: false,
         failed: None,
         errors: Vec::new(),
+        // Each file has a header, and frame.json comes several times.
+        room: limits.of("scene-bytes").saturating_mul(2),
         is_loaded: false,
         contexts: BTreeSet::new(),
     };
@@ -262,8 +291,9 @@ fn drive(client: &mut Client, visit: &Visit, heard: &mut Heard) -> Result<(), Br
         .draw
         .map_or_else(String::new, |js| format!(", draw: () => {{ {js} }}"));
     let start = format!(
-        "preshadeCapture.start({{ frames: {}{draw} }})",
-        visit.frames
+        "preshadeCapture.start({{ frames: {}, patience: {}{draw} }})",
+        visit.frames,
+        visit.patience.unwrap_or(DRAWING).as_millis()
     );
     let context = largest(client, heard)?;
     let result = evaluate(client, &start, context, heard)?;
@@ -272,7 +302,7 @@ fn drive(client: &mut Client, visit: &Visit, heard: &mut Heard) -> Result<(), Br
         return Err(BrowserError::Page { message, page });
     }
     if !heard.is_whole {
-        client.listen(visit.patience, &mut |m, p| {
+        client.listen(visit.patience.unwrap_or(SILENT), &mut |m, p| {
             heard.event(m, p);
             heard.is_whole
         })?;
@@ -311,10 +341,8 @@ fn wait_for(client: &mut Client, condition: &str, heard: &mut Heard) -> Result<(
             Ok(_) => {}
             Err(message) => {
                 let message = format!("`{condition}`: {message}");
-                return Err(BrowserError::Page {
-                    message,
-                    page: Vec::new(),
-                });
+                let page = std::mem::take(&mut heard.errors);
+                return Err(BrowserError::Page { message, page });
             }
         }
         client.listen(ASKING, &mut |m, p| {
@@ -322,7 +350,10 @@ fn wait_for(client: &mut Client, condition: &str, heard: &mut Heard) -> Result<(
             false
         })?;
     }
-    Err(BrowserError::Condition(condition.to_owned()))
+    Err(BrowserError::Condition {
+        condition: condition.to_owned(),
+        page: std::mem::take(&mut heard.errors),
+    })
 }
 
 /// Pixels of the largest canvas of a document.

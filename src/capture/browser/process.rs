@@ -32,8 +32,6 @@ const FLAGS: &[&str] = &[
     "--enable-unsafe-webgpu",
     // Frames of other sites run in the page's process, where the recorder reaches them.
     "--disable-features=IsolateOrigins,site-per-process",
-    // Modules of a page that is a local file.
-    "--allow-file-access-from-files",
 ];
 
 /// SwiftShader, for WebGL and WebGPU alike: the same picture on every machine. Without Vulkan,

@@ -204,10 +204,12 @@ function idleTime() {
         session.nudges += 1;
         globalThis.dispatchEvent(new Event('resize'));
     }
-    if (waited > GIVE_UP_MS) {
+    if (waited > session.patience) {
         const why = workerCanvases ? ': a canvas of it is drawn by a worker, which is not recorded' : '';
-        const remedy = '; if it draws on demand, give --draw (or `draw` of start) the JavaScript that draws';
-        fail(new Error(`the page drew nothing in ${GIVE_UP_MS / 1000} s by WebGL or WebGPU${why || remedy}`));
+        const remedy =
+            '; if it loads longer, give --patience or --wait-for; if it draws on demand, give --draw (or `draw` of ' +
+            'start) the JavaScript that draws';
+        fail(new Error(`the page drew nothing in ${session.patience / 1000} s by WebGL or WebGPU${why || remedy}`));
     }
 }
 
@@ -226,9 +228,9 @@ function fail(error) {
 
 /**
  * Records `frames` frames, from the next that the page draws. Resolves to a summary once all is written. `draw` is called
- * in every frame until then.
+ * in every frame until then. A page that draws nothing in `patience` milliseconds is given up.
  */
-function startCapture({ frames = 1, draw, sink } = {}) {
+function startCapture({ frames = 1, draw, patience = GIVE_UP_MS, sink } = {}) {
     if (session) return Promise.reject(new Error('a capture is under way'));
     return new Promise((resolve, reject) => {
         session = {
@@ -236,6 +238,7 @@ function startCapture({ frames = 1, draw, sink } = {}) {
             recorded: 0,
             nudges: 0,
             draw,
+            patience,
             sink: sink ?? defaultSink(),
             writing: Promise.resolve(),
             last: performance.now(),

@@ -16,6 +16,7 @@ Object.assign(GlTaking.prototype, {
         if (!call.count || !call.instances) return;
         if (this.feedback) return this.note('draw', 'transform feedback');
         const state = this.state();
+        if (state.discards) return;
         if (state.cull === GL.FRONT_AND_BACK && call.mode >= 4) return;
         if (state.sampleCoverage) this.note('SAMPLE_COVERAGE', 'WebGPU has no such state');
         const info = programInfo(this, program);
@@ -57,7 +58,7 @@ Object.assign(GlTaking.prototype, {
             const buffer = get('ENABLED') ? get('BUFFER_BINDING') : null;
             if (!buffer) {
                 const key = column === undefined ? name : `${name}[${column}]`;
-                input.constants[key] = [...o.getVertexAttrib(location, GL.CURRENT_VERTEX_ATTRIB)];
+                input.constants[key] = [...o.getVertexAttrib(location, GL.CURRENT_VERTEX_ATTRIB)].map(finite);
                 continue;
             }
             const { type, size, normalized, integer, stride, offset, divisor } = this.pointer(location);
@@ -257,7 +258,6 @@ Object.assign(GlTaking.prototype, {
         const text = sources[stage] ?? '';
         const language = /^\s*#version 300 es/.test(text) ? 'glsl-es-300' : 'glsl-es-100';
         return folder.number('shaders', `${stage} ${text}`, () => ({
-            label: stage,
             language,
             data: folder.text(text),
         }));
@@ -347,7 +347,15 @@ Object.assign(GlTaking.prototype, {
         const draw = o.getParameter(GL.DRAW_FRAMEBUFFER_BINDING);
         const source = read ? this.readTarget() : this.canvasTarget();
         const target = draw ? resources.framebuffer(draw, GL.DRAW_FRAMEBUFFER) : this.canvasTarget();
-        const same = x0 === X0 && y0 === Y0 && x1 === X1 && y1 === Y1;
+        if (target.canvas && this.fresh) {
+            // The browser clears the canvas before the first command of a frame.
+            this.open();
+            this.endPass();
+        }
+        const box = this.state().scissor;
+        const [left, bottom, wide, high] = box ?? [0, 0, Infinity, Infinity];
+        const inside = X0 >= left && Y0 >= bottom && X1 <= left + wide && Y1 <= bottom + high;
+        const same = inside && x0 === X0 && y0 === Y0 && x1 === X1 && y1 === Y1;
         const pairs = [];
         if (mask & GL.COLOR_BUFFER_BIT)
             for (const color of target.colors) if (color) pairs.push([source.colors[0], color]);
@@ -386,6 +394,15 @@ Object.assign(GlTaking.prototype, {
             destination: { texture: taken.number, mipLevel: level, origin: to, aspect: 'all' },
             size: [width, height, 1],
         });
+    },
+
+    /** Vertices that the GPU fed back are written as captured, with the buffer's next use. */
+    fedBack() {
+        const { own: o } = this;
+        for (let i = 0; i < o.getParameter(0x8c8b); i++) {
+            const buffer = o.getIndexedParameter(0x8c8f, i);
+            if (buffer) dirtyBuffer(bufferInfo(buffer), 0, bufferInfo(buffer).size);
+        }
     },
 
     /** The frame computed a texture's content by what WebGPU does not do: the content is written. */
@@ -470,6 +487,7 @@ function drawCall(name, args) {
 /** GL samples nothing from a texture that lacks the mip levels its filter needs. */
 function isComplete({ levels, parameters, target }) {
     if (parameters.min < GL.NEAREST_MIPMAP_NEAREST) return true;
+    if (parameters.baseMipLevel > parameters.maxLevel) return false;
     const { width, height, depth } = levels[0];
     const largest = Math.max(width, height, target === 0x806f ? depth : 1);
     const needed = Math.min(Math.floor(Math.log2(largest)), parameters.maxLevel);

@@ -99,7 +99,8 @@ function setUniform(take, args, name) {
     } else data = Array.prototype.slice.call(args, 1);
     const { values } = uniform;
     const first = element * uniform.components;
-    const float = name.includes('f');
+    // `uniform1ui` has an f too.
+    const float = /f(v)?$/.test(name);
     for (let i = 0; i < data.length && first + i < values.length; i++) {
         values[first + i] = float ? Math.fround(data[i]) : Number(data[i]);
     }

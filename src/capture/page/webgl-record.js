@@ -16,6 +16,8 @@ class GlTaking {
         /** Pointers by vertex array, as far as they were asked. */
         this.arrays = new Map();
         this.feedback = this.two && this.own.getParameter(GL.TRANSFORM_FEEDBACK_ACTIVE);
+        for (const name of gl[UNFOLLOWED] ?? []) this.note(name, 'the recorder does not follow this extension');
+        if (this.attributes.preserveDrawingBuffer) this.kept = this.reader.picture(gl.drawingBufferWidth, gl.drawingBufferHeight);
         this.beginFrame();
     }
 
@@ -63,7 +65,7 @@ class GlTaking {
 
     state() {
         if (this.stateDirty) {
-            this.fixed = fixedState(this.own);
+            this.fixed = fixedState(this.own, this.two);
             this.stateDirty = false;
         }
         return this.fixed;
@@ -119,6 +121,7 @@ class GlTaking {
             usage,
         });
         this.canvas = color.resolve;
+        this.keepCanvas(this.canvas, samples);
         if (samples > 1)
             color.number = shared('canvas samples', {
                 format,
@@ -151,6 +154,19 @@ class GlTaking {
             };
         }
         return target;
+    }
+
+    /** What the canvas shows before the first frame, where the page asked to keep it. */
+    keepCanvas(texture, samples) {
+        const { kept, gl, folder } = this;
+        if (!kept) return;
+        this.kept = null;
+        const why = 'the samples of what the canvas shows before the first frame';
+        if (samples > 1) return void this.resources.unknown({ texture, why });
+        const row = 4 * gl.drawingBufferWidth;
+        const bytes = new Uint8Array(kept.length);
+        for (let at = 0; at < kept.length; at += row) bytes.set(kept.subarray(at, at + row), kept.length - row - at);
+        folder.start.textures.push({ texture, mipLevel: 0, data: folder.data(bytes) });
     }
 
     /** The pass that draws to the framebuffer; a new one where it changed or is cleared. */
@@ -262,7 +278,7 @@ class GlTaking {
         const target = this.target();
         const wants = {};
         if (mask & GL.COLOR_BUFFER_BIT) {
-            const color = [...o.getParameter(GL.COLOR_CLEAR_VALUE)];
+            const color = [...o.getParameter(GL.COLOR_CLEAR_VALUE)].map(finite);
             wants.colors = target.colors.map((attachment) => (attachment ? color : null));
         }
         if (mask & GL.DEPTH_BUFFER_BIT) wants.depth = o.getParameter(GL.DEPTH_CLEAR_VALUE);
@@ -270,20 +286,21 @@ class GlTaking {
         this.clearWith(wants);
     }
 
-    clearBuffer(name, [buffer, index, values, stencil]) {
+    clearBuffer(name, [buffer, index, values, more = 0]) {
         const wants = {};
-        if (buffer === GL.COLOR) {
-            wants.colors = [];
-            wants.colors[index] = [...values].slice(0, 4);
-        } else if (name === 'clearBufferfi') Object.assign(wants, { depth: values, stencil });
-        else if (buffer === GL.DEPTH) wants.depth = values[0];
-        else wants.stencil = values[0];
+        if (name === 'clearBufferfi') Object.assign(wants, { depth: values, stencil: more });
+        else if (buffer === GL.COLOR) {
+            const color = [...values].slice(more, more + 4).map(finite);
+            wants.colors = this.target().colors.map((_, i) => (i === index ? color : null));
+        } else if (buffer === GL.DEPTH) wants.depth = values[more];
+        else wants.stencil = values[more];
         this.clearWith(wants);
     }
 
     /** Clears what the masks leave: as the start of a pass where all of it is cleared. */
     clearWith(wants) {
         const state = this.state();
+        if (state.discards) return;
         const target = this.target();
         if (!state.depthMask) delete wants.depth;
         if (!state.stencilMask) delete wants.stencil;
@@ -377,6 +394,14 @@ const webglRecorder = {
         drawnContexts.clear();
         taking = new GlTaking(gl, folder);
         this.gl = gl;
+    },
+
+    /** An OffscreenCanvas gives its picture away and is empty then. */
+    given(canvas) {
+        if (taking !== null && taking.gl.canvas === canvas && taking.waiting) {
+            taking.waiting = false;
+            taking.guard(() => taking.show());
+        }
     },
 
     drawn() {

@@ -70,6 +70,7 @@ class GlResources {
         try {
             if (!blockOf(format)) throw new Error(`WebGPU does not write ${format}`);
             bytes = this.reader.level(info.texture, info, level);
+            if (changed && info.taken.drawn) this.take.asCaptured(number, 'an upload to a texture that the frame draws');
         } catch (error) {
             this.unknown({ texture: number, mipLevel: level, why: error.message });
             return;

@@ -37,6 +37,13 @@ const STENCIL = {
     0x8507: 'increment-wrap',
     0x8508: 'decrement-wrap',
 };
+
+/** WebGPU's word for a value of GL's. An extension may bring values that WebGPU lacks. */
+function word(table, value) {
+    const found = table[value];
+    if (found === undefined) throw new Error(`WebGPU has nothing for the value 0x${value.toString(16)}`);
+    return found;
+}
 const TOPOLOGIES = [
     'point-list',
     'line-list',
@@ -58,7 +65,7 @@ const INDEX_FORMATS = {
 };
 
 /** The state that a pipeline and a pass take: asked again after it changed. */
-function fixedState(o) {
+function fixedState(o, two) {
     const get = (name) => o.getParameter(GL[name]);
     const on = (name) => o.isEnabled(GL[name]);
     const state = {
@@ -73,10 +80,11 @@ function fixedState(o) {
         alphaToCoverage: on('SAMPLE_ALPHA_TO_COVERAGE'),
         sampleCoverage: on('SAMPLE_COVERAGE'),
         stencilMask: get('STENCIL_WRITEMASK') & 0xff,
+        discards: two && on('RASTERIZER_DISCARD'),
     };
     if (state.depthTest) state.depthFunc = compareOf(get('DEPTH_FUNC'));
     if (on('BLEND')) state.blend = blendState(get);
-    if (state.blend) state.constant = [...get('BLEND_COLOR')];
+    if (state.blend) state.constant = [...get('BLEND_COLOR')].map(finite);
     if (on('STENCIL_TEST')) Object.assign(state, stencilState(get));
     if (on('POLYGON_OFFSET_FILL')) state.bias = [get('POLYGON_OFFSET_UNITS'), get('POLYGON_OFFSET_FACTOR')];
     return state;
@@ -84,8 +92,8 @@ function fixedState(o) {
 
 function blendState(get) {
     const part = (name) => {
-        const operation = OPERATIONS[get(`BLEND_EQUATION_${name}`)];
-        const [srcFactor, dstFactor] = ['SRC', 'DST'].map((side) => FACTORS[get(`BLEND_${side}_${name}`)]);
+        const operation = word(OPERATIONS, get(`BLEND_EQUATION_${name}`));
+        const [srcFactor, dstFactor] = ['SRC', 'DST'].map((side) => word(FACTORS, get(`BLEND_${side}_${name}`)));
         if (operation === 'min' || operation === 'max') return { operation, srcFactor: 'one', dstFactor: 'one' };
         return { operation, srcFactor, dstFactor };
     };
@@ -95,9 +103,9 @@ function blendState(get) {
 function stencilState(get) {
     const face = (back) => ({
         compare: compareOf(get(`STENCIL_${back}FUNC`)),
-        failOp: STENCIL[get(`STENCIL_${back}FAIL`)],
-        depthFailOp: STENCIL[get(`STENCIL_${back}PASS_DEPTH_FAIL`)],
-        passOp: STENCIL[get(`STENCIL_${back}PASS_DEPTH_PASS`)],
+        failOp: word(STENCIL, get(`STENCIL_${back}FAIL`)),
+        depthFailOp: word(STENCIL, get(`STENCIL_${back}PASS_DEPTH_FAIL`)),
+        passOp: word(STENCIL, get(`STENCIL_${back}PASS_DEPTH_PASS`)),
     });
     return {
         stencil: {

@@ -7,6 +7,10 @@ let taking = null;
 const drawnContexts = new Set();
 
 const INFO = Symbol('preshade info');
+/** On a context: methods of extensions that the page called, and that the recorder does not follow. */
+const UNFOLLOWED = Symbol('preshade unfollowed');
+/** Methods of extensions that change nothing that a frame shows, or whose objects the recorder asks the context for. */
+const HARMLESS = /Query|VertexArray|[lL]oseContext|restoreContext|getTranslatedShaderSource|getSupportedProfiles|^is/;
 const originals = new Map();
 
 function ownMethods(gl) {
@@ -25,7 +29,12 @@ function afterGl(names, after) {
                 (original) =>
                     function () {
                         const result = original.apply(this, arguments);
-                        after(this, arguments, result, name);
+                        try {
+                            after(this, arguments, result, name);
+                        } catch (error) {
+                            // It is ours, so the page does not see it.
+                            if (taking !== null && taking.gl === this) taking.note(name, error.message);
+                        }
                         return result;
                     },
             );
@@ -234,6 +243,10 @@ function trackBuffers() {
         info.shadow?.set(bytesOf(data), offset);
         dirtyBuffer(info, offset, offset + size);
     });
+    afterTaken('readPixels', (take) => {
+        const buffer = take.two && take.own.getParameter(0x88ed);
+        if (buffer) dirtyBuffer(bufferInfo(buffer), 0, bufferInfo(buffer).size);
+    });
     afterTaken('copyBufferSubData', (take, [, target, , offset, size]) => {
         const buffer = take.gl.getParameter(bufferBinding(target));
         if (buffer) dirtyBuffer(bufferInfo(buffer), offset, offset + size);
@@ -323,7 +336,10 @@ function trackDraws() {
         take.clearBuffer(name, args),
     );
     afterTaken('blitFramebuffer', (take, args) => take.blit(args));
-    afterTaken('beginTransformFeedback endTransformFeedback', (take, _, name) => (take.feedback = name[0] === 'b'));
+    afterTaken('beginTransformFeedback endTransformFeedback', (take, _, name) => {
+        take.feedback = name[0] === 'b';
+        if (!take.feedback) take.fedBack();
+    });
     afterGl(`${draws} clear blitFramebuffer`, (gl) => {
         if (phase !== IDLE && gl.getParameter(GL.FRAMEBUFFER_BINDING) === null) {
             drawnContexts.add(gl);
@@ -353,6 +369,7 @@ function trackExtensions() {
             };
         }
         replaceMultiDraw(gl, extension);
+        noteUnfollowed(gl, extension);
         const { vertexAttribDivisorANGLE } = extension;
         if (vertexAttribDivisorANGLE) {
             extension.vertexAttribDivisorANGLE = function () {
@@ -369,6 +386,30 @@ function trackExtensions() {
             };
         }
     });
+}
+
+const FOLLOWED = new Set([
+    'drawArraysInstancedANGLE',
+    'drawElementsInstancedANGLE',
+    'vertexAttribDivisorANGLE',
+    'drawBuffersWEBGL',
+    'multiDrawArraysWEBGL',
+    'multiDrawElementsWEBGL',
+    'multiDrawArraysInstancedWEBGL',
+    'multiDrawElementsInstancedWEBGL',
+]);
+
+/** Methods of an extension that the recorder does not follow: a frame that depends on one says so. */
+function noteUnfollowed(gl, extension) {
+    for (const name of Object.getOwnPropertyNames(Object.getPrototypeOf(extension))) {
+        const original = extension[name];
+        if (typeof original !== 'function' || name === 'constructor' || FOLLOWED.has(name) || HARMLESS.test(name)) continue;
+        extension[name] = function () {
+            (gl[UNFOLLOWED] ??= new Set()).add(name);
+            if (taking !== null && taking.gl === gl) taking.note(name, 'the recorder does not follow this extension');
+            return original.apply(extension, arguments);
+        };
+    }
 }
 
 function replaceMultiDraw(gl, extension) {
@@ -402,6 +443,15 @@ function installWebgl() {
         originals.set(type.prototype, methods);
     }
     installFormats();
+    wrap(
+        globalThis.OffscreenCanvas,
+        'transferToImageBitmap',
+        (original) =>
+            function () {
+                webglRecorder.given(this);
+                return original.call(this);
+            },
+    );
     trackTextures();
     trackBuffers();
     trackPrograms();

@@ -332,19 +332,9 @@ impl<'a> Replay<'a> {
         let texture = self.texture(canvas, &place)?.clone();
         let mut image = crate::render::readback::color(self.gpu, &texture, texture.format())?;
         if self.capture.file.source.api.is_webgl() {
-            image = upside_down(image);
+            image.turn_over();
         }
         Ok(image)
-    }
-}
-
-/// A picture with its rows in the other order.
-fn upside_down(image: ColorImage) -> ColorImage {
-    let row = image.bytes.len() / (image.size[1].max(1) as usize);
-    let rows = image.bytes.chunks(row.max(1)).rev();
-    ColorImage {
-        bytes: rows.flatten().copied().collect(),
-        ..image
     }
 }
 

@@ -6,6 +6,7 @@ use wgpu::util::DeviceExt as _;
 
 use super::Replay;
 use crate::capture::Error;
+use crate::capture::contents::whole;
 use crate::capture::file::{
     BindGroup, Cull, DepthStencil, GroupLayout, IndexFormat, LayoutChoice, LayoutEntry,
     RenderPipeline, Resource, ShaderLanguage, Stage, StencilFace, Texture, Topology, View,
@@ -65,6 +66,9 @@ impl Replay<'_> {
         usage |= wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
         let label = format!("buffer {index} {}", of.label);
         let bytes = start.map(|s| self.capture.data(&s.data)).transpose()?;
+        if let Some(bytes) = &bytes {
+            whole(&label, bytes, of.size)?;
+        }
         let size = of.size.next_multiple_of(wgpu::COPY_BUFFER_ALIGNMENT);
         let made = self.gpu.checked(&label, || match bytes {
             Some(bytes) => {
@@ -647,7 +651,11 @@ pub(super) fn primitive(of: &RenderPipeline) -> wgpu::PrimitiveState {
     let p = &of.primitive;
     wgpu::PrimitiveState {
         topology: topology(p.topology),
-        strip_index_format: p.strip_index_format.map(index_format),
+        strip_index_format: match p.topology {
+            // The indices are ours.
+            Topology::LineLoop => Some(wgpu::IndexFormat::Uint32),
+            _ => p.strip_index_format.map(index_format),
+        },
         front_face: p.front_face,
         cull_mode: match p.cull_mode {
             Cull::None => None,

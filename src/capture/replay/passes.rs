@@ -25,7 +25,7 @@ pub(super) enum Encoded {
     StencilReference(u32),
 }
 
-/// Why the next draws are not executed.
+/// Why the next draws or dispatches are not executed.
 #[derive(Default)]
 struct Missing {
     /// The pipeline is that of [`Replay::hide`].
@@ -256,17 +256,17 @@ impl Replay<'_> {
             Indirect(wgpu::Buffer, u64),
         }
         let mut steps = Vec::new();
-        let mut missing: Option<(String, String)> = None;
+        let mut missing = Missing::default();
         for command in commands {
             steps.push(match command {
                 ComputeCommand::SetPipeline { pipeline } => {
                     match self.compute_pipeline(*pipeline, place)? {
                         Ok(made) => {
-                            missing = None;
+                            missing.pipeline = None;
                             Step::Pipeline(made)
                         }
                         Err(why) => {
-                            missing = Some((format!("compute pipeline {pipeline}"), why));
+                            missing.pipeline = Some((format!("compute pipeline {pipeline}"), why));
                             continue;
                         }
                     }
@@ -278,15 +278,19 @@ impl Replay<'_> {
                 } => {
                     let made = bind_group.map(|g| self.group(g, place)).transpose()?;
                     match made.transpose() {
-                        Ok(made) => Step::Group(*index, made, dynamic_offsets.clone()),
+                        Ok(made) => {
+                            missing.groups.remove(index);
+                            Step::Group(*index, made, dynamic_offsets.clone())
+                        }
                         Err(why) => {
-                            missing = Some((format!("bind group {index}"), why));
+                            let what = format!("bind group {}", bind_group.unwrap_or(0));
+                            missing.groups.insert(*index, (what, why));
                             continue;
                         }
                     }
                 }
                 dispatch => {
-                    if let Some((what, why)) = &missing {
+                    if let Some((what, why)) = missing.first() {
                         self.leave_out(format!("a dispatch with {what}"), why.clone());
                         continue;
                     }

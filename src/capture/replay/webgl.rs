@@ -14,12 +14,12 @@ use crate::capture::Error;
 use crate::capture::contents::cut;
 use crate::capture::file::RenderPipeline;
 use crate::capture::folder::get;
-use crate::capture::material::{self, Left, Rows};
+use crate::capture::material::{self, Left};
 use crate::capture::pass::{Part, PassDraw};
 use crate::capture::webgl::{self, Given};
 use crate::render::binding_type;
-use crate::scene::Material;
 use crate::scene::bind::{Data, Indices, VertexBuffer};
+use crate::scene::{Material, Rows};
 
 /// What was made of WebGL's objects so far.
 #[derive(Default)]
@@ -80,7 +80,8 @@ impl Replay<'_> {
         };
         let material = &program.material;
         let vertices = webgl::interleaved(capture, draw, pipeline, material, &mut part)?;
-        let (indices, call) = webgl::indices(draw, pipeline, material, draw.call, &mut part)?;
+        let (indices, call) =
+            webgl::indices(capture, draw, pipeline, material, draw.call, &mut part)?;
         let unfiltered = self.unfiltered(draw, &program, place)?;
         let made = self.pipeline_of(draw.pipeline, pipeline, &program, &vertices, unfiltered)?;
         let mut encoded = vec![Encoded::Pipeline(made.clone())];

@@ -25,6 +25,9 @@ struct Missing {
 
 const INDICES: u32 = u32::MAX;
 
+/// Draws of one indirect command.
+const MOST_INDIRECT: u64 = 1 << 20;
+
 impl Missing {
     fn first(&self) -> Option<&Refusal> {
         let groups = self.groups.values();
@@ -136,7 +139,7 @@ impl Pass<'_, DrawCommand> {
             }
             R::SetIndexBuffer { .. } | R::SetVertexBuffer { .. } => self.buffer(command),
             R::SetBlendConstant(c) => self.push(DrawCommand::SetBlendConstant {
-                color: Color::List([c.r, c.g, c.b, c.a]),
+                color: Color::List([c.r, c.g, c.b, c.a].map(Some)),
             }),
             R::SetStencilReference(reference) => self.push(DrawCommand::SetStencilReference {
                 reference: *reference,
@@ -259,6 +262,9 @@ impl Pass<'_, DrawCommand> {
                 ..
             } => {
                 let buffer = self.ids.buffers.get(*buffer);
+                if u64::from(*count) > MOST_INDIRECT {
+                    return self.refuse("an indirect draw", "it has too many draws");
+                }
                 for index in 0..u64::from(*count) {
                     let made = buffer
                         .clone()

@@ -140,6 +140,10 @@ pub(super) fn before(
     let mut kept = Vec::new();
     for (index, step) in earlier.iter().enumerate().rev() {
         let Some(command) = &step.command else {
+            // What was refused would have written what is not known, so it counts.
+            if !step.refused.is_empty() {
+                kept.push(index);
+            }
             continue;
         };
         let access = access(file, store, command);

@@ -159,7 +159,7 @@ impl Recorder {
                 resolve_target: resolve.transpose()?,
                 load_op,
                 store_op: store(a.store_op),
-                clear_value: clear.map(|c| Color::List([c.r, c.g, c.b, c.a])),
+                clear_value: clear.map(|c| Color::List([c.r, c.g, c.b, c.a].map(Some))),
             })
         };
         let colors = colors.iter().map(|a| a.as_ref().map(color).transpose());

@@ -121,6 +121,15 @@ pub(super) fn layouts(stages: &[GlslStage<'_>], interface: &Interface, out: &mut
     out.rows.dedup();
 }
 
+const FRAG_COORD_NOTE: &str = "`gl_FragCoord.y` counts rows from the bottom in OpenGL and from the top in WGSL and \
+                               SPIR-V: values that depend on it are upside down there";
+const DFDY_NOTE: &str =
+    "`dFdy` points up in OpenGL and down in WGSL and SPIR-V: it has the opposite sign there";
+
+/// Notes that do not hold where a target's first row is the bottom one.
+#[cfg(feature = "verify")]
+pub(crate) const ROW_NOTES: [&str; 2] = [FRAG_COORD_NOTE, DFDY_NOTE];
+
 /// Warnings about code that means something else in the target.
 fn notes(stages: &[GlslStage<'_>], clip: ClipSpace) -> Vec<String> {
     let mut fragment = stages.iter().filter(|s| s.kind == ShaderStage::Fragment);
@@ -133,18 +142,10 @@ fn notes(stages: &[GlslStage<'_>], clip: ClipSpace) -> Vec<String> {
                 return out;
             };
             if uses(stage, &[FRAG_COORD_Y]) && !stage.origin_upper_left {
-                out.push(
-                    "`gl_FragCoord.y` counts rows from the bottom in OpenGL and from the top in \
-                     WGSL and SPIR-V: values that depend on it are upside down there"
-                        .to_owned(),
-                );
+                out.push(FRAG_COORD_NOTE.to_owned());
             }
             if uses(stage, &["dFdy", "dFdyFine", "dFdyCoarse"]) {
-                out.push(
-                    "`dFdy` points up in OpenGL and down in WGSL and SPIR-V: it has the opposite \
-                     sign there"
-                        .to_owned(),
-                );
+                out.push(DFDY_NOTE.to_owned());
             }
         }
         ClipSpace::AsWritten if stages.iter().any(|s| s.unit.asks_for_vulkan) => out.push(

@@ -32,6 +32,8 @@ mod version;
 
 use std::path::Path;
 
+#[cfg(feature = "verify")]
+pub(crate) use declared::ROW_NOTES;
 use naga::front::glsl::{Frontend, Options as NagaOptions};
 use naga::proc::{Alignment, Layouter};
 use naga::{

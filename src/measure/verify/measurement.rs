@@ -134,8 +134,10 @@ pub(super) fn count_view(
         if is_headline {
             subject.report.shaded_per_pixel = per_pixel;
             if let Some(pictures) = &mut subject.pictures {
-                pictures.overdraw_before = before.clone();
-                pictures.overdraw_after = Some(shading.clone());
+                // Without an opaque surface nothing was counted.
+                let counted = |s: &Shading| !s.counts.values.is_empty();
+                pictures.overdraw_before = before.clone().filter(counted);
+                pictures.overdraw_after = Some(shading.clone()).filter(counted);
             }
         }
         before.get_or_insert(shading);

@@ -1,7 +1,7 @@
 //! A glTF file with its buffers: what both a mesh and a whole scene are read from.
 
 use std::borrow::Cow;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use base64::Engine as _;
 use glam::Mat4;
@@ -46,8 +46,62 @@ pub(in crate::scene) struct Nodes<'g> {
 /// A node of the default scene.
 pub(in crate::scene) struct Below<'g> {
     pub node: gltf::Node<'g>,
-    /// The names of the node and of those above it.
-    pub names: Vec<&'g str>,
+    /// The place in [`Nodes::all`] of the node above it, which comes before it.
+    above: Option<usize>,
+}
+
+impl<'g> Nodes<'g> {
+    /// The nodes of this name and those below them; all without a name.
+    pub fn below(&self, name: Option<&str>) -> Vec<&Below<'g>> {
+        let mut is_below = Vec::with_capacity(self.all.len());
+        for node in &self.all {
+            let above = node.above.is_some_and(|above| is_below[above]);
+            is_below.push(above || name.is_none_or(|name| node.node.name() == Some(name)));
+        }
+        let all = self.all.iter().zip(is_below);
+        all.filter_map(|(node, is_below)| is_below.then_some(node))
+            .collect()
+    }
+}
+
+const DRACO: &str = "KHR_draco_mesh_compression";
+
+/// Gives accessors without data that nothing reads some data: glTF allows them, and the crate does not. Returns
+/// whether no other accessor lacks data.
+fn without_data(root: &mut gltf::json::Root) -> bool {
+    let primitives = root.meshes.iter().flat_map(|m| &m.primitives);
+    let mut read: BTreeSet<usize> = primitives
+        .flat_map(|p| {
+            let targets = p.targets.iter().flatten();
+            let morphs =
+                targets.flat_map(|t| [t.positions, t.normals, t.tangents].into_iter().flatten());
+            p.attributes
+                .values()
+                .copied()
+                .chain(p.indices)
+                .chain(morphs)
+        })
+        .map(|index| index.value())
+        .collect();
+    read.extend(
+        root.skins
+            .iter()
+            .filter_map(|s| s.inverse_bind_matrices)
+            .map(|i| i.value()),
+    );
+    let has_views = !root.buffer_views.is_empty();
+    let mut is_whole = true;
+    for (index, accessor) in root.accessors.iter_mut().enumerate() {
+        if accessor.buffer_view.is_some() || accessor.sparse.is_some() {
+            continue;
+        }
+        match read.contains(&index) {
+            true => is_whole = false,
+            false if has_views => accessor.buffer_view = Some(gltf::json::Index::new(0)),
+            false => {}
+        }
+    }
+    is_whole
 }
 
 impl Asset {
@@ -70,6 +124,10 @@ impl Asset {
                     &name,
                 ));
             }
+        }
+        if !without_data(&mut root) && root.extensions_used.iter().any(|name| name == DRACO) {
+            let what = format!("its meshes are compressed by the extension `{DRACO}`");
+            return Err(unread(wrong(what), DRACO));
         }
         let document =
             gltf::Document::from_json(root).map_err(|e| wrong(format!("no glTF 2.0: {e}")))?;
@@ -163,16 +221,16 @@ impl Asset {
             world: BTreeMap::new(),
         };
         let roots = roots.into_iter().rev();
-        let mut stack: Vec<_> = roots.map(|n| (n, Mat4::IDENTITY, Vec::new())).collect();
-        while let Some((node, parent, mut names)) = stack.pop() {
-            names.extend(node.name());
+        let mut stack: Vec<_> = roots.map(|n| (n, Mat4::IDENTITY, None)).collect();
+        while let Some((node, parent, above)) = stack.pop() {
             let here = parent * Mat4::from_cols_array_2d(&node.transform().matrix());
             if out.world.insert(node.index(), here).is_some() {
                 return Err(self.wrong("a node has two parents"));
             }
-            let children: Vec<_> = node.children().map(|c| (c, here, names.clone())).collect();
+            let own = Some(out.all.len());
+            let children: Vec<_> = node.children().map(|c| (c, here, own)).collect();
             stack.extend(children.into_iter().rev());
-            out.all.push(Below { node, names });
+            out.all.push(Below { node, above });
         }
         Ok(out)
     }

@@ -200,7 +200,7 @@ impl Loader<'_> {
         };
         let asset = Asset::open(&gltf.file, read, &take)?;
         let nodes = asset.nodes()?;
-        let below: Vec<&Below<'_>> = nodes.all.iter().filter(|n| gltf.is_below(n)).collect();
+        let below: Vec<&Below<'_>> = nodes.below(gltf.node.as_deref());
         let placed = gltf.placed(&asset.document, &below);
         gltf.check_sizes(&placed, &asset, &take)?;
         let place = transform(entry.translate, entry.rotate, entry.scale.as_ref());

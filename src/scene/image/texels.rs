@@ -30,21 +30,6 @@ impl Image {
         }
     }
 
-    /// Puts the rows of each layer in the other order. Only of images that are not compressed.
-    pub(crate) fn turn_over(&mut self) {
-        for level in 0..self.levels.len() {
-            let Some([row, rows]) = self.rows(level as u32) else {
-                continue;
-            };
-            let layer = row as usize * rows as usize;
-            for layer in self.levels[level].chunks_mut(layer.max(1)) {
-                let turned = layer.chunks(row.max(1) as usize).rev().flatten();
-                let turned: Vec<u8> = turned.copied().collect();
-                layer.copy_from_slice(&turned);
-            }
-        }
-    }
-
     /// Level 0 at another size: each texel is the one that is nearest. `None`: the format is compressed.
     pub(crate) fn resampled(&self, size: [u32; 2]) -> Option<Self> {
         let ([row, rows], texel) = (self.rows(0)?, self.block_bytes()? as usize);

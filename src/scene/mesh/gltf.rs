@@ -9,7 +9,7 @@ use serde::Deserialize;
 use super::accessors::{self, Cost};
 use super::{merged, transformed};
 use crate::panics;
-use crate::scene::asset::file::{Asset, Below, Nodes, Read, Take};
+use crate::scene::asset::file::{Asset, Below, Read, Take};
 use crate::scene::asset::primitive::{self, Missing};
 use crate::scene::{Mesh, SceneError};
 
@@ -95,12 +95,6 @@ impl Gltf {
             self.primitive.is_none_or(|n| n == p.index())
                 && material.is_none_or(|m| p.material().name() == Some(m))
         })
-    }
-
-    /// Whether a node is the selected one or below it.
-    pub(in crate::scene) fn is_below(&self, node: &Below<'_>) -> bool {
-        let wanted = self.node.as_deref();
-        wanted.is_none_or(|wanted| node.names.contains(&wanted))
     }
 
     /// The selected meshes with their nodes.
@@ -212,8 +206,8 @@ impl Gltf {
 
     fn loaded(&self, name: &str, read: Read<'_>, take: Take<'_>) -> Result<Rigged, SceneError> {
         let asset = Asset::open(&self.file, read, take)?;
-        let Nodes { all, world } = asset.nodes()?;
-        let nodes: Vec<_> = all.iter().filter(|n| self.is_below(n)).collect();
+        let all = asset.nodes()?;
+        let nodes = all.below(self.node.as_deref());
         let placed = self.placed(&asset.document, &nodes);
         self.check_sizes(&placed, &asset, take)?;
         let (mut parts, mut joints, mut weights, mut skins) =
@@ -224,7 +218,7 @@ impl Gltf {
                 && !skins.contains(&skin.index())
             {
                 skins.push(skin.index());
-                joints.extend(asset.joints(skin, &world));
+                joints.extend(asset.joints(skin, &all.world));
             }
             if weights.is_empty() {
                 weights = mesh.weights().unwrap_or(&[]).to_vec();
@@ -242,7 +236,7 @@ impl Gltf {
                 // The node of a skinned mesh has no effect on its place (glTF 2.0, section
                 // 3.7.3.3).
                 parts.push(match node {
-                    Some(node) if skin.is_none() => transformed(part, world[&node.index()]),
+                    Some(node) if skin.is_none() => transformed(part, all.world[&node.index()]),
                     _ => part,
                 });
             }

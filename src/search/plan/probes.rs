@@ -255,6 +255,7 @@ fn scene(probe: &Probe, finest: u32, size: [u32; 2]) -> Result<Scene, PlanError>
         is_made_up: false,
         own_size: None,
         initial: Default::default(),
+        rows: Default::default(),
         notes: Vec::new(),
         size,
         viewport: None,

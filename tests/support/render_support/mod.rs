@@ -128,6 +128,7 @@ pub fn scene(size: [u32; 2], materials: Vec<Material>, draws: Vec<Draw>) -> Scen
         is_made_up: false,
         own_size: None,
         initial: Default::default(),
+        rows: Default::default(),
         notes: Vec::new(),
         light: Light {
             direction: Vec3::Y,
