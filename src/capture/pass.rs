@@ -24,7 +24,9 @@ pub struct Pass<'c> {
     pub draws: Vec<PassDraw>,
     /// Whether it clears a part of its attachments before it draws, beside what its descriptor clears.
     pub clears_first: bool,
-    /// The number of draws before the first clear between draws: all of them without one.
+    /// Whether it clears a part of them after a draw.
+    pub clears_later: bool,
+    /// The number of draws before that clear: all of them without one.
     pub before_clear: usize,
 }
 
@@ -146,6 +148,7 @@ pub fn passes(capture: &Capture, frame: usize) -> Result<Vec<Pass<'_>>, Error> {
                 kind: Kind::Clear,
                 canvas: of.canvas,
                 clears_first: clears > 0,
+                clears_later: drawn.is_some(),
                 before_clear: drawn.unwrap_or(draws.len()),
                 draws,
             });

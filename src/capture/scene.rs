@@ -281,11 +281,12 @@ impl<'c> Maker<'c> {
             let note = "the pass clears a part of its attachments before it draws, which the scene does not";
             self.notes.insert(note.to_owned());
         }
-        let left = self.pass.draws.len() - self.pass.before_clear;
-        if left > 0 {
+        if self.pass.clears_later {
+            let drawn = self.pass.before_clear;
             self.notes.insert(format!(
-                "the pass clears again after {} of its draws, so the {left} draws after that are left out",
-                self.pass.before_clear
+                "the pass clears a part of its attachments after {drawn} of its {} draws, which the scene does not: \
+                 what comes after is left out",
+                self.pass.draws.len()
             ));
         }
     }

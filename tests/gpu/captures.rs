@@ -97,3 +97,64 @@ fn a_pass_that_loads_its_attachments_starts_from_what_they_held() {
     );
     fs::remove_dir_all(path).unwrap();
 }
+
+/// The near quad marks the stencil in a pass of its own. The far one is drawn where it is not marked.
+#[test]
+fn a_pass_starts_from_the_stencil_that_the_frame_has() {
+    let mut own = folder();
+    own.file["textures"][2]["format"] = "depth24plus-stencil8".into();
+    let depth = &mut own.file["renderPipelines"][1]["depthStencil"];
+    depth["format"] = "depth24plus-stencil8".into();
+    let mut marks = own.file["renderPipelines"][1].clone();
+    let mut tests = marks.clone();
+    let face = |compare: &str, op: &str| serde_json::json!({ "compare": compare, "passOp": op });
+    for side in ["stencilFront", "stencilBack"] {
+        marks["depthStencil"][side] = face("equal", "increment-clamp");
+        tests["depthStencil"][side] = face("equal", "keep");
+    }
+    own.file["renderPipelines"][1] = marks;
+    let pipelines = own.file["renderPipelines"].as_array_mut().unwrap();
+    pipelines.push(tests);
+    let commands = &mut own.file["frames"][0]["commands"];
+    let mut near = commands[2].clone();
+    let stencil = &mut near["descriptor"]["depthStencilAttachment"];
+    stencil["depthStoreOp"] = "store".into();
+    stencil["stencilLoadOp"] = "clear".into();
+    stencil["stencilClearValue"] = 5.into();
+    stencil["stencilStoreOp"] = "store".into();
+    let mut far = near.clone();
+    far["descriptor"]["colorAttachments"][0]["loadOp"] = "load".into();
+    let stencil = &mut far["descriptor"]["depthStencilAttachment"];
+    stencil["stencilLoadOp"] = "load".into();
+    let reference = serde_json::json!({ "do": "setStencilReference", "reference": 5 });
+    for pass in [&mut near, &mut far] {
+        pass["commands"]
+            .as_array_mut()
+            .unwrap()
+            .insert(0, reference.clone());
+    }
+    near["commands"].as_array_mut().unwrap().drain(4..6);
+    let commands_of_far = far["commands"].as_array_mut().unwrap();
+    commands_of_far.drain(6..);
+    commands_of_far[1]["pipeline"] = 2.into();
+    commands[2] = near;
+    commands.as_array_mut().unwrap().push(far);
+    let path = own.write("stencil");
+    let capture = Capture::open(&path, &Limits::default()).unwrap();
+    let found = check(&capture, gpu()).unwrap();
+    assert_eq!(found.frames[0].differ, 0, "{:?}", found.left_out);
+    for (pass, is_whole) in [(1, false), (2, true)] {
+        let choice = Choice {
+            pass: Some(pass),
+            ..Choice::default()
+        };
+        let scene = capture::scene(&capture, choice, Some(gpu())).unwrap();
+        let drawn = render(gpu(), &scene);
+        let picture = &drawn.colors[0].as_ref().unwrap().bytes;
+        // The first pass draws the dark middle alone, and nothing without its clear value.
+        let middle = (SIZE / 2 * SIZE + SIZE / 2) as usize * 4;
+        assert_eq!(picture[middle..middle + 4], [0, 0, 0, 255], "pass {pass}");
+        assert_eq!(*picture == found.pictures[0].bytes, is_whole, "pass {pass}");
+    }
+    fs::remove_dir_all(path).unwrap();
+}

@@ -36,7 +36,7 @@ fn a_broken_capture_is_an_error_that_names_the_place() {
         (
             "/frames/0/commands/2/commands/0/pipeline",
             json!(7),
-            "there is no render pipeline 7, only 2",
+            "there is no render pipeline 7: the last is 1",
         ),
         (
             "/frames/0/commands/2/commands/0/do",
@@ -51,12 +51,12 @@ fn a_broken_capture_is_an_error_that_names_the_place() {
         (
             "/bindGroups/0/entries/0/buffer",
             json!(5),
-            "there is no buffer 5, only 2",
+            "there is no buffer 5: the last is 1",
         ),
         (
             "/bindGroups/1/entries/0/texture",
             json!(5),
-            "there is no texture 5, only 3",
+            "there is no texture 5: the last is 2",
         ),
         (
             "/textures/1/size",
