@@ -13,6 +13,7 @@ use super::Error;
 use super::file::{self, Cull, RenderPipeline, ShaderLanguage};
 use super::folder::{Capture, get};
 use super::points;
+use super::webgl;
 use crate::front::{self, Source};
 use crate::scene::Material;
 
@@ -82,10 +83,13 @@ pub(super) fn read(
                 is_sized = is_points && points::are_sized(&text);
             }
             text = match (is_sized, ending) {
-                (true, "vert") => points::vertex(&text),
-                (true, _) => points::fragment(&text),
+                (true, "vert") => points::vertex(&text, rows),
+                (true, _) => points::fragment(&text, rows),
                 (false, _) => text,
             };
+            if ending == "vert" && text.contains(webgl::DRAW_ID) {
+                text = webgl::with_draw_id(&text);
+            }
             if rows == Rows::FromBottom && ending == "vert" {
                 let negated = "gl_Position.y = -gl_Position.y;";
                 text = points::after_main(&text, "preshade_upright_main", negated);
