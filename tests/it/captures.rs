@@ -6,7 +6,7 @@ use preshade::unstable::capture::{self, Capture, Choice, Kind};
 use preshade::unstable::limits::Limits;
 use serde_json::json;
 
-use crate::capture_support::{folder, name};
+use crate::capture_support::{folder, name, point};
 
 #[test]
 fn a_broken_capture_is_an_error_that_names_the_place() {
@@ -107,5 +107,17 @@ fn passes_are_told_apart_by_what_reads_them() {
         .map(|b| f32::from_le_bytes(*b))
         .collect();
     assert_eq!(near, [0.5, 0.5, 0.25, 0.0]);
+    fs::remove_dir_all(path).unwrap();
+}
+
+#[test]
+fn a_frame_of_webgl_is_a_scene_of_its_programs() {
+    let path = point().write("webgl");
+    let capture = Capture::open(&path, &Limits::default()).unwrap();
+    let passes = capture::passes(&capture, 0).unwrap();
+    assert_eq!((passes.len(), passes[0].draws[0].named), (1, Some(0)));
+    // The point is a square, and the number of the draw a uniform.
+    let scene = capture::scene(&capture, Choice::default(), None).unwrap();
+    assert_eq!((scene.materials.len(), scene.draws.len()), (1, 1));
     fs::remove_dir_all(path).unwrap();
 }
