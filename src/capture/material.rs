@@ -14,6 +14,7 @@ use super::Error;
 use super::file::{self, Cull, RenderPipeline, ShaderLanguage};
 use super::folder::{Capture, get};
 use super::points;
+use super::webgl;
 use crate::front::{self, ROW_NOTES, Source};
 use crate::scene::{Material, Rows};
 
@@ -31,6 +32,27 @@ impl From<Error> for Left {
     }
 }
 
+/// What a program is read for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Reader {
+    /// Its text: it is as the author wrote it.
+    Author,
+    /// A scene, which draws it at any size.
+    Scene,
+    /// The replay, which draws it at the frame's size, to the bit.
+    Replay,
+}
+
+impl Reader {
+    /// The order of rows in what is drawn. With the rows of WebGL, positions have their y negated.
+    pub(super) fn rows(self, capture: &Capture) -> Rows {
+        match self != Self::Author && capture.file.source.api.is_webgl() {
+            true => Rows::FromBottom,
+            false => Rows::FromTop,
+        }
+    }
+}
+
 /// The same name in another list of WebGPU's names.
 pub(super) fn same<T: DeserializeOwned>(of: impl Serialize) -> Result<T, String> {
     let text = serde_json::to_value(of).map_err(|e| e.to_string())?;
@@ -38,13 +60,14 @@ pub(super) fn same<T: DeserializeOwned>(of: impl Serialize) -> Result<T, String>
     serde_json::from_value(text).map_err(|_| format!("preshade has no {shown}"))
 }
 
-/// The material of a pipeline. If its target's first row is the bottom one, positions have their y negated.
+/// The material of a pipeline.
 pub(super) fn read(
     capture: &Capture,
     of: &RenderPipeline,
     name: &str,
-    rows: Rows,
+    reader: Reader,
 ) -> Result<Material, Left> {
+    let rows = reader.rows(capture);
     let vertex = &of.vertex.stage;
     let fragment = of.fragment.as_ref().map(|f| &f.stage);
     let mut constants = vertex.constants.clone();
@@ -86,10 +109,13 @@ pub(super) fn read(
                 }
             }
             text = match (is_sized, ending) {
-                (true, "vert") => points::vertex(&text),
-                (true, _) => points::fragment(&text),
+                (true, "vert") => points::vertex(&text, reader),
+                (true, _) => points::fragment(&text, reader),
                 (false, _) => text,
             };
+            if ending == "vert" && text.contains(webgl::DRAW_ID) {
+                text = webgl::with_draw_id(&text);
+            }
             if rows == Rows::FromBottom && ending == "vert" {
                 let negated = "gl_Position.y = -gl_Position.y;";
                 text = points::after_main(&text, "preshade_upright_main", negated);

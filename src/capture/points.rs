@@ -1,10 +1,18 @@
 //! WebGL's points as squares of two triangles: WebGPU's points are one pixel large and have no coordinate.
 
+use super::material::Reader;
 use super::webgl::CORNER;
 use crate::scene::bind::{Data, VertexAttribute, VertexBuffer};
 
-/// The coordinate in the point, in place of `gl_PointCoord`.
+/// Where a fragment is in its point: its coordinate, or what [`EXACT`] takes.
 const AT: &str = "preshade_point";
+/// `gl_PointCoord` as SwiftShader computes it, from the point's centre on a grid of sixteenths of a pixel and from one
+/// over its size. In the replay the first row is the bottom one, and the coordinate's first is the top one.
+const EXACT: &str = "#define preshade_from_top (0.5 + preshade_point.z * ((gl_FragCoord.xy - 0.5) - preshade_point.xy))
+#define preshade_coord vec2(preshade_from_top.x, 0.5 - (preshade_from_top.y - 0.5))
+";
+/// The viewport's origin, in pixels: an input of the vertex stage in the replay.
+pub(super) const ORIGIN: &str = "preshade_origin";
 const CORNERS: [[f32; 2]; 6] = [
     [-1.0, -1.0],
     [1.0, -1.0],
@@ -20,25 +28,54 @@ pub(super) fn are_sized(vertex: &str) -> bool {
 }
 
 /// A vertex stage that moves each position to a corner of its point.
-pub(super) fn vertex(text: &str) -> String {
+pub(super) fn vertex(text: &str, reader: Reader) -> String {
     let [input, output] = match is_300(text) {
         true => ["in", "out"],
         false => ["attribute", "varying"],
     };
-    let declared = format!("{input} highp vec3 {CORNER}; {output} highp vec2 {AT};\n");
+    let flat = flat(text);
+    let declared = match reader {
+        Reader::Author | Reader::Scene => {
+            format!("{input} highp vec3 {CORNER}; {output} highp vec2 {AT};\n")
+        }
+        Reader::Replay => format!(
+            "{input} highp vec3 {CORNER}; {input} highp vec2 {ORIGIN}; {flat}{output} highp vec3 {AT};\n"
+        ),
+    };
     let text = text.replace("gl_VertexID", &format!("int({CORNER}.z)"));
-    let moved = format!(
-        "gl_Position.xy += {CORNER}.xy * max(gl_PointSize, 1.0) * gl_Position.w; \
-         {AT} = vec2(0.5) + vec2(0.5, -0.5) * sign({CORNER}.xy);"
-    );
+    let at = match reader {
+        Reader::Author | Reader::Scene => {
+            format!("{AT} = vec2(0.5) + vec2(0.5, -0.5) * sign({CORNER}.xy);")
+        }
+        Reader::Replay => format!(
+            "highp vec2 sixteenths = floor(1.0 / abs({CORNER}.xy) + 0.5) * 8.0; {AT}.xy = {ORIGIN} + \
+             floor((sixteenths - 8.0) + (gl_Position.xy * (1.0 / gl_Position.w)) * sixteenths + 0.5) / 16.0; \
+             {AT}.z = 1.0 / max(gl_PointSize, 1.0);"
+        ),
+    };
+    // In this order, too, as SwiftShader does it.
+    let moved =
+        format!("{at} gl_Position.xy += (max(gl_PointSize, 1.0) * gl_Position.w) * {CORNER}.xy;");
     after_main(&declare(&text, &declared), "preshade_point_main", &moved)
 }
 
 /// A fragment stage that reads the coordinate from [`vertex`].
-pub(super) fn fragment(text: &str) -> String {
+pub(super) fn fragment(text: &str, reader: Reader) -> String {
     let input = if is_300(text) { "in" } else { "varying" };
-    let declared = format!("{input} highp vec2 {AT};\n");
-    declare(&text.replace("gl_PointCoord", AT), &declared)
+    let (declared, coordinate) = match reader {
+        Reader::Author | Reader::Scene => (format!("{input} highp vec2 {AT};\n"), AT),
+        Reader::Replay => {
+            let flat = flat(text);
+            let declared = format!("{EXACT}{flat}{input} highp vec3 {AT};\n");
+            (declared, "preshade_coord")
+        }
+    };
+    declare(&text.replace("gl_PointCoord", coordinate), &declared)
+}
+
+/// The whole point has one value. WebGL 1 has no word for it, and interpolates equal ones.
+fn flat(text: &str) -> &'static str {
+    if is_300(text) { "flat " } else { "" }
 }
 
 fn is_300(text: &str) -> bool {
@@ -46,7 +83,7 @@ fn is_300(text: &str) -> bool {
 }
 
 /// Puts a declaration after `#version`.
-fn declare(text: &str, declared: &str) -> String {
+pub(super) fn declare(text: &str, declared: &str) -> String {
     let start = text.len() - text.trim_start().len();
     let end = match text[start..].starts_with("#version") {
         true => text[start..]
@@ -75,38 +112,53 @@ pub(super) fn after_main(text: &str, own: &str, more: &str) -> String {
     out
 }
 
-/// The vertices of points: six of each of `numbers`, with the corner at `location` as three floats: x and
-/// y over the viewport's size in pixels, and the point's number.
+/// What the vertex stage of points reads beside the author's attributes.
+pub(super) struct Corners {
+    /// The location of the corner: three floats, x and y over the viewport's size in pixels, and the point's number.
+    pub(super) corner: u32,
+    /// The location of [`ORIGIN`], where the stage reads it.
+    pub(super) origin: Option<u32>,
+    /// The viewport: x, y, width, height.
+    pub(super) viewport: [f32; 4],
+}
+
+/// The vertices of points: six of each of `numbers`.
 pub(super) fn spread(
     points: Option<VertexBuffer>,
     numbers: &[u32],
-    [width, height]: [f32; 2],
-    location: u32,
+    corners: &Corners,
 ) -> VertexBuffer {
+    let [left, bottom, width, height] = corners.viewport;
     let (stride, mut attributes, data) = match &points {
         Some(p) => (p.stride as usize, p.attributes.clone(), &p.data.bytes[..]),
         None => (0, Vec::new(), &[][..]),
     };
     attributes.push(VertexAttribute {
-        location,
+        location: corners.corner,
         format: wgpu::VertexFormat::Float32x3,
         offset: stride as u64,
         is_invented: true,
     });
+    attributes.extend(corners.origin.map(|location| VertexAttribute {
+        location,
+        format: wgpu::VertexFormat::Float32x2,
+        offset: stride as u64 + 12,
+        is_invented: true,
+    }));
     let zero = vec![0; stride];
-    let mut bytes = Vec::with_capacity(numbers.len() * CORNERS.len() * (stride + 12));
+    let mut bytes = Vec::with_capacity(numbers.len() * CORNERS.len() * (stride + 20));
     for number in numbers {
         let from = *number as usize * stride;
         let own = data.get(from..from + stride).unwrap_or(&zero);
         for [x, y] in CORNERS {
             bytes.extend_from_slice(own);
-            for n in [x / width, y / height, *number as f32] {
+            for n in [x / width, y / height, *number as f32, left, bottom] {
                 bytes.extend_from_slice(&n.to_le_bytes());
             }
         }
     }
     VertexBuffer {
-        stride: stride as u64 + 12,
+        stride: stride as u64 + 20,
         step: wgpu::VertexStepMode::Vertex,
         attributes,
         data: Data::new(bytes),

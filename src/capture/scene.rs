@@ -11,7 +11,7 @@ use preshade_passes::state::{DepthDirection, DepthFormat};
 use super::contents::{Contents, cut};
 use super::file::{self, Load, RenderPipeline, Resource, View};
 use super::folder::{Capture, get};
-use super::material::{self, Left};
+use super::material::{self, Left, Reader};
 use super::pass::{self, Kind, Part, Pass, PassDraw, passes};
 use super::replay::{Replay, Until};
 use super::share::{Share, shares};
@@ -22,7 +22,7 @@ use crate::scene::bind::{
     TextureContent, VertexAttribute, VertexBuffer,
 };
 use crate::scene::{
-    Camera, Draw, DrawOrder, DrawRange, Frame, Image, Initial, Light, Material, Mesh, Rows, Scene,
+    Camera, Draw, DrawOrder, DrawRange, Frame, Image, Initial, Light, Material, Mesh, Scene,
 };
 
 /// Materials whose part of the frame's time is measured: each takes some replays of the frame.
@@ -270,7 +270,7 @@ impl<'c> Maker<'c> {
             is_made_up: false,
             own_size: None,
             initial: target.initial,
-            rows: self.rows(),
+            rows: self.reader().rows(capture),
             notes: Vec::new(),
         })
     }
@@ -495,7 +495,7 @@ impl<'c> Maker<'c> {
             return Ok(*known);
         }
         let name = self.name(of, draw.pipeline);
-        let found = match material::read(self.capture, of, &name, self.rows()) {
+        let found = match material::read(self.capture, of, &name, self.reader()) {
             Ok(mut material) => {
                 if let Some(stencil) = &mut material.state.stencil {
                     stencil.reference = key.1;
@@ -672,12 +672,12 @@ impl<'c> Maker<'c> {
         })
     }
 
-    /// The order of rows. A scene that is drawn has WebGL's own, since programs may depend on it. The programs of one
-    /// that is only read are as the author wrote them.
-    fn rows(&self) -> Rows {
-        match self.capture.file.source.api.is_webgl() && self.gpu.is_some() {
-            true => Rows::FromBottom,
-            false => Rows::FromTop,
+    /// A scene that is drawn has WebGL's rows, since programs may depend on them. One that is only read has the
+    /// author's programs.
+    fn reader(&self) -> Reader {
+        match self.gpu {
+            Some(_) => Reader::Scene,
+            None => Reader::Author,
         }
     }
 

@@ -163,10 +163,14 @@ pub(super) fn interleaved(
     let named = draw.named.and_then(|n| capture.file.named.get(n));
     let mut steps: [Vec<Source<'_>>; 2] = Default::default();
     let constants = constants(named);
-    let mut corner = None;
+    let (mut corner, mut origin) = (None, None);
     for input in attributes(material) {
         if input.name == CORNER {
             corner = Some(input.location);
+            continue;
+        }
+        if input.name == points::ORIGIN {
+            origin = Some(input.location);
             continue;
         }
         let (found, step) = match placed(pipeline, &input, draw, &contents) {
@@ -198,14 +202,14 @@ pub(super) fn interleaved(
     match (corner, draw.viewport) {
         (None, _) => made.extend(by_vertex),
         (Some(_), None) => return Err(Left::Out("points without a viewport".to_owned())),
-        (Some(location), Some([_, _, width, height, ..])) => {
+        (Some(corner), Some([x, y, width, height, ..])) => {
             let numbers = numbers(draw, draw.call, part)?;
-            made.push(points::spread(
-                by_vertex,
-                &numbers,
-                [width, height],
-                location,
-            ));
+            let corners = points::Corners {
+                corner,
+                origin,
+                viewport: [x, y, width, height],
+            };
+            made.push(points::spread(by_vertex, &numbers, &corners));
         }
     }
     let count = Some(last as usize);
@@ -219,6 +223,23 @@ pub(super) fn interleaved(
 
 /// The input of a vertex stage that draws points as squares: which corner the vertex is.
 pub(super) const CORNER: &str = "preshade_corner";
+
+/// The built-in number of a draw of `WEBGL_multi_draw`: each is a draw of its own in a capture, and the number a
+/// uniform of that name.
+pub(super) const DRAW_ID: &str = "gl_DrawID";
+/// A program may not declare a name that begins with `gl_`.
+const OWN_DRAW_ID: &str = "preshade_draw_id";
+const MULTI_DRAW: &str = "GL_ANGLE_multi_draw";
+
+/// A vertex stage that reads the number of its draw from a uniform.
+pub(super) fn with_draw_id(text: &str) -> String {
+    let is_directive = |line: &&str| line.starts_with("#extension") && line.contains(MULTI_DRAW);
+    let lines: Vec<&str> = text.lines().filter(|line| !is_directive(line)).collect();
+    let text = lines.join("\n").replace(DRAW_ID, OWN_DRAW_ID);
+    let text = text.replace(MULTI_DRAW, "preshade_multi_draw");
+    let declared = format!("#define preshade_multi_draw 1\nuniform highp int {OWN_DRAW_ID};\n");
+    points::declare(&text, &declared)
+}
 
 /// Whether a program draws points as squares.
 pub(super) fn is_points(material: &Material) -> bool {
@@ -635,8 +656,9 @@ fn sampled<'n>(named: &'n Named, path: &str) -> Option<&'n SampledTexture> {
 fn loose(material: &Material, used: &BindingUse, named: &Named) -> Result<Data, Left> {
     let declared = &material.program.declared().uniforms;
     bind::filled(material, used, &|path, index, count| {
-        // The IR may have a vector of four in place of an array's element.
-        let count = plain(declared, path).and_then(components).unwrap_or(count);
+        // The IR may have a vector of four in place of an array's element, or of a column of two rows.
+        let count = plain(declared, path).and_then(stored).unwrap_or(count);
+        let path = if path == OWN_DRAW_ID { DRAW_ID } else { path };
         if let Some(own) = named.uniforms.get(path)
             && !path.ends_with(']')
         {
@@ -664,8 +686,9 @@ fn plain<'d>(declared: &'d [Declaration], path: &str) -> Option<&'d str> {
     }
 }
 
-/// The numbers of a GLSL type.
-fn components(ty: &str) -> Option<usize> {
+/// The numbers of a GLSL type that are together in a block: all, or those of a column of two rows, each of which takes
+/// the room of four.
+fn stored(ty: &str) -> Option<usize> {
     let number = |c: char| c.to_digit(10).map(|n| n as usize);
     let mut digits = ty.chars().filter_map(number);
     match ty {
@@ -673,7 +696,10 @@ fn components(ty: &str) -> Option<usize> {
         _ if ty.contains("vec") => digits.next(),
         _ if ty.starts_with("mat") => {
             let columns = digits.next()?;
-            Some(columns * digits.next().unwrap_or(columns))
+            match digits.next().unwrap_or(columns) {
+                2 => Some(2),
+                rows => Some(columns * rows),
+            }
         }
         _ => None,
     }

@@ -8,7 +8,7 @@ use preshade::unstable::measure::{self, Session, Settings, Timed, TimingSettings
 use preshade::unstable::recipe::Recipe;
 use preshade::unstable::render::ShaderForm;
 
-use crate::capture_support::{SIZE, folder};
+use crate::capture_support::{SIZE, folder, point};
 use crate::render_support::{gpu, render};
 
 #[test]
@@ -156,5 +156,15 @@ fn a_pass_starts_from_the_stencil_that_the_frame_has() {
         assert_eq!(picture[middle..middle + 4], [0, 0, 0, 255], "pass {pass}");
         assert_eq!(*picture == found.pictures[0].bytes, is_whole, "pass {pass}");
     }
+    fs::remove_dir_all(path).unwrap();
+}
+
+#[test]
+fn a_point_of_webgl_has_its_coordinate_its_matrix_and_the_number_of_its_draw() {
+    let path = point().write("point");
+    let capture = Capture::open(&path, &Limits::default()).unwrap();
+    let found = check(&capture, gpu()).unwrap();
+    assert!(found.left_out.is_empty(), "{:?}", found.left_out);
+    assert_eq!(found.frames[0].differ, 0);
     fs::remove_dir_all(path).unwrap();
 }

@@ -7,7 +7,7 @@ use preshade::unstable::capture::{self, Capture, Choice, Kind};
 use preshade::unstable::limits::Limits;
 use serde_json::json;
 
-use crate::capture_support::{folder, name};
+use crate::capture_support::{folder, name, point};
 
 #[test]
 fn a_broken_capture_is_an_error_that_names_the_place() {
@@ -139,5 +139,15 @@ fn passes_are_told_apart_by_what_reads_them() {
         .map(|b| f32::from_le_bytes(*b))
         .collect();
     assert_eq!(near, [0.5, 0.5, 0.25, 0.0]);
+    fs::remove_dir_all(path).unwrap();
+}
+
+#[test]
+fn a_draw_of_webgl_has_resources_by_name() {
+    let path = point().write("webgl");
+    let capture = Capture::open(&path, &Limits::default()).unwrap();
+    let passes = capture::passes(&capture, 0).unwrap();
+    let found: Vec<_> = passes.iter().map(|p| (p.kind, p.draws[0].named)).collect();
+    assert_eq!(found, [(Kind::FullScreen, Some(0))]);
     fs::remove_dir_all(path).unwrap();
 }

@@ -180,6 +180,83 @@ pub fn folder() -> Folder {
     Folder { file, data }
 }
 
+const POINT: [&str; 2] = [
+    "#version 300 es
+#extension GL_ANGLE_multi_draw : require
+uniform mat2 turn; in vec2 at; out float blue;
+void main() {
+    gl_Position = vec4(at, 0.0, 1.0);
+    gl_PointSize = 8.0;
+    blue = (turn * vec2(0.0, 1.0)).y * float(gl_DrawID);
+}",
+    "#version 300 es
+precision highp float; in float blue; out vec4 color;
+void main() { color = vec4(step(gl_PointCoord, vec2(0.5)), blue, 1.0); }",
+];
+
+/// A frame of WebGL: one point of eight pixels in the middle, in the second draw of a `multiDraw`.
+pub fn point() -> Folder {
+    let picture = (0..SIZE * SIZE).flat_map(|i| {
+        let [x, y] = [i % SIZE, i / SIZE];
+        let is_in = |n: u32| (SIZE / 2 - 4..SIZE / 2 + 4).contains(&n);
+        let first = |n: u32| if n < SIZE / 2 { 255 } else { 0 };
+        match is_in(x) && is_in(y) {
+            true => [first(x), first(y), 153, 255],
+            false => [0, 0, 0, 255],
+        }
+    });
+    let data = vec![
+        floats(&[0.0, 0.0]),
+        POINT[0].as_bytes().to_vec(),
+        POINT[1].as_bytes().to_vec(),
+        picture.collect(),
+    ];
+    let shader = |index| json!({ "data": name(index), "language": "glsl-es-300" });
+    let file = json!({
+        "schema": "preshade.frames.v1",
+        "source": { "api": "webgl2", "writer": "a test" },
+        "buffers": [{ "size": 8, "usage": 32 }],
+        "textures": [{ "size": [SIZE, SIZE, 1], "format": "rgba8unorm", "usage": 16 }],
+        "shaders": [shader(1), shader(2)],
+        "renderPipelines": [{
+            "layout": "auto",
+            "vertex": { "module": 0, "entryPoint": "main", "buffers": [{
+                "arrayStride": 8,
+                "attributes": [{ "format": "float32x2", "offset": 0, "name": "at" }],
+            }] },
+            "fragment": {
+                "module": 1,
+                "entryPoint": "main",
+                "targets": [{ "format": "rgba8unorm" }],
+            },
+            "primitive": { "topology": "point-list" },
+        }],
+        "named": [{ "uniforms": { "turn": [1, 0, 0.2, 0.6], "gl_DrawID": [1] } }],
+        "start": { "buffers": [{ "buffer": 0, "data": name(0) }] },
+        "frames": [{
+            "size": [SIZE, SIZE],
+            "canvas": 0,
+            "commands": [{
+                "do": "renderPass",
+                "descriptor": { "colorAttachments": [{
+                    "view": { "texture": 0 },
+                    "loadOp": "clear",
+                    "clearValue": [0, 0, 0, 1],
+                }] },
+                "commands": [
+                    { "do": "setPipeline", "pipeline": 0 },
+                    { "do": "setNamed", "named": 0 },
+                    { "do": "setVertexBuffer", "slot": 0, "buffer": 0 },
+                    { "do": "setViewport", "x": 0, "y": 0, "width": SIZE, "height": SIZE },
+                    { "do": "draw", "vertexCount": 1 },
+                ],
+            }],
+            "picture": { "data": name(3), "format": "rgba8unorm", "size": [SIZE, SIZE] },
+        }],
+    });
+    Folder { file, data }
+}
+
 impl Folder {
     /// Writes the folder below the system's temporary one. `called` tells tests apart.
     pub fn write(&self, called: &str) -> PathBuf {

@@ -37,6 +37,7 @@ Object.assign(GlTaking.prototype, {
         const instanced = name.includes('Instanced');
         const count = rest[rest.length - 1];
         for (let i = 0; i < count; i++) {
+            this.drawId = i;
             if (elements) {
                 const instances = instanced ? rest[5][rest[6] + i] : 1;
                 const [size, offset] = [rest[0][rest[1] + i], rest[3][rest[4] + i]];
@@ -47,6 +48,7 @@ Object.assign(GlTaking.prototype, {
                 this.draw('drawArraysInstanced', [mode, first, rest[2][rest[3] + i], instances]);
             }
         }
+        this.drawId = 0;
     },
 
     /** Vertex buffers in order of location, and constants of attributes without an array. */
@@ -130,6 +132,7 @@ Object.assign(GlTaking.prototype, {
         for (const { name, type, values } of info.uniforms.values()) {
             if (!SAMPLER_TARGETS[type]) entry.uniforms[name] = values.map(finite);
         }
+        if (info.sources.vertex?.includes('gl_DrawID')) entry.uniforms.gl_DrawID = [this.drawId];
         for (const { name, index } of info.blocks) entry.blocks[name] = this.block(index, used);
         const active = this.own.getParameter(GL.ACTIVE_TEXTURE);
         for (const { name, type, values } of info.samplers) {

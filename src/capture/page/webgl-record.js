@@ -12,6 +12,8 @@ class GlTaking {
         this.anisotropic = this.own.getExtension('EXT_texture_filter_anisotropic');
         this.drawBuffersExtension = this.two ? null : this.own.getExtension('WEBGL_draw_buffers');
         this.passId = 0;
+        /** Which draw of a `multiDraw` is under way. */
+        this.drawId = 0;
         this.noted = new Set();
         /** Pointers by vertex array, as far as they were asked. */
         this.arrays = new Map();

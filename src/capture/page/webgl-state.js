@@ -157,8 +157,8 @@ function depthState(state, format) {
     }
     if (state.bias) {
         const [units] = state.bias;
-        made.depthBias = Math.round(units);
-        // WebGPU's bias is whole.
+        // WebGPU's bias is whole, and WebGPU cuts what a page gives it.
+        made.depthBias = Math.trunc(units);
         if (made.depthBias !== units) made.depthBiasUnits = units;
         made.depthBiasSlopeScale = state.bias[1];
     }

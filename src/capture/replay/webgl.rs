@@ -14,12 +14,12 @@ use crate::capture::Error;
 use crate::capture::contents::cut;
 use crate::capture::file::RenderPipeline;
 use crate::capture::folder::get;
-use crate::capture::material::{self, Left};
+use crate::capture::material::{self, Left, Reader};
 use crate::capture::pass::{Part, PassDraw};
 use crate::capture::webgl::{self, Given};
 use crate::render::binding_type;
+use crate::scene::Material;
 use crate::scene::bind::{Data, Indices, VertexBuffer};
-use crate::scene::{Material, Rows};
 
 /// What was made of WebGL's objects so far.
 #[derive(Default)]
@@ -116,7 +116,7 @@ impl Replay<'_> {
             return known.clone().map_err(Left::Out);
         }
         let name = format!("pipeline-{index}");
-        let made = material::read(self.capture, pipeline, &name, Rows::FromBottom);
+        let made = material::read(self.capture, pipeline, &name, Reader::Replay);
         let made = made.and_then(|material| {
             let module = material.program.module().clone();
             let module = self.gpu.checked(&name, || {

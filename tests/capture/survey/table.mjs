@@ -10,6 +10,12 @@ export function placed(report, name, text) {
 
 const WORDS = { 0: 'holds', 1: 'broken', 2: 'error', 3: 'not measured' };
 
+/** What `verify` says. Most that is not measured is refused by every material: blended, or without depth. */
+function verdict({ status, why = '' }) {
+    const isRefused = status === 3 && why.includes('every material refuses it');
+    return isRefused && !/not measured: (?!every material refuses it)/.test(why) ? 'all refuse' : (WORDS[status] ?? 'ended');
+}
+
 export function isWhole({ error, refused, swiftshader }) {
     const differs = swiftshader?.differ?.some(Boolean) ?? true;
     return !error && !refused.length && !swiftshader.left?.length && !differs;
@@ -27,7 +33,7 @@ export function table(rows) {
         const differ = ours.error ? 'not replayed' : String(Math.max(...ours.differ));
         const more = llvmpipe.error ? 'not replayed' : String(Math.max(...llvmpipe.more));
         const named = [...new Set([...left, ...(ours.error ? [cell(ours.error)] : [])])].slice(0, 2).join('; ');
-        const cells = [`\`${page}\``, title, api, draws, differ, ours.error ? '' : ours.most, more, named, WORDS[verify.status] ?? 'ended'];
+        const cells = [`\`${page}\``, title, api, draws, differ, ours.error ? '' : ours.most, more, named, verdict(verify)];
         return `| ${cells.join(' | ')} |\n`;
     });
     return `

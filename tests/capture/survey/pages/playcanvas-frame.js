@@ -43,10 +43,10 @@ const shapes = ['sphere', 'box', 'cone', 'capsule', 'cylinder', 'torus'].map((ty
         { at: [Math.cos(i) * 2.2, 0.8, Math.sin(i) * 2.2] },
     ),
 );
-add('light', { type: 'directional', castShadows: true, shadowResolution: 512, shadowDistance: 20, numCascades: 2 }, { turn: [50, 30, 0] });
+add('light', { type: 'directional', castShadows: true, shadowResolution: 512, shadowDistance: 20, numCascades: 2, shadowBias: 0.2, normalOffsetBias: 0.05 }, { turn: [50, 30, 0] });
 for (let i = 0; i < 6; i++) {
     const color = new pc.Color(i % 2, 0.6, 1 - (i % 2));
-    add('light', { type: i % 2 ? 'omni' : 'spot', color, range: 6, intensity: 2, castShadows: i < 2 }, { at: [Math.sin(i) * 3, 2.5, Math.cos(i) * 3] });
+    add('light', { type: i % 2 ? 'omni' : 'spot', color, range: 6, intensity: 2, castShadows: i < 2, shadowBias: 0.2, normalOffsetBias: 0.05 }, { at: [Math.sin(i) * 3, 2.5, Math.cos(i) * 3] });
 }
 const eye = add('camera', { clearColor: new pc.Color(0.1, 0.12, 0.2), farClip: 60 }, { at: [4, 3.5, 6] });
 eye.lookAt(0, 0.6, 0);

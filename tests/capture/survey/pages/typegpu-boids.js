@@ -11,17 +11,14 @@ context.configure({ device: root.device, format, alphaMode: 'premultiplied' });
 const next = random(2);
 const COUNT = 300;
 const Boid = d.struct({ at: d.vec2f, speed: d.vec2f });
-const boids = root
-    .createBuffer(
-        d.arrayOf(Boid, COUNT),
-        Array.from({ length: COUNT }, () => ({ at: d.vec2f(next() * 2 - 1, next() * 2 - 1), speed: d.vec2f(next() - 0.5, next() - 0.5) })),
-    )
-    .$usage('storage', 'vertex');
-const buffer = root.unwrap(boids);
+const start = Array.from({ length: COUNT }, () => ({ at: d.vec2f(next() * 2 - 1, next() * 2 - 1), speed: d.vec2f(next() - 0.5, next() - 0.5) }));
+// Two, in turns: in one alone, the order of the threads would decide what each reads.
+const buffers = [0, 1].map(() => root.unwrap(root.createBuffer(d.arrayOf(Boid, COUNT), start).$usage('storage', 'vertex')));
 const module = root.device.createShaderModule({
     code: tgpu.resolve({
         template: `
-@group(0) @binding(0) var<storage, read_write> boids: array<Boid>;
+@group(0) @binding(0) var<storage> boids: array<Boid>;
+@group(0) @binding(1) var<storage, read_write> moved: array<Boid>;
 @compute @workgroup_size(64) fn advance(@builtin(global_invocation_id) id: vec3u) {
     if (id.x >= arrayLength(&boids)) { return; }
     var boid = boids[id.x];
@@ -33,7 +30,7 @@ const module = root.device.createShaderModule({
     boid.speed = normalize(boid.speed + vec2f(1e-5)) * 0.4;
     boid.at += boid.speed * 0.01;
     boid.at -= trunc(boid.at) * 2.0;
-    boids[id.x] = boid;
+    moved[id.x] = boid;
 }
 struct Out { @builtin(position) position: vec4f, @location(0) color: vec3f }
 @vertex fn corner(@builtin(vertex_index) i: u32, @location(0) at: vec2f, @location(1) speed: vec2f) -> Out {
@@ -53,19 +50,24 @@ const render = root.device.createRenderPipeline({
     vertex: { module, buffers: [{ arrayStride: 16, stepMode: 'instance', attributes: [attribute(0, 0), attribute(1, 8)] }] },
     fragment: { module, targets: [{ format }] },
 });
-const group = root.device.createBindGroup({ layout: compute.getBindGroupLayout(0), entries: [{ binding: 0, resource: { buffer } }] });
+const groups = [0, 1].map((from) => {
+    const entries = [from, 1 - from].map((i, binding) => ({ binding, resource: { buffer: buffers[i] } }));
+    return root.device.createBindGroup({ layout: compute.getBindGroupLayout(0), entries });
+});
+let from = 0;
 loaded();
 loop(() => {
     const encoder = root.device.createCommandEncoder();
     const moving = encoder.beginComputePass();
     moving.setPipeline(compute);
-    moving.setBindGroup(0, group);
+    moving.setBindGroup(0, groups[from]);
+    from = 1 - from;
     moving.dispatchWorkgroups(Math.ceil(COUNT / 64));
     moving.end();
     const view = context.getCurrentTexture().createView();
     const pass = encoder.beginRenderPass({ colorAttachments: [{ view, loadOp: 'clear', storeOp: 'store', clearValue: [0.05, 0.05, 0.1, 1] }] });
     pass.setPipeline(render);
-    pass.setVertexBuffer(0, buffer);
+    pass.setVertexBuffer(0, buffers[from]);
     pass.draw(3, COUNT);
     pass.end();
     root.device.queue.submit([encoder.finish()]);
