@@ -266,7 +266,7 @@ impl Color {
 }
 
 /// A `GPUSamplerDescriptor`.
-#[derive(Clone, Debug, Deserialize, Serialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(rename_all = "camelCase", default)]
 #[allow(missing_docs)]
 pub struct Sampler {

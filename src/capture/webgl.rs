@@ -8,9 +8,10 @@ use preshade_passes::declared::{Declaration, Type};
 use preshade_passes::plan::{BindingKind, BindingLayout, BindingUse};
 use preshade_passes::reflect;
 
+use super::Error;
 use super::file::{
-    Api, AttributeFormat, BufferRange, IndexFormat, Named, Packed, RenderPipeline, SampledTexture,
-    Topology,
+    self, Api, AttributeFormat, BufferRange, IndexFormat, Named, Packed, RenderPipeline,
+    SampledTexture, Topology,
 };
 use super::folder::{Capture, get};
 use super::material::Left;
@@ -119,18 +120,39 @@ impl Maker<'_> {
                     bound.1.push(self.texture(&found.texture, place, used)?);
                 }
                 Given::Sampler(found) => {
-                    let all = &self.capture.file.samplers;
-                    let of = get(all, found.sampler, "sampler", "a draw")?;
+                    let of = sampler_of(self.capture, found, "a draw")?;
                     bound.2.push(SamplerBinding {
                         group: used.group,
                         binding: used.binding,
-                        sampler: texels::sampler(of),
+                        sampler: texels::sampler(&of),
                     });
                 }
             }
         }
         Ok(bound)
     }
+}
+
+/// The sampler of a texture. WebGL 1 may filter depths that are read as numbers, and WebGPU does not.
+pub(super) fn sampler_of(
+    capture: &Capture,
+    found: &SampledTexture,
+    place: &str,
+) -> Result<file::Sampler, Error> {
+    let texture = get(
+        &capture.file.textures,
+        found.texture.texture,
+        "texture",
+        place,
+    )?;
+    let of = get(&capture.file.samplers, found.sampler, "sampler", place)?;
+    let mut of = of.clone();
+    if texture.format.has_depth_aspect() && of.compare.is_none() {
+        of.mag_filter = wgpu::FilterMode::Nearest;
+        of.min_filter = wgpu::FilterMode::Nearest;
+        of.mipmap_filter = wgpu::MipmapFilterMode::Nearest;
+    }
+    Ok(of)
 }
 
 /// The bytes of a part of a buffer.

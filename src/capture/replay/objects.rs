@@ -9,7 +9,7 @@ use crate::capture::Error;
 use crate::capture::contents::whole;
 use crate::capture::file::{
     BindGroup, Cull, DepthStencil, GroupLayout, IndexFormat, LayoutChoice, LayoutEntry,
-    RenderPipeline, Resource, ShaderLanguage, Stage, StencilFace, Texture, Topology, View,
+    RenderPipeline, Resource, Sampler, ShaderLanguage, Stage, StencilFace, Texture, Topology, View,
     ViewDescriptor,
 };
 use crate::capture::folder::get;
@@ -20,7 +20,7 @@ use crate::capture::texels;
 pub(super) struct Objects {
     buffers: BTreeMap<usize, wgpu::Buffer>,
     textures: BTreeMap<usize, wgpu::Texture>,
-    samplers: BTreeMap<usize, wgpu::Sampler>,
+    samplers: Vec<(Sampler, wgpu::Sampler)>,
     modules: BTreeMap<usize, wgpu::ShaderModule>,
     group_layouts: BTreeMap<usize, wgpu::BindGroupLayout>,
     pipeline_layouts: BTreeMap<usize, wgpu::PipelineLayout>,
@@ -171,16 +171,26 @@ impl Replay<'_> {
             .checked(place, || texture.create_view(&descriptor))?)
     }
 
-    pub(super) fn sampler(&mut self, index: usize, place: &str) -> Result<&wgpu::Sampler, Error> {
-        if !self.objects.samplers.contains_key(&index) {
-            let of = get(&self.capture.file.samplers, index, "sampler", place)?;
-            let descriptor = of.wgpu();
-            let made = self.gpu.checked(&format!("sampler {index}"), || {
-                self.gpu.device.create_sampler(&descriptor)
-            })?;
-            self.objects.samplers.insert(index, made);
+    pub(super) fn sampler(&mut self, index: usize, place: &str) -> Result<wgpu::Sampler, Error> {
+        let of = get(&self.capture.file.samplers, index, "sampler", place)?;
+        self.sampler_like(of, place)
+    }
+
+    /// A sampler; equal ones are one.
+    pub(super) fn sampler_like(
+        &mut self,
+        of: &Sampler,
+        place: &str,
+    ) -> Result<wgpu::Sampler, Error> {
+        let known = self.objects.samplers.iter().find(|(known, _)| known == of);
+        if let Some((_, known)) = known {
+            return Ok(known.clone());
         }
-        Ok(&self.objects.samplers[&index])
+        let descriptor = of.wgpu();
+        let create = || self.gpu.device.create_sampler(&descriptor);
+        let made = self.gpu.checked(place, create)?;
+        self.objects.samplers.push((of.clone(), made.clone()));
+        Ok(made)
     }
 
     fn module(&mut self, index: usize, place: &str) -> Result<wgpu::ShaderModule, Error> {

@@ -336,7 +336,10 @@ impl Replay<'_> {
                     Held::Buffer(self.held(&data, wgpu::BufferUsages::UNIFORM)?)
                 }
                 Given::Texture(found) => Held::View(self.sampled_view(found, place)?),
-                Given::Sampler(found) => Held::Sampler(self.sampler(found.sampler, place)?.clone()),
+                Given::Sampler(found) => {
+                    let of = webgl::sampler_of(self.capture, found, place)?;
+                    Held::Sampler(self.sampler_like(&of, place)?)
+                }
             };
             groups
                 .entry(used.group)
