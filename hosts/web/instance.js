@@ -15,6 +15,11 @@ export class Instance {
         this.#module = module;
     }
 
+    /** Bytes of its memory. */
+    get memory() {
+        return this.#exports?.memory.buffer.byteLength ?? 0;
+    }
+
     /** Answers a request: the compiler's answer, or `{ error }`. It never throws. */
     call(request) {
         try {

@@ -14,6 +14,11 @@ export class PreshadeSync {
         this.#options = options;
     }
 
+    /** Bytes of the compiler's memory. */
+    get memory() {
+        return this.#instance?.memory ?? 0;
+    }
+
     /** Answers a request as it is. */
     request(request) {
         this.#instance ??= new Instance(module(this.#options.wasm));
