@@ -1,6 +1,6 @@
 // What a user writes, for the type checker alone.
 
-/// <reference types="preshade/imports" />
+/// <reference path="../../imports.d.ts" />
 import { agree, explain, outputs, passes, Preshade, PreshadeError, rewrite, type Variant } from 'preshade';
 import { rewrite as rewriteSync } from 'preshade/sync';
 import preshade from 'preshade/vite';
