@@ -50,6 +50,9 @@ export default function preshade(options = {}) {
         name: 'preshade',
         enforce: 'pre',
 
+        /** A page that imports the compiler itself needs its worker and module as files of their own. */
+        config: () => ({ optimizeDeps: { exclude: ['preshade'] } }),
+
         configResolved(config) {
             root = config.root;
         },
