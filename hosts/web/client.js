@@ -68,16 +68,22 @@ function shader(sources, options) {
     return { shader: out, rest };
 }
 
+/** Passes, or a recipe; the steps of a plan say more than those of a recipe. */
+const recipe = (pass) =>
+    list(pass).map((step) =>
+        typeof step === 'string' ? step : { pass: step.pass, params: step.params, site: step.site },
+    );
+
 export const requests = {
     rewrite(sources, options = {}) {
         const { shader: of, rest } = shader(sources, options);
         const { pass, emit, ...more } = rest;
-        return { command: 'rewrite', shader: of, passes: list(pass), emit: list(emit), ...more };
+        return { command: 'rewrite', shader: of, passes: recipe(pass), emit: list(emit), ...more };
     },
     explain(sources, options = {}) {
         const { shader: of, rest } = shader(sources, options);
         const { pass, ...more } = rest;
-        return { command: 'explain', shader: of, passes: list(pass), ...more };
+        return { command: 'explain', shader: of, passes: recipe(pass), ...more };
     },
     outputs(sources, { write, parameters = {}, pass, ...options } = {}) {
         if (pass !== undefined) throw wrong('`outputs` is a pass itself: `rewrite` takes several');

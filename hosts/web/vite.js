@@ -43,6 +43,7 @@ export default function preshade(options = {}) {
     const { strict = false, compiler: given = {}, ...defaults } = options;
     let compiler;
     let root = process.cwd();
+    let server;
     /** The modules that a file is a part of. */
     const users = new Map();
 
@@ -102,6 +103,19 @@ export default function preshade(options = {}) {
             );
             code.push(`export default { ${Object.keys(exported).join(', ')} };`);
             return { code: code.join('\n'), map: { mappings: '' } };
+        },
+
+        configureServer(started) {
+            server = started;
+        },
+
+        /** A server without updates of modules makes the variant at the next request. */
+        watchChange(file) {
+            for (const { moduleGraph } of Object.values(server?.environments ?? {}))
+                for (const id of users.get(file) ?? []) {
+                    const module = moduleGraph.getModuleById(id);
+                    if (module) moduleGraph.invalidateModule(module);
+                }
         },
 
         /** An included file is a part of each module that was made of it. */

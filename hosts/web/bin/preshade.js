@@ -192,9 +192,11 @@ function write(folder, files, tells) {
     return written;
 }
 
-function failed(message, format) {
-    if (format === 'json')
-        process.stdout.write(`${JSON.stringify({ errors: [message], schema: 'preshade.error.v1' }, null, 2)}\n`);
+function failed(message, format, isOfMaterial = false) {
+    const report = isOfMaterial
+        ? { schema: 'preshade.rewrite.v1', materials: [], errors: [message] }
+        : { errors: [message], schema: 'preshade.error.v1' };
+    if (format === 'json') process.stdout.write(`${JSON.stringify(report, null, 2)}\n`);
     say(message);
     return 2;
 }
@@ -237,7 +239,8 @@ async function run(words) {
         const isOfAuthor = error instanceof Failure || error.name === 'PreshadeError';
         if (isOfAuthor || error.code?.startsWith('ERR_PARSE_ARGS')) {
             const message = error.rendered ?? error.message;
-            return failed(message.startsWith('error') ? message : `error: ${message}`, format);
+            const told = message.startsWith('error') ? message : `error: ${message}`;
+            return failed(told, format, error instanceof Failure && ['rewrite', 'outputs'].includes(command));
         }
         if (error.syscall) return failed(`error: ${error.message}`, format);
         throw error;

@@ -25,7 +25,7 @@ const bundle = (root, options) =>
         root,
         logLevel: 'silent',
         plugins: [preshade(options)],
-        build: { lib: { entry: 'main.js', formats: ['es'], fileName: 'out' }, minify: false },
+        build: { lib: { entry: 'main.js', formats: ['es'], fileName: () => 'out.mjs' }, minify: false },
     });
 
 const LEAF = read(FIXTURES, 'agree/leaf.wgsl');
@@ -42,7 +42,7 @@ test('each variant of a shader is a module', async (context) => {
             export { prepass, plan, shadow, phong };`,
     });
     await bundle(root, {});
-    const made = await import(pathToFileURL(join(root, 'dist/out.js')));
+    const made = await import(pathToFileURL(join(root, 'dist/out.mjs')));
     const leaf = [{ name: 'shaders/leaf.wgsl', text: LEAF }];
     const expected = rewrite(leaf, { pass: 'depth-prepass' });
     assert.deepEqual(made.plan, expected.plan);
@@ -69,7 +69,7 @@ test('errors have a file and a line, and refusals are errors where that is asked
     writeFileSync(join(root, 'broken.wgsl'), LEAF);
     await assert.rejects(bundle(root, { strict: true, blend: 'alpha' }), /blended/);
     await bundle(root, { blend: 'alpha' });
-    assert.match(readFileSync(join(root, 'dist/out.js'), 'utf8'), /blended/);
+    assert.match(readFileSync(join(root, 'dist/out.mjs'), 'utf8'), /blended/);
 });
 
 test('an edit of an included file makes the variant anew', async (context) => {
@@ -83,7 +83,7 @@ test('an edit of an included file makes the variant anew', async (context) => {
         root,
         logLevel: 'silent',
         plugins: [preshade({ emit: 'glsl-es' })],
-        server: { middlewareMode: true, ws: false, hmr: false },
+        server: { middlewareMode: true, ws: false },
         optimizeDeps: { noDiscovery: true },
     });
     context.after(() => server.close());

@@ -1,6 +1,7 @@
 //! Why there is no answer.
 
 use preshade::unstable::front::{self, Color};
+use preshade::unstable::limits::Exceeded;
 use preshade::unstable::passes::program::Location;
 use serde::Serialize;
 
@@ -32,6 +33,17 @@ impl Failure {
         }
     }
 
+    /// A file that is larger than allowed.
+    pub fn too_large(name: &str, exceeded: &Exceeded) -> Self {
+        Self {
+            code: front::Code::TooDeep.name(),
+            message: exceeded.to_string(),
+            place: None,
+            notes: vec![exceeded.remedy()],
+            rendered: format!("error: {name}: {exceeded}\n = {}", exceeded.remedy()),
+        }
+    }
+
     /// An error in a shader.
     pub fn front(error: &front::Error) -> Self {
         Self {
@@ -41,6 +53,11 @@ impl Failure {
             notes: error.notes().to_vec(),
             rendered: error.render(Color::Never).trim_end().to_owned(),
         }
+    }
+
+    /// The whole message.
+    pub fn rendered(&self) -> &str {
+        &self.rendered
     }
 
     /// The same, of a program that the message does not name.

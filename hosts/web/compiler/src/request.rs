@@ -8,7 +8,7 @@ use preshade::unstable::command::material::{
 };
 use preshade::unstable::command::rewrite::read_layouts;
 use preshade::unstable::front::{self, ClipSpace, Memory, Source};
-use preshade::unstable::limits::Limits;
+use preshade::unstable::limits::{Exceeded, Limits};
 use preshade::unstable::passes::naga::ShaderStage;
 use preshade::unstable::passes::plan::Plan;
 use preshade::unstable::passes::program::Language;
@@ -17,6 +17,9 @@ use preshade::unstable::recipe::Recipe;
 use serde::Deserialize;
 
 use crate::failure::Failure;
+
+/// The name of a text that was not in a file.
+const STDIN: &str = "<stdin>";
 
 /// A request.
 #[derive(Deserialize)]
@@ -227,6 +230,22 @@ impl Shader {
         });
         let define = self.define.iter().map(|text| define(text));
         let limits = Limits::parse(self.limits.as_deref().unwrap_or_default());
+        let limits = limits.map_err(Failure::usage)?;
+        for File { name, text, .. } in &self.sources {
+            let (asked, most) = (text.len() as u64, limits.source_bytes);
+            // As the command line, which leaves the text of stdin to the parser.
+            if asked > most && name != STDIN {
+                let what = format!("the bytes of {name}");
+                let limit = "source-bytes";
+                let exceeded = Exceeded {
+                    limit,
+                    what,
+                    asked,
+                    most,
+                };
+                return Err(Failure::too_large(name, &exceeded));
+            }
+        }
         let options = front::Options {
             vertex: self.vertex.clone(),
             fragment: self.fragment.clone(),
@@ -234,7 +253,7 @@ impl Shader {
             include: self.include.clone(),
             files: self.memory(),
             clip_space: clip.or(self.clip),
-            limits: limits.map_err(Failure::usage)?,
+            limits,
             ..front::Options::default()
         };
         let sources: Vec<Source> = sources.collect();
@@ -270,7 +289,7 @@ impl Shader {
             return name.clone();
         }
         let mut files = self.sources.iter().map(|file| file.name.as_str());
-        let file = files.find(|name| !name.starts_with('<'));
+        let file = files.find(|name| *name != STDIN);
         let stem = file.and_then(|name| Path::new(name).file_stem()?.to_str());
         stem.map_or("material", name_of).to_owned()
     }
@@ -289,10 +308,5 @@ impl Shader {
     pub fn names(&self) -> String {
         let names: Vec<&str> = self.sources.iter().map(|file| file.name.as_str()).collect();
         names.join(",")
-    }
-
-    /// Its number of files.
-    pub fn count(&self) -> usize {
-        self.sources.len()
     }
 }

@@ -9,7 +9,7 @@ use preshade::unstable::passes::pass::Facts;
 use preshade::unstable::passes::plan::Plan;
 use preshade::unstable::passes::validate::{By, Effort, validate_by};
 use preshade::unstable::pipeline::{self, Applied, Frame};
-use preshade::unstable::recipe::Step;
+use preshade::unstable::recipe::{Recipe, Step};
 use serde::Serialize;
 
 use crate::request::Rewrite;
@@ -66,9 +66,35 @@ fn targets(names: &[String]) -> Result<Vec<Target>, Failure> {
 
 /// Rewrites a material.
 pub fn answer(asked: &Rewrite) -> Result<Answer<Variant>, Failure> {
-    let shader = &asked.shader;
-    let recipe = asked.passes.recipe(shader)?;
+    let recipe = asked.passes.recipe(&asked.shader)?;
     let targets = targets(&asked.emit)?;
+    let made = make(asked, &recipe, &targets);
+    match (made, asked.format) {
+        // The command line reports a material that it cannot read, beside others.
+        (Err(failure), Some(Format::Json)) => unread(&failure),
+        (made, _) => made,
+    }
+}
+
+/// The report of a material that cannot be read.
+fn unread(failure: &Failure) -> Result<Answer<Variant>, Failure> {
+    let errors = vec![failure.rendered().to_owned()];
+    let report = Report::new(Vec::new(), errors.clone());
+    Ok(Answer {
+        status: 2,
+        stdout: Some(pretty(&report)?),
+        errors,
+        ..Answer::new(Variant {
+            report,
+            rendered: Vec::new(),
+            failed: Vec::new(),
+            written: Vec::new(),
+        })
+    })
+}
+
+fn make(asked: &Rewrite, recipe: &Recipe, targets: &[Target]) -> Result<Answer<Variant>, Failure> {
+    let shader = &asked.shader;
     let original = shader.plan(None)?;
     let alone = std::slice::from_ref(&original);
     recipe
@@ -89,7 +115,7 @@ pub fn answer(asked: &Rewrite) -> Result<Answer<Variant>, Failure> {
         refused.extend(result.as_ref().err().map(|refusal| rendered(refusal, plan)));
         true
     };
-    let (mut plans, skipped) = pipeline::apply_in(frame, &recipe, &Facts::default(), &mut inspect);
+    let (mut plans, skipped) = pipeline::apply_in(frame, recipe, &Facts::default(), &mut inspect);
     let plan = plans.remove(0);
     let mut messages: Vec<String> = rewrite::removed_discard(&plan).into_iter().collect();
     messages.extend(rewrite::draws_depth_alone(&original));
@@ -114,7 +140,7 @@ pub fn answer(asked: &Rewrite) -> Result<Answer<Variant>, Failure> {
     let is_broken = validation.iter().flatten().any(|c| c.verdict.is_broken());
     let (files, failed) = match is_broken {
         true => (Vec::new(), Vec::new()),
-        false => pipeline::emit(&plan, &targets),
+        false => pipeline::emit(&plan, targets),
     };
     messages.extend(rewrite::added(&plan, &files));
     let mut after = Vec::new();
