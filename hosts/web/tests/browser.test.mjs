@@ -24,7 +24,7 @@ function serve(context) {
     const server = createServer((request, response) => {
         const path = normalize(new URL(request.url, 'http://localhost').pathname);
         const file = join(PACKAGE, path);
-        const type = TYPES[extname(path === '/' ? '.html' : path)] ?? 'application/octet-stream';
+        const type = TYPES[extname(path === '/' ? 'page.html' : path)] ?? 'application/octet-stream';
         if (path !== '/' && !existsSync(file)) response.writeHead(404).end();
         else response.writeHead(200, { 'content-type': type }).end(path === '/' ? PAGE : readFileSync(file));
     });
