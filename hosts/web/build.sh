@@ -20,7 +20,7 @@ else
     linker=$(command -v wasm-ld || ls /usr/bin/wasm-ld-* 2>/dev/null | sort -V | tail -1)
     export CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_LINKER="$linker"
     /usr/bin/cargo build --manifest-path compiler/Cargo.toml --release --locked --target $target \
-        -Zbuild-std=std,panic_abort
+        -Zbuild-std=std,panic_abort -Zbuild-std-features=optimize_for_size
 fi
 cp "$CARGO_TARGET_DIR/$target/release/preshade_web.wasm" preshade.wasm
 echo "built preshade.wasm in $(($(date +%s) - began)) s"

@@ -58,11 +58,11 @@ export interface ShaderOptions {
     /** Entry points, where there are several. */
     vertex?: string;
     fragment?: string;
-    /** Definitions of GLSL's preprocessor, and conditions of WESL: `['A', 'B=2']`, or an object. */
+    /** Definitions of GLSL's preprocessor: `['A', 'B=2']`, or an object. */
     define?: string[] | Record<string, string | number | boolean | undefined>;
-    /** Folders, among the paths of `files`, to search for `#include` and imports. */
+    /** Folders, among the paths of `files`, to search for `#include`. */
     include?: string | string[];
-    /** What `#include` and imports find. */
+    /** What `#include` finds. */
     files?: Files;
     /** Depth range of the shader's clip space; by default OpenGL's for GLSL. */
     clip?: 'zero-to-one' | 'minus-one-to-one';

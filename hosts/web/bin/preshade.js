@@ -35,8 +35,8 @@ Options:
   --lang wgsl|glsl            language of the input
   --vertex, --fragment NAME   entry points, if there are several
   --name NAME                 name of the material
-  --include DIR               folder to search for #include and imports
-  --define NAME[=VALUE]       a macro, or a condition of @if
+  --include DIR               folder to search for #include
+  --define NAME[=VALUE]       a macro
   --clip zero-to-one|minus-one-to-one
   --limits SET,NAME=N,..      limits on the input
   --state FILE                pipeline state, TOML or JSON; or --depth-compare, --depth-format, --reversed-z,
@@ -46,7 +46,7 @@ Options:
   --with-vertex, --with-fragment NAME, --with-define NAME[=VALUE]     of \`agree\`
 
 The native program (\`cargo install preshade-cli\`) has these commands too: ${NATIVE.join(', ')}.
-It also takes scenes, folders and SPIR-V.
+It also takes scenes, folders, SPIR-V and WGSL with imports.
 Exit status: 0 fine (a refusal is fine: the original is kept), 1 a relation or contract is broken, 2 bad
 usage or input, 3 a part was not evaluated.
 `;

@@ -60,10 +60,10 @@ test('files are those of the native program, and are written once', async (conte
     assert.match(again.stderr, /is up to date/);
 });
 
-test('includes, modules and state come from disk', async (context) => {
+test('includes and state come from disk', async (context) => {
     const cwd = folder(context);
     const write = (name, text) => writeFileSync(join(cwd, name), text);
-    for (const name of ['a', 'lib', 'other', 'src']) mkdirSync(join(cwd, name));
+    for (const name of ['a', 'lib', 'other']) mkdirSync(join(cwd, name));
     write('a/m.vert', '#version 300 es\nin vec3 p;\nvoid main() { gl_Position = vec4(p, 1.0); }\n');
     const body = 'out vec4 c;\nvoid main() { c = tint(); }\n';
     write('a/m.frag', `#version 300 es\nprecision highp float;\n#include "../lib/tint.glsl"\n${body}`);
@@ -72,21 +72,11 @@ test('includes, modules and state come from disk', async (context) => {
     mkdirSync(join(cwd, 'other/deep'));
     write('other/deep/blue.glsl', '#define BLUE vec4(0.0, 0.0, 1.0, 1.0)\n');
     write('state.toml', 'depth_write = false\n');
-    write(
-        'src/m.wesl',
-        [
-            'import package::tint::red;',
-            '@vertex fn vs(@location(0) p: vec3<f32>) -> @builtin(position) vec4<f32> { return vec4(p, 1.0); }',
-            '@fragment fn fs() -> @location(0) vec4<f32> { return red(); }\n',
-        ].join('\n'),
-    );
-    write('src/tint.wesl', 'fn red() -> vec4<f32> { return vec4(1.0, 0.0, 0.0, 1.0); }\n');
     const glsl = ['a/m.vert', 'a/m.frag', '--pass', 'depth-prepass', '--emit', 'glsl-es'];
     await alike(['rewrite', ...glsl, '--include', 'other'], { cwd });
     const lacks = await alike(['rewrite', ...glsl], { cwd });
     assert.equal(lacks.ours.stderr, lacks.theirs.stderr);
     await alike(['rewrite', ...glsl, '--include', 'other', '--state', 'state.toml'], { cwd });
-    await alike(['rewrite', 'src/m.wesl', '--pass', 'depth-prepass'], { cwd });
 });
 
 test('what it cannot do is said', async () => {
