@@ -1,7 +1,10 @@
 //! Files that the caller holds in memory: what `#include` and imports find before the files on disk.
 //! On a host without a disk, such as a browser, nothing else is found.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
+#[cfg(any(feature = "naga-oil", feature = "wesl"))]
+use std::collections::BTreeSet;
+#[cfg(any(feature = "glsl", feature = "naga-oil"))]
 use std::io;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
@@ -26,6 +29,7 @@ impl Memory {
     }
 
     /// Whether there is a file or a folder, in memory or on disk.
+    #[cfg(feature = "glsl")]
     pub(super) fn exists(&self, path: &Path) -> bool {
         self.has(&normal(path)) || path.exists()
     }
@@ -37,6 +41,7 @@ impl Memory {
     }
 
     /// One path for each file or folder, as [`Path::canonicalize`].
+    #[cfg(any(feature = "glsl", feature = "naga-oil"))]
     pub(super) fn canonical(&self, path: &Path) -> io::Result<PathBuf> {
         let normal = normal(path);
         match self.has(&normal) {
@@ -60,11 +65,13 @@ impl Memory {
     }
 
     /// Whether a normalised path is a file or a folder in memory.
+    #[cfg(any(feature = "glsl", feature = "naga-oil"))]
     fn has(&self, path: &Path) -> bool {
         self.0.contains_key(path) || self.below(path).next().is_some()
     }
 
     /// The files below a normalised folder. Paths are sorted by component, so they are neighbours.
+    #[cfg(any(feature = "glsl", feature = "naga-oil", feature = "wesl"))]
     fn below<'m>(&'m self, folder: &'m Path) -> impl Iterator<Item = &'m Path> {
         let all = self
             .0
@@ -93,10 +100,11 @@ fn normal(path: &Path) -> PathBuf {
     out
 }
 
-#[cfg(test)]
+#[cfg(all(test, any(feature = "glsl", feature = "naga-oil", feature = "wesl")))]
 mod tests {
     use super::*;
 
+    #[cfg(feature = "glsl")]
     #[test]
     fn paths_are_found_however_they_are_written() {
         let files = [

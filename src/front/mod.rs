@@ -186,6 +186,7 @@ pub struct Options {
     pub limits: Limits,
 }
 
+#[cfg(any(feature = "naga-oil", feature = "wesl"))]
 impl Options {
     /// The text of a file in memory. Paths may be below `root`.
     fn in_memory(&self, path: &Path) -> Option<&str> {
