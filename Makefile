@@ -1,4 +1,4 @@
-.PHONY: demo check test promises captures bench audit fuzz docs
+.PHONY: demo check test web hosts promises captures bench audit fuzz docs
 
 # Draws the shrine with the original and its variants, and prints the cost and gain of each. The features
 # left out read other dialects of WGSL, which the shrine does not use.
@@ -21,6 +21,19 @@ test:
 	cargo clippy --workspace --all-targets --all-features --quiet -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --all-features --no-deps --quiet
 	scripts/test.sh
+
+# Builds the npm package in hosts/web: the compiler as WebAssembly. From nothing it takes minutes of both cores.
+# `npm pack` in hosts/web then makes the tarball.
+web:
+	scripts/setup.sh web
+	cd hosts/web && npm ci --ignore-scripts --no-audit --no-fund --silent
+	hosts/web/build.sh
+
+# Builds the hosts, and compares them with the command line on every fixture.
+hosts: web
+	cargo build --workspace --all-features --quiet
+	scripts/setup.sh three
+	cd hosts/web && npx prettier --check . && npm test
 
 # Draws every fixture through every recipe that a pass declares, on the adapter at hand, and prints broken
 # promises. PRESHADE_ADAPTER and VK_DRIVER_FILES select another adapter. 16 cores take minutes, 2 half an hour.

@@ -6,6 +6,7 @@
 #   setup.sh native       a C compiler and Vulkan's headers, for the hosts of tests/native
 #   setup.sh accept       spirv-val, glslangValidator, spirv-cross, and Tint (npm package `webgpu`) for the acceptance tests
 #   setup.sh three        Chromium, node and npm, for the page of tests/three
+#   setup.sh web          node and npm; and, without rustup's target for WebAssembly, Debian's compiler for it
 #   setup.sh swiftshader  SwiftShader's Vulkan, a second driver for tests: a part of Chromium's package
 set -eu
 
@@ -65,6 +66,16 @@ three() {
     [ -n "${CHROMIUM:-}" ] || have chromium || have chromium-browser || have google-chrome || install chromium
 }
 
+web() {
+    if ! have node || ! have npm; then install nodejs npm; fi
+    ! rustup target list --installed 2>/dev/null | grep -q '^wasm32-unknown-unknown$' || return 0
+    # Debian packs a recent compiler for browsers (`-web`), the source of its library, and a linker apart.
+    if [ ! -d "$(/usr/bin/rustc --print sysroot 2>/dev/null)/lib/rustlib/src/rust/library" ]; then
+        install rustc-web cargo-web rust-web-src
+    fi
+    have wasm-ld || ls /usr/bin/wasm-ld-* >/dev/null 2>&1 || install lld-19
+}
+
 swiftshader() {
     folders="/usr/lib/chromium /usr/lib/chromium-browser /usr/lib64/chromium-browser /opt/google/chrome"
     [ -z "${CHROMIUM:-}" ] || folders="$(dirname "$CHROMIUM") $folders"
@@ -81,6 +92,7 @@ for part in "$@"; do
         gl) gl ;;
         accept) accept ;;
         three) three ;;
+        web) web ;;
         swiftshader) swiftshader ;;
         *) echo "setup: unknown part $part" >&2; exit 2 ;;
     esac

@@ -36,6 +36,8 @@
 #[cfg(feature = "compiler")]
 pub mod build_script;
 #[cfg(feature = "compiler")]
+mod command;
+#[cfg(feature = "compiler")]
 mod emit;
 #[cfg(feature = "compiler")]
 mod front;
@@ -116,7 +118,7 @@ pub mod unstable {
             $($(#[$attribute])* #[allow(missing_docs)] pub mod $module { pub use crate::$module::*; })*
         };
     }
-    internal! { build_script emit front limits lock nearest parameters pipeline recipe regular sweep }
+    internal! { build_script command emit front limits lock nearest panics parameters pipeline recipe regular sweep }
     #[cfg(feature = "verify")]
     internal! { capture measure render report scene search }
 }

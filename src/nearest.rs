@@ -23,3 +23,17 @@ pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) ->
         .max_by(|a, b| a.0.total_cmp(&b.0))
         .map(|(_, c)| c)
 }
+
+/// A message: there is no `what` of that name. It suggests the nearest name, and lists all.
+pub fn unknown(what: &str, name: &str, known: &[&str]) -> String {
+    let near = nearest(name, known.iter().copied())
+        .map(|n| format!(" (did you mean `{n}`?)"))
+        .unwrap_or_default();
+    match known {
+        [] => format!("there is no {what} `{name}`: there are none"),
+        _ => format!(
+            "there is no {what} `{name}`{near}; there are: {}",
+            known.join(", ")
+        ),
+    }
+}

@@ -5,7 +5,8 @@ use std::panic;
 use std::sync::Once;
 
 /// Stack size for naga, which recurses once per nesting level. `front::nesting` bounds the
-/// levels. The system only commits pages that are used.
+/// levels. The system only commits pages that are used. WebAssembly has one stack, whose size the
+/// linker sets: another would be taken out of the heap, and never be given back.
 const STACK: usize = 256 << 20;
 
 /// naga panicked: its message and location.
@@ -21,11 +22,18 @@ thread_local! {
 /// Runs `work` on a large stack and converts a panic to an error without printing it. It stays on
 /// the caller's thread, because starting a thread takes longer than reading a small shader.
 pub(crate) fn run<T>(work: impl FnOnce() -> T) -> Result<T, Panicked> {
-    stacker::grow(STACK, || caught(work))
+    match cfg!(target_family = "wasm") {
+        true => caught(work),
+        false => stacker::grow(STACK, || caught(work)),
+    }
 }
 
-/// Converts a panic of `work` to an error without printing it.
+/// Converts a panic of `work` to an error without printing it. A program that is built to abort on a
+/// panic ends, and its own hook says why.
 pub(crate) fn caught<T>(work: impl FnOnce() -> T) -> Result<T, Panicked> {
+    if cfg!(panic = "abort") {
+        return Ok(work());
+    }
     install_hook();
     let outer = CAUGHT.replace(Some(String::new()));
     let result = panic::catch_unwind(panic::AssertUnwindSafe(work));
@@ -55,7 +63,7 @@ fn install_hook() {
 }
 
 /// Shortens paths of the machine that built us: from the crate's folder on.
-fn in_crate(message: &str) -> String {
+pub fn in_crate(message: &str) -> String {
     let word = |word: &str| {
         let path = word.replace('\\', "/");
         match path.rfind("/src/") {

@@ -4,21 +4,23 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use preshade::unstable::command::agree::{
+    Compared, Cost, FailOn, Side, breaks, compare, parse_class,
+};
+use preshade::unstable::command::agreed::{Pair, Report};
+use preshade::unstable::measure::Beside;
 use preshade::unstable::passes::core::mapping::Mapping;
-use preshade::unstable::passes::declared::Depth;
-use preshade::unstable::passes::naga::ShaderStage;
 use preshade::unstable::passes::plan::Plan;
 use preshade::unstable::passes::validate::Effort;
-use preshade::unstable::passes::validate::agree::{self, Agreement, Class, Question, Relation};
+use preshade::unstable::passes::validate::agree::{self, Agreement, Question, Relation};
 use preshade::unstable::recipe::Recipe;
 use rayon::prelude::*;
 
-use crate::agreed::{Cost, Pair, Report};
 use crate::beside::SceneArgs;
 use crate::input::{Clip, ShaderArgs, is_stdin};
 use crate::pairs::{self, Asked};
 use crate::trees::{self, Tree};
-use crate::{Ending, Failure, output, unknown};
+use crate::{Ending, Failure, output};
 
 /// Arguments of `agree`.
 #[derive(clap::Args)]
@@ -103,14 +105,6 @@ enum Form {
     Markdown,
 }
 
-/// A value of `--fail-on`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum FailOn {
-    All,
-    Nothing,
-    Class(Class),
-}
-
 /// Reads a relation, with its meaning in the help.
 fn relations() -> impl TypedValueParser<Value = Relation> {
     let known = Relation::ALL.map(|r| PossibleValue::new(r.name()).help(r.meaning()));
@@ -124,38 +118,7 @@ fn parse_map(text: &str) -> Result<Mapping, String> {
     text.parse().map_err(|e| format!("{e}"))
 }
 
-fn parse_class(text: &str) -> Result<FailOn, String> {
-    match text {
-        "all" => return Ok(FailOn::All),
-        "none" => return Ok(FailOn::Nothing),
-        _ => {}
-    }
-    // The words that people use for a class.
-    let name = match text {
-        "positions" => "position",
-        "keeps" => "keeps-hidden",
-        "colors" | "colour" | "colours" => "color",
-        name => name,
-    };
-    let found = Class::ALL.into_iter().find(|c| c.name() == name);
-    found.map(FailOn::Class).ok_or_else(|| {
-        let names: Vec<&str> = Class::ALL.iter().map(|c| c.name()).collect();
-        unknown("class", text, &names)
-    })
-}
-
 impl AgreeArgs {
-    fn breaks(&self, class: Class, relation: Relation) -> bool {
-        match &self.fail_on {
-            None => class.breaks(relation),
-            Some(given) => given.iter().any(|f| match f {
-                FailOn::All => true,
-                FailOn::Nothing => false,
-                FailOn::Class(c) => *c == class,
-            }),
-        }
-    }
-
     /// The arguments that read the other program.
     fn other(&self, files: Vec<PathBuf>) -> ShaderArgs {
         let mut other = ShaderArgs {
@@ -302,7 +265,7 @@ pub fn run(args: &AgreeArgs) -> Result<Ending, Failure> {
         }
     }
     report.waive(&waivers, &names, |class, relation| {
-        args.breaks(class, relation)
+        breaks(args.fail_on.as_deref(), class, relation)
     });
     match args.format {
         // Nothing but errors.
@@ -333,7 +296,7 @@ struct Everything {
 
 /// The result of a pair.
 enum Checked {
-    Compared(Box<Pair>),
+    Compared(Box<Pair<Beside>>),
     /// Two folders have the same text, imports included.
     Unchanged,
     /// Its files are no material, in a folder.
@@ -375,37 +338,32 @@ fn checked(
         maps: &asked.maps,
         normal: asked.normal.as_deref(),
     };
-    let compare = |first: &Plan, second: &Plan| {
-        let agreement = agree::agree(first, second, question, &effort);
-        agreement.map_err(|e| {
-            let files = |s: &ShaderArgs| named(&files(&s.files));
-            Failure(format!(
-                "error: {e}\n = the first is {}, the second {}",
-                files(&asked.first),
-                files(&asked.second)
-            ))
-        })
+    let told = |e: agree::Mismatch| {
+        let files = |s: &ShaderArgs| named(&files(&s.files));
+        Failure(format!(
+            "error: {e}\n = the first is {}, the second {}",
+            files(&asked.first),
+            files(&asked.second)
+        ))
     };
     let mut sides = [asked.first.clone(), asked.second.clone()];
-    let mut plans = [first, second];
-    let mut agreement = compare(&plans[0], &plans[1])?;
-    let mut notes = std::mem::take(&mut agreement.notes);
-    if is_elsewhere(&agreement)
-        && let Some(side) = of_another_clip_space(&sides, &plans)
-    {
+    let is_given = sides.each_ref().map(|side| side.glsl.clip.is_some());
+    let again = |side: usize| -> Result<Side, Failure> {
         let mut as_written = sides[side].clone();
         as_written.glsl.clip = Some(Clip::ZeroToOne);
-        let mut again = plans.clone();
-        again[side] = plan(&as_written)?;
-        let compared = compare(&again[0], &again[1])?;
-        if !is_elsewhere(&compared) {
-            notes.push(format!(
-                "positions are compared as written: only with OpenGL's depths, from -1 to 1, does {} \
-                 differ",
-                named(&files(&as_written.files))
-            ));
-            (agreement, plans, sides[side]) = (compared, again, as_written);
-        }
+        Ok(Side {
+            plan: plan(&as_written)?,
+            name: named(&files(&as_written.files)),
+        })
+    };
+    let Compared {
+        agreement,
+        plans,
+        notes,
+        as_written,
+    } = compare([first, second], question, &effort, is_given, &again, &told)?;
+    if let Some(side) = as_written {
+        sides[side].glsl.clip = Some(Clip::ZeroToOne);
     }
     let [first, second] = &plans;
     let partners = &agreement.partners;
@@ -417,26 +375,6 @@ fn checked(
     Ok(Checked::Compared(Box::new(Pair::new(
         name, agreement, notes, cost, drawn,
     ))))
-}
-
-fn is_elsewhere(agreement: &Agreement) -> bool {
-    let mut findings = agreement.findings.iter();
-    findings.any(|f| f.class == Class::Position)
-}
-
-/// The side that was taken for OpenGL's, if only the other was not. The host's matrices decide, and a
-/// text does not say which they are.
-fn of_another_clip_space(sides: &[ShaderArgs; 2], plans: &[Plan; 2]) -> Option<usize> {
-    let is_open_gl = |plan: &Plan| {
-        let program = plan.main().and_then(|p| plan.program(p));
-        program.is_some_and(|p| p.declared().depth == Depth::OpenGl)
-    };
-    let side = match plans.each_ref().map(is_open_gl) {
-        [true, false] => 0,
-        [false, true] => 1,
-        _ => return None,
-    };
-    sides[side].glsl.clip.is_none().then_some(side)
 }
 
 /// The agreement with the names of files as the user gave them.
@@ -489,41 +427,11 @@ pub fn files(files: &[PathBuf]) -> String {
     names.join(",")
 }
 
-impl Cost {
-    /// The static cost of a plan's stages.
-    fn of(plan: &Plan) -> Self {
-        use preshade::unstable::passes::graph::Graph;
-        let Some((pass, program)) = plan.main().and_then(|p| Some((p, plan.program(p)?))) else {
-            return Self::default();
-        };
-        let graph = Graph::build(program);
-        let cost = |stage, name: &str| {
-            let (entry, _) = program.entry_point(stage, name)?;
-            Some(graph.entry_cost(entry))
-        };
-        Self {
-            vertex: cost(ShaderStage::Vertex, &pass.vertex),
-            fragment: pass
-                .fragment
-                .as_ref()
-                .and_then(|f| cost(ShaderStage::Fragment, f)),
-        }
-    }
-}
-
 impl AgreeArgs {
     /// The files that it reads.
     pub fn reads(&self) -> Vec<PathBuf> {
         let files = self.shader.files.iter().chain(&self.with);
         let files = files.chain(&self.pairs).chain(&self.waivers);
         files.filter(|f| Path::new(f).exists()).cloned().collect()
-    }
-}
-
-/// Used by the type of a waiver's class.
-pub fn class_named(name: &str) -> Result<Class, String> {
-    match parse_class(name)? {
-        FailOn::Class(class) => Ok(class),
-        _ => Err("a waiver is for one class".to_owned()),
     }
 }

@@ -37,15 +37,6 @@ pub struct SceneArgs {
     adapter: Option<String>,
 }
 
-/// What `agree` compares the two by in a scene.
-fn look(relation: Relation) -> Look {
-    match relation {
-        Relation::Same => Look::Color,
-        Relation::Shadow => Look::ShadowMap,
-        _ => Look::Depth,
-    }
-}
-
 impl SceneArgs {
     /// Whether an argument for a scene is given without a scene.
     pub fn check(&self) -> Result<(), Failure> {
@@ -101,7 +92,7 @@ impl SceneArgs {
             ..TimingSettings::default()
         };
         let timing = Some(&timing).filter(|_| self.seconds > 0.0);
-        let drawn = measure::beside(&gpu, &scene, stand_in, look(relation), timing)?;
+        let drawn = measure::beside(&gpu, &scene, stand_in, Look::of(relation), timing)?;
         self.write(&drawn)?;
         Ok(drawn)
     }
@@ -161,40 +152,4 @@ fn with_shader(scene: &Scene, shader: &ShaderArgs) -> Option<usize> {
     let is_it = |file: &PathBuf| full(file).is_some_and(|f| f == given);
     let mut materials = scene.materials.iter();
     materials.position(|m| m.file.as_ref().is_some_and(is_it))
-}
-
-/// What a scene showed, a line each.
-pub fn told(beside: &Beside, relation: Relation) -> Vec<String> {
-    let [first, second] = relation.names();
-    let camera = &beside.camera;
-    let mut lines = Vec::new();
-    match look(relation) {
-        Look::Color => lines.push(format!(
-            "seen by `{camera}`: {} of {} pixels differ, mean FLIP {:.4}, and {} depths",
-            beside.error.changed_pixels,
-            beside.error.pixels,
-            beside.error.flip_mean,
-            beside.error.changed_depth
-        )),
-        _ => {
-            let mut line = format!(
-                "seen by `{camera}`: of {} depths, {first} alone has {}, and {second} alone has {}",
-                beside.covered, beside.lost, beside.kept
-            );
-            if beside.moved > 0 {
-                let (moved, steps) = (beside.moved, beside.moved_steps);
-                line.push_str(&format!("; {moved} differ, by up to {steps} steps"));
-            }
-            lines.push(line);
-        }
-    }
-    lines.extend(beside.times.as_ref().map(|times| {
-        let [a, b] = &times.ms;
-        let ratio = &times.speedup;
-        format!(
-            "time: {first} {:.3} ms, {second} {:.3} ms, {:.2}x [{:.2}, {:.2}]",
-            a.estimate.median, b.estimate.median, ratio.median, ratio.low, ratio.high
-        )
-    }));
-    lines
 }

@@ -6,11 +6,12 @@ use std::path::{Path, PathBuf};
 use clap::builder::{PathBufValueParser, TypedValueParser};
 use preshade::unstable::capture::file::Api;
 use preshade::unstable::capture::{self, Capture};
+use preshade::unstable::command::material::{define, name_of, reads_facing};
 use preshade::unstable::emit::{self, Target};
 use preshade::unstable::front::{self, Source};
 use preshade::unstable::measure;
 use preshade::unstable::measure::record::Pictures;
-use preshade::unstable::passes::naga::{Binding, BuiltIn, ShaderStage};
+use preshade::unstable::passes::naga::{Binding, ShaderStage};
 use preshade::unstable::passes::pass::Facts;
 use preshade::unstable::passes::plan::Plan;
 use preshade::unstable::passes::program::Language;
@@ -113,18 +114,9 @@ pub enum Clip {
 impl GlslArgs {
     /// The definitions, name and value.
     fn defines(&self) -> Result<Vec<(String, String)>, Failure> {
-        let mut all = Vec::new();
-        for text in &self.define {
-            let (name, value) = text.split_once('=').unwrap_or((text, "1"));
-            let starts = name.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_');
-            if !starts || !name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_') {
-                return Err(Failure(format!(
-                    "error: --define {text}: expected NAME or NAME=VALUE"
-                )));
-            }
-            all.push((name.to_owned(), value.to_owned()));
-        }
-        Ok(all)
+        let all = self.define.iter().map(|text| define(text));
+        all.collect::<Result<_, _>>()
+            .map_err(|e| Failure(format!("error: {e}")))
     }
 
     fn clip_space(&self) -> Option<front::ClipSpace> {
@@ -663,25 +655,8 @@ impl ShaderArgs {
         let Some(stem) = file.and_then(|f| f.file_stem()) else {
             return "material".to_owned();
         };
-        let stem = stem.to_string_lossy();
-        [".vert", ".frag", ".vs", ".fs"]
-            .iter()
-            .find_map(|stage| stem.strip_suffix(stage))
-            .unwrap_or(&stem)
-            .to_owned()
+        name_of(&stem.to_string_lossy()).to_owned()
     }
-}
-
-/// Whether the fragment stage reads which side it draws, so that its back is meant to be seen.
-fn reads_facing(parsed: &front::Parsed) -> bool {
-    let module = parsed.program.module();
-    let fragment = parsed.fragment.as_deref();
-    let entry = fragment.and_then(|f| parsed.program.entry_point(ShaderStage::Fragment, f));
-    let facing = Some(Binding::BuiltIn(BuiltIn::FrontFacing));
-    entry.is_some_and(|(_, entry)| {
-        let inputs = reflect::inputs(module, &entry.function);
-        inputs.iter().any(|io| io.binding == facing)
-    })
 }
 
 /// A hint for more files than a material has.

@@ -13,12 +13,11 @@ use clap::parser::ValueSource;
 use clap::{ColorChoice, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use config::{Arguments, Config};
 use preshade::unstable::limits::Limits;
-use preshade::unstable::nearest::nearest;
+use preshade::unstable::nearest::unknown;
 use watch::Reads;
 
 mod adapters;
 mod agree;
-mod agreed;
 mod apart;
 mod bench;
 mod beside;
@@ -30,7 +29,6 @@ mod completions;
 mod config;
 mod depfile;
 mod explain;
-mod explained;
 mod explore;
 mod graph;
 mod guesses;
@@ -38,7 +36,6 @@ mod hints;
 mod input;
 mod keeper;
 mod kept;
-mod layouts;
 mod limits;
 mod lock;
 mod man;
@@ -238,20 +235,6 @@ impl Failure {
     /// There is no `what` of that name. Suggests the nearest name, and lists all.
     pub fn unknown(what: &str, name: &str, known: &[&str]) -> Self {
         Self(format!("error: {}", unknown(what, name, known)))
-    }
-}
-
-/// As [`Failure::unknown`], for the argument parser, which prints `error:` itself.
-pub fn unknown(what: &str, name: &str, known: &[&str]) -> String {
-    let near = nearest(name, known.iter().copied())
-        .map(|n| format!(" (did you mean `{n}`?)"))
-        .unwrap_or_default();
-    match known {
-        [] => format!("there is no {what} `{name}`: there are none"),
-        _ => format!(
-            "there is no {what} `{name}`{near}; there are: {}",
-            known.join(", ")
-        ),
     }
 }
 

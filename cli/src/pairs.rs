@@ -2,13 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
+use preshade::unstable::command::agree::class_named;
+use preshade::unstable::command::agreed::Waiver;
 use preshade::unstable::passes::core::mapping::Mapping;
 use preshade::unstable::passes::validate::agree::Relation;
 use serde::Deserialize;
 
 use crate::Failure;
-use crate::agree::{class_named, files};
-use crate::agreed::Waiver;
+use crate::agree::files;
 use crate::input::ShaderArgs;
 
 /// Two programs and their relation.

@@ -5,6 +5,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use preshade::unstable::command::rewrite;
 use preshade::unstable::emit;
 use preshade::unstable::measure::{self, Detail, EffectUse, Session, TimingSettings, Variant};
 use preshade::unstable::passes::budget::Budget;
@@ -302,7 +303,7 @@ fn one(
         decision: &decision,
     };
     for variant in planned.variants()? {
-        for removed in variant.plans.iter().filter_map(measure::removed_discard) {
+        for removed in variant.plans.iter().filter_map(rewrite::removed_discard) {
             output::message(&removed);
         }
     }

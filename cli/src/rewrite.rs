@@ -1,15 +1,19 @@
 //! `preshade rewrite`: applies a recipe, and writes the shaders and the plan.
 
 use std::collections::BTreeMap;
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::time::Instant;
 
-use preshade::unstable::emit::{self, File, PlanFile, Target};
-use preshade::unstable::measure::{self, validate_on};
-use preshade::unstable::passes::pass::{AnyPass, Facts, Refusal};
+use preshade::unstable::command::material::assumed;
+use preshade::unstable::command::refusal;
+use preshade::unstable::command::rewrite::{self, OnAdapter, Report, Rewritten};
+use preshade::unstable::emit::{self, File, Target};
+use preshade::unstable::measure::validate_on;
+use preshade::unstable::passes::pass::Refusal;
 use preshade::unstable::passes::plan::{Plan, Role};
-use preshade::unstable::passes::validate::{By, Check, Effort, Verdict, validate_by};
+use preshade::unstable::passes::validate::{By, Effort, validate_by};
 use preshade::unstable::passes::{PASSES, pass_named};
 use preshade::unstable::pipeline::{self, Applied, Frame};
 use preshade::unstable::recipe::{Recipe, Step};
@@ -18,11 +22,9 @@ use rayon::prelude::*;
 
 use crate::depfile;
 use crate::input::{Materials, ShaderArgs};
-use crate::layouts;
 use crate::many::{self, Chosen, Job, Sum};
 use crate::output;
-use crate::rewritten::{Content, Made, OnAdapter, Report, Rewritten, Times, Written};
-use crate::state::assumed;
+use crate::rewritten::{Made, Times};
 use crate::watch::Reads;
 use crate::{Ending, Failure, Format, unknown};
 
@@ -158,7 +160,8 @@ impl From<EmitTarget> for Target {
 /// configuration file.
 pub fn run(args: &RewriteArgs, config: Option<&Path>) -> Result<Ending, Failure> {
     let mut recipe = Recipe::parse(&args.passes)?;
-    layouts::read(&mut recipe)?;
+    let read = |file: &str| fs::read_to_string(file).map_err(|e| e.to_string());
+    rewrite::read_layouts(&mut recipe, &read).map_err(|e| Failure(format!("error: {e}")))?;
     let mut targets: Vec<Target> = args.emit.iter().map(|t| Target::from(*t)).collect();
     if targets.is_empty() {
         targets.push(args.shader.target());
@@ -329,11 +332,7 @@ impl<'a> Run<'a> {
         }
         let is_broken = self.report.iter().any(Rewritten::is_broken);
         if self.args.format == Format::Json {
-            output::json(&Report {
-                schema: "preshade.rewrite.v1",
-                materials: self.report,
-                errors: self.errors.clone(),
-            })?;
+            output::json(&Report::new(self.report, self.errors.clone()))?;
         }
         let nowhere = self.args.out.is_none() && self.args.out_dir.is_none();
         let is_written = self.sum.written > 0 || (nowhere && self.errors.is_empty());
@@ -373,24 +372,6 @@ fn write(folder: &Path, files: Vec<File>, format: Format, jobs: usize) -> Result
     Ok(changed.len())
 }
 
-/// A warning about the budget of a variant that nothing measures.
-fn unmeasured(plan: &Plan) -> Option<String> {
-    let budgets = plan.contract.budgets();
-    if budgets.is_empty() {
-        return None;
-    }
-    let off: Vec<String> = budgets
-        .iter()
-        .map(|b| format!("{} ({})", b.limit, b.metric))
-        .collect();
-    Some(format!(
-        "warning: `{}` is an approximation that may be off by {}, and `rewrite` measures nothing: \
-         `preshade verify` reports whether the budget holds, and which recipe to pass to `rewrite`",
-        plan.material,
-        off.join(" and ")
-    ))
-}
-
 /// Reads, rewrites and emits the materials of one job.
 fn make(
     job: &Job,
@@ -414,31 +395,13 @@ fn make(
     made.read = materials.files;
     let removed = applied
         .iter()
-        .filter_map(|(plan, ..)| measure::removed_discard(plan));
+        .filter_map(|(plan, ..)| rewrite::removed_discard(plan));
     made.messages.extend(removed);
     for (original, (plan, messages, refusals)) in materials.asked.iter().zip(applied) {
-        if original.passes.iter().all(|p| p.fragment.is_none()) {
-            made.messages.push(format!(
-                "note: `{}` has no fragment stage: it is taken for a material that draws depth \
-                 alone; where its fragment stage is in another file, give both",
-                original.material
-            ));
-        }
+        made.messages.extend(rewrite::draws_depth_alone(original));
         made.messages.extend(messages);
-        made.messages.extend(unmeasured(&plan));
-        for note in &plan.notes {
-            // Of several materials, each has a part of the values that `carry` names.
-            let is_stale = note.starts_with("`carry` names") && materials.asked.len() == 1;
-            let (level, advice) = match is_stale {
-                true => (
-                    "warning",
-                    "; the shader was edited since: choose again with `verify`",
-                ),
-                false => ("note", ""),
-            };
-            made.messages
-                .push(format!("{level}: `{}`: {note}{advice}", plan.material));
-        }
+        made.messages
+            .extend(rewrite::told(&plan, materials.asked.len() == 1));
         let bar = args.validate.then(output::spinner);
         let told = |role: Role, promise: &str| {
             if let Some(bar) = &bar {
@@ -460,7 +423,8 @@ fn make(
             })
         });
         let checks = validation.iter().flatten();
-        made.messages.extend(said(&plan.material, "", checks));
+        made.messages
+            .extend(rewrite::said(&plan.material, "", checks));
         let validation_on = validation.as_ref().and_then(|_| {
             let gpu = adapter().as_ref()?;
             Some(OnAdapter {
@@ -476,7 +440,8 @@ fn make(
         match &validation_on {
             Some(OnAdapter { adapter, checks }) => {
                 let place = format!(" on {adapter}");
-                made.messages.extend(said(&plan.material, &place, checks));
+                made.messages
+                    .extend(rewrite::said(&plan.material, &place, checks));
             }
             None if args.validate => made.messages.push(format!(
                 "note: `{}` is not run on an adapter: none is at hand",
@@ -495,120 +460,24 @@ fn make(
         };
         made.errors
             .extend(errors.iter().map(|e| format!("error: {e}")));
-        // Emission adds notes on its files.
-        let emitted = notes(&files);
-        let added = emitted.iter().filter(|note| !plan.notes.contains(note));
-        made.messages
-            .extend(added.map(|note| format!("note: `{}`: {note}", plan.material)));
+        made.messages.extend(rewrite::added(&plan, &files));
         if recipe.steps.is_empty() && errors.is_empty() && args.out_dir.is_none() {
-            made.hints.push(nothing_asked_for(original));
+            made.hints.push(rewrite::nothing_asked_for(original));
         }
-        let written = files.iter().map(|file| Written {
-            name: file.name.clone(),
-            content: match &job.folder {
-                Some(folder) => Content::Path(folder.join(&file.name)),
-                None => Content::Text(String::from_utf8_lossy(&file.bytes).into_owned()),
-            },
-        });
         let rewritten = Rewritten {
-            material: plan.material.clone(),
-            recipe: plan
-                .steps
-                .iter()
-                .map(ToString::to_string)
-                .collect::<Vec<_>>()
-                .join(" + "),
-            contract: plan.contract.clone(),
-            refusals,
-            notes: match emitted[..] {
-                [] => plan.notes.clone(),
-                _ => emitted,
-            },
             validation,
             validation_on,
-            files: written.collect(),
+            ..Rewritten::new(&plan, refusals, &files, job.folder.as_deref())
         };
         made.materials.push((rewritten, files));
     }
     Ok(made)
 }
 
-/// The notes in the `plan.json` among `files`.
-fn notes(files: &[File]) -> Vec<String> {
-    let json = files.iter().find(|f| f.name.ends_with(".plan.json"));
-    let plan = json.and_then(|f| serde_json::from_slice::<PlanFile>(&f.bytes).ok());
-    plan.map_or_else(Vec::new, |file| file.plan.notes)
-}
-
-/// The results of checks, as messages: one for all that fail to run for one reason.
-fn said<'c>(
-    material: &str,
-    place: &str,
-    checks: impl IntoIterator<Item = &'c Check>,
-) -> Vec<String> {
-    let mut groups: Vec<Vec<&Check>> = Vec::new();
-    for check in checks {
-        let is_unrun = matches!(check.verdict, Verdict::NotEvaluable { .. });
-        let same = |group: &&mut Vec<&Check>| group[0].verdict == check.verdict;
-        match groups.iter_mut().find(same).filter(|_| is_unrun) {
-            Some(group) => group.push(check),
-            None => groups.push(vec![check]),
-        }
-    }
-    let groups = groups.iter();
-    groups
-        .map(|group| message(material, place, group))
-        .collect()
-}
-
-/// A message on checks of one verdict.
-fn message(material: &str, place: &str, checks: &[&Check]) -> String {
-    let check = checks[0];
-    let level = match check.verdict {
-        Verdict::Counterexample(_) => "error",
-        Verdict::NotEvaluable { .. } => "warning",
-        Verdict::Proved { .. } | Verdict::Agreed { .. } => "note",
-    };
-    let promises = checks
-        .iter()
-        .map(|check| format!("{} pass, {}", check.role.name(), check.promise));
-    let line = format!(
-        "{level}: `{material}`, {}{place}: {}",
-        promises.collect::<Vec<_>>().join("; "),
-        check.verdict
-    );
-    match check.verdict.is_broken() {
-        true => format!(
-            "{line}\nnothing is written of `{material}`: this is a bug in preshade, please report \
-             it with the shader"
-        ),
-        false => line,
-    }
-}
-
 /// The adapter for validation, if there is one. It is opened once.
 fn adapter() -> &'static Option<Gpu> {
     static ADAPTER: OnceLock<Option<Gpu>> = OnceLock::new();
     ADAPTER.get_or_init(|| Gpu::new(&AdapterChoice::Best).ok())
-}
-
-/// A note without `--pass`: the material is written as it is, and these passes would apply.
-fn nothing_asked_for(original: &Plan) -> String {
-    let applies = |pass: &&&dyn AnyPass| {
-        let outcome = pass.run(original, &Facts::default(), &serde_json::json!({}));
-        outcome.is_ok()
-    };
-    let names: Vec<&str> = PASSES
-        .iter()
-        .filter(applies)
-        .map(|p| p.info().name)
-        .collect();
-    let material = &original.material;
-    let list = match names.is_empty() {
-        true => "none applies to it".to_owned(),
-        false => format!("these apply to it: {}", names.join(", ")),
-    };
-    format!("note: no --pass is given, so `{material}` is written as it is; {list}")
 }
 
 /// Applies the recipe to the materials of a job. Returns the plans, and each material's messages
@@ -636,7 +505,7 @@ fn apply(
         times.add(1 + order as u8, &name, began.elapsed());
         let messages = messages.entry(plan.material.clone()).or_default();
         if let Err(refusal) = result {
-            messages.push(crate::explained::refusal(refusal, plan));
+            messages.push(refusal::rendered(refusal, plan));
         }
         if args.print_after.iter().any(|p| *p == step.pass || p == ALL) {
             let now = result.as_ref().unwrap_or(plan);
@@ -677,38 +546,4 @@ pub fn check_name(material: &str) -> Result<(), Failure> {
         )));
     }
     Ok(())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::{Check, Role, Verdict, said};
-
-    #[test]
-    fn checks_that_cannot_run_for_one_reason_are_one_warning() {
-        let check = |role, promise: &str, verdict| Check {
-            role,
-            promise: promise.to_owned(),
-            verdict,
-        };
-        let unrun = |why: &str| Verdict::NotEvaluable {
-            why: why.to_owned(),
-        };
-        let agreed = || Verdict::Agreed {
-            inputs: 3,
-            compared: 0,
-            unsure: 0,
-        };
-        let checks = [
-            check(Role::Main, "positions", unrun("no buffers")),
-            check(Role::Main, "depths", agreed()),
-            check(Role::Main, "colours", unrun("no buffers")),
-            check(Role::Main, "discards", agreed()),
-            check(Role::Main, "ids", unrun("a budget")),
-        ];
-        let said = said("m", " on this adapter", &checks);
-        assert_eq!(said.len(), 4, "{said:?}");
-        let first = "warning: `m`, main pass, positions; main pass, colours on this adapter: not \
-                     evaluated: no buffers";
-        assert_eq!(said[0], first);
-    }
 }

@@ -1,69 +1,11 @@
-//! The results of `rewrite`.
+//! The results of a job of `rewrite`.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
+use preshade::unstable::command::rewrite::Rewritten;
 use preshade::unstable::emit;
-use preshade::unstable::passes::contract::Contract;
-use preshade::unstable::passes::pass::Refusal;
-use preshade::unstable::passes::validate::Check;
-use serde::Serialize;
-
-/// The result for one material.
-#[derive(Serialize)]
-pub struct Rewritten {
-    pub material: String,
-    pub recipe: String,
-    pub contract: Contract,
-    pub refusals: Vec<Refusal>,
-    pub notes: Vec<String>,
-    /// Results of validation by proof and interpreter, if requested.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub validation: Option<Vec<Check>>,
-    /// Results of validation on an adapter, if there is one.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub validation_on: Option<OnAdapter>,
-    pub files: Vec<Written>,
-}
-
-impl Rewritten {
-    pub fn is_broken(&self) -> bool {
-        let elsewhere = self.validation_on.iter().flat_map(|v| &v.checks);
-        let checks = self.validation.iter().flatten().chain(elsewhere);
-        checks.into_iter().any(|c| c.verdict.is_broken())
-    }
-}
-
-/// Results of running original and variant on an adapter.
-#[derive(Serialize)]
-pub struct OnAdapter {
-    pub adapter: String,
-    pub checks: Vec<Check>,
-}
-
-/// A file that was written or printed.
-#[derive(Serialize)]
-pub struct Written {
-    pub name: String,
-    /// Its path, or its content if it was printed.
-    #[serde(flatten)]
-    pub content: Content,
-}
-
-#[derive(Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Content {
-    Path(PathBuf),
-    Text(String),
-}
-
-#[derive(Serialize)]
-pub struct Report {
-    pub schema: &'static str,
-    pub materials: Vec<Rewritten>,
-    pub errors: Vec<String>,
-}
 
 /// The result of a job, before anything is written.
 #[derive(Default)]

@@ -3,14 +3,12 @@
 use std::path::PathBuf;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
+use preshade::unstable::command::material::{BlendFlag, StateFlags, check_state, with_suggestion};
 use preshade::unstable::limits::Limits;
-use preshade::unstable::passes::plan::Plan;
 use preshade::unstable::passes::state::{
-    Blend, ColorTarget, CompareFunction, CullMode, DepthDirection, DepthFormat, MaterialState,
-    Topology,
+    CompareFunction, CullMode, DepthDirection, DepthFormat, MaterialState, Topology,
 };
 use preshade::unstable::regular;
-use preshade::unstable::render;
 use preshade::unstable::scene::Scene;
 
 use crate::Failure;
@@ -99,20 +97,6 @@ where
         .try_map(|name| serde_json::from_value::<T>(serde_json::Value::String(name)))
 }
 
-/// serde's error for an unknown name, with the nearest known name.
-fn with_suggestion(message: &str) -> String {
-    let mut words = message.split('`').skip(1).step_by(2);
-    let near = message
-        .contains("unknown ")
-        .then(|| words.next())
-        .flatten()
-        .and_then(|wrong| preshade::unstable::nearest::nearest(wrong, words));
-    match near {
-        Some(near) => format!("{}\n  = help: did you mean `{near}`?", message.trim_end()),
-        None => message.to_owned(),
-    }
-}
-
 impl StateArgs {
     /// Whether the user gave no culling.
     pub fn says_no_cull(&self) -> bool {
@@ -140,42 +124,23 @@ impl StateArgs {
                 })?
             }
         };
-        if let Some(compare) = self.depth_compare {
-            state.depth_compare = Some(compare);
-        }
-        if let Some(format) = self.depth_format {
-            state.depth_format = format;
-        }
-        if self.reversed_z {
-            state.depth_direction = DepthDirection::Reversed;
-        }
-        if self.no_depth_write {
-            state.depth_write = false;
-        }
-        if let Some(cull) = self.cull {
-            state.primitive.cull = cull;
-        }
-        if let Some(topology) = self.topology {
-            state.primitive.topology = topology;
-        }
-        if let Some(samples) = &self.samples {
-            state.multisample.count = if samples == "4" { 4 } else { 1 };
-        }
-        state.multisample.alpha_to_coverage |= self.alpha_to_coverage;
-        if let Some(blend) = self.blend {
-            let blend = match blend {
-                BlendArg::None => None,
-                BlendArg::Alpha => Some(Blend::ALPHA),
-                BlendArg::Add => Some(Blend::ADD),
-            };
-            if state.targets.is_empty() {
-                state.targets.push(Some(ColorTarget::opaque("rgba8unorm")));
-            }
-            if let Some(Some(target)) = state.targets.first_mut() {
-                target.blend = blend;
-            }
-        }
-        check(&state)?;
+        let flags = StateFlags {
+            depth_compare: self.depth_compare,
+            depth_format: self.depth_format,
+            reversed_z: self.reversed_z,
+            no_depth_write: self.no_depth_write,
+            blend: self.blend.map(|blend| match blend {
+                BlendArg::None => BlendFlag::None,
+                BlendArg::Alpha => BlendFlag::Alpha,
+                BlendArg::Add => BlendFlag::Add,
+            }),
+            cull: self.cull,
+            topology: self.topology,
+            samples: self.samples.as_ref().and_then(|s| s.parse().ok()),
+            alpha_to_coverage: self.alpha_to_coverage,
+        };
+        flags.apply(&mut state);
+        check_state(&state).map_err(|e| Failure(format!("error: {e}")))?;
         Ok(state)
     }
 
@@ -195,74 +160,6 @@ impl StateArgs {
             Some(_) => scene.with_samples(1),
         }
     }
-}
-
-/// A note about the state of a plan where the user gave none.
-pub fn assumed(plan: &Plan) -> Option<String> {
-    Some(format!(
-        "note: pipeline state assumed of `{}`: {} (--state FILE or its flags say otherwise)",
-        plan.material,
-        described(plan)?
-    ))
-}
-
-/// The pipeline state of a plan's main pass, in a line. `None`: it has none.
-fn described(plan: &Plan) -> Option<String> {
-    let pass = plan.main()?;
-    let mut parts: Vec<String> = Vec::new();
-    for target in pass.targets.iter().flatten() {
-        parts.push(match target.blend {
-            None => format!("opaque {}", target.format),
-            Some(_) => format!("blended {}", target.format),
-        });
-    }
-    parts.push(format!("cull {}", name(&pass.primitive.cull)));
-    parts.push(name(&pass.primitive.topology));
-    if let Some(depth) = &pass.depth {
-        let format = plan
-            .depth_format(&depth.attachment)
-            .map_or(String::new(), |f| name(&f));
-        let written = if depth.write {
-            "written"
-        } else {
-            "not written"
-        };
-        parts.push(format!(
-            "{} depth {}, {written}",
-            name(&depth.compare),
-            format
-        ));
-    }
-    if pass.multisample.count > 1 {
-        parts.push(format!("{} samples", pass.multisample.count));
-    }
-    Some(parts.join(", "))
-}
-
-/// A state value by its name in JSON.
-fn name(value: &impl serde::Serialize) -> String {
-    let json = serde_json::to_value(value).unwrap_or_default();
-    json.as_str().unwrap_or_default().to_owned()
-}
-
-/// Errors of a state that no adapter supports.
-fn check(state: &MaterialState) -> Result<(), Failure> {
-    let samples = state.multisample.count;
-    if !matches!(samples, 1 | 4) {
-        return Err(Failure(format!(
-            "error: multisample.count is 1 or 4, not {samples}"
-        )));
-    }
-    for target in state.targets.iter().flatten() {
-        if render::state::color_format(&target.format).is_none() {
-            return Err(Failure(format!(
-                "error: there is no colour format `{}` that can be drawn to and compared; \
-                 in WebGPU's spelling: rgba8unorm, say",
-                target.format
-            )));
-        }
-    }
-    Ok(())
 }
 
 #[cfg(test)]

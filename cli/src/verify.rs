@@ -4,6 +4,8 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use preshade::unstable::command::material::assumed;
+use preshade::unstable::command::rewrite;
 use preshade::unstable::measure::crossover::{Point, Series};
 use preshade::unstable::measure::record::{Chosen, Pictures, Report, SweepReport};
 use preshade::unstable::measure::{
@@ -28,7 +30,6 @@ use crate::keeper::Keeper;
 use crate::many::{self, Job};
 use crate::output::{self, ProgressLine};
 use crate::share::share;
-use crate::state::assumed;
 use crate::variable::Axis;
 use crate::variants::VariantArgs;
 use crate::view::ViewArgs;
@@ -448,7 +449,7 @@ fn told(
     let json = outcome.report.to_json()?;
     let is_worker = worker::mine().is_some();
     let plans = variants.iter().flat_map(|v| &v.plans);
-    for removed in plans.filter_map(measure::removed_discard) {
+    for removed in plans.filter_map(rewrite::removed_discard) {
         output::message(&removed);
     }
     let printed = match args.format {

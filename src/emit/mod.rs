@@ -618,6 +618,11 @@ fn write_program(
             };
             stages.iter().map(write).collect()
         }
+        #[cfg(not(feature = "spirv"))]
+        Target::Spirv => Err(EmitError::NotBuilt {
+            target,
+            feature: "spirv",
+        }),
         #[cfg(feature = "glsl")]
         _ => {
             let mut emitted = match target {
@@ -636,11 +641,6 @@ fn write_program(
             }
             Ok(emitted)
         }
-        #[cfg(not(feature = "spirv"))]
-        Target::Spirv => Err(EmitError::NotBuilt {
-            target,
-            feature: "spirv",
-        }),
         #[cfg(not(feature = "glsl"))]
         _ => {
             let _ = options;

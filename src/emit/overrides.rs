@@ -285,6 +285,7 @@ impl<'p> Specialised<'p> {
     }
 
     /// The module without overrides.
+    #[cfg(feature = "spirv")]
     pub(super) fn module(&self) -> (&Module, &ModuleInfo) {
         match &self.settled {
             Some(Settled { module, info }) => (module, info),

@@ -154,13 +154,12 @@ pub(super) fn files_below(
         seen: &mut Visited,
         out: &mut Vec<(std::path::PathBuf, String)>,
     ) {
-        let entries = std::fs::read_dir(folder).into_iter().flatten();
-        let mut paths: Vec<_> = entries.filter_map(|e| Some(e.ok()?.path())).collect();
-        paths.sort();
+        let memory = &options.files;
+        let paths = memory.entries(folder).into_iter();
         // A folder's own files come before those of its subfolders.
-        let (below, files): (Vec<_>, Vec<_>) = paths.into_iter().partition(|path| path.is_dir());
+        let (below, files): (Vec<_>, Vec<_>) = paths.partition(|path| memory.is_folder(path));
         // Links can form a cycle, and one folder can lie in another.
-        let mut is_new = |path: &Path| path.canonicalize().is_ok_and(|whole| seen.insert(whole));
+        let mut is_new = |path: &Path| memory.canonical(path).is_ok_and(|whole| seen.insert(whole));
         for path in files {
             if path.extension().is_some_and(|e| e == ending)
                 && is_new(&path)
@@ -182,10 +181,15 @@ pub(super) fn files_below(
     out
 }
 
-/// Reads a file that a shader may import: a regular file inside of [`Options::root`] (after
-/// following links) within the size limit.
+/// Reads a file that a shader may import: one in memory, or a regular file inside of
+/// [`Options::root`] (after following links), within the size limit.
 #[cfg(any(feature = "naga-oil", feature = "wesl"))]
 pub(super) fn text_within(path: &Path, options: &Options) -> Option<String> {
+    if let Some(text) = options.in_memory(path) {
+        let limits = &options.limits;
+        let fits = limits.check("source-bytes", text.len() as u64, path.display());
+        return fits.is_ok().then(|| text.to_owned());
+    }
     let real = path.canonicalize().ok()?;
     let root = options.root.as_ref();
     let within = root.is_none_or(|root| {

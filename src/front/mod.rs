@@ -30,6 +30,7 @@ mod lengths;
 mod locate_panic;
 #[cfg(any(feature = "glsl", feature = "spirv"))]
 mod map_spans;
+mod memory;
 #[cfg(any(feature = "glsl", feature = "spirv"))]
 mod missing_returns;
 mod module_size;
@@ -64,6 +65,7 @@ use self::dialect::{CompiledFrom, Dialect};
 pub use error::{Code, Color, Error, Label};
 #[cfg(feature = "verify")]
 pub(crate) use glsl::ROW_NOTES;
+pub use memory::Memory;
 #[cfg(feature = "verify")]
 pub(crate) use wgsl::for_naga;
 
@@ -175,6 +177,8 @@ pub struct Options {
     pub defines: Vec<(String, String)>,
     /// Folders to search for GLSL's `#include`, after the including file's own.
     pub include: Vec<PathBuf>,
+    /// Files that `#include` and imports find before those on disk, wherever `root` is.
+    pub files: Memory,
     /// Included files must be inside of this folder, and source names are relative to it. `None`
     /// allows any file.
     pub root: Option<PathBuf>,
@@ -182,6 +186,16 @@ pub struct Options {
     pub clip_space: Option<ClipSpace>,
     /// Size limits.
     pub limits: Limits,
+}
+
+#[cfg(any(feature = "naga-oil", feature = "wesl"))]
+impl Options {
+    /// The text of a file in memory. Paths may be below `root`.
+    fn in_memory(&self, path: &Path) -> Option<&str> {
+        let below = |root| path.strip_prefix(root).ok();
+        let path = self.root.as_deref().and_then(below).unwrap_or(path);
+        self.files.text(path)
+    }
 }
 
 /// The clip space that GLSL text is written for.

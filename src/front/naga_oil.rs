@@ -114,7 +114,7 @@ fn compose(source: &Source, options: &Options) -> Result<(Module, CompiledFrom),
         imported: Vec::new(),
         composer: Composer::non_validating().with_capabilities(Capabilities::all()),
     };
-    let own_file = path.canonicalize().ok();
+    let own_file = options.files.canonical(&path).ok();
     let all = named(&folders, options);
     let searched = Searched {
         folders: folders.iter().map(|f| f.display().to_string()).collect(),
@@ -123,7 +123,7 @@ fn compose(source: &Source, options: &Options) -> Result<(Module, CompiledFrom),
     };
     for one in all {
         // The given text of the main file takes precedence over the file on disk.
-        if own_file.is_some() && own_file == one.path.canonicalize().ok() {
+        if own_file.is_some() && own_file == options.files.canonical(&one.path).ok() {
             continue;
         }
         let file = File {

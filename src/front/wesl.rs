@@ -23,7 +23,7 @@ use super::dialect::{
     Compiled, CompiledFrom, Defined, beside, definitions, no_module, path_of, text_within,
 };
 use super::error::{Code, Error};
-use super::{Options, Source};
+use super::{Memory, Options, Source};
 
 /// Compiles a file and its imports to WGSL.
 pub(super) fn compile(source: &Source, options: &Options) -> Result<Compiled, Error> {
@@ -132,7 +132,7 @@ fn shown(paths: &[PathBuf]) -> Vec<String> {
 /// The folders of a package among these folders now.
 pub(super) fn found(folders: &[String], package: &str) -> Vec<String> {
     let folders: Vec<PathBuf> = folders.iter().map(PathBuf::from).collect();
-    shown(&roots(&folders, package))
+    shown(&roots(&folders, package, &Memory::default()))
 }
 
 /// Removes terminal colour sequences (ECMA-48 8.3.117), which the crate always writes.
@@ -170,7 +170,7 @@ struct Packages<'a> {
 }
 
 /// Candidate folders of another package in `Options::include`.
-fn roots(include: &[PathBuf], package: &str) -> Vec<PathBuf> {
+fn roots(include: &[PathBuf], package: &str, memory: &Memory) -> Vec<PathBuf> {
     // Cargo appends a version to a package's folder name.
     let is_called = |folder: &Path| {
         let name = folder.file_name().map(|n| n.to_string_lossy());
@@ -186,13 +186,8 @@ fn roots(include: &[PathBuf], package: &str) -> Vec<PathBuf> {
         if is_called(folder) {
             out.push(folder.clone());
         }
-        let entries = std::fs::read_dir(folder).into_iter().flatten();
-        let mut within: Vec<PathBuf> = entries
-            .filter_map(|e| Some(e.ok()?.path()))
-            .filter(|p| is_called(p))
-            .collect();
-        within.sort();
-        out.extend(within);
+        let entries = memory.entries(folder).into_iter();
+        out.extend(entries.filter(|p| is_called(p)));
     }
     let sources: Vec<PathBuf> = out.iter().map(|f| f.join("src")).collect();
     sources.into_iter().chain(out).collect()
@@ -208,7 +203,7 @@ impl Packages<'_> {
             }
             None => vec![self.root.clone()],
             Some(name) => {
-                let roots = roots(&self.options.include, name);
+                let roots = roots(&self.options.include, name, &self.options.files);
                 let mut packages = self.packages.borrow_mut();
                 packages.insert(name.to_owned(), shown(&roots));
                 roots

@@ -2,6 +2,7 @@
 //! differ, and what each takes.
 
 use preshade_passes::state::MaterialState;
+use preshade_passes::validate::agree::Relation;
 use serde::Serialize;
 
 use super::error::ulps;
@@ -9,6 +10,7 @@ use super::record::{Picture, Pictures};
 use super::{
     Clock, Error, ErrorLadder, Estimate, FrameTime, Session, TimingSettings, compare, time,
 };
+use crate::command::agreed::Drawn;
 use crate::render::{self, Gpu, Rendered, ShaderForm};
 use crate::scene::{DrawOrder, Frame, Scene, StandIn};
 
@@ -21,6 +23,17 @@ pub enum Look {
     ShadowMap,
     /// The colours, and the depths, from the scene's cameras.
     Color,
+}
+
+impl Look {
+    /// What a relation is judged by.
+    pub fn of(relation: Relation) -> Self {
+        match relation {
+            Relation::Same => Self::Color,
+            Relation::Shadow => Self::ShadowMap,
+            _ => Self::Depth,
+        }
+    }
 }
 
 /// Both programs in the first frame of a camera.
@@ -56,6 +69,43 @@ pub struct Times {
     pub ms: [FrameTime; 2],
     /// The first program's time over the second's.
     pub speedup: Estimate,
+}
+
+impl Drawn for Beside {
+    fn told(&self, relation: Relation) -> Vec<String> {
+        let [first, second] = relation.names();
+        let camera = &self.camera;
+        let mut lines = Vec::new();
+        match Look::of(relation) {
+            Look::Color => lines.push(format!(
+                "seen by `{camera}`: {} of {} pixels differ, mean FLIP {:.4}, and {} depths",
+                self.error.changed_pixels,
+                self.error.pixels,
+                self.error.flip_mean,
+                self.error.changed_depth
+            )),
+            _ => {
+                let mut line = format!(
+                    "seen by `{camera}`: of {} depths, {first} alone has {}, and {second} alone has {}",
+                    self.covered, self.lost, self.kept
+                );
+                if self.moved > 0 {
+                    let (moved, steps) = (self.moved, self.moved_steps);
+                    line.push_str(&format!("; {moved} differ, by up to {steps} steps"));
+                }
+                lines.push(line);
+            }
+        }
+        lines.extend(self.times.as_ref().map(|times| {
+            let [a, b] = &times.ms;
+            let ratio = &times.speedup;
+            format!(
+                "time: {first} {:.3} ms, {second} {:.3} ms, {:.2}x [{:.2}, {:.2}]",
+                a.estimate.median, b.estimate.median, ratio.median, ratio.low, ratio.high
+            )
+        }));
+        lines
+    }
 }
 
 /// Draws `scene`, which has one material, with its own program and with `other`.

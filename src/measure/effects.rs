@@ -3,65 +3,11 @@
 use std::collections::BTreeMap;
 
 use preshade_passes::guard::{Assumed, Bounds, Place};
-use preshade_passes::program::Location;
 use preshade_passes::specialize::effects::{self, CalledFor, Effect};
-use serde::Serialize;
 
 use super::constants::{Looked, as_facts};
+use crate::command::explain::EffectUse;
 use crate::scene::{Scene, SceneError};
-
-/// An effect of a material, over its draws.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct EffectUse {
-    /// Name of the material.
-    pub material: String,
-    /// The kind of effect, or the author's identifier.
-    pub name: String,
-    /// `vertex` or `fragment`.
-    pub stage: String,
-    /// Static cost of the code behind its conditions, in one run of the stage.
-    pub cost: f64,
-    /// Draws of the material.
-    pub draws: usize,
-    /// Number of draws that use it.
-    pub called_for: usize,
-    /// Draws that are proved not to.
-    pub not_called_for: usize,
-    /// The deciding values in draws that use it, and in draws that do not.
-    pub evidence: [Vec<Assumed>; 2],
-    /// The first of its conditions.
-    pub location: Option<Location>,
-}
-
-impl EffectUse {
-    /// The number of draws that use it, in words.
-    pub fn called_for_by(&self) -> String {
-        let open = self.draws - self.called_for - self.not_called_for;
-        match (self.called_for, open) {
-            (0, 0) => "by no draw".to_owned(),
-            (yes, 0) if yes == self.draws => "by every draw".to_owned(),
-            (yes, 0) => format!("by {yes} of {}", self.draws),
-            (yes, open) => format!("by {yes} to {} of {}", yes + open, self.draws),
-        }
-    }
-
-    /// The values that decide it, in words.
-    pub fn evidence_said(&self) -> String {
-        let told = |of: &[Assumed], what: &str| {
-            let values: Vec<String> = of.iter().map(ToString::to_string).collect();
-            (!values.is_empty()).then(|| format!("{what}: {}", values.join(", ")))
-        };
-        let [yes, no] = &self.evidence;
-        let said: Vec<String> = [told(yes, "yes"), told(no, "no")]
-            .into_iter()
-            .flatten()
-            .collect();
-        match said.is_empty() {
-            true => "its values change".to_owned(),
-            false => said.join("; "),
-        }
-    }
-}
 
 /// The effects of a scene's materials, by material, the most expensive first.
 ///

@@ -14,6 +14,7 @@ use preshade_passes::plan::Plan;
 use super::bounds;
 use super::interpolation::{Points, interpolation};
 use super::{Error, ErrorLadder, Session, compare, variant};
+use crate::command::explain::WORTH_A_LOOK;
 use crate::parameters::parameters;
 use crate::recipe::Recipe;
 use crate::render::Rendered;
@@ -29,9 +30,6 @@ pub enum Detail {
     /// without those that cost less than [`WORTH_A_LOOK`] of their stage.
     Table,
 }
-
-/// The least share of a fragment stage's static cost for which a table lists a value.
-pub const WORTH_A_LOOK: f64 = 0.05;
 
 /// The progress of [`frequencies`], after each value.
 #[derive(Clone, Copy, Debug)]

@@ -47,14 +47,13 @@ pub mod verify;
 mod vertices;
 mod view;
 
+pub use crate::command::explain::EffectUse;
 pub use beside::{Beside, Look, beside};
 pub use changing::changing;
 pub use constants::constants;
-pub use effects::{EffectUse, effects};
+pub use effects::effects;
 pub use error::{ErrorLadder, compare};
-pub use frequency::{
-    Detail, WORTH_A_LOOK, frequencies, leaves_a_choice, promised, within_budget, written_out,
-};
+pub use frequency::{Detail, frequencies, leaves_a_choice, promised, within_budget, written_out};
 pub use groups::{MOST_GROUPS, grouped, grouped_for};
 pub use interpolation::interpolation;
 pub use junctions::{Junction, junctions};
@@ -65,7 +64,6 @@ pub use rasterizer::rasterizer;
 pub use session::Session;
 pub use shading::{
     CountProgram, Counter, Discarded, Shading, ShadingSummary, facts, facts_for_choice,
-    removed_discard,
 };
 pub use shadow::ShadowReport;
 pub use subject::Subject;
@@ -74,7 +72,7 @@ pub use timing::{
 };
 pub use undrawn::undrawn;
 pub(crate) use variant::unwritten;
-pub use variant::{counting, refused, remedy, variant};
+pub use variant::{counting, refused, variant};
 pub use verify::{Settings, Timed, Variant, Verified, VerifyProgress, verify};
 pub use view::View;
 

@@ -6,7 +6,6 @@
 //! early depth test.
 
 use naga::{Expression, Literal, ShaderStage};
-use preshade_passes::graph::{FunctionId, Graph};
 use preshade_passes::pass::Facts;
 use preshade_passes::plan::{BindingSource, BindingUse, GpuPass, Phase, Plan, Role};
 use preshade_passes::program::Program;
@@ -17,6 +16,7 @@ use preshade_passes::visibility_buffer;
 use serde::{Deserialize, Serialize};
 
 use super::{Error, Session, counting};
+use crate::command::rewrite::discards;
 use crate::render::{
     self, DepthImage, FrameSettings, Gpu, Prepared, SceneInputs, ShaderForm, Variant,
 };
@@ -302,44 +302,6 @@ fn depth_ties(session: &Session<'_>) -> Result<(u64, u64), Error> {
         };
     }
     Ok((ties, undiscarded))
-}
-
-/// Whether a material's main pass may discard.
-pub(super) fn discards(plan: &Plan) -> bool {
-    plan.main().is_some_and(|pass| may_discard(plan, pass))
-}
-
-fn may_discard(plan: &Plan, pass: &GpuPass) -> bool {
-    let Some(program) = plan.program(pass) else {
-        return false;
-    };
-    let fragment = pass.fragment.as_deref();
-    let entry = fragment.and_then(|f| program.entry_point(naga::ShaderStage::Fragment, f));
-    entry.is_some_and(|(index, _)| Graph::build(program).may_discard(FunctionId::EntryPoint(index)))
-}
-
-/// Most values of a guard that a message lists.
-const LISTED: usize = 6;
-
-/// A message for a variant whose guard removed the material's last discard.
-pub fn removed_discard(plan: &Plan) -> Option<String> {
-    let guard = plan.guard.as_ref().filter(|g| !g.values.is_empty())?;
-    let original = plan.original.as_deref()?;
-    if !discards(original) || plan.passes.iter().any(|pass| may_discard(plan, pass)) {
-        return None;
-    }
-    let mut values: Vec<String> = guard.values.iter().map(ToString::to_string).collect();
-    let more = values.len().saturating_sub(LISTED);
-    values.truncate(LISTED);
-    if more > 0 {
-        values.push(format!("{more} more"));
-    }
-    Some(format!(
-        "warning: `{}`: this variant discards no fragment, and the original does. It is right only \
-         for the given values: {}",
-        plan.material,
-        values.join(", ")
-    ))
 }
 
 /// Vertices of the scene's draws per shaded fragment in the first frame of every camera, each index

@@ -9,8 +9,8 @@ use preshade_passes::pass::Undrawn;
 use preshade_passes::plan::{GpuPass, Phase, Plan, Role};
 use preshade_passes::state::{CompareFunction, CullMode};
 
-use super::shading::{discards, removed_discard};
 use super::{CountProgram, Counter, Error, Session, counting};
+use crate::command::rewrite::{discards, removed_discard};
 use crate::render::Rendered;
 use crate::scene::bind::{Guess, Guessed};
 use crate::scene::{DrawOrder, Frame, Scene};

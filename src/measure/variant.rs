@@ -5,6 +5,7 @@ use preshade_passes::pass::{Facts, Refusal};
 use preshade_passes::plan::{GpuPass, Plan};
 
 use super::{CountProgram, Variant};
+use crate::command::refusal::remedy;
 use crate::measure::record::KeptMaterial;
 use crate::pipeline::{self, Frame, Skipped};
 use crate::recipe::Recipe;
@@ -78,11 +79,6 @@ fn why(refusal: &Refusal) -> String {
         Some(remedy) => format!("{refusal}; to make it legal: {remedy}"),
         None => format!("{refusal}{DOES_NOT_APPLY}"),
     }
-}
-
-/// What makes a refused step legal. `None`: nothing, since there is nothing for it to do.
-pub fn remedy(refusal: &Refusal) -> Option<&str> {
-    Some(refusal.remedy.as_str()).filter(|remedy| *remedy != "nothing to do")
 }
 
 /// A recipe that there was no time to apply: a name, and no plans.

@@ -182,3 +182,16 @@ fn blend_factor(f: plan::BlendFactor) -> wgpu::BlendFactor {
         P::SrcAlphaSaturated => W::SrcAlphaSaturated,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::color_format;
+    use crate::command::material::COLOR_FORMATS;
+
+    #[test]
+    fn every_format_that_is_taken_can_be_drawn_to() {
+        for name in COLOR_FORMATS {
+            assert!(color_format(name).is_some(), "{name}");
+        }
+    }
+}

@@ -459,6 +459,7 @@ impl Loader<'_> {
             clip_space: entry.clip,
             root: self.folder.root_of(files[0].get_ref()),
             limits: self.access.limits,
+            ..front::Options::default()
         };
         let parsed = front::parse(&texts, &options).map_err(|e| {
             let what = SceneError::new(format!("the shader of material `{name}`: {e}"))

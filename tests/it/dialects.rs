@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use preshade::unstable::emit::{self, Target};
-use preshade::unstable::front::{self, Options, Source};
+use preshade::unstable::front::{self, Memory, Options, Source};
 use preshade_passes::plan::Plan;
 use preshade_passes::state::MaterialState;
 
@@ -222,4 +222,91 @@ fn bevys_material(version: &str, ending: &str) {
     let without = wgsl(&files, &options).unwrap();
     assert!(!without.contains("tone_mapping("), "{without}");
     assert!(text.contains("tone_mapping("), "{text}");
+}
+
+/// The files below a folder of ours, by paths in a folder that is not on disk.
+fn in_memory(folder: &str) -> Memory {
+    let root = ours(folder).remove(0);
+    let (mut folders, mut files) = (vec![root.clone()], Vec::new());
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+                continue;
+            }
+            let below = path.strip_prefix(&root).unwrap();
+            let text = std::fs::read_to_string(&path).unwrap();
+            files.push((Path::new("nowhere").join(below), text));
+        }
+    }
+    files.into_iter().collect()
+}
+
+#[test]
+fn imports_are_found_in_memory() {
+    for (folder, file) in [("oil", "material.wgsl"), ("wesl", "src/material.wesl")] {
+        let files = in_memory(folder);
+        let name = format!("nowhere/{file}");
+        let text = files.text(Path::new(&name)).unwrap().to_owned();
+        let parse = |files: Memory| {
+            let options = Options {
+                files,
+                ..defined(&[("GROUP", "2"), ("DIM", "true")])
+            };
+            front::parse(&[Source::new(&name, &text)], &options)
+        };
+        let parsed = parse(files).unwrap_or_else(|e| panic!("{}", e.render(front::Color::Never)));
+        let read = parsed.program.sources().files();
+        let texts: String = read.iter().map(|f| f.text.as_str()).collect();
+        assert!(texts.contains("lambert"), "{texts}");
+        assert_eq!(
+            parse(Memory::default()).unwrap_err().code(),
+            front::Code::Parse
+        );
+    }
+}
+
+#[cfg(feature = "glsl")]
+#[test]
+fn includes_are_found_in_memory() {
+    let vertex = "#version 300 es\nin vec3 p;\nvoid main() { gl_Position = vec4(p, 1.0); }\n";
+    let fragment = "#version 300 es\nprecision highp float;\n#include \"../lib/tint.glsl\"\nout vec4 c;\n\
+                    void main() { c = tint(); }\n";
+    let sources = [
+        Source::new("a/m.vert", vertex),
+        Source::new("a/m.frag", fragment),
+    ];
+    let parse = |files: &[(&str, &str)], limits: &str| {
+        let files = files.iter().map(|(name, text)| (*name, (*text).to_owned()));
+        let options = Options {
+            files: files.collect(),
+            limits: preshade::unstable::limits::Limits::parse(limits).unwrap(),
+            ..Options::default()
+        };
+        front::parse(&sources, &options)
+    };
+    let tint = "#include \"red.glsl\"\nvec4 tint() { return RED; }\n";
+    let red = "#define RED vec4(1.0, 0.0, 0.0, 1.0)\n";
+    let both = [("lib/tint.glsl", tint), ("./lib/../lib/red.glsl", red)];
+    let parsed = parse(&both, "").unwrap_or_else(|e| panic!("{}", e.render(front::Color::Never)));
+    let names = parsed
+        .program
+        .sources()
+        .files()
+        .iter()
+        .map(|f| f.name.clone());
+    let names: Vec<String> = names.collect();
+    assert!(
+        names.contains(&"a/../lib/tint.glsl".to_owned()),
+        "{names:?}"
+    );
+    let lacks = parse(&both[..1], "").unwrap_err();
+    assert!(lacks.message().contains("there is no file"), "{lacks}");
+    let endless = [("lib/tint.glsl", "#include \"tint.glsl\"\n")];
+    let endless = parse(&endless, "").unwrap_err();
+    assert!(endless.message().contains("without end"), "{endless}");
+    let large = "/".repeat(1000);
+    let large = parse(&[("lib/tint.glsl", &large)], "source-bytes=500").unwrap_err();
+    assert!(large.message().contains("source-bytes"), "{large}");
 }

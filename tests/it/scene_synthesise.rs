@@ -553,7 +553,7 @@ fn nothing_of_a_bare_shader_is_a_fact() {
 /// A variant without the discard of its original must say so, with the values that it is for.
 #[test]
 fn a_removed_discard_is_reported_with_its_values() {
-    use preshade::unstable::measure;
+    use preshade::unstable::command::rewrite::removed_discard;
     let plan = written(&[("nameless.wgsl", NAMELESS)]).materials[0].plan();
     let apply = |recipe: &str| {
         let recipe = preshade::Recipe::parse_list(recipe).unwrap();
@@ -562,11 +562,11 @@ fn a_removed_discard_is_reported_with_its_values() {
     let bare = apply("specialize");
     assert!(bare.is_err(), "nothing is given, so nothing is constant");
     let without = apply("specialize:set=g.e=0").unwrap();
-    let said = measure::removed_discard(&without).unwrap();
+    let said = removed_discard(&without).unwrap();
     assert!(
         said.contains("discards no fragment") && said.contains("g.e = 0"),
         "{said}"
     );
     let with = apply("specialize:set=g.e=4").unwrap();
-    assert_eq!(measure::removed_discard(&with), None);
+    assert_eq!(removed_discard(&with), None);
 }

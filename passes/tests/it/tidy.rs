@@ -21,11 +21,12 @@ const PASSES: [&[&str]; 7] = [
 ];
 
 /// The rooms of `preshade`, lowest first. Rooms that are not listed are free.
-const PRESHADE: [&[&str]; 10] = [
+const PRESHADE: [&[&str]; 11] = [
     &["wgsl"],
     &["front"],
     &["emit"],
     &["pipeline"],
+    &["command"],
     &["scene"],
     &["render"],
     &["capture"],

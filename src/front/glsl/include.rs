@@ -1,17 +1,19 @@
-//! Finds and reads included files, and enforces the root folder.
+//! Finds and reads included files, in memory or on disk, and enforces the root folder.
 
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::front::Options;
+use crate::front::{Memory, Options};
 use crate::limits::Limits;
 use crate::regular;
 
 /// Searches beside the including file, then below the include folders.
 pub(super) struct Files {
     include: Vec<PathBuf>,
+    /// What is found before the disk.
+    memory: Memory,
     /// See [`Options::root`].
     root: Option<PathBuf>,
     /// For the size of one file.
@@ -28,6 +30,7 @@ impl Files {
     pub fn new(options: &Options) -> Self {
         Self {
             include: options.include.clone(),
+            memory: options.files.clone(),
             root: options.root.clone(),
             limits: options.limits,
             absent: RefCell::default(),
@@ -37,6 +40,9 @@ impl Files {
     /// Finds `path`, the including file's folder joined with the quoted name. In include folders,
     /// tries the longest suffix first.
     pub fn find(&self, path: &Path) -> io::Result<PathBuf> {
+        if self.memory.text(path).is_some() {
+            return self.memory.canonical(path);
+        }
         let beside = match &self.root {
             Some(root) => root.join(path),
             None => path.to_owned(),
@@ -44,7 +50,7 @@ impl Files {
         let mut ending = path;
         let mut found = beside.canonicalize();
         let is_there = |path: &PathBuf| {
-            let is_there = path.exists();
+            let is_there = self.memory.exists(path);
             if !is_there {
                 self.absent.borrow_mut().insert(path.clone());
             }
@@ -56,7 +62,7 @@ impl Files {
         while found.is_err() {
             let below = |d: &PathBuf| d.join(ending);
             if let Some(hit) = self.include.iter().map(below).find(is_there) {
-                found = hit.canonicalize();
+                found = self.memory.canonical(&hit);
                 break;
             }
             let mut parts = ending.components();
@@ -70,16 +76,26 @@ impl Files {
         }
         let found = found?;
         match &self.root {
-            Some(root) if !found.starts_with(root) => Err(io::Error::new(
-                io::ErrorKind::PermissionDenied,
-                format!("{} is outside of the root folder", path.display()),
-            )),
+            Some(root) if self.memory.text(&found).is_none() && !found.starts_with(root) => {
+                Err(io::Error::new(
+                    io::ErrorKind::PermissionDenied,
+                    format!("{} is outside of the root folder", path.display()),
+                ))
+            }
             _ => Ok(found),
         }
     }
 
     /// Reads a regular file within the size limit.
     pub fn text(&self, found: &Path) -> io::Result<String> {
+        if let Some(text) = self.memory.text(found) {
+            let size = text.len() as u64;
+            let what = format_args!("the bytes of {}", found.display());
+            let fits = self.limits.check("source-bytes", size, what);
+            return fits
+                .map(|()| text.to_owned())
+                .map_err(|e| refused(e.to_string()));
+        }
         let bytes = regular::bytes(found, &self.limits, "source-bytes").map_err(|e| match e {
             regular::ReadError::Io(e) => e,
             regular::ReadError::TooLarge(e) => refused(e.to_string()),
@@ -93,6 +109,7 @@ impl Files {
     /// The file's name in messages: as the author wrote it if that exists.
     pub fn shown(&self, asked: &Path, found: &Path) -> String {
         let is_there = match &self.root {
+            _ if self.memory.text(asked).is_some() => true,
             Some(root) => root.join(asked).exists(),
             None => asked.exists(),
         };

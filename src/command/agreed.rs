@@ -3,20 +3,26 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use preshade::unstable::measure::Beside;
-use preshade::unstable::passes::validate::agree::{
-    Agreement, Class, Finding, Outcome, Relation, Spot,
-};
+use preshade_passes::validate::agree::{Agreement, Class, Finding, Outcome, Relation, Spot};
 use serde::Serialize;
 
-use crate::beside::told as told_drawn;
-use crate::unknown;
+use super::agree::Cost;
+use crate::nearest::unknown;
 
-/// The static cost of each stage, in operations.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Cost {
-    pub vertex: Option<f64>,
-    pub fragment: Option<f64>,
+/// What a scene showed of both programs.
+pub trait Drawn: Serialize {
+    /// It, a line each.
+    fn told(&self, relation: Relation) -> Vec<String>;
+}
+
+/// Without a scene.
+#[derive(Serialize)]
+pub enum Undrawn {}
+
+impl Drawn for Undrawn {
+    fn told(&self, _: Relation) -> Vec<String> {
+        Vec::new()
+    }
 }
 
 /// A finding to accept.
@@ -24,7 +30,9 @@ pub struct Cost {
 pub struct Waiver {
     /// Name of the pair.
     pub pair: String,
+    /// The class of the finding.
     pub class: Class,
+    /// Why it is accepted.
     pub reason: String,
 }
 
@@ -42,7 +50,8 @@ struct Judged {
 
 /// The result of a pair.
 #[derive(Serialize)]
-pub struct Pair {
+pub struct Pair<D = Undrawn> {
+    /// Its name.
     pub name: String,
     #[serde(flatten)]
     agreement: Agreement,
@@ -54,14 +63,15 @@ pub struct Pair {
     /// Static costs of the first and the second program.
     cost: [Cost; 2],
     /// Both programs in a scene, by camera.
-    drawn: Vec<Beside>,
+    drawn: Vec<D>,
 }
 
 /// The result of all pairs.
 #[derive(Serialize)]
-pub struct Report {
+pub struct Report<D = Undrawn> {
     schema: &'static str,
-    pub pairs: Vec<Pair>,
+    /// The pairs.
+    pub pairs: Vec<Pair<D>>,
     /// Sentences on materials that are in one of two folders alone.
     pub alone: Vec<String>,
     /// Files in both folders that are no materials.
@@ -71,10 +81,11 @@ pub struct Report {
     unused_waivers: Vec<Waiver>,
     /// Sentences on waivers of pairs that are not there.
     lost_waivers: Vec<String>,
+    /// Errors of pairs that could not be compared.
     pub errors: Vec<String>,
 }
 
-impl Default for Report {
+impl<D> Default for Report<D> {
     fn default() -> Self {
         Self {
             schema: "preshade.agree.v1",
@@ -89,13 +100,14 @@ impl Default for Report {
     }
 }
 
-impl Pair {
+impl<D> Pair<D> {
+    /// The result of a comparison.
     pub fn new(
         name: String,
         mut agreement: Agreement,
         notes: Vec<String>,
         cost: [Cost; 2],
-        drawn: Vec<Beside>,
+        drawn: Vec<D>,
     ) -> Self {
         let findings = std::mem::take(&mut agreement.findings);
         let judged = findings.into_iter().map(|finding| Judged {
@@ -164,7 +176,7 @@ impl Pair {
     }
 }
 
-impl Report {
+impl<D: Drawn> Report<D> {
     /// Applies waivers, and notes which were not needed, and which name no pair. `names` has all pairs,
     /// and whether each could be read.
     pub fn waive(
@@ -245,7 +257,7 @@ impl Report {
             for line in pair
                 .drawn
                 .iter()
-                .flat_map(|b| told_drawn(b, pair.agreement.relation))
+                .flat_map(|b| b.told(pair.agreement.relation))
             {
                 let _ = writeln!(out, "  {line}");
             }
@@ -295,7 +307,7 @@ impl Report {
         if self.pairs.is_empty() {
             return out;
         }
-        let is_same = |p: &&Pair| p.agreement.relation == Relation::Same;
+        let is_same = |p: &&Pair<D>| p.agreement.relation == Relation::Same;
         let _ = writeln!(
             out,
             "| shader | result | vertex ops | fragment ops |\n|---|---|--:|--:|"
@@ -379,7 +391,7 @@ impl Report {
             let lines = pair
                 .drawn
                 .iter()
-                .flat_map(|b| told_drawn(b, pair.agreement.relation));
+                .flat_map(|b| b.told(pair.agreement.relation));
             lines.for_each(|line| {
                 let _ = writeln!(out, "- {line}");
             });

@@ -1,13 +1,10 @@
 //! What `explain` found, in ten lines or in full.
 
-use codespan_reporting::diagnostic::{Diagnostic, Label};
-use codespan_reporting::files::SimpleFiles;
-use codespan_reporting::term;
-use preshade::unstable::measure::{self, EffectUse};
-use preshade::unstable::passes::pass::{Bound, Frequency, Left, Refusal, SiteCost};
-use preshade::unstable::passes::plan::Plan;
+use preshade_passes::pass::{Bound, Frequency, Left, Refusal, SiteCost};
+use preshade_passes::plan::Plan;
 
-use crate::explain::{Explained, PassExplained, SMALL, Saved};
+use super::explain::{EffectUse, Explained, PassExplained, Saved, WORTH_A_LOOK};
+use super::refusal;
 
 /// Most passes to list.
 const MOST_PASSES: usize = 4;
@@ -101,7 +98,7 @@ pub fn brief(explained: &Explained) -> String {
     let more = offers.iter().skip(MOST_PASSES);
     lines.extend(listed("applies too", more.map(|o| o.step.to_owned())));
     lines.extend(listed(
-        &format!("saves less than {:.0} %", SMALL * 100.0),
+        &format!("saves less than {:.0} %", WORTH_A_LOOK * 100.0),
         small.iter().map(|o| o.step.to_owned()),
     ));
     let refused = explained.passes.iter().filter(|p| Offer::of(p).is_none());
@@ -194,7 +191,7 @@ pub fn all(explained: &Explained, plan: &Plan) -> String {
             ));
         }
         for r in &p.refusals {
-            lines.push(indent(&refusal(&without_explain(r), plan)));
+            lines.push(indent(&refusal::rendered(&without_explain(r), plan)));
         }
         if let Some(within) = &p.within_budget {
             lines.push(format!("  with {}: {}", within.step, within.change.what));
@@ -332,33 +329,4 @@ fn without_explain(refusal: &Refusal) -> Refusal {
         remedy: kept.trim_end_matches([';', ' ']).to_owned(),
         ..refusal.clone()
     }
-}
-
-/// A refusal as a note on the author's source.
-pub fn refusal(refusal: &Refusal, plan: &Plan) -> String {
-    let mut files = SimpleFiles::new();
-    let mut labels = Vec::new();
-    if let Some(at) = &refusal.location
-        && let Some(file) = plan
-            .programs
-            .values()
-            .flat_map(|p| p.sources().files())
-            .find(|f| f.name == at.file)
-    {
-        let id = files.add(file.name.clone(), file.text.clone());
-        labels.push(Label::primary(
-            id,
-            at.range.start as usize..at.range.end as usize,
-        ));
-    }
-    let remedy = measure::remedy(refusal).filter(|remedy| !remedy.is_empty());
-    let remedy = remedy.map(|remedy| format!("to make it legal: {remedy}"));
-    let diagnostic = Diagnostic::note()
-        .with_code(format!("{}/{}", refusal.pass, refusal.code))
-        .with_message(format!("does not apply: {}", refusal.reason))
-        .with_labels(labels)
-        .with_notes(remedy.into_iter().collect());
-    let config = term::Config::default();
-    term::emit_into_string(&config, &files, &diagnostic)
-        .map_or_else(|_| refusal.to_string(), |s| s.trim_end().to_owned())
 }

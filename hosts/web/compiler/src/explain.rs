@@ -1,0 +1,34 @@
+//! `explain`.
+
+use preshade::unstable::command::explain::{Explanation, explain, steps};
+use preshade::unstable::command::explained;
+use preshade::unstable::passes::pass::Facts;
+
+use crate::request::Explain;
+use crate::{Answer, Failure, Format, pretty};
+
+/// Explains a material.
+pub fn answer(asked: &Explain) -> Result<Answer<Explanation>, Failure> {
+    let recipe = asked.passes.recipe(&asked.shader)?;
+    let usage = |e: &dyn std::error::Error| Failure::usage(e.to_string());
+    let (steps, order) = steps(&recipe).map_err(|e| usage(&e))?;
+    let plan = asked.shader.plan(None)?;
+    let frame = std::slice::from_ref(&plan);
+    recipe.check_names(frame).map_err(|e| usage(&e))?;
+    let material = explain(&plan, &steps, &Facts::default(), frame, &[], order);
+    let text = match asked.verbose || !recipe.steps.is_empty() {
+        true => explained::all(&material, &plan),
+        false => explained::brief(&material),
+    };
+    let explanation = Explanation::from(vec![material]);
+    let stdout = match asked.format {
+        None => None,
+        Some(Format::Json) => Some(pretty(&explanation)?),
+        Some(_) => Some(text),
+    };
+    Ok(Answer {
+        stdout,
+        read: crate::rewrite::read(&plan),
+        ..Answer::new(explanation)
+    })
+}

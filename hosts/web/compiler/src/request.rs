@@ -1,0 +1,312 @@
+//! What is asked. Names are those of the command line's flags, in camelCase.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use preshade::unstable::command::material::{
+    StateFlags, check_state, define, name_of, reads_facing, with_suggestion,
+};
+use preshade::unstable::command::rewrite::read_layouts;
+use preshade::unstable::front::{self, ClipSpace, Memory, Source};
+use preshade::unstable::limits::{Exceeded, Limits};
+use preshade::unstable::passes::naga::ShaderStage;
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::program::Language;
+use preshade::unstable::passes::state::{CullMode, MaterialState};
+use preshade::unstable::recipe::Recipe;
+use serde::Deserialize;
+
+use crate::failure::Failure;
+
+/// The name of a text that was not in a file.
+const STDIN: &str = "<stdin>";
+
+/// A request.
+#[derive(Deserialize)]
+#[serde(tag = "command", rename_all = "lowercase")]
+pub enum Request {
+    /// `rewrite`.
+    Rewrite(Rewrite),
+    /// `explain`.
+    Explain(Explain),
+    /// `agree`.
+    Agree(Box<Agree>),
+    /// `passes`.
+    Passes(Passes),
+}
+
+/// How the answer is printed. Without it, nothing is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Format {
+    /// For people.
+    Human,
+    /// For programs.
+    Json,
+    /// For a comment on a pull request, of `agree`.
+    Markdown,
+}
+
+/// A shader and its pipeline state.
+#[derive(Clone, Default, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "camelCase")]
+pub struct Shader {
+    /// One file, or a vertex and a fragment file.
+    sources: Vec<File>,
+    /// Files that `#include` and imports find, by path.
+    files: BTreeMap<String, String>,
+    name: Option<String>,
+    vertex: Option<String>,
+    fragment: Option<String>,
+    include: Vec<PathBuf>,
+    define: Vec<String>,
+    clip: Option<ClipSpace>,
+    limits: Option<String>,
+    state: Option<State>,
+    flags: StateFlags,
+}
+
+/// A file of a shader.
+#[derive(Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    name: String,
+    text: String,
+    language: Option<Lang>,
+    stage: Option<Stage>,
+}
+
+#[derive(Clone, Copy, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Lang {
+    Wgsl,
+    Glsl,
+}
+
+#[derive(Clone, Copy, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Stage {
+    Vertex,
+    Fragment,
+}
+
+/// Pipeline state.
+#[derive(Clone, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum State {
+    /// A file: its name, which ends in `.json` or is TOML's, and its text.
+    File(String, String),
+    /// The whole state.
+    Whole(Box<MaterialState>),
+}
+
+/// The request `rewrite`.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "camelCase")]
+pub struct Rewrite {
+    /// The material.
+    pub shader: Shader,
+    /// The passes of the recipe.
+    #[serde(default)]
+    pub passes: Passing,
+    /// Targets, by their names.
+    #[serde(default)]
+    pub emit: Vec<String>,
+    /// Whether to hold the variant against the original, by proof and by an interpreter.
+    #[serde(default)]
+    pub validate: bool,
+    /// The folder that the caller writes to.
+    pub out: Option<PathBuf>,
+    /// How the answer is printed.
+    pub format: Option<Format>,
+}
+
+/// The request `explain`.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "camelCase")]
+pub struct Explain {
+    /// The material.
+    pub shader: Shader,
+    /// The passes to explain, each after those before it. Empty: every pass on its own.
+    #[serde(default)]
+    pub passes: Passing,
+    /// Whether to print everything.
+    #[serde(default)]
+    pub verbose: bool,
+    /// How the answer is printed.
+    pub format: Option<Format>,
+}
+
+/// The request `agree`.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "camelCase")]
+pub struct Agree {
+    /// The first program.
+    pub shader: Shader,
+    /// The second.
+    pub with: Shader,
+    /// What the two should have in common.
+    pub r#as: String,
+    /// The second's resources by the first's names, `THEIRS=OURS`.
+    #[serde(default)]
+    pub map: Vec<String>,
+    /// The first program's normal.
+    pub normal: Option<String>,
+    /// The classes that break the relation.
+    pub fail_on: Option<Vec<String>>,
+    /// Inputs to try for each promise.
+    pub inputs: Option<u64>,
+    /// Whether to print everything.
+    #[serde(default)]
+    pub verbose: bool,
+    /// How the answer is printed.
+    pub format: Option<Format>,
+}
+
+/// The request `passes`.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Passes {
+    /// One pass; without it, all.
+    pub name: Option<String>,
+    /// How the answer is printed.
+    pub format: Option<Format>,
+}
+
+/// Steps as on the command line, or a recipe as in `plan.json`.
+#[derive(Deserialize)]
+#[serde(untagged)]
+pub enum Passing {
+    /// A text each.
+    Texts(Vec<String>),
+    /// A recipe.
+    Recipe(Recipe),
+}
+
+impl Default for Passing {
+    fn default() -> Self {
+        Self::Texts(Vec::new())
+    }
+}
+
+impl Passing {
+    /// The recipe. Layouts are among the shader's files.
+    pub fn recipe(&self, shader: &Shader) -> Result<Recipe, Failure> {
+        let mut recipe = match self {
+            Self::Texts(texts) => {
+                Recipe::parse(texts).map_err(|e| Failure::usage(e.to_string()))?
+            }
+            Self::Recipe(recipe) => recipe.clone(),
+        };
+        let memory = shader.memory();
+        let read = |file: &str| {
+            let text = memory.text(Path::new(file)).map(str::to_owned);
+            text.ok_or_else(|| "it is not among the files".to_owned())
+        };
+        read_layouts(&mut recipe, &read).map_err(Failure::usage)?;
+        Ok(recipe)
+    }
+}
+
+impl Shader {
+    fn memory(&self) -> Memory {
+        let files = self.files.iter();
+        files.map(|(path, text)| (path, text.clone())).collect()
+    }
+
+    /// Reads the program, with depths as written if `clip` says so.
+    pub fn parse(&self, clip: Option<ClipSpace>) -> Result<front::Parsed, Failure> {
+        let sources = self.sources.iter().map(|file| {
+            let mut source = Source::new(file.name.clone(), file.text.clone());
+            source.language = file.language.map(|language| match language {
+                Lang::Wgsl => Language::Wgsl,
+                Lang::Glsl => Language::Glsl,
+            });
+            source.stage = file.stage.map(|stage| match stage {
+                Stage::Vertex => ShaderStage::Vertex,
+                Stage::Fragment => ShaderStage::Fragment,
+            });
+            source
+        });
+        let define = self.define.iter().map(|text| define(text));
+        let limits = Limits::parse(self.limits.as_deref().unwrap_or_default());
+        let limits = limits.map_err(Failure::usage)?;
+        for File { name, text, .. } in &self.sources {
+            let (asked, most) = (text.len() as u64, limits.source_bytes);
+            // As the command line, which leaves the text of stdin to the parser.
+            if asked > most && name != STDIN {
+                let what = format!("the bytes of {name}");
+                let limit = "source-bytes";
+                let exceeded = Exceeded {
+                    limit,
+                    what,
+                    asked,
+                    most,
+                };
+                return Err(Failure::too_large(name, &exceeded));
+            }
+        }
+        let options = front::Options {
+            vertex: self.vertex.clone(),
+            fragment: self.fragment.clone(),
+            defines: define.collect::<Result<_, _>>().map_err(Failure::usage)?,
+            include: self.include.clone(),
+            files: self.memory(),
+            clip_space: clip.or(self.clip),
+            limits,
+            ..front::Options::default()
+        };
+        let sources: Vec<Source> = sources.collect();
+        front::parse(&sources, &options).map_err(|e| Failure::front(&e))
+    }
+
+    /// The material as its author wrote it.
+    pub fn plan(&self, clip: Option<ClipSpace>) -> Result<Plan, Failure> {
+        let parsed = self.parse(clip)?;
+        let mut state = match &self.state {
+            None => MaterialState::default(),
+            Some(State::Whole(state)) => (**state).clone(),
+            Some(State::File(name, text)) => {
+                let read = match name.ends_with(".json") {
+                    true => serde_json::from_str(text).map_err(|e| e.to_string()),
+                    false => toml::from_str(text).map_err(|e| e.to_string()),
+                };
+                read.map_err(|e| Failure::usage(format!("{name}: {}", with_suggestion(&e))))?
+            }
+        };
+        self.flags.apply(&mut state);
+        check_state(&state).map_err(Failure::usage)?;
+        let says_no_cull = self.flags.cull.is_none() && self.state.is_none();
+        if says_no_cull && reads_facing(&parsed) {
+            state.primitive.cull = CullMode::None;
+        }
+        Ok(parsed.plan(&self.material(), &state))
+    }
+
+    /// Name of the material: the given one, or the file's without its endings.
+    fn material(&self) -> String {
+        if let Some(name) = &self.name {
+            return name.clone();
+        }
+        let mut files = self.sources.iter().map(|file| file.name.as_str());
+        let file = files.find(|name| *name != STDIN);
+        let stem = file.and_then(|name| Path::new(name).file_stem()?.to_str());
+        stem.map_or("material", name_of).to_owned()
+    }
+
+    /// Whether the caller gave the pipeline state.
+    pub fn has_state(&self) -> bool {
+        self.state.is_some()
+    }
+
+    /// Whether the caller gave the clip space.
+    pub fn has_clip(&self) -> bool {
+        self.clip.is_some()
+    }
+
+    /// The names of its files, joined.
+    pub fn names(&self) -> String {
+        let names: Vec<&str> = self.sources.iter().map(|file| file.name.as_str()).collect();
+        names.join(",")
+    }
+}

@@ -1,0 +1,100 @@
+// `npx preshade`: the native program's stdout, files and exit status.
+
+import assert from 'node:assert/strict';
+import { mkdirSync, writeFileSync } from 'node:fs';
+import { join } from 'node:path';
+import test from 'node:test';
+import { below, bin, folder, native, read } from './support.mjs';
+
+const LEAF = 'fixtures/agree/leaf.wgsl';
+const PHONG = ['fixtures/glsl/phong.vert', 'fixtures/glsl/phong.frag'];
+
+/** Both programs answer alike. */
+async function alike(args, options) {
+    const [ours, theirs] = await Promise.all([bin(args, options), native(args, options)]);
+    assert.equal(ours.stdout, theirs.stdout, `${args.join(' ')}\n${ours.stderr}`);
+    assert.equal(ours.status, theirs.status, `${args.join(' ')}\n${ours.stderr}\n${theirs.stderr}`);
+    return { ours, theirs };
+}
+
+test('stdout and exit status are those of the native program', async () => {
+    const input = read(process.cwd(), '../../', LEAF);
+    for (const args of [
+        ['passes'],
+        ['passes', 'hoist'],
+        ['passes', '--format', 'json'],
+        ['passes', 'hoisst'],
+        ['explain', LEAF],
+        ['explain', LEAF, '-v'],
+        ['explain', ...PHONG, '--pass', 'depth-prepass', '--format', 'json'],
+        ['rewrite', LEAF, '--pass', 'depth-prepass'],
+        ['rewrite', LEAF],
+        ['rewrite', LEAF, '--pass', 'depth-prepass', '--format', 'json'],
+        ['rewrite', ...PHONG, '--pass', 'depth-prepass', '--emit', 'glsl-es,wgsl', '--name', 'lit'],
+        ['rewrite', LEAF, '--pass', 'depth-prepass', '--blend', 'alpha', '--samples', '4'],
+        ['rewrite', LEAF, '--pass', 'depth-prepass', '--reversed-z', '--cull', 'front', '--no-depth-write'],
+        ['rewrite', LEAF, '--pass', 'no-such-pass'],
+        ['rewrite', LEAF, '--pass', 'depth-prepass', '--emit', 'glsl-tess'],
+        ['rewrite', 'no-such-file.wgsl', '--pass', 'depth-prepass'],
+        ['rewrite', 'no-such-file.wgsl', '--pass', 'depth-prepass', '--format', 'json'],
+        ['rewrite', LEAF, '--pass', 'depth-prepass', '--limits', 'source-bytes=10', '--format', 'json'],
+        ['agree', LEAF, '--with', 'fixtures/agree/leaf.shadow.wgsl', '--as', 'shadow'],
+        ['agree', LEAF, '--with', 'fixtures/agree/leaf.old-shadow.wgsl', '--as', 'shadow', '--format', 'markdown'],
+        ['agree', LEAF, LEAF, '--as', 'same', '--format', 'json'],
+    ])
+        await alike(args);
+    await alike(['rewrite', '-', '--lang', 'wgsl', '--pass', 'early-alpha'], { input });
+    await alike(['rewrite', '-', '--pass', 'early-alpha'], { input });
+});
+
+test('files are those of the native program, and are written once', async (context) => {
+    const out = folder(context);
+    const args = (to) => ['rewrite', LEAF, '--pass', 'depth-prepass', '--emit', 'wgsl,glsl-es', '-o', join(out, to)];
+    const [ours, theirs] = [await bin(args('a')), await native(args('b'))];
+    assert.deepEqual([ours.status, ours.stdout], [theirs.status, theirs.stdout]);
+    const files = below(join(out, 'b'));
+    assert.deepEqual(below(join(out, 'a')), files);
+    for (const file of files) assert.equal(read(out, 'a', file), read(out, 'b', file), file);
+    assert.match(ours.stderr, /wrote .*leaf\.plan\.json/);
+    const again = await bin(args('a'));
+    assert.match(again.stderr, /is up to date/);
+});
+
+test('includes and state come from disk', async (context) => {
+    const cwd = folder(context);
+    const write = (name, text) => writeFileSync(join(cwd, name), text);
+    for (const name of ['a', 'lib', 'other']) mkdirSync(join(cwd, name));
+    write('a/m.vert', '#version 300 es\nin vec3 p;\nvoid main() { gl_Position = vec4(p, 1.0); }\n');
+    const body = 'out vec4 c;\nvoid main() { c = tint(); }\n';
+    write('a/m.frag', `#version 300 es\nprecision highp float;\n#include "../lib/tint.glsl"\n${body}`);
+    write('lib/tint.glsl', '#include "red.glsl"\n#include <deep/blue.glsl>\nvec4 tint() { return RED + BLUE; }\n');
+    write('lib/red.glsl', '#define RED vec4(1.0, 0.0, 0.0, 1.0)\n');
+    mkdirSync(join(cwd, 'other/deep'));
+    write('other/deep/blue.glsl', '#define BLUE vec4(0.0, 0.0, 1.0, 1.0)\n');
+    write('state.toml', 'depth_write = false\n');
+    const glsl = ['a/m.vert', 'a/m.frag', '--pass', 'depth-prepass', '--emit', 'glsl-es'];
+    await alike(['rewrite', ...glsl, '--include', 'other'], { cwd });
+    const lacks = await alike(['rewrite', ...glsl], { cwd });
+    assert.equal(lacks.ours.stderr, lacks.theirs.stderr);
+    await alike(['rewrite', ...glsl, '--include', 'other', '--state', 'state.toml'], { cwd });
+});
+
+test('what it cannot do is said', async () => {
+    const says = async (args, pattern, status = 2) => {
+        const { stderr, status: was } = await bin(args);
+        assert.match(stderr, pattern);
+        assert.equal(was, status);
+    };
+    await says(['verify', 'scene.toml'], /needs the native program/);
+    await says(['rewrite', 'scene.toml'], /is a scene/);
+    await says(['rewrite', 'fixtures'], /is a folder/);
+    await says(['rewite', LEAF], /there is no command/);
+    await says(['rewrite', LEAF, '--pas', 'hoist'], /--pas/);
+    await says([], /Usage/);
+    const { stdout, status } = await bin(['--version']);
+    assert.match(stdout, /^preshade \d/);
+    assert.equal(status, 0);
+    const outputs = await bin(['outputs', LEAF, '--write', 'depth,normal']);
+    const rewrite = await native(['rewrite', LEAF, '--pass', 'outputs:write=depth+normal']);
+    assert.equal(outputs.stdout, rewrite.stdout);
+});

@@ -1,0 +1,431 @@
+//! Where each pass applies to a material, or why it does not, with static costs.
+
+use std::fmt;
+
+use naga::ShaderStage;
+use preshade_passes::graph::Graph;
+use preshade_passes::guard::Assumed;
+use preshade_passes::pass::{Change, Facts, Frequency, Left, Refusal};
+use preshade_passes::plan::Plan;
+use preshade_passes::program::Location;
+use preshade_passes::specialize::effects::{self, CalledFor, Effect};
+use preshade_passes::{PASSES, pass_named};
+use serde::Serialize;
+
+use crate::parameters::parameters;
+use crate::pipeline;
+use crate::recipe::{Recipe, RecipeError, Step};
+
+/// The explanation of materials.
+#[derive(Serialize)]
+pub struct Explanation {
+    schema: &'static str,
+    /// One for each material.
+    pub materials: Vec<Explained>,
+}
+
+impl From<Vec<Explained>> for Explanation {
+    fn from(materials: Vec<Explained>) -> Self {
+        Self {
+            schema: "preshade.explain.v1",
+            materials,
+        }
+    }
+}
+
+/// An effect of a material, over its draws.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct EffectUse {
+    /// Name of the material.
+    pub material: String,
+    /// The kind of effect, or the author's identifier.
+    pub name: String,
+    /// `vertex` or `fragment`.
+    pub stage: String,
+    /// Static cost of the code behind its conditions, in one run of the stage.
+    pub cost: f64,
+    /// Draws of the material.
+    pub draws: usize,
+    /// Number of draws that use it.
+    pub called_for: usize,
+    /// Draws that are proved not to.
+    pub not_called_for: usize,
+    /// The deciding values in draws that use it, and in draws that do not.
+    pub evidence: [Vec<Assumed>; 2],
+    /// The first of its conditions.
+    pub location: Option<Location>,
+}
+
+impl EffectUse {
+    /// The number of draws that use it, in words.
+    pub fn called_for_by(&self) -> String {
+        let open = self.draws - self.called_for - self.not_called_for;
+        match (self.called_for, open) {
+            (0, 0) => "by no draw".to_owned(),
+            (yes, 0) if yes == self.draws => "by every draw".to_owned(),
+            (yes, 0) => format!("by {yes} of {}", self.draws),
+            (yes, open) => format!("by {yes} to {} of {}", yes + open, self.draws),
+        }
+    }
+
+    /// The values that decide it, in words.
+    pub fn evidence_said(&self) -> String {
+        let told = |of: &[Assumed], what: &str| {
+            let values: Vec<String> = of.iter().map(ToString::to_string).collect();
+            (!values.is_empty()).then(|| format!("{what}: {}", values.join(", ")))
+        };
+        let [yes, no] = &self.evidence;
+        let said: Vec<String> = [told(yes, "yes"), told(no, "no")]
+            .into_iter()
+            .flatten()
+            .collect();
+        match said.is_empty() {
+            true => "its values change".to_owned(),
+            false => said.join("; "),
+        }
+    }
+}
+
+/// A material and what each pass does to it.
+#[derive(Serialize)]
+pub struct Explained {
+    /// Name of the material.
+    pub material: String,
+    /// The stages of its main pass.
+    pub stages: Vec<StageCost>,
+    /// The effects that the scene's draws use, the most expensive first.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub effects: Vec<EffectUse>,
+    /// The code behind conditions that uniforms and constants decide, where no draw is known.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub switches: Vec<Effect>,
+    /// The passes.
+    pub passes: Vec<PassExplained>,
+    /// By error against saved cost, the best first.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub frequencies: Vec<Frequency>,
+}
+
+/// The static cost of a stage.
+#[derive(Serialize)]
+pub struct StageCost {
+    /// `vertex` or `fragment`.
+    pub stage: &'static str,
+    /// Its entry point.
+    pub entry_point: String,
+    /// Operations.
+    pub cost: f64,
+    /// Expressions of the entry point.
+    pub expressions: usize,
+    /// What it does besides computing.
+    pub effects: Vec<String>,
+}
+
+/// What a pass does to a material.
+#[derive(Serialize)]
+pub struct PassExplained {
+    /// The recipe step.
+    pub pass: String,
+    /// What the pass does, in a line.
+    pub summary: &'static str,
+    /// When it costs more than it saves.
+    pub hurts: &'static str,
+    /// Where it is from.
+    pub source: &'static str,
+    /// The change that it makes; at most one.
+    pub sites: Vec<Change>,
+    /// What the change saves. `None`: it does not apply, or it saves no operations but fragments.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub saved: Option<Saved>,
+    /// What it does within a budget, if it is refused without one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub within_budget: Option<WithinBudget>,
+    /// Why it does not apply.
+    pub refusals: Vec<Refusal>,
+    /// Values that it did not move.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub left: Vec<Left>,
+}
+
+/// A pass with a budget.
+#[derive(Serialize)]
+pub struct WithinBudget {
+    /// The recipe step.
+    pub step: String,
+    /// The change that it makes.
+    pub change: Change,
+    /// What the change saves.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub saved: Option<Saved>,
+}
+
+/// The static cost that a stage of the main pass loses.
+#[derive(Serialize)]
+pub struct Saved {
+    stage: &'static str,
+    /// Operations saved.
+    ops: f64,
+    /// Operations before.
+    of: f64,
+}
+
+/// The least share of a stage's static cost that is worth a pass.
+pub const WORTH_A_LOOK: f64 = 0.05;
+
+/// The budget with which a pass is tried that is refused without one.
+const BUDGET: f64 = 0.02;
+
+impl Saved {
+    /// `None`: `after` has more passes, so that its stages alone say little, or no stage costs less.
+    fn between(before: &Plan, after: &Plan) -> Option<Self> {
+        let passes = |plan: &Plan| (plan.passes.len(), plan.compute.len());
+        if passes(before) != passes(after) {
+            return None;
+        }
+        let (before, after) = (stages(before), stages(after));
+        let stages = before.iter().zip(&after).map(|(a, b)| Self {
+            stage: a.stage,
+            ops: a.cost - b.cost,
+            of: a.cost,
+        });
+        let best = stages.max_by(|a, b| a.share().total_cmp(&b.share()));
+        best.filter(|s| s.ops > 0.0)
+    }
+
+    /// The share of the stage.
+    pub fn share(&self) -> f64 {
+        self.ops / self.of.max(1.0)
+    }
+
+    /// Whether it is too little to be worth a pass.
+    pub fn is_small(&self) -> bool {
+        self.share() < WORTH_A_LOOK
+    }
+}
+
+impl fmt::Display for Saved {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { stage, ops, of } = self;
+        let percent = 100.0 * self.share();
+        write!(
+            f,
+            "saves {ops:.0} of {of:.0} ops of the {stage} stage ({percent:.0} %)"
+        )
+    }
+}
+
+/// Which plan each pass is explained on.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Order {
+    /// The original.
+    Apart,
+    /// The plan that the passes before it made.
+    Chained,
+}
+
+/// Every pass, with its own defaults.
+///
+/// # Errors
+/// None: a pass without parameters is a valid step.
+pub fn every_step() -> Result<Vec<Step>, RecipeError> {
+    PASSES.iter().map(|p| Step::parse(p.info().name)).collect()
+}
+
+/// The explanation of the recipe's passes, each after those before it, or, without any, of every pass
+/// on its own.
+///
+/// # Errors
+/// As [`every_step`].
+pub fn steps(recipe: &Recipe) -> Result<(Vec<Step>, Order), RecipeError> {
+    Ok(match recipe.steps.is_empty() {
+        true => (every_step()?, Order::Apart),
+        false => (recipe.steps.clone(), Order::Chained),
+    })
+}
+
+/// Explains `steps` on a material of a frame. `uses` are the effects that the frame's draws use.
+pub fn explain(
+    plan: &Plan,
+    steps: &[Step],
+    facts: &Facts,
+    frame: &[Plan],
+    uses: &[EffectUse],
+    order: Order,
+) -> Explained {
+    let mut before = plan.clone();
+    let mut frequencies: Vec<Frequency> = facts
+        .frequencies
+        .iter()
+        .filter(|f| f.material == plan.material)
+        .cloned()
+        .collect();
+    // One name at one place is one line, that with the least error for what it saves.
+    frequencies.sort_by(|a, b| {
+        let key = |f: &Frequency| f.flip_mean / f.cost.max(1.0);
+        key(a).total_cmp(&key(b)).then(b.cost.total_cmp(&a.cost))
+    });
+    let mut named = Vec::new();
+    frequencies.retain(|f| {
+        let name = (f.name.clone(), f.location.clone());
+        let is_new = !named.contains(&name);
+        named.push(name);
+        is_new
+    });
+    let uses: Vec<EffectUse> = uses
+        .iter()
+        .filter(|e| e.material == plan.material)
+        .cloned()
+        .collect();
+    let switches = match uses.is_empty() {
+        true => effects::effects(plan, facts),
+        false => Ok(Vec::new()),
+    };
+    // A condition that is known, or that no value of the host decides, is no switch.
+    let is_switch = |e: &Effect| e.called_for == CalledFor::Open && e.name != effects::UNNAMED;
+    Explained {
+        frequencies,
+        material: plan.material.clone(),
+        effects: uses,
+        switches: switches
+            .unwrap_or_default()
+            .into_iter()
+            .filter(is_switch)
+            .collect(),
+        stages: stages(plan),
+        passes: steps
+            .iter()
+            .filter_map(|step| {
+                // A step that was parsed names a pass.
+                let info = pass_named(&step.pass)?.info();
+                let mut explained = PassExplained {
+                    pass: step.to_string(),
+                    summary: info.summary,
+                    hurts: info.hurts,
+                    source: info.source,
+                    sites: Vec::new(),
+                    saved: None,
+                    within_budget: None,
+                    refusals: Vec::new(),
+                    left: Vec::new(),
+                };
+                match pipeline::run(step, &before, frame, facts) {
+                    Ok(done) => {
+                        explained.saved = Saved::between(&before, &done.plan);
+                        explained.sites = vec![done.change];
+                        explained.left = done.left;
+                        if order == Order::Chained {
+                            before = done.plan;
+                        }
+                    }
+                    Err(refused) => {
+                        explained.refusals = refused.refusals;
+                        explained.left = refused.left;
+                        explained.within_budget = within_budget(step, &before, frame, facts);
+                    }
+                }
+                Some(explained)
+            })
+            .collect(),
+    }
+}
+
+/// What a refused step does with a budget. `None`: it has no such parameter, has one already, or is
+/// refused all the same.
+fn within_budget(step: &Step, plan: &Plan, frame: &[Plan], facts: &Facts) -> Option<WithinBudget> {
+    let pass = pass_named(&step.pass)?;
+    let takes = parameters(pass).iter().any(|p| p.name == "budget");
+    if !takes || step.params.contains_key("budget") {
+        return None;
+    }
+    let mut step = step.clone();
+    step.params.insert("budget".to_owned(), BUDGET.into());
+    let done = pipeline::run(&step, plan, frame, facts).ok()?;
+    Some(WithinBudget {
+        step: step.to_string(),
+        saved: Saved::between(plan, &done.plan),
+        change: done.change,
+    })
+}
+
+fn stages(plan: &Plan) -> Vec<StageCost> {
+    let Some((pass, program)) = plan.main().and_then(|p| Some((p, plan.program(p)?))) else {
+        return Vec::new();
+    };
+    let graph = Graph::build(program);
+    let mut stages = Vec::new();
+    for (stage, word, name) in [
+        (ShaderStage::Vertex, "vertex", Some(&pass.vertex)),
+        (ShaderStage::Fragment, "fragment", pass.fragment.as_ref()),
+    ] {
+        let Some((index, entry)) = name.and_then(|n| program.entry_point(stage, n)) else {
+            continue;
+        };
+        stages.push(StageCost {
+            stage: word,
+            entry_point: entry.name.clone(),
+            cost: graph.entry_cost(index),
+            expressions: entry.function.expressions.len(),
+            effects: graph.entry_effects(index),
+        });
+    }
+    stages
+}
+
+#[cfg(test)]
+mod tests {
+    use preshade_passes::pass::{Site, SiteCost};
+    use preshade_passes::plan::Role;
+
+    use super::*;
+    use crate::command::explained;
+
+    fn pass(name: &str, ops: f64) -> PassExplained {
+        PassExplained {
+            pass: name.to_owned(),
+            summary: "",
+            hurts: "",
+            source: "",
+            sites: vec![Change {
+                key: Site {
+                    role: Role::Main,
+                    entry_point: "fs".to_owned(),
+                    slice: String::new(),
+                },
+                what: String::new(),
+                location: None,
+                cost: SiteCost::default(),
+            }],
+            saved: Some(Saved {
+                stage: "fragment",
+                ops,
+                of: 100.0,
+            }),
+            within_budget: None,
+            refusals: Vec::new(),
+            left: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn the_largest_saving_that_was_not_drawn_is_told() {
+        let explained = Explained {
+            material: "m".to_owned(),
+            stages: Vec::new(),
+            effects: Vec::new(),
+            switches: Vec::new(),
+            passes: vec![
+                pass("hoist", 20.0),
+                pass("early-alpha", 40.0),
+                pass("b", 4.0),
+            ],
+            frequencies: Vec::new(),
+        };
+        let told = |drawn: &[&str]| explained::largest(&explained, drawn).map(|(step, _)| step);
+        assert_eq!(
+            told(&["early-alpha"]).as_deref(),
+            Some("hoist, which saves 20 of 100 ops of the fragment stage (20 %)")
+        );
+        // Less than 5 % is no hint.
+        assert_eq!(told(&["early-alpha", "hoist"]), None);
+    }
+}

@@ -1,0 +1,12 @@
+//! What the commands answer that need no GPU: data in; records and text out. The command line and the
+//! npm package in `hosts/web` print the same answers, so what both need is here. Nothing in this folder
+//! reads a flag or a file.
+
+pub mod agree;
+pub mod agreed;
+pub mod explain;
+pub mod explained;
+pub mod material;
+pub mod passes;
+pub mod refusal;
+pub mod rewrite;
