@@ -83,6 +83,25 @@ test('the package works in Chromium', async (context) => {
         `${asked.length} materials, two targets each: the first took ${first} ms with loading; warm, half took ` +
             `${at(warm, 0.5)} ms, 90 % ${at(warm, 0.9)} ms at most`,
     );
+    const deep = [60, 90, 126].map((depth) => {
+        const ifs = `${'if x > 1.0 { '.repeat(depth)}x += 1.0;${' }'.repeat(depth)}`;
+        return `
+            @vertex fn vs() -> @builtin(position) vec4<f32> { return vec4(0.0); }
+            @fragment fn fs(@builtin(position) p: vec4<f32>) -> @location(0) vec4<f32> {
+                var x = p.x; ${ifs} return vec4(x);
+            }`;
+    });
+    const nested = await page.evaluate(async (deep) => {
+        const answers = [];
+        for (const text of deep) answers.push(await globalThis.preshade.rewrite(text).catch(({ code }) => ({ code })));
+        return answers.map(({ code }) => code ?? 'accepted');
+    }, deep);
+    assert.ok(
+        nested.every((outcome) => ['accepted', 'too-deep'].includes(outcome)),
+        `${nested}`,
+    );
+    context.diagnostic(`60, 90 and 126 nested ifs: ${nested.join(', ')}`);
+
     const error = await page.evaluate(() =>
         globalThis.preshade.rewrite('fn f( {').catch(({ code, place }) => ({ code, line: place.line })),
     );
