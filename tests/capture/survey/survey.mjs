@@ -129,7 +129,7 @@ async function replayed(out, icd) {
 
 /** Two variants of a capture's materials: how many are measured, and what breaks. */
 async function verified(out) {
-    const options = ['--variant', 'depth-prepass', '--variant', 'early-discard', '--size', '160x120', '--frames', '1'];
+    const options = ['--variant', 'depth-prepass', '--variant', 'early-discard', '--frames', '1'];
     const { output, errors, failed } = await program('preshade', ['verify', out, ...options, '--time', 'no'], {
         VK_DRIVER_FILES: drivers.llvmpipe,
     });
