@@ -30,6 +30,7 @@ class Folder {
         this.tar = new Tar(sink);
         this.known = new Set();
         this.numbers = new Map();
+        this.equals = {};
         this.texts = new Map();
         this.entries = {};
         for (const list of LISTS) this.entries[list] = [];
@@ -66,10 +67,16 @@ class Folder {
         return number;
     }
 
-    /** The number of an entry that equals `entry`. */
+    /** The number of an entry that equals `entry`. Its text is long, so it is a key as it is. */
     equal(list, entry) {
-        const key = list + JSON.stringify(entry);
-        return this.number(list, key, () => entry);
+        const known = (this.equals[list] ??= new Map());
+        const key = JSON.stringify(entry);
+        let number = known.get(key);
+        if (number === undefined) {
+            number = this.entries[list].push(entry) - 1;
+            known.set(key, number);
+        }
+        return number;
     }
 
     refuse(what, why, count = 1) {

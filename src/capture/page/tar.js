@@ -53,6 +53,15 @@ class Tar {
 // Three divides it, so that a chunk's base64 needs no padding.
 const CHUNK = 3 << 18;
 
+function base64(bytes) {
+    if (bytes.toBase64) return bytes.toBase64();
+    let binary = '';
+    for (let at = 0; at < bytes.length; at += 0x8000) {
+        binary += String.fromCharCode.apply(null, bytes.subarray(at, at + 0x8000));
+    }
+    return btoa(binary);
+}
+
 /** Sends base64 chunks through a function that DevTools' protocol added to the page, and an empty one as the end. */
 class BindingSink {
     constructor(send) {
@@ -73,11 +82,7 @@ class BindingSink {
 
     push() {
         if (!this.used) return;
-        let binary = '';
-        for (let at = 0; at < this.used; at += 0x8000) {
-            binary += String.fromCharCode.apply(null, this.chunk.subarray(at, Math.min(at + 0x8000, this.used)));
-        }
-        this.send(btoa(binary));
+        this.send(base64(this.chunk.subarray(0, this.used)));
         this.used = 0;
     }
 

@@ -256,9 +256,15 @@ Object.assign(GlTaking.prototype, {
         });
     },
 
-    shader({ sources }, stage) {
+    /** A program's text is long, so its number is kept with it. */
+    shader(info, stage) {
         const { folder } = this;
-        const text = sources[stage] ?? '';
+        if (info.numbers?.folder !== folder) info.numbers = { folder };
+        return (info.numbers[stage] ??= this.shaderOf(info.sources[stage] ?? '', stage));
+    },
+
+    shaderOf(text, stage) {
+        const { folder } = this;
         const language = /^\s*#version 300 es/.test(text) ? 'glsl-es-300' : 'glsl-es-100';
         return folder.number('shaders', `${stage} ${text}`, () => ({
             language,

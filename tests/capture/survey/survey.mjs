@@ -15,6 +15,7 @@ import { tmpdir } from 'node:os';
 import { join, resolve } from 'node:path';
 import { fileURLToPath } from 'node:url';
 import { promisify } from 'node:util';
+import { gunzipSync } from 'node:zlib';
 import { count } from '../check.mjs';
 import { pages, serve } from './serve.mjs';
 import { cost, costTable } from './cost.mjs';
@@ -91,12 +92,14 @@ async function report() {
 async function survey({ id, title, path }) {
     const row = { page: id, title };
     const out = join(folder, id);
-    if (!again || !existsSync(join(out, 'frame.json'))) {
+    const files = ['frame.json', 'frame.json.gz'].map((name) => join(out, name));
+    if (!again || !files.some(existsSync)) {
         const options = ['--frames', String(FRAMES), '--size', SIZE, '--wait-for', 'js:globalThis.ready', '--after', '0'];
         const made = await program('preshade', ['capture', address + path, ...options, '-o', out]);
         if (made.failed) return { ...row, error: short(made.errors) };
     }
-    const file = JSON.parse(await readFile(join(out, 'frame.json'), 'utf8'));
+    const bytes = await readFile(files.find(existsSync));
+    const file = JSON.parse(bytes[0] === 0x1f ? gunzipSync(bytes) : bytes);
     const totals = count(file);
     row.api = { webgpu: 'WebGPU', webgl2: 'WebGL 2', webgl1: 'WebGL 1' }[file.source.api];
     row.draws = Math.round(totals.draws / totals.frames);
