@@ -448,10 +448,7 @@ impl ShaderArgs {
             return Ok(());
         };
         let capture = Capture::open(folder, &self.limits.limits())?;
-        let on = self.replay_on.clone();
-        let on = on.map_or(AdapterChoice::Best, AdapterChoice::Matching);
-        let gpu = Gpu::with_trust(&on, self.limits.limits().trust())?;
-        let Some(shown) = capture::pictures(&capture, &gpu, self.frame)? else {
+        let Some(shown) = capture::pictures(&capture, &self.replay_gpu()?, self.frame)? else {
             return Ok(());
         };
         let [page, replay] = shown.map(|image| Rendered {
@@ -470,6 +467,13 @@ impl ShaderArgs {
         Ok(())
     }
 
+    /// The adapter that replays captured frames.
+    fn replay_gpu(&self) -> Result<Gpu, Failure> {
+        let on = self.replay_on.clone();
+        let on = on.map_or(AdapterChoice::Best, AdapterChoice::Matching);
+        Ok(Gpu::with_trust(&on, self.limits.limits().trust())?)
+    }
+
     /// The scene of a captured frame.
     fn captured(&self, folder: &Path, purpose: Purpose) -> Result<Scene, Failure> {
         let failed =
@@ -481,11 +485,7 @@ impl ShaderArgs {
         };
         let gpu = match purpose {
             Purpose::Read => None,
-            Purpose::Draw => {
-                let on = self.replay_on.clone();
-                let on = on.map_or(AdapterChoice::Best, AdapterChoice::Matching);
-                Some(Gpu::with_trust(&on, self.limits.limits().trust())?)
-            }
+            Purpose::Draw => Some(self.replay_gpu()?),
         };
         capture::scene(&capture, choice, gpu.as_ref()).map_err(failed)
     }

@@ -146,3 +146,26 @@ export function result(command, answer) {
     if (answer.error) throw new PreshadeError(answer.error);
     return results[command](answer);
 }
+
+/** The commands as methods. Subclasses have `ask(command, ...given)`. */
+export class Commands {
+    rewrite(sources, options) {
+        return this.ask('rewrite', sources, options);
+    }
+
+    explain(sources, options) {
+        return this.ask('explain', sources, options);
+    }
+
+    outputs(sources, options) {
+        return this.ask('outputs', sources, options);
+    }
+
+    agree(first, second, options) {
+        return this.ask('agree', first, second, options);
+    }
+
+    passes(options) {
+        return this.ask('passes', options);
+    }
+}

@@ -1,45 +1,26 @@
 // The compiler in a worker. It starts with the first call.
 
 import { start } from '#start';
-import { PreshadeError, requests, result } from './client.js';
+import { Commands, PreshadeError, requests, result } from './client.js';
 import { failure } from './instance.js';
 
 export { PreshadeError };
 
 /** A compiler with a worker of its own. */
-export class Preshade {
+export class Preshade extends Commands {
     #options;
     #worker = null;
     #waiting = new Map();
     #next = 0;
 
     constructor(options = {}) {
+        super();
         this.#options = options;
-    }
-
-    rewrite(sources, options) {
-        return this.#ask('rewrite', sources, options);
-    }
-
-    explain(sources, options) {
-        return this.#ask('explain', sources, options);
-    }
-
-    outputs(sources, options) {
-        return this.#ask('outputs', sources, options);
-    }
-
-    agree(first, second, options) {
-        return this.#ask('agree', first, second, options);
-    }
-
-    passes(options) {
-        return this.#ask('passes', options);
     }
 
     /** Starts the worker and compiles the module, so that the first call need not wait for it. */
     async ready() {
-        await this.#ask('passes', { name: 'depth-prepass' });
+        await this.ask('passes', { name: 'depth-prepass' });
     }
 
     /** Ends the worker. Calls without an answer fail. Another call starts a new one. */
@@ -47,7 +28,7 @@ export class Preshade {
         this.#end(failure('disposed', 'the compiler was disposed of'));
     }
 
-    async #ask(command, ...given) {
+    async ask(command, ...given) {
         const request = requests[command](...given);
         return result(command, await this.request(request));
     }

@@ -1,16 +1,17 @@
 // The compiler on the caller's thread, for build tools and scripts of node.
 
-import { requests, result } from './client.js';
+import { Commands, requests, result } from './client.js';
 import { Instance } from './instance.js';
 import { module } from './module-node.js';
 
 export { PreshadeError } from './client.js';
 
-export class PreshadeSync {
+export class PreshadeSync extends Commands {
     #instance = null;
     #options;
 
     constructor(options = {}) {
+        super();
         this.#options = options;
     }
 
@@ -25,28 +26,8 @@ export class PreshadeSync {
         return this.#instance.call(request);
     }
 
-    #ask(command, ...given) {
+    ask(command, ...given) {
         return result(command, this.request(requests[command](...given)));
-    }
-
-    rewrite(sources, options) {
-        return this.#ask('rewrite', sources, options);
-    }
-
-    explain(sources, options) {
-        return this.#ask('explain', sources, options);
-    }
-
-    outputs(sources, options) {
-        return this.#ask('outputs', sources, options);
-    }
-
-    agree(first, second, options) {
-        return this.#ask('agree', first, second, options);
-    }
-
-    passes(options) {
-        return this.#ask('passes', options);
     }
 }
 
