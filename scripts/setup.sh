@@ -6,7 +6,7 @@
 #   setup.sh native       a C compiler and Vulkan's headers, for the hosts of tests/native
 #   setup.sh accept       spirv-val, glslangValidator, spirv-cross, and Tint (npm package `webgpu`) for the acceptance tests
 #   setup.sh three        Chromium, node and npm, for the page of tests/three
-#   setup.sh web          node and npm; and, without rustup's target for WebAssembly, Debian's compiler for it
+#   setup.sh web          node and npm; and, without rustup's component rust-src, Debian's compiler for WebAssembly
 #   setup.sh swiftshader  SwiftShader's Vulkan, a second driver for tests: a part of Chromium's package
 set -eu
 
@@ -68,7 +68,8 @@ three() {
 
 web() {
     if ! have node || ! have npm; then install nodejs npm; fi
-    ! rustup target list --installed 2>/dev/null | grep -q '^wasm32-unknown-unknown$' || return 0
+    # The standard library is compiled from its source: rustup's, `rustup component add rust-src`.
+    [ ! -d "$(rustc --print sysroot 2>/dev/null)/lib/rustlib/src/rust/library" ] || return 0
     # Debian packs a recent compiler for browsers (`-web`), the source of its library, and a linker apart.
     if [ ! -d "$(/usr/bin/rustc --print sysroot 2>/dev/null)/lib/rustlib/src/rust/library" ]; then
         install rustc-web cargo-web rust-web-src

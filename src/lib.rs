@@ -118,7 +118,7 @@ pub mod unstable {
             $($(#[$attribute])* #[allow(missing_docs)] pub mod $module { pub use crate::$module::*; })*
         };
     }
-    internal! { build_script command emit front limits lock nearest panics parameters pipeline recipe regular sweep }
+    internal! { build_script command emit front limits lock nearest parameters pipeline recipe regular sweep }
     #[cfg(feature = "verify")]
     internal! { capture measure render report scene search }
 }

@@ -31,7 +31,7 @@ pub(crate) fn run<T>(work: impl FnOnce() -> T) -> Result<T, Panicked> {
 /// Converts a panic of `work` to an error without printing it. A program that is built to abort on a
 /// panic ends, and its own hook says why.
 pub(crate) fn caught<T>(work: impl FnOnce() -> T) -> Result<T, Panicked> {
-    if cfg!(panic = "abort") {
+    if cfg!(not(panic = "unwind")) {
         return Ok(work());
     }
     install_hook();
@@ -63,7 +63,7 @@ fn install_hook() {
 }
 
 /// Shortens paths of the machine that built us: from the crate's folder on.
-pub fn in_crate(message: &str) -> String {
+fn in_crate(message: &str) -> String {
     let word = |word: &str| {
         let path = word.replace('\\', "/");
         match path.rfind("/src/") {

@@ -105,6 +105,10 @@ export const requests = {
         const request = { command: 'agree', shader: of, with: theirs, map: maps, ...more };
         return failOn === undefined ? request : { ...request, failOn: list(failOn) };
     },
+    graph(sources, options = {}) {
+        const { shader: of, rest } = shader(sources, options);
+        return { command: 'graph', shader: of, ...rest };
+    },
     passes(options = {}) {
         return { command: 'passes', ...options };
     },
@@ -137,6 +141,7 @@ export const results = {
     agree({ status, report, read }) {
         return { agrees: status === 0, isPartial: status === 3, ...report.pairs[0], read };
     },
+    graph: ({ report, read }) => ({ ...report, read }),
     passes: ({ report }) => report.passes,
 };
 results.outputs = results.rewrite;
@@ -163,6 +168,10 @@ export class Commands {
 
     agree(first, second, options) {
         return this.ask('agree', first, second, options);
+    }
+
+    graph(sources, options) {
+        return this.ask('graph', sources, options);
     }
 
     passes(options) {

@@ -183,6 +183,31 @@ export interface Agreement {
     [key: string]: unknown;
 }
 
+/** A dataflow graph: values, writes and branches of the main pass, and what depends on what. */
+export interface Graph {
+    schema: string;
+    functions: { name: string; stage?: string; cost: number; effects: string[] }[];
+    nodes: {
+        function: string;
+        kind: 'input' | 'expression' | 'statement' | 'initial' | 'version' | 'phi' | 'output';
+        text: string;
+        /** The author's name for it. */
+        name?: string;
+        /** `file:line`. */
+        line?: string;
+        /** How often the value changes: `const`, `draw`, `instance`, `vertex`, `flat`, `linear`, `perspective`, .. */
+        rate: string;
+        stages: 'any' | 'vertex' | 'fragment' | 'none';
+        /** Static cost of evaluating it once, and how often it runs per run of its function. */
+        cost: number;
+        times: number;
+        effects?: string[];
+    }[];
+    /** From a node to one that depends on it, by index. */
+    edges: { from: number; to: number; kind: 'data' | 'control' | 'memory' | 'call' }[];
+    read: string[];
+}
+
 export interface PassInfo {
     name: string;
     summary: string;
@@ -195,6 +220,8 @@ export interface PassInfo {
 export interface PreshadeOptions {
     /** Where `preshade.wasm` is, or the module; by default beside this file. */
     wasm?: string | URL | ArrayBuffer | Uint8Array | WebAssembly.Module;
+    /** Where `preshade-full.wasm` is, which `agree` and `validate` load. */
+    full?: string | URL | ArrayBuffer | Uint8Array | WebAssembly.Module;
     /** Milliseconds after which a call fails with the code `timeout`, and the worker is replaced. */
     timeout?: number;
 }
@@ -206,6 +233,7 @@ export declare class Preshade {
     explain(sources: Sources, options?: ExplainOptions): Promise<Explained>;
     outputs(sources: Sources, options: OutputsOptions): Promise<Variant>;
     agree(first: Sources, second: Sources, options: AgreeOptions): Promise<Agreement>;
+    graph(sources: Sources, options?: ShaderOptions): Promise<Graph>;
     passes(options?: { name?: string }): Promise<PassInfo[]>;
     /** Starts the worker and compiles the module. */
     ready(): Promise<void>;
@@ -217,4 +245,5 @@ export declare function rewrite(sources: Sources, options?: RewriteOptions): Pro
 export declare function explain(sources: Sources, options?: ExplainOptions): Promise<Explained>;
 export declare function outputs(sources: Sources, options: OutputsOptions): Promise<Variant>;
 export declare function agree(first: Sources, second: Sources, options: AgreeOptions): Promise<Agreement>;
+export declare function graph(sources: Sources, options?: ShaderOptions): Promise<Graph>;
 export declare function passes(options?: { name?: string }): Promise<PassInfo[]>;

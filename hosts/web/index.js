@@ -72,4 +72,5 @@ export const rewrite = (sources, options) => shared.rewrite(sources, options);
 export const explain = (sources, options) => shared.explain(sources, options);
 export const outputs = (sources, options) => shared.outputs(sources, options);
 export const agree = (first, second, options) => shared.agree(first, second, options);
+export const graph = (sources, options) => shared.graph(sources, options);
 export const passes = (options) => shared.passes(options);

@@ -6,6 +6,38 @@ const isOverflow = (error) => error instanceof RangeError || error?.name === 'In
 /** Above so many bytes an instance is dropped after its call, because its memory never shrinks. */
 const LARGE = 256 << 20;
 
+/** Whether a request needs `preshade-full.wasm`, which can compare programs too. */
+const compares = ({ command, validate }) => command === 'agree' || Boolean(validate);
+
+/** The instances of both modules, each made when a request needs it. `open(isFull)` has the module, or a promise. */
+export class Instances {
+    #open;
+    #made = new Map();
+
+    constructor(open) {
+        this.#open = open;
+    }
+
+    /** The instance for a request, or a promise of it. */
+    of(request) {
+        return this.get(compares(request));
+    }
+
+    get(isFull) {
+        if (!this.#made.has(isFull)) {
+            const module = this.#open(isFull);
+            const made = module instanceof WebAssembly.Module;
+            this.#made.set(isFull, made ? new Instance(module) : module.then((of) => new Instance(of)));
+        }
+        return this.#made.get(isFull);
+    }
+
+    /** Bytes of their memory, of those that are made at once. */
+    get memory() {
+        return [...this.#made.values()].reduce((sum, of) => sum + (of.memory ?? 0), 0);
+    }
+}
+
 export class Instance {
     #module;
     #exports = null;
@@ -50,17 +82,12 @@ export class Instance {
             return failure('too-deep', "the shader is nested so deeply that the engine's stack is full", [
                 'nest blocks, `else if`s and expressions less deeply',
             ]);
-        let message = String(error?.message ?? error);
-        try {
-            const length = this.#exports?.panicked() >>> 0;
-            if (length) message = this.#text(this.#exports.panic_at(), length);
-            // The linker puts the stack first in memory, so its end is the start of memory.
-            else if (/out of bounds/.test(message)) return failure('too-deep', 'the compiler ran out of stack');
-        } catch {
-            // The instance is beyond telling.
-        }
+        const message = String(error?.message ?? error);
+        // The linker puts the stack first in memory, so its end is the start of memory.
+        if (/out of bounds/.test(message)) return failure('too-deep', 'the compiler ran out of stack');
         return failure('panic', `the compiler panicked: ${message}`, [
             'this is a bug in naga or in preshade; please report it with the file',
+            'the native program says where: `preshade explain FILE`',
         ]);
     }
 }

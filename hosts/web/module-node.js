@@ -2,10 +2,12 @@
 
 import { readFileSync } from 'node:fs';
 
-/** Compiles the module: that of a path, a `file:` URL or bytes; by default the package's. */
-export function module(wasm = new URL('./preshade.wasm', import.meta.url)) {
-    if (wasm instanceof WebAssembly.Module) return wasm;
-    if (wasm instanceof ArrayBuffer || ArrayBuffer.isView(wasm)) return new WebAssembly.Module(wasm);
-    const place = typeof wasm === 'string' && wasm.startsWith('file:') ? new URL(wasm) : wasm;
+/** Compiles a module: that of a path, a `file:` URL or bytes; by default the package's. */
+export function module({ wasm, full }, isFull) {
+    const [given, own] = isFull ? [full, 'preshade-full.wasm'] : [wasm, 'preshade.wasm'];
+    const from = given ?? new URL(own, import.meta.url);
+    if (from instanceof WebAssembly.Module) return from;
+    if (from instanceof ArrayBuffer || ArrayBuffer.isView(from)) return new WebAssembly.Module(from);
+    const place = typeof from === 'string' && from.startsWith('file:') ? new URL(from) : from;
     return new WebAssembly.Module(readFileSync(place));
 }

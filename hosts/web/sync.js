@@ -1,29 +1,27 @@
 // The compiler on the caller's thread, for build tools and scripts of node.
 
 import { Commands, requests, result } from './client.js';
-import { Instance } from './instance.js';
+import { Instances } from './instance.js';
 import { module } from './module-node.js';
 
 export { PreshadeError } from './client.js';
 
 export class PreshadeSync extends Commands {
-    #instance = null;
-    #options;
+    #instances;
 
     constructor(options = {}) {
         super();
-        this.#options = options;
+        this.#instances = new Instances((isFull) => module(options, isFull));
     }
 
     /** Bytes of the compiler's memory. */
     get memory() {
-        return this.#instance?.memory ?? 0;
+        return this.#instances.memory;
     }
 
     /** Answers a request as it is. */
     request(request) {
-        this.#instance ??= new Instance(module(this.#options.wasm));
-        return this.#instance.call(request);
+        return this.#instances.of(request).call(request);
     }
 
     ask(command, ...given) {
@@ -37,4 +35,5 @@ export const rewrite = (sources, options) => shared.rewrite(sources, options);
 export const explain = (sources, options) => shared.explain(sources, options);
 export const outputs = (sources, options) => shared.outputs(sources, options);
 export const agree = (first, second, options) => shared.agree(first, second, options);
+export const graph = (sources, options) => shared.graph(sources, options);
 export const passes = (options) => shared.passes(options);

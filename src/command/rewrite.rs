@@ -8,10 +8,10 @@ use preshade_passes::graph::{FunctionId, Graph};
 use preshade_passes::pass::{AnyPass, Facts, Refusal};
 use preshade_passes::plan::{GpuPass, Plan};
 use preshade_passes::validate::{Check, Verdict};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::emit::{File, PlanFile};
+use crate::emit::File;
 use crate::recipe::Recipe;
 
 /// The result for one material.
@@ -207,9 +207,15 @@ fn unmeasured(plan: &Plan) -> Option<String> {
 
 /// The notes in the `plan.json` among `files`.
 fn notes(files: &[File]) -> Vec<String> {
+    /// The notes alone: to read a whole plan takes 300 kB of the module for browsers.
+    #[derive(Deserialize)]
+    struct Noted {
+        #[serde(default)]
+        notes: Vec<String>,
+    }
     let json = files.iter().find(|f| f.name.ends_with(".plan.json"));
-    let plan = json.and_then(|f| serde_json::from_slice::<PlanFile>(&f.bytes).ok());
-    plan.map_or_else(Vec::new, |file| file.plan.notes)
+    let plan = json.and_then(|f| serde_json::from_slice::<Noted>(&f.bytes).ok());
+    plan.map_or_else(Vec::new, |plan| plan.notes)
 }
 
 /// The results of checks, as messages: one for all that fail to run for one reason.

@@ -4,6 +4,7 @@
 import { existsSync, mkdirSync, readFileSync, renameSync, statSync, writeFileSync } from 'node:fs';
 import { join } from 'node:path';
 import { parseArgs } from 'node:util';
+import { parse as parseToml } from 'smol-toml';
 import { requests } from '../client.js';
 import { gather } from '../disk.js';
 import { Preshade } from '../index.js';
@@ -101,6 +102,16 @@ function read(path) {
     }
 }
 
+/** What a file of pipeline state says, in JSON or TOML. */
+function content(path) {
+    const text = read(path);
+    try {
+        return path.endsWith('.json') ? JSON.parse(text) : parseToml(text);
+    } catch (error) {
+        throw new Failure(`error: ${path}: ${error.message}`);
+    }
+}
+
 function sources(paths, language) {
     if (!paths.length) throw new Failure('error: no file is given; see `npx preshade --help`');
     const scene = paths.find((path) => /\.(toml|glb|gltf)$/.test(path));
@@ -124,7 +135,7 @@ function options(values, of) {
     const { lang, state, samples, include = [], ...rest } = values;
     const out = { include, files: gather(of, include) };
     for (const name of Object.keys(SHADER)) if (rest[name] !== undefined) out[camel(name)] = rest[name];
-    if (state !== undefined) out.state = { file: [state, read(state)] };
+    if (state !== undefined) out.state = { file: [state, content(state)] };
     if (samples !== undefined) out.samples = Number(samples);
     return out;
 }

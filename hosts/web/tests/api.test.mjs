@@ -41,6 +41,18 @@ test('GLSL is given as two stages', async () => {
     assert.ok(variant.files.some(({ name }) => name.endsWith('.es.frag')));
 });
 
+test('the dataflow graph is that of the native program', async () => {
+    const { read: files, ...graph } = await preshade.graph(LEAF, { name: 'leaf' });
+    assert.deepEqual(files, ['leaf.wgsl']);
+    const { stdout } = await native(['graph', join(FIXTURES, 'agree/leaf.wgsl'), '--format', 'json']);
+    const expected = JSON.parse(stdout);
+    // Lines name the file, which is another here.
+    const nameless = (node) => ({ ...node, line: node.line?.replace(/^.*:/, '') });
+    assert.deepEqual(graph.nodes.map(nameless), expected.nodes.map(nameless));
+    assert.deepEqual(graph.edges, expected.edges);
+    assert.ok(graph.edges.length > graph.functions.length);
+});
+
 test('includes come from the map of files', async () => {
     const vertex = '#version 300 es\nin vec3 p;\nvoid main() { gl_Position = vec4(p, 1.0); }\n';
     const fragment =

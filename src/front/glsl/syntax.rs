@@ -4,17 +4,13 @@
 //! [`Unit::place`] maps them to source spans.
 
 use std::collections::HashSet;
-use std::io;
 use std::path::Path;
 
 use glsl_lang::ast;
-use glsl_lang::lexer::full::LexicalError;
-use glsl_lang::lexer::full::fs::{Lexer, LexerIterator, PreprocessorExt as _};
-use glsl_lang::lexer::{HasLexerError, LangLexer as _, ParseContext, ParseOptions, Token};
+use glsl_lang::lexer::min::LexicalError;
+use glsl_lang::lexer::min::str::{Lexer, LexerIterator};
+use glsl_lang::lexer::{HasLexerError, LangLexer, ParseContext, ParseOptions, Token};
 use glsl_lang::parse::{HasParser, LangParser};
-use glsl_lang_pp::exts::Registry;
-use glsl_lang_pp::processor::fs::{Processor, Std};
-use glsl_lang_pp::processor::{ProcessorState, ProcessorStateBuilder};
 use lang_util::position::{LexerPosition, NodeSpan};
 use lang_util::{FileId, TextSize};
 use naga::{ShaderStage, Span};
@@ -103,7 +99,7 @@ pub(super) fn parse(input: &StageText<'_>, map: &mut SourceMap) -> Result<Unit, 
     let folder = input.path.parent().unwrap_or(Path::new(""));
     let files = Files::new(input.options);
     // The lexer knows Vulkan's types since 4.60.
-    let printed_version = if vulkan { 460 } else { dialect.version };
+    let lexed_version = if vulkan { 460 } else { dialect.version };
     let task = Task {
         text: input.text,
         stage: input.stage,
@@ -113,7 +109,7 @@ pub(super) fn parse(input: &StageText<'_>, map: &mut SourceMap) -> Result<Unit, 
         defines: &input.options.defines,
         vulkan: input.options.clip_space == Some(ClipSpace::AsWritten)
             || input.path.extension().is_some_and(|e| e == "slang"),
-        printed_version,
+        lexed_version,
     };
     let preprocessed = preprocess(&task, &files, map);
     for path in files.absent.borrow().iter() {
@@ -125,17 +121,13 @@ pub(super) fn parse(input: &StageText<'_>, map: &mut SourceMap) -> Result<Unit, 
         check_nesting(&preprocessed, input.options)?;
     }
     let text = preprocessed.text.as_str();
-    let mut processor = Processor::new_with_fs(Std);
-    let file = processor
-        .open_source(text, Path::new(""))
-        .with_state(state(dialect, vulkan));
     let options = ParseOptions {
-        default_version: printed_version,
+        default_version: preprocessed.lexed_version,
         target_vulkan: vulkan,
         ..ParseOptions::default()
     };
     let context = ParseContext::default();
-    let lexer = Lexer::new(file, &options).run(context.clone());
+    let lexer = <Lexer<'_> as LangLexer<'_>>::new(text, &options).run(context.clone());
     let mut numbered = Numbered {
         text,
         lexer,
@@ -199,11 +191,9 @@ fn check_nesting(preprocessed: &Preprocessed, options: &Options) -> Result<(), E
     })
 }
 
-type Io = LexicalError<io::Error>;
-
 /// Converts a parser error and finds its span.
 fn explain(
-    error: lalrpop_util::ParseError<LexerPosition, Token, Io>,
+    error: lalrpop_util::ParseError<LexerPosition, Token, LexicalError>,
     places: &[Span],
     span: &impl Fn(TextSize, TextSize) -> Span,
 ) -> Error {
@@ -236,29 +226,18 @@ fn explain(
             token: (start, token, _),
         } => Error::new(Code::Parse, format!("unexpected {token}")).label_if(at(start)),
         E::User { error } => {
-            use lang_util::error::LexicalError as _;
             let message = error.to_string();
-            let (start, length) = error.location();
-            let place = span(start.offset, start.offset + length);
+            let LexicalError::Token { pos, .. } = error;
+            let place = span(pos.start().offset, pos.end().offset);
             Error::new(Code::Parse, message).label(place, "")
         }
     }
 }
 
-/// The lexer's state: its own preprocessor has nothing left to do.
-fn state(dialect: Dialect, vulkan: bool) -> ProcessorState {
-    let none = Registry::new();
-    let es = dialect.es && !vulkan;
-    ProcessorStateBuilder::new(&none)
-        .es_profile(es)
-        .core_profile(!es && dialect.version >= 150)
-        .finish()
-}
-
 /// The lexer's tokens, with their numbers as positions.
-struct Numbered<'a, 'r, 'p> {
+struct Numbered<'a> {
     text: &'a str,
-    lexer: LexerIterator<'r, 'p, Std>,
+    lexer: LexerIterator<'a>,
     dialect: Dialect,
     raw: Vec<(LexerPosition, LexerPosition)>,
     names: HashSet<String>,
@@ -271,16 +250,14 @@ struct Numbered<'a, 'r, 'p> {
     too_many: bool,
 }
 
-impl HasLexerError for Numbered<'_, '_, '_> {
-    type Error = Io;
+impl HasLexerError for Numbered<'_> {
+    type Error = LexicalError;
 }
 
-impl Numbered<'_, '_, '_> {
+impl Numbered<'_> {
     /// An integer that uses all 32 bits without a `u`: the negative number with the same bits.
-    fn large_integer(&self, error: &Io) -> Option<(LexerPosition, Token, LexerPosition)> {
-        let Io::Token { pos, .. } = error else {
-            return None;
-        };
+    fn large_integer(&self, error: &LexicalError) -> Option<(LexerPosition, Token, LexerPosition)> {
+        let LexicalError::Token { pos, .. } = error;
         let range = pos.range();
         let text = self
             .text
@@ -332,25 +309,16 @@ fn is_type_of_extension(name: &str) -> bool {
         && !matches!(Ty::named(name), Ty::Opaque(_) | Ty::Combined(_))
 }
 
-/// Whether a lexer message is harmless, such as an unknown extension.
-fn is_passed_over(message: &str) -> bool {
-    message.contains("extension not supported")
-}
-
-impl Iterator for Numbered<'_, '_, '_> {
-    type Item = Result<(LexerPosition, Token, LexerPosition), Io>;
+impl Iterator for Numbered<'_> {
+    type Item = Result<(LexerPosition, Token, LexerPosition), LexicalError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        let (start, mut token, end) = loop {
-            match self.lexer.next()? {
-                Ok(token) => break token,
-                // Compilers ignore these too. Skip many in a loop, not by recursion.
-                Err(Io::Processor(e)) if is_passed_over(&e.to_string()) => {}
-                Err(error) => match self.large_integer(&error) {
-                    Some(token) => break token,
-                    None => return Some(Err(error)),
-                },
-            }
+        let (start, mut token, end) = match self.lexer.next()? {
+            Ok(token) => token,
+            Err(error) => match self.large_integer(&error) {
+                Some(token) => token,
+                None => return Some(Err(error)),
+            },
         };
         if self.raw.len() >= TOKENS {
             self.too_many = true;

@@ -4,7 +4,6 @@
 //! ```text
 //! at = room(length);  JavaScript writes the request, UTF-8, at `at`
 //! length = answer();  at = answer_at();  JavaScript reads the answer, UTF-8
-//! after a trap: length = panicked();  at = panic_at()
 //! ```
 
 #![allow(
@@ -13,12 +12,10 @@
 )]
 
 use std::cell::RefCell;
-use std::panic;
 
 thread_local! {
     static REQUEST: RefCell<Vec<u8>> = const { RefCell::new(Vec::new()) };
     static ANSWER: RefCell<Vec<u8>> = const { RefCell::new(Vec::new()) };
-    static PANIC: RefCell<String> = const { RefCell::new(String::new()) };
 }
 
 /// Makes room for a request of so many bytes, and returns its place.
@@ -33,10 +30,6 @@ pub extern "C" fn room(length: usize) -> *mut u8 {
 /// Answers the request, and returns the length of the answer.
 #[unsafe(no_mangle)]
 pub extern "C" fn answer() -> usize {
-    panic::set_hook(Box::new(|info| {
-        let message = preshade::unstable::panics::in_crate(&info.to_string().replace('\n', " "));
-        PANIC.set(message);
-    }));
     let request = REQUEST.take();
     let answer = crate::answer(&request);
     drop(request);
@@ -50,16 +43,4 @@ pub extern "C" fn answer() -> usize {
 #[unsafe(no_mangle)]
 pub extern "C" fn answer_at() -> *const u8 {
     ANSWER.with_borrow(|answer| answer.as_ptr())
-}
-
-/// The length of the message of the panic that ended this instance. 0: there was none.
-#[unsafe(no_mangle)]
-pub extern "C" fn panicked() -> usize {
-    PANIC.with_borrow(String::len)
-}
-
-/// The place of that message.
-#[unsafe(no_mangle)]
-pub extern "C" fn panic_at() -> *const u8 {
-    PANIC.with_borrow(|message| message.as_ptr())
 }

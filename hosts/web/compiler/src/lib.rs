@@ -2,11 +2,21 @@
 //!
 //! The answers are those of the command line ([`preshade::unstable::command`]), with what it would
 //! print, so that the package's own command line prints the same.
+//!
+//! The package has two builds. A page that rewrites loads the one without the feature `check`, which is a
+//! tenth smaller. The other is loaded with the first call that needs it.
+
+#![cfg_attr(
+    not(feature = "check"),
+    allow(dead_code, reason = "what only `agree` asks of a shader")
+)]
 
 mod abi;
+#[cfg(feature = "check")]
 mod agree;
 mod explain;
 mod failure;
+mod graph;
 mod passes;
 mod request;
 mod rewrite;
@@ -72,11 +82,13 @@ fn written<R: Serialize>(answer: Result<Answer<R>, Failure>) -> String {
 
 /// Answers a request.
 fn answer(request: &[u8]) -> String {
-    let request = serde_json::from_slice(request);
+    let request = Request::read(request);
     match request.map_err(|e| Failure::usage(format!("the request: {e}"))) {
         Ok(Request::Rewrite(asked)) => written(rewrite::answer(&asked)),
         Ok(Request::Explain(asked)) => written(explain::answer(&asked)),
+        #[cfg(feature = "check")]
         Ok(Request::Agree(asked)) => written(agree::answer(&asked)),
+        Ok(Request::Graph(asked)) => written(graph::answer(&asked)),
         Ok(Request::Passes(asked)) => written(passes::answer(&asked)),
         Err(failure) => written::<()>(Err(failure)),
     }

@@ -15,6 +15,7 @@ use preshade::unstable::passes::program::Language;
 use preshade::unstable::passes::state::{CullMode, MaterialState};
 use preshade::unstable::recipe::Recipe;
 use serde::Deserialize;
+use serde_json::{Map, Value, from_value};
 
 use crate::failure::Failure;
 
@@ -22,17 +23,39 @@ use crate::failure::Failure;
 const STDIN: &str = "<stdin>";
 
 /// A request.
-#[derive(Deserialize)]
-#[serde(tag = "command", rename_all = "lowercase")]
 pub enum Request {
     /// `rewrite`.
     Rewrite(Rewrite),
     /// `explain`.
     Explain(Explain),
     /// `agree`.
+    #[cfg(feature = "check")]
     Agree(Box<Agree>),
+    /// `graph`.
+    Graph(Drawn),
     /// `passes`.
     Passes(Passes),
+}
+
+impl Request {
+    /// Reads a request: JSON, with its `command`.
+    ///
+    /// Everything is read from a [`Value`], never from the text: serde writes a parser for each kind of
+    /// source, and one is enough for the size of the module.
+    pub fn read(text: &[u8]) -> Result<Self, serde_json::Error> {
+        let mut request: Map<String, Value> = serde_json::from_slice(text)?;
+        let command = request.remove("command").unwrap_or_default();
+        let asked = Value::Object(request);
+        match command.as_str() {
+            Some("rewrite") => from_value(asked).map(Self::Rewrite),
+            Some("explain") => from_value(asked).map(Self::Explain),
+            #[cfg(feature = "check")]
+            Some("agree") => from_value(asked).map(Self::Agree),
+            Some("graph") => from_value(asked).map(Self::Graph),
+            Some("passes") => from_value(asked).map(Self::Passes),
+            _ => Err(serde::de::Error::custom(format!("{command} is no command"))),
+        }
+    }
 }
 
 /// How the answer is printed. Without it, nothing is.
@@ -94,8 +117,8 @@ enum Stage {
 #[derive(Clone, Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum State {
-    /// A file: its name, which ends in `.json` or is TOML's, and its text.
-    File(String, String),
+    /// The content of a file, after its name.
+    File(String, Value),
     /// The whole state.
     Whole(Box<MaterialState>),
 }
@@ -138,6 +161,7 @@ pub struct Explain {
 }
 
 /// The request `agree`.
+#[cfg(feature = "check")]
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields, rename_all = "camelCase")]
 pub struct Agree {
@@ -163,6 +187,14 @@ pub struct Agree {
     pub format: Option<Format>,
 }
 
+/// The request `graph`.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Drawn {
+    /// The material.
+    pub shader: Shader,
+}
+
 /// The request `passes`.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -175,7 +207,7 @@ pub struct Passes {
 
 /// Steps as on the command line, or a recipe as in `plan.json`.
 #[derive(Deserialize)]
-#[serde(untagged)]
+#[serde(try_from = "Value")]
 pub enum Passing {
     /// A text each.
     Texts(Vec<String>),
@@ -186,6 +218,20 @@ pub enum Passing {
 impl Default for Passing {
     fn default() -> Self {
         Self::Texts(Vec::new())
+    }
+}
+
+impl TryFrom<Value> for Passing {
+    type Error = serde_json::Error;
+
+    fn try_from(passes: Value) -> Result<Self, Self::Error> {
+        let texts = passes
+            .as_array()
+            .is_some_and(|of| of.iter().all(Value::is_string));
+        match texts {
+            true => from_value(passes).map(Self::Texts),
+            false => from_value(passes).map(Self::Recipe),
+        }
     }
 }
 
@@ -266,13 +312,9 @@ impl Shader {
         let mut state = match &self.state {
             None => MaterialState::default(),
             Some(State::Whole(state)) => (**state).clone(),
-            Some(State::File(name, text)) => {
-                let read = match name.ends_with(".json") {
-                    true => serde_json::from_str(text).map_err(|e| e.to_string()),
-                    false => toml::from_str(text).map_err(|e| e.to_string()),
-                };
-                read.map_err(|e| Failure::usage(format!("{name}: {}", with_suggestion(&e))))?
-            }
+            Some(State::File(name, content)) => from_value(content.clone()).map_err(|e| {
+                Failure::usage(format!("{name}: {}", with_suggestion(&e.to_string())))
+            })?,
         };
         self.flags.apply(&mut state);
         check_state(&state).map_err(Failure::usage)?;

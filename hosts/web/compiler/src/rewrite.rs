@@ -7,6 +7,8 @@ use preshade::unstable::emit::{self, EmitError, File, Target};
 use preshade::unstable::nearest::unknown;
 use preshade::unstable::passes::pass::Facts;
 use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::validate::Check;
+#[cfg(feature = "check")]
 use preshade::unstable::passes::validate::{By, Effort, validate_by};
 use preshade::unstable::pipeline::{self, Applied, Frame};
 use preshade::unstable::recipe::{Recipe, Step};
@@ -121,14 +123,7 @@ fn make(asked: &Rewrite, recipe: &Recipe, targets: &[Target]) -> Result<Answer<V
     messages.extend(rewrite::draws_depth_alone(&original));
     messages.extend(refused.iter().cloned());
     messages.extend(rewrite::told(&plan, true));
-    let validation = asked.validate.then(|| {
-        let by = By {
-            effort: &Effort::default(),
-            runner: None,
-            told: &|_, _| {},
-        };
-        validate_by(&original, &plan, by)
-    });
+    let validation = validated(asked.validate, &original, &plan)?;
     let checks = validation.iter().flatten();
     messages.extend(rewrite::said(&plan.material, "", checks));
     if asked.validate {
@@ -187,6 +182,28 @@ fn make(asked: &Rewrite, recipe: &Recipe, targets: &[Target]) -> Result<Answer<V
         read: read(&plan),
         ..Answer::new(variant)
     })
+}
+
+/// Holds the variant against the original, if that is asked for.
+#[cfg(feature = "check")]
+fn validated(is_asked: bool, original: &Plan, plan: &Plan) -> Result<Option<Vec<Check>>, Failure> {
+    Ok(is_asked.then(|| {
+        let by = By {
+            effort: &Effort::default(),
+            runner: None,
+            told: &|_, _| {},
+        };
+        validate_by(original, plan, by)
+    }))
+}
+
+/// As above: this build cannot.
+#[cfg(not(feature = "check"))]
+fn validated(is_asked: bool, _: &Plan, _: &Plan) -> Result<Option<Vec<Check>>, Failure> {
+    match is_asked {
+        true => Err(Failure::usage("`validate` needs preshade-full.wasm")),
+        false => Ok(None),
+    }
 }
 
 fn text(file: &File) -> String {

@@ -46,8 +46,8 @@ pub(super) struct Task<'a> {
     pub base: u32,
     pub dialect: Dialect,
     pub defines: &'a [(String, String)],
-    /// The version to print in `#version`.
-    pub printed_version: u16,
+    /// The version whose words the lexer knows, without a `#version`.
+    pub lexed_version: u16,
     /// The text is for Vulkan.
     pub vulkan: bool,
 }
@@ -66,6 +66,8 @@ pub(super) struct Preprocessed {
     pub asks_for_vulkan: bool,
     /// The text has `nonuniformEXT`.
     pub is_nonuniform: bool,
+    /// The version whose words the lexer knows.
+    pub lexed_version: u16,
 }
 
 impl Preprocessed {
@@ -112,7 +114,7 @@ struct Preprocessor<'a> {
     map: &'a mut SourceMap,
     stage: ShaderStage,
     dialect: Dialect,
-    printed_version: u16,
+    lexed_version: u16,
     vulkan: bool,
     /// The folder of the first file.
     home: PathBuf,
@@ -151,7 +153,7 @@ pub(super) fn preprocess(
         map,
         stage: input.stage,
         dialect: input.dialect,
-        printed_version: input.printed_version,
+        lexed_version: input.lexed_version,
         vulkan: input.vulkan,
         home: input.folder.to_owned(),
         names,
@@ -171,7 +173,10 @@ pub(super) fn preprocess(
         known: HashMap::new(),
         included: 0,
         done: 0,
-        out: Preprocessed::default(),
+        out: Preprocessed {
+            lexed_version: input.lexed_version,
+            ..Preprocessed::default()
+        },
     };
     preprocessor.predefine(input.defines)?;
     while let Some(token) = preprocessor.next_token()? {
@@ -411,14 +416,12 @@ impl Preprocessor<'_> {
                 if let Some(version) = words.first().and_then(|v| v.parse().ok()) {
                     self.dialect.version = version;
                 }
-                let profile = words.get(1).map(|p| format!(" {p}")).unwrap_or_default();
-                let (version, profile) = match self.printed_version {
+                self.out.lexed_version = match self.lexed_version {
                     // The lexer has no Vulkan in ES.
-                    460 if self.dialect.es => (460, String::new()),
-                    460 if (420..=460).contains(&self.dialect.version) => (460, profile),
-                    _ => (self.dialect.version, profile),
+                    460 if self.dialect.es => 460,
+                    460 if (420..=460).contains(&self.dialect.version) => 460,
+                    _ => self.dialect.version,
                 };
-                self.own_line(&format!("#version {version}{profile}"), place);
             }
             "pragma" => {
                 let words: Vec<Rc<str>> = rest.iter().map(|t| self.names.text(t.name)).collect();
@@ -429,17 +432,6 @@ impl Preprocessor<'_> {
             _ => return Err(self.stop(format!("unknown directive `#{word}`"), place)),
         }
         Ok(())
-    }
-
-    /// Prints a directive for the lexer.
-    fn own_line(&mut self, text: &str, place: (u32, u32)) {
-        if !self.out.text.is_empty() && !self.out.text.ends_with('\n') {
-            self.out.text.push('\n');
-        }
-        let at = self.out.text.len() as u32;
-        self.out.places.push((at, Span::new(place.0, place.1)));
-        self.out.text.push_str(text);
-        self.out.text.push('\n');
     }
 
     fn emit(&mut self, token: &Token) -> Result<(), Stop> {
