@@ -29,11 +29,13 @@ web:
 	cd hosts/web && npm ci --ignore-scripts --no-audit --no-fund --silent
 	hosts/web/build.sh
 
-# Builds the hosts, and compares them with the command line on every fixture.
+# Builds the hosts, compares them with the command line on every fixture, and tests the playground in Chromium.
 hosts: web
 	cargo build --workspace --all-features --quiet
 	scripts/setup.sh three
 	cd hosts/web && npx prettier --check . && npm test
+	cd hosts/playground && npm ci --ignore-scripts --no-audit --no-fund --silent
+	cd hosts/playground && npx prettier --check . && npm run build && npm test
 
 # Draws every fixture through every recipe that a pass declares, on the adapter at hand, and prints broken
 # promises. PRESHADE_ADAPTER and VK_DRIVER_FILES select another adapter. 16 cores take minutes, 2 half an hour.
