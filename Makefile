@@ -29,11 +29,15 @@ web:
 	cd hosts/web && npm ci --ignore-scripts --no-audit --no-fund --silent
 	hosts/web/build.sh
 
-# Builds the hosts, compares them with the command line on every fixture, and tests the playground in Chromium.
+# Builds the hosts, compares them with the command line on every fixture, and tests the package for three.js and the
+# playground in Chromium.
 hosts: web
 	cargo build --workspace --all-features --quiet
 	scripts/setup.sh three
 	cd hosts/web && npx prettier --check . && npm test
+	cd hosts/three && npm ci --ignore-scripts --no-audit --no-fund --silent && npm run --silent packages
+	cd hosts/three && npx prettier --check . && npm test
+	cd hosts/three/tests/fiber && npm ci --ignore-scripts --legacy-peer-deps --no-audit --no-fund --silent && npm test
 	cd hosts/playground && npm ci --ignore-scripts --no-audit --no-fund --silent
 	cd hosts/playground && npx prettier --check . && npm run build && npm test
 

@@ -1,0 +1,95 @@
+// The component in a page of React, in Chromium. `npm ci` in this folder first.
+
+import assert from 'node:assert/strict';
+import test from 'node:test';
+import { fileURLToPath } from 'node:url';
+import { build } from 'esbuild';
+import { launch, open } from '../browser.mjs';
+import { serve } from '../serve.mjs';
+
+const here = (name) => fileURLToPath(new URL(name, import.meta.url));
+
+test('shadows, pre-pass and velocities by one component; taken away, nothing is left', async (context) => {
+    await build({
+        entryPoints: [here('page.js')],
+        outfile: here('../pages/fiber-bundle.js'),
+        bundle: true,
+        format: 'esm',
+        // The canvas is WebGL's.
+        external: ['three', 'preshade', '*/webgpu/host.js'],
+        define: { 'process.env.NODE_ENV': '"development"' },
+        nodePaths: [here('node_modules')],
+        logLevel: 'error',
+    });
+    const { address, close } = await serve();
+    context.after(close);
+    const browser = await launch();
+    context.after(() => browser.close());
+    const { page, errors } = await open(browser, `${address}/page/fiber-bundle`);
+
+    const state = (pass, material) =>
+        page.waitForFunction(
+            ([pass, material]) =>
+                found.reports
+                    .at(-1)
+                    ?.some((row) => row.pass === pass && row.material === material && row.state === 'done'),
+            [pass, material],
+        );
+    await state('prepass', 'waves');
+    await state('prepass', 'wall');
+    await state('velocity', 'waves');
+    await state('shadow', 'waves');
+    // The sphere moves, and the wall behind it does not.
+    const [middle, corner] = await page.evaluate(async () => {
+        const quad = new THREE.Mesh(
+            new THREE.PlaneGeometry(2, 2),
+            new THREE.RawShaderMaterial({
+                glslVersion: THREE.GLSL3,
+                uniforms: { velocity: { value: made.velocity.texture } },
+                vertexShader: 'in vec3 position; void main() { gl_Position = vec4(position, 1.0); }',
+                fragmentShader:
+                    'precision highp float; uniform highp sampler2D velocity; out vec4 color; void main() { color = texelFetch(velocity, ivec2(gl_FragCoord.xy), 0); }',
+            }),
+        );
+        quad.frustumCulled = false;
+        const { width, height } = made.velocity.texture.image;
+        const target = new THREE.WebGLRenderTarget(width, height, { type: THREE.FloatType });
+        const at = (x, y) =>
+            renderer.readRenderTargetPixels(target, x, y, 1, 1, values) ?? Math.hypot(values[0], values[1]);
+        const values = new Float32Array(4);
+        let most = [0, 0];
+        for (let i = 0; i < 8; i++) {
+            await new Promise((resolve) => requestAnimationFrame(resolve));
+            renderer.setRenderTarget(target);
+            renderer.render(quad, new THREE.OrthographicCamera());
+            renderer.setRenderTarget(null);
+            most = [
+                Math.max(most[0], at(Math.floor(width * 0.62), Math.floor(height * 0.42))),
+                Math.max(most[1], at(2, 2)),
+            ];
+        }
+        return most;
+    });
+    assert.ok(middle > 1e-4, `${middle}`);
+    assert.equal(corner, 0);
+
+    // Other parts: the component begins anew.
+    const before = await page.evaluate(() => found.ready);
+    await page.evaluate(() => set({ prepass: true }));
+    await page.waitForFunction((before) => found.ready > before, before);
+    assert.deepEqual(await page.evaluate(() => Object.keys(made)), ['preshade', 'prepass']);
+
+    await page.evaluate(() => show(false));
+    await page.waitForFunction(
+        () => !globalThis.renderer.info.programs.some(({ cacheKey }) => cacheKey.includes('preshade ')),
+    );
+    // The page goes on.
+    const frames = await page.evaluate(() => found.frames);
+    await page.waitForFunction((frames) => found.frames > frames + 3, frames);
+    assert.deepEqual(await page.evaluate(() => found.errors), []);
+    // @react-three/fiber's own.
+    assert.deepEqual(
+        errors.filter((error) => !error.includes('THREE.Clock')),
+        [],
+    );
+});

@@ -1,0 +1,60 @@
+// A pass that overrides materials: three.js' own, preshade's, and the author's whole program with the override's colour.
+
+import * as THREE from 'three/webgpu';
+import { Fn, colorSpaceToWorking, normalView, packNormalToRGB, vec4 } from 'three/tsl';
+import { Preshade } from 'preshade-three';
+import { MATERIALS, SIZE, depths, differ, renderer as make, scene as sceneOf, settle } from './kit.js';
+
+const renderer = await make();
+const preshade = await Preshade.of(renderer, { cache: false });
+const targets = {};
+for (const name of ['three', 'ours', 'truth'])
+    targets[name] = new THREE.RenderTarget(SIZE, SIZE, { depthTexture: new THREE.DepthTexture(SIZE, SIZE) });
+
+const packed = () => colorSpaceToWorking(vec4(packNormalToRGB(normalView), 1), THREE.SRGBColorSpace);
+const OVERRIDES = {
+    normal: () => new THREE.MeshNormalMaterial({ side: THREE.DoubleSide }),
+    color: () => new THREE.MeshBasicMaterial({ color: 0xff0000, side: THREE.DoubleSide }),
+};
+const WRITES = { normal: packed, color: () => vec4(1, 0, 0, 1) };
+
+async function picture(scene, camera, target) {
+    renderer.setRenderTarget(target);
+    renderer.render(scene, camera);
+    renderer.setRenderTarget(null);
+    const pixels = new Uint8Array(await renderer.readRenderTargetPixelsAsync(target, 0, 0, SIZE, SIZE));
+    return { pixels, depths: await depths(renderer, target.depthTexture) };
+}
+
+globalThis.compare = async ({ override = 'normal', ...options }) => {
+    const { scene, camera, sun, mesh, ground, material } = sceneOf(options);
+    sun.castShadow = false;
+    ground.visible = false;
+    scene.overrideMaterial = OVERRIDES[override]();
+    const three = await picture(scene, camera, targets.three);
+    preshade.override(scene);
+    await settle(preshade, () => picture(scene, camera, targets.ours), 3);
+    const ours = await picture(scene, camera, targets.ours);
+    const rows = preshade.report().filter(({ uuid }) => uuid === material.uuid);
+    scene.overrideMaterial.dispose();
+    scene.overrideMaterial = null;
+    // By hand: the author's output is what decides about holes.
+    const value = WRITES[override]();
+    const before = (node) => Fn(() => (vec4(node).toVar().toStack(), value))();
+    if (material.fragmentNode) material.fragmentNode = before(material.fragmentNode);
+    else material.outputNode = material.outputNode ? before(material.outputNode) : value;
+    material.needsUpdate = true;
+    const truth = await picture(scene, camera, targets.truth);
+    mesh.geometry.dispose();
+    material.dispose();
+    const depthsOf = (of) => differ(of.depths, truth.depths);
+    const pixelsOf = (of) => differ(of.pixels, truth.pixels, 4, 3);
+    return {
+        three: { depths: depthsOf(three), pixels: pixelsOf(three) },
+        ours: { depths: depthsOf(ours), pixels: pixelsOf(ours) },
+        drawn: truth.depths.filter((depth) => depth !== 1).length,
+        rows,
+    };
+};
+globalThis.materials = Object.keys(MATERIALS);
+globalThis.ready = true;

@@ -1,0 +1,36 @@
+import assert from 'node:assert/strict';
+import test, { after, before } from 'node:test';
+import { launch, open } from './browser.mjs';
+import { serve } from './serve.mjs';
+
+let browser, served;
+before(async () => {
+    [browser, served] = await Promise.all([launch({ webgpu: true }), serve()]);
+});
+after(async () => {
+    await browser?.close();
+    served?.close();
+});
+
+test('override materials draw where the whole program does', async (context) => {
+    const { page, errors } = await open(browser, `${served.address}/page/webgpu/override`);
+    const materials = (await page.evaluate(() => globalThis.materials)).filter((name) => name !== 'plain');
+    const cases = materials.flatMap((material) => [{ material }, { material, override: 'color' }]);
+    for (const options of [{ material: 'plain' }, ...cases]) {
+        const name = Object.values(options).join(' ');
+        const { three, ours, drawn, rows } = await page.evaluate((options) => globalThis.compare(options), options);
+        const states = rows.map(({ state }) => state);
+        const told = (of) => `${of.depths} depths and ${of.pixels} pixels`;
+        context.diagnostic(`${name}: ${drawn} drawn; three.js ${told(three)} wrong, preshade ${told(ours)}; ${states}`);
+        assert.equal(ours.depths, 0, name);
+        assert.equal(ours.pixels, 0, name);
+        assert.deepEqual(states, three.depths || three.pixels ? ['done'] : states, name);
+    }
+    // three.js' own normal material says so of itself, where the author's material has an alphaMap.
+    const own = /Length of 'vec4\(\)' data exceeds/;
+    assert.deepEqual(
+        errors.filter((error) => !own.test(error)),
+        [],
+    );
+    await page.close();
+});

@@ -1,0 +1,125 @@
+// Passes that override materials: what the override material writes, where the author's own program draws. three.js
+// gives an override material the author's `positionNode`, `alphaTest`, `alphaMap` and `displacementMap`; whatever else
+// moves vertices, discards, writes depth or bends normals is not in it.
+//
+// The nodes of the author's material are all there in WebGPURenderer, so the override's value is put in place of the
+// author's output, and three.js makes the program. No text is derived.
+
+import { SRGBColorSpace, TSL } from 'three/webgpu';
+import { Authors, isDoubtful } from './authors.js';
+import { derivedMaterial, plainLight } from './casting.js';
+import { row } from './rows.js';
+
+/** What an override material writes, as a node; `null` for those that are not known. */
+function valueOf(override) {
+    const { vec4, normalView, packNormalToRGB, colorSpaceToWorking, reference } = TSL;
+    const of = (name, type) => reference(name, type, override);
+    if (override.isMeshNormalMaterial || override.isMeshNormalNodeMaterial)
+        return colorSpaceToWorking(vec4(packNormalToRGB(normalView), of('opacity', 'float')), SRGBColorSpace);
+    if (override.isNodeMaterial) {
+        const { fragmentNode, outputNode, colorNode } = override;
+        if (fragmentNode ?? outputNode) return vec4(fragmentNode ?? outputNode);
+        if (override.isMeshBasicNodeMaterial && colorNode) return vec4(colorNode);
+    }
+    if (override.isMeshBasicMaterial || override.isMeshBasicNodeMaterial)
+        return override.map ? null : vec4(of('color', 'color'), of('opacity', 'float'));
+    return null;
+}
+
+/** State of the pass: that of the override material. */
+const STATE = ['side', 'transparent', 'blending', 'depthTest', 'depthWrite', 'depthFunc', 'colorWrite', 'wireframe'];
+
+function overridden(author, override, value) {
+    const { Fn, vec4 } = TSL;
+    // The author's output is evaluated for what it discards.
+    const after = (node) => Fn(() => (vec4(node).toVar().toStack(), value))();
+    const output = (node) => (node ? after(node) : value);
+    return derivedMaterial(author, {
+        name: `override ${override.uuid} ${override.version}`,
+        ...Object.fromEntries(STATE.map((key) => [key, override[key]])),
+        fragmentNode: author.fragmentNode ? output(author.fragmentNode) : null,
+        outputNode: author.fragmentNode ? null : output(author.outputNode),
+        mrtNode: override.mrtNode ?? null,
+        fog: false,
+    });
+}
+
+/** Whether an override writes normals, and the author has others; three.js' normal material has no alpha test at all. */
+const bends = (author, override) =>
+    Boolean(override.isMeshNormalMaterial || override.isMeshNormalNodeMaterial) &&
+    Boolean(author.normalNode || author.alphaTest > 0);
+
+export class Override {
+    #host;
+    #scenes = new WeakSet();
+    /** By override material. */
+    #authors = new Map();
+
+    constructor(host) {
+        this.#host = host;
+    }
+
+    /** `pass` is a scene, or has one: a `PassNode`. */
+    use(pass) {
+        const scene = pass.isObject3D ? pass : pass.scene;
+        if (!scene?.isObject3D) throw new TypeError('preshade: `override` takes a scene here, or a pass that has one');
+        this.#scenes.add(scene);
+        return { report: () => this.report(), dispose: () => this.#scenes.delete(scene) };
+    }
+
+    /** Draws one object of a pass that overrides materials; answers false where three.js is to draw it. */
+    draw(call, draw) {
+        const { renderer } = this.#host;
+        const { object, material: override, scene } = call;
+        const author = renderer._currentSourceMaterial;
+        if (author === null || override !== scene.overrideMaterial || !this.#scenes.has(scene)) return false;
+        const { material } = this.#author(author, override, object);
+        if (!material) return false;
+        for (const key of STATE) material[key] = override[key];
+        renderer._currentSourceMaterial = null;
+        try {
+            draw({ ...call, material, lightsNode: plainLight() });
+        } finally {
+            renderer._currentSourceMaterial = author;
+        }
+        return true;
+    }
+
+    #author(author, override, object) {
+        let authors = this.#authors.get(override);
+        if (!authors) {
+            authors = new Authors();
+            this.#authors.set(override, authors);
+            const gone = () => {
+                override.removeEventListener('dispose', gone);
+                authors.release();
+                this.#authors.delete(override);
+            };
+            override.addEventListener('dispose', gone);
+            authors.gone = gone;
+        }
+        const discards = this.#host.discards.of(author);
+        return authors.of(author, `${author.version} ${override.version} ${discards}`, () => {
+            if (!bends(author, override) && !isDoubtful(author, object, discards, { isShadow: false }))
+                return { state: 'same', reason: null };
+            const value = valueOf(override);
+            const reason = `what "${override.name || override.type}" writes is not known`;
+            if (!value) return { state: 'unsupported', reason };
+            const material = overridden(author, override, value);
+            return { state: 'done', reason: null, material, materials: [material] };
+        });
+    }
+
+    report() {
+        return [...this.#authors].flatMap(([override, authors]) =>
+            [...authors].map(([material, { state, reason }]) =>
+                row('override', material, { state, reason, override: override.name || override.type }),
+            ),
+        );
+    }
+
+    dispose() {
+        this.#scenes = new WeakSet();
+        for (const { gone } of [...this.#authors.values()]) gone();
+    }
+}
