@@ -38,6 +38,8 @@ hosts: web
 	cd hosts/three && npm ci --ignore-scripts --no-audit --no-fund --silent && npm run --silent packages
 	cd hosts/three && npx prettier --check . && npm test
 	cd hosts/three/tests/fiber && npm ci --ignore-scripts --legacy-peer-deps --no-audit --no-fund --silent && npm test
+	cd tests/three && npm ci --ignore-scripts --no-audit --no-fund --silent
+	cd tests/three && npx prettier --check . && node test.mjs ../../out/three
 	cd hosts/playground && npm ci --ignore-scripts --no-audit --no-fund --silent
 	cd hosts/playground && npx prettier --check . && npm run build && npm test
 

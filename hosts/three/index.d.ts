@@ -26,6 +26,8 @@ export declare class Preshade {
     override<Pass extends object>(pass: Pass): Pass;
     /** A depth pre-pass for each material for which it pays on this device. */
     prepass(scene: Scene, options?: PrepassOptions): Prepass;
+    /** Each opaque material drawn by any recipe of preshade's passes. Of a `WebGPURenderer` it throws. */
+    rewrite(scene: Scene, options: RewriteOptions): Rewrite;
     /** Velocities of the real geometry. */
     velocity(scene: Scene, options?: VelocityOptions): Velocity;
     report(): Row[];
@@ -45,15 +47,29 @@ export interface ShadowOptions {
     replaceCustom?: boolean;
 }
 
-export interface PrepassOptions {
-    /** Whether to measure first, and to draw a pre-pass only where it pays: false. Without, each material has its pre-pass. */
+/** Passes in order, as preshade's `rewrite` takes them: `['hoist', 'depth-prepass']`. */
+export type Recipe = string | string[];
+
+/** What `prepass` and `rewrite` have in common. */
+export interface PlanOptions {
+    /** Whether to measure first, and to draw by a plan only where it pays: false. Without, each material is drawn by its plan. */
     measure?: boolean | MeasureOptions;
     /** The materials it is for; by default all. */
     materials?: Material[] | ((material: Material) => boolean);
-    /** `equal` shades each pixel once, by a main pass of its own; `biased` keeps the author's main pass. Default: `equal`. */
-    form?: 'equal' | 'biased';
     /** Whether what was measured is kept in localStorage: true. */
     keep?: boolean;
+}
+
+export interface RewriteOptions extends PlanOptions {
+    /** The recipe. A function is asked once for each material; `null` has three.js draw it. */
+    pass: Recipe | ((material: Material) => Recipe | null);
+    /** Tried where `pass` is refused, or where its self-test fails. Without one, three.js draws as always. */
+    fallback?: Recipe | ((material: Material) => Recipe | null) | null;
+}
+
+export interface PrepassOptions extends PlanOptions {
+    /** `equal` shades each pixel once, by a main pass of its own; `biased` keeps the author's main pass. Default: `equal`. */
+    form?: 'equal' | 'biased';
 }
 
 export interface MeasureOptions {
@@ -67,12 +83,14 @@ export interface MeasureOptions {
     method?: 'timer-query' | 'fence';
 }
 
-export interface Prepass extends Part {
-    /** Whether nothing is compiled, tested or measured. */
+export interface Rewrite extends Part {
+    /** Whether nothing is compiled, tested or measured. Tests and measurements need frames. */
     readonly isSettled: boolean;
-    /** Draws all pre-passes, whatever was measured. */
+    /** Draws by all plans, whatever was measured. */
     forced: boolean;
 }
+
+export type Prepass = Rewrite;
 
 export interface VelocityOptions {
     /** `ndc`: normalised device coordinates, y up, as of three.js's `VelocityNode`. `picture`: parts of the picture, y down. Default: `ndc`. */
@@ -101,7 +119,7 @@ export interface Velocity extends Part {
 
 /** What is done for a material in one pass. A material with several programs may have several rows. */
 export interface Row {
-    /** `shadow`, `override`, `prepass`, `velocity`. */
+    /** `shadow`, `override`, `prepass`, `rewrite`, `velocity`. */
     pass: string;
     /** The name of the material, else its type. */
     material: string;
@@ -121,12 +139,23 @@ export interface Row {
     ms: number;
     /** Shadows: what was left out of the author's discards, because it depends on the viewer. */
     left_out?: string[];
-    /** Pre-pass: `equal` or `biased`, and what the self-tests found. */
-    form?: 'equal' | 'biased' | null;
+    /** Pre-pass and rewrite: the recipe that is drawn, or that was refused last. */
+    recipe?: string | null;
+    /** Its steps that do not apply, and why. */
+    skipped?: string[];
+    /** What the self-tests found: `kept`, `unseen`, or `broken` with the recipe and the reason. Null: the recipe needs none. */
     selfTest?: string | null;
-    /** Pre-pass: whether it is drawn. */
+    /** Recipes whose self-test failed. */
+    failures?: { recipe: string; failure: string }[];
+    /** The plan: see docs/reference/plan-json.md. */
+    plan?: any;
+    /** Whether it is of the program that three.js drew last. */
+    isCurrent?: boolean;
+    /** Pre-pass: its form. */
+    form?: 'equal' | 'biased';
+    /** Pre-pass and rewrite: whether it is drawn. */
     on?: boolean;
-    /** Pre-pass: the time with it as a part of that without, with the interval of 95 %. `together`: of all materials of the view. */
+    /** The time with it as a part of that without, with the interval of 95 %. `together`: of all materials of the view. */
     measured?: {
         known: boolean;
         ratio: number;
@@ -136,7 +165,7 @@ export interface Row {
         on: boolean;
         together: boolean;
     } | null;
-    /** Pre-pass: fragments per pixel that would be shaded without it. */
+    /** Fragments per pixel that would be shaded without a pre-pass. */
     perPixel?: number | null;
     /** Override: the class of the pass. */
     of?: string;

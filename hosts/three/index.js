@@ -37,6 +37,12 @@ export class Preshade {
         return this.#host.prepass(scene, options);
     }
 
+    /** Each material drawn by any recipe of preshade's passes. */
+    rewrite(scene, options) {
+        if (!this.#host.rewrite) throw new TypeError('preshade: rewrite needs a WebGLRenderer');
+        return this.#host.rewrite(scene, options);
+    }
+
     /** Velocities of the real geometry. */
     velocity(scene, options) {
         return this.#host.velocity(scene, options);

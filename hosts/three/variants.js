@@ -57,6 +57,7 @@ export class Variants {
     /**
      * The variant of `texts`, which are WGSL or `{ vertex, fragment }`. `request` has the options of preshade's `rewrite` or, with `agree: other texts`, of its `agree`.
      * `texts.key`, where the caller has it, names the texts, and saves to hash them. `request.roles` names the passes to keep, where not all are needed: `['outputs']`.
+     * `request.partial`: a step that does not apply is left out, as long as another does.
      *
      * @returns {Entry} Always the same object for the same texts and request.
      */
@@ -127,7 +128,7 @@ export class Variants {
         if (!['timeout', 'worker', 'disposed', 'panic'].includes(entry.code)) await this.#store?.set(key, entry);
     }
 
-    async #make(texts, { agree, roles, ...options }) {
+    async #make(texts, { agree, roles, partial, ...options }) {
         const sources = sourcesOf(texts);
         if (agree) {
             const other = sourcesOf(agree);
@@ -143,7 +144,7 @@ export class Variants {
         const result = await this.#compiler.rewrite(sources, { emit, ...options });
         const [refusal] = result.refusals;
         const [error] = result.errors;
-        if (refusal) {
+        if (refusal && !(partial && result.plan?.steps.length)) {
             const { reason, remedy, code } = refusal;
             return { state: 'refused', variant: null, reason, remedy, code };
         }
@@ -171,7 +172,7 @@ function sourcesOf(texts) {
 }
 
 /** The passes of a rewrite with their texts, in the first of the languages. */
-function read({ plan, files, notes }, [language], roles) {
+function read({ plan, files, notes, refusals }, [language], roles) {
     const text = (of) => files.find(({ name }) => name === of?.file || name.endsWith(`/${of?.file}`))?.text ?? null;
     const passes = plan.passes.map((pass, i) => {
         const vertex = plan.files[i].vertex?.[language];
@@ -187,5 +188,6 @@ function read({ plan, files, notes }, [language], roles) {
             attributes: vertex?.attributes ?? [],
         };
     });
-    return { plan, passes: roles ? passes.filter(({ pass }) => roles.includes(pass.role)) : passes, notes };
+    const skipped = refusals.map(({ pass, code, reason, remedy }) => ({ pass, code, reason, remedy }));
+    return { plan, passes: roles ? passes.filter(({ pass }) => roles.includes(pass.role)) : passes, notes, skipped };
 }

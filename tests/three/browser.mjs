@@ -6,7 +6,7 @@ import { chromium } from 'playwright-core';
 const PLACES = ['/usr/bin/chromium', '/usr/bin/chromium-browser', '/usr/bin/google-chrome'];
 
 /** After so long a browser that hangs is given up. */
-const LIMIT_S = 900;
+const LIMIT_S = 1800;
 
 /** A page of `width` by `height` with the page's errors collected in `errors`. */
 export async function open(width, height) {

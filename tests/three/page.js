@@ -4,7 +4,7 @@
 // not look, and shows what would become of the picture.
 
 import { Vector3, WebGLRenderer } from 'three';
-import { capture, loadVariant, PlannedFrame } from './preshade-three.js';
+import { Preshade } from 'preshade-three';
 import { makeScene } from './scene.js';
 import { VARIANTS } from './variants.mjs';
 import { Views } from './views.js';
@@ -16,6 +16,7 @@ const say = (text) => (element('status').textContent = text);
 const renderer = new WebGLRenderer({ canvas: element('canvas'), antialias: false, depth: false });
 const gl = renderer.getContext();
 const views = new Views(renderer);
+const preshade = await Preshade.of(renderer);
 const { scene, camera, materials, at } = await makeScene();
 const state = { variant: 'original', view: 'picture', split: 0.5, seconds: 0, turn: 0 };
 const start = camera.position.clone();
@@ -40,9 +41,7 @@ function pose() {
 
 // ---- variants -------------------------------------------------------------------------------------------------------------------------------------------------------------------
 
-/** The list that `npm run build` made: which plan of which material is which variant's. */
-const made = asked.has('capture') ? [] : await (await fetch('dist/variants.json')).json();
-/** By name, the variants that have been loaded: how to draw one, and what is to be said of it. */
+/** By name, the variants that have been loaded. `part` is what preshade does for one, and null for the original. */
 const loaded = new Map();
 
 /** Moves the pre-pass off the main pass by `amount`, as a driver does that compiles the two apart. */
@@ -60,37 +59,42 @@ const edit = perturb(Number(asked.get('perturb') ?? 0));
 
 async function load(name) {
     if (loaded.has(name)) return loaded.get(name);
-    const { fallback } = VARIANTS.find((variant) => variant.name === name) ?? {};
-    const frame = new PlannedFrame(renderer);
-    const plans = new Map();
-    const find = (material, variant) => made.find((of) => of.material === material && of.variant === variant);
-    for (const [id, material] of Object.entries(materials)) {
-        const of = find(id, name);
-        if (!of?.plan) continue;
-        const variant = await loadVariant(of.plan, { edit });
-        const other = fallback && find(id, fallback)?.plan;
-        frame.use(material, variant, { fallback: other ? await loadVariant(other, { edit }) : null, text: of.text });
-        plans.set(id, variant.plan);
-    }
-    const found = {};
-    const variant = { name, frame, plans, found };
+    const variant = { name, part: null };
     loaded.set(name, variant);
-    if (plans.size > 0 && !asked.has('trust')) {
-        pose();
-        renderer.setRenderTarget(views.scene);
-        const verdicts = await frame.selfTest(scene, camera);
-        for (const [id, material] of Object.entries(materials))
-            if (verdicts.has(material)) found[id] = verdicts.get(material);
-    }
+    if (name === 'original') return variant;
+    const { recipe, of, fallback } = VARIANTS.find((each) => each.name === name);
+    const pass = (material) => of?.[material.name] ?? recipe;
+    variant.part = preshade.rewrite(scene, { pass, fallback, edit, trust: asked.has('trust') });
+    await settle(variant);
     return variant;
+}
+
+/** Draws frames until everything of the variant is compiled and tested. Gives each frame's picture to `each`. */
+async function settle(variant, each = () => {}) {
+    let frames = 0;
+    do {
+        each(picture(variant));
+        frames += 1;
+        // The answers of occlusion queries come in a later task.
+        await new Promise((done) => setTimeout(done, 0));
+        await preshade.settled();
+    } while (frames < 4 || !variant.part.isSettled);
+    return frames;
+}
+
+/** The rows of the report that are of the programs that are drawn now, by material. */
+function rows({ part }) {
+    const current = part?.report().filter(({ isCurrent }) => isCurrent !== false) ?? [];
+    return Object.fromEntries(current.map((row) => [row.material, row]));
 }
 
 // ---- pictures ---------------------------------------------------------------------------------------------------------------------------------------------------------------
 
 /** Draws the scene's linear colours by a loaded variant. */
 function render(variant) {
+    for (const { name, part } of loaded.values()) if (part) part.enabled = name === variant.name;
     renderer.setRenderTarget(views.scene);
-    variant.frame.render(scene, camera);
+    renderer.render(scene, camera);
 }
 
 function draw() {
@@ -136,6 +140,19 @@ async function compare(names) {
     const before = picture(original);
     for (const name of names) found[name] = difference(before, picture(loaded.get(name)));
     return found;
+}
+
+/** Like `compare`, of each frame from now on until the variant has followed what was done to the scene. */
+async function follow(name) {
+    const variant = await load(name);
+    const pictures = [];
+    const frames = await settle(variant, (one) => {
+        if (!pictures.length || difference(pictures.at(-1), one).most > 0) pictures.push(one);
+    });
+    const original = picture(await load('original'));
+    const all = pictures.map((one) => difference(original, one));
+    const [off, most] = ['off', 'most'].map((key) => Math.max(...all.map((of) => of[key])));
+    return { off, most, frames, pixels: all[0].pixels };
 }
 
 /** How much of a variant's picture a material is seen in. */
@@ -222,16 +239,12 @@ function described({ role, depth: { compare, write, bias, attachment } }) {
     return `${role}: ${compare} in ${attachment}${write ? ', writes depth' : ''}${pushed}`;
 }
 
-function taken(id, { plans, found, frame, name }) {
-    const verdict = found[id];
-    if (frame.outdated.has(materials[id]))
-        return 'none: its program has changed since the plan was made. Drawn by three.js';
-    const fallback = VARIANTS.find((variant) => variant.name === name)?.fallback;
-    if (verdict?.verdict === 'none') return 'none asked for';
-    if (verdict?.verdict === 'kept') return 'passed: the driver keeps the promise';
-    const instead = plans.get(id).fallback === 'original' || !fallback ? 'the original' : fallback;
-    const why = verdict?.verdict === 'broken' ? verdict.failure : 'nothing of it was in view';
-    return `failed: ${why}. Drawn by ${instead}`;
+function taken({ state, selfTest, recipe, failures }) {
+    if (!selfTest) return 'none asked for';
+    if (failures.length === 0)
+        return selfTest === 'kept' ? 'passed: the driver keeps the promise' : 'nothing of it was in view';
+    const said = failures.map(({ failure }) => failure).join('; ');
+    return `failed: ${said}. Drawn by ${state === 'done' ? recipe : 'the original'}`;
 }
 
 function about(variant) {
@@ -239,25 +252,27 @@ function about(variant) {
     section.replaceChildren();
     if (variant.name === 'original')
         section.append(node('p', 'The scene as three.js draws it.', { className: 'faint' }));
-    for (const [id, material] of Object.entries(materials)) {
-        if (variant.name === 'original') break;
+    for (const [id, row] of Object.entries(rows(variant))) {
         section.append(node('h2', id));
-        const plan = variant.plans.get(id);
-        if (!plan) {
-            const of = made.find((m) => m.material === id && m.variant === variant.name);
-            const why = material.transparent ? 'transparent: no pass for it' : (of?.says[0] ?? 'no pass applies');
-            section.append(node('p', why, { className: 'faint' }));
+        const { plan, state, reason, selfTest, skipped, ms } = row;
+        if (state !== 'done' && !selfTest) {
+            section.append(node('p', `${state}: ${reason}`, { className: 'faint' }));
             continue;
         }
         const list = document.createElement('dl');
-        const broken = ['broken', 'unseen'].includes(variant.found[id]?.verdict);
+        if (plan)
+            list.append(
+                node('dt', 'Promise'),
+                node('dd', promise(plan)),
+                node('dt', 'Passes'),
+                node('dd', plan.passes.map(described).join('; ')),
+            );
+        if (skipped.length) list.append(node('dt', 'Left out'), node('dd', skipped.join('; ')));
         list.append(
-            node('dt', 'Promise'),
-            node('dd', promise(plan)),
-            node('dt', 'Passes'),
-            node('dd', plan.passes.map(described).join('; ')),
             node('dt', 'Self-test'),
-            node('dd', taken(id, variant), { className: broken ? 'wrong' : '' }),
+            node('dd', taken(row), { className: row.failures.length ? 'wrong' : '' }),
+            node('dt', 'Compiled in'),
+            node('dd', ms ? `${ms.toFixed(0)} ms` : 'none: it was in the cache'),
         );
         section.append(list);
     }
@@ -364,25 +379,22 @@ function controls() {
 }
 
 fit();
-/** For the build, which takes the materials' GLSL, and for the test. */
+/** For the test. */
 window.page = {
-    capture() {
-        renderer.setRenderTarget(views.scene);
-        renderer.render(scene, camera);
-        const opaque = Object.entries(materials).filter(([, material]) => !material.transparent);
-        return Object.fromEntries(opaque.map(([name, material]) => [name, capture(renderer, material)]));
-    },
     compare,
+    follow,
     seen,
     measure: async (rounds, names) => Object.fromEntries(await measure(rounds, names)),
-    found: async (name) => (await load(name)).found,
-    outdated: async (name) => [...(await load(name)).frame.outdated].map((material) => material.name),
+    rows: async (name) => {
+        const all = Object.entries(rows(await load(name)));
+        return Object.fromEntries(all.map(([material, { plan, ...row }]) => [material, row]));
+    },
+    /** How many programs of all materials a variant has been made for. */
+    programs: async (name) => (await load(name)).part.report().length,
     choose,
     materials,
     scene,
 };
-if (!asked.has('capture')) {
-    controls();
-    await choose('original');
-}
+controls();
+await choose('original');
 element('canvas').dataset.ready = 'yes';

@@ -12,6 +12,7 @@ const TYPES = {
     '.js': 'text/javascript',
     '.json': 'application/json',
     '.mjs': 'text/javascript',
+    '.wasm': 'application/wasm',
 };
 
 /** Resolves to the server and its address. */
@@ -36,5 +37,5 @@ export async function serve(port = 0) {
 
 if (process.argv[1] === fileURLToPath(import.meta.url)) {
     const { address } = await serve(Number(process.argv[2] ?? 8080));
-    console.log(`${address}/  (made by: npm run build)`);
+    console.log(`${address}/`);
 }

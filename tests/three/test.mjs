@@ -1,4 +1,5 @@
-// Draws the page in Chromium and looks at it: each variant against the original, after a resize, with a changed material, and where the driver breaks a promise.
+// Draws the page in Chromium and looks at it: each variant against the original, after a resize, with a changed material, with another program of three.js, and where the driver breaks
+// a promise.
 //
 //     node test.mjs [FOLDER]        screenshots go there; default: dist/screenshots
 
@@ -28,22 +29,47 @@ async function same(page, names, when) {
     return all[names[0]].pixels;
 }
 
-const found = (page, name) => page.evaluate((name) => window.page.found(name), name);
+/** The same for each frame until the variants have followed what was done to the page. */
+async function followed(page, names, when) {
+    for (const name of names) {
+        const { off, most, frames } = await page.evaluate((name) => window.page.follow(name), name);
+        said(`${name}, ${when}: ${off} pixels off in any of ${frames} frames, at most ${most}`);
+        assert.equal(off, 0, `${name}, ${when}`);
+    }
+}
+
+const rows = (page, name) => page.evaluate((name) => window.page.rows(name), name);
+const OPAQUE = ['stone', 'leaf', 'bronze'];
+/** What the self-tests of a variant say, and materials that it is not for. */
+const FOUND = {
+    'prepass-equal': { selfTest: 'kept' },
+    'prepass-biased': { selfTest: 'kept' },
+    'early-discard': { selfTest: null },
+    hoist: { selfTest: 'kept', refused: ['bronze'] },
+    'hoist-budget': { refused: ['bronze'] },
+    'hoist-prepass': { selfTest: 'kept' },
+};
 
 async function pictures(page) {
     const names = VARIANTS.map(({ name }) => name);
     await same(page, names, 'as loaded');
-    const verdicts = {
-        'prepass-equal': 'kept',
-        'prepass-biased': 'kept',
-        'hoist-prepass': 'kept',
-        'early-discard': 'none',
-    };
-    for (const [name, verdict] of Object.entries(verdicts)) {
-        const of = await found(page, name);
-        assert.deepEqual(Object.keys(of), ['stone', 'leaf', 'bronze'], name);
-        for (const [material, found] of Object.entries(of))
-            assert.equal(found.verdict, verdict, `${name} of ${material}`);
+    for (const [name, { selfTest, refused = [] }] of Object.entries(FOUND)) {
+        const of = await rows(page, name);
+        for (const material of ['glass', 'water'])
+            assert.deepEqual([of[material].state, of[material].reason], ['refused', 'transparent']);
+        for (const material of OPAQUE) {
+            const row = of[material];
+            said(
+                `${name} of ${material}: ${row.state} ${row.recipe}, ${row.selfTest ?? 'no self-test'}, ${row.ms.toFixed(0)} ms`,
+            );
+            assert.equal(
+                row.state,
+                refused.includes(material) ? 'refused' : 'done',
+                `${name} of ${material}: ${row.reason}`,
+            );
+            if (row.state === 'refused') assert.equal(row.code, 'nothing-pays');
+            else if (selfTest !== undefined) assert.equal(row.selfTest, selfTest, `${name} of ${material}`);
+        }
     }
     // The transparent sphere, and what is behind it, are there.
     for (const name of ['prepass-equal', 'early-discard']) {
@@ -88,11 +114,14 @@ async function changes(page) {
     await same(page, names, 'with another colour and more wind');
     await set({ stone: { transparent: true, opacity: 1 } });
     await same(page, names, 'with a material made transparent');
+    assert.equal((await rows(page, names[0])).stone.reason, 'transparent');
     await set({ stone: { transparent: false } });
+    await followed(page, names, 'with it made opaque again');
+    assert.equal((await rows(page, names[0])).stone.state, 'done');
 }
 
-/** What changes the program that three.js makes of a material: its plan is of another text then, which the page says, and draws the material as three.js does. */
-async function outdated(page, visit, address, errors) {
+/** What changes the program that three.js makes of a material: it is drawn by three.js in that frame, and by a variant of the new program as soon as there is one. */
+async function programs(page, visit, address) {
     const names = ['prepass-equal', 'early-discard'];
     const changes = {
         'one light more': () => {
@@ -108,19 +137,22 @@ async function outdated(page, visit, address, errors) {
             bronze.needsUpdate = true;
         },
     };
+    await visit(`${address}/`);
+    const before = await page.evaluate(() => window.page.compare(['prepass-equal', 'early-discard']));
+    for (const { off } of Object.values(before)) assert.equal(off, 0, 'loaded again');
     for (const [what, change] of Object.entries(changes)) {
-        await visit(`${address}/`);
-        await same(page, names, 'loaded again');
-        for (const name of names) assert.deepEqual(await page.evaluate((n) => window.page.outdated(n), name), []);
+        const made = {};
+        for (const name of names) made[name] = await page.evaluate((name) => window.page.programs(name), name);
         await page.evaluate(change);
-        await same(page, names, `with ${what}`);
+        await followed(page, names, `with ${what}`);
         for (const name of names) {
-            const found = await page.evaluate((n) => window.page.outdated(n), name);
-            assert.deepEqual(found, ['bronze'], `${name}, with ${what}`);
+            for (const material of OPAQUE) {
+                const { state, reason } = (await rows(page, name))[material];
+                assert.equal(state, 'done', `${name} of ${material}, with ${what}: ${reason}`);
+            }
+            const after = await page.evaluate((name) => window.page.programs(name), name);
+            assert.ok(after > made[name], `${name}: a variant of another program`);
         }
-        const told = errors.splice(0);
-        assert.equal(told.length, names.length, `${told}`);
-        for (const line of told) assert.match(line, /^preshade: "bronze" is drawn as three\.js has it/);
     }
 }
 
@@ -161,15 +193,21 @@ async function controls(page) {
 async function broken(page, visit, address) {
     for (const amount of ['4e-7', '-4e-7']) {
         await visit(`${address}/?perturb=${amount}`);
-        for (const [material, { verdict, failure }] of Object.entries(await found(page, 'prepass-equal'))) {
-            said(`pushed by ${amount}, ${material}: ${verdict}, ${failure}`);
-            assert.equal(verdict, 'broken');
-        }
         await same(page, ['prepass-equal'], 'fallen back to the biased form');
+        const found = await rows(page, 'prepass-equal');
+        for (const material of OPAQUE) {
+            const { state, recipe, selfTest, failures } = found[material];
+            said(`pushed by ${amount}, ${material}: ${selfTest}`);
+            assert.deepEqual([state, recipe], ['done', 'depth-prepass'], material);
+            assert.deepEqual(
+                failures.map(({ recipe }) => recipe),
+                ['depth-prepass:form=equal'],
+            );
+        }
     }
     await page.setViewportSize({ width: 900, height: 380 });
     await page.evaluate(() => window.page.choose('prepass-equal'));
-    assert.match(await page.textContent('#about'), /failed: .* Drawn by prepass-biased/);
+    assert.match(await page.textContent('#about'), /failed: .* Drawn by depth-prepass/);
     await page.screenshot({ path: join(out, 'fallback.png') });
     await page.setViewportSize({ width: 860, height: 160 });
     // The test would not be worth much if nothing had been wrong.
@@ -192,7 +230,7 @@ try {
     await changes(page);
     await controls(page);
     await broken(page, visit, address);
-    await outdated(page, visit, address, errors);
+    await programs(page, visit, address);
     assert.deepEqual(errors, [], 'the page complained');
 } finally {
     await browser.close();

@@ -4,17 +4,20 @@ import { Variants } from '../variants.js';
 import { Hooks } from './hooks.js';
 import { Override } from './override.js';
 import { Programs } from './programs.js';
+import { prepassOf, recipesOf } from './recipes.js';
 import { Shadows } from './shadows.js';
 
 export class WebGLHost {
     /** Each has `report()`, a list of rows, and `dispose()`. */
     #parts = new Set();
     #shadows = new Map();
+    /** Calls of `rewrite` and `prepass`, in order. */
+    rewrites = new Set();
     #modules;
 
     static async of(renderer, options) {
-        const [{ Prepass }, { Velocity }] = await Promise.all([import('./prepass.js'), import('./velocity.js')]);
-        return new WebGLHost(renderer, options, { Prepass, Velocity });
+        const [{ Rewrite }, { Velocity }] = await Promise.all([import('./rewrite.js'), import('./velocity.js')]);
+        return new WebGLHost(renderer, options, { Rewrite, Velocity });
     }
 
     constructor(renderer, options, modules) {
@@ -36,8 +39,12 @@ export class WebGLHost {
         return pass;
     }
 
-    prepass(scene, options) {
-        return this.#add(new this.#modules.Prepass(this, scene, options));
+    rewrite(scene, { pass, fallback = null, ...options } = {}) {
+        return this.#add(new this.#modules.Rewrite(this, scene, 'rewrite', recipesOf(pass, fallback), options));
+    }
+
+    prepass(scene, { form = 'equal', ...options } = {}) {
+        return this.#add(new this.#modules.Rewrite(this, scene, 'prepass', prepassOf(form), options));
     }
 
     velocity(scene, options) {

@@ -55,11 +55,12 @@ export class Overdraw {
     }
 
     #counted(item, planned, scene, camera) {
-        const material = planned.depth;
-        const { depthFunc, polygonOffset } = material;
+        const material = planned.depth ?? planned.main;
+        const { depthFunc, polygonOffset, colorWrite } = material;
         const state = {
             depthFunc: item.material.depthFunc,
             polygonOffset: false,
+            colorWrite: false,
             stencilWrite: true,
             stencilWriteMask: 0xff,
             stencilFunc: AlwaysStencilFunc,
@@ -73,7 +74,7 @@ export class Overdraw {
         planned.refresh(material);
         drawItem(this.#host, scene, camera, item, material);
         for (const name of Object.keys(state)) if (name.startsWith('stencil')) delete material[name];
-        Object.assign(material, { depthFunc, polygonOffset });
+        Object.assign(material, { depthFunc, polygonOffset, colorWrite });
     }
 
     #add(value, camera) {

@@ -1,11 +1,12 @@
-// A material's plan of `depth-prepass`, for one text of it: its variant, the materials that draw it, and whether they may be drawn yet.
+// A material's plan, for one text of it: its variant, the materials that draw it, and whether they may be drawn yet.
 
 import { NeverDepth, UniformsLib } from 'three';
 import { COMPARE, CULL, derived, refresh, stateOf } from './derived.js';
+import { SCENE_DEPTH } from './attachments.js';
 import { drawItem } from './frames.js';
+import { refusal } from './recipes.js';
 import { SelfTest } from './selftest.js';
 
-const FORMS = ['equal', 'biased'];
 const name = (table, value) => Object.keys(table).find((key) => table[key] === value);
 
 /** Why three.js is to draw the material as always, or null. */
@@ -66,14 +67,17 @@ export class Planned {
     #host;
     #state;
     #edit;
-    #forms;
+    #recipes;
+    #attachments;
+    #trust;
+    #limits;
     #pass = null;
     /** Whether three.js looked for the program of one of ours anew: something that programs are made of has changed. */
     #asked = false;
-    #guarded = false;
+    #guarded = null;
     #test = null;
     #warm = 0;
-    #lights = new WeakMap();
+    #uniforms = new WeakMap();
     /** Programs whose uniforms are known. */
     #known = new WeakSet();
 
@@ -83,33 +87,53 @@ export class Planned {
     remedy = null;
     code = null;
     ms = 0;
-    form = null;
-    /** What the self-tests found: `kept`, `unseen`, or `broken` with the form. */
+    /** The recipe that it is drawn by, or was last asked for. */
+    recipe = null;
+    /** Steps of it that do not apply. */
+    skipped = [];
+    /** What the self-tests found: `kept`, `unseen`, or `broken` with the recipe. */
     verdicts = [];
+    /** Of recipes whose self-test failed, `{ recipe, failure }`: the plan's word for it. */
+    failures = [];
     /** The frame in which it was last in use, and an item of it. */
     used = 0;
     /** The frame in which three.js last looked for another program. */
     doubted = -1;
     item = null;
 
-    /** `source`: a `Source` of `Programs`. `edit(text, role, stage)` may change a text before it is compiled: tests do. */
-    constructor(host, author, source, state, { form = 'equal', edit = (text) => text } = {}) {
+    /**
+     * `source`: a `Source` of `Programs`. `recipes`: to try, in order. `limits`: what `refusal` of recipes.js has to know. `edit(text, role, stage)` may change a text before it is compiled,
+     * and `trust` leaves out the self-test: tests do.
+     */
+    constructor(host, author, source, state, { recipes, attachments, limits, edit = (text) => text, trust = false }) {
         this.#host = host;
         this.author = author;
         this.source = source;
         this.#state = state;
+        this.#recipes = [...recipes];
+        this.#attachments = attachments;
+        this.#limits = limits;
         this.#edit = edit;
-        this.#forms = FORMS.slice(FORMS.indexOf(form));
+        this.#trust = trust;
     }
 
-    /** Draws the depth alone. */
+    /** Draws the depth alone; null where the plan has no such pass. */
     get depth() {
-        return this.#pass.depth;
+        return this.#pass?.depth ?? null;
     }
 
     /** Shades; null where the author's own material does. */
     get main() {
-        return this.#pass.main;
+        return this.#pass?.main ?? null;
+    }
+
+    /** The depth attachment that the depth pass has for itself, or null. */
+    get apart() {
+        return this.#pass?.apart ?? null;
+    }
+
+    get plan() {
+        return this.#pass?.plan ?? null;
     }
 
     get isReady() {
@@ -141,15 +165,17 @@ export class Planned {
     }
 
     #ask() {
-        const [form] = this.#forms;
-        const request = { pass: `depth-prepass:form=${form}`, state: this.#state };
+        const [recipe] = this.#recipes;
+        const request = { pass: recipe.pass, state: this.#state, partial: true };
         const { state, variant, reason, remedy, code, ms } = this.#host.variants.get(this.source, request);
         if (state === 'pending') return;
-        Object.assign(this, { form, reason, remedy, code, ms: this.ms + ms });
-        if (state !== 'ready') {
-            // What one form refuses the other may do.
-            if (this.#forms.length > 1) this.#forms.shift();
-            else this.state = state;
+        Object.assign(this, { recipe, reason, remedy, code, ms: this.ms + ms, skipped: variant?.skipped ?? [] });
+        const refused = state === 'ready' ? refusal(variant.plan, this.#limits) : null;
+        if (refused) Object.assign(this, { reason: refused, code: 'three' });
+        if (refused || state !== 'ready') {
+            // What one recipe refuses the other may do.
+            if (this.#recipes.length > 1) this.#recipes.shift();
+            else this.state = refused ? 'refused' : state;
             return;
         }
         this.#make(variant);
@@ -157,48 +183,53 @@ export class Planned {
     }
 
     #make({ plan, passes }) {
-        const { renderer } = this.#host;
         const of = (phase) => passes.find(({ pass }) => pass.phase === phase);
-        const edited = (of, role) => ({
+        const edited = (of) => ({
             ...of,
-            vertex: this.#edit(of.vertex, role, 'vertex'),
-            fragment: this.#edit(of.fragment, role, 'fragment'),
+            vertex: this.#edit(of.vertex, of.pass.role, 'vertex'),
+            fragment: this.#edit(of.fragment, of.pass.role, 'fragment'),
         });
-        const make = (pass) => {
-            const uniforms = lightsOf(this.author);
-            const material = derived(renderer, this.author, edited(pass, pass.pass.role), {
-                uniforms,
-                state: { ...stateOf(pass.pass), lights: this.author.lights === true },
-            });
-            this.#lights.set(material, uniforms);
-            const key = material.customProgramCacheKey();
-            material.customProgramCacheKey = () => {
-                this.#asked = true;
-                // The draw goes on, and then passes nowhere.
-                if (this.#guarded) material.depthFunc = NeverDepth;
-                return key;
-            };
-            return material;
-        };
         const main = of('opaque');
-        const unchanged = main.pass.depth.compare === this.#state.depth_compare && main.pass.depth.write;
-        const depth = make(of('depth'));
+        const ahead = of('depth');
+        const { compare, write } = main.pass.depth;
+        const isAuthors = plan.steps.every(({ pass }) => pass === 'depth-prepass');
+        const unchanged = isAuthors && compare === this.#state.depth_compare && write;
+        const depth = ahead ? this.#material(edited(ahead)) : null;
         // The author's own text, which the self-tests draw. Where the main pass is the author's, his own material draws it.
-        const own = make({
-            ...main,
-            pass: { ...main.pass, role: 'own' },
-            vertex: this.source.vertex,
-            fragment: this.source.fragment,
-        });
-        const shaded = unchanged ? own : make(main);
+        const { vertex, fragment } = this.source;
+        const own = this.#material({ ...main, vertex, fragment, blocks: passes.flatMap(({ blocks }) => blocks) });
+        const shaded = unchanged ? own : this.#material(edited(main));
+        const attachment = ahead?.pass.depth.attachment;
         this.#pass = {
             plan,
             depth,
             main: unchanged ? null : shaded,
-            shaded,
-            own,
-            all: [...new Set([depth, shaded, own])],
+            apart: attachment === SCENE_DEPTH ? null : plan.attachments.find(({ name }) => name === attachment),
+            all: [...new Set([depth, shaded, own])].filter(Boolean),
+            tested: { ...(ahead && { [ahead.pass.role]: depth }), [main.pass.role]: shaded, own },
         };
+    }
+
+    #material(of) {
+        const { pass, textures } = of;
+        const uniforms = lightsOf(this.author);
+        for (const { name, texture } of textures) {
+            const bound = pass.bindings.find((each) => each.group === texture[0] && each.binding === texture[1]);
+            if (bound?.source.from === 'attachment') uniforms[name] = this.#attachments.uniform(bound.source.name);
+        }
+        const material = derived(this.#host.renderer, this.author, of, {
+            uniforms,
+            state: { ...stateOf(pass), lights: this.author.lights === true },
+        });
+        this.#uniforms.set(material, uniforms);
+        const key = material.customProgramCacheKey();
+        material.customProgramCacheKey = () => {
+            this.#asked = true;
+            // The draw goes on, and then passes nowhere.
+            if (this.#guarded) material.depthFunc = NeverDepth;
+            return key;
+        };
+        return material;
     }
 
     /**
@@ -216,18 +247,22 @@ export class Planned {
         if (this.#asked && this.#warm++ < 8) return true;
         // A test for each view in which it may be seen, but not in each frame.
         if (this.verdicts.at(-1) === 'unseen' && frame.number % 30 !== 0) return true;
-        const { plan, depth, shaded, main, own } = this.#pass;
+        const { plan, main, tested } = this.#pass;
         const { self_test: test } = plan;
-        const runs = main && test ? OWN : [];
-        if (!test) this.state = 'ready';
-        else this.#test = new SelfTest(this.#host, this, test, runs, { prepass: depth, main: shaded, own });
+        const targetOf = (name) => {
+            const attachment = plan.attachments.find((each) => each.name === name);
+            return this.#attachments.target(this.#host.renderer, frame, attachment);
+        };
+        const runs = main ? OWN : [];
+        if (!test || this.#trust) this.state = 'ready';
+        else this.#test = new SelfTest(this.#host, this, test, runs, tested, targetOf);
         this.#test?.run(items, scene, frame);
         return true;
     }
 
     /** Call it before a draw with one of ours. */
     refresh(material) {
-        refresh(this.#host.renderer, this.author, material, this.#lights.get(material));
+        refresh(this.#host.renderer, this.author, material, this.#uniforms.get(material));
     }
 
     #nowhere(item, scene, camera, material) {
@@ -243,25 +278,43 @@ export class Planned {
         this.#test.dispose();
         this.#test = null;
         if (this.verdicts.at(-1) === 'unseen') this.verdicts.pop();
-        this.verdicts.push(result.verdict === 'broken' ? `broken (${this.form}): ${result.failure}` : result.verdict);
+        const { form, name } = this.recipe;
+        this.verdicts.push(
+            result.verdict === 'broken' ? `broken (${form ?? name}): ${result.failure}` : result.verdict,
+        );
         if (result.verdict === 'kept') this.state = 'ready';
         if (result.verdict !== 'broken') return;
+        this.failures.push({ recipe: name, failure: result.failure });
         this.#release();
-        this.#forms.shift();
-        this.state = this.#forms.length > 0 ? 'pending' : 'original';
+        this.#recipes.shift();
+        this.state = this.#recipes.length > 0 ? 'pending' : 'original';
     }
 
-    /** In a frame: draws the depth of an item. False where three.js would by now take another program of the author's: then nothing was drawn, and nothing of the plan may be. */
-    drawDepth(item, scene, camera) {
+    /**
+     * In a frame, ahead of its draws: draws the depth of an item, where the plan has a pass for it. False where three.js would by now take another program of the author's: then nothing was
+     * drawn, and nothing of the plan may be.
+     */
+    drawAhead(item, scene, camera) {
         const { depth, main } = this.#pass;
-        this.refresh(depth);
         if (main) this.refresh(main);
-        this.#asked = false;
-        this.#guarded = true;
-        const { depthFunc } = depth;
+        if (!depth) return true;
+        this.refresh(depth);
+        this.guard(depth);
         drawItem(this.#host, scene, camera, item, depth);
-        depth.depthFunc = depthFunc;
-        this.#guarded = false;
+        return this.unguard();
+    }
+
+    /** Until `unguard`, a draw of this material passes nowhere if three.js would take another program by now. */
+    guard(material) {
+        this.#asked = false;
+        this.#guarded = { material, depthFunc: material.depthFunc };
+    }
+
+    /** Returns whether it drew. */
+    unguard() {
+        const { material, depthFunc } = this.#guarded;
+        material.depthFunc = depthFunc;
+        this.#guarded = null;
         return !this.#asked;
     }
 
@@ -270,7 +323,7 @@ export class Planned {
         this.#test?.dispose();
         this.#test = null;
         this.#warm = 0;
-        this.verdicts.length = 0;
+        this.verdicts.length = this.failures.length = 0;
         if (this.state === 'ready' || this.state === 'testing') this.state = 'compiling';
     }
 

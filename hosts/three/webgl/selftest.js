@@ -1,10 +1,9 @@
 // Whether the driver keeps what a plan rests on: its self-test, drawn once into a depth buffer of its own, with each draw in an occlusion query.
 
-import { DepthTexture, FloatType, UnsignedIntType, UnsignedShortType, Vector4, WebGLRenderTarget } from 'three';
+import { DepthTexture, UnsignedIntType, Vector4, WebGLRenderTarget } from 'three';
+import { DEPTH_TYPE } from './attachments.js';
 import { COMPARE } from './derived.js';
 import { drawItem, sizeOf, within } from './frames.js';
-
-const DEPTH_TYPE = { depth16unorm: UnsignedShortType, depth24plus: UnsignedIntType, depth32float: FloatType };
 
 /** Away from the viewer, as far as rounding may go. */
 const PUSHED = { polygonOffsetFactor: 2, polygonOffsetUnits: 64 };
@@ -14,14 +13,19 @@ export class SelfTest {
     #planned;
     #test;
     #materials;
+    #targetOf;
     #runs = [];
 
-    /** `test`: the `self_test` of a plan; `runs`: more of them, whose draws may be pushed away by a depth bias. `materials`: by role. */
-    constructor(host, planned, test, runs, materials) {
+    /**
+     * `test`: the `self_test` of a plan; `runs`: more of them, whose draws may be pushed away by a depth bias. `materials`: those of its passes, by role, and `own`, as the author has it.
+     * `targetOf(name)`: what to draw into for an attachment of the plan.
+     */
+    constructor(host, planned, test, runs, materials, targetOf) {
         this.#host = host;
         this.#planned = planned;
         this.#test = { ...test, runs: [...test.runs, ...runs] };
         this.#materials = materials;
+        this.#targetOf = targetOf;
     }
 
     /** Draws it, in a frame, with these items in view. */
@@ -34,13 +38,14 @@ export class SelfTest {
         target.viewport.copy(renderer.getCurrentViewport(new Vector4()));
         const { depth } = renderer.state.buffers;
         this.#runs = this.#test.runs.map(({ failure, draws }) => {
-            const queries = draws.map((draw, i) => {
-                if ((draw.attachment ?? name) !== name)
-                    throw new Error(`preshade: a self-test draws into ${draw.attachment}`);
-                depth.setClear(clear);
-                const query = within(renderer, target, () => {
-                    // Of a run the first draw clears.
-                    if (i === 0) renderer.clear(true, true, false);
+            const cleared = new Set();
+            const queries = draws.map((draw) => {
+                const { attachment = name } = draw;
+                depth.setClear(attachment === name ? clear : 1);
+                const query = within(renderer, attachment === name ? target : this.#targetOf(attachment), () => {
+                    // The first draw of a run into an attachment clears it.
+                    if (!cleared.has(attachment)) renderer.clear(true, true, false);
+                    cleared.add(attachment);
                     return this.#query(draw, items, scene, frame.camera);
                 });
                 depth.setClear(1);
@@ -52,10 +57,10 @@ export class SelfTest {
         depthTexture.dispose();
     }
 
-    #query({ role, compare, write, isPushed = false }, items, scene, camera) {
+    #query({ role, original, compare, write, isPushed = false }, items, scene, camera) {
         const { renderer } = this.#host;
         const gl = renderer.getContext();
-        const material = this.#materials[role];
+        const material = this.#materials[original ? 'own' : role];
         const { depthFunc, depthWrite, polygonOffset, polygonOffsetFactor, polygonOffsetUnits } = material;
         const pushed = isPushed ? { polygonOffset: true, ...PUSHED } : {};
         Object.assign(material, { depthFunc: COMPARE[compare], depthWrite: write, ...pushed });
