@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """Checks that every relative link in the Markdown files leads to a file, and to a heading there if it names one.
-Pages under docs/ may link only to files under docs/, because the book contains nothing else."""
+Pages under docs/ may link only to files under docs/, because the book contains nothing else. Conflicts of a
+merge are reported too."""
 import pathlib
 import re
 import subprocess
@@ -23,6 +24,8 @@ def anchors(path):
 
 def wrong(path):
     text = re.sub(r"```.*?```|`[^`\n]*`", "", path.read_text(encoding="utf8"), flags=re.S)
+    if re.search(r"^(<{7}|>{7}) ", text, flags=re.M):
+        yield "the conflict of a merge"
     for target in re.findall(r"\]\(([^)\s]+)\)", text):
         if re.match(r"[a-z]+:", target):
             continue
