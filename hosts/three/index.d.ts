@@ -3,6 +3,8 @@ import type { Camera, Material, Object3D, Scene, Texture } from 'three';
 export interface Options {
     /** Where `preshade.wasm` is: see the package `preshade`. */
     wasm?: string | URL | ArrayBuffer | Uint8Array | WebAssembly.Module;
+    /** Where `preshade-full.wasm` is. It is loaded if a material may be drawn right by three.js itself. */
+    full?: string | URL | ArrayBuffer | Uint8Array | WebAssembly.Module;
     /** Milliseconds after which the compiler gives up on a variant: 60,000. */
     timeout?: number;
     /** Whether to keep variants in IndexedDB: true. */

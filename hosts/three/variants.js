@@ -46,10 +46,10 @@ export class Variants {
     counts = { compiled: 0, stored: 0 };
 
     /**
-     * `wasm` and `timeout` are those of the package `preshade`. `cache`: whether to keep variants in IndexedDB. `limit`: how many are kept in memory.
+     * `wasm`, `full` and `timeout` are those of the package `preshade`. `cache`: whether to keep variants in IndexedDB. `limit`: how many are kept in memory.
      */
-    constructor({ wasm, timeout = 60_000, cache = true, limit = 512 } = {}) {
-        this.#compiler = new Compiler({ wasm, timeout });
+    constructor({ wasm, full, timeout = 60_000, cache = true, limit = 512 } = {}) {
+        this.#compiler = new Compiler({ wasm, full, timeout });
         this.#store = cache ? new Store('preshade-three', VERSION) : null;
         this.#limit = limit;
     }
@@ -125,7 +125,8 @@ export class Variants {
         if (this.#disposed) return;
         this.counts.compiled++;
         // A timeout or a lost worker says nothing about the text.
-        if (!['timeout', 'worker', 'disposed', 'panic'].includes(entry.code)) await this.#store?.set(key, entry);
+        if (['ready', 'refused'].includes(entry.state)) await this.#store?.set(key, entry);
+        else if (['timeout', 'worker'].includes(entry.code)) this.#entries.delete(key);
     }
 
     async #make(texts, { agree, roles, partial, ...options }) {

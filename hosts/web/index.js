@@ -12,6 +12,7 @@ export class Preshade extends Commands {
     #worker = null;
     #waiting = new Map();
     #next = 0;
+    #timer;
 
     constructor(options = {}) {
         super();
@@ -35,26 +36,45 @@ export class Preshade extends Commands {
 
     /** Sends a request as it is, and resolves to the answer. The command line uses it. */
     request(request) {
+        return new Promise((resolve) => {
+            const id = this.#next++;
+            this.#waiting.set(id, { request, resolve });
+            this.#post(id);
+            if (this.#waiting.size === 1) this.#time();
+        });
+    }
+
+    #post(id) {
         this.#worker ??= start(this.#options, {
             answered: ({ id, answer }) => this.#settle(id, answer),
             failed: (error) => this.#end(failure('worker', `the worker failed: ${error?.message ?? error}`)),
         });
+        this.#worker.post({ id, request: this.#waiting.get(id).request });
+    }
+
+    /** Times the call that the worker is at: those behind it wait. */
+    #time() {
+        clearTimeout(this.#timer);
         const { timeout } = this.#options;
-        return new Promise((resolve) => {
-            const id = this.#next++;
-            const late = () =>
-                this.#end(failure('timeout', `there was no answer within ${timeout} ms: the worker was ended`));
-            const timer = timeout ? setTimeout(late, timeout) : undefined;
-            this.#waiting.set(id, { resolve, timer });
-            this.#worker.post({ id, request });
-        });
+        if (timeout && this.#waiting.size) this.#timer = setTimeout(() => this.#late(), timeout);
+    }
+
+    /** Ends the worker, and gives the calls behind to another. */
+    #late() {
+        const [late, ...behind] = this.#waiting.keys();
+        const { timeout } = this.#options;
+        this.#worker?.end();
+        this.#worker = null;
+        const error = failure('timeout', `there was no answer within ${timeout} ms: the worker was ended`);
+        this.#settle(late, { error });
+        for (const id of behind) this.#post(id);
     }
 
     #settle(id, answer) {
         const waiting = this.#waiting.get(id);
         if (!waiting) return;
         this.#waiting.delete(id);
-        clearTimeout(waiting.timer);
+        this.#time();
         if (!this.#waiting.size) this.#worker?.idle();
         waiting.resolve(answer);
     }

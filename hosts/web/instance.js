@@ -18,16 +18,15 @@ export class Instances {
         this.#open = open;
     }
 
-    /** The instance for a request, or a promise of it. */
+    /** The instance for a request, or a promise of it. The full module answers all once it is there. */
     of(request) {
-        return this.get(compares(request));
-    }
-
-    get(isFull) {
+        const isFull = compares(request) || this.#made.has(true);
         if (!this.#made.has(isFull)) {
             const module = this.#open(isFull);
             const made = module instanceof WebAssembly.Module;
             this.#made.set(isFull, made ? new Instance(module) : module.then((of) => new Instance(of)));
+            // The next call tries again.
+            if (!made) module.catch(() => this.#made.delete(isFull));
         }
         return this.#made.get(isFull);
     }

@@ -82,7 +82,10 @@ export default function preshade(options = {}) {
             compiler ??= new Preshade(given);
             let variant;
             try {
-                const more = { include: include.map(named), files: { ...files, ...own.files } };
+                const more = {
+                    include: include.map(named),
+                    files: { ...files, ...(own.files instanceof Map ? Object.fromEntries(own.files) : own.files) },
+                };
                 variant = await compiler.rewrite(sources, { ...own, ...more });
             } catch (error) {
                 if (error.name !== 'PreshadeError') throw error;

@@ -20,8 +20,6 @@ addEventListener('message', async ({ data }) => {
         const wasm = data.wasm ?? new URL('./preshade.wasm', import.meta.url).href;
         const full = data.full ?? new URL('./preshade-full.wasm', import.meta.url).href;
         instances = new Instances((isFull) => compiled(isFull ? full : wasm));
-        // Each request tells.
-        instances.get(false).catch(() => {});
         return;
     }
     const { id, request } = data;

@@ -242,7 +242,7 @@ function showProblem(error) {
 /** GLSL in the editor of WGSL is moved to its stage by a button. */
 function otherLanguage() {
     const [{ text }] = material.files;
-    if (material.language !== 'wgsl' || !/^\s*#version\b|\bvoid\s+main\s*\(/m.test(text)) return null;
+    if (material.language !== 'wgsl' || !/^[ \t]*#version\b|\bvoid[ \t]+main[ \t]*\(/m.test(text)) return null;
     const stage = /\bgl_Position\b/.test(text) ? 0 : 1;
     const move = () => {
         const files = (kept.glsl ?? NAMES.glsl.map((name) => ({ name, text: '' }))).map((file, i) =>
@@ -378,16 +378,18 @@ async function showGraph(panel) {
     panel.replaceChildren(h('p', {}, about), ...graphs.draw(now.graph, goTo));
 }
 
+/** A word of a command. A link may have been written by anyone. */
+const quoted = (word) => (/^[\w.,:=+@/-]+$/.test(word) ? word : `'${word.replaceAll("'", "'\\''")}'`);
+
 function showFiles(panel) {
     const { variant } = held;
-    const names = material.files.map(({ name }) => name).join(' ');
+    const names = material.files.map(({ name }) => quoted(name));
     const steps = recipe
         .split(/\s+/)
         .filter(Boolean)
-        .map((step) => `--pass ${step}`);
-    const command = ['npx preshade rewrite', names, ...steps, ...material.flags, '--emit wgsl,glsl-es -o out'].join(
-        ' ',
-    );
+        .map((step) => `--pass ${quoted(step)}`);
+    const flags = material.flags.map(quoted);
+    const command = ['npx preshade rewrite', ...names, ...steps, ...flags, '--emit wgsl,glsl-es -o out'].join(' ');
     panel.replaceChildren(
         h('p', {}, 'The same files, by the command line:'),
         h('pre', { tabindex: '0', role: 'region', 'aria-label': 'Command' }, command),

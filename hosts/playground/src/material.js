@@ -59,14 +59,14 @@ export class Material {
         return { files, options };
     }
 
-    /** The flags of the command line that say the same. */
+    /** The words of the command line that say the same. */
     get flags() {
         const flag = (key) => key.replace(/[A-Z]/g, (c) => `-${c.toLowerCase()}`);
-        const state = Object.entries(this.state).map(([key, value]) =>
-            BOOLEAN.includes(key) ? `--${flag(key)}` : `--${flag(key)} ${value}`,
+        const state = Object.entries(this.state).flatMap(([key, value]) =>
+            BOOLEAN.includes(key) ? `--${flag(key)}` : [`--${flag(key)}`, String(value)],
         );
         const define = this.define.split(/[\s,]+/).filter(Boolean);
-        return [...state, ...define.map((text) => `--define ${text}`)];
+        return [...state, ...define.flatMap((text) => ['--define', text])];
     }
 }
 

@@ -18,11 +18,17 @@ const STATE = [
 ];
 const FIXED = { alphaToCoverage: false, stencilWrite: false, polygonOffset: false };
 
+/** Whether a MeshBasicMaterial writes its colour and nothing else. */
+function isPlain({ map, alphaMap, envMap, aoMap, lightMap, vertexColors, transparent, fog }, scene) {
+    return !map && !alphaMap && !envMap && !aoMap && !lightMap && !vertexColors && !transparent && !(fog && scene?.fog);
+}
+
 /** What a material of a pass writes, or null if it is not known. `key` tells texts apart. */
-function valueOf(material) {
-    if (material.isMeshNormalMaterial && !material.normalMap && !material.bumpMap) return normal;
+function valueOf(material, scene) {
+    const isBare = !material.normalMap && !material.bumpMap && !material.transparent;
+    if (material.isMeshNormalMaterial && isBare) return normal;
     if (material.isMeshDepthMaterial) return depth(material.depthPacking);
-    if (material.isMeshBasicMaterial && !material.map && !material.alphaMap && !material.vertexColors) return colour;
+    if (material.isMeshBasicMaterial && isPlain(material, scene)) return colour;
     if (mask.is(material)) return mask;
     return null;
 }
@@ -99,7 +105,7 @@ export class Override {
             this.#left.set(author, ...POINTS);
             return;
         }
-        const value = valueOf(material);
+        const value = valueOf(material, scene);
         if (!value) {
             this.#left.set(author, 'refused', `it is not known what ${material.type} writes`);
             return;
@@ -114,7 +120,8 @@ export class Override {
         if (!own) return;
         own.side = author.side;
         for (const name of STATE) own[name] = material[name];
-        value.update?.(own.preshade.uniforms, material);
+        // three.js sends a material's uniforms once, until it draws by another.
+        if (value.update?.(own.preshade.uniforms, material)) this.#host.renderer.state.useProgram(null);
         draw.material = own;
     };
 }

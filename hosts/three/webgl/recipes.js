@@ -40,6 +40,9 @@ export function refusal(plan, { samples, reversed }) {
     const all = [plan.self_test?.attachment ?? [], own].flat();
     if (plan.schema !== 'preshade.plan.v1') return `the plan has the schema ${plan.schema}`;
     if (plan.compute?.length) return 'the plan has compute passes, which WebGL does not have';
+    // With LESS the first of two surfaces at one depth is seen, and with EQUAL the last.
+    if (plan.contract?.given?.includes('no-depth-ties'))
+        return 'two surfaces at one depth would be drawn the other way';
     if (plan.guard) return 'the plan has a guard: it counts for some values of uniforms only';
     if (plan.vertex_buffers?.length || plan.frame_buffers?.length) return 'the plan has buffers of its own';
     if (own.length && samples > 0) return 'the plan has a depth texture of its own, and the target several samples';

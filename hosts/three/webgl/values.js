@@ -124,8 +124,11 @@ export const colour = {
             uniforms: { preshade_colour: { value: material.color } },
         };
     },
+    /** Returns whether it changed. */
     update({ preshade_colour }, { color }) {
+        const isOther = preshade_colour.value !== color;
         preshade_colour.value = color;
+        return isOther;
     },
 };
 

@@ -1,6 +1,6 @@
 // The WGSL that three.js made of a material for an object, and the state it is drawn with, as preshade asks for both.
 
-import { BackSide, DoubleSide, LessDepth, LessEqualDepth, NoBlending, NormalBlending } from 'three/webgpu';
+import { BackSide, DoubleSide, LessEqualDepth, NoBlending, NormalBlending } from 'three/webgpu';
 import { compareOf } from './pipelines.js';
 
 /** Both stages as `Variants` takes them, with the key by which they are known. */
@@ -116,7 +116,8 @@ export function unfitForPrepass({ object, material, context, camera }) {
         return 'it shows what is behind it';
     if (![NormalBlending, NoBlending].includes(material.blending)) return 'it is blended';
     if (!material.depthTest || !material.depthWrite) return 'it does not test or does not write depth';
-    if (![LessDepth, LessEqualDepth].includes(material.depthFunc)) return 'its depth comparison is another than less';
+    // With LESS the first of two surfaces at one depth is seen, and with EQUAL the last.
+    if (material.depthFunc !== LessEqualDepth) return 'its depth comparison is another than less-equal';
     if (material.stencilWrite) return 'it uses the stencil buffer';
     return null;
 }

@@ -143,6 +143,12 @@ test('hostile input is an error, and the next call works', async () => {
 test('a call that takes too long is ended, and the next one works', async () => {
     const compiler = new preshade.Preshade({ timeout: 1 });
     await fails(() => compiler.rewrite(LEAF, { pass: 'depth-prepass' }), 'timeout');
+    const busy = new preshade.Preshade({ timeout: 8000 });
+    const endless = busy.agree(LEAF, LEAF.replace('0.5', '0.25'), { as: 'same', inputs: 1_000_000 });
+    const behind = busy.passes();
+    await fails(() => endless, 'timeout');
+    assert.ok((await behind).length);
+    busy.dispose();
     const patient = new preshade.Preshade({ timeout: 60_000 });
     assert.ok((await patient.passes()).length);
     const left = patient.passes();
