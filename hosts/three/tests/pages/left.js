@@ -33,7 +33,8 @@ const scenarios = {
         render();
         render();
         const before = shadowDepths(renderer, light);
-        const preshade = await Preshade.of(renderer, { cache: false, wasm: new URL('/nothing.wasm', location.href) });
+        const nothing = new URL('/nothing.wasm', location.href);
+        const preshade = await Preshade.of(renderer, { cache: false, wasm: nothing, full: nothing });
         preshade.shadows(scene);
         await settle(preshade, render);
         const [{ state, code }] = preshade.report();
