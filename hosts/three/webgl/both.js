@@ -44,7 +44,9 @@ export function withRows(vertex) {
             )
             .replace(new RegExp(`\\b${name}\\b`, 'g'), `${name}_both`);
     }
-    if (!DECLARED.test(text)) return text;
+    // A variable of the author's with that name hides the attribute.
+    const isHidden = (text.match(/\bmat4\s+instanceMatrix\b/g)?.length ?? 0) > 1;
+    if (isHidden || !DECLARED.test(text)) return text;
     const mark = '/* the instances */';
     return text
         .replace(DECLARED, mark)
