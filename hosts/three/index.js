@@ -27,9 +27,9 @@ export class Preshade {
     }
 
     /** Normals and depth of the real geometry in a pass that overrides materials. Returns the pass. */
-    override(pass, options) {
+    override(pass) {
         if (!pass) throw new TypeError('preshade: `override` takes a pass');
-        return this.#host.override(pass, options);
+        return this.#host.override(pass);
     }
 
     /** A depth pre-pass for each material for which it pays on this device. */

@@ -248,7 +248,7 @@ export class Derivations {
             else this.#done(of, slot, shared.material);
             return;
         }
-        const { renderer, programs } = this.#host;
+        const { renderer } = this.#host;
         const material = derived(renderer, of.author, made, { ...made, theirs: of.theirs });
         material.preshade = made;
         const share = { material, linked: this.#linked(of, material), isLinked: false };

@@ -34,8 +34,8 @@ export class WebGLHost {
         return this.#shadows.get(scene);
     }
 
-    override(pass, options) {
-        this.#add(new Override(this, pass, options));
+    override(pass) {
+        this.#add(new Override(this, pass));
         return pass;
     }
 

@@ -42,14 +42,14 @@ export class Override {
     #active = 0;
     #left = new Left('override');
 
-    constructor(host, pass, options = {}) {
+    constructor(host, pass) {
         if (typeof pass.render !== 'function')
             throw new TypeError('preshade: `override` takes a pass, which has a method `render`');
         this.#host = host;
         this.#pass = pass;
         this.#derivations = new Derivations(host, {
             pass: 'override',
-            steps: (source, mode, author, { value }) => value.steps(source, author, options),
+            steps: (source, mode, author, { value }) => value.steps(source, author),
             build: (variant, step, { source, extra }) => {
                 const made = extra.value.build(variant.passes[0], source, step, extra.material);
                 return { ...variant.passes[0], ...made, state: { ...FIXED, side: undefined } };
