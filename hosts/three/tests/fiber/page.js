@@ -24,8 +24,9 @@ function Waves() {
             ref: material,
             name: 'waves',
             uniforms,
+            // It turns, so that each frame moves it as far as any other.
             vertexShader:
-                'uniform float time; void main() { vec3 p = position * (1.0 + 0.1 * sin(time + 9.0 * position.y)); gl_Position = projectionMatrix * modelViewMatrix * vec4(p, 1.0); }',
+                'uniform float time; void main() { float c = cos(time), s = sin(time); vec3 p = position * (1.0 + 0.1 * sin(9.0 * position.x)); gl_Position = projectionMatrix * modelViewMatrix * vec4(c * p.x - s * p.y, s * p.x + c * p.y, p.z, 1.0); }',
             fragmentShader: 'void main() { gl_FragColor = vec4(0.2, 0.5, 0.8, 1.0); }',
         }),
     );
