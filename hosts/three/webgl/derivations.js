@@ -336,12 +336,6 @@ export class Derivations {
     }
 }
 
-/** What `pick` returns is prepared for a draw; this is for callers that held it since. */
-export function prepare(renderer, author, material) {
-    refresh(renderer, author, material, material.preshade.uniforms);
-    return material;
-}
-
 function fail(slot, code, reason) {
     Object.assign(slot, { state: 'failed', code, reason });
 }

@@ -11,7 +11,7 @@ import {
     WebGLRenderTarget,
 } from 'three';
 import { Boths, withRows } from './both.js';
-import { Derivations, prepare } from './derivations.js';
+import { Derivations } from './derivations.js';
 import { drawItem, Frames, hasCallback, sizeOf, within } from './frames.js';
 import { stateFor } from './planned.js';
 
@@ -184,7 +184,6 @@ export class Velocity {
         for (const { name, of } of previous)
             uniforms[name].value =
                 this.#before.of(of, model) ?? known?.values.get(of) ?? this.#value(of, object, author);
-        prepare(renderer, author, material);
         if (groups.length > 0) this.#group(material, author, blocks, groups);
         // Has three.js set all uniforms, though the program may be that of the draw before.
         renderer.state.useProgram(null);
