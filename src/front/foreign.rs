@@ -162,7 +162,8 @@ const ALL: [Foreign; 15] = [
             let is_three = read.any(|name| !text.contains(&format!("mat4 {name}")));
             chunk(text).or_else(|| word(text, undeclared().filter(|_| is_three)?))
         },
-        remedy: "capture the text that three.js compiles: docs/guides/three-js.md",
+        remedy: "give the text that three.js compiles: `preshade.text(material)` of the package \
+                 preshade-three returns it, and docs/guides/three-js.md shows how",
     },
     Foreign {
         is: "written for push constants, and WGSL's `var<push_constant>` is now `var<immediate>`",

@@ -17,7 +17,7 @@
 //! | `depth` | none | the camera's depth, as the main pass leaves it |
 //! | `shadow` | none | a light's depth, as by the pass `shadow` |
 //! | `distance` | `r32float` | how far the point is from a point light, divided by the light's range: 1 is at the end of it, and where no surface is |
-//! | `normal` | `rgba16float` | the vector that meets the light in a dot product, and 1; with `octahedral` two numbers |
+//! | `normal` | `rgba16float` | the vector that meets the light in a dot product, and 1; with `octahedral` two numbers, with `unsigned` from 0 to 1 |
 //! | `velocity` | `rg16float` | where the point is, less where it was in the previous frame: x to the right and y down, in parts of the picture |
 //! | `id` | `rg32uint` | the host's number of the draw, `@builtin(instance_index)` |
 //! | a name | by its type | that value of the fragment stage, at the end of the stage; a vector of three is filled up with 1, and truth values are 0 and 1 |
@@ -369,18 +369,26 @@ fn normal(opaque: &Opaque<'_>, params: &Params) -> Result<Shows, Box<Refusal>> {
     let turned = turned
         .map(|name| names::matrix(opaque.program, name))
         .transpose()?;
-    let octahedral = params.octahedral;
-    Ok(Shows::Direction(value, Direction { turned, octahedral }))
+    let direction = Direction {
+        turned,
+        octahedral: params.octahedral,
+        unsigned: params.unsigned,
+    };
+    Ok(Shows::Direction(value, direction))
 }
 
 fn velocity(opaque: &Opaque<'_>, params: &Params) -> Result<Shows, Box<Refusal>> {
     let still = list(params.still.as_deref());
-    let jitter = list(params.jitter.as_deref()).map(|name| jitter::of(opaque.program, name));
+    let words: Vec<&str> = list(params.jitter.as_deref()).collect();
+    let (pairs, words): (Vec<&str>, Vec<&str>) = words.iter().partition(|w| w.contains('='));
+    let jitter = words.iter().map(|name| jitter::of(opaque.program, name));
     let jitter: Vec<_> = jitter.collect::<Result<_, _>>()?;
+    let steady = pairs.iter().map(|pair| jitter::twins(opaque.program, pair));
     Ok(Shows::Velocity(Velocity {
         still: names::still(opaque.program, still)?,
         moving: names::attributes(opaque, list(params.moving.as_deref()))?,
         jitter: jitter.into_iter().flatten().collect(),
+        steady: steady.collect::<Result<_, _>>()?,
         is_down: match params.y {
             Some(y) => y == ClipY::Down,
             None => opaque.program.declared().y_down,

@@ -362,6 +362,47 @@ fn jitter_is_left_out_of_copies_arguments_pointers_and_arrays() {
     assert!(refused.contains("`frame.lights`"), "{refused}");
 }
 
+/// Engines that keep a matrix without jitter beside the one with it: the other is read in both frames.
+#[test]
+fn a_part_without_jitter_takes_the_place_of_one_with_it() {
+    let steady = "outputs:write=velocity,jitter=camera.view=camera.view_proj";
+    let text = text(&outputs(steady).unwrap());
+    let drawn = body(&text, "clip_of");
+    assert!(drawn.contains("camera.view_proj"), "{text}");
+    for (function, own) in [
+        ("clip_of_unjittered", "camera.view;"),
+        ("clip_of_previous", "camera_previous.view;"),
+    ] {
+        let function = body(&text, function);
+        assert!(function.contains(own), "{text}");
+        assert!(!function.contains("view_proj"), "{text}");
+    }
+    for (recipe, said) in [
+        (
+            "outputs:write=velocity,jitter=camera.eye=camera.view_proj",
+            "outputs[unread-jitter]: the two of `camera.eye=camera.view_proj` are not of one type",
+        ),
+        (
+            "outputs:write=velocity,jitter=camera.view_proj=camera.view",
+            "outputs[unread-jitter]: the position does not read `camera.view`",
+        ),
+        (
+            "outputs:write=shadow,jitter=camera.view=camera.view_proj",
+            "outputs[unread-jitter]: a light's matrix is its own",
+        ),
+    ] {
+        let refused = outputs(recipe).unwrap_err();
+        assert!(refused.starts_with(said), "{refused}");
+    }
+}
+
+/// A target without negative numbers holds a normal from 0 to 1.
+#[test]
+fn a_normal_from_0_to_1() {
+    let text = text(&outputs("outputs:write=normal,unsigned=true").unwrap());
+    assert!(text.contains("* 0.5f) + vec3(0.5f)), 1f)"), "{text}");
+}
+
 /// Without a matrix there is no position, so a whole one is no jitter.
 #[test]
 fn a_matrix_is_no_jitter_and_numbers_of_it_are() {

@@ -20,6 +20,10 @@ fn parameters_that_are_malformed_or_idle_are_slips() {
             "`octahedral` has no effect",
         ),
         (
+            "outputs:write=normal,octahedral=true,unsigned=true",
+            "`unsigned` has no effect without `write=normal` without",
+        ),
+        (
             "outputs:write=id,precision=full",
             "`precision` has no effect",
         ),

@@ -326,6 +326,10 @@ impl Ready {
                 match encode {
                     Some(function) => writer.call(*function, vec![value]),
                     None => {
+                        let value = match direction.unsigned {
+                            true => halved(writer, value),
+                            false => value,
+                        };
                         let one = writer.expression(Expression::Literal(Literal::F32(1.0)));
                         let components = vec![value, one];
                         writer.expression(Expression::Compose { ty, components })
@@ -390,6 +394,17 @@ impl Measured {
         };
         binary(writer, BinaryOperator::Divide, distance, range)
     }
+}
+
+/// A vector of three from -1 to 1 as one from 0 to 1.
+fn halved(writer: &mut FunctionWriter, value: Handle<Expression>) -> Handle<Expression> {
+    let half = writer.expression(Expression::Literal(Literal::F32(0.5)));
+    let scaled = binary(writer, BinaryOperator::Multiply, value, half);
+    let half = writer.expression(Expression::Splat {
+        size: VectorSize::Tri,
+        value: half,
+    });
+    binary(writer, BinaryOperator::Add, scaled, half)
 }
 
 fn is_four(inner: &TypeInner) -> bool {

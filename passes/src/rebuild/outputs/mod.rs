@@ -62,6 +62,8 @@ pub struct Direction {
     pub turned: Option<Member>,
     /// Whether it is encoded in two numbers.
     pub octahedral: bool,
+    /// Whether it is encoded in three numbers from 0 to 1.
+    pub unsigned: bool,
 }
 
 /// A buffer, or a part of one.
@@ -98,6 +100,8 @@ pub struct Velocity {
     /// Buffers, or parts of them, that are taken as 0 in both frames. The steps may lead to a number
     /// in a matrix, and the type is then the matrix's.
     pub jitter: Vec<Member>,
+    /// Parts of buffers that have jitter, and those without that take their place.
+    pub steady: Vec<[Member; 2]>,
     /// Whether the y of the clip position points down.
     pub is_down: bool,
 }

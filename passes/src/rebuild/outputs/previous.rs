@@ -79,7 +79,7 @@ impl Extending<'_, '_> {
         let opaque = self.opaque;
         let position = [Criterion::Output(OutputFilter::Position)];
         let slice = slice::backward(&opaque.graph, opaque.vertex, &position);
-        let has_jitter = !velocity.jitter.is_empty();
+        let has_jitter = !velocity.jitter.is_empty() || !velocity.steady.is_empty();
         let now = has_jitter
             .then(|| self.position(&slice, UNJITTERED, &Buffers::new(), velocity))
             .transpose()?;
@@ -96,7 +96,12 @@ impl Extending<'_, '_> {
         slice: &Slice,
         suffix: &str,
         buffers: &Buffers,
-        Velocity { still, jitter, .. }: &Velocity,
+        Velocity {
+            still,
+            jitter,
+            steady,
+            ..
+        }: &Velocity,
     ) -> Result<Ahead, Failed> {
         let graph = &self.opaque.graph;
         let name = format!("position_{suffix}");
@@ -108,7 +113,8 @@ impl Extending<'_, '_> {
         called.insert(original);
         let functions = called.iter().map(|f| &module.functions[*f]);
         let read: Vec<_> = functions.flat_map(remap::parts_read).collect();
-        check_jitter(&module, &read, jitter)?;
+        let shifted = jitter.iter().chain(steady.iter().map(|[with, _]| with));
+        check_jitter(&module, &read, shifted)?;
         let declared = self.opaque.program.declared();
         let is_loose = |member: &&Member| {
             let binding = module.global_variables[member.global].binding;
@@ -118,7 +124,8 @@ impl Extending<'_, '_> {
         let (loose, jitter): (Vec<_>, Vec<_>) = jitter.iter().partition(is_loose);
         let unjittered = unjittered(&mut module, buffers, &read, &jitter)?;
         let mut instead = buffers.clone();
-        for member in &loose {
+        let with = steady.iter().map(|[with, _]| with);
+        for member in loose.iter().copied().chain(with) {
             instead.entry(member.global).or_insert(member.global);
         }
         instead.extend(unjittered.iter().map(|(of, copy)| (*of, copy.variable)));
@@ -141,6 +148,12 @@ impl Extending<'_, '_> {
         let is_jitter = |still: &&Member| loose.iter().any(|jitter| jitter == still);
         let still = still.filter(|still| !is_jitter(still));
         let mut theirs: Vec<(&Member, Member)> = still.map(|s| (s, s.clone())).collect();
+        for [with, without] in steady {
+            let global = without.global;
+            let global = instead.get(&global).copied().unwrap_or(global);
+            let without = without.clone();
+            theirs.push((with, Member { global, ..without }));
+        }
         for jitter in loose {
             let name = name_of(&module, jitter.global, &jitter.steps)
                 .members
@@ -260,10 +273,10 @@ impl Extending<'_, '_> {
 }
 
 /// Fails if no function of the position reads a jitter.
-fn check_jitter(
+fn check_jitter<'m>(
     module: &Module,
     read: &[(Handle<GlobalVariable>, Vec<usize>)],
-    jitter: &[Member],
+    mut jitter: impl Iterator<Item = &'m Member>,
 ) -> Result<(), Failed> {
     let is_read = |jitter: &Member| {
         read.iter().any(|(global, steps)| {
@@ -271,7 +284,7 @@ fn check_jitter(
             *global == jitter.global && meets
         })
     };
-    let unread = jitter.iter().find(|jitter| !is_read(jitter));
+    let unread = jitter.find(|jitter| !is_read(jitter));
     unread.map_or(Ok(()), |jitter| {
         let name = name_of(module, jitter.global, &jitter.steps);
         Err(Failed::Unread(name.to_string()))

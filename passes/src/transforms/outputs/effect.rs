@@ -70,6 +70,12 @@ fn without_effect(params: &Params) -> Option<(&'static str, &'static str)> {
         ),
         ("octahedral", params.octahedral, has(&Asked::Normal), NORMAL),
         (
+            "unsigned",
+            params.unsigned,
+            has(&Asked::Normal) && !params.octahedral,
+            "`write=normal` without `octahedral`",
+        ),
+        (
             "static",
             params.still.is_some(),
             has(&Asked::Velocity),

@@ -34,6 +34,21 @@ pub fn of(program: &Program, name: &str) -> Result<Vec<Member>, Box<Refusal>> {
     }
 }
 
+/// The part with jitter that `WITHOUT=WITH` names, and the one without.
+///
+/// # Errors
+/// One of them does not exist, or they are not of one type.
+pub fn twins(program: &Program, pair: &str) -> Result<[Member; 2], Box<Refusal>> {
+    let (without, with) = pair.split_once('=').unwrap_or((pair, pair));
+    let [with, without] = [with, without].map(|name| names::member(program, name));
+    let (with, without) = (with?, without?);
+    if program.module().types[with.ty].inner != program.module().types[without.ty].inner {
+        let reason = format!("the two of `{pair}` are not of one type");
+        return Err(refusal(&refusals::UNREAD_JITTER, reason));
+    }
+    Ok([with, without])
+}
+
 /// The plan with a main pass whose jitter is 0, for pictures that a light draws; `None`: the
 /// parameters name no jitter.
 pub fn without(plan: &Plan, params: &Params) -> Result<Option<Plan>, Box<Refusal>> {
@@ -42,7 +57,14 @@ pub fn without(plan: &Plan, params: &Params) -> Result<Option<Plan>, Box<Refusal
     let Some(program) = program.filter(|_| params.jitter.is_some()) else {
         return Ok(None);
     };
-    let all = names.map(|name| of(program, name));
+    let light = || {
+        let reason = "a light's matrix is its own, and holds no jitter: bind it";
+        refusal(&refusals::UNREAD_JITTER, reason)
+    };
+    let all = names.map(|name| match name.contains('=') {
+        true => Err(light()),
+        false => of(program, name),
+    });
     let all: Vec<Vec<Member>> = all.collect::<Result<_, _>>()?;
     let all = all.concat();
     let is_in_matrix = |member: &Member| {
@@ -52,8 +74,7 @@ pub fn without(plan: &Plan, params: &Params) -> Result<Option<Plan>, Box<Refusal
         )
     };
     if all.iter().any(is_in_matrix) {
-        let reason = "a light's matrix is its own, and holds no jitter: bind it";
-        return Err(refusal(&refusals::UNREAD_JITTER, reason));
+        return Err(light());
     }
     let steady = steady(program, &all).map_err(|why| match why {
         Unsteady::Built(why) => Box::new(Refusal::bug(super::NAME, why)),

@@ -59,12 +59,17 @@ pub fn misnamed(opaque: &Opaque<'_>, params: &Params) -> Option<Misnamed> {
     let of_value = of_value.or_else(|| {
         buffers.find_map(|name| found(name, member(program, name).err()?, paths().collect()))
     });
-    let mut jitter = list(params.jitter.as_deref());
+    let jitter = list(params.jitter.as_deref());
+    let (pairs, words): (Vec<&str>, Vec<&str>) = jitter.partition(|w| w.contains('='));
     let of_value = of_value.or_else(|| {
-        jitter.find_map(|name| {
-            let refused = jitter::of(opaque.program, name).err()?;
+        words.iter().find_map(|name| {
+            let refused = jitter::of(program, name).err()?;
             found(name, refused, paths().collect())
         })
+    });
+    let of_value = of_value.or_else(|| {
+        let mut names = pairs.iter().flat_map(|pair| pair.split('='));
+        names.find_map(|name| found(name, member(program, name).err()?, paths().collect()))
     });
     of_value.or_else(|| {
         list(params.moving.as_deref()).find_map(|name| {

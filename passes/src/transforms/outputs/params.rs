@@ -70,6 +70,10 @@ pub struct Params {
     /// `normal`: whether to write two numbers from -1 to 1, octahedral, in place of three.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub octahedral: bool,
+    /// `normal`: whether to write numbers from 0 to 1 in place of those from -1 to 1, for targets
+    /// that hold no negative ones.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub unsigned: bool,
     /// `velocity`: buffers, or GLSL uniforms outside of blocks, that are the same in each frame, by
     /// the names of their variables, joined by `+`. Default: none.
     #[serde(rename = "static", skip_serializing_if = "Option::is_none")]
@@ -80,7 +84,8 @@ pub struct Params {
     pub moving: Option<String>,
     /// `velocity`, `shadow` and `distance`: uniforms, or parts of them, that shift the picture by a part of a pixel, joined
     /// by `+`: `frame.camera.jitter`. They count as 0, in both frames. Numbers of a matrix are named as
-    /// in `camera.proj[2].xy`, columns first.
+    /// in `camera.proj[2].xy`, columns first. `velocity`: `WITHOUT=WITH` names a part without the shift
+    /// that takes the place of one with it, such as a matrix.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub jitter: Option<String>,
     /// `velocity`: where the y of your clip position points in the picture. Default: that of the
@@ -142,6 +147,7 @@ impl Default for Params {
             normal: None,
             matrix: None,
             octahedral: false,
+            unsigned: false,
             still: None,
             moving: None,
             jitter: None,
