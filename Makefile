@@ -1,4 +1,4 @@
-.PHONY: demo check test web hosts promises captures bench audit fuzz docs
+.PHONY: demo check test web hosts bevy promises captures bench audit fuzz docs
 
 # Draws the shrine with the original and its variants, and prints the cost and gain of each. The features
 # left out read other dialects of WGSL, which the shrine does not use.
@@ -42,6 +42,11 @@ hosts: web
 	cd tests/three && npx prettier --check . && node test.mjs ../../out/three
 	cd hosts/playground && npm ci --ignore-scripts --no-audit --no-fund --silent
 	cd hosts/playground && npx prettier --check . && npm run build && npm test
+
+# Builds and tests the plugin for Bevy. From nothing, Bevy takes two cores more than six minutes.
+bevy:
+	scripts/setup.sh vulkan
+	cd hosts/bevy && cargo fmt --check && cargo clippy --all-targets --quiet -- -D warnings && cargo test --quiet
 
 # Draws every fixture through every recipe that a pass declares, on the adapter at hand, and prints broken
 # promises. PRESHADE_ADAPTER and VK_DRIVER_FILES select another adapter. 16 cores take minutes, 2 half an hour.

@@ -10,6 +10,7 @@
 #[cfg(any(feature = "glsl", feature = "spirv"))]
 mod absent;
 mod beyond_wgsl;
+#[cfg(any(feature = "glsl", feature = "spirv"))]
 mod binding_arrays;
 pub mod codes;
 mod declaration;
@@ -25,6 +26,7 @@ mod global_parameters;
 mod glsl;
 #[cfg(any(feature = "glsl", feature = "spirv"))]
 mod inline_main;
+#[cfg(any(feature = "glsl", feature = "spirv"))]
 mod killed_loops;
 mod lengths;
 mod locate_panic;

@@ -1,0 +1,280 @@
+//! From a material's main shaders to those of its pre-pass: text in, text out.
+
+use std::fmt::Write as _;
+
+use preshade::unstable::passes::plan::{BindingSource, BindingUse};
+use preshade::unstable::passes::program::Language;
+use preshade::{Facts, GpuPass, MaterialState, Options, Recipe, Shader, Source, Target, rewrite};
+
+use crate::compose::Composed;
+use crate::previous;
+
+/// What a view's pre-pass asks for beside depth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
+pub struct Wanted {
+    /// Bevy's `NormalPrepass`.
+    pub normal: bool,
+    /// Bevy's `MotionVectorPrepass`.
+    pub motion: bool,
+    /// Whether the mesh has the skin of the previous frame.
+    pub previous_skin: bool,
+    /// Whether the mesh has the morph weights of the previous frame.
+    pub previous_morph: bool,
+}
+
+/// A derived shader.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Derived {
+    /// WGSL of both stages, with the bindings of the pre-pass.
+    pub text: String,
+    /// Entry point of the vertex stage.
+    pub vertex: String,
+    /// Entry point of the fragment stage; `None`: nothing is cut out, and only depth is written.
+    pub fragment: Option<String>,
+    /// Whether it reads the material's bind group.
+    pub reads_material: bool,
+}
+
+/// Why nothing is derived. Bevy's own pre-pass draws the material then.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Refused {
+    /// The compiler's code, or one of ours.
+    pub code: String,
+    /// The reason.
+    pub reason: String,
+    /// What you can do about it.
+    pub remedy: String,
+}
+
+impl Refused {
+    pub(crate) fn new(code: &str, reason: impl Into<String>, remedy: &str) -> Self {
+        Self {
+            code: code.to_owned(),
+            reason: reason.into(),
+            remedy: remedy.to_owned(),
+        }
+    }
+}
+
+/// The group of the material's bindings.
+const MATERIAL: u32 = 3;
+
+/// Bindings of the main view that the pre-pass view has too, and where it has them: `bevy_pbr`'s
+/// `mesh_view_bindings.wgsl` and `prepass_bindings.wgsl`.
+const VIEW: [(u32, u32); 3] = [(0, 0), (11, 1), (14, 14)];
+
+/// Binding of the previous frame's view in group 0.
+const PREVIOUS_VIEW: u32 = 2;
+
+/// Derives the shader of a pre-pass.
+///
+/// # Errors
+/// The compiler refuses, or the result reads what the pre-pass view does not have.
+pub fn derive(vertex: &Composed, fragment: &Composed, wanted: Wanted) -> Result<Derived, Refused> {
+    let material = Material::of(vertex, fragment);
+    let mut first = None;
+    for normal in material.normals(wanted) {
+        match material.derive(wanted, normal.as_deref()) {
+            Ok(derived) => return Ok(derived),
+            Err(refused) => {
+                first.get_or_insert(refused);
+            }
+        }
+    }
+    Err(first.unwrap_or_else(|| Refused::new("nothing", "there is nothing to derive", "")))
+}
+
+/// What the compiler is asked for.
+struct Choice<'n> {
+    wanted: Wanted,
+    normal: Option<&'n str>,
+    /// Whether the matrix of temporal antialiasing is left out of the motion.
+    has_jitter: bool,
+    still: Vec<String>,
+}
+
+/// The compiler's code where the position does not read that matrix.
+const UNREAD_JITTER: &str = "unread-jitter";
+
+struct Material {
+    sources: [Source; 2],
+    options: Options,
+    /// The name of the fragment stage's argument.
+    argument: Option<String>,
+}
+
+impl Material {
+    fn of(vertex: &Composed, fragment: &Composed) -> Self {
+        let source = |composed: &Composed, stage: &str| {
+            let name = format!("{} ({stage})", composed.path);
+            Source::new(name, composed.text.as_str()).with_language(Language::Wgsl)
+        };
+        let head = format!("fn {}(", fragment.entry);
+        let argument = fragment.text.split_once(&head).and_then(|(_, after)| {
+            let name: String = after
+                .chars()
+                .take_while(|c| c.is_alphanumeric() || *c == '_')
+                .collect();
+            (!name.is_empty()).then_some(name)
+        });
+        Self {
+            sources: [source(vertex, "vertex"), source(fragment, "fragment")],
+            options: Options {
+                vertex: Some(vertex.entry.clone()),
+                fragment: Some(fragment.entry.clone()),
+                ..Options::default()
+            },
+            argument,
+        }
+    }
+
+    /// Names for the normal, the best first; one without a name lets the compiler find it.
+    fn normals(&self, wanted: Wanted) -> Vec<Option<String>> {
+        let mut names = vec![None];
+        if wanted.normal {
+            // What a physically based material lights with; else what the vertex stage hands over.
+            names.insert(0, Some("pbr_input.N".to_owned()));
+            let varying = self
+                .argument
+                .iter()
+                .map(|a| Some(format!("{a}.world_normal")));
+            names.extend(varying);
+        }
+        names
+    }
+
+    fn derive(&self, wanted: Wanted, normal: Option<&str>) -> Result<Derived, Refused> {
+        let mut choice = Choice {
+            wanted,
+            normal,
+            has_jitter: wanted.motion,
+            still: Vec::new(),
+        };
+        let mut output = self.rewrite(&choice);
+        if output.as_ref().is_err_and(|e| e.code == UNREAD_JITTER) {
+            choice.has_jitter = false;
+            output = self.rewrite(&choice);
+        }
+        let mut output = output?;
+        if wanted.motion {
+            choice.still = stands_still(&output.0);
+            if !choice.still.is_empty() {
+                output = self.rewrite(&choice)?;
+            }
+        }
+        let (pass, mut text) = output;
+        if wanted.motion {
+            text = previous::apply(&text, &pass, wanted, PREVIOUS_VIEW)?;
+            if !wanted.normal {
+                // Bevy has a target for normals before that of motion, with or without normals.
+                text = text.replacen("@location(0) velocity", "@location(1) velocity", 1);
+            }
+        }
+        for binding in pass
+            .bindings
+            .iter()
+            .filter(|b| b.source == BindingSource::Author)
+        {
+            text = moved(text, binding)?;
+        }
+        Ok(Derived {
+            text,
+            vertex: pass.vertex.clone(),
+            fragment: pass.fragment.clone(),
+            reads_material: pass.bindings.iter().any(|b| b.group == MATERIAL),
+        })
+    }
+
+    fn rewrite(&self, choice: &Choice) -> Result<(GpuPass, String), Refused> {
+        let Choice {
+            wanted,
+            normal,
+            has_jitter,
+            still,
+        } = choice;
+        let mut write = vec!["depth"];
+        write.extend(wanted.normal.then_some("normal"));
+        write.extend(wanted.motion.then_some("velocity"));
+        let mut recipe = format!("outputs:write={}", write.join("+"));
+        if wanted.normal {
+            recipe += ",unsigned=true";
+        }
+        if let Some(normal) = normal {
+            let _ = write!(recipe, ",normal={normal}");
+        }
+        if *has_jitter {
+            recipe += ",jitter=view.unjittered_clip_from_world=view.clip_from_world";
+        }
+        if !still.is_empty() {
+            let _ = write!(recipe, ",static={}", still.join("+"));
+        }
+        let recipe = Recipe::parse_list(&recipe)
+            .map_err(|e| Refused::new("recipe", e.to_string(), "report it to preshade"))?;
+        let shader = Shader {
+            name: "prepass",
+            sources: &self.sources,
+            options: &self.options,
+            state: &MaterialState::default(),
+        };
+        let output = rewrite(shader, &recipe, &Facts::default(), &[Target::Wgsl])
+            .map_err(|e| Refused::new("unread", e.to_string(), "see if Bevy draws it itself"))?;
+        if let Some(skipped) = output.skipped.first() {
+            let refusal = &skipped.refusal;
+            return Err(Refused {
+                code: refusal.code.to_owned(),
+                reason: refusal.reason.clone(),
+                remedy: refusal.remedy.to_string(),
+            });
+        }
+        let pass = output.plan.passes.iter().find(|p| p.program == "outputs");
+        let file = output
+            .files
+            .iter()
+            .find(|f| f.name == "prepass.outputs.wgsl");
+        let (Some(pass), Some(file)) = (pass, file) else {
+            let why = output.errors.first().map(ToString::to_string);
+            let why = why.unwrap_or_else(|| "nothing was written".to_owned());
+            return Err(Refused::new("unwritten", why, "report it to preshade"));
+        };
+        let text = String::from_utf8_lossy(&file.bytes).into_owned();
+        Ok((pass.clone(), text))
+    }
+}
+
+/// Copies of the previous frame that Bevy does not have, by the names of their originals. A
+/// material's values count as unchanged, as they do in Bevy's own motion vectors.
+fn stands_still(pass: &GpuPass) -> Vec<String> {
+    let of = |binding: &BindingUse| match &binding.source {
+        BindingSource::Previous { of, group, binding } => {
+            let moves = matches!((group, binding), (Some(0), Some(0 | 11)) | (Some(2), _));
+            (!moves).then(|| of.clone())
+        }
+        _ => None,
+    };
+    pass.bindings.iter().filter_map(of).collect()
+}
+
+/// The text with a binding where the pre-pass has it.
+fn moved(text: String, binding: &BindingUse) -> Result<String, Refused> {
+    let at = |number: u32| format!("@group({}) @binding({number}) ", binding.group);
+    match binding.group {
+        0 => match VIEW.iter().find(|(main, _)| *main == binding.binding) {
+            Some((main, own)) if main == own => Ok(text),
+            Some((main, own)) => Ok(text.replacen(&at(*main), &at(*own), 1)),
+            None => Err(lacks(&binding.name)),
+        },
+        1 => Err(lacks(&binding.name)),
+        _ => Ok(text),
+    }
+}
+
+fn lacks(name: &str) -> Refused {
+    Refused::new(
+        "view-lacks",
+        format!(
+            "position, discards, normal or motion read `{name}`, which the pre-pass view does not have"
+        ),
+        "decide the discard by what the pre-pass has too (the mesh, the material, the view, the time), or \
+         give the material a pre-pass shader of its own",
+    )
+}

@@ -1,0 +1,200 @@
+#![doc = include_str!("../README.md")]
+
+use std::any::TypeId;
+use std::hash::Hash;
+use std::marker::PhantomData;
+use std::sync::Arc;
+
+use bevy_app::{App, Plugin};
+use bevy_asset::Handle;
+use bevy_ecs::prelude::*;
+use bevy_material::MaterialProperties;
+use bevy_pbr::{
+    Material, MaterialFragmentShader, MaterialVertexShader, MeshMaterial3d, PreparedMaterial,
+    PrepassFragmentShader, PrepassPipeline, PrepassVertexShader, RenderMaterialInstances,
+};
+use bevy_render::camera::DirtySpecializations;
+use bevy_render::erased_render_asset::{ErasedRenderAssets, prepare_erased_assets};
+use bevy_render::render_resource::PipelineCache;
+use bevy_render::{ExtractSchedule, Render, RenderApp, RenderStartup, RenderSystems};
+use bevy_shader::Shader;
+
+mod compose;
+mod derive;
+mod previous;
+mod specialize;
+
+use compose::{Composer, Reloads, Shared};
+pub use derive::Refused;
+pub use specialize::Derivations;
+
+/// Derives the pre-pass and the shadows of the material `M` from its main shaders.
+///
+/// Add it behind `MaterialPlugin::<M>`. Nothing else changes.
+pub struct PreshadePlugin<M: Material>(PhantomData<fn() -> M>);
+
+impl<M: Material> Default for PreshadePlugin<M> {
+    fn default() -> Self {
+        Self(PhantomData)
+    }
+}
+
+/// What became of a shader: see [`Derivations::rows`].
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Row {
+    /// Name of the material's type.
+    pub material: &'static str,
+    /// Whether a view asks for normals.
+    pub normal: bool,
+    /// Whether a view asks for motion vectors.
+    pub motion: bool,
+    /// The state.
+    pub state: State,
+}
+
+/// The state of a derivation.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum State {
+    /// The shader is being derived. Its objects are missing in the pre-pass until then.
+    Pending,
+    /// The pipelines are made of it.
+    Derived {
+        /// Whether there is a fragment stage: something is cut out, or more than depth is written.
+        has_fragment: bool,
+        /// Whether it reads the material's bind group.
+        reads_material: bool,
+    },
+    /// Bevy's own pipelines stay.
+    Refused(Refused),
+}
+
+impl<M: Material> Plugin for PreshadePlugin<M>
+where
+    M::Data: PartialEq + Eq + Hash + Clone,
+{
+    fn build(&self, app: &mut App) {
+        let Some(render) = app.get_sub_app_mut(RenderApp) else {
+            return;
+        };
+        if !render.world().contains_resource::<Derivations>() {
+            render
+                .init_resource::<Derivations>()
+                .init_resource::<Reloads>()
+                .init_resource::<Settled>()
+                .add_systems(RenderStartup, init_composer)
+                .add_systems(ExtractSchedule, compose::extract_shaders)
+                .add_systems(Render, poll.in_set(RenderSystems::PrepareAssets));
+        }
+        render.add_systems(
+            Render,
+            (
+                adopt::<M>
+                    .after(prepare_erased_assets::<MeshMaterial3d<M>>)
+                    .before(poll),
+                respecialize::<M>.after(poll),
+            )
+                .in_set(RenderSystems::PrepareAssets),
+        );
+    }
+}
+
+/// Whether answers came in this frame.
+#[derive(Resource, Default)]
+struct Settled {
+    has_news: bool,
+}
+
+fn init_composer(world: &mut World) {
+    let composer = Composer::of(world);
+    world.insert_resource(Shared(Arc::new(composer)));
+}
+
+fn poll(
+    mut derivations: ResMut<Derivations>,
+    mut settled: ResMut<Settled>,
+    mut cache: ResMut<PipelineCache>,
+    composer: Res<Shared>,
+    reloads: Res<Reloads>,
+) {
+    settled.has_news = derivations.poll(&composer.0, reloads.0, &mut cache);
+}
+
+/// Has new and changed materials make their pipelines with us.
+fn adopt<M: Material>(
+    mut materials: ResMut<ErasedRenderAssets<PreparedMaterial>>,
+    pipeline: Option<Res<PrepassPipeline>>,
+) {
+    let Some(pipeline) = pipeline else { return };
+    let own = TypeId::of::<M>();
+    for (id, material) in materials.iter_mut() {
+        if id.type_id() != own || !is_ours(&material.properties) {
+            continue;
+        }
+        let mut properties = copied(&material.properties);
+        properties.prepass_specialize = Some(specialize::specialize::<M>);
+        // Bevy leaves the material's bind group out of depth-only pipelines, unless there is a
+        // pre-pass shader. This one is the default.
+        let default = pipeline.default_prepass_shader.clone();
+        properties.add_shader(PrepassVertexShader, default);
+        material.properties = Arc::new(properties);
+    }
+}
+
+/// Whether a material has shaders of its own, and none for the pre-pass.
+fn is_ours(properties: &MaterialProperties) -> bool {
+    let shader = |handle: Option<Handle<Shader>>| handle.map(|h| is_bevys(&h));
+    let vertex = shader(properties.get_shader(MaterialVertexShader));
+    let fragment = shader(properties.get_shader(MaterialFragmentShader));
+    let has_own = vertex == Some(false) || fragment == Some(false);
+    let has_prepass = properties.get_shader(PrepassVertexShader).is_some()
+        || shader(properties.get_shader(PrepassFragmentShader)) == Some(false);
+    has_own && !has_prepass && properties.prepass_specialize.is_some()
+}
+
+/// Whether a shader is one of `bevy_pbr`.
+fn is_bevys(shader: &Handle<Shader>) -> bool {
+    shader.path().is_some_and(|path| {
+        path.source().as_str() == Some("embedded") && path.path().starts_with("bevy_pbr")
+    })
+}
+
+/// A copy: Bevy's has no `Clone`.
+fn copied(of: &MaterialProperties) -> MaterialProperties {
+    MaterialProperties {
+        render_method: of.render_method,
+        alpha_mode: of.alpha_mode,
+        mesh_pipeline_key_bits: of.mesh_pipeline_key_bits,
+        depth_bias: of.depth_bias,
+        reads_view_transmission_texture: of.reads_view_transmission_texture,
+        render_phase_type: of.render_phase_type,
+        material_layout: of.material_layout.clone(),
+        draw_functions: of.draw_functions.clone(),
+        shaders: of.shaders.clone(),
+        bindless: of.bindless,
+        base_specialize: of.base_specialize,
+        prepass_specialize: of.prepass_specialize,
+        user_specialize: of.user_specialize,
+        material_key: of.material_key.clone(),
+        shadows_enabled: of.shadows_enabled,
+        prepass_enabled: of.prepass_enabled,
+    }
+}
+
+/// Has Bevy make the pipelines of a material's objects again once an answer came.
+fn respecialize<M: Material>(
+    settled: Res<Settled>,
+    instances: Res<RenderMaterialInstances>,
+    mut dirty: ResMut<DirtySpecializations>,
+) {
+    if !settled.has_news {
+        return;
+    }
+    let own = TypeId::of::<M>();
+    let ours = instances
+        .instances
+        .iter()
+        .filter(|(_, of)| of.asset_id.type_id() == own);
+    dirty
+        .changed_renderables
+        .extend(ours.map(|(entity, _)| *entity));
+}

@@ -1,0 +1,384 @@
+//! In place of Bevy's function that makes the pipelines of a material's pre-pass and shadows.
+
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
+use std::sync::Arc;
+
+use bevy_asset::uuid::Uuid;
+use bevy_asset::{AssetId, Handle};
+use bevy_ecs::prelude::*;
+use bevy_log::{debug, warn};
+use bevy_material::MaterialProperties;
+use bevy_material::descriptor::{
+    CachedRenderPipelineId, FragmentState, RenderPipelineDescriptor, VertexState,
+};
+use bevy_material::key::{ErasedMaterialPipelineKey, ErasedMeshPipelineKey};
+use bevy_material::specialize::SpecializedMeshPipelineError;
+use bevy_mesh::MeshVertexBufferLayoutRef;
+use bevy_pbr::{
+    MATERIAL_BIND_GROUP_INDEX, MaterialFragmentShader, MaterialPipeline, MaterialVertexShader,
+    MeshPipeline, MeshPipelineKey, PrepassPipeline, PrepassPipelineSpecializer,
+};
+use bevy_render::render_resource::{PipelineCache, PrimitiveState, SpecializedMeshPipeline};
+use bevy_shader::{Shader, ShaderDefVal};
+use bevy_tasks::futures::check_ready;
+use bevy_tasks::{AsyncComputeTaskPool, Task};
+use naga::ShaderStage;
+
+use crate::compose::{Composer, Failed, Shared, Stage};
+use crate::derive::{Derived, Refused, Wanted, derive};
+
+/// What one shader is derived from.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+struct Request {
+    vertex: Stage,
+    fragment: Stage,
+    wanted: Wanted,
+}
+
+/// What became of a request.
+enum Answer {
+    /// A derived shader, under the name that pipelines know it by.
+    Derived(Arc<Derived>, Handle<Shader>),
+    Refused(Refused),
+}
+
+struct Job {
+    /// Name of the material's type.
+    material: &'static str,
+    task: Option<Task<Option<Result<Derived, Refused>>>>,
+    answer: Option<Arc<Answer>>,
+    /// Shaders were changed since.
+    is_stale: bool,
+}
+
+/// A pipeline: the same key and layout are drawn alike, until another answer comes.
+type Key = (ErasedMaterialPipelineKey, MeshVertexBufferLayoutRef);
+
+/// The derivations, and the pipelines that are made of them.
+#[derive(Resource, Default)]
+pub struct Derivations {
+    jobs: HashMap<Request, Job>,
+    pipelines: HashMap<Key, (CachedRenderPipelineId, Option<Arc<Answer>>)>,
+    /// Drawn while the shader is derived: nothing.
+    placeholder: Option<CachedRenderPipelineId>,
+    reloads: u64,
+    /// How many pipelines are made of derived shaders.
+    pub(crate) made: usize,
+}
+
+impl Derivations {
+    /// How many shaders are being derived.
+    pub fn pending(&self) -> usize {
+        self.jobs.values().filter(|job| job.task.is_some()).count()
+    }
+
+    /// A row for each derived shader, in no order.
+    pub fn rows(&self) -> impl Iterator<Item = crate::Row> {
+        self.jobs.iter().map(|(request, job)| crate::Row {
+            material: job.material,
+            normal: request.wanted.normal,
+            motion: request.wanted.motion,
+            state: match job.answer.as_deref() {
+                None => crate::State::Pending,
+                Some(Answer::Derived(derived, _)) => crate::State::Derived {
+                    has_fragment: derived.fragment.is_some(),
+                    reads_material: derived.reads_material,
+                },
+                Some(Answer::Refused(refused)) => crate::State::Refused(refused.clone()),
+            },
+        })
+    }
+
+    /// The texts of derived shaders.
+    pub fn texts(&self) -> impl Iterator<Item = &str> {
+        self.jobs
+            .values()
+            .filter_map(|job| match job.answer.as_deref() {
+                Some(Answer::Derived(derived, _)) => Some(derived.text.as_str()),
+                _ => None,
+            })
+    }
+
+    /// Starts what is stale, and takes what is ready. Returns whether pipelines have to be made anew.
+    pub fn poll(
+        &mut self,
+        composer: &Arc<Composer>,
+        reloads: u64,
+        cache: &mut PipelineCache,
+    ) -> bool {
+        let is_new = self.reloads != reloads;
+        self.reloads = reloads;
+        let mut has_changed = false;
+        for (request, job) in &mut self.jobs {
+            job.is_stale |= is_new;
+            if job.task.is_none() && job.is_stale {
+                job.is_stale = false;
+                job.task = Some(start(request.clone(), composer.clone()));
+            }
+            let Some(done) = job.task.as_mut().and_then(check_ready) else {
+                continue;
+            };
+            job.task = None;
+            let Some(result) = done else {
+                // An import is not loaded yet.
+                job.is_stale |= job.answer.is_none();
+                continue;
+            };
+            let is_same = match (&result, job.answer.as_deref()) {
+                (Ok(new), Some(Answer::Derived(old, _))) => *new == **old,
+                (Err(new), Some(Answer::Refused(old))) => new == old,
+                _ => false,
+            };
+            if is_same {
+                continue;
+            }
+            has_changed = true;
+            job.answer = Some(Arc::new(taken(job.material, request, result, cache)));
+        }
+        has_changed
+    }
+}
+
+/// Keeps a result, and tells the author of a refusal.
+fn taken(
+    material: &str,
+    request: &Request,
+    result: Result<Derived, Refused>,
+    cache: &mut PipelineCache,
+) -> Answer {
+    match result {
+        Ok(derived) => {
+            let id = Uuid::new_v4();
+            let path = format!("preshade/{material}.wgsl");
+            debug!("{material}: derived {path}:\n{}", derived.text);
+            let shader = Shader::from_wgsl(derived.text.clone(), path);
+            cache.set_shader(AssetId::Uuid { uuid: id }, shader);
+            Answer::Derived(
+                Arc::new(derived),
+                Handle::Uuid(id, std::marker::PhantomData),
+            )
+        }
+        Err(refused) => {
+            let Wanted { normal, motion, .. } = request.wanted;
+            let of = match (normal, motion) {
+                (false, false) => "depth and shadows",
+                (true, false) => "depth and normals",
+                (false, true) => "depth and motion",
+                (true, true) => "depth, normals and motion",
+            };
+            warn!(
+                "preshade: {of} of `{material}` stay Bevy's own [{}]: {}; to change that: {}",
+                refused.code, refused.reason, refused.remedy
+            );
+            Answer::Refused(refused)
+        }
+    }
+}
+
+fn start(request: Request, composer: Arc<Composer>) -> Task<Option<Result<Derived, Refused>>> {
+    AsyncComputeTaskPool::get().spawn(async move { answer(&request, &composer) })
+}
+
+/// `None`: something is not loaded yet.
+fn answer(request: &Request, composer: &Composer) -> Option<Result<Derived, Refused>> {
+    let broken = |why| Refused::new("shader", why, "mend the shader, which has an error");
+    let vertex = match composer.compose(&request.vertex, ShaderStage::Vertex) {
+        Ok(vertex) => vertex,
+        Err(Failed::NotYet) => return None,
+        Err(Failed::Broken(why)) => return Some(Err(broken(why))),
+    };
+    let fragment = match composer.compose(&request.fragment, ShaderStage::Fragment) {
+        Ok(fragment) => fragment,
+        Err(Failed::NotYet) => return None,
+        Err(Failed::Broken(why)) => return Some(Err(broken(why))),
+    };
+    Some(derive(&vertex, &fragment, request.wanted))
+}
+
+/// Makes the pipeline of a material's pre-pass or shadow. `M` gives the material's name in messages.
+pub fn specialize<M: 'static>(
+    world: &mut World,
+    key: ErasedMaterialPipelineKey,
+    layout: &MeshVertexBufferLayoutRef,
+    properties: &Arc<MaterialProperties>,
+) -> Result<CachedRenderPipelineId, SpecializedMeshPipelineError> {
+    let whole = (key.clone(), layout.clone());
+    let own = PrepassPipelineSpecializer {
+        pipeline: world.resource::<PrepassPipeline>().clone(),
+        properties: properties.clone(),
+    };
+    let descriptor = own.specialize(key.clone(), layout)?;
+    let mesh_key: MeshPipelineKey = key.mesh_key.downcast();
+    let has_emulation = mesh_key.contains(MeshPipelineKey::UNCLIPPED_DEPTH_ORTHO)
+        && !own.pipeline.depth_clip_control_supported;
+    let is_deferred = mesh_key.contains(MeshPipelineKey::DEFERRED_PREPASS);
+    world.resource_scope(|world, mut derivations: Mut<Derivations>| {
+        let derivations = &mut *derivations;
+        let cache = world.resource::<PipelineCache>();
+        let (answer, main) = match is_deferred || has_emulation {
+            true => (None, None),
+            false => {
+                let main = main_pipeline(world, key, layout, properties)?;
+                let request = Request::of(&main, mesh_key);
+                let job = derivations
+                    .jobs
+                    .entry(request.clone())
+                    .or_insert_with(|| Job {
+                        material: short(std::any::type_name::<M>()),
+                        task: Some(start(request, world.resource::<Shared>().0.clone())),
+                        answer: None,
+                        is_stale: false,
+                    });
+                let Some(answer) = job.answer.clone() else {
+                    // As for an asset that is not loaded: the pipeline of a shader that never comes.
+                    let waits = || cache.queue_render_pipeline(waiting(descriptor.clone()));
+                    return Ok(*derivations.placeholder.get_or_insert_with(waits));
+                };
+                (Some(answer), Some(main))
+            }
+        };
+        let is_known = |made: &Option<Arc<Answer>>| match (made, &answer) {
+            (Some(made), Some(answer)) => Arc::ptr_eq(made, answer),
+            (None, None) => true,
+            _ => false,
+        };
+        let place = derivations.pipelines.entry(whole);
+        if let Entry::Occupied(known) = &place
+            && is_known(&known.get().1)
+        {
+            return Ok(known.get().0);
+        }
+        let descriptor = match (answer.as_deref(), main) {
+            (Some(Answer::Derived(derived, shader)), Some(main)) => {
+                derivations.made += 1;
+                replaced(descriptor, main, derived, shader)
+            }
+            _ => descriptor,
+        };
+        let id = cache.queue_render_pipeline(descriptor);
+        place.insert_entry((id, answer));
+        Ok(id)
+    })
+}
+
+impl Request {
+    fn of(main: &RenderPipelineDescriptor, key: MeshPipelineKey) -> Self {
+        let vertex = Stage {
+            shader: main.vertex.shader.id(),
+            defs: main.vertex.shader_defs.clone(),
+            entry: main.vertex.entry_point.as_ref().map(ToString::to_string),
+        };
+        let fragment = main.fragment.as_ref().map(|fragment| Stage {
+            shader: fragment.shader.id(),
+            defs: fragment.shader_defs.clone(),
+            entry: fragment.entry_point.as_ref().map(ToString::to_string),
+        });
+        let motion = key.contains(MeshPipelineKey::MOTION_VECTOR_PREPASS);
+        Self {
+            fragment: fragment.unwrap_or_else(|| vertex.clone()),
+            vertex,
+            wanted: Wanted {
+                normal: key.contains(MeshPipelineKey::NORMAL_PREPASS),
+                motion,
+                previous_skin: motion && key.contains(MeshPipelineKey::HAS_PREVIOUS_SKIN),
+                previous_morph: motion && key.contains(MeshPipelineKey::HAS_PREVIOUS_MORPH),
+            },
+        }
+    }
+}
+
+/// The pipeline of the main pass, as `MaterialPipelineSpecializer` makes it.
+fn main_pipeline(
+    world: &World,
+    mut key: ErasedMaterialPipelineKey,
+    layout: &MeshVertexBufferLayoutRef,
+    properties: &MaterialProperties,
+) -> Result<RenderPipelineDescriptor, SpecializedMeshPipelineError> {
+    let mesh_pipeline = world.resource::<MeshPipeline>().clone();
+    let mesh_key: MeshPipelineKey = key.mesh_key.downcast();
+    // The main pass reads the pre-pass where there is one. What it decides must not depend on it.
+    let own = MeshPipelineKey::ALL_PREPASS_BITS | MeshPipelineKey::UNCLIPPED_DEPTH_ORTHO;
+    let kept = mesh_key.intersection(MeshPipelineKey::MAY_DISCARD);
+    let mesh_key = mesh_key.difference(own) | kept;
+    key.mesh_key = ErasedMeshPipelineKey::new(mesh_key);
+    let mut main = mesh_pipeline.specialize(mesh_key, layout)?;
+    let group = MATERIAL_BIND_GROUP_INDEX as u32;
+    let define = || ShaderDefVal::UInt("MATERIAL_BIND_GROUP".into(), group);
+    main.vertex.shader_defs.push(define());
+    if let Some(fragment) = &mut main.fragment {
+        fragment.shader_defs.push(define());
+        if let Some(shader) = properties.get_shader(MaterialFragmentShader) {
+            fragment.shader = shader;
+        }
+    }
+    if let Some(shader) = properties.get_shader(MaterialVertexShader) {
+        main.vertex.shader = shader;
+    }
+    if let Some(layout) = &properties.material_layout {
+        main.layout
+            .insert(MATERIAL_BIND_GROUP_INDEX, layout.clone());
+    }
+    if let Some(specialize) = properties.user_specialize {
+        specialize(&MaterialPipeline { mesh_pipeline }, &mut main, layout, key)?;
+    }
+    if properties.bindless {
+        main.vertex.shader_defs.push("BINDLESS".into());
+        if let Some(fragment) = &mut main.fragment {
+            fragment.shader_defs.push("BINDLESS".into());
+        }
+    }
+    Ok(main)
+}
+
+/// Bevy's pipeline with the derived shaders.
+fn replaced(
+    own: RenderPipelineDescriptor,
+    main: RenderPipelineDescriptor,
+    derived: &Derived,
+    shader: &Handle<Shader>,
+) -> RenderPipelineDescriptor {
+    let targets = own.fragment.map(|f| f.targets).unwrap_or_default();
+    RenderPipelineDescriptor {
+        vertex: VertexState {
+            shader: shader.clone(),
+            shader_defs: Vec::new(),
+            entry_point: Some(derived.vertex.clone().into()),
+            // The attributes have the main pass's locations.
+            buffers: main.vertex.buffers,
+        },
+        fragment: derived.fragment.as_ref().map(|entry| FragmentState {
+            shader: shader.clone(),
+            shader_defs: Vec::new(),
+            entry_point: Some(entry.clone().into()),
+            targets,
+        }),
+        // Bevy's pre-pass culls nothing unless the material says so for it too.
+        primitive: PrimitiveState {
+            cull_mode: main.primitive.cull_mode,
+            front_face: main.primitive.front_face,
+            ..own.primitive
+        },
+        label: Some("preshade_prepass_pipeline".into()),
+        ..own
+    }
+}
+
+/// A pipeline that is never ready.
+fn waiting(own: RenderPipelineDescriptor) -> RenderPipelineDescriptor {
+    let never = Handle::Uuid(Uuid::nil(), std::marker::PhantomData);
+    RenderPipelineDescriptor {
+        vertex: VertexState {
+            shader: never,
+            ..own.vertex
+        },
+        fragment: None,
+        ..own
+    }
+}
+
+/// The last part of a type's path, with its arguments.
+fn short(name: &'static str) -> &'static str {
+    let head = name.find('<').unwrap_or(name.len());
+    name[..head].rfind("::").map_or(name, |at| &name[at + 2..])
+}

@@ -1,0 +1,255 @@
+//! A headless app that draws one material, and what its passes drew.
+
+pub mod materials;
+pub mod picture;
+pub mod read;
+
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use bevy::app::PluginGroupBuilder;
+use bevy::asset::RenderAssetUsages;
+use bevy::camera::RenderTarget;
+use bevy::core_pipeline::prepass::{
+    DepthPrepass, MotionVectorPrepass, NormalPrepass, ViewPrepassTextures,
+};
+use bevy::core_pipeline::tonemapping::Tonemapping;
+use bevy::pbr::ViewShadowBindings;
+use bevy::prelude::*;
+use bevy::render::camera::TemporalJitter;
+use bevy::render::pipelined_rendering::PipelinedRenderingPlugin;
+use bevy::render::render_resource::{
+    Extent3d, PipelineCache, TextureDimension, TextureFormat, TextureUsages,
+};
+use bevy::render::renderer::{RenderDevice, RenderQueue};
+use bevy::render::view::ViewDepthTexture;
+use bevy::render::{Render, RenderApp, RenderPlugin, RenderSystems};
+use bevy::time::TimeUpdateStrategy;
+use bevy::window::ExitCondition;
+use bevy_preshade::Derivations;
+use read::{Texels, read};
+
+/// Width and height of pictures.
+pub const SIZE: u32 = 128;
+
+/// What the passes of the last frame drew.
+#[derive(Clone, Debug, Default)]
+pub struct Drawn {
+    /// After the main pass.
+    pub depth: Texels,
+    /// After the pre-pass.
+    pub ahead: Option<Texels>,
+    pub normal: Option<Texels>,
+    pub motion: Option<Texels>,
+    /// Shadow maps of directional lights, and of point lights.
+    pub shadows: [Texels; 2],
+}
+
+#[derive(Resource, Clone, Default)]
+struct Probe(Arc<Mutex<Drawn>>, Arc<Mutex<bool>>);
+
+/// Which pre-passes a camera has.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Ahead {
+    pub depth: bool,
+    pub normal: bool,
+    pub motion: bool,
+    /// Whether the picture is shifted by a part of a pixel, as for temporal antialiasing.
+    pub jitter: bool,
+}
+
+impl Ahead {
+    pub const ALL: Self = Self {
+        depth: true,
+        normal: true,
+        motion: true,
+        jitter: false,
+    };
+}
+
+/// Bevy without a window, whose frames are drawn when the test says so.
+pub fn plugins() -> PluginGroupBuilder {
+    DefaultPlugins
+        .set(WindowPlugin {
+            primary_window: None,
+            exit_condition: ExitCondition::DontExit,
+            ..default()
+        })
+        .set(RenderPlugin {
+            synchronous_pipeline_compilation: true,
+            ..default()
+        })
+        .disable::<PipelinedRenderingPlugin>()
+}
+
+pub struct Stage {
+    pub app: App,
+    probe: Probe,
+}
+
+impl Stage {
+    pub fn new(ahead: Ahead, set_up: impl FnOnce(&mut App)) -> Self {
+        let mut app = App::new();
+        app.add_plugins(plugins());
+        app.insert_resource(TimeUpdateStrategy::ManualDuration(Duration::ZERO));
+        let probe = Probe::default();
+        let render = app.sub_app_mut(RenderApp);
+        render.insert_resource(probe.clone());
+        render.add_systems(
+            Render,
+            take.after(RenderSystems::Render)
+                .before(RenderSystems::Cleanup),
+        );
+        set_up(&mut app);
+        let size = Extent3d {
+            width: SIZE,
+            height: SIZE,
+            depth_or_array_layers: 1,
+        };
+        let mut picture = Image::new_uninit(
+            size,
+            TextureDimension::D2,
+            TextureFormat::Rgba8UnormSrgb,
+            RenderAssetUsages::all(),
+        );
+        picture.texture_descriptor.usage |= TextureUsages::RENDER_ATTACHMENT;
+        let picture = app.world_mut().resource_mut::<Assets<Image>>().add(picture);
+        let camera = app
+            .world_mut()
+            .spawn((
+                Camera3d {
+                    depth_texture_usages: (TextureUsages::RENDER_ATTACHMENT
+                        | TextureUsages::TEXTURE_BINDING)
+                        .into(),
+                    ..default()
+                },
+                RenderTarget::from(picture),
+                Msaa::Off,
+                Tonemapping::None,
+                Transform::from_xyz(1.5, 1.0, 3.0).looking_at(Vec3::ZERO, Vec3::Y),
+            ))
+            .id();
+        let mut camera = app.world_mut().entity_mut(camera);
+        if ahead.depth {
+            camera.insert(DepthPrepass);
+        }
+        if ahead.normal {
+            camera.insert(NormalPrepass);
+        }
+        if ahead.motion {
+            camera.insert(MotionVectorPrepass);
+        }
+        if ahead.jitter {
+            camera.insert(TemporalJitter {
+                offset: Vec2::new(0.3, -0.2),
+            });
+        }
+        app.finish();
+        app.cleanup();
+        Self { app, probe }
+    }
+
+    /// Draws until nothing is derived or compiled.
+    pub fn settle(&mut self) {
+        let mut quiet = 0;
+        for _ in 0..2000 {
+            self.app.update();
+            let render = self.app.sub_app(RenderApp).world();
+            let derivations = render.get_resource::<Derivations>();
+            let pending = derivations.map_or(0, Derivations::pending);
+            // The placeholder is never ready.
+            let waiting = render
+                .resource::<PipelineCache>()
+                .waiting_pipelines()
+                .count();
+            quiet = if pending == 0 && waiting <= 1 {
+                quiet + 1
+            } else {
+                0
+            };
+            if quiet == 6 {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        panic!("still not settled");
+    }
+
+    /// Draws frames of 100 ms, and returns what the last one drew.
+    pub fn draw(&mut self, frames: u32) -> Drawn {
+        let step = TimeUpdateStrategy::ManualDuration(Duration::from_millis(100));
+        self.app.insert_resource(step);
+        for frame in 0..frames {
+            *self.probe.1.lock().unwrap() = frame + 1 == frames;
+            self.app.update();
+        }
+        *self.probe.1.lock().unwrap() = false;
+        self.app
+            .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::ZERO));
+        self.probe.0.lock().unwrap().clone()
+    }
+
+    pub fn derivations(&self) -> &Derivations {
+        self.app
+            .sub_app(RenderApp)
+            .world()
+            .resource::<Derivations>()
+    }
+}
+
+fn take(
+    probe: Res<Probe>,
+    views: Query<(
+        &ViewDepthTexture,
+        Option<&ViewPrepassTextures>,
+        Option<&ViewShadowBindings>,
+    )>,
+    (device, queue): (Res<RenderDevice>, Res<RenderQueue>),
+) {
+    if !*probe.1.lock().unwrap() {
+        return;
+    }
+    let texels = |texture: &wgpu::Texture| read(&device, &queue, texture);
+    for (depth, ahead, shadows) in &views {
+        let mut drawn = Drawn {
+            depth: texels(&depth.texture),
+            ..default()
+        };
+        if let Some(ahead) = ahead {
+            let of = |of: &Option<bevy::render::texture::ColorAttachment>| {
+                of.as_ref().map(|of| texels(&of.texture.texture))
+            };
+            drawn.ahead = of(&ahead.depth);
+            drawn.normal = of(&ahead.normal);
+            drawn.motion = of(&ahead.motion_vectors);
+        }
+        if let Some(shadows) = shadows {
+            drawn.shadows = [
+                texels(&shadows.directional_light_depth_texture),
+                texels(&shadows.point_light_depth_texture),
+            ];
+        }
+        *probe.0.lock().unwrap() = drawn;
+    }
+}
+
+/// How many texels differ at all.
+pub fn differ(a: &Texels, b: &Texels) -> usize {
+    assert_eq!(a.size, b.size);
+    a.values
+        .iter()
+        .zip(&b.values)
+        .filter(|(a, b)| a != b)
+        .count()
+}
+
+/// How many texels something was drawn to: Bevy clears depth to 0.
+pub fn covered(depth: &Texels) -> usize {
+    depth.values.iter().filter(|v| v[0] != 0.0).count()
+}
+
+/// The greatest difference of a component.
+pub fn greatest(a: &Texels, b: &Texels) -> f32 {
+    let pairs = a.values.iter().flatten().zip(b.values.iter().flatten());
+    pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+}
