@@ -1,9 +1,11 @@
 // Builds the page. What it shows of the repository is read here, at build time: the examples are the fixtures, the
 // words of a contract's assumptions are those of the reference.
 
+import { execFileSync } from 'node:child_process';
 import { readFileSync, statSync } from 'node:fs';
 import { fileURLToPath } from 'node:url';
 import { defineConfig } from 'vite';
+import { onGitHub } from './src/report.js';
 
 const root = new URL('../../', import.meta.url);
 const read = (path) => readFileSync(new URL(path, root), 'utf8');
@@ -51,8 +53,18 @@ const repository = {
     load: (id) => MODULES[id.slice(1)]?.(),
 };
 
-/** Where issues are opened: `owner/name`, as GitHub's own builds say it, or nothing. */
-const issues = process.env.PRESHADE_REPOSITORY ?? process.env.GITHUB_REPOSITORY ?? '';
+/** What the clone that is built was cloned from, or nothing. */
+function origin() {
+    try {
+        const options = { cwd: fileURLToPath(root), encoding: 'utf8', stdio: ['ignore', 'pipe', 'ignore'] };
+        return onGitHub(execFileSync('git', ['remote', 'get-url', 'origin'], options));
+    } catch {
+        return '';
+    }
+}
+
+/** Where issues are opened: `owner/name`, as the build or GitHub's own builds are told, or as the clone has it. */
+const issues = process.env.PRESHADE_REPOSITORY ?? process.env.GITHUB_REPOSITORY ?? origin();
 
 export default defineConfig({
     // Relative, so that the site works below any path.

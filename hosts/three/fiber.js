@@ -6,21 +6,19 @@ import { Preshade as Host } from './index.js';
 
 /** Frames between two looks at the report. */
 const REPORT_EVERY = 30;
-const PARTS = ['shadows', 'prepass', 'velocity'];
+const PARTS = ['shadows', 'prepass', 'rewrite', 'velocity'];
 
 /**
- * `<Preshade shadows prepass={{ measure: true }} velocity onReady={..} onReport={..} />` within a `Canvas`.
+ * `<Preshade shadows prepass={{ measure: true }} override={pass} onReady={..} onReport={..} />` within a `Canvas`. fiber.d.ts describes the properties.
  *
- * `shadows`, `prepass` and `velocity` are true, or the options of those functions. `scene` is another scene than the canvas's. `options` are those of `Preshade.of`. `onReady` is given
- * `{ preshade, prepass, velocity }`, and `onReport` the rows of the report whenever they are others. Errors go to `onError`, or to the console.
+ * It begins anew where options are others than in the render before. See `same`.
  */
-export function Preshade({ shadows, prepass, velocity, scene, options, onReady, onReport, onError }) {
+export function Preshade({ override, scene, options, onReady, onReport, onError, ...props }) {
     const renderer = useThree((state) => state.gl);
     const root = useThree((state) => state.scene);
     const target = scene ?? root;
-    const wanted = { shadows, prepass, velocity };
-    // Objects that are written in place are others in each render, though they say the same.
-    const asked = `${JSON.stringify(wanted)} ${JSON.stringify(options)}`;
+    const passes = useKept([override ?? []].flat(), identical);
+    const asked = useKept([options, ...PARTS.map((name) => props[name])]);
     const made = useRef(null);
     const calls = useRef(null);
     useEffect(() => {
@@ -35,9 +33,10 @@ export function Preshade({ shadows, prepass, velocity, scene, options, onReady, 
             preshade = host;
             const parts = {};
             for (const name of PARTS) {
-                const of = wanted[name];
+                const of = props[name];
                 if (of) parts[name] = host[name](target, of === true ? undefined : of);
             }
+            for (const pass of passes) host.override(pass);
             made.current = { preshade, ...parts, frames: 0, told: '' };
             calls.current.onReady?.({ preshade, ...parts });
         };
@@ -52,7 +51,7 @@ export function Preshade({ shadows, prepass, velocity, scene, options, onReady, 
             made.current = null;
             preshade?.dispose();
         };
-    }, [renderer, target, asked]);
+    }, [renderer, target, passes, asked]);
     useFrame(() => {
         const of = made.current;
         if (!of || !calls.current.onReport || of.frames++ % REPORT_EVERY > 0) return;
@@ -64,3 +63,32 @@ export function Preshade({ shadows, prepass, velocity, scene, options, onReady, 
     });
     return null;
 }
+
+/** The value of an earlier render, as long as it is equal. */
+function useKept(value, equal = same) {
+    const kept = useRef(value);
+    if (!equal(kept.current, value)) kept.current = value;
+    return kept.current;
+}
+
+/**
+ * Whether two values of a property are one: lists and objects that are written in place are compared by what is in them, addresses by their text, and materials, cameras and the like
+ * by identity. Two functions count as one: in each render they are others.
+ */
+function same(a, b) {
+    if (Object.is(a, b) || (typeof a === 'function' && typeof b === 'function')) return true;
+    if (a instanceof URL && b instanceof URL) return a.href === b.href;
+    if (!isWritten(a) || !isWritten(b) || Array.isArray(a) !== Array.isArray(b)) return false;
+    const names = Object.keys(a);
+    if (names.length !== Object.keys(b).length) return false;
+    return names.every((name) => Object.hasOwn(b, name) && same(a[name], b[name]));
+}
+
+/** Whether two lists have the same objects. */
+const identical = (a, b) => a.length === b.length && a.every((each, i) => each === b[i]);
+
+/** A list, or an object of no class. */
+const isWritten = (value) =>
+    Array.isArray(value) ||
+    (value !== null && typeof value === 'object' && prototypes.has(Object.getPrototypeOf(value)));
+const prototypes = new Set([Object.prototype, null]);

@@ -1,4 +1,7 @@
-// Passes of the real geometry for three.js: each is derived by preshade from the shader that three.js made of a material.
+// Passes of the real geometry for three.js: each is derived by preshade from the shader that three.js made of a material. index.d.ts describes the functions.
+
+const IN_SCENES = ['shadows', 'prepass', 'rewrite', 'velocity'];
+const OTHERS = ['override', 'report', 'settled', 'dispose'];
 
 /** What preshade does for one renderer. */
 export class Preshade {
@@ -8,58 +11,33 @@ export class Preshade {
         this.#host = host;
     }
 
-    /** For a `WebGLRenderer` or a `WebGPURenderer`. Nothing is drawn otherwise until you call a function below. */
     static async of(renderer, options = {}) {
-        if (renderer?.isWebGPURenderer) {
-            const { WebGPUHost } = await import('./webgpu/host.js');
-            return new Preshade(await WebGPUHost.of(renderer, options));
-        }
-        if (!renderer?.isWebGLRenderer && !renderer?.getContext)
+        if (!renderer?.isWebGPURenderer && !renderer?.isWebGLRenderer && !renderer?.getContext)
             throw new TypeError('preshade: give a WebGLRenderer or a WebGPURenderer of three.js');
-        const { WebGLHost } = await import('./webgl/host.js');
-        return new Preshade(await WebGLHost.of(renderer, options));
+        const { Host } = await (renderer.isWebGPURenderer ? import('./webgpu/host.js') : import('./webgl/host.js'));
+        return new Preshade(await Host.of(renderer, options));
     }
 
-    /** Right shadows of everything in `scene` that moves vertices or cuts holes, of objects and materials added later too. */
-    shadows(scene, options) {
-        if (!scene?.isObject3D) throw new TypeError('preshade: `shadows` takes the scene that you render');
-        return this.#host.shadows(scene, options);
+    text(material, object) {
+        return this.#host.text(object ? drawnAs(material, object) : material, object);
     }
 
-    /** Normals and depth of the real geometry in a pass that overrides materials. Returns the pass. */
-    override(pass) {
-        if (!pass) throw new TypeError('preshade: `override` takes a pass');
-        return this.#host.override(pass);
+    static {
+        for (const name of [...IN_SCENES, ...OTHERS])
+            this.prototype[name] = function (...given) {
+                const [first] = given;
+                if (IN_SCENES.includes(name) && !first?.isObject3D)
+                    throw new TypeError(`preshade: \`${name}\` takes the scene that you render`);
+                if (name === 'override' && !first) throw new TypeError('preshade: `override` takes a pass');
+                if (!this.#host[name]) throw new TypeError(`preshade: ${name} needs a WebGLRenderer`);
+                return this.#host[name](...given);
+            };
     }
+}
 
-    /** A depth pre-pass for each material for which it pays on this device. */
-    prepass(scene, options) {
-        return this.#host.prepass(scene, options);
-    }
-
-    /** Each material drawn by any recipe of preshade's passes. */
-    rewrite(scene, options) {
-        if (!this.#host.rewrite) throw new TypeError('preshade: rewrite needs a WebGLRenderer');
-        return this.#host.rewrite(scene, options);
-    }
-
-    /** Velocities of the real geometry. */
-    velocity(scene, options) {
-        return this.#host.velocity(scene, options);
-    }
-
-    /** For each material: what is done, what was refused and why, what it gained, how long it took to compile. */
-    report() {
-        return this.#host.report();
-    }
-
-    /** Resolves when no variant is being made. */
-    settled() {
-        return this.#host.settled();
-    }
-
-    /** Ends the worker, releases every program and texture, and has three.js draw as always. */
-    dispose() {
-        this.#host.dispose();
-    }
+/** The material that three.js draws an object with, where that is a proxy of the author's material, or derived from it by a package. */
+function drawnAs(material, object) {
+    const isOf = (own) =>
+        own === material || own.uuid === material.uuid || Object.prototype.isPrototypeOf.call(material, own);
+    return [object.material ?? []].flat().find(isOf) ?? material;
 }

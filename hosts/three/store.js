@@ -5,18 +5,22 @@ const LIMIT = 2000;
 
 export class Store {
     #opened;
+    #maker;
 
-    /** A database `name`; what another `version` of its user kept is gone. */
-    constructor(name, version) {
-        this.#opened = opened(name, version).catch(() => null);
+    /** A database `name`. What others than this `maker` kept in it is deleted. */
+    constructor(name, maker) {
+        this.#maker = maker;
+        this.#opened = opened(name, maker).catch(() => null);
     }
 
     async get(key) {
-        return this.#do('readonly', (values) => values.get(key)).then((row) => row?.value);
+        return this.#do('readonly', (values) => values.get([this.#maker, key])).then((row) => row?.value);
     }
 
     async set(key, value) {
-        await this.#do('readwrite', (values) => values.put({ value: { ...value }, at: Date.now() }, key));
+        await this.#do('readwrite', (values) =>
+            values.put({ value: { ...value }, at: Date.now() }, [this.#maker, key]),
+        );
         const count = await this.#do('readonly', (values) => values.count());
         if (count > LIMIT) await this.#do('readwrite', (values) => oldest(values.index('at'), count - LIMIT));
     }
@@ -55,11 +59,15 @@ function oldest(index, count) {
     return request;
 }
 
-async function opened(name, version) {
-    const request = indexedDB.open(`${name} ${version}`, 1);
+async function opened(name, maker) {
+    const request = indexedDB.open(name, 1);
     request.onupgradeneeded = () => request.result.createObjectStore('values').createIndex('at', 'at');
     const database = await answered(request);
     // Another page wants to delete it.
     database.onversionchange = () => database.close();
+    const values = database.transaction('values', 'readwrite').objectStore('values');
+    // In the order of keys, a list is above all texts.
+    await answered(values.delete(IDBKeyRange.upperBound([maker], true)));
+    await answered(values.delete(IDBKeyRange.lowerBound([maker, []])));
     return database;
 }

@@ -1,10 +1,8 @@
 // Variants of programs, made by the package `preshade` in its worker, and cached by text in memory and in IndexedDB.
 
 import { Preshade as Compiler } from 'preshade';
+import { version } from 'preshade/version';
 import { Store } from './store.js';
-
-/** Cached variants belong to the compiler that made them: raise it with each release. */
-const VERSION = '0.1.0';
 
 /** A name of a text: its length and 64 bits, after cyrb53. */
 export function named(text) {
@@ -31,7 +29,7 @@ for (let i = 0; i < 4; i++) named(' '.repeat(8000));
  * @property {string | null} reason
  * @property {string | null} remedy Of a refusal: what would make it possible.
  * @property {string | null} code
- * @property {number} ms How long the compiler took; 0 if the variant was in IndexedDB.
+ * @property {number} ms How long the compiler took, without the wait for others; 0 if the variant was in IndexedDB.
  * @property {Promise<void>} done Resolves when the state is no longer `pending`.
  */
 
@@ -42,15 +40,19 @@ export class Variants {
     #entries = new Map();
     #pending = new Set();
     #disposed = false;
+    /** Resolves when the compiler is there. */
+    #loaded = null;
+    /** When it answered last. */
+    #answered = 0;
     /** How many variants were made by the compiler, and how many found in IndexedDB. */
     counts = { compiled: 0, stored: 0 };
 
     /**
-     * `wasm`, `full` and `timeout` are those of the package `preshade`. `cache`: whether to keep variants in IndexedDB. `limit`: how many are kept in memory.
+     * `wasm`, `full` and `timeout` are those of the package `preshade`. `cache`: whether to keep variants in IndexedDB. `limit`: how many are kept in memory. `compiler`: another one; tests have it.
      */
-    constructor({ wasm, full, timeout = 60_000, cache = true, limit = 512 } = {}) {
-        this.#compiler = new Compiler({ wasm, full, timeout });
-        this.#store = cache ? new Store('preshade-three', VERSION) : null;
+    constructor({ wasm, full, timeout = 60_000, cache = true, limit = 512, compiler } = {}) {
+        this.#compiler = compiler ?? new Compiler({ wasm, full, timeout });
+        this.#store = cache ? new Store('preshade-three', maker()) : null;
         this.#limit = limit;
     }
 
@@ -114,14 +116,19 @@ export class Variants {
             Object.assign(entry, stored, { ms: 0 });
             return;
         }
+        // The first call would load the module, too.
+        await (this.#loaded ??= this.#compiler.ready().catch(() => {}));
         // A call would start another worker.
         if (this.#disposed) {
             Object.assign(entry, failed({ message: 'disposed of', code: 'disposed' }));
             return;
         }
-        const began = performance.now();
+        const asked = performance.now();
         const found = await this.#make(texts, request).catch(failed);
-        Object.assign(entry, found, { ms: performance.now() - began });
+        // The worker answers one call after another: what came before the last answer is the wait for others.
+        const now = performance.now();
+        Object.assign(entry, found, { ms: now - Math.max(asked, this.#answered) });
+        this.#answered = now;
         if (this.#disposed) return;
         this.counts.compiled++;
         // A timeout or a lost worker says nothing about the text.
@@ -153,6 +160,9 @@ export class Variants {
         return { state: 'ready', variant: read(result, [emit].flat(), roles), reason: null, code: null };
     }
 }
+
+/** What makes that which is kept: the compiler, and how it is asked and read here. */
+const maker = () => named(`${version}${Variants}${sourcesOf}${read}`);
 
 const failed = (error) => ({
     state: 'failed',

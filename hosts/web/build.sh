@@ -36,4 +36,5 @@ began=$(date +%s)
 build preshade.wasm --no-default-features
 build preshade-full.wasm
 echo "built in $(($(date +%s) - began)) s"
+node version.mjs
 node tests/size.mjs

@@ -84,7 +84,7 @@ export interface ShaderOptions {
 export interface RewriteOptions extends ShaderOptions {
     /** Passes, in order; or a recipe. */
     pass?: Pass | Pass[] | Step[];
-    /** By default `wgsl`. */
+    /** By default `wgsl`, of GLSL as well, as on the command line: for WebGL give `glsl-es`. */
     emit?: Target | Target[];
     /** Holds the variant against the original, by proof and on inputs. A broken variant has no files. */
     validate?: boolean;

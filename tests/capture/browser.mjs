@@ -1,28 +1,10 @@
 // Chromium, headless, drawing WebGL and WebGPU in software, and captures of its pages.
 
-import { existsSync } from 'node:fs';
 import { chromium } from 'playwright-core';
+import { launch as start } from '../../scripts/chromium.mjs';
 import { recorder } from './recorder.mjs';
 
-const PLACES = ['/usr/bin/chromium', '/usr/bin/chromium-browser', '/usr/bin/google-chrome'];
-const ARGUMENTS = [
-    '--no-sandbox',
-    '--disable-dev-shm-usage',
-    '--use-angle=swiftshader',
-    '--enable-unsafe-swiftshader',
-    '--enable-unsafe-webgpu',
-    '--use-webgpu-adapter=swiftshader',
-    // Without Vulkan, copyExternalImageToTexture ends the GPU process.
-    '--enable-features=Vulkan',
-    '--use-vulkan=swiftshader',
-    '--disable-vulkan-surface',
-];
-
-export function launch() {
-    const executablePath = process.env.CHROMIUM ?? PLACES.find(existsSync);
-    if (!executablePath) throw new Error('no Chromium: scripts/setup.sh three installs it, or name one by CHROMIUM');
-    return chromium.launch({ executablePath, args: ARGUMENTS, timeout: 60_000 });
-}
+export const launch = () => start(chromium, { webgpu: true });
 
 /** A page with its errors, and with the recorder where `record`; `late`: as a bookmarklet brings it. */
 export async function open(browser, address, { record = true, late = false, width = 320, height = 240 } = {}) {

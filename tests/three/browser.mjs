@@ -1,22 +1,14 @@
 // Debian's Chromium, headless, drawing in software.
 
-import { existsSync } from 'node:fs';
 import { chromium } from 'playwright-core';
-
-const PLACES = ['/usr/bin/chromium', '/usr/bin/chromium-browser', '/usr/bin/google-chrome'];
+import { launch } from '../../scripts/chromium.mjs';
 
 /** After so long a browser that hangs is given up. */
 const LIMIT_S = 1800;
 
 /** A page of `width` by `height` with the page's errors collected in `errors`. */
 export async function open(width, height) {
-    const executablePath = process.env.CHROMIUM ?? PLACES.find(existsSync);
-    if (!executablePath) throw new Error('no Chromium: scripts/setup.sh three installs it, or name one by CHROMIUM');
-    const browser = await chromium.launch({
-        executablePath,
-        args: ['--no-sandbox', '--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--disable-dev-shm-usage'],
-        timeout: 60_000,
-    });
+    const browser = await launch(chromium);
     setTimeout(() => {
         console.error(`given up after ${LIMIT_S} s`);
         process.exit(1);

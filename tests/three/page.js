@@ -7,7 +7,7 @@ import { Vector3, WebGLRenderer } from 'three';
 import { Preshade } from 'preshade-three';
 import { makeScene } from './scene.js';
 import { VARIANTS } from './variants.mjs';
-import { Views } from './views.js';
+import { difference, Views } from './views.js';
 
 const asked = new URLSearchParams(location.search);
 const element = (id) => document.getElementById(id);
@@ -65,15 +65,15 @@ async function load(name) {
     const { recipe, of, fallback } = VARIANTS.find((each) => each.name === name);
     const pass = (material) => of?.[material.name] ?? recipe;
     variant.part = preshade.rewrite(scene, { pass, fallback, edit, trust: asked.has('trust') });
-    await settle(variant);
+    await settle(variant, () => glance(variant));
     return variant;
 }
 
-/** Draws frames until everything of the variant is compiled and tested. Gives each frame's picture to `each`. */
-async function settle(variant, each = () => {}) {
+/** Draws frames by `frame` until everything of the variant is compiled and tested. */
+async function settle(variant, frame) {
     let frames = 0;
     do {
-        each(picture(variant));
+        frame();
         frames += 1;
         // The answers of occlusion queries come in a later task.
         await new Promise((done) => setTimeout(done, 0));
@@ -91,9 +91,9 @@ function rows({ part }) {
 // ---- pictures ---------------------------------------------------------------------------------------------------------------------------------------------------------------
 
 /** Draws the scene's linear colours by a loaded variant. */
-function render(variant) {
+function render(variant, into = views.scene) {
     for (const { name, part } of loaded.values()) if (part) part.enabled = name === variant.name;
-    renderer.setRenderTarget(views.scene);
+    renderer.setRenderTarget(into);
     renderer.render(scene, camera);
 }
 
@@ -113,23 +113,19 @@ function draw() {
     });
 }
 
+/** Draws a frame that nobody looks at, and waits for it. */
+function glance(variant, into = views.small) {
+    pose();
+    render(variant, into);
+    renderer.readRenderTargetPixels(into, 0, 0, 1, 1, new Uint16Array(4));
+}
+
 /** The bytes of a loaded variant's picture. */
 function picture(variant) {
     pose();
     render(variant);
     views.develop(views.variant);
     return views.read(views.variant);
-}
-
-/** How two pictures differ: pixels by more than 1/255 in any channel, and the most. */
-function difference(a, b) {
-    let [off, most] = [0, 0];
-    for (let i = 0; i < a.length; i += 4) {
-        const apart = Math.max(Math.abs(a[i] - b[i]), Math.abs(a[i + 1] - b[i + 1]), Math.abs(a[i + 2] - b[i + 2]));
-        if (apart > 1) off += 1;
-        most = Math.max(most, apart);
-    }
-    return { off, most, pixels: a.length / 4 };
 }
 
 /** Each variant's picture against the original's, all of this moment. */
@@ -146,7 +142,8 @@ async function compare(names) {
 async function follow(name) {
     const variant = await load(name);
     const pictures = [];
-    const frames = await settle(variant, (one) => {
+    const frames = await settle(variant, () => {
+        const one = picture(variant);
         if (!pictures.length || difference(pictures.at(-1), one).most > 0) pictures.push(one);
     });
     const original = picture(await load('original'));
@@ -184,8 +181,7 @@ async function time(variant) {
         return gl.getParameter(timer.GPU_DISJOINT_EXT) ? null : nanoseconds / 1e6;
     }
     const before = performance.now();
-    render(variant);
-    renderer.readRenderTargetPixels(views.scene, 0, 0, 1, 1, new Uint16Array(4));
+    glance(variant, views.scene);
     return performance.now() - before;
 }
 
@@ -387,13 +383,15 @@ window.page = {
     measure: async (rounds, names) => Object.fromEntries(await measure(rounds, names)),
     rows: async (name) => {
         const all = Object.entries(rows(await load(name)));
-        return Object.fromEntries(all.map(([material, { plan, ...row }]) => [material, row]));
+        return Object.fromEntries(all.map(([material, row]) => [material, { ...row, failures: row.failures }]));
     },
     /** How many programs of all materials a variant has been made for. */
     programs: async (name) => (await load(name)).part.report().length,
     choose,
     materials,
+    renderer,
     scene,
+    camera,
 };
 controls();
 await choose('original');

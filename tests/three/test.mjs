@@ -8,12 +8,17 @@ import { mkdir } from 'node:fs/promises';
 import { join } from 'node:path';
 import { fileURLToPath } from 'node:url';
 import { open } from './browser.mjs';
+import { prefix } from './prefix.mjs';
 import { serve } from './serve.mjs';
 import { VARIANTS } from './variants.mjs';
 
 const out = process.argv[2] ?? fileURLToPath(new URL('dist/screenshots', import.meta.url));
 const started = Date.now();
 const said = (text) => console.log(`${((Date.now() - started) / 1000).toFixed(1).padStart(6)} s  ${text}`);
+/** The window where no picture is kept: it is drawn in software, in seconds a frame. */
+const SMALL = [240, 160];
+/** The window of the pictures to look at. */
+const LARGE = [860, 240];
 /** What a variant may be off by, of 255: what its recipe allows where that is more than a rounding. */
 const BUDGET = { 'hoist-budget': 0.05 * 255 };
 
@@ -38,6 +43,7 @@ async function followed(page, names, when) {
     }
 }
 
+const resized = (page, [width, height]) => page.setViewportSize({ width, height });
 const rows = (page, name) => page.evaluate((name) => window.page.rows(name), name);
 const OPAQUE = ['stone', 'leaf', 'bronze'];
 /** What the self-tests of a variant say, and materials that it is not for. */
@@ -82,8 +88,8 @@ async function pictures(page) {
 async function resize(page) {
     const size = () => page.$eval('#canvas', ({ width, height }) => [width, height]);
     for (const [width, height] of [
-        [905, 173],
-        [611, 301],
+        [305, 290],
+        [211, 330],
     ]) {
         const before = await size();
         await page.setViewportSize({ width, height });
@@ -157,7 +163,7 @@ async function programs(page, visit, address) {
 }
 
 async function controls(page) {
-    await page.setViewportSize({ width: 900, height: 380 });
+    await resized(page, LARGE);
     await page.focus('input[name=variant][value=original]');
     await page.keyboard.press('ArrowDown');
     await page.waitForFunction(() => document.getElementById('about').textContent.includes('Self-test'));
@@ -166,27 +172,25 @@ async function controls(page) {
     await page.focus('input[name=view][value=picture]');
     await page.keyboard.press('ArrowDown');
     await page.screenshot({ path: join(out, 'split.png') });
-    // What is below is drawn in software, in seconds a frame: smaller.
-    await page.setViewportSize({ width: 860, height: 160 });
+    await resized(page, [860, 160]);
     await page.focus('#split');
     await page.keyboard.press('Home');
     await page.emulateMedia({ colorScheme: 'dark' });
     await page.evaluate(() => window.page.choose('hoist-budget'));
     await page.click('input[name=view][value=difference]');
     await page.screenshot({ path: join(out, 'hoist-difference-dark.png') });
-    await page.setViewportSize({ width: 360, height: 420 });
+    await resized(page, [360, 300]);
     await page.click('input[name=view][value=picture]');
     await page.screenshot({ path: join(out, 'narrow-dark.png') });
     assert.ok(
         await page.evaluate(() => document.documentElement.scrollWidth <= innerWidth),
         'the page is wider than a narrow window',
     );
-    await page.setViewportSize({ width: 300, height: 160 });
+    await resized(page, SMALL);
     const times = await page.evaluate(() => window.page.measure(1));
     said(`one frame each: ${JSON.stringify(times)} ms`);
     assert.deepEqual(Object.keys(times), ['original', ...VARIANTS.map(({ name }) => name)]);
     for (const [name, ms] of Object.entries(times)) assert.ok(ms > 0, name);
-    await page.setViewportSize({ width: 860, height: 160 });
 }
 
 /** The pre-pass's position off by a few of the depth's steps, either way. */
@@ -205,11 +209,11 @@ async function broken(page, visit, address) {
             );
         }
     }
-    await page.setViewportSize({ width: 900, height: 380 });
+    await resized(page, LARGE);
     await page.evaluate(() => window.page.choose('prepass-equal'));
     assert.match(await page.textContent('#about'), /failed: .* Drawn by depth-prepass/);
     await page.screenshot({ path: join(out, 'fallback.png') });
-    await page.setViewportSize({ width: 860, height: 160 });
+    await resized(page, SMALL);
     // The test would not be worth much if nothing had been wrong.
     await visit(`${address}/?perturb=-4e-7&trust`);
     const { off } = await page.evaluate(async () => (await window.page.compare(['prepass-equal']))['prepass-equal']);
@@ -221,10 +225,11 @@ async function broken(page, visit, address) {
 
 await mkdir(out, { recursive: true });
 const { server, address } = await serve();
-const { browser, page, visit, errors } = await open(860, 160);
+const { browser, page, visit, errors } = await open(...SMALL);
 try {
     await visit(`${address}/`);
     said(await page.textContent('#adapter'));
+    await prefix(page);
     await pictures(page);
     await resize(page);
     await changes(page);

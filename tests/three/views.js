@@ -51,6 +51,9 @@ function target(type, depthBuffer) {
     return new WebGLRenderTarget(1, 1, { type, depthBuffer, minFilter: NearestFilter, magFilter: NearestFilter });
 }
 
+/** How much smaller, in either direction, a picture is that nobody looks at. */
+const SMALLER = 4;
+
 /** A picture in linear colours with a depth buffer, two developed ones, and the passes between them. */
 export class Views {
     #renderer;
@@ -59,6 +62,7 @@ export class Views {
     #develop = this.#material(DEVELOP, ['source']);
     #show = this.#material(SHOW, ['original', 'variant', 'split', 'gain']);
     scene = target(HalfFloatType, true);
+    small = target(HalfFloatType, true);
     original = target(UnsignedByteType, false);
     variant = target(UnsignedByteType, false);
 
@@ -90,6 +94,7 @@ export class Views {
 
     setSize(width, height) {
         for (const target of [this.scene, this.original, this.variant]) target.setSize(width, height);
+        this.small.setSize(Math.ceil(width / SMALLER), Math.ceil(height / SMALLER));
     }
 
     /** The scene's colours as a picture of 8 bits a channel. */
@@ -110,4 +115,15 @@ export class Views {
         this.#renderer.readRenderTargetPixels(picture, 0, 0, width, height, bytes);
         return bytes;
     }
+}
+
+/** How two pictures differ: pixels by more than 1/255 in any channel, and the most. */
+export function difference(a, b) {
+    let [off, most] = [0, 0];
+    for (let i = 0; i < a.length; i += 4) {
+        const apart = Math.max(Math.abs(a[i] - b[i]), Math.abs(a[i + 1] - b[i + 1]), Math.abs(a[i + 2] - b[i + 2]));
+        if (apart > 1) off += 1;
+        most = Math.max(most, apart);
+    }
+    return { off, most, pixels: a.length / 4 };
 }

@@ -344,7 +344,7 @@ export class DrawPanel {
                           { href: address, target: '_blank', rel: 'noopener', id: 'issue' },
                           'Open a new issue on GitHub (new tab)',
                       )
-                    : 'Open a new issue in the GitHub repository that this page comes from',
+                    : 'Open a new issue where you got this page from: its build does not know the repository.',
             );
         };
         write();

@@ -62,14 +62,14 @@ const common = (language, label) => [
     EditorState.tabSize.of(4),
 ];
 
-/** An editor of the visitor's text. Tab is not taken: it leads on, as everywhere in the page. */
+/** An editor of the visitor's text. `changed` hears whether a text was pasted or dropped. Tab is not taken: it leads on, as everywhere in the page. */
 export class SourceEditor {
     #view;
-    #silent = false;
 
     constructor(parent, { text, language, label, changed }) {
         const listener = EditorView.updateListener.of((update) => {
-            if (update.docChanged && !this.#silent) changed();
+            if (!update.docChanged) return;
+            changed(update.transactions.some((of) => of.isUserEvent('input.paste') || of.isUserEvent('input.drop')));
         });
         this.#view = new EditorView({
             parent,

@@ -47,6 +47,8 @@ function setMaterial(next, nextRecipe = recipe) {
     timer = null;
     material = next;
     recipe = nextRecipe;
+    // A link that is shown is of the text before.
+    find('shared').hidden = true;
     editors.forEach((editor) => editor.destroy());
     const place = find('editors');
     place.className = material.files.length > 1 ? 'two' : 'one';
@@ -78,16 +80,20 @@ function setLanguage(language, files = kept[language]) {
 /** The files as they are in the editors. */
 const current = () => material.files.map(({ name }, i) => ({ name, text: editors[i].text }));
 
-function edited() {
+/** A text that was pasted is whole: it is read at once. */
+function edited(isWhole) {
     find('example').value = '';
     // A link that is shown is of the text before.
     find('shared').hidden = true;
     clearTimeout(timer);
-    timer = setTimeout(() => {
-        timer = null;
-        material = new Material({ ...material, files: current() });
-        refresh({ source: true });
-    }, PAUSE);
+    timer = setTimeout(
+        () => {
+            timer = null;
+            material = new Material({ ...material, files: current() });
+            refresh({ source: true });
+        },
+        isWhole ? 0 : PAUSE,
+    );
     showBusy();
 }
 
@@ -224,12 +230,20 @@ function showProblem(error) {
         say('Stopped.');
         return;
     }
+    const awaited = material.awaited(error);
+    if (awaited) {
+        box.replaceChildren(h('strong', {}, `The ${awaited} stage is awaited. `), 'Paste or open it as well.');
+        find('pass-list').replaceChildren(h('p', { class: 'hint' }, 'Passes are listed once both stages are there.'));
+        say(`The ${awaited} stage is awaited.`);
+        return;
+    }
     box.replaceChildren(
         h('strong', {}, error.code === 'empty' ? 'There is no shader yet. ' : 'The shader has an error. '),
         placeLink(error.place) ?? '',
         h('pre', { tabindex: '0', role: 'region', 'aria-label': 'The error' }, error.rendered ?? error.message),
         list(error.notes ?? []) ?? '',
         otherLanguage() ?? '',
+        ofThree(error) ?? '',
     );
     if (error.place) {
         const index = material.files.findIndex(({ name }) => name === error.place.file);
@@ -252,6 +266,32 @@ function otherLanguage() {
     };
     const button = h('button', { type: 'button', id: 'as-glsl', onclick: move }, 'Read it as GLSL');
     return h('p', {}, `This looks like a ${stage ? 'fragment' : 'vertex'} stage in GLSL. `, button);
+}
+
+/** The text of a `ShaderMaterial` is completed by a button, and of chunks it is said who has them. */
+function ofThree({ code: of, message }) {
+    if (material.language !== 'glsl' || of !== 'foreign' || !message.includes('three.js')) return null;
+    const whole = material.withThree;
+    if (whole) {
+        const button = h(
+            'button',
+            { type: 'button', id: 'as-three', onclick: () => setMaterial(whole) },
+            'Add three.js\u2019s declarations',
+        );
+        return h('p', {}, 'three.js declares attributes and matrices for a ShaderMaterial. ', button);
+    }
+    const guide = 'the guide to three.js';
+    return h(
+        'p',
+        {},
+        'three.js puts text before this one when it draws. ',
+        code('preshade.text(material)'),
+        ' of the package preshade-three gives the whole text to paste here: see ',
+        REPOSITORY
+            ? h('a', { href: `https://github.com/${REPOSITORY}/blob/HEAD/docs/guides/three-js.md` }, guide)
+            : guide,
+        '.',
+    );
 }
 
 /** Marks refusals at their lines: those of the chosen recipe as warnings, the others as remarks. */
@@ -277,22 +317,33 @@ function showMarks() {
     }
 }
 
+/** What a pass left as it is, and why. */
+const unchanged = ({ name, reason, location }) =>
+    h(
+        'span',
+        {},
+        code(name),
+        location ? [' (', placeLink(location), ')'] : '',
+        ' is unchanged. ',
+        marked(`${reason[0].toUpperCase()}${reason.slice(1)}.`),
+    );
+
 function refusalBox({ pass, code: of, reason, remedy, place }) {
     return h(
         'div',
         { class: 'refusal', 'data-code': of },
         h('p', {}, h('strong', {}, `${pass} does not apply`), ` (${of}): ${reason}. `, placeLink(place) ?? ''),
-        remedy ? h('p', {}, `To make it legal: ${remedy}.`) : '',
+        // The loops and other places that it names are listed below.
+        remedy && !remedy.startsWith('`preshade explain`') ? h('p', {}, `To make it legal: ${remedy}.`) : '',
     );
 }
 
 /** A note of the compiler, whose flags are the page's fields. */
-const remark = (text) =>
-    marked(
-        text
-            .replace(/^note: /, '')
-            .replace('(--state FILE or its flags say otherwise)', '(“Pipeline state and definitions” changes it)'),
-    );
+const plainly = (text) =>
+    text
+        .trim()
+        .replace(/^note: /, '')
+        .replace('(--state FILE or its flags say otherwise)', '(“Pipeline state and definitions” changes it)');
 
 function showResult() {
     const { variant, problem, failure, explained } = held;
@@ -314,8 +365,10 @@ function showResult() {
         const about = explained.passes.find(({ pass }) => pass === recipe.split(':')[0]);
         const changed = variant.recipe;
         const sites = about?.sites.map(({ what }) => what) ?? [];
+        // A recipe that names a pass twice repeats its refusals.
+        const refusals = [...new Map(variant.refusals.map((each) => [each.rendered, each])).values()];
         // Refusals, notes and sites are shown by themselves; the messages repeat them.
-        const shown = [...variant.refusals.map(({ rendered }) => rendered?.split('\n')[0]), ...variant.notes, ...sites];
+        const shown = [...refusals.map(({ rendered }) => rendered?.split('\n')[0]), ...variant.notes, ...sites];
         const isNews = (text) => !shown.some((part) => part && text.includes(part));
         place.replaceChildren(
             changed
@@ -332,13 +385,14 @@ function showResult() {
                       h('strong', { class: 'warn' }, 'Nothing was applied. '),
                       'The files are those of the original.',
                   ),
-            ...variant.refusals.map(refusalBox),
+            ...refusals.map(refusalBox),
             list(sites) ?? '',
+            list((about?.left ?? []).map(unchanged)) ?? '',
             about ? h('p', { class: 'hint' }, `It hurts ${about.hurts}. Source: ${about.source}.`) : '',
-            list([...variant.notes, ...variant.messages.filter(isNews)].map(remark)) ?? '',
+            list([...new Set([...variant.notes, ...variant.messages.filter(isNews)].map(plainly))].map(marked)) ?? '',
             ...variant.errors.map(({ code: of, message }) => h('div', { class: 'refusal' }, `${of}: ${message}`)),
         );
-        const refused = variant.refusals.map(({ pass, reason }) => `${pass} does not apply: ${reason}`);
+        const refused = refusals.map(({ pass, reason }) => `${pass} does not apply: ${reason}`);
         const files = `${counted(variant.files.length, 'file')} written.`;
         say([changed ? `${changed} applied. ${files}` : 'Nothing was applied.', ...refused].join(' '));
     }
@@ -378,18 +432,9 @@ async function showGraph(panel) {
     panel.replaceChildren(h('p', {}, about), ...graphs.draw(now.graph, goTo));
 }
 
-/** A word of a command. A link may have been written by anyone. */
-const quoted = (word) => (/^[\w.,:=+@/-]+$/.test(word) ? word : `'${word.replaceAll("'", "'\\''")}'`);
-
 function showFiles(panel) {
     const { variant } = held;
-    const names = material.files.map(({ name }) => quoted(name));
-    const steps = recipe
-        .split(/\s+/)
-        .filter(Boolean)
-        .map((step) => `--pass ${quoted(step)}`);
-    const flags = material.flags.map(quoted);
-    const command = ['npx preshade rewrite', ...names, ...steps, ...flags, '--emit wgsl,glsl-es -o out'].join(' ');
+    const command = material.command(recipe);
     panel.replaceChildren(
         h('p', {}, 'The same files, by the command line:'),
         h('pre', { tabindex: '0', role: 'region', 'aria-label': 'Command' }, command),

@@ -1,5 +1,7 @@
 // What the visitor works on: files, definitions and pipeline state, as the compiler takes them.
 
+import { withThree } from 'preshade/three-prefix';
+
 export const NAMES = { wgsl: ['material.wgsl'], glsl: ['material.vert', 'material.frag'] };
 
 const isFragment = (name) => /\.(frag|fs)(\.glsl)?$/i.test(name);
@@ -24,6 +26,9 @@ export const STATE = [
 ];
 
 const BOOLEAN = ['reversedZ', 'noDepthWrite'];
+
+/** A word of a command. A link may have been written by anyone. */
+const quoted = (word) => (/^[\w.,:=+@/-]+$/.test(word) ? word : `'${word.replaceAll("'", "'\\''")}'`);
 
 export class Material {
     constructor({ files, define = '', state = {} }) {
@@ -57,6 +62,31 @@ export class Material {
         const define = this.define.split(/[\s,]+/).filter(Boolean);
         if (define.length) options.define = define;
         return { files, options };
+    }
+
+    /** The stage that is still to be pasted where one of two is there, or `null`. */
+    awaited(error) {
+        if (error.code !== 'empty' || this.files.length !== 2) return null;
+        const [isVertex, isFragment] = this.files.map(({ text }) => text.trim() !== '');
+        return isVertex === isFragment ? null : isVertex ? 'fragment' : 'vertex';
+    }
+
+    /** Both stages with what three.js declares for them, or `null` where it needs no more, or more than that. */
+    get withThree() {
+        const [vertex, fragment] = this.files.map(({ text }) => text);
+        const whole = withThree({ vertex, fragment });
+        if (whole.vertex === vertex) return null;
+        const texts = [whole.vertex, whole.fragment];
+        return new Material({ ...this, files: this.files.map((file, i) => ({ ...file, text: texts[i] })) });
+    }
+
+    /** The command that writes the same files, for a POSIX shell. */
+    command(recipe) {
+        // A name is no option.
+        const names = this.files.map(({ name }) => (name.startsWith('-') ? `./${name}` : name));
+        const steps = recipe.split(/\s+/).filter(Boolean);
+        const words = [...names, ...steps.flatMap((step) => ['--pass', step]), ...this.flags];
+        return ['npx preshade rewrite', ...words.map(quoted), '--emit wgsl,glsl-es -o out'].join(' ');
     }
 
     /** The words of the command line that say the same. */

@@ -90,6 +90,12 @@ export function fileName(adapter, material, recipe) {
     return `${[adapter, material, recipe].map(plain).filter(Boolean).join('-').slice(0, 120)}.json`;
 }
 
+/** `owner/name` of a repository's address on GitHub, or empty. */
+export const onGitHub = (address) =>
+    /^(?:https:\/\/|ssh:\/\/git@|git@)(?:[^@/]*@)?github\.com[:/]([\w.-]+\/[\w.-]+?)(?:\.git)?\/?\s*$/.exec(
+        address,
+    )?.[1] ?? '';
+
 /** The address of a new issue, or `null` where the repository is not known. */
 export function issueAddress(repository, { adapter, material, recipe }) {
     if (!repository) return null;

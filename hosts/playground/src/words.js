@@ -1,7 +1,7 @@
 // plan.json in words.
 
 import assumptions from 'virtual:assumptions';
-import { code, counted, h, list } from './dom.js';
+import { code, counted, h, list, marked } from './dom.js';
 
 const PHASES = {
     depth: 'before every opaque pass of the frame',
@@ -140,6 +140,6 @@ export function words(plan) {
         steps.length ? h('h3', {}, 'Steps') : null,
         list(steps, 'ol'),
         plan.notes?.length ? h('h3', {}, 'Notes') : null,
-        list(plan.notes ?? []),
+        list([...new Set(plan.notes ?? [])].map(marked)),
     ].filter(Boolean);
 }

@@ -1,28 +1,22 @@
 // Both drawings on both interfaces: the pictures, the error, what is not drawn, times, and the file of a measurement.
 
 import assert from 'node:assert/strict';
-import { after, before, test } from 'node:test';
-import { fixture, launch, open, paste, settled } from './support.mjs';
+import { test } from 'node:test';
+import { fixture, launch, paste, settled, visitor } from './support.mjs';
 
-let held;
-const ends = [];
-before(async () => (held = await launch({ after: (end) => ends.push(end) })));
-after(async () => {
-    for (const end of ends) await end();
-});
+const held = launch();
 
-/** The panel that draws, for one test. Whatever the console complains of fails the test. */
+const visitPage = visitor(held);
+
+/** The panel that draws, for one test. */
 async function visit(context, options) {
-    const visited = await open(held, options);
-    context.after(async () => {
-        await visited.context.close();
-        assert.deepEqual(visited.errors, []);
-    });
-    await settled(visited.page, 'depth-prepass');
-    await visited.page.click('#tab-draw');
-    await visited.page.waitForSelector('#draw');
-    await visited.page.selectOption('#draw-size', '128');
-    return visited.page;
+    const page = await visitPage(context, options);
+    await settled(page, 'depth-prepass');
+    await page.click('#tab-draw');
+    await page.waitForSelector('#draw');
+    await page.selectOption('#draw-size', '128');
+    if (!options) await page.selectOption('#draw-api', 'webgpu');
+    return page;
 }
 
 const choose = async (page, recipe) => {

@@ -5,7 +5,7 @@ import assert from 'node:assert/strict';
 import { mkdirSync, readFileSync } from 'node:fs';
 import { createRequire } from 'node:module';
 import { join } from 'node:path';
-import { after, before, test } from 'node:test';
+import { test } from 'node:test';
 import { fixture, launch, open, paste, settled } from './support.mjs';
 
 const axe = readFileSync(createRequire(import.meta.url).resolve('axe-core/axe.min.js'), 'utf8');
@@ -19,15 +19,14 @@ const VIEWS = [
     { name: 'narrow-dark', colorScheme: 'dark', width: 360, height: 740 },
 ];
 
-let held;
-const ends = [];
-before(async () => (held = await launch({ after: (end) => ends.push(end) })));
-after(async () => {
-    for (const end of ends) await end();
-});
+const held = launch();
 
-/** What is wrong with the page as it is now. */
-async function look(page, { name, width }, state) {
+/** What is wrong with the page as it is now, in this view. */
+async function look(page, { name, colorScheme, width, height }, state) {
+    await page.emulateMedia({ colorScheme });
+    await page.setViewportSize({ width, height });
+    // Listeners of the media, and what they lay out.
+    await page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
     const found = await page.evaluate(async () => {
         const { violations } = await globalThis.axe.run(document, {
             runOnly: ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa', 'wcag22aa', 'best-practice'],
@@ -42,59 +41,59 @@ async function look(page, { name, width }, state) {
     return found.map((text) => `${name}, ${state}: ${text}`);
 }
 
-for (const view of VIEWS) {
-    test(`${view.name}: axe finds nothing, and nothing needs sideways scrolling`, async (context) => {
-        const { page, errors, context: browsing } = await open(held, { ...view, bypassCSP: true });
-        context.after(() => browsing.close());
-        await settled(page, 'depth-prepass');
-        await page.addScriptTag({ content: axe });
-        const found = [];
-        const state = async (name) => found.push(...(await look(page, view, name)));
-        await page.waitForSelector('#diff-words');
-        await state('changes');
-        await page.check('.pass input[value="early-alpha"]');
-        await settled(page, 'early-alpha');
-        await page.click('#settings summary');
-        await state('refused');
-        await page.check('.pass input[value="depth-prepass"]');
-        await settled(page, 'depth-prepass');
-        await page.click('#tab-plan');
-        await state('plan');
-        await page.click('#tab-graph');
-        await page.waitForSelector('svg.graph');
-        await page.click('#panel-graph summary');
-        await state('graph');
-        await page.click('#tab-files');
-        await page.locator('.written summary').first().click();
-        await state('files');
-        await page.click('#tab-draw');
-        await page.selectOption('#draw-size', '128');
-        await page.click('#draw');
-        await page.waitForSelector('#draw-verdict');
-        await page.click('#made-up summary');
-        await page.selectOption('#draw-seconds', '1');
-        await page.click('#time');
-        await page.waitForSelector('#times');
-        await state('drawn');
-        await page.check('.pass input[value="visibility-buffer:budget=0.02"]');
-        await settled(page, 'visibility-buffer');
-        await page.click('#draw');
-        await page.waitForSelector('#not-drawn');
-        await page.click('#share');
-        await page.waitForSelector('#link');
-        await state('not-drawn');
-        await paste(page, fixture('pages/leaf.wgsl').replace('exp(', 'exq('));
-        await settled(page);
-        await state('error');
-        await page.selectOption('#example', { label: 'GLSL: Phong' });
-        await settled(page, 'early-discard');
-        await page.click('#tab-changes');
-        await page.waitForSelector('#diff-words');
-        await state('glsl');
-        assert.deepEqual(found, []);
-        assert.deepEqual(errors, []);
-    });
-}
+test('in light, dark and narrow, axe finds nothing, and nothing needs sideways scrolling', async (context) => {
+    const { page, errors, context: browsing } = await open(held, { bypassCSP: true });
+    context.after(() => browsing.close());
+    await settled(page, 'depth-prepass');
+    await page.addScriptTag({ content: axe });
+    const found = [];
+    const state = async (name) => {
+        for (const view of VIEWS) found.push(...(await look(page, view, name)));
+    };
+    await page.waitForSelector('#diff-words');
+    await state('changes');
+    await page.check('.pass input[value="early-alpha"]');
+    await settled(page, 'early-alpha');
+    await page.click('#settings summary');
+    await state('refused');
+    await page.check('.pass input[value="depth-prepass"]');
+    await settled(page, 'depth-prepass');
+    await page.click('#tab-plan');
+    await state('plan');
+    await page.click('#tab-graph');
+    await page.waitForSelector('svg.graph');
+    await page.click('#panel-graph summary');
+    await state('graph');
+    await page.click('#tab-files');
+    await page.locator('.written summary').first().click();
+    await state('files');
+    await page.click('#tab-draw');
+    await page.selectOption('#draw-size', '128');
+    await page.click('#draw');
+    await page.waitForSelector('#draw-verdict');
+    await page.click('#made-up summary');
+    await page.selectOption('#draw-seconds', '1');
+    await page.click('#time');
+    await page.waitForSelector('#times');
+    await state('drawn');
+    await page.check('.pass input[value="visibility-buffer:budget=0.02"]');
+    await settled(page, 'visibility-buffer');
+    await page.click('#draw');
+    await page.waitForSelector('#not-drawn');
+    await page.click('#share');
+    await page.waitForSelector('#link');
+    await state('not-drawn');
+    await paste(page, fixture('pages/leaf.wgsl').replace('exp(', 'exq('));
+    await settled(page);
+    await state('error');
+    await page.selectOption('#example', { label: 'GLSL: Phong' });
+    await settled(page, 'early-discard');
+    await page.click('#tab-changes');
+    await page.waitForSelector('#diff-words');
+    await state('glsl');
+    assert.deepEqual(found, []);
+    assert.deepEqual(errors, []);
+});
 
 test('the keyboard reaches everything, in order, and the focus is seen', async (context) => {
     const { page, errors, context: browsing } = await open(held);

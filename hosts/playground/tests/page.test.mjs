@@ -2,26 +2,13 @@
 
 import assert from 'node:assert/strict';
 import { readFileSync } from 'node:fs';
-import { after, before, test } from 'node:test';
+import { test } from 'node:test';
 import { Instance } from '../../web/instance.js';
-import { fixture, launch, open, paste, settled } from './support.mjs';
+import { pack } from '../src/share.js';
+import { fixture, launch, paste, settled, visitor } from './support.mjs';
 
-let held;
-const ends = [];
-before(async () => (held = await launch({ after: (end) => ends.push(end) })));
-after(async () => {
-    for (const end of ends) await end();
-});
-
-/** A page for one test. Whatever its console complains of fails the test. */
-async function visit(context, options) {
-    const visited = await open(held, options);
-    context.after(async () => {
-        await visited.context.close();
-        assert.deepEqual(visited.errors, []);
-    });
-    return visited.page;
-}
+const held = launch();
+const visit = visitor(held);
 
 const text = (page, selector) => page.locator(selector).first().textContent();
 const choose = async (page, recipe) => {
@@ -138,6 +125,12 @@ test('a refusal stands at its line in the text, with its reason and remedy', asy
     assert.deepEqual(marked, ['discard;']);
     await page.waitForSelector('#editors .cm-lint-marker-warning');
     assert.match(await text(page, '#status'), /early-alpha does not apply: the discard already comes/);
+    // The same refusal twice is shown once.
+    await page.fill('#own-recipe', 'early-alpha early-alpha');
+    await page.press('#own-recipe', 'Enter');
+    await settled(page, 'early-alpha early-alpha');
+    assert.equal(await box.count(), 1);
+    assert.match(await text(page, '#status'), /^Nothing was applied\. early-alpha does not apply: [^.]*$/);
 });
 
 test('an error is shown at its line, and the page goes on when it is mended', async (context) => {
@@ -175,14 +168,19 @@ test('an empty shader is no error of the page', async (context) => {
     }
 });
 
+/** A megabyte: a leaf with helpers, each below a comment. */
+function megabyte(comment) {
+    let long = fixture('pages/leaf.wgsl');
+    for (let i = 0; long.length < 1_000_000; i++)
+        long += `${comment}fn helper_${i}(a: f32) -> f32 { return sin(a) * 2.0 + cos(a * 3.0) - 1.5; }\n`;
+    return long;
+}
+
 test('a shader of a megabyte is read', async (context) => {
     const page = await visit(context);
     await settled(page, 'depth-prepass');
-    let long = fixture('pages/leaf.wgsl');
-    for (let i = 0; long.length < 1_000_000; i++)
-        long += `fn helper_${i}(a: f32) -> f32 { return sin(a) * 2.0 + cos(a * 3.0) - 1.5; }\n`;
-    await paste(page, long);
-    await page.waitForSelector('#stop');
+    // Mostly comments: what the compiler makes of more functions is no matter of the page.
+    await paste(page, megabyte(`// ${'They sway in the wind. '.repeat(40)}\n`));
     await settled(page);
     assert.match(await text(page, '#verdict'), /^Applied/);
     assert.match(await text(page, '#diff-words'), /\d+ places? differs?/);
@@ -191,10 +189,7 @@ test('a shader of a megabyte is read', async (context) => {
 test('a call that takes long can be stopped', async (context) => {
     const page = await visit(context);
     await settled(page, 'depth-prepass');
-    let long = fixture('pages/leaf.wgsl');
-    for (let i = 0; long.length < 1_000_000; i++)
-        long += `fn helper_${i}(a: f32) -> f32 { return sin(a) * 2.0 + cos(a * 3.0) - 1.5; }\n`;
-    await paste(page, long);
+    await paste(page, megabyte(''));
     await page.click('#stop');
     await page.waitForSelector('#problem:not([hidden])');
     assert.match(await text(page, '#problem'), /Stopped/);
@@ -253,9 +248,70 @@ test('a look at the other language loses no text, and GLSL in the editor of WGSL
     assert.match(await text(page, '#problem'), /This looks like a fragment stage in GLSL/);
     await page.click('#as-glsl');
     await settled(page);
+    assert.equal(await text(page, '#problem'), 'The vertex stage is awaited. Paste or open it as well.');
+    assert.match(await text(page, '#status'), /^The vertex stage is awaited\./);
     await paste(page, fixture('glsl/cutout.vert'), 0);
     await settled(page);
     assert.match(await text(page, '#verdict'), /^Applied/);
+});
+
+test('the texts of a ShaderMaterial get three.js\u2019s declarations by a button, and chunks a hint', async (context) => {
+    const page = await visit(context);
+    await page.selectOption('#language', 'glsl');
+    await settled(page);
+    const main = 'vUv = uv; gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);';
+    const vertex = `varying vec2 vUv;\nvoid main() { ${main} }\n`;
+    const fragment = `uniform sampler2D map;
+varying vec2 vUv;
+void main() { gl_FragColor = texture2D(map, vUv); if (gl_FragColor.a < 0.5) discard; }
+`;
+    await paste(page, fragment, 1);
+    await settled(page);
+    await paste(page, `#include <common>\n${vertex}`, 0);
+    await settled(page);
+    assert.match(await text(page, '#problem'), /preshade\.text\(material\).*the guide to three\.js/s);
+    assert.equal(await page.locator('#as-three').count(), 0);
+    await paste(page, vertex, 0);
+    await settled(page);
+    await page.click('#as-three');
+    await settled(page, 'depth-prepass');
+    assert.match(await text(page, '#verdict'), /^Applied\. depth-prepass/);
+    for (const [i, own] of ['vUv = uv', 'texture2D(map, vUv)'].entries()) {
+        const shown = await page
+            .locator('#editors .cm-content')
+            .nth(i)
+            .evaluate((element) => element.innerText);
+        assert.ok(shown.startsWith('#version 300 es'), shown);
+        assert.ok(i > 0 || shown.includes('uniform mat4 modelViewMatrix;'), `${own} in ${shown}`);
+    }
+});
+
+test('a link with a million empty lines, which is no GLSL, is read like any other', async (context) => {
+    const page = await visit(context);
+    const files = [{ name: 'a.wgsl', text: `fn f() {${'\n'.repeat(1_000_000)}` }];
+    const fragment = await pack({ v: 1, files, recipe: '', state: {}, define: '' });
+    await page.evaluate((fragment) => (location.hash = fragment), fragment);
+    await page.waitForFunction(() => document.querySelector('.editor-title').textContent === 'a.wgsl');
+    await settled(page);
+    assert.match(await text(page, '#problem'), /The shader has an error/);
+});
+
+test('a loop that keeps its iterations is named, with its line and the reason', async (context) => {
+    const page = await visit(context);
+    await paste(page, fixture('shaders/hex-tiling.wgsl'));
+    await settled(page);
+    await choose(page, 'trim-loop');
+    assert.match(
+        await text(page, '#verdict'),
+        /trim-loop does not apply.*loop of fs_main \(leaf\.wgsl, line \d+\) is unchanged\. It reads lights by its counter/s,
+    );
+    assert.doesNotMatch(await text(page, '#verdict'), /preshade explain/);
+    // One that does not is told in the plan.
+    await paste(page, fixture('shaders/noise.wgsl'));
+    await settled(page);
+    await choose(page, 'trim-loop:budget=0.02');
+    await page.click('#tab-plan');
+    assert.match(await text(page, '#panel-plan'), /the loop of octaves in line 83 has 3 iterations instead of 4/);
 });
 
 test('an own recipe and the pipeline state count', async (context) => {
@@ -399,7 +455,6 @@ test('a damaged link is said, and a link that is followed in the page is read', 
     const page = await visit(context, { fragment: '#s=AAAA' });
     await settled(page, 'depth-prepass');
     assert.match(await text(page, '#shared'), /The link cannot be read/);
-    const { pack } = await import('../src/share.js');
     const files = [{ name: 'rock.wgsl', text: fixture('pages/rock.wgsl') }];
     const fragment = await pack({ v: 1, files, recipe: 'hoist', state: {}, define: '' });
     await page.evaluate((fragment) => (location.hash = fragment), fragment);

@@ -1,12 +1,14 @@
 // Parts of the page that need no browser.
 
 import assert from 'node:assert/strict';
+import { execFileSync } from 'node:child_process';
 import { test } from 'node:test';
 import { compare, difference, isBlank, verdict } from '../src/draw/compare.js';
 import { flip, map } from '../src/draw/flip.js';
 import { meaning, normalise } from '../src/draw/names.js';
 import { estimate, time, told } from '../src/draw/timing.js';
-import { issueAddress } from '../src/report.js';
+import { Material } from '../src/material.js';
+import { issueAddress, onGitHub } from '../src/report.js';
 import { pack, unpack } from '../src/share.js';
 
 const picture = (texels, depth) => ({
@@ -201,4 +203,32 @@ test('an issue is opened in the repository, if it is known', () => {
     assert.equal(address.searchParams.get('title'), 'Measurement: depth-prepass of leaf on Acme 9000');
     assert.match(address.searchParams.get('body'), /```json/);
     assert.equal(issueAddress('', what), null);
+    // Of a clone, its origin.
+    for (const origin of [
+        'https://github.com/owner/na.me.git\n',
+        'git@github.com:owner/na.me',
+        'https://t@github.com/owner/na.me/',
+    ])
+        assert.equal(onGitHub(origin), 'owner/na.me', origin);
+    for (const origin of ['https://example.com/github.com/owner/name', 'https://notgithub.com/owner/name', '/srv/name'])
+        assert.equal(onGitHub(origin), '', origin);
+});
+
+test('a shell reads the command as it is meant, whatever a link has in it', () => {
+    const names = ["it's $(id).vert", '-o;`id`.frag'];
+    const material = new Material({
+        files: names.map((name) => ({ name, text: '' })),
+        define: 'A=$HOME B=2',
+        state: { cull: 'none', reversedZ: 'reversed', samples: '4' },
+    });
+    const command = material.command('hoist:budget=0.02 x;id>out "y');
+    const shell = 'npx() { printf "%s\\n" "$@"; }';
+    const read = execFileSync('sh', ['-c', `${shell}; ${command}`], { encoding: 'utf8' });
+    assert.deepEqual(read.trimEnd().split('\n'), [
+        ...['preshade', 'rewrite', names[0], `./${names[1]}`],
+        ...['--pass', 'hoist:budget=0.02', '--pass', 'x;id>out', '--pass', '"y'],
+        ...['--cull', 'none', '--samples', '4', '--reversed-z', '--define', 'A=$HOME', '--define', 'B=2'],
+        ...['--emit', 'wgsl,glsl-es', '-o', 'out'],
+    ]);
+    assert.match(new Material({ files: [{ name: 'lit.wgsl', text: '' }] }).command('hoist'), /lit\.wgsl --pass hoist /);
 });

@@ -1,10 +1,13 @@
 // The built site below a path of a server, in Chromium that draws WebGPU and WebGL in software.
 
+import assert from 'node:assert/strict';
 import { existsSync, readFileSync } from 'node:fs';
 import { createServer } from 'node:http';
 import { extname, join, normalize } from 'node:path';
+import { after, before } from 'node:test';
 import { fileURLToPath } from 'node:url';
 import { chromium } from 'playwright-core';
+import { PLACES, WEBGL, WEBGPU } from '../../../scripts/chromium.mjs';
 
 export const SITE = fileURLToPath(new URL('../dist/', import.meta.url));
 export const FIXTURES = fileURLToPath(new URL('../../../fixtures/', import.meta.url));
@@ -12,7 +15,6 @@ if (!existsSync(join(SITE, 'index.html'))) throw new Error('the site is not buil
 
 /** The site is no root of the server: it has to work from any path. */
 const BELOW = '/some/where/';
-const PLACES = ['/usr/bin/chromium', '/usr/bin/chromium-browser', '/usr/bin/google-chrome'];
 const TYPES = {
     '.html': 'text/html',
     '.js': 'text/javascript',
@@ -20,17 +22,7 @@ const TYPES = {
     '.svg': 'image/svg+xml',
     '.wasm': 'application/wasm',
 };
-const ARGUMENTS = [
-    '--no-sandbox',
-    '--disable-dev-shm-usage',
-    '--use-angle=swiftshader',
-    '--enable-unsafe-swiftshader',
-    '--enable-unsafe-webgpu',
-    '--use-webgpu-adapter=swiftshader',
-    '--enable-features=Vulkan',
-    '--use-vulkan=swiftshader',
-    '--disable-vulkan-surface',
-];
+const ARGUMENTS = [...WEBGL, ...WEBGPU];
 
 export const fixture = (path) => readFileSync(join(FIXTURES, path), 'utf8');
 
@@ -49,18 +41,25 @@ function serve() {
     );
 }
 
-/** A server and a browser for the tests of one file. */
-export async function launch({ after }) {
+/** A server and a browser for the tests of one file. The object is filled before the first test. */
+export function launch() {
+    const held = {};
+    before(async () => Object.assign(held, await start()));
+    after(async () => held.end?.());
+    return held;
+}
+
+async function start() {
     const executablePath = process.env.CHROMIUM ?? PLACES.find(existsSync);
     if (!executablePath) throw new Error('no Chromium: scripts/setup.sh three installs it, or name one by CHROMIUM');
     const { server, address } = await serve();
     const browser = await chromium.launch({ executablePath, args: ARGUMENTS, timeout: 120_000 });
-    after(async () => {
+    const end = async () => {
         await browser.close();
         server.closeAllConnections();
         server.close();
-    });
-    return { browser, address };
+    };
+    return { browser, address, end };
 }
 
 /** An open page that has read its first shader, and all that its console complains of. */
@@ -84,6 +83,36 @@ export async function open({ browser, address }, { fragment = '', width = 1280, 
     await page.goto(address + fragment);
     await page.waitForSelector('html[data-ready]');
     return { page, errors, context };
+}
+
+/**
+ * `visit(context, options)` is a page for one test. Whatever its console complains of fails the test. Tests that
+ * name no options share a page, because a new one takes a second to load and to warm up: it is brought back to the
+ * first example.
+ */
+export function visitor(held) {
+    let shared = null;
+    return async (context, options) => {
+        const visited = (!options && shared) || (await open(held, options));
+        if (visited === shared) await restart(visited.page);
+        shared = options ? shared : null;
+        context.after(async () => {
+            const errors = visited.errors.splice(0);
+            if (options || !context.passed || errors.length) await visited.context.close();
+            else shared = visited;
+            assert.deepEqual(errors, []);
+        });
+        return visited.page;
+    };
+}
+
+/** Shows what a first visit shows, by the page's own means. */
+async function restart(page) {
+    await page.selectOption('#example', '0');
+    await page.click('#tab-changes');
+    await page.$eval('#settings', (settings) => (settings.open = false));
+    await settled(page, 'depth-prepass');
+    await page.selectOption('#diff-file', { index: 0 });
 }
 
 /** Waits until what is shown is of the current text, and of the recipe. */

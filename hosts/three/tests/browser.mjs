@@ -1,24 +1,10 @@
 // Chromium, headless, drawing WebGL and WebGPU in software.
 
-import { existsSync } from 'node:fs';
 import { chromium } from 'playwright-core';
-
-const PLACES = ['/usr/bin/chromium', '/usr/bin/chromium-browser', '/usr/bin/google-chrome'];
-const WEBGL = ['--no-sandbox', '--disable-dev-shm-usage', '--use-angle=swiftshader', '--enable-unsafe-swiftshader'];
-const WEBGPU = [
-    '--enable-unsafe-webgpu',
-    '--use-webgpu-adapter=swiftshader',
-    '--enable-features=Vulkan',
-    '--use-vulkan=swiftshader',
-    '--disable-vulkan-surface',
-];
+import { launch as start } from '../../../scripts/chromium.mjs';
 
 /** A browser; `webgpu`: with WebGPU. `args`: more of Chromium's flags. */
-export function launch({ webgpu = false, args = [] } = {}) {
-    const executablePath = process.env.CHROMIUM ?? PLACES.find(existsSync);
-    if (!executablePath) throw new Error('no Chromium: scripts/setup.sh three installs it, or name one by CHROMIUM');
-    return chromium.launch({ executablePath, args: [...WEBGL, ...(webgpu ? WEBGPU : []), ...args], timeout: 120_000 });
-}
+export const launch = (options) => start(chromium, options);
 
 /** Messages of the browser, and not of a page. */
 const NOISE = /GPU stall|Automatic fallback to software WebGL|powerPreference/;

@@ -16,6 +16,7 @@ const expected = {
     },
     'a compiler that cannot be loaded': (found) =>
         assert.deepEqual(found, { state: 'failed', code: 'worker', differ: 0 }),
+    'a page without preshade-full.wasm': (found) => assert.deepEqual(found, { state: 'done', code: null, differ: 0 }),
     disposal({ drawn, withShadows, afterMaterial, rows, swept, isOwn, end, start, textures, workers }) {
         assert.ok(withShadows > drawn);
         assert.ok(afterMaterial < withShadows);
@@ -25,6 +26,24 @@ const expected = {
         assert.ok(end <= start.programs);
         assert.ok(textures[1] <= textures[0]);
         assert.equal(workers.made, workers.ended);
+    },
+    'a part that was disposed of': (found) =>
+        assert.deepEqual(found, { before: 'done', rows: 0, isAnother: true, differ: 0, states: ['done'] }),
+    'a text of ours that the driver refuses'({ isSettled, rows, differ, picture }) {
+        assert.deepEqual([isSettled, differ, picture], [true, 0, 0]);
+        assert.deepEqual(rows.map(({ pass }) => pass).sort(), ['prepass', 'prepass', 'shadow']);
+        for (const { pass, state, code, reason, rendered, failures } of rows) {
+            assert.deepEqual([state, code], ['failed', 'link']);
+            assert.match(reason, /^preshade wrote a text that this driver refuses: 'missing' .*report it/);
+            assert.match(rendered, /^vertex shader, line (\d+): 'missing'[^]*\n> +\1 \| void nonsense\(\)/);
+            assert.match(rendered, /^fragment shader, line \d+: 'missing'/m);
+            assert.equal(failures.length, pass === 'prepass' ? 2 : 0, 'the other form was tried');
+        }
+    },
+    'a material and a camera that leave the scene'({ settled, listeners: [during, after], state }) {
+        assert.deepEqual(settled, [true, false, true]);
+        assert.equal(after, during - 1, 'the material is still known');
+        assert.ok(['done', 'off'].includes(state), state);
     },
     'a context that is lost and restored': (found) =>
         assert.deepEqual(found, { before: 0, after: 0, states: ['done'] }),

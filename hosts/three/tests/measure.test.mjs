@@ -2,7 +2,7 @@
 
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
-import { Choice, Load, Trial, interval, rankOf } from '../webgl/measure.js';
+import { Choice, Load, Trial, interval, rankOf } from '../measure.js';
 
 /** Numbers from 0 to 1 that are the same in each run (mulberry32). */
 function random(seed) {
@@ -146,7 +146,7 @@ test('many candidates are measured together', () => {
     assert.equal(choice.frame().on.size, 40);
 });
 
-test('what was kept is not measured; what comes later is, beside it', () => {
+test('what is remembered is not measured; what comes later is, beside it', () => {
     const choice = new Choice();
     choice.add('old', { on: true, ratio: 0.8, low: 0.7, high: 0.9, frames: 32 });
     assert.ok(!choice.isMeasuring);
@@ -167,6 +167,82 @@ test('measured again, the choice turns; until then it stays', () => {
     drive(choice, (on) => (on.has('m') ? 12 : 10), ['m']);
     assert.ok(!choice.found('m').on);
     assert.equal(choice.frame().on.size, 0);
+});
+
+/** A page at 60 frames a second, whose times come two frames later. `run(seconds, cost)` draws; it gives back in which seconds frames were timed. */
+function page(choice) {
+    let frame = 0;
+    const late = [];
+    const run = (seconds, cost) => {
+        const timed = new Set();
+        for (const end = frame + 60 * seconds; frame < end; frame++) {
+            const { on, ticket } = choice.frame((1000 * frame) / 60);
+            if (ticket) timed.add(Math.floor(frame / 60));
+            if (ticket) late.push([ticket, cost(on)]);
+            if (late.length > 2 || (late.length && !ticket)) choice.time(...late.shift());
+        }
+        return [...timed];
+    };
+    return { run };
+}
+
+test('what is on is looked at again, each time after twice as long', () => {
+    const choice = new Choice();
+    for (const name of ['a', 'b', 'off']) choice.add(name);
+    const { run } = page(choice);
+    const cost = (on) => 10 - (on.has('a') ? 2 : 0) - (on.has('b') ? 1 : 0) + (on.has('off') ? 1 : 0);
+    run(5, cost);
+    const found = ['a', 'b', 'off'].map((name) => choice.found(name));
+    assert.deepEqual(
+        found.map(({ on }) => on),
+        [true, true, false],
+    );
+    // Measured for 2 s, then looks of less than a second each.
+    const timed = run(200, cost);
+    const begins = timed.filter((second) => !timed.includes(second - 1));
+    assert.equal(begins.length, 4, begins.join());
+    const pauses = begins.slice(1).map((second, i) => second - begins[i]);
+    [20, 40, 80].forEach((pause, i) => assert.ok(Math.abs(pauses[i] - pause) <= 2, pauses.join()));
+    assert.ok(!choice.isMeasuring);
+    found.forEach((each, i) => assert.equal(choice.found(['a', 'b', 'off'][i]), each, 'what was found stays'));
+    // Up to ten minutes.
+    run(3600, cost);
+    const late = run(1300, cost);
+    assert.equal(late.filter((second) => !late.includes(second - 1)).length, 2);
+});
+
+test('what no longer pays is found in a look, and measured anew', () => {
+    const choice = new Choice();
+    for (const name of ['a', 'b']) choice.add(name);
+    const { run } = page(choice);
+    run(5, (on) => 10 - on.size);
+    assert.equal(choice.frame(5000).on.size, 2);
+    // The page does something else by now: the one costs more than the other gains.
+    run(20, (on) => 10 - (on.has('a') ? 1 : 0) + (on.has('b') ? 2 : 0));
+    assert.deepEqual([choice.found('a').on, choice.found('b').on, choice.isMeasuring], [true, false, false]);
+    // Nothing is left to look at.
+    run(60, (on) => 10 + on.size);
+    assert.deepEqual([choice.found('a').on, run(2000, (on) => 10 + on.size).length], [false, 0]);
+});
+
+test('a look of which nothing is known changes nothing, and so does one that is broken off', () => {
+    const choice = new Choice({ again: 5 });
+    for (const name of ['a', 'b']) choice.add(name);
+    const { run } = page(choice);
+    run(5, (on) => 10 - on.size);
+    run(30, () => null);
+    assert.ok(choice.found('a').on && choice.found('b').on && !choice.isMeasuring);
+    while (!choice.isTiming) run(1 / 60, () => 10);
+    assert.ok(!choice.isMeasuring);
+    choice.remove('a');
+    assert.ok(!choice.isTiming && !choice.isMeasuring && choice.found('b').on);
+    assert.deepEqual([...choice.frame().on], ['b']);
+    const never = new Choice({ again: Infinity });
+    never.add('a', { on: true });
+    assert.deepEqual(
+        page(never).run(2000, () => 10),
+        [],
+    );
 });
 
 test('a material that goes away during its trial', () => {

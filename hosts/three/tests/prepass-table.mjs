@@ -23,7 +23,7 @@ for (const [renderer, args] of Object.entries(RENDERERS)) {
         const { page } = await open(browser, `${address}/page/measured?scene=${scene}`);
         await page.evaluate(() => choose());
         const perPixel = await page.evaluate(() => counted());
-        const [{ measured, on }] = await page.evaluate(() => report());
+        const [{ measured, state }] = await page.evaluate(() => report());
         const clock = await page.evaluate((blocks) => table(blocks, true), BLOCKS);
         const cells = [
             renderer,
@@ -33,7 +33,7 @@ for (const [renderer, args] of Object.entries(RENDERERS)) {
             `${clock.with.toFixed(1)} ms`,
             range(clock),
             range(measured),
-            on ? 'on' : 'off',
+            state === 'done' ? 'on' : 'off',
         ];
         console.log(`| ${cells.join(' | ')} |`);
         await page.close();

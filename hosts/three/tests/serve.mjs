@@ -4,6 +4,8 @@ import { createServer } from 'node:http';
 import { readFile } from 'node:fs/promises';
 import { extname, join, normalize } from 'node:path';
 import { fileURLToPath } from 'node:url';
+// The module may have been built, or put there, a moment ago.
+import '../../web/version.mjs';
 
 export const PACKAGE = fileURLToPath(new URL('..', import.meta.url));
 const HOSTS = join(PACKAGE, '..');
@@ -16,14 +18,20 @@ const TYPES = {
     '.wasm': 'application/wasm',
 };
 
-/** What pages may import. `#start` is preshade's own. */
+/** What pages import of three.js. `folder`: of node_modules, where a version of it is. */
+export const threeOf = (folder) => ({
+    three: `/three/node_modules/${folder}/build/three.module.js`,
+    'three/webgpu': `/three/node_modules/${folder}/build/three.webgpu.js`,
+    'three/tsl': `/three/node_modules/${folder}/build/three.tsl.js`,
+    'three/addons/': `/three/node_modules/${folder}/examples/jsm/`,
+    'three/examples/jsm/': `/three/node_modules/${folder}/examples/jsm/`,
+});
+
+/** What pages may import. `THREE` names the folder of another version, as `three-oldest`. `#start` is preshade's own. */
 const IMPORTS = {
-    three: '/three/node_modules/three/build/three.module.js',
-    'three/webgpu': '/three/node_modules/three/build/three.webgpu.js',
-    'three/tsl': '/three/node_modules/three/build/three.tsl.js',
-    'three/addons/': '/three/node_modules/three/examples/jsm/',
-    'three/examples/jsm/': '/three/node_modules/three/examples/jsm/',
+    ...threeOf(process.env.THREE ?? 'three'),
     preshade: '/web/index.js',
+    'preshade/version': '/web/version.js',
     '#start': '/web/start-browser.js',
     'preshade-three': '/three/index.js',
     'preshade-three/fiber': '/three/fiber.js',
@@ -37,8 +45,8 @@ const page = (
 <script type="importmap">${JSON.stringify({ imports: { ...IMPORTS, ...imports } })}</script>
 <script type="module" src="${script}"></script>`;
 
-/** Resolves to the server and its address. `ADDRESS/page/NAME` is the page of tests/pages/NAME.js. `imports` are added to the import map. */
-export async function serve({ port = 0, imports = {} } = {}) {
+/** Resolves to the server and its address. `ADDRESS/page/NAME` is the page of tests/pages/NAME.js. `imports` are added to the import map. `root`: the folder of all else. */
+export async function serve({ port = 0, imports = {}, root = HOSTS } = {}) {
     const server = createServer(async (request, response) => {
         const path = normalize(decodeURIComponent(new URL(request.url, 'http://localhost').pathname));
         const headers = { 'cache-control': 'no-store' };
@@ -49,8 +57,9 @@ export async function serve({ port = 0, imports = {} } = {}) {
             return;
         }
         try {
-            const body = await readFile(join(HOSTS, path));
-            const type = TYPES[extname(path)] ?? 'application/octet-stream';
+            const file = join(root, path.endsWith('/') ? `${path}index.html` : path);
+            const body = await readFile(file);
+            const type = TYPES[extname(file)] ?? 'application/octet-stream';
             response.writeHead(200, { ...headers, 'content-type': type }).end(body);
         } catch {
             response.writeHead(404).end('not found');

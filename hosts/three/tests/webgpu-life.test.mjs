@@ -80,6 +80,27 @@ test('two of one renderer', async () => {
     assert.deepEqual(found.after, []);
 });
 
+test('parts are disposed of one by one', async () => {
+    const { found, errors } = await called('parts');
+    for (const [name, { second, before, after, isOther, again }] of Object.entries(found)) {
+        if (name === 'prepass') assert.match(second, /dispose of them/);
+        else assert.equal(second, 'the same', name);
+        assert.ok(before.includes('done'), `${name}: ${before}`);
+        assert.deepEqual(after, [], name);
+        assert.ok(isOther, name);
+        assert.ok(again > 0, name);
+    }
+    assert.deepEqual(errors, []);
+});
+
+test('settled waits for all that a picture asked for', async () => {
+    const { found, errors } = await called('settledAfterOne');
+    assert.equal(found.first, false);
+    assert.deepEqual(found.settled, ['shadow done', 'prepass pending', 'velocity done']);
+    assert.deepEqual(found.then, ['shadow done', 'prepass done', 'velocity done']);
+    assert.deepEqual(errors, []);
+});
+
 test('200 casters', async (context) => {
     const { found, errors } = await called('cost', 200);
     for (const [name, { median, longest }] of Object.entries(found))

@@ -23,8 +23,13 @@ async function called(name, options) {
 }
 
 test('the scene pass of a RenderPipeline keeps its picture', async () => {
-    const { differ } = await called('scenePass', { material: 'opacityNode, alphaTest' });
+    const { differ, texts } = await called('scenePass', { material: 'opacityNode, alphaTest' });
     assert.equal(differ, 0);
+    // What three.js made of the material, before and after a frame.
+    assert.equal(texts[0], null);
+    assert.deepEqual(texts[1], texts[2]);
+    assert.match(texts[1].vertex, /@vertex/);
+    assert.match(texts[1].fragment, /@fragment[^]*discard/);
 });
 
 test('temporal anti-aliasing of displaced geometry that stands still', async (context) => {

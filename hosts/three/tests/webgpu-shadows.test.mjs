@@ -41,7 +41,7 @@ async function compared(context, query, cases) {
         context.diagnostic(`${name}: ${found.drawn} depths, three.js ${found.three} wrong, preshade ${found.ours}`);
         assert.equal(found.ours, 0, name);
         const states = found.rows.map(({ state }) => state);
-        if (SAME.includes(options.material)) {
+        if (SAME.includes(options.material) && !options.change) {
             assert.equal(found.three, 0, name);
             assert.deepEqual(states, ['same'], name);
         } else {
@@ -79,6 +79,16 @@ test('instanced, batched, skinned and morphed objects', async (context) => {
         '',
         objects.map((object) => ({ material, object })),
     );
+});
+
+test('what changes while it is drawn', async (context) => {
+    await compared(context, '', [
+        { material: 'map, alphaTest', change: 'opacity' },
+        { material: 'map, alphaTest', change: 'opacity', update: 'on demand' },
+        { material: 'opacityNode, alphaTest', change: 'alphaTest', update: 'on demand' },
+        { material: 'map, alphaTest', change: 'alpha of a batch', object: 'batched' },
+        { material: 'MeshStandardMaterial: map, alphaTest', change: 'opacity' },
+    ]);
 });
 
 test('spot and point lights, clipping planes, maps drawn on demand', async (context) => {

@@ -16,9 +16,11 @@ async function compared(context, cases, isRight = true) {
     const { page, errors } = await open(browser, `${served.address}/page/webgpu/velocity`);
     for (const options of cases) {
         const name = Object.values(options).join(' ');
-        const { covered, three, ours, rows } = await page.evaluate((options) => globalThis.compare(options), options);
+        const found = await page.evaluate((options) => globalThis.compare(options), options);
+        const { covered, three, ours, rows, left } = found;
         const states = rows.map(({ state, reason }) => `${state} ${reason ?? ''}`).join('; ');
         context.diagnostic(`${name}: ${covered} pixels, three.js ${three} wrong, preshade ${ours} wrong, ${states}`);
+        assert.deepEqual(left, [options.transparent ? undefined : 'transparent', 'object'], name);
         assert.equal(ours, 0, name);
         assert.ok(covered > 500, name);
         if (isRight)
@@ -51,5 +53,23 @@ test('objects, cameras, vertices, instances, bones and morphs that move', async 
         { motion: 'instance', object: 'instanced', material: 'map, alphaTest' },
         { motion: 'bone', object: 'skinned' },
         { motion: 'morph', object: 'morphed' },
+    ]);
+});
+
+test('a frame that is drawn several times', async (context) => {
+    await compared(context, [
+        { motion: 'object', again: 2 },
+        { motion: 'camera', material: 'positionNode', again: 2 },
+        { motion: 'shift', material: 'vertexNode', again: 3 },
+        { motion: 'instance', object: 'instanced', again: 2 },
+    ]);
+});
+
+test('units, and transparent objects', async (context) => {
+    await compared(context, [
+        { motion: 'up' },
+        { motion: 'up', units: 'picture' },
+        { motion: 'object', units: 'picture', material: 'positionNode' },
+        { motion: 'object', material: 'transparent', transparent: true },
     ]);
 });

@@ -76,6 +76,12 @@ class Both {
         this.length = data.length;
     }
 
+    /** Whether the values are others than those of the last frame. */
+    differs(data) {
+        const all = this.texture.image.data;
+        return data.subarray(0, this.#half).some((value, i) => value !== all[i]);
+    }
+
     /** The values of frame `number`; a second call in a frame changes nothing. */
     update(data, version, number) {
         if (this.#at === number) return;
@@ -93,6 +99,22 @@ class Both {
     }
 }
 
+/** What moves an object's vertices: the name in the program, the texture or attribute, and its values as an image. */
+function held(object) {
+    const found = [];
+    for (const [name, of] of Object.entries(TEXTURES)) {
+        const holder = of(object);
+        if (!holder) continue;
+        const { data, width, height } = holder.image;
+        found.push({ name, holder, image: { data, width, height, format: holder.format } });
+    }
+    if (object.isInstancedMesh) {
+        const { array: data, count } = object.instanceMatrix;
+        found.push({ name: INSTANCES, holder: object.instanceMatrix, image: { data, ...sized(count) } });
+    }
+    return found;
+}
+
 /** The textures of all objects. */
 export class Boths {
     /** By what holds the values: a texture or an attribute. */
@@ -101,27 +123,18 @@ export class Boths {
     /** Uniforms by name for an object that is drawn in frame `number`. */
     uniforms(object, number) {
         const uniforms = {};
-        const add = (name, holder, image, version) => {
-            const { texture, rows } = this.#of(holder, image, version, number);
+        for (const { name, holder, image } of held(object)) {
+            const { texture, rows } = this.#of(holder, image, holder.version, number);
             uniforms[`${name}_both`] = texture;
             uniforms[`${name}_row`] = 0;
             uniforms[`${name}_row_previous`] = rows;
-        };
-        for (const [name, of] of Object.entries(TEXTURES)) {
-            const texture = of(object);
-            if (texture)
-                add(
-                    name,
-                    texture,
-                    { ...texture.image, width: texture.image.width, format: texture.format },
-                    texture.version,
-                );
-        }
-        if (object.isInstancedMesh) {
-            const { array, version, count } = object.instanceMatrix;
-            add(INSTANCES, object.instanceMatrix, { data: array, ...sized(count) }, version);
         }
         return uniforms;
+    }
+
+    /** Whether an object has other values than it had when it was drawn last. */
+    haveMoved(object) {
+        return held(object).some(({ holder, image }) => this.#all.get(holder)?.differs(image.data));
     }
 
     #of(holder, image, version, number) {

@@ -1,7 +1,8 @@
 // Derived materials of one pass: asks for variants, has three.js link their programs ahead of the first draw, shares and releases them.
 
+import { row } from '../rows.js';
 import { named } from '../variants.js';
-import { derived, refresh } from './derived.js';
+import { derived, driverError, refresh } from './derived.js';
 import { kind } from './programs.js';
 
 /** Milliseconds of a frame that may go into new materials. The others wait for the next frame. */
@@ -30,6 +31,11 @@ export class Derivations {
     #spent = 0;
     #timer;
     #disposed = false;
+    /**
+     * What the last `pick` lacked. `variant`: `ready` tells when it is there. `question`: ask again in the next frame. `program`: the same, if three.js then draws the material,
+     * which has changed. Null: nothing.
+     */
+    lacks = null;
     /** `(author)`, when a material can be drawn that could not before. */
     ready = new Set();
 
@@ -50,6 +56,7 @@ export class Derivations {
         of.used = this.#frame;
         const which = kind(object);
         const { source, uniforms, version } = this.#host.programs.last(which, author) ?? NEVER;
+        this.lacks = 'question';
         if (!source) {
             const compile = () => this.#host.programs.compile(object, author, scene, camera);
             this.#want(of, `${mode} ${which}`, compile);
@@ -59,6 +66,8 @@ export class Derivations {
         let slots = of.slots.get(source);
         if (!slots) of.slots.set(source, (slots = new Map()));
         const slot = slots.get(mode) ?? this.#start(of, source, slots, mode, extra);
+        if (slot && version !== author.version) this.lacks = 'program';
+        else if (slot) this.lacks = slot.state === 'pending' ? 'variant' : null;
         // The usual case: the same as in the last frame.
         if (slot?.material && slot.which === which && slot.version === version)
             return this.#refreshed(of, slot.material);
@@ -85,27 +94,16 @@ export class Derivations {
     rows() {
         const rows = [];
         for (const { author, now, last, waits } of this.#authors.values()) {
-            const row = { pass: this.#pass, material: author.name || author.type, uuid: author.uuid };
-            if (waits.size && !now.size) {
-                const reason = 'three.js has not made its program yet';
-                rows.push({ ...row, mode: null, state: 'waiting', reason, remedy: null, code: null, ms: 0 });
-            }
+            if (waits.size && !now.size)
+                rows.push(row(this.#pass, author, { state: 'waiting', reason: 'not drawn yet' }));
             const slots = [...now].map(([at, slot]) => {
                 const before = last.get(at);
                 return slot.state === 'pending' && before?.version === author.version ? before.slot : slot;
             });
-            for (const slot of new Set(slots)) {
-                rows.push({
-                    ...row,
-                    mode: slot.mode,
-                    state: slot.state,
-                    reason: slot.reason,
-                    remedy: slot.remedy ?? null,
-                    code: slot.code,
-                    ms: slot.ms,
-                    ...slot.row,
-                });
-            }
+            for (const { extra, row: own, mode, state, reason, remedy, code, ms } of new Set(slots))
+                rows.push(
+                    row(this.#pass, author, { mode: extra?.mode ?? mode, state, reason, remedy, code, ms, ...own }),
+                );
         }
         return rows;
     }
@@ -230,7 +228,9 @@ export class Derivations {
                 continue;
             }
             Object.assign(slot, { reason: null, remedy: null, code: null });
-            await this.#link(of, slot, entry.variant, step).catch((error) => fail(slot, 'link', error.message));
+            await this.#link(of, slot, entry.variant, step).catch(({ message }) =>
+                fail(slot, { code: 'link', reason: message }),
+            );
             return;
         }
         slot.state = slot.left ?? 'refused';
@@ -243,8 +243,8 @@ export class Derivations {
         const key = named(`${slot.mode}\0${made.vertex}\0${made.fragment}`);
         const shared = of.shared.get(key);
         if (shared) {
-            const log = await shared.linked;
-            if (log) fail(slot, 'link', log);
+            const error = await shared.linked;
+            if (error) fail(slot, error);
             else this.#done(of, slot, shared.material);
             return;
         }
@@ -253,18 +253,18 @@ export class Derivations {
         material.preshade = made;
         const share = { material, linked: this.#linked(of, material), isLinked: false };
         of.shared.set(key, share);
-        const log = await share.linked;
+        const error = await share.linked;
         share.isLinked = true;
         if (this.#authors.get(of.author) !== of) {
             this.#free(material);
-        } else if (log) {
+        } else if (error) {
             of.shared.delete(key);
             this.#free(material);
-            fail(slot, 'link', log);
+            fail(slot, error);
         } else this.#done(of, slot, material);
     }
 
-    /** Resolves when a draw with the material would not wait for its program, to the driver's message if that cannot be. */
+    /** Resolves when a draw with the material would not wait for its program, to what the driver has against it if that cannot be. */
     async #linked(of, material) {
         const { renderer, programs } = this.#host;
         await new Promise((resolve) => this.#queue.push(resolve) && this.#soon());
@@ -276,7 +276,8 @@ export class Derivations {
         while (program() && !program().isReady()) await new Promise((resolve) => setTimeout(resolve, 4));
         const { program: made } = program() ?? {};
         if (!made || gl.isContextLost()) return null;
-        if (!gl.getProgramParameter(made, gl.LINK_STATUS)) return gl.getProgramInfoLog(made) || 'it does not link';
+        const error = driverError(renderer, material);
+        if (error) return error;
         // Asks the driver for uniforms and attributes, which the first draw would do; it need not ask for messages again.
         const { checkShaderErrors } = renderer.debug;
         renderer.debug.checkShaderErrors = false;
@@ -336,6 +337,6 @@ export class Derivations {
     }
 }
 
-function fail(slot, code, reason) {
-    Object.assign(slot, { state: 'failed', code, reason });
+function fail(slot, { code, reason, rendered }) {
+    Object.assign(slot, { state: 'failed', code, reason, row: { ...slot.row, ...(rendered && { rendered }) } });
 }

@@ -1,32 +1,10 @@
 // The author's material as a pass of a plan draws it: everything is read through to the author's object, so that whatever is set there later counts here as well, but for the text
 // and the state that are the pass's.
 
-import {
-    AlwaysDepth,
-    BackSide,
-    DoubleSide,
-    EqualDepth,
-    FrontSide,
-    GLSL3,
-    GreaterDepth,
-    GreaterEqualDepth,
-    LessDepth,
-    LessEqualDepth,
-    NeverDepth,
-    NotEqualDepth,
-} from 'three';
+import { BackSide, DoubleSide, FrontSide, GLSL3 } from 'three';
+import { COMPARE } from '../compare.js';
 import { named } from '../variants.js';
 
-export const COMPARE = {
-    never: NeverDepth,
-    less: LessDepth,
-    equal: EqualDepth,
-    'less-equal': LessEqualDepth,
-    greater: GreaterDepth,
-    'not-equal': NotEqualDepth,
-    'greater-equal': GreaterEqualDepth,
-    always: AlwaysDepth,
-};
 export const CULL = { back: FrontSide, front: BackSide, none: DoubleSide };
 
 /** Depth, colour and blend state of a pass. */
@@ -45,6 +23,8 @@ export function stateOf(pass) {
     };
 }
 
+const NAME = /^#define SHADER_NAME.*\n/m;
+
 /** A material's number is below those of three.js, and below the one by which three.js says none. */
 let next = -1000;
 const write = (value) => ({ value, writable: true, configurable: true, enumerable: true });
@@ -61,9 +41,9 @@ export function derived(
     { vertex, fragment, blocks = [] },
     { state = {}, uniforms = {}, theirs } = {},
 ) {
-    // three.js writes the version itself.
+    // three.js writes the version itself, and the material's name: in the author's text it is that of whichever material the program was made for.
     const [vertexShader, fragmentShader] = [numbered(renderer, vertex), fragment].map((text) =>
-        text.replace(/^#version .*\n/, ''),
+        text.replace(/^#version .*\n/, '').replace(NAME, ''),
     );
     // Authors with the same text share a program.
     const key = `preshade ${named(`${vertexShader}\0${fragmentShader}`)}`;
@@ -155,4 +135,44 @@ export function refresh(renderer, author, material, uniforms = {}, theirs = rend
     if (!own.uniforms || !theirs || own.uniforms[OF] === theirs) return;
     own.uniforms = merged(theirs, uniforms);
     own.uniformsList = null;
+}
+
+/** Lines above and below one that the driver names. */
+const AROUND = 3;
+
+/**
+ * What the driver has against a derived material, or null: for `report`, `rendered` has the lines that it names, as they are numbered there. Ask for it when the program is ready.
+ */
+export function driverError(renderer, material) {
+    const gl = renderer.getContext();
+    const made = renderer.properties.get(material).currentProgram;
+    if (!made?.program || gl.isContextLost() || gl.getProgramParameter(made.program, gl.LINK_STATUS)) return null;
+    const { program, vertexShader, fragmentShader } = made;
+    const stages = { vertex: vertexShader, fragment: fragmentShader };
+    const errors = Object.entries(stages).flatMap(([stage, shader]) => errorsOf(gl, stage, shader));
+    if (errors.length === 0) {
+        const message = gl.getProgramInfoLog(program)?.trim() || 'it does not link';
+        errors.push({ message, rendered: message });
+    }
+    return {
+        code: 'link',
+        reason: `preshade wrote a text that this driver refuses: ${errors[0].message}. Please report it to preshade, with \`rendered\``,
+        rendered: errors.map(({ rendered }) => rendered).join('\n\n'),
+    };
+}
+
+/** The first error of each line of a stage. */
+function errorsOf(gl, stage, shader) {
+    const lines = gl.getShaderSource(shader)?.split('\n') ?? [];
+    const found = new Map();
+    for (const [, number, message] of (gl.getShaderInfoLog(shader) ?? '').matchAll(/^ERROR: \d+:(\d+): (.*)$/gm))
+        if (!found.has(number)) found.set(number, message.trim());
+    return [...found].map(([number, message]) => {
+        const first = Math.max(0, number - 1 - AROUND);
+        const shown = lines.slice(first, Number(number) + AROUND).map((line, i) => {
+            const at = first + i + 1;
+            return `${at === Number(number) ? '>' : ' '} ${String(at).padStart(5)} | ${line}`;
+        });
+        return { message, rendered: [`${stage} shader, line ${number}: ${message}`, ...shown].join('\n') };
+    });
 }

@@ -12,6 +12,7 @@ const busy = new WeakSet();
  * @property {import('three').Camera} camera
  * @property {import('three').WebGLRenderTarget | null} target What the scene is drawn into.
  * @property {string} kind What of the target is in the programs' texts: with another kind, three.js draws by other programs.
+ * @property {boolean} cleared Whether the page cleared its depth after the first draw.
  * @property {{ opaque: object[], transmissive: object[], transparent: object[] }} list What three.js draws, in order.
  */
 
@@ -37,6 +38,7 @@ export class Frames {
         hooks.afterRender.add(this.#after);
         hooks.draw.add(this.#draw);
         hooks.drawn.add(this.#drawn);
+        hooks.clear.add(this.#clear);
     }
 
     dispose() {
@@ -45,12 +47,13 @@ export class Frames {
         hooks.afterRender.delete(this.#after);
         hooks.draw.delete(this.#draw);
         hooks.drawn.delete(this.#drawn);
+        hooks.clear.delete(this.#clear);
     }
 
     #before = (scene, camera) => {
         const ours = !busy.has(this.#host.renderer) && this.#isOurs(scene, camera);
         const frame = ours
-            ? { number: ++this.#number, camera, target: null, kind: null, list: null, begun: false }
+            ? { number: ++this.#number, camera, target: null, kind: null, list: null, begun: false, cleared: false }
             : null;
         if (ours) this.#listener.before?.(scene, camera);
         this.#stack.push(frame);
@@ -87,6 +90,13 @@ export class Frames {
     #drawn = (draw) => {
         const frame = this.#current(draw.scene);
         if (frame?.begun) this.#listener.drawn?.(draw, frame);
+    };
+
+    /** By a callback of an object, or by a frame of another scene that is drawn into the same target. */
+    #clear = (color, depth) => {
+        if (!depth) return;
+        const target = this.#host.renderer.getRenderTarget();
+        for (const frame of this.#stack) if (frame?.begun && frame.target === target) frame.cleared = true;
     };
 
     #list() {

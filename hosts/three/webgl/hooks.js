@@ -1,4 +1,4 @@
-// What the renderer does, told to listeners: its frames, its shadow maps and each of its draws. Three methods of the renderer are wrapped, and put back by `dispose`.
+// What the renderer does, told to listeners: its frames, its shadow maps and each of its draws. Four methods of the renderer are wrapped, and put back by `dispose`.
 
 /** Calls `listener` for each; listeners may leave while it runs. */
 const tell = (listeners, ...given) => {
@@ -26,6 +26,8 @@ export class Hooks {
     draw = new Set();
     /** `(draw)` after it. `draw.material` is what was drawn with. */
     drawn = new Set();
+    /** `(color, depth, stencil)`, which are booleans, before the target that is bound is cleared. */
+    clear = new Set();
     /** `()`, when a lost context is there again. */
     restored = new Set();
 
@@ -40,6 +42,11 @@ export class Hooks {
                 this.depth--;
                 tell(this.afterRender, scene, camera);
             }
+        });
+        // `clearDepth` and the like, and each frame of three.js, clear by this method.
+        this.#wrap(renderer, 'clear', (original) => (color = true, depth = true, stencil = true) => {
+            tell(this.clear, color, depth, stencil);
+            original.call(renderer, color, depth, stencil);
         });
         this.#wrapShadows();
         // three.js's own listener is older: it has made everything anew by then.
@@ -56,8 +63,9 @@ export class Hooks {
         this.#renderer.domElement.removeEventListener('webglcontextrestored', this.#again);
         for (const restore of this.#restore.reverse()) restore();
         this.#restore.length = 0;
-        for (const of of ['beforeRender', 'afterRender', 'beforeShadows', 'afterShadows', 'draw', 'drawn', 'restored'])
-            this[of].clear();
+        const { beforeRender, afterRender, beforeShadows, afterShadows, draw, drawn, clear, restored } = this;
+        for (const of of [beforeRender, afterRender, beforeShadows, afterShadows, draw, drawn, clear, restored])
+            of.clear();
     }
 
     #again = () => {

@@ -7,17 +7,19 @@ import { Programs } from './programs.js';
 import { prepassOf, recipesOf } from './recipes.js';
 import { Shadows } from './shadows.js';
 
-export class WebGLHost {
+export class Host {
     /** Each has `report()`, a list of rows, and `dispose()`. */
     #parts = new Set();
     #shadows = new Map();
+    /** By pass: what undoes it. */
+    #overrides = new Map();
     /** Calls of `rewrite` and `prepass`, in order. */
     rewrites = new Set();
     #modules;
 
     static async of(renderer, options) {
         const [{ Rewrite }, { Velocity }] = await Promise.all([import('./rewrite.js'), import('./velocity.js')]);
-        return new WebGLHost(renderer, options, { Rewrite, Velocity });
+        return new Host(renderer, options, { Rewrite, Velocity });
     }
 
     constructor(renderer, options, modules) {
@@ -34,8 +36,15 @@ export class WebGLHost {
         return this.#shadows.get(scene);
     }
 
-    override(pass) {
-        this.#add(new Override(this, pass));
+    override(pass, options) {
+        this.#overrides.get(pass)?.();
+        if (options === false) return pass;
+        const undo = () => {
+            part.dispose();
+            if (this.#overrides.get(pass) === undo) this.#overrides.delete(pass);
+        };
+        const part = this.#add(new Override(this, pass, options, undo));
+        this.#overrides.set(pass, undo);
         return pass;
     }
 
@@ -49,6 +58,11 @@ export class WebGLHost {
 
     velocity(scene, options) {
         return this.#add(new this.#modules.Velocity(this, scene, options));
+    }
+
+    text(material, object) {
+        const { vertex, fragment } = this.programs.text(material, object) ?? {};
+        return vertex && fragment ? { vertex, fragment } : null;
     }
 
     report() {
@@ -75,14 +89,19 @@ export class WebGLHost {
 
     dispose() {
         for (const part of this.#parts) part.dispose();
-        this.#parts.clear();
-        this.#shadows.clear();
         this.programs.dispose();
         this.hooks.dispose();
         this.variants.dispose();
     }
 
+    /** A part that the page disposes of is in no report, and its scene may have another. */
     #add(part) {
+        const dispose = part.dispose.bind(part);
+        part.dispose = () => {
+            if (!this.#parts.delete(part)) return;
+            for (const [scene, shadows] of this.#shadows) if (shadows === part) this.#shadows.delete(scene);
+            dispose();
+        };
         this.#parts.add(part);
         return part;
     }

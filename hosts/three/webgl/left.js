@@ -1,5 +1,7 @@
 // Materials that are left to three.js, and why. Nothing here keeps a material alive.
 
+import { row } from '../rows.js';
+
 export class Left {
     #pass;
     #rows = new WeakMap();
@@ -9,11 +11,10 @@ export class Left {
         this.#pass = pass;
     }
 
-    set(author, state, reason) {
+    set(author, state, reason, code = null) {
         const known = this.#rows.get(author);
         if (known?.reason === reason) return;
-        const row = { pass: this.#pass, material: author.name || author.type, uuid: author.uuid, mode: null };
-        this.#rows.set(author, { ...row, state, reason, remedy: null, code: null, ms: 0 });
+        this.#rows.set(author, { state, reason, code });
         if (known) return;
         author.addEventListener('dispose', this.#gone);
         for (const each of this.#authors) if (!each.deref()) this.#authors.delete(each);
@@ -27,7 +28,7 @@ export class Left {
     }
 
     rows() {
-        return this.#all().map((author) => this.#rows.get(author));
+        return this.#all().map((author) => row(this.#pass, author, this.#rows.get(author)));
     }
 
     clear() {

@@ -1,9 +1,9 @@
 // Which plans are drawn where frames with and without them are measured: one choice for each view of the scene.
 
-import { Kept } from './kept.js';
+import { Choice, Load } from '../measure.js';
 import { sizeOf } from './frames.js';
-import { Choice, Load } from './measure.js';
 import { Overdraw } from './overdraw.js';
+import { Remembered } from './remembered.js';
 import { Timer } from './timer.js';
 
 /** Frames between two counts of fragments. */
@@ -13,10 +13,14 @@ const OTHER_SIZE = 1.3;
 
 /** What is measured of one camera and one kind of target: another has other fragments. */
 class View {
+    /** The frame in which it was last drawn. */
+    used = 0;
     size = 0;
     counted = -Infinity;
     perPixel = null;
     wasMeasuring = false;
+    /** Plans whose results are to be remembered, with the next count of fragments. */
+    fresh = null;
 
     constructor(options) {
         this.choice = new Choice(options);
@@ -30,19 +34,19 @@ export class Measured {
     #options;
     #views = new Map();
     #timer;
-    #kept;
+    #remembered;
     #overdraw;
     #began = 0;
     #last = 0;
 
-    /** `options`: `{ frames, each, factor }` of measure.js and `{ method }` of timer.js. `keep`: whether to keep what was measured in localStorage. */
-    constructor(host, scene, options, keep) {
+    /** `options`: `{ frames, each, factor, again }` of ../measure.js and `{ method }` of timer.js. `remember`: whether to remember in localStorage what was measured. */
+    constructor(host, scene, options, remember) {
         this.#host = host;
         this.#scene = scene;
         this.#options = options;
         this.#overdraw = new Overdraw(host);
         this.#timer = new Timer(host.renderer, options.method);
-        this.#kept = keep ? new Kept(host.renderer) : null;
+        this.#remembered = remember ? new Remembered(host.renderer, host.rewrites.size) : null;
     }
 
     dispose() {
@@ -76,7 +80,15 @@ export class Measured {
     }
 
     remove(planned) {
-        for (const { choice } of this.#views.values()) choice.remove(planned.key);
+        for (const { choice, fresh } of this.#views.values()) {
+            choice.remove(planned.key);
+            fresh?.delete(planned);
+        }
+    }
+
+    /** Views that were last drawn in this frame or before. */
+    forget(frame) {
+        for (const [key, { used }] of this.#views) if (used <= frame) this.#views.delete(key);
     }
 
     /** The keys of the plans to draw by in this frame. */
@@ -86,17 +98,18 @@ export class Measured {
         const { choice, load } = view;
         for (const { planned } of items) {
             if (!planned.isReady || choice.has(planned.key)) continue;
-            const kept = this.#kept?.get(`${planned.name} ${this.#class(view)}`) ?? null;
-            choice.add(planned.key, kept);
-            if (kept && load.settled === null) load.settle(kept.perPixel);
+            const earlier = this.#remembered?.get(`${planned.name} ${this.#class(view)}`) ?? null;
+            choice.add(planned.key, earlier);
+            if (earlier && load.settled === null) load.settle(earlier.perPixel);
         }
         if (this.#began - this.#last > 1000) choice.interrupt();
         this.#last = this.#began;
         const isMeasuring = choice.isMeasuring;
-        const { on, ticket } = choice.frame();
+        const { on, ticket } = choice.frame(this.#began);
         if (view.wasMeasuring && !choice.isMeasuring) this.#settle(view, items);
         view.wasMeasuring = isMeasuring;
-        const counts = !isMeasuring && !busy && frame.number - view.counted > COUNT_EVERY;
+        const isFree = !isMeasuring && !choice.isTiming && !busy;
+        const counts = isFree && frame.number - view.counted > COUNT_EVERY;
         if (counts) this.#count(view, items, frame);
         if (ticket) {
             // What else was drawn is not to be measured.
@@ -110,6 +123,7 @@ export class Measured {
         const key = `${frame.kind} ${frame.camera.uuid}`;
         let view = this.#views.get(key);
         if (!view) this.#views.set(key, (view = new View(this.#options)));
+        view.used = frame.number;
         const { width, height } = sizeOf(this.#host.renderer, frame.target);
         const size = width * height;
         if (view.size !== size) {
@@ -121,7 +135,7 @@ export class Measured {
         return view;
     }
 
-    /** Pictures whose size is so alike that what was kept of one counts for the other. */
+    /** Pictures whose size is so alike that what is remembered of one counts for the other. */
     #class({ size }) {
         return Math.round(Math.log(size) / Math.log(OTHER_SIZE ** 2));
     }
@@ -135,7 +149,7 @@ export class Measured {
     #settle(view, items) {
         view.load.settle();
         view.counted = -Infinity;
-        view.unkept = new Set(items.map(({ planned }) => planned).filter((planned) => view.choice.has(planned.key)));
+        view.fresh = new Set(items.map(({ planned }) => planned).filter((planned) => view.choice.has(planned.key)));
     }
 
     #count(view, items, { number, camera }) {
@@ -148,21 +162,20 @@ export class Measured {
                 if (perPixel === null || view.choice.isMeasuring) return;
                 view.perPixel = perPixel;
                 if (view.load.see(perPixel)) this.#again(view);
-                for (const planned of view.unkept ?? []) {
+                for (const planned of view.fresh ?? []) {
                     const found = view.choice.found(planned.key);
-                    if (found) this.#kept?.set(`${planned.name} ${this.#class(view)}`, { ...found, perPixel });
+                    if (found) this.#remembered?.set(`${planned.name} ${this.#class(view)}`, { ...found, perPixel });
                 }
-                view.unkept = null;
+                view.fresh = null;
             });
     }
 
     /** For the report: of the view in which it was last measured. */
     row(planned) {
         const views = [...this.#views.values()].filter(({ choice }) => choice.has(planned.key));
-        if (views.length === 0) return { on: false, measured: null };
+        if (views.length === 0) return { measured: null };
         const { choice, perPixel } = views.at(-1);
         return {
-            on: choice.found(planned.key)?.on ?? false,
             measured: choice.found(planned.key),
             perPixel,
             method: this.#timer.method,

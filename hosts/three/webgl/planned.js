@@ -1,20 +1,19 @@
 // A material's plan, for one text of it: its variant, the materials that draw it, and whether they may be drawn yet.
 
 import { NeverDepth, UniformsLib } from 'three';
-import { COMPARE, CULL, derived, refresh, stateOf } from './derived.js';
+import { compareName } from '../compare.js';
+import { CULL, derived, driverError, refresh, stateOf } from './derived.js';
 import { SCENE_DEPTH } from './attachments.js';
 import { drawItem } from './frames.js';
 import { refusal } from './recipes.js';
 import { SelfTest } from './selftest.js';
-
-const name = (table, value) => Object.keys(table).find((key) => table[key] === value);
 
 /** Why three.js is to draw the material as always, or null. */
 export function unfit(material) {
     if (material.transmission > 0) return 'transmissive';
     if (material.transparent) return 'transparent';
     if (!material.depthTest || !material.depthWrite) return 'neither tests nor writes depth';
-    if (!['less', 'less-equal'].includes(name(COMPARE, material.depthFunc))) return 'another depth function';
+    if (!['less', 'less-equal'].includes(compareName(material.depthFunc))) return 'another depth function';
     if (!material.colorWrite) return 'writes no colour';
     // NormalBlending of an opaque material is none.
     if (material.blending !== 0 && material.blending !== 1) return 'blends';
@@ -56,9 +55,9 @@ function lightsOf(author) {
 /** The state that the plan is made for, as `preshade rewrite --state` takes it. */
 export function stateFor(material, depthFormat) {
     return {
-        primitive: { cull: name(CULL, material.side) },
+        primitive: { cull: Object.keys(CULL).find((cull) => CULL[cull] === material.side) },
         depth_format: depthFormat,
-        depth_compare: name(COMPARE, material.depthFunc),
+        depth_compare: compareName(material.depthFunc),
         depth_write: true,
     };
 }
@@ -86,6 +85,8 @@ export class Planned {
     reason = null;
     remedy = null;
     code = null;
+    /** The lines of a text of ours that the driver refused. */
+    rendered;
     ms = 0;
     /** The recipe that it is drawn by, or was last asked for. */
     recipe = null;
@@ -93,7 +94,7 @@ export class Planned {
     skipped = [];
     /** What the self-tests found: `kept`, `unseen`, or `broken` with the recipe. */
     verdicts = [];
-    /** Of recipes whose self-test failed, `{ recipe, failure }`: the plan's word for it. */
+    /** Of recipes whose self-test failed, or whose text the driver refused, `{ recipe, failure }`. */
     failures = [];
     /** The frame in which it was last in use, and an item of it. */
     used = 0;
@@ -156,6 +157,8 @@ export class Planned {
             const unknown = this.#pass.all.find((material) => !this.#known.has(program(material)));
             if (unknown) {
                 this.#known.add(program(unknown));
+                const error = driverError(renderer, unknown);
+                if (error) return this.#refused(error);
                 this.#host.timed('uniforms', () => (program(unknown).getUniforms(), program(unknown).getAttributes()));
                 return true;
             }
@@ -171,7 +174,7 @@ export class Planned {
         if (state === 'pending') return;
         Object.assign(this, { recipe, reason, remedy, code, ms: this.ms + ms, skipped: variant?.skipped ?? [] });
         const refused = state === 'ready' ? refusal(variant.plan, this.#limits) : null;
-        if (refused) Object.assign(this, { reason: refused, code: 'three' });
+        if (refused) Object.assign(this, refused);
         if (refused || state !== 'ready') {
             // What one recipe refuses the other may do.
             if (this.#recipes.length > 1) this.#recipes.shift();
@@ -283,11 +286,22 @@ export class Planned {
             result.verdict === 'broken' ? `broken (${form ?? name}): ${result.failure}` : result.verdict,
         );
         if (result.verdict === 'kept') this.state = 'ready';
-        if (result.verdict !== 'broken') return;
-        this.failures.push({ recipe: name, failure: result.failure });
+        if (result.verdict === 'broken') this.#next(result.failure, 'original');
+    }
+
+    #refused({ rendered, reason, code }) {
+        this.rendered = rendered;
+        this.#next(reason, 'failed');
+        if (this.state === 'failed') Object.assign(this, { reason, code });
+        return true;
+    }
+
+    /** This recipe failed: the next one is tried. */
+    #next(failure, end) {
+        this.failures.push({ recipe: this.recipe.name, failure });
         this.#release();
         this.#recipes.shift();
-        this.state = this.#recipes.length > 0 ? 'pending' : 'original';
+        this.state = this.#recipes.length > 0 ? 'pending' : end;
     }
 
     /**

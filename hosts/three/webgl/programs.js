@@ -61,8 +61,6 @@ export class Programs {
     #materials = new WeakMap();
     /** Sources by program of three.js. */
     #sources = new WeakMap();
-    /** Of each object: the material or materials that it was last drawn with as its author has it. */
-    #authors = new WeakMap();
     #paused = 0;
 
     constructor(renderer, hooks) {
@@ -85,9 +83,9 @@ export class Programs {
         return this.#materials.get(material)?.get(which) ?? null;
     }
 
-    /** The material, or the list of them, that the object was last drawn with as its author has it. */
-    authorOf(object) {
-        return this.#authors.get(object) ?? null;
+    /** The program of a material: the last one, or that for such an object. Null before it is drawn. */
+    text(material, object) {
+        return object ? this.of(object, material) : this.source(material);
     }
 
     /** Runs `draw`, whose draws are not the author's. */
@@ -143,7 +141,6 @@ export class Programs {
         if (scene === null || this.#paused || material === scene.overrideMaterial) return;
         const own = object.material;
         if (own !== material && !(Array.isArray(own) && own.includes(material))) return;
-        this.#authors.set(object, own);
         this.#saw(object, material);
     };
 

@@ -34,8 +34,19 @@ export function prepassOf(form) {
     return () => made;
 }
 
-/** Why a WebGLRenderer cannot draw by this plan, or null. `samples`: of a pixel of the target; 0 for one. `reversed`: whether depth is. */
-export function refusal(plan, { samples, reversed }) {
+/** Why a WebGLRenderer cannot draw by this plan, `{ reason, code }`, or null. `samples`: of a pixel of the target; 0 for one. `reversed`: whether depth is. */
+export function refusal(plan, limits) {
+    const own = plan.attachments.some(({ name }) => name !== SCENE_DEPTH);
+    if (own && limits.samples > 0)
+        return { reason: 'the plan has a depth texture of its own, and the target several samples', code: 'target' };
+    if (own && limits.reversed)
+        return { reason: 'the plan has a depth texture of its own, and depth is reversed', code: 'target' };
+    const reason = unknown(plan);
+    return reason && { reason, code: 'recipe' };
+}
+
+/** What of a plan a WebGLRenderer never draws. */
+function unknown(plan) {
     const own = plan.attachments.filter(({ name }) => name !== SCENE_DEPTH);
     const all = [plan.self_test?.attachment ?? [], own].flat();
     if (plan.schema !== 'preshade.plan.v1') return `the plan has the schema ${plan.schema}`;
@@ -45,8 +56,6 @@ export function refusal(plan, { samples, reversed }) {
         return 'two surfaces at one depth would be drawn the other way';
     if (plan.guard) return 'the plan has a guard: it counts for some values of uniforms only';
     if (plan.vertex_buffers?.length || plan.frame_buffers?.length) return 'the plan has buffers of its own';
-    if (own.length && samples > 0) return 'the plan has a depth texture of its own, and the target several samples';
-    if (own.length && reversed) return 'the plan has a depth texture of its own, and depth is reversed';
     for (const { format, samples } of all) {
         if (!(format in DEPTH_TYPE)) return `the plan has an attachment of the format ${format}`;
         if (samples > 1) return 'the plan has attachments with several samples';

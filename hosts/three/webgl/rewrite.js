@@ -1,18 +1,22 @@
 // A scene drawn by plans: in each frame of the page, the depth passes of its opaque objects first, then three.js' own frame, in which the plans' main passes shade them. A depth pre-pass
 // is one of the recipes.
 
+import { REVISION } from 'three';
 import { Attachments, samplesOf } from './attachments.js';
-import { COMPARE } from './derived.js';
+import { COMPARE } from '../compare.js';
+import { materialsOf, planRow, row } from '../rows.js';
 import { Frames, hasCallback, within } from './frames.js';
 import { Measured } from './measured.js';
 import { Planned, stateFor, unfit } from './planned.js';
-import { rowOf, rowsOf } from './rows.js';
 
+/** Older ones take a program of a material anew whenever the target has another colour space, in the middle of a frame and of a self-test. */
+const isTooOld = parseInt(REVISION, 10) < 187;
 const DEPTH_FORMAT = { 1012: 'depth16unorm', 1015: 'depth32float' };
-/** Frames after which an unused plan is released. */
+/** Frames after which an unused plan is released, and what was measured of a view that is not drawn. */
 const FORGET_AFTER = 900;
 /** Frames after which a plan is none of the picture any more: three.js has other programs by now. */
 const STALE_AFTER = 12;
+const CLEARED = ['cleared', 'the page clears the depth in the middle of a frame'];
 /** So many objects of a material are drawn in its self-test. */
 const TESTED = 16;
 
@@ -32,7 +36,10 @@ export class Rewrite {
     #plans = new Map();
     /** Of each object and material: the programs by kind of target, when they were last seen, and the plan of the current frame. */
     #records = new WeakMap();
+    /** Why none of the scene's depth may be laid ahead: the code and the reason. */
     #blocked = null;
+    /** Whether the page cleared depth in the middle of the last frame. */
+    #cleared = false;
     /** Null where every plan is drawn. */
     #measured = null;
     #number = 0;
@@ -43,15 +50,15 @@ export class Rewrite {
     forced = false;
 
     /**
-     * `part`: its name in reports. `recipes(material)`: those to try, in order, or null. `measure`: true, or `{ frames, each, factor }` of measure.js and `{ method }` of timer.js; without it
-     * each material is drawn by its plan. `materials`: a list, or `(material) => boolean`; by default all. `keep`: whether to keep what was measured in localStorage.
+     * `part`: its name in reports. `recipes(material)`: those to try, in order, or null. `measure`: true, or `{ frames, each, factor, again }` of ../measure.js and `{ method }` of timer.js; without it
+     * each material is drawn by its plan. `materials`: a list, or `(material) => boolean`; by default all. `remember`: whether to remember in localStorage what was measured.
      */
     constructor(
         host,
         scene,
         part,
         recipes,
-        { measure = false, materials = null, keep = true, edit, trust = false } = {},
+        { measure = false, materials = null, remember = true, edit, trust = false } = {},
     ) {
         this.#host = host;
         this.#scene = scene;
@@ -59,7 +66,7 @@ export class Rewrite {
         const isMeant = Array.isArray(materials) ? (material) => materials.includes(material) : materials;
         this.#recipes = (material) => ((isMeant?.(material) ?? true) ? this.#recipesOf(material, recipes) : null);
         this.#options = { edit, trust };
-        if (measure) this.#measured = new Measured(host, scene, measure === true ? {} : measure, keep);
+        if (measure) this.#measured = new Measured(host, scene, measure === true ? {} : measure, remember);
         this.#frames = new Frames(host, scene, {
             before: this.#before,
             begin: this.#begin,
@@ -99,7 +106,7 @@ export class Rewrite {
 
     #begin = (frame) => {
         this.#number = frame.number;
-        this.#blocked = blocked(frame.list.opaque);
+        this.#blocked = this.#cleared ? CLEARED : blocked(frame.list.opaque);
         if (frame.number % 300 === 0) this.#release();
         if (!this.enabled) return;
         const items = this.#collect(frame).filter(({ planned }) => !(this.#blocked && planned.depth));
@@ -137,6 +144,8 @@ export class Rewrite {
         const record = this.#records.get(object)?.get(author);
         const { planned } = record ?? {};
         if (record?.frame !== frame.number || !planned.main) return;
+        // What was laid ahead of it is gone.
+        if (frame.cleared && planned.depth) return;
         planned.guard(planned.main);
         draw.material = planned.main;
         this.#drawing = { record, author };
@@ -166,13 +175,14 @@ export class Rewrite {
         record.sources.set(frame.kind, { source, seen: frame.number });
     };
 
-    #end = () => {
+    #end = ({ cleared }) => {
+        this.#cleared = cleared;
         this.#measured?.end();
     };
 
     #record(object, material) {
         let records = this.#records.get(object);
-        if (!records) this.#records.set(object, (records = new Map()));
+        if (!records) this.#records.set(object, (records = new WeakMap()));
         let record = records.get(material);
         if (!record) records.set(material, (record = { sources: new Map(), frame: -1, planned: null }));
         return record;
@@ -198,13 +208,16 @@ export class Rewrite {
         return items;
     }
 
+    /** Why three.js draws it: the code and the reason; or null. */
     #unfit(item) {
-        if (!item.object.isMesh) return 'not a mesh';
-        if (!this.#recipes(item.material)) return 'not asked for';
+        if (isTooOld) return ['version', `three.js r${REVISION} is too old for it: use r187 or later`];
+        if (!item.object.isMesh) return ['object', 'not a mesh'];
+        if (!this.#recipes(item.material)) return ['not-asked', 'not asked for'];
         if (this.enabled && this.#first(item.material) !== this)
-            return 'an earlier call of `rewrite` or `prepass` draws it';
-        if (hasCallback(item)) return 'has an onBeforeRender';
-        return unfit(item.material);
+            return ['earlier-call', 'an earlier call of `rewrite` or `prepass` draws it'];
+        if (hasCallback(item)) return ['callback', 'has an onBeforeRender'];
+        const reason = unfit(item.material);
+        return reason && ['material', reason];
     }
 
     /** Whether the material is this call's to draw, if it is the first one. */
@@ -285,49 +298,47 @@ export class Rewrite {
     }
 
     #release() {
-        for (const plans of this.#plans.values()) {
+        const since = this.#number - FORGET_AFTER;
+        for (const [author, plans] of this.#plans) {
             for (const [key, planned] of plans) {
-                if (this.#number - planned.used < FORGET_AFTER) continue;
+                if (planned.used > since) continue;
                 this.#drop(planned);
                 plans.delete(key);
             }
+            if (plans.size === 0) this.#forget(author);
         }
+        this.#measured?.forget(since);
     }
 
     // ---- report -------------------------------------------------------------------------------------------------------------------------------------------------------------
 
     report() {
-        const rows = [];
-        const seen = new Set();
-        this.#scene.traverse((object) => {
-            for (const material of [object.material ?? []].flat()) {
-                if (seen.has(material) || !material.isMaterial) continue;
-                seen.add(material);
-                rows.push(...this.#rows(object, material));
-            }
-        });
-        return rows;
+        return [...materialsOf(this.#scene)].flatMap(([material, object]) => this.#rows(object, material));
     }
 
     #rows(object, material) {
-        const refused = (reason) => [{ ...rowOf(this.#part, material), state: 'refused', reason, code: 'three' }];
-        const reason = this.#unfit({ object, material });
-        if (reason) return refused(reason);
+        const refused = ([code, reason]) => [row(this.#part, material, { state: 'refused', reason, code })];
+        const unfit = this.#unfit({ object, material });
+        if (unfit) return refused(unfit);
         const plans = [...(this.#plans.get(material)?.values() ?? [])];
         if (this.#blocked && plans.some(({ depth }) => depth)) return refused(this.#blocked);
-        return rowsOf(this.#part, material, plans, (planned) =>
-            this.#measured ? this.#measured.row(planned) : { on: planned.isReady },
-        );
+        if (plans.length === 0) return [row(this.#part, material, { state: 'waiting', reason: 'not drawn yet' })];
+        // Lights, fog or another target give a material another program: the current one is that of the last frame.
+        const last = Math.max(...plans.map(({ used }) => used));
+        return plans.map((planned) => {
+            const more = { isCurrent: planned.used === last, ...this.#measured?.row(planned) };
+            return planRow(this.#part, material, planned, more);
+        });
     }
 }
 
-/** What else is drawn must not tell that depth is laid ahead of it; the reason where it would. */
+/** What else is drawn must not tell that depth is laid ahead of it; the code and the reason where it would. */
 function blocked(items) {
     const { equal, greater, 'not-equal': unequal, 'greater-equal': least } = COMPARE;
     for (const { material } of items) {
-        if (material.stencilWrite) return 'an opaque material of the scene uses the stencil';
+        if (material.stencilWrite) return ['scene', 'an opaque material of the scene uses the stencil'];
         if (material.depthTest && [equal, greater, unequal, least].includes(material.depthFunc))
-            return 'an opaque material of the scene is drawn behind others, by its depth function';
+            return ['scene', 'an opaque material of the scene is drawn behind others, by its depth function'];
     }
     return null;
 }

@@ -2,7 +2,7 @@
 
 import { DepthTexture, UnsignedIntType, Vector4, WebGLRenderTarget } from 'three';
 import { DEPTH_TYPE } from './attachments.js';
-import { COMPARE } from './derived.js';
+import { COMPARE } from '../compare.js';
 import { drawItem, sizeOf, within } from './frames.js';
 
 /** Away from the viewer, as far as rounding may go. */

@@ -7,6 +7,7 @@ import { FrontSide, LessEqualDepth, NoBlending } from 'three';
 import { ClipPlanes } from './clipping.js';
 import { Derivations } from './derivations.js';
 import { Left } from './left.js';
+import { Maps } from './maps.js';
 import { left } from './stock.js';
 
 const STATE = {
@@ -40,12 +41,8 @@ export class Shadows {
     #replaceCustom;
     #derivations;
     #planes = new ClipPlanes();
-    /** Switches it off and on; three.js draws as always while it is off. */
-    enabled = true;
-    /** Lights whose maps are drawn on demand: they are drawn anew when preshade goes. */
-    #lights = new Set();
-    /** Lights whose maps were drawn without a variant that is being made. */
-    #stale = new Set();
+    #isEnabled = true;
+    #maps;
     #left = new Left('shadow');
 
     /**
@@ -67,10 +64,20 @@ export class Shadows {
                 row: { left_out: pass.pass.left_out ?? [] },
             }),
         });
-        this.#derivations.ready.add(this.#renew);
-        host.hooks.beforeShadows.add(this.#before);
+        this.#maps = new Maps(host, scene);
+        this.#derivations.ready.add(this.#maps.ready);
         host.hooks.draw.add(this.#draw);
         host.hooks.drawn.add(this.#drawn);
+    }
+
+    /** Switches it off and on; three.js draws as always while it is off. */
+    get enabled() {
+        return this.#isEnabled;
+    }
+
+    set enabled(on) {
+        if (on !== this.#isEnabled) this.#maps.again();
+        this.#isEnabled = on;
     }
 
     report() {
@@ -82,14 +89,11 @@ export class Shadows {
     }
 
     dispose() {
-        this.#host.hooks.beforeShadows.delete(this.#before);
         this.#host.hooks.draw.delete(this.#draw);
         this.#host.hooks.drawn.delete(this.#drawn);
         this.#derivations.dispose();
         this.#left.clear();
-        for (const light of this.#lights) this.#stale.add(light);
-        this.#renew();
-        this.#lights.clear();
+        this.#maps.dispose();
     }
 
     #steps(source, mode, author, { depth, isAlone }) {
@@ -109,16 +113,9 @@ export class Shadows {
         return [{ texts: own, request: { agree: depth, as: 'shadow' }, accept: proved }, rewrite];
     }
 
-    #before = (lights, scene) => {
-        if (scene !== this.#scene) return;
-        const { autoUpdate } = this.#host.renderer.shadowMap;
-        for (const light of lights)
-            if (light.shadow && !(autoUpdate && light.shadow.autoUpdate)) this.#lights.add(light);
-    };
-
     #draw = (draw) => {
         const { hooks, renderer } = this.#host;
-        if (draw.scene !== null || hooks.shadow?.scene !== this.#scene || !this.enabled) return;
+        if (draw.scene !== null || hooks.shadow?.scene !== this.#scene || !this.#isEnabled) return;
         const { object, group, material: depth, camera } = draw;
         const isCustom = depth === object.customDepthMaterial || depth === object.customDistanceMaterial;
         if (isCustom && !this.#replaceCustom) return;
@@ -134,13 +131,10 @@ export class Shadows {
             isAlone: isCustom || author.isRawShaderMaterial,
         };
         const material = this.#derivations.pick(author, object, mode, extra, this.#scene, hooks.shadow.camera);
+        this.#maps.draws(camera, author, this.#derivations.lacks, Boolean(material));
         if (!material) {
             draw.author = author;
             draw.mode = mode;
-            const { lights } = hooks.shadow;
-            const own = lights.filter((light) => light.shadow?.camera === camera);
-            // Some lights have several cameras.
-            for (const light of own.length ? own : lights) this.#stale.add(light);
             return;
         }
         material.side = depth.side;
@@ -165,16 +159,9 @@ export class Shadows {
 
     /** Whether three.js draws the object as always, by a decision that takes no compiler. */
     #isLeft(author, object) {
-        const [state, reason] = left(author, object) ?? [];
-        if (state) this.#left.set(author, state, reason);
+        const [state, ...why] = left(author, object) ?? [];
+        if (state) this.#left.set(author, state, ...why);
         else this.#left.delete(author);
         return Boolean(state);
     }
-
-    /** Maps that are drawn on demand have to be drawn again. */
-    #renew = () => {
-        for (const light of this.#stale) light.shadow.needsUpdate = true;
-        this.#stale.clear();
-        this.#host.renderer.shadowMap.needsUpdate = true;
-    };
 }

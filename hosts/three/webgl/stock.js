@@ -32,15 +32,12 @@ function hasPlainAlpha({ opacity, vertexColors }, { geometry, isBatchedMesh, _co
     return !(isBatchedMesh && _colorsTexture);
 }
 
-const NODES = [
-    'refused',
-    'a WebGLRenderer gives the nodes of this material the viewer’s camera only; a WebGPURenderer is supported',
-];
+const NODES = ['refused', 'a WebGLRenderer gives the nodes of this material the viewer’s camera only', 'renderer'];
 /** preshade's programs have points of one pixel, as WebGPU has. */
-export const POINTS = ['refused', 'points have a size in your program, and preshade drops it'];
+export const POINTS = ['refused', 'points have a size in your program, and preshade drops it', 'object'];
 const SAME = ['same', 'the depth material of three.js does the same'];
 
-/** Why three.js's own depth and distance materials draw an object: `[state, reason]`, or null where they do not. */
+/** Why three.js's own depth and distance materials draw an object: `[state, reason, code]`, or null where they do not. */
 export function left(material, object) {
     if (material.isNodeMaterial) return NODES;
     if (object.isPoints) return POINTS;

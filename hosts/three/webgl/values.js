@@ -1,6 +1,7 @@
 // What materials of passes write, as the end of a slice of the author's program.
 
 import { RGBADepthPacking, RGBDepthPacking, RGDepthPacking, ShaderChunk } from 'three';
+import { bendsOnlyPositions } from './bends.js';
 
 /** The text with its `main` under another name, for one that calls it. */
 const called = (text) => text.replace(/\bvoid main\(\s*\)/, 'void preshade_main()');
@@ -40,52 +41,72 @@ const TURNED = {
     object: 'normalMatrix * OUT.xyz',
 };
 
-/** As MeshNormalMaterial: the geometry's normal in the view's axes, from 0 to 1. */
-export const normal = {
-    key: 'normal',
+const STRAIGHT =
+    'the shader moves vertices and leaves their normals as they were: bend them there, or take the option `normals: "faces"`';
 
-    steps(source, author) {
-        // The normal before a normal map, which the pass's material would not have either.
-        const name = /\bnonPerturbedNormal\b/.test(source.fragment) ? ',normal=nonPerturbedNormal' : '';
-        const first = {
-            texts: source,
-            request: request(`outputs:write=normal${name}${cut(author)}`, author),
-            has: 'normal',
-        };
-        return [first, { ...depthOnly(source, author), has: 'position' }];
-    },
+/** Values that write a normal, by where they take it from. */
+const NORMALS = new Map();
 
-    build({ vertex, fragment }, source, { has }) {
-        const out = written(fragment);
-        if (has === 'normal') {
-            const space = axes(source.vertex);
-            const uniforms = {
-                view: '',
-                world: declared(fragment, 'mat4', 'viewMatrix'),
-                object: declared(fragment, 'mat3', 'normalMatrix'),
-            };
-            const value = `normalize( ${TURNED[space].replace('OUT', out)} ) * 0.5 + 0.5`;
-            const main = `void main() { preshade_main(); ${out} = vec4( ${value}, 1.0 ); }`;
-            return {
-                fragment: `${called(fragment)}\n${uniforms[space]}\n${main}`,
-                row: { normals: `of the program, in ${space} axes` },
-            };
-        }
-        // No normal in the author's program: that of the face.
-        const matrix = declared(vertex, 'mat4', 'projectionMatrix');
-        return {
-            vertex: `${called(vertex)}\n${matrix}\nout vec3 preshade_at;
+/**
+ * As MeshNormalMaterial: a normal in the view's axes, from 0 to 1. `from`: `program`: the one that meets a light in the author's program; `faces`: that of the face; the name of a
+ * value of the fragment stage; null: that of the program, or where it has none, that of the face.
+ */
+export function normals(from) {
+    if (!NORMALS.has(from))
+        NORMALS.set(from, {
+            key: from ? `normal ${from}` : 'normal',
+            isNormal: true,
+            steps: (source, author) => normalSteps(source, author, from),
+            build: (pass, source, { has }) => (has === 'normal' ? programNormal(pass, source) : faceNormal(pass)),
+        });
+    return NORMALS.get(from);
+}
+
+function normalSteps(source, author, from) {
+    const faces = { ...depthOnly(source, author), has: 'position' };
+    if (from === 'faces') return [faces];
+    const isNamed = from && from !== 'program';
+    // The normal before a normal map, which the pass's material would not have either.
+    const isThrees = /\bnonPerturbedNormal\b/.test(source.fragment);
+    const name = isNamed ? `,normal=${from}` : isThrees ? ',normal=nonPerturbedNormal' : '';
+    const first = {
+        texts: source,
+        request: request(`outputs:write=normal${name}${cut(author)}`, author),
+        has: 'normal',
+    };
+    return from ? [first] : [first, faces];
+}
+
+function programNormal({ vertex, fragment }, source) {
+    const out = written(fragment);
+    const space = axes(source.vertex);
+    const uniforms = {
+        view: '',
+        world: declared(fragment, 'mat4', 'viewMatrix'),
+        object: declared(fragment, 'mat3', 'normalMatrix'),
+    };
+    const value = `normalize( ${TURNED[space].replace('OUT', out)} ) * 0.5 + 0.5`;
+    const main = `void main() { preshade_main(); ${out} = vec4( ${value}, 1.0 ); }`;
+    const row = { normals: `of the program, in ${space} axes` };
+    if (bendsOnlyPositions({ vertex, fragment }, out)) row.note = STRAIGHT;
+    return { fragment: `${called(fragment)}\n${uniforms[space]}\n${main}`, row };
+}
+
+function faceNormal({ vertex, fragment }) {
+    const out = written(fragment);
+    const matrix = declared(vertex, 'mat4', 'projectionMatrix');
+    return {
+        vertex: `${called(vertex)}\n${matrix}\nout vec3 preshade_at;
 void main() { preshade_main(); vec4 at = inverse( projectionMatrix ) * gl_Position; preshade_at = at.xyz / at.w; }`,
-            fragment: `${called(fragment)}\nin vec3 preshade_at;
+        fragment: `${called(fragment)}\nin vec3 preshade_at;
 void main() {
     vec3 face = normalize( cross( dFdx( preshade_at ), dFdy( preshade_at ) ) );
     preshade_main();
     ${out} = vec4( face * 0.5 + 0.5, 1.0 );
 }`,
-            row: { normals: 'of faces' },
-        };
-    },
-};
+        row: { normals: 'of faces' },
+    };
+}
 
 const PACKED = {
     [RGBADepthPacking]: 'preshade_packDepthToRGBA( z )',

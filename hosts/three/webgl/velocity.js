@@ -10,6 +10,7 @@ import {
     Vector3,
     WebGLRenderTarget,
 } from 'three';
+import { withoutVelocity } from '../rows.js';
 import { Boths, withRows } from './both.js';
 import { Derivations } from './derivations.js';
 import { drawItem, Frames, hasCallback, sizeOf, within } from './frames.js';
@@ -42,6 +43,7 @@ export class Velocity {
     #target;
     #options;
     #number = 0;
+    #moment = NaN;
     #camera = null;
     /** The camera's matrices of the frame before. */
     #before = null;
@@ -93,7 +95,8 @@ export class Velocity {
     }
 
     report() {
-        return this.#derivations.rows();
+        const isDrawn = ({ transparent }) => !transparent || this.#options.transparent;
+        return [...this.#derivations.rows(), ...withoutVelocity(this.#scene, isDrawn)];
     }
 
     settled() {
@@ -141,10 +144,12 @@ export class Velocity {
         this.#camera ??= frame.camera;
         if (frame.camera !== this.#camera) return;
         const { renderer } = this.#host;
-        this.#number++;
-        this.#before = this.#now;
-        this.#now = new View(frame.camera);
-        this.#before ??= this.#now;
+        const view = new View(frame.camera);
+        if (!this.#isAgain(frame, view)) {
+            this.#number++;
+            this.#before = this.#now ?? view;
+            this.#now = view;
+        }
         const size = sizeOf(renderer, frame.target);
         this.#target.setSize(size.width, size.height);
         this.#target.viewport.copy(renderer.getCurrentViewport(this.#target.viewport));
@@ -159,6 +164,29 @@ export class Velocity {
         });
         if (this.#number % 300 === 0) this.#boths.sweep(this.#number);
     };
+
+    /**
+     * Whether a picture is of the same frame as the one before it, as where a page draws its scene twice for an effect, or takes several samples: no animation frame lies between them, and
+     * nothing moved. The document's timeline stands still within an animation frame; three.js's `info.render.frame` counts each picture. A page that draws by hand, as for a video or a test, may
+     * draw many frames before the timeline goes on: these differ by what moved. A worker has no timeline; there each picture is a frame.
+     */
+    #isAgain({ list }, view) {
+        const last = this.#moment;
+        this.#moment = globalThis.document?.timeline?.currentTime ?? NaN;
+        if (this.#moment !== last || !this.#now?.equals(view)) return false;
+        return ![list.opaque, list.transmissive, list.transparent].flat().some((item) => this.#hasMoved(item));
+    }
+
+    /** Whether an object moved since it was drawn last in this frame. */
+    #hasMoved({ object, material: author }) {
+        const record = this.#records.get(object)?.get(author);
+        if (record?.number !== this.#number) return false;
+        const { model, values } = record.now;
+        if (!model.equals(object.matrixWorld) || this.#boths.haveMoved(object)) return true;
+        for (const [name, value] of values) if (!isSame(value, this.#value(name, object, author))) return true;
+        const groups = (author.uniformsGroups ?? []).map((group) => [group, this.#groups.get(group)]);
+        return groups.some(([group, held]) => held?.number === this.#number && !isSame(held.values, valuesOf(group)));
+    }
 
     /** What the page sets ahead of an object's draw holds for that draw alone. */
     #drawn = ({ object, geometry, material, group }, { camera }) => {
@@ -179,7 +207,14 @@ export class Velocity {
         for (const [name, value] of Object.entries(this.#boths.uniforms(object, this.#number)))
             if (uniforms[name]) uniforms[name].value = value;
         object.modelViewMatrix.multiplyMatrices(camera.matrixWorldInverse, object.matrixWorld);
-        const known = record.number === this.#number - 1 ? record : null;
+        // An object has several draws in a frame: its groups may share a material, and the frame may be drawn again.
+        const isFirst = record.number !== this.#number;
+        if (isFirst) {
+            record.isKnown = record.number === this.#number - 1;
+            record.number = this.#number;
+            [record.before, record.now] = [record.now, record.before];
+        }
+        const known = record.isKnown ? record.before : null;
         const model = known?.model ?? object.matrixWorld;
         for (const { name, of } of previous)
             uniforms[name].value =
@@ -188,9 +223,10 @@ export class Velocity {
         // Has three.js set all uniforms, though the program may be that of the draw before.
         renderer.state.useProgram(null);
         drawItem(this.#host, this.#scene, camera, item, material);
-        record.number = this.#number;
-        record.model.copy(object.matrixWorld);
-        for (const { of } of previous) record.values.set(of, this.#value(of, object, author));
+        if (!isFirst) return;
+        record.now.model.copy(object.matrixWorld);
+        record.now.values.clear();
+        for (const { of } of previous) record.now.values.set(of, this.#value(of, object, author));
     }
 
     /** Gives the material the groups of the author's that it has blocks for, and what they held in the frame before. */
@@ -212,7 +248,7 @@ export class Velocity {
             this.#groups.set(group, of);
         }
         if (of.number === this.#number) return of.before;
-        const now = group.uniforms.flat().map(({ value }) => copyOf(value));
+        const now = valuesOf(group).map(copyOf);
         const values = of.number === this.#number - 1 ? of.values : now;
         of.before.uniforms.flat().forEach((uniform, i) => (uniform.value = values[i]));
         Object.assign(of, { number: this.#number, values: now });
@@ -223,7 +259,8 @@ export class Velocity {
         let records = this.#records.get(object);
         if (!records) this.#records.set(object, (records = new Map()));
         let record = records.get(material);
-        if (!record) records.set(material, (record = { number: -1, model: new Matrix4(), values: new Map() }));
+        const values = () => ({ model: new Matrix4(), values: new Map() });
+        if (!record) records.set(material, (record = { number: -1, isKnown: false, before: values(), now: values() }));
         return record;
     }
 
@@ -254,7 +291,10 @@ function modeOf({ view, isOrthographicCamera }) {
 
 /** What of a camera is in uniforms. */
 class View {
+    #mode;
+
     constructor(camera) {
+        this.#mode = modeOf(camera);
         this.viewMatrix = camera.matrixWorldInverse.clone();
         this.projectionMatrix = camera.projectionMatrix.clone();
         this.cameraPosition = new Vector3().setFromMatrixPosition(camera.matrixWorld);
@@ -268,6 +308,29 @@ class View {
         if (name === 'normalMatrix') return new Matrix3().getNormalMatrix(this.of('modelViewMatrix', model));
         return Object.hasOwn(this, name) ? this[name] : undefined;
     }
+
+    /** Whether another shows the same, but for a shift of the picture. */
+    equals(other) {
+        return isSame(this.#still(), other.#still());
+    }
+
+    #still() {
+        const projection = [...this.projectionMatrix.elements];
+        if (this.#mode === 'perspective') projection[8] = projection[9] = 0;
+        if (this.#mode === 'orthographic') projection[12] = projection[13] = 0;
+        return [projection, this.viewMatrix];
+    }
+}
+
+const valuesOf = (group) => group.uniforms.flat().map(({ value }) => value);
+
+/** Whether two values of uniforms are equal. */
+function isSame(a, b) {
+    if (Object.is(a, b)) return true;
+    if (typeof a !== 'object' || typeof b !== 'object' || a === null || b === null) return a === b;
+    if (a.isTexture || b.isTexture) return false;
+    if (typeof a.equals === 'function') return a.equals(b);
+    return a.length === b.length && Object.keys(a).every((key) => isSame(a[key], b[key]));
 }
 
 function copyOf(value) {

@@ -37,17 +37,25 @@ const DISCARD = /\bdiscard\b/;
 
 /** Whether the programs that three.js made of authors' materials for the camera discard. */
 export class Discards {
+    /** By program. */
+    #texts = new WeakMap();
+    /** By material: of the version that was drawn last. */
     #seen = new WeakMap();
 
-    saw({ material, pipeline, _sourceMaterial: source }) {
-        if (source !== null || this.#seen.get(material)?.program.deref() === pipeline.fragmentProgram) return;
-        const program = pipeline.fragmentProgram;
-        this.#seen.set(material, { program: new WeakRef(program), discards: DISCARD.test(program.code) });
+    saw({ material, pipeline: { fragmentProgram: program }, _sourceMaterial: source }) {
+        if (source !== null) return;
+        const { version } = material;
+        const seen = this.#seen.get(material);
+        if (seen?.version === version && seen.program.deref() === program) return;
+        if (!this.#texts.has(program)) this.#texts.set(program, DISCARD.test(program.code));
+        const discards = this.#texts.get(program) || (seen?.version === version && seen.discards);
+        this.#seen.set(material, { version, program: new WeakRef(program), discards });
     }
 
-    /** `null` if none was seen yet. */
+    /** `null` if none was seen yet of the material as it is now. */
     of(material) {
-        return this.#seen.get(material)?.discards ?? null;
+        const seen = this.#seen.get(material);
+        return seen?.version === material.version ? seen.discards : null;
     }
 }
 
@@ -65,13 +73,20 @@ const HARMLESS = [
 const SHADOW = new Set([...HARMLESS, 'positionNode', 'colorNode', 'depthNode', 'maskNode', 'map']);
 const OVERRIDE = new Set([...HARMLESS, 'positionNode']);
 
+/** What `Authors.of` holds of a material that no draw has shown to be doubtful, until its version is another. */
+export const untold = (material) => ({
+    state: 'same',
+    reason: null,
+    nodes: Object.keys(material).filter((key) => !key.startsWith('_') && material[key]?.isNode),
+});
+
 /**
  * Whether positions, holes or depths of the author's whole program may differ from what three.js draws in a pass with a
- * material of its own. `discards`: see `Discards`.
+ * material of its own. `nodes`: of `untold`. `discards`: see `Discards`. It is asked at each draw of a material that was
+ * the same so far: an opacity needs no new version, and objects that share a material may have colours of their own.
  */
-export function isDoubtful(material, object, discards, { isShadow }) {
+export function isDoubtful(material, nodes, object, discards, { isShadow }) {
     const carried = isShadow ? SHADOW : OVERRIDE;
-    const nodes = Object.keys(material).filter((key) => !key.startsWith('_') && material[key]?.isNode);
     if (nodes.some((key) => ['vertexNode', 'geometryNode'].includes(key))) return true;
     if (nodes.includes('depthNode') && !carried.has('depthNode')) return true;
     if (discards === false) return false;

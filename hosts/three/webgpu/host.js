@@ -1,5 +1,6 @@
 // What preshade does for a WebGPURenderer: WGSL in, WGSL out.
 
+import { row } from '../rows.js';
 import { Variants, named } from '../variants.js';
 import { Discards } from './authors.js';
 import { Hooks, unfit } from './hooks.js';
@@ -7,27 +8,33 @@ import { Override } from './override.js';
 import { Pipelines } from './pipelines.js';
 import { Prepass } from './prepass.js';
 import { Programs } from './programs.js';
-import { row } from './rows.js';
 import { Shadows } from './shadows.js';
+import { Timer } from './timer.js';
 import { Velocity } from './velocity.js';
 
-/** A part of a renderer for which nothing can be done; the report says why. */
-const NOTHING = { enabled: false, texture: null, node: null, report: () => [], render() {}, dispose() {} };
+/** A part of a renderer for which nothing can be done; the report of the host says why. */
+const nothing = () => ({
+    enabled: false,
+    forced: false,
+    isSettled: true,
+    texture: null,
+    node: null,
+    report: () => [],
+    render() {},
+    dispose() {},
+});
 
-function drawable(scene) {
-    if (!scene?.isObject3D) throw new TypeError('preshade: give the scene that you render');
-}
-
-export class WebGPUHost {
+export class Host {
     /** With `await renderer.init()` done. The options are those of `Variants`. */
     static async of(renderer, options = {}) {
         if (!renderer.initialized) await renderer.init();
-        return new WebGPUHost(renderer, options);
+        return new Host(renderer, options);
     }
 
-    #prepass = null;
-    #shadows = null;
     #override = null;
+    /** Of each scene. */
+    #shadows = new Map();
+    #prepasses = new Map();
     #velocities = new Map();
     #isDisposed = false;
     /** Why nothing is done at all. */
@@ -42,14 +49,16 @@ export class WebGPUHost {
         this.programs = new Programs(named);
         this.discards = new Discards();
         this.pipelines = new Pipelines(this.backend);
-        this.#prepass = new Prepass(this, options.timer);
-        this.#shadows = new Shadows(this);
+        this.timer = options.timer ?? new Timer(this.backend);
         this.#override = new Override(this);
         this.hooks = new Hooks(renderer, {
             before: (scene, camera) => this.#velocities.get(scene)?.begin(scene, camera),
-            wants: (list) => !this.#velocities.get(list.scene)?.isDrawing && this.#prepass.wants(list),
-            opaque: (list) => this.#prepass.draw(list),
-            drawn: (renderObject) => this.discards.saw(renderObject),
+            wants: (list) => this.#wants(list),
+            opaque: (list) => this.#prepasses.get(list.scene)?.draw(list) ?? false,
+            drawn: (renderObject) => {
+                this.discards.saw(renderObject);
+                this.programs.saw(renderObject);
+            },
             replaced: (call, draw) => this.#replaced(call, draw),
         });
         this.backend.device.lost.then(({ message }) => {
@@ -58,50 +67,73 @@ export class WebGPUHost {
         });
     }
 
-    /** `{ view }`: see `Shadows`. */
+    /** `{ view }`: see `Shadows`. A scene that has them keeps those. */
     shadows(scene, options) {
-        return this.#unfit ? NOTHING : this.#shadows.use(scene, options);
+        return this.#part(this.#shadows, scene, () => new Shadows(this, options));
     }
 
     /** `pass` is a scene whose `overrideMaterial` is set, or has one, as a `PassNode` with an override material. */
-    override(pass) {
-        if (!this.#unfit) this.#override.use(pass);
+    override(pass, options) {
+        if (!this.#unfit) this.#override.use(pass, options);
         return pass;
     }
 
-    /** `{ measure, materials }`: see `Prepass`. */
+    /** `{ measure, materials, form }`: see `Prepass`. */
     prepass(scene, options) {
-        drawable(scene);
-        return this.#unfit ? NOTHING : this.#prepass.use(scene, options);
+        if (this.#prepasses.has(scene))
+            throw new TypeError('preshade: this scene has pre-passes: dispose of them before you ask for others');
+        return this.#part(this.#prepasses, scene, () => new Prepass(this, options));
+    }
+
+    /** The WGSL of both stages that three.js made of a material, or null before it is drawn. */
+    text(material, object) {
+        return this.programs?.text(material, object) ?? null;
     }
 
     /** For each material: what is done, what was refused and why. */
     report() {
         if (this.#unfit)
-            return [row('all', { name: '', type: 'all', uuid: '' }, { state: 'unsupported', reason: this.#unfit })];
+            return [
+                row(
+                    'all',
+                    { name: '', type: 'all', uuid: '' },
+                    { state: 'unsupported', reason: this.#unfit, code: 'renderer' },
+                ),
+            ];
         return this.#parts.flatMap((part) => part.report());
     }
 
-    /** `{ camera, automatic }`: see `Velocity`. */
+    /** `{ camera, units, transparent, automatic }`: see `Velocity`. A scene that has them keeps those. */
     velocity(scene, options) {
-        drawable(scene);
-        if (this.#unfit) return NOTHING;
-        if (!this.#velocities.has(scene)) this.#velocities.set(scene, new Velocity(this, scene, options));
-        return this.#velocities.get(scene);
+        return this.#part(this.#velocities, scene, () => new Velocity(this, scene, options));
     }
 
-    /** A velocity that is disposed of. */
-    forget(velocity) {
-        for (const [scene, of] of this.#velocities) if (of === velocity) this.#velocities.delete(scene);
+    /** A part that is disposed of. */
+    forget(part) {
+        for (const parts of [this.#shadows, this.#prepasses, this.#velocities])
+            for (const [scene, of] of parts) if (of === part) parts.delete(scene);
+    }
+
+    #part(parts, scene, make) {
+        if (!scene?.isObject3D) throw new TypeError('preshade: give the scene that you render');
+        if (this.#unfit) return nothing();
+        if (!parts.has(scene)) parts.set(scene, make());
+        return parts.get(scene);
     }
 
     get #parts() {
-        return this.#unfit ? [] : [this.#shadows, this.#override, this.#prepass, ...this.#velocities.values()];
+        if (this.#unfit) return [];
+        return [...this.#shadows.values(), this.#override, ...this.#prepasses.values(), ...this.#velocities.values()];
+    }
+
+    #wants(list) {
+        if (this.#velocities.get(list.scene)?.isDrawing) return false;
+        return this.#prepasses.get(list.scene)?.wants(list) ?? false;
     }
 
     #replaced(call, draw) {
         if (this.#velocities.get(call.scene)?.draw(call, draw)) return true;
-        if (call.material.isShadowPassMaterial) return this.#shadows.draw(call);
+        if (call.material.isShadowPassMaterial) return this.#shadows.get(call.scene)?.draw(call) ?? false;
         return this.#override.draw(call, draw);
     }
 
@@ -115,6 +147,7 @@ export class WebGPUHost {
         this.#isDisposed = true;
         this.hooks?.dispose();
         for (const part of this.#parts) part.dispose();
+        this.timer?.dispose();
         this.variants?.dispose();
     }
 }

@@ -6,9 +6,9 @@
 // author's output, and three.js makes the program. No text is derived.
 
 import { SRGBColorSpace, TSL } from 'three/webgpu';
-import { Authors, isDoubtful } from './authors.js';
+import { passName, row } from '../rows.js';
+import { Authors, isDoubtful, untold } from './authors.js';
 import { derivedMaterial, plainLight } from './casting.js';
-import { row } from './rows.js';
 
 /** What an override material writes, as a node; `null` for those that are not known. */
 function valueOf(override) {
@@ -51,7 +51,8 @@ const bends = (author, override) =>
 
 export class Override {
     #host;
-    #scenes = new WeakSet();
+    /** Names of passes by scene. */
+    #scenes = new WeakMap();
     /** By override material. */
     #authors = new Map();
 
@@ -59,11 +60,14 @@ export class Override {
         this.#host = host;
     }
 
-    /** `pass` is a scene, or has one: a `PassNode`. */
-    use(pass) {
+    /** `pass` is a scene, or has one: a `PassNode`. `options`: false undoes it. */
+    use(pass, options) {
         const scene = pass.isObject3D ? pass : pass.scene;
         if (!scene?.isObject3D) throw new TypeError('preshade: `override` takes a scene here, or a pass that has one');
-        this.#scenes.add(scene);
+        if (options === false) return this.#scenes.delete(scene);
+        if (options?.normals)
+            throw new TypeError('preshade: `normals` needs a WebGLRenderer; here, normals are those of `normalNode`');
+        this.#scenes.set(scene, passName(pass, options));
         return { report: () => this.report(), dispose: () => this.#scenes.delete(scene) };
     }
 
@@ -73,7 +77,7 @@ export class Override {
         const { object, material: override, scene } = call;
         const author = renderer._currentSourceMaterial;
         if (author === null || override !== scene.overrideMaterial || !this.#scenes.has(scene)) return false;
-        const { material } = this.#author(author, override, object);
+        const { material } = this.#author(author, override, object, this.#scenes.get(scene));
         if (!material) return false;
         for (const key of STATE) material[key] = override[key];
         renderer._currentSourceMaterial = null;
@@ -85,10 +89,10 @@ export class Override {
         return true;
     }
 
-    #author(author, override, object) {
+    #author(author, override, object, name) {
         let authors = this.#authors.get(override);
         if (!authors) {
-            authors = new Authors();
+            authors = Object.assign(new Authors(), { name });
             this.#authors.set(override, authors);
             const gone = () => {
                 override.removeEventListener('dispose', gone);
@@ -99,27 +103,34 @@ export class Override {
             authors.gone = gone;
         }
         const discards = this.#host.discards.of(author);
-        return authors.of(author, `${author.version} ${override.version} ${discards}`, () => {
-            if (!bends(author, override) && !isDoubtful(author, object, discards, { isShadow: false }))
-                return { state: 'same', reason: null };
-            const value = valueOf(override);
-            const reason = `what "${override.name || override.type}" writes is not known`;
-            if (!value) return { state: 'unsupported', reason };
-            const material = overridden(author, override, value);
-            return { state: 'done', reason: null, material, materials: [material] };
-        });
+        const stamp = `${author.version} ${override.version} ${discards === false}`;
+        const known = authors.of(author, stamp, () => untold(author));
+        const isSame = () =>
+            !bends(author, override) && !isDoubtful(author, known.nodes, object, discards, { isShadow: false });
+        if (known.state !== 'same' || isSame()) return known;
+        const value = valueOf(override);
+        const reason = `what "${override.name || override.type}" writes is not known`;
+        if (!value) return Object.assign(known, { state: 'refused', reason, code: 'override' });
+        const material = overridden(author, override, value);
+        return Object.assign(known, { state: 'done', material, materials: [material] });
     }
 
     report() {
         return [...this.#authors].flatMap(([override, authors]) =>
-            [...authors].map(([material, { state, reason }]) =>
-                row('override', material, { state, reason, override: override.name || override.type }),
+            [...authors].map(([material, { state, reason, code }]) =>
+                row('override', material, {
+                    of: authors.name,
+                    state,
+                    reason,
+                    code,
+                    mode: override.name || override.type,
+                }),
             ),
         );
     }
 
     dispose() {
-        this.#scenes = new WeakSet();
+        this.#scenes = new WeakMap();
         for (const { gone } of [...this.#authors.values()]) gone();
     }
 }

@@ -1,27 +1,8 @@
 // The pipelines of a plan: those of three.js with other programs and another depth state. Layout of the bindings, vertex
 // buffers, targets, samples and the rest of the state are as three.js makes them, by its own function.
 
-import {
-    AlwaysDepth,
-    EqualDepth,
-    GreaterDepth,
-    GreaterEqualDepth,
-    LessDepth,
-    LessEqualDepth,
-    NeverDepth,
-    NotEqualDepth,
-} from 'three/webgpu';
+import { COMPARE, compareName } from '../compare.js';
 
-export const COMPARE = {
-    never: NeverDepth,
-    less: LessDepth,
-    equal: EqualDepth,
-    'less-equal': LessEqualDepth,
-    greater: GreaterDepth,
-    'not-equal': NotEqualDepth,
-    'greater-equal': GreaterEqualDepth,
-    always: AlwaysDepth,
-};
 const REVERSED = {
     less: 'greater',
     greater: 'less',
@@ -31,7 +12,7 @@ const REVERSED = {
 
 /** WebGPU's comparison for three.js' constant, and back: a reversed depth buffer turns both around. */
 export function compareOf(depthFunc, reversed) {
-    const name = Object.keys(COMPARE).find((key) => COMPARE[key] === depthFunc);
+    const name = compareName(depthFunc);
     return reversed ? (REVERSED[name] ?? name) : name;
 }
 

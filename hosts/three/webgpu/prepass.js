@@ -3,15 +3,15 @@
 // three.js prepared, so the pre-pass costs the encoder calls and what the device does.
 
 import { EqualDepth, LessDepth, LessEqualDepth, NeverDepth } from 'three/webgpu';
-import { Choice, Load } from '../webgl/measure.js';
+import { Choice, Load } from '../measure.js';
+import { planRow } from '../rows.js';
 import { stages } from './pipelines.js';
-import { authorOf, stateOf, unfitForPrepass } from './programs.js';
-import { row } from './rows.js';
+import { Pending, authorOf, made, stateOf, unfitForPrepass } from './programs.js';
 import { selfTest } from './selftest.js';
-import { Timer } from './timer.js';
 
-const EQUAL = 'depth-prepass:form=equal';
-const BIASED = 'depth-prepass';
+const EQUAL = { name: 'depth-prepass:form=equal', form: 'equal' };
+const BIASED = { name: 'depth-prepass:form=biased', form: 'biased' };
+const FORMS = { equal: EQUAL, biased: BIASED };
 /** Frames until the next self-test of a material of which nothing was in view; each time twice as many. */
 const UNSEEN = 4;
 /** Frames between two looks at how much is drawn. WebGPU's occlusion queries do not count, so it is the draws. */
@@ -22,13 +22,13 @@ const STRANGERS = 120;
 /** What is known of one pipeline of three.js: the same text, state and layout. */
 class Entry {
     state = 'asked';
-    form = EQUAL;
     reason = null;
     remedy = null;
     code = null;
     ms = 0;
-    verdict = null;
-    failure = null;
+    skipped = [];
+    verdicts = [];
+    failures = [];
     /** Frames in which it was drawn and not tested, and how many that may be. */
     rested = 0;
     rest = UNSEEN;
@@ -37,8 +37,15 @@ class Entry {
     plan = null;
     runs = [];
 
-    constructor(material) {
+    /** `recipe`: one of `FORMS`. */
+    constructor(material, recipe) {
         this.material = material;
+        this.recipe = recipe;
+    }
+
+    /** Whether it is being made or tested. */
+    get isOpen() {
+        return ['asked', 'compiling', 'compiled', 'testing'].includes(this.state);
     }
 
     end(state, reason, code = null, remedy = null) {
@@ -46,47 +53,50 @@ class Entry {
     }
 }
 
-/** Which entries are drawn with their pre-pass in the frames of one scene. */
+/** Which entries are drawn with their pre-pass in the frames of one scene, where that is measured. */
 class View {
     #timer;
+    #method;
     #choice;
     #context = null;
     #camera = null;
     #size = '';
-    #load = new Load();
+    #load;
     #looked = 0;
     #strangers = 0;
 
-    enabled = true;
-    #isMeant;
-
-    constructor(timer, { measure = false, materials = () => true } = {}) {
+    constructor(timer, { factor, method = null, ...options }) {
+        if (![null, 'timer-query', 'fence'].includes(method))
+            throw new TypeError(`preshade: method is "timer-query" or "fence", not "${method}"`);
         this.#timer = timer;
-        this.#choice = measure ? new Choice(measure === true ? {} : measure) : null;
-        this.#isMeant = Array.isArray(materials) ? (material) => materials.includes(material) : materials;
+        this.#method = method;
+        this.#choice = new Choice(options);
+        this.#load = new Load({ factor });
     }
 
-    /** Whether a material is to have a pre-pass at all. */
-    isMeant(material) {
-        return this.#isMeant(material);
+    get isMeasuring() {
+        return this.#choice.isMeasuring;
+    }
+
+    get isTiming() {
+        return this.#choice.isTiming;
     }
 
     add(entry) {
-        this.#choice?.add(entry);
+        this.#choice.add(entry);
     }
 
     remove(entry) {
-        this.#choice?.remove(entry);
+        this.#choice.remove(entry);
     }
 
-    /** What was measured of an entry: `null` while it is, `undefined` if nothing is measured. */
+    /** What was measured of an entry: `null` while it is. */
     found(entry) {
-        return this.#choice?.found(entry);
+        return this.#choice.found(entry);
     }
 
     /** Whether an entry is on in this list. One view is measured; the others have what is known by then. */
     on({ context, camera, draws }) {
-        if (this.#choice === null) return () => true;
         if (this.#context === null || ++this.#strangers > STRANGERS) {
             [this.#context, this.#camera, this.#strangers] = [context, camera, 0];
             this.#choice.interrupt();
@@ -101,54 +111,65 @@ class View {
         else if (++this.#looked % LOOK === 0 && this.#load.see(draws.length)) this.#choice.again();
         const { on, ticket } = this.#choice.frame();
         if (ticket !== null) this.#timer.take((milliseconds) => this.#choice.time(ticket, milliseconds));
-        this.#timer.watch(this.#choice.isMeasuring ? context : null);
+        this.#timer.watch(this.#choice.isTiming ? context : null, this.#method);
         return (entry) => on.has(entry);
     }
 }
 
+/** The pre-passes of one scene. */
 export class Prepass {
     #host;
-    #timer;
-    #scenes = new Map();
+    #form;
+    #isMeant;
+    /** `null`: nothing is measured. */
+    #view = null;
     /** By three.js' pipeline. */
     #entries = new Map();
-    #pending = new Set();
+    #pending = new Pending();
     #sweep = () => queueMicrotask(() => this.#forget());
 
-    constructor(host, timer = new Timer(host.backend)) {
-        this.#host = host;
-        this.#timer = timer;
-    }
+    /** Switches it off and on. */
+    enabled = true;
+    /** Draws all that are ready, whatever was measured. */
+    forced = false;
 
     /**
-     * `measure`: whether to draw pre-passes only if frames with them are faster; an object has the options of `Choice`.
-     * `materials`: those that it is for, as a list or a function.
+     * `measure`: whether to draw pre-passes only if frames with them are faster; an object has the options of `Choice`
+     * and `Load`, and `method`, see `Timer`. `materials`: those that it is for, as a list or a function. `form`: the first
+     * that is tried.
      */
-    use(scene, options) {
-        const view = new View(this.#timer, options);
-        for (const entry of this.#entries.values()) if (entry.state === 'ready') view.add(entry);
-        this.#scenes.set(scene, view);
-        return Object.assign(view, { report: () => this.report(), dispose: () => this.#scenes.delete(scene) });
+    constructor(host, { measure = false, materials = () => true, form = 'equal', remember = false } = {}) {
+        if (remember) throw new TypeError('preshade: with a WebGPURenderer nothing that was measured is remembered');
+        if (!Object.hasOwn(FORMS, form)) throw new TypeError(`preshade: form is "equal" or "biased", not "${form}"`);
+        this.#host = host;
+        this.#form = FORMS[form];
+        this.#isMeant = Array.isArray(materials) ? (material) => materials.includes(material) : materials;
+        if (measure) this.#view = new View(host.timer, measure === true ? {} : measure);
+    }
+
+    /** Whether nothing is made, tested or measured. */
+    get isSettled() {
+        return ![...this.#entries.values()].some(({ isOpen }) => isOpen) && !this.#view?.isMeasuring;
     }
 
     wants({ items, scene, context, camera }) {
-        if (!this.#scenes.get(scene)?.enabled || scene.overrideMaterial !== null || camera.isArrayCamera) return false;
+        if (!this.enabled || scene.overrideMaterial !== null || camera.isArrayCamera) return false;
         return context.depth && items.some(({ material }) => !material.transparent);
     }
 
     /** Encodes an opaque list; answers false where no draw of it has a pre-pass. */
     draw(list) {
-        const { draws, scene, context } = list;
-        const view = this.#scenes.get(scene);
-        const on = view.on(list);
+        const { draws, context } = list;
+        const measured = this.#view?.on(list);
+        const on = (entry) => !measured || this.forced || measured(entry);
         // Who moves depth away from the viewer shows what a pre-pass has hidden.
         const isOrdinary = draws.every(({ renderObject: { material } }) => ordinary(material));
         const laid = new Map();
         for (const draw of draws) {
-            if (!view.isMeant(authorOf(draw.renderObject))) continue;
+            if (!this.#isMeant(authorOf(draw.renderObject))) continue;
             const entry = this.#entry(draw);
             if (entry.state === 'unseen' && ++entry.rested > entry.rest) entry.state = 'compiled';
-            if (entry.state === 'compiled') this.#test(entry, draw);
+            if (entry.state === 'compiled') this.#wait(entry, this.#test(entry, draw));
             if (entry.state === 'ready' && isOrdinary && on(entry)) laid.set(draw, entry);
         }
         if (laid.size === 0) return false;
@@ -163,14 +184,14 @@ export class Prepass {
         let entry = this.#entries.get(draw.pipeline);
         if (!entry) {
             const author = authorOf(draw.renderObject);
-            entry = new Entry(author);
+            entry = new Entry(author, this.#form);
             this.#forget();
             this.#entries.set(draw.pipeline, entry);
             author.addEventListener('dispose', this.#sweep);
             const unfit = unfitForPrepass(draw.renderObject);
-            if (unfit) entry.end('unsupported', unfit);
+            if (unfit) entry.end('refused', unfit, 'material');
         }
-        if (entry.state === 'asked') this.#ask(entry, draw);
+        if (entry.state === 'asked') this.#wait(entry, this.#make(entry, draw));
         return entry;
     }
 
@@ -180,19 +201,22 @@ export class Prepass {
         for (const [pipeline, entry] of this.#entries) {
             if (caches.get(pipeline.cacheKey) === pipeline) continue;
             this.#entries.delete(pipeline);
-            for (const view of this.#scenes.values()) view.remove(entry);
+            this.#view?.remove(entry);
         }
     }
 
-    #ask(entry, draw) {
-        const { variants, programs, backend } = this.#host;
-        const state = stateOf(draw.renderObject, backend);
-        const found = variants.get(programs.of(draw.pipeline), { pass: entry.form, ...state });
-        if (found.state === 'pending') return;
+    async #make(entry, draw) {
+        const { programs, backend } = this.#host;
+        const { renderObject, pipeline } = draw;
+        entry.state = 'compiling';
+        const request = { pass: entry.recipe.name, ...stateOf(renderObject, backend) };
+        const found = await made(this.#host, renderObject, programs.of(pipeline), request);
+        if (!found || renderObject.pipeline !== pipeline) return Object.assign(entry, { state: 'asked' });
         entry.ms += found.ms;
-        if (found.state === 'ready') this.#compile(entry, draw, found.variant);
-        else if (entry.form === EQUAL) Object.assign(entry, { form: BIASED, failure: found.reason });
-        else entry.end(found.state, found.reason, found.code, found.remedy);
+        if (found.state === 'ready') return this.#compile(entry, draw, found.variant);
+        if (entry.recipe !== EQUAL) return entry.end(found.state, found.reason, found.code, found.remedy);
+        entry.recipe = BIASED;
+        return this.#make(entry, draw);
     }
 
     /**
@@ -200,10 +224,9 @@ export class Prepass {
      * author's program, so it is drawn with the modules of three.js, and so is the vertex stage of the form EQUAL: what
      * is the same module is most likely to compute the same positions.
      */
-    #compile(entry, draw, variant) {
+    async #compile(entry, draw, variant) {
         const { pipelines } = this.#host;
-        const isEqual = entry.form === EQUAL;
-        entry.state = 'compiling';
+        const isEqual = entry.recipe === EQUAL;
         entry.plan = variant.plan;
         const make = (role, over = {}) => {
             const { pass } = variant.passes.find((of) => of.pass.role === role);
@@ -218,70 +241,56 @@ export class Prepass {
             const made = await Promise.all(draws.map(tested));
             return { failure, draws: draws.map(({ samples }, i) => ({ samples, pipeline: made[i] })) };
         });
-        const all = Promise.all([make('prepass'), isEqual ? make('main') : draw.pipeline, ...runs]);
-        this.#wait(entry, all, ([prepass, main, ...made]) => {
-            const pipelines = made.flatMap(({ draws }) => draws.map(({ pipeline }) => pipeline));
-            if ([prepass, main, ...pipelines].includes(null))
-                return entry.end('failed', 'the device refuses a pipeline');
-            Object.assign(entry, { prepass, main, runs: made, state: 'compiled' });
-            if (made.length === 0) this.#ready(entry);
-        });
+        const all = [make('prepass'), isEqual ? make('main') : draw.pipeline, ...runs];
+        const [prepass, main, ...made] = await Promise.all(all);
+        const others = made.flatMap(({ draws }) => draws.map(({ pipeline }) => pipeline));
+        if ([prepass, main, ...others].includes(null))
+            return entry.end('failed', 'the device refuses a pipeline', 'driver');
+        Object.assign(entry, { prepass, main, runs: made, state: 'compiled' });
+        if (made.length === 0) this.#ready(entry);
     }
 
     /** Asks the device whether it keeps what the plan rests on, with this draw. */
-    #test(entry, draw) {
+    async #test(entry, draw) {
         entry.state = 'testing';
-        const test = selfTest(this.#host, draw, entry.plan.self_test, entry.runs);
-        this.#wait(entry, test, ({ verdict, failure }) => {
-            Object.assign(entry, { verdict, failure: failure ?? entry.failure });
-            if (verdict === 'kept') this.#ready(entry);
-            else if (verdict === 'unseen') Object.assign(entry, { state: 'unseen', rested: 0, rest: 2 * entry.rest });
-            else if (verdict === 'broken' && entry.form === EQUAL)
-                Object.assign(entry, { form: BIASED, state: 'asked' });
-            else entry.end('refused', failure, 'self-test');
-        });
+        const { verdict, failure } = await selfTest(this.#host, draw, entry.plan.self_test, entry.runs);
+        const { name, form } = entry.recipe;
+        if (entry.verdicts.at(-1) === 'unseen') entry.verdicts.pop();
+        entry.verdicts.push(verdict === 'broken' ? `broken (${form}): ${failure}` : verdict);
+        if (verdict === 'kept') this.#ready(entry);
+        if (verdict === 'unseen') Object.assign(entry, { state: 'unseen', rested: 0, rest: 2 * entry.rest });
+        if (verdict !== 'broken') return;
+        entry.failures.push({ recipe: name, failure });
+        if (entry.recipe === EQUAL) Object.assign(entry, { recipe: BIASED, state: 'asked' });
+        else entry.end('original', null);
     }
 
     #ready(entry) {
         Object.assign(entry, { state: 'ready', runs: [] });
-        for (const view of this.#scenes.values()) view.add(entry);
+        this.#view?.add(entry);
     }
 
-    #wait(entry, promise, then) {
-        const done = promise
-            .then(then)
-            .catch((error) => entry.end('failed', error.message))
-            .finally(() => this.#pending.delete(done));
-        this.#pending.add(done);
+    #wait(entry, promise) {
+        this.#pending.add(promise, (message) => entry.end('failed', message, 'failed'));
     }
 
-    async settled() {
-        await Promise.all(this.#pending);
+    settled() {
+        return this.#pending.settled();
     }
 
     /** A row for each program of each material. */
     report() {
         this.#forget();
-        const views = [...this.#scenes.values()];
         return [...this.#entries.values()].map((entry) => {
-            const { state, form, reason, remedy, code, ms, verdict, failure } = entry;
-            const measured = views.map((view) => view.found(entry)).find((found) => found !== undefined);
-            const told = { state, reason, remedy, code, ms, form, verdict, failure };
-            if (state === 'unseen')
-                Object.assign(told, { state: 'waiting', reason: 'nothing of it was in view of the self-test yet' });
-            if (state === 'ready' && measured === null)
-                Object.assign(told, { state: 'waiting', reason: 'it is measured' });
-            if (state === 'ready' && measured?.on === false)
-                Object.assign(told, { state: 'refused', code: 'no-gain', reason: 'frames with it are not faster' });
-            return row('prepass', entry.material, { ...told, measured: measured ?? null });
+            return planRow('prepass', entry.material, entry, { measured: this.#view?.found(entry) });
         });
     }
 
     dispose() {
-        this.#scenes.clear();
         for (const { material } of this.#entries.values()) material.removeEventListener('dispose', this.#sweep);
         this.#entries.clear();
-        this.#timer.dispose();
+        if (this.#view?.isTiming) this.#host.timer.watch(null);
+        this.#host.forget(this);
     }
 }
 

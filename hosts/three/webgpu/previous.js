@@ -11,13 +11,16 @@ export class PreviousBuffers {
     #device;
     #states = new Map();
     #frame = 0;
+    #picture = 0;
 
     constructor(device) {
         this.#device = device;
     }
 
-    /** From here on another frame is drawn. */
-    next() {
+    /** From here on another picture is drawn: of the same frame, or of a new one. */
+    next(isNewFrame) {
+        this.#picture++;
+        if (!isNewFrame) return;
         this.#frame++;
         for (const [source, { frame, gpu }] of this.#states) {
             if (this.#frame - frame < UNUSED) continue;
@@ -27,8 +30,8 @@ export class PreviousBuffers {
     }
 
     /**
-     * A buffer with what `source`, a uniform buffer or an attribute, held in the frame before; the first time, what it
-     * holds now.
+     * A buffer with what `source`, a uniform buffer or an attribute, held in the last picture of the frame before; the
+     * first time, what it holds now.
      */
     of(source) {
         const { buffer, byteOffset, byteLength } = source.array ?? source.buffer;
@@ -39,14 +42,12 @@ export class PreviousBuffers {
             const size = Math.ceil(now.length / 16) * 16;
             const usage = (source.array ? GPUBufferUsage.VERTEX : GPUBufferUsage.UNIFORM) | GPUBufferUsage.COPY_DST;
             const gpu = this.#device.createBuffer({ label: 'preshade previous', size, usage });
-            state = { gpu, last: now.slice(), frame: this.#frame - 1 };
+            state = { gpu, last: now.slice(), frame: this.#frame - 1, picture: this.#picture - 1 };
             this.#states.set(source, state);
         }
-        if (state.frame !== this.#frame) {
-            state.frame = this.#frame;
-            this.#device.queue.writeBuffer(state.gpu, 0, state.last);
-            state.last.set(now);
-        }
+        if (state.frame !== this.#frame) this.#device.queue.writeBuffer(state.gpu, 0, state.last);
+        if (state.picture !== this.#picture) state.last.set(now);
+        Object.assign(state, { frame: this.#frame, picture: this.#picture });
         return state.gpu;
     }
 

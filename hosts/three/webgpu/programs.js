@@ -7,9 +7,28 @@ import { compareOf } from './pipelines.js';
 export class Programs {
     #known = new WeakMap();
     #named;
+    /** By author's material: programs of the last draw, and of each object. */
+    #seen = new WeakMap();
 
     constructor(named) {
         this.#named = named;
+    }
+
+    /** A draw of three.js. Nothing here keeps a program alive. */
+    saw({ material, object, pipeline, _sourceMaterial: source }) {
+        if (source !== null) return;
+        let seen = this.#seen.get(material);
+        if (!seen) this.#seen.set(material, (seen = { last: null, objects: new WeakMap() }));
+        let of = seen.objects.get(object);
+        if (of?.deref() !== pipeline) seen.objects.set(object, (of = new WeakRef(pipeline)));
+        seen.last = of;
+    }
+
+    /** `{ vertex, fragment }` of the last draw of a material, or of that of an object. Null before it is drawn. */
+    text(material, object) {
+        const seen = this.#seen.get(material);
+        const { vertexProgram, fragmentProgram } = (object ? seen?.objects.get(object) : seen?.last)?.deref() ?? {};
+        return vertexProgram ? { vertex: vertexProgram.code, fragment: fragmentProgram.code } : null;
     }
 
     /** Of a pipeline of three.js. The object is the same for the same programs. */
@@ -80,6 +99,29 @@ export class Entries {
     clear() {
         this.#known.clear();
         this.#ofObject = new WeakMap();
+    }
+}
+
+/** The variant of a render object's texts, once it is made; `null` where the render object is in another state by then. */
+export async function made({ variants, backend }, renderObject, texts, request) {
+    const key = backend.getRenderCacheKey(renderObject);
+    const found = variants.get(texts, request);
+    await found.done;
+    return backend.getRenderCacheKey(renderObject) === key ? found : null;
+}
+
+/** What a part waits for. */
+export class Pending {
+    #all = new Set();
+
+    /** Errors are told to `failed`. */
+    add(promise, failed) {
+        const done = promise.catch((error) => failed(error.message)).finally(() => this.#all.delete(done));
+        this.#all.add(done);
+    }
+
+    async settled() {
+        while (this.#all.size) await Promise.all(this.#all);
     }
 }
 

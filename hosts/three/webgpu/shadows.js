@@ -2,11 +2,11 @@
 // material has the author's `positionNode`, `depthNode`, `colorNode`, `maskNode`, `map` and `alphaTest`, so most
 // materials are right as they are; what else moves vertices or discards is not in it.
 
-import { Authors, isDoubtful } from './authors.js';
+import { row } from '../rows.js';
+import { Authors, isDoubtful, untold } from './authors.js';
 import { Prepared, castingMaterial } from './casting.js';
 import { stages } from './pipelines.js';
-import { Entries, stateOf } from './programs.js';
-import { row } from './rows.js';
+import { Entries, Pending, made, stateOf } from './programs.js';
 
 const ROLE = 'outputs';
 
@@ -21,7 +21,6 @@ class Entry {
     left = [];
     /** Maps that were drawn without it, by the light's camera: the scenes. */
     waiting = new Map();
-    isAwaited = false;
     ms = 0;
     pipeline = null;
 
@@ -54,42 +53,33 @@ const whole = ({ vertex, fragment }) => ({
 
 export class Shadows {
     #host;
-    /** The part of each scene: `{ view, enabled, report, dispose }`. */
-    #scenes = new WeakMap();
+    #view;
     #authors = new Authors();
     #entries;
     #prepared;
-    #pending = new Set();
+    #pending = new Pending();
 
-    constructor(host) {
-        this.#host = host;
-        this.#entries = new Entries(host, () => new Entry());
-        this.#prepared = new Prepared(host.renderer, 'preshade shadow');
-    }
+    /** Switches it off and on. */
+    enabled = true;
 
     /**
      * `view`: what becomes of discards that depend on the viewer, as fades by distance. `drop`: a shadow has none. `keep`:
      * they follow the light.
      */
-    use(scene, { view = 'drop' } = {}) {
+    constructor(host, { view = 'drop' } = {}) {
         if (view !== 'drop' && view !== 'keep')
             throw new TypeError(`preshade: view is "drop" or "keep", not "${view}"`);
-        const part = {
-            view,
-            enabled: true,
-            report: () => this.report(),
-            dispose: () => this.#scenes.delete(scene),
-        };
-        this.#scenes.set(scene, part);
-        return part;
+        this.#host = host;
+        this.#view = view;
+        this.#entries = new Entries(host, () => new Entry());
+        this.#prepared = new Prepared(host.renderer, 'preshade shadow');
     }
 
     /** Draws one object of a shadow map; answers false where three.js is to draw it. */
     draw(call) {
         const { renderer, backend } = this.#host;
         const author = renderer._currentSourceMaterial;
-        const part = this.#scenes.get(call.scene);
-        if (author === null || !part?.enabled) return false;
+        if (author === null || !this.enabled) return false;
         const known = this.#author(author, call.object);
         if (known.state !== 'doubtful') return false;
         const { material } = known;
@@ -99,7 +89,7 @@ export class Shadows {
             queueMicrotask(() => again(call));
             return false;
         }
-        const entry = this.#entry(own, known, part);
+        const entry = this.#entry(own, known);
         if (entry.state === 'ready') {
             own.pipeline = entry.pipeline;
             backend.draw(own, renderer.info);
@@ -112,61 +102,62 @@ export class Shadows {
         const { renderer, discards } = this.#host;
         const does = discards.of(author);
         const { transmitted } = renderer.shadowMap;
-        return this.#authors.of(author, `${author.version} ${does} ${transmitted}`, () => {
-            const known = { state: 'same', reason: null, entries: new Map() };
-            if (!isDoubtful(author, object, does, { isShadow: true })) return known;
-            if (transmitted)
-                return { ...known, state: 'unsupported', reason: 'shadowMap.transmitted wants its colour' };
-            const material = castingMaterial(author);
-            return { ...known, state: 'doubtful', material, materials: [material] };
-        });
+        const stamp = `${author.version} ${does === false} ${transmitted}`;
+        const known = this.#authors.of(author, stamp, () => ({ ...untold(author), entries: new Map() }));
+        if (known.state !== 'same' || !isDoubtful(author, known.nodes, object, does, { isShadow: true })) return known;
+        if (transmitted)
+            return Object.assign(known, {
+                state: 'refused',
+                reason: 'shadowMap.transmitted wants its colour',
+                code: 'transmitted',
+            });
+        const material = castingMaterial(author);
+        return Object.assign(known, { state: 'doubtful', material, materials: [material] });
     }
 
-    #entry(own, known, { view }) {
-        const entry = this.#entries.of(own, view, (key, of) => known.entries.set(key, of));
-        if (entry.state === 'asked') this.#ask(entry, own, view);
+    #entry(own, known) {
+        const entry = this.#entries.of(own, this.#view, (key, of) => known.entries.set(key, of));
+        if (entry.state === 'asked')
+            this.#pending.add(this.#make(entry, own), (message) => entry.end('failed', message, 'failed'));
         return entry;
     }
 
-    #ask(entry, own, view) {
-        const { variants, backend, pipelines, programs } = this.#host;
+    async #make(entry, own) {
+        const { backend, pipelines, programs } = this.#host;
         const texts = programs.built(own);
         const state = stateOf(own, backend);
         // Planes are given in the space of whoever views.
-        const isClipped = Boolean(own.clippingContext?.cacheKey);
-        const pass = `outputs:write=shadow,view=${isClipped ? 'keep' : view},format=${state.depthFormat}`;
-        const found = variants.get(texts, { pass, roles: [ROLE], ...state });
-        if (found.state === 'pending') {
-            if (!entry.isAwaited) found.done.then(() => entry.again());
-            entry.isAwaited = true;
-            return;
+        const view = own.clippingContext?.cacheKey ? 'keep' : this.#view;
+        const pass = `outputs:write=shadow,view=${view},format=${state.depthFormat}`;
+        entry.state = 'compiling';
+        const found = await made(this.#host, own, texts, { pass, roles: [ROLE], ...state });
+        if (!found) {
+            entry.state = 'asked';
+            return entry.again();
         }
         const { state: answer, reason, remedy, code, ms } = found;
         if (answer === 'failed') return entry.end(answer, reason, code);
         const isSliced = answer === 'ready';
-        Object.assign(entry, { ms, state: 'compiling', form: isSliced ? 'sliced' : 'whole', reason, remedy, code });
+        Object.assign(entry, { ms, form: isSliced ? 'sliced' : 'whole', reason, remedy, code });
         if (isSliced) entry.left = found.variant.passes[0].pass.left_out ?? [];
         // The depth state is that of three.js' shadow material: the bias is in the look-up.
         const drawn = { compare: state.depthCompare, write: true, colorWrite: false };
-        const of = isSliced ? stages(found.variant, ROLE) : whole(texts);
-        const done = pipelines
-            .make({ renderObject: own }, of, drawn)
-            .then((pipeline) => {
-                if (!pipeline) return entry.end('failed', 'the device refuses a pipeline');
-                entry.ready(pipeline);
-            })
-            .catch((error) => entry.end('failed', error.message))
-            .finally(() => this.#pending.delete(done));
-        this.#pending.add(done);
+        const pipeline = await pipelines.make(
+            { renderObject: own },
+            isSliced ? stages(found.variant, ROLE) : whole(texts),
+            drawn,
+        );
+        if (pipeline) entry.ready(pipeline);
+        else entry.end('failed', 'the device refuses a pipeline', 'driver');
     }
 
-    async settled() {
-        await Promise.all(this.#pending);
+    settled() {
+        return this.#pending.settled();
     }
 
     report() {
-        return [...this.#authors].flatMap(([material, { state, reason, entries }]) => {
-            if (state !== 'doubtful') return [row('shadow', material, { state, reason })];
+        return [...this.#authors].flatMap(([material, { state, reason, code, entries }]) => {
+            if (state !== 'doubtful') return [row('shadow', material, { state, reason, code })];
             return [...entries.values()].map(({ state, form, reason, remedy, code, ms, left }) =>
                 row('shadow', material, { state, reason, remedy, code, ms, form, left_out: left }),
             );
@@ -174,8 +165,8 @@ export class Shadows {
     }
 
     dispose() {
-        this.#scenes = new WeakMap();
         this.#authors.release();
         this.#entries.clear();
+        this.#host.forget(this);
     }
 }

@@ -6,6 +6,7 @@ export class Timer {
     #backend;
     #device;
     #context = null;
+    #method = null;
     /** The pass that is recorded now: `{ writes, began, done }`. */
     #pass = null;
     #slots = null;
@@ -17,11 +18,15 @@ export class Timer {
 
     /** Whether times are the device's own. */
     get isExact() {
-        return this.#device.features.has('timestamp-query');
+        return this.#method !== 'fence' && this.#device.features.has('timestamp-query');
     }
 
-    /** Passes of this context can be timed from the next one on; `null`: of none. */
-    watch(context) {
+    /**
+     * Passes of this context can be timed from the next one on; `null`: of none. `method`: `fence` asks the queue, though
+     * there are timestamps.
+     */
+    watch(context, method = null) {
+        this.#method = method;
         if (context === this.#context) return;
         if (this.#context === null) this.#install();
         this.#context = context;

@@ -17,20 +17,21 @@ import {
     Vector2,
     ZeroFactor,
 } from 'three/webgpu';
+import { row, withoutVelocity } from '../rows.js';
 import { Authors } from './authors.js';
 import { Prepared, derivedMaterial } from './casting.js';
 import { stages, vertexLayouts } from './pipelines.js';
 import { PreviousBuffers, moved, movingBuffers } from './previous.js';
-import { Entries, stateOf } from './programs.js';
-import { row } from './rows.js';
+import { Entries, Pending, made, stateOf } from './programs.js';
 
 const ROLE = 'outputs';
 /** preshade's velocities are parts of the picture, with y down; three.js' are clip space, with y up. */
-const SCALE = new Color(2, -2, 0);
+const SCALES = { ndc: new Color(2, -2, 0), picture: new Color(1, 1, 0) };
 /** The blending unit scales: by powers of two, which rounds nothing. */
-const velocityMaterial = (author) =>
+const velocityMaterial = (author, scale, side) =>
     derivedMaterial(author, {
         name: 'velocity',
+        side,
         fog: false,
         transparent: false,
         mrtNode: null,
@@ -40,7 +41,7 @@ const velocityMaterial = (author) =>
         blendDst: ZeroFactor,
         blendSrcAlpha: null,
         blendDstAlpha: null,
-        blendColor: SCALE,
+        blendColor: scale,
         blendAlpha: 1,
     });
 
@@ -77,7 +78,7 @@ export class Velocity {
     #entries;
     #groups = new WeakMap();
     #prepared;
-    #pending = new Set();
+    #pending = new Pending();
     /** Whether it is the velocities that three.js draws now. */
     isDrawing = false;
     #state;
@@ -85,13 +86,22 @@ export class Velocity {
     /** Switches it off and on. While it is off, the texture stays as it is. */
     enabled = true;
     #camera;
+    #units;
+    #isTransparent;
     #isAutomatic;
+    /** three.js' number of the frame whose velocities were drawn last. */
+    #frame = null;
 
     /**
-     * `camera`: whose frames; by default that of the first. With `automatic: false` you call `render` once in each frame.
+     * `camera`: whose frames; by default that of the first. `units`: `ndc` or `picture`. `transparent`: whether
+     * transparent objects are drawn too. With `automatic: false` you call `render` once in each frame.
      */
-    constructor(host, scene, { camera = null, automatic = true } = {}) {
+    constructor(host, scene, { camera = null, units = 'ndc', transparent = false, automatic = true } = {}) {
+        if (!Object.hasOwn(SCALES, units))
+            throw new TypeError(`preshade: velocities in "ndc" or "picture", not in "${units}"`);
         this.#host = host;
+        this.#units = units;
+        this.#isTransparent = transparent;
         this.#scene = scene;
         this.#camera = camera;
         this.#isAutomatic = automatic;
@@ -101,7 +111,7 @@ export class Velocity {
         this.#previous = new PreviousBuffers(host.backend.device);
     }
 
-    /** Clip space that each pixel's surface went since the frame before, as three.js' `velocity`; half floats. */
+    /** How far each pixel's surface went since the frame before, in the units of the options; half floats. */
     get texture() {
         return this.#target.texture;
     }
@@ -119,22 +129,35 @@ export class Velocity {
         this.#camera ??= camera;
         if (camera !== this.#camera) return;
         const target = renderer.getRenderTarget();
-        this.render(camera, target ? new Vector2(target.width, target.height) : undefined);
+        const size = target ? new Vector2(target.width, target.height) : this.#size();
+        // As three.js' `VelocityNode` counts frames, and its shadow maps: WebGPURenderer raises the number in each
+        // animation frame, whether it calls an animation loop of the page or not.
+        const { frameId } = renderer._nodes.nodeFrame;
+        this.#draw(camera, size, frameId !== this.#frame);
+        this.#frame = frameId;
     }
 
     /**
      * Draws the velocities of a frame: those of the opaque meshes, as large as the drawing buffer, or as `size`. A shift
-     * of the projection by `setViewOffset` counts as none.
+     * of the projection by `setViewOffset` counts as none. Each call is a frame.
      */
-    render(camera, size = this.#host.renderer.getDrawingBufferSize(new Vector2())) {
+    render(camera, size = this.#size()) {
+        this.#draw(camera, size, true);
+    }
+
+    #size() {
+        return this.#host.renderer.getDrawingBufferSize(new Vector2());
+    }
+
+    #draw(camera, size, isNewFrame) {
         const { renderer } = this.#host;
         const scene = this.#scene;
         this.#target.setSize(size.x, size.y);
         this.#state = RendererUtils.resetRendererAndSceneState(renderer, scene, this.#state);
-        this.#previous.next();
+        this.#previous.next(isNewFrame);
         this.isDrawing = true;
         try {
-            renderer.transparent = false;
+            renderer.transparent = this.#isTransparent;
             renderer.setClearColor(0, 0);
             renderer.setRenderTarget(this.#target);
             renderer.render(scene, camera);
@@ -155,11 +178,21 @@ export class Velocity {
     draw(call) {
         if (!this.isDrawing || call.scene !== this.#scene) return false;
         if (!call.object.isMesh) return true;
-        const known = this.#authors.of(call.material, String(call.material.version), () => {
-            const material = velocityMaterial(call.material);
-            return { entries: new Map(), material, materials: [material] };
-        });
-        const own = this.#prepared.of(known.material, call);
+        const author = call.material;
+        const known = this.#authors.of(author, String(author.version), () => ({
+            entries: new Map(),
+            bySide: new Map(),
+            materials: [],
+        }));
+        // three.js draws back and front of transparent objects one after the other.
+        const { side } = author;
+        let material = known.bySide.get(side);
+        if (!material) {
+            material = velocityMaterial(author, SCALES[this.#units], side);
+            known.bySide.set(side, material);
+            known.materials.push(material);
+        }
+        const own = this.#prepared.of(material, call);
         if (own) this.#encode(own, this.#entry(own, known));
         return true;
     }
@@ -195,30 +228,27 @@ export class Velocity {
 
     #entry(own, known) {
         const entry = this.#entries.of(own, own.camera.isOrthographicCamera, (key, of) => known.entries.set(key, of));
-        if (own.object.isBatchedMesh) entry.end('unsupported', 'matrices of a BatchedMesh are in a texture');
-        else if (entry.state === 'asked') this.#ask(entry, own);
+        if (own.object.isBatchedMesh) entry.end('refused', 'matrices of a BatchedMesh are in a texture', 'object');
+        else if (entry.state === 'asked')
+            this.#pending.add(this.#make(entry, own), (message) => entry.end('failed', message, 'failed'));
         return entry;
     }
 
-    #ask(entry, own) {
-        const { variants, backend, programs } = this.#host;
+    async #make(entry, own) {
+        const { backend, programs } = this.#host;
         const texts = programs.built(own);
-        const state = stateOf(own, backend);
         const moving = movingBuffers(own).flatMap(({ names }) => names);
         const parameters = [
             ...(moving.length ? [`moving=${moving.join('+')}`] : []),
             ...(texts.vertex.includes('render.cameraProjectionMatrix') ? [`jitter=${jitterOf(own.camera)}`] : []),
         ];
         const pass = ['outputs:write=velocity', ...parameters].join(',');
-        const found = variants.get(texts, { pass, roles: [ROLE], ...state });
-        if (found.state === 'pending') return;
+        entry.state = 'compiling';
+        const found = await made(this.#host, own, texts, { pass, roles: [ROLE], ...stateOf(own, backend) });
+        if (!found) return Object.assign(entry, { state: 'asked' });
         entry.ms = found.ms;
         if (found.state !== 'ready') return entry.end(found.state, found.reason, found.code, found.remedy);
-        entry.state = 'compiling';
-        const done = this.#compile(entry, own, found.variant)
-            .catch((error) => entry.end('unsupported', error.message))
-            .finally(() => this.#pending.delete(done));
-        this.#pending.add(done);
+        await this.#compile(entry, own, found.variant);
     }
 
     async #compile(entry, own, variant) {
@@ -244,20 +274,23 @@ export class Velocity {
             colorWrite: true,
             buffers: of.vertices,
         });
-        if (!pipeline) return entry.end('failed', 'the device refuses a pipeline');
+        if (!pipeline) return entry.end('failed', 'the device refuses a pipeline', 'driver');
         Object.assign(entry, { pipeline, layout, uniforms: of.uniforms, state: 'ready' });
     }
 
-    async settled() {
-        await Promise.all(this.#pending);
+    settled() {
+        return this.#pending.settled();
     }
 
     report() {
-        return [...this.#authors].flatMap(([material, { entries }]) =>
+        const rows = [...this.#authors].flatMap(([material, { entries }]) =>
             [...entries.values()].map(({ state, reason, remedy, code, ms }) =>
                 row('velocity', material, { state, reason, remedy, code, ms }),
             ),
         );
+        // three.js sorts transmissive materials among the transparent ones.
+        const isDrawn = ({ transparent, transmission }) => this.#isTransparent || (!transparent && !(transmission > 0));
+        return [...rows, ...withoutVelocity(this.#scene, isDrawn)];
     }
 
     dispose() {

@@ -8,6 +8,7 @@ import { parse as parseToml } from 'smol-toml';
 import { requests } from '../client.js';
 import { gather } from '../disk.js';
 import { Preshade } from '../index.js';
+import { withThree } from '../three-prefix.js';
 
 const VERSION = JSON.parse(readFileSync(new URL('../package.json', import.meta.url))).version;
 const NATIVE = ['graph', 'verify', 'plan', 'explore', 'capture', 'adapters', 'bench', 'completions', 'man'];
@@ -28,12 +29,14 @@ FILE is a WGSL file with both entry points, or a vertex and a fragment file; \`-
 
 Options:
   --pass NAME[:k=v,..]        a pass of the recipe, in order
-  --emit TARGET,..            wgsl, glsl, glsl-vulkan, glsl-es, glsl-es-100, glsl-tess, glsl-vulkan-tess
+  --emit TARGET,..            wgsl, glsl, glsl-vulkan, glsl-es, glsl-es-100, glsl-tess, glsl-vulkan-tess;
+                              without it wgsl, of GLSL as well: for WebGL give glsl-es
   -o, --out DIR               folder to write to; without it, shaders and plan go to stdout
   --validate                  hold each variant against the original before it is written
   --format human|json         output form; \`agree\` also has markdown
   -v, --verbose               everything about every pass
   --lang wgsl|glsl            language of the input
+  --three                     put three.js's declarations before the two texts of a ShaderMaterial
   --vertex, --fragment NAME   entry points, if there are several
   --name NAME                 name of the material
   --include DIR               folder to search for #include
@@ -59,7 +62,7 @@ const SHADER = {
     ...{ lang: text, vertex: text, fragment: text, name: text, include: texts, define: texts, clip: text },
     ...{ limits: text, state: text, 'depth-compare': text, 'depth-format': text, 'reversed-z': flag },
     ...{ 'no-depth-write': flag, blend: text, cull: text, topology: text, samples: text },
-    ...{ 'alpha-to-coverage': flag },
+    ...{ 'alpha-to-coverage': flag, three: flag },
 };
 const COMMON = { format: text, color: text, help: { type: 'boolean', short: 'h' } };
 const WRITING = { emit: texts, out: { type: 'string', short: 'o' }, output: text, validate: flag };
@@ -112,13 +115,28 @@ function content(path) {
     }
 }
 
-function sources(paths, language) {
+/** The vertex and the fragment file of a `ShaderMaterial`, with what three.js declares before them. */
+function completed(files) {
+    const isFragment = ({ name, stage }) => stage === 'fragment' || /\.(frag|fs)(\.glsl)?$/.test(name);
+    const fragment = files.find(isFragment);
+    const vertex = files.find((file) => file !== fragment);
+    if (files.length !== 2 || !fragment) throw new Failure('error: --three needs a vertex and a fragment file');
+    const whole = withThree({ vertex: vertex.text, fragment: fragment.text });
+    if (whole.vertex === vertex.text)
+        throw new Failure(
+            'error: --three is for the texts of a ShaderMaterial: these have a #version or a chunk of three.js, or ' +
+                'read nothing that three.js declares. `preshade.text(material)` of preshade-three has the whole texts',
+        );
+    return files.map((file) => ({ ...file, text: file === fragment ? whole.fragment : whole.vertex }));
+}
+
+function sources(paths, { lang: language, three }) {
     if (!paths.length) throw new Failure('error: no file is given; see `npx preshade --help`');
     const scene = paths.find((path) => /\.(toml|glb|gltf)$/.test(path));
     if (scene) throw new Failure(`error: ${scene} is a scene, which the native program reads`);
     if (paths.filter((path) => path === '-').length > 1)
         throw new Failure('error: `-` is given twice: stdin can be read only once');
-    return paths.map((path, index) => {
+    const files = paths.map((path, index) => {
         const source = { name: path === '-' ? '<stdin>' : path, text: read(path), ...(language && { language }) };
         if (path !== '-') return source;
         if (!language)
@@ -128,13 +146,15 @@ function sources(paths, language) {
         // Without an ending, the first of two files is the vertex stage.
         return paths.length === 2 ? { ...source, stage: index ? 'fragment' : 'vertex' } : source;
     });
+    return three ? completed(files) : files;
 }
 
 /** The compiler's options about a shader, from flags. */
 function options(values, of) {
-    const { lang, state, samples, include = [], ...rest } = values;
+    const { state, samples, include = [], ...rest } = values;
     const out = { include, files: gather(of, include) };
-    for (const name of Object.keys(SHADER)) if (rest[name] !== undefined) out[camel(name)] = rest[name];
+    for (const name of Object.keys(SHADER))
+        if (!['lang', 'three'].includes(name) && rest[name] !== undefined) out[camel(name)] = rest[name];
     if (state !== undefined) out.state = { file: [state, content(state)] };
     if (samples !== undefined) out.samples = Number(samples);
     return out;
@@ -150,7 +170,7 @@ function layouts(passes, files) {
 
 const COMMANDS = {
     rewrite({ pass = [], emit, out, output, validate, format, ...values }, files) {
-        const of = sources(files, values.lang);
+        const of = sources(files, values);
         const more = options(values, of);
         layouts(pass, more.files);
         const folder = out ?? output;
@@ -162,7 +182,7 @@ const COMMANDS = {
         return COMMANDS.rewrite({ ...values, pass: [pass] }, files);
     },
     explain({ pass, verbose, format, ...values }, files) {
-        const of = sources(files, values.lang);
+        const of = sources(files, values);
         return requests.explain(of, { ...options(values, of), pass, verbose, format });
     },
     agree(values, files) {
@@ -172,7 +192,7 @@ const COMMANDS = {
         if (!others) throw new Failure('error: agree needs two programs: FIRST --with SECOND, or two files');
         if ([...ours, ...others].includes('-')) throw new Failure('error: agree reads files, not stdin');
         if (!as) throw new Failure('error: --as says what the two should have in common');
-        const [first, second] = [sources(ours, own.lang), sources(others, own.lang)];
+        const [first, second] = [sources(ours, own), sources(others, own)];
         const { 'with-vertex': vertex, 'with-fragment': fragment, 'with-define': define, 'fail-on': failOn } = values;
         const more = options(own, first);
         const other = { ...options(own, second), vertex, fragment, name: undefined, ...(define && { define }) };

@@ -4,6 +4,7 @@ import assert from 'node:assert/strict';
 import { mkdirSync, writeFileSync } from 'node:fs';
 import { join } from 'node:path';
 import test from 'node:test';
+import { isOfThree, withThree } from '../three-prefix.js';
 import { below, bin, folder, native, read } from './support.mjs';
 
 const LEAF = 'fixtures/agree/leaf.wgsl';
@@ -77,6 +78,36 @@ test('includes and state come from disk', async (context) => {
     const lacks = await alike(['rewrite', ...glsl], { cwd });
     assert.equal(lacks.ours.stderr, lacks.theirs.stderr);
     await alike(['rewrite', ...glsl, '--include', 'other', '--state', 'state.toml'], { cwd });
+});
+
+test('--three gives the texts of a ShaderMaterial what three.js declares, and says where that is not enough', async (context) => {
+    const cwd = folder(context);
+    const write = (name, text) => writeFileSync(join(cwd, name), text);
+    const vertex = 'void main() { gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0); }\n';
+    write('a.vert', vertex);
+    write('a.frag', 'void main() { gl_FragColor = vec4(cameraPosition, 1.0); }\n');
+    write('chunk.vert', `#include <common>\n${vertex}`);
+    const rewrite = (name, ...flags) => bin(['rewrite', name, 'a.frag', '--pass', 'depth-prepass', ...flags], { cwd });
+    const bare = await rewrite('a.vert');
+    assert.equal(bare.status, 2);
+    assert.match(bare.stderr, /error\[foreign\].*three\.js/);
+    const whole = await rewrite('a.vert', '--three', '--emit', 'glsl-es');
+    assert.equal(whole.status, 0, whole.stderr);
+    assert.match(whole.stdout, /in vec3 position;/);
+    assert.match(whole.stdout, /a\.prepass\.es\.vert/);
+    const chunk = await rewrite('chunk.vert', '--three');
+    assert.equal(chunk.status, 2);
+    assert.match(chunk.stderr, /--three is for .*preshade\.text\(material\)/);
+    // Texts with all their declarations are left alone, and so are names that stand in comments alone.
+    const raw = { vertex: `in vec3 position;\nvoid main() { gl_Position = vec4(position, 1.0); } // uv`, fragment: '' };
+    assert.equal(isOfThree(raw), false);
+    assert.equal(withThree(raw), raw);
+});
+
+test('without --emit, GLSL becomes WGSL, as in the native program, and the help says so', async () => {
+    const { ours } = await alike(['rewrite', ...PHONG, '--pass', 'depth-prepass']);
+    assert.match(ours.stdout, /phong\.main\.wgsl/);
+    assert.match((await bin(['--help'])).stdout, /without it wgsl, of GLSL as well: for WebGL give glsl-es/);
 });
 
 test('what it cannot do is said', async () => {

@@ -73,9 +73,46 @@ test('shadows, pre-pass and velocities by one component; taken away, nothing is 
     assert.ok(middle > 1e-4, `${middle}`);
     assert.equal(corner, 0);
 
-    // Other parts: the component begins anew.
+    // Other parts: the component begins anew, and not when it is rendered again with the same.
+    const begun = await page.evaluate(() => found.ready);
+    await page.evaluate(() => {
+        const waves = scene.children.find(({ isMesh, material }) => isMesh && material.name === 'waves').material;
+        const normals = new THREE.MeshNormalMaterial();
+        const pass = {
+            name: 'normals',
+            render() {
+                scene.overrideMaterial = normals;
+                renderer.render(scene, camera);
+                scene.overrideMaterial = null;
+            },
+        };
+        globalThis.pass = pass;
+        const of = () => ({
+            override: [pass],
+            prepass: { materials: [waves] },
+            rewrite: { pass: ({ name }) => (name === 'wall' ? 'depth-prepass' : null) },
+            velocity: { camera },
+            options: { cache: false, wasm: new URL('/web/preshade.wasm', location.href) },
+        });
+        set({ of });
+    });
+    await page.waitForFunction((begun) => found.ready > begun, begun);
+    assert.deepEqual(await page.evaluate(() => Object.keys(made)), ['preshade', 'prepass', 'rewrite', 'velocity']);
+    await page.evaluate(() => pass.render());
+    await state('rewrite', 'wall');
+    await page.waitForFunction(() => (pass.render(), found.reports.at(-1).some(({ of }) => of === 'normals')));
+    const [ready, renders] = await page.evaluate(() => [found.ready, found.renders]);
+    for (let i = 1; i <= 3; i++) {
+        await page.evaluate(() => again());
+        await page.waitForFunction((renders) => found.renders >= renders, renders + i);
+    }
+    const drawn = await page.evaluate(() => found.frames);
+    await page.waitForFunction((drawn) => found.frames > drawn + 3, drawn);
+    assert.equal(await page.evaluate(() => found.ready), ready);
+
+    // Fewer parts.
     const before = await page.evaluate(() => found.ready);
-    await page.evaluate(() => set({ prepass: true }));
+    await page.evaluate(() => set({ of: () => ({ prepass: true }) }));
     await page.waitForFunction((before) => found.ready > before, before);
     assert.deepEqual(await page.evaluate(() => Object.keys(made)), ['preshade', 'prepass']);
 

@@ -1,12 +1,12 @@
 // A scene of @react-three/fiber with preshade's component, without JSX: there is no build but the bundle.
 
-import { createElement as h, StrictMode, useRef, useState } from 'react';
+import { createElement as h, StrictMode, useEffect, useRef, useState } from 'react';
 import { createRoot } from 'react-dom/client';
 import { Canvas, useFrame } from '@react-three/fiber';
 import * as THREE from 'three';
 import { Preshade } from '../../fiber.js';
 
-const found = { reports: [], ready: 0, frames: 0, errors: [] };
+const found = { reports: [], ready: 0, renders: 0, frames: 0, errors: [] };
 
 function Waves() {
     const [uniforms] = useState(() => ({ time: { value: 0 } }));
@@ -34,8 +34,10 @@ function Waves() {
 
 function Page() {
     const [isShown, show] = useState(true);
-    const [parts, set] = useState({ shadows: true, prepass: { form: 'biased' }, velocity: true });
-    Object.assign(globalThis, { show, set });
+    const [parts, set] = useState({ of: () => ({ shadows: true, prepass: { form: 'biased' }, velocity: true }) });
+    const [, again] = useState(0);
+    Object.assign(globalThis, { show, set, again: () => again((count) => count + 1) });
+    useEffect(() => void found.renders++);
     return h(
         Canvas,
         {
@@ -54,8 +56,8 @@ function Page() {
         ),
         isShown &&
             h(Preshade, {
-                ...parts,
                 options: { cache: false },
+                ...parts.of(),
                 onReady: (made) => (found.ready++, (globalThis.made = made)),
                 onReport: (rows) => found.reports.push(rows),
                 onError: (error) => found.errors.push(String(error)),

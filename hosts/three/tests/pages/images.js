@@ -1,38 +1,10 @@
 // The README's pictures: shadows of three.js beside those of preshade.
 
 import * as THREE from 'three';
-import { Preshade } from 'preshade-three';
+import { beside, prepared, stage } from './lib/beside.js';
 import { settle } from './lib/depths.js';
 
-const [WIDTH, HEIGHT] = [380, 300];
-const renderer = new THREE.WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
-renderer.setSize(WIDTH, HEIGHT);
-renderer.shadowMap.enabled = true;
-renderer.toneMapping = THREE.ACESFilmicToneMapping;
-
-function stage(add, at) {
-    const scene = new THREE.Scene();
-    scene.background = new THREE.Color(0xbfd4e6);
-    const camera = new THREE.PerspectiveCamera(38, WIDTH / HEIGHT, 0.1, 40);
-    camera.position.set(0, 3.4, 7);
-    camera.lookAt(0.3, 0.7, 0);
-    const ground = new THREE.Mesh(new THREE.PlaneGeometry(40, 40), new THREE.MeshStandardMaterial({ color: 0x9a9284 }));
-    ground.rotation.x = -Math.PI / 2;
-    ground.receiveShadow = true;
-    const sun = new THREE.DirectionalLight(0xfff0d8, 3.4);
-    sun.position.fromArray(at);
-    sun.castShadow = true;
-    sun.shadow.mapSize.set(2048, 2048);
-    sun.shadow.bias = -0.0008;
-    sun.shadow.normalBias = 0.03;
-    Object.assign(sun.shadow.camera, { left: -5, right: 5, top: 5, bottom: -5, far: 20 });
-    scene.add(ground, sun, new THREE.HemisphereLight(0xcfe4ff, 0x70604c, 1.3));
-    for (const object of add()) {
-        object.castShadow = object.receiveShadow = true;
-        scene.add(object);
-    }
-    return { scene, render: () => renderer.render(scene, camera) };
-}
+const renderer = prepared(THREE, new THREE.WebGLRenderer({ antialias: true, preserveDrawingBuffer: true }));
 
 /** Adds to the vertex or fragment stage, as a page does. */
 function patched(material, vertex, fragment = []) {
@@ -138,29 +110,11 @@ const scenes = {
     },
 };
 
-/** A data address of a PNG: three.js on the left, preshade on the right. */
-globalThis.draw = async (name) => {
-    const { scene, render } = stage(scenes[name], name === 'fence' ? [-1.8, 4, -4.5] : [-4, 5, 1.2]);
-    const canvas = Object.assign(document.createElement('canvas'), { width: 2 * WIDTH + 4, height: HEIGHT });
-    const context = canvas.getContext('2d');
-    const put = (x, words) => {
-        context.drawImage(renderer.domElement, x, 0);
-        context.font = '15px sans-serif';
-        context.fillStyle = 'rgba( 0, 0, 0, 0.6 )';
-        context.fillText(words, x + 10, HEIGHT - 12);
-    };
-    context.fillStyle = 'white';
-    context.fillRect(0, 0, canvas.width, HEIGHT);
-    render();
-    render();
-    put(0, 'three.js');
-    const preshade = await Preshade.of(renderer, { cache: false });
-    preshade.shadows(scene);
-    await settle(preshade, render);
-    put(WIDTH + 4, 'with preshade.shadows( scene )');
-    const states = preshade.report().map(({ state }) => state);
-    preshade.dispose();
-    return { url: canvas.toDataURL('image/png'), states };
+globalThis.draw = (name) => {
+    const objects = scenes[name]();
+    for (const object of objects) object.receiveShadow = true;
+    const from = name === 'fence' ? [-1.8, 4, -4.5] : [-4, 5, 1.2];
+    return beside(renderer, stage(THREE, renderer, objects, from), settle);
 };
 globalThis.names = Object.keys(scenes);
 globalThis.ready = true;

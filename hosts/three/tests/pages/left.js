@@ -3,7 +3,7 @@
 import * as THREE from 'three';
 import { Preshade } from 'preshade-three';
 import { standard, TIME, wobbling } from './lib/cases.js';
-import { differing, settle, shadowDepths } from './lib/depths.js';
+import { differing, picture, settle, shadowDepths } from './lib/depths.js';
 import { open, renderer, sphere, stage, states, workers } from './lib/stage.js';
 
 const scenarios = {
@@ -43,6 +43,18 @@ const scenarios = {
         return result;
     },
 
+    async 'a page without preshade-full.wasm'() {
+        const { scene, render, differ } = stage();
+        const full = new URL('/nothing.wasm', location.href);
+        const preshade = await Preshade.of(renderer, { cache: false, full });
+        preshade.shadows(scene);
+        await settle(preshade, render);
+        const found = preshade.report().find(({ material }) => material !== 'MeshLambertMaterial');
+        const result = { state: found.state, code: found.code, differ: differ() };
+        preshade.dispose();
+        return result;
+    },
+
     async disposal() {
         const { scene, mesh, material, light, render } = stage();
         // What three.js keeps for a stock caster stays.
@@ -56,7 +68,7 @@ const scenarios = {
         render();
         const drawn = renderer.info.programs.length;
         const preshade = await open();
-        const methods = [renderer.render, renderer.renderBufferDirect];
+        const methods = ['render', 'renderBufferDirect', 'clear'].map((name) => renderer[name]);
         preshade.shadows(scene);
         await settle(preshade, render);
         const withShadows = renderer.info.programs.length;
@@ -74,7 +86,9 @@ const scenarios = {
         for (let i = 0; i < 260; i++) render();
         const swept = states(preshade).length;
         preshade.dispose();
-        const isOwn = renderer.render !== methods[0] && renderer.renderBufferDirect !== methods[1];
+        const isOwn = [renderer.render, renderer.renderBufferDirect, renderer.clear].every(
+            (method, i) => method !== methods[i],
+        );
         render();
         other.material.dispose();
         light.dispose();
@@ -90,6 +104,90 @@ const scenarios = {
         };
         result.textures = [start.textures, renderer.info.memory.textures];
         result.workers = { ...workers };
+        return result;
+    },
+
+    async 'a part that was disposed of'() {
+        const { scene, render, differ } = stage();
+        const preshade = await open();
+        const first = preshade.shadows(scene);
+        await settle(preshade, render);
+        const [before] = states(preshade);
+        const prepass = preshade.prepass(scene);
+        for (const part of [first, prepass, first]) part.dispose();
+        const result = { before, rows: states(preshade).length };
+        const second = preshade.shadows(scene);
+        await settle(preshade, render);
+        Object.assign(result, { isAnother: second !== first, differ: differ(), states: states(preshade) });
+        preshade.dispose();
+        return result;
+    },
+
+    async 'a text of ours that the driver refuses'() {
+        const { scene, light, render } = stage();
+        render();
+        render();
+        const before = { depths: shadowDepths(renderer, light), picture: picture(renderer) };
+        const gl = renderer.getContext();
+        const preshade = await open();
+        // From here on all texts are preshade's.
+        gl.shaderSource = (shader, text) =>
+            WebGL2RenderingContext.prototype.shaderSource.call(
+                gl,
+                shader,
+                text.replace('void main()', 'void nonsense() { missing = 1.0; }\nvoid main()'),
+            );
+        preshade.shadows(scene);
+        const prepass = preshade.prepass(scene);
+        await settle(preshade, render);
+        for (let i = 0; i < 1000 && !prepass.isSettled; i++) {
+            render();
+            await new Promise((resolve) => requestAnimationFrame(resolve));
+        }
+        const rows = preshade.report().map((row) => ({ ...row, rendered: row.rendered, failures: row.failures }));
+        const result = { isSettled: prepass.isSettled, rows };
+        delete gl.shaderSource;
+        render();
+        result.differ = differing(before.depths, shadowDepths(renderer, light));
+        result.picture = differing(before.picture, picture(renderer));
+        preshade.dispose();
+        return result;
+    },
+
+    async 'a material and a camera that leave the scene'() {
+        const { scene, camera, light, ground, mesh, material, render } = stage();
+        light.castShadow = false;
+        const preshade = await open();
+        const materials = (each) => each !== ground.material;
+        const part = preshade.prepass(scene, { measure: { frames: 24 }, remember: false, materials });
+        const choose = async () => {
+            for (let i = 0; i < 1000 && (i < 5 || !part.isSettled); i++) {
+                render();
+                await new Promise((resolve) => requestAnimationFrame(resolve));
+                await preshade.settled();
+            }
+        };
+        const listeners = () => material._listeners.dispose.length;
+        await choose();
+        const result = { settled: [part.isSettled], listeners: [listeners()] };
+        // Once from elsewhere: that view is to be measured, and never drawn again.
+        renderer.render(scene, camera.clone());
+        result.settled.push(part.isSettled);
+        // three.js draws it by the same program.
+        mesh.material = wobbling(standard({ name: 'another' }));
+        mesh.visible = false;
+        const elsewhere = new THREE.WebGLRenderTarget(4, 4);
+        renderer.setRenderTarget(elsewhere);
+        for (let i = 0; i < 1300; i++) render();
+        renderer.setRenderTarget(null);
+        elsewhere.dispose();
+        mesh.visible = true;
+        await choose();
+        result.settled.push(part.isSettled);
+        result.listeners.push(listeners());
+        result.state = part.report().find((row) => row.material === 'another').state;
+        preshade.dispose();
+        for (const each of [material, mesh.material]) each.dispose();
         return result;
     },
 

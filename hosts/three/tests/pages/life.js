@@ -140,22 +140,69 @@ const scenarios = {
     },
 
     async 'shadow maps that are drawn on demand'() {
-        const { scene, light, render, differ } = stage();
-        light.shadow.autoUpdate = false;
-        light.shadow.needsUpdate = true;
-        render();
-        const wrong = shadowDepths(renderer, light);
-        const preshade = await open();
-        preshade.shadows(scene);
-        light.shadow.needsUpdate = true;
-        await settle(preshade, render);
-        light.shadow.needsUpdate = true;
-        await settle(preshade, render);
-        const result = { differ: differ() };
-        preshade.dispose();
-        render();
-        result.restored = differing(wrong, shadowDepths(renderer, light));
-        return result;
+        const { shadowMap } = renderer;
+        // As a page has it: once, and never again.
+        const once = (of) => Object.assign(of, { autoUpdate: false, needsUpdate: true });
+        const ways = {
+            'the light’s, before preshade': { before: ({ light }) => once(light.shadow) },
+            'all, after': { after: () => once(shadowMap) },
+            'from the second frame on': { after: ({ light, render }) => (render(), (light.shadow.autoUpdate = false)) },
+        };
+        const found = {};
+        for (const [name, { before, after }] of Object.entries(ways)) {
+            const all = stage();
+            const { scene, light, mesh, render, differ } = all;
+            // Nothing of this light's map changes.
+            const other = new THREE.DirectionalLight(0xffffff, 1);
+            other.position.set(-3, 4, 1);
+            other.castShadow = true;
+            once(other.shadow);
+            scene.add(other);
+            let draws = new Map();
+            mesh.onBeforeShadow = (...given) => draws.set(given[3], (draws.get(given[3]) ?? 0) + 1);
+            before?.(all);
+            render();
+            render();
+            const wrong = shadowDepths(renderer, light);
+            const preshade = await open();
+            preshade.shadows(scene);
+            after?.(all);
+            await settle(preshade, render);
+            const result = { differ: differ(), moved: differing(wrong, shadowDepths(renderer, light)) > 0 };
+            const changed = async (act) => {
+                draws = new Map();
+                act();
+                for (let i = 0; i < 6; i++) render();
+                await settle(preshade, render);
+                return differ();
+            };
+            // Not drawn again without a reason; and of a material that changed, once the page asks for it.
+            result.still = (await changed(() => {}), draws.size);
+            const own = mesh.material.onBeforeCompile;
+            mesh.material.onBeforeCompile = (shader) => {
+                own(shader);
+                shader.vertexShader = shader.vertexShader.replace('* 0.2', '* 0.3');
+            };
+            mesh.material.customProgramCacheKey = () => `on demand ${name}`;
+            result.again = await changed(() => {
+                mesh.material.needsUpdate = true;
+                if (!light.shadow.autoUpdate) light.shadow.needsUpdate = true;
+                if (!shadowMap.autoUpdate) shadowMap.needsUpdate = true;
+            });
+            result.others = draws.get(other.shadow.camera) ?? 0;
+            preshade.dispose();
+            render();
+            mesh.material = standard();
+            const drawn = shadowDepths(renderer, light);
+            if (!light.shadow.autoUpdate) light.shadow.needsUpdate = true;
+            if (!shadowMap.autoUpdate) shadowMap.needsUpdate = true;
+            render();
+            result.restored = differing(drawn, shadowDepths(renderer, light));
+            Object.assign(shadowMap, { autoUpdate: true, needsUpdate: false });
+            light.dispose();
+            found[name] = result;
+        }
+        return found;
     },
 
     async 'what is refused is drawn as always'() {

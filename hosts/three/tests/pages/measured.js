@@ -2,7 +2,7 @@
 
 import * as THREE from 'three';
 import { Preshade } from 'preshade-three';
-import { interval } from '/three/webgl/measure.js';
+import { interval } from '/three/measure.js';
 
 const query = new URLSearchParams(location.search);
 const SIZE = Number(query.get('size') ?? 160);
@@ -48,24 +48,30 @@ const scenes = {
 const scene = scenes[query.get('scene') ?? 'deep']();
 const preshade = await Preshade.of(renderer, { cache: false });
 const prepass = preshade.prepass(scene, {
-    measure: query.has('always') ? false : { frames: Number(query.get('frames') ?? 30), method: query.get('method') },
-    keep: query.has('keep'),
+    measure: query.has('always')
+        ? false
+        : {
+              frames: Number(query.get('frames') ?? 30),
+              method: query.get('method'),
+              // By default never: a look falls into the frames of a slow machine.
+              again: Number(query.get('again') ?? Infinity),
+          },
+    remember: query.has('remember'),
     form: query.get('form') ?? 'equal',
 });
 
 const frame = () => new Promise((resolve) => requestAnimationFrame(resolve));
 
-/** Draws as a page does until the choice is made; gives back how many frames that took. */
+/** Draws as a page does until the choice is made; gives back the states before it. */
 async function choose(limit = 1500) {
+    const states = new Set();
     for (let i = 0; i < limit; i++) {
         renderer.render(scene, camera);
         await frame();
-        if (
-            i > 5 &&
-            prepass.isSettled &&
-            preshade.report().every((row) => row.on || row.measured || row.state === 'refused')
-        )
-            return i;
+        const now = preshade.report().map(({ state }) => state);
+        if (i > 5 && prepass.isSettled && now.every((state) => ['done', 'off', 'refused'].includes(state)))
+            return { states: [...states] };
+        for (const state of now) states.add(state);
     }
     throw new Error(JSON.stringify(preshade.report(), null, 1));
 }
@@ -131,6 +137,6 @@ Object.assign(globalThis, {
     go,
     counted,
     table,
-    report: () => preshade.report(),
+    report: () => preshade.report().map((row) => ({ ...row, measured: row.measured })),
 });
 globalThis.ready = true;

@@ -14,6 +14,7 @@ import { SSRPass } from 'three/addons/postprocessing/SSRPass.js';
 import { Preshade } from 'preshade-three';
 import { axes, fence, holed, instanced, lit, standard, wobbling } from './lib/cases.js';
 import { colours, depths, differing, picture, settle } from './lib/depths.js';
+import { scenarios } from './lib/swapping.js';
 import { whole } from './lib/whole.js';
 
 const SIZE = 96;
@@ -150,19 +151,21 @@ globalThis.runAxes = async (name) => {
     const [expected] = captured(render, wholes);
     wholes.dispose();
     const preshade = await Preshade.of(renderer, { cache: false });
-    preshade.override(pass);
+    preshade.override(pass, { name: 'occlusion' });
     await settle(preshade, render);
     const [drawn] = captured(render);
-    const [{ state, normals }] = preshade.report();
+    const [{ state, normals, of, mode }] = preshade.report();
     preshade.dispose();
     const most = drawn.colour.reduce((max, value, i) => Math.max(max, Math.abs(value - expected.colour[i])), 0);
     return {
         state,
         normals,
+        called: `${of} ${mode}`,
         most,
         differ: differing(drawn.colour, expected.colour),
         moved: differing(drawn.colour, threes.colour),
     };
 };
+globalThis.runScenario = (name) => scenarios[name](renderer);
 globalThis.names = Object.keys(passes);
 globalThis.ready = true;

@@ -236,6 +236,33 @@ const CHANGES = {
         };
         return () => delete mesh.onBeforeRender;
     },
+    'depth cleared in the middle of a frame': () => {
+        const mesh = scene.children.find(({ material }) => material === materials.lit);
+        mesh.onBeforeRender = () => renderer.clearDepth();
+        return () => delete mesh.onBeforeRender;
+    },
+    'another scene drawn over it in the middle': () => {
+        const mesh = scene.children.find(({ material }) => material === materials.lit);
+        const other = new THREE.Scene();
+        mesh.onBeforeRender = () => {
+            renderer.autoClearColor = false;
+            renderer.render(other, camera);
+            renderer.autoClearColor = true;
+        };
+        return () => delete mesh.onBeforeRender;
+    },
+    'two surfaces at one depth': () => {
+        const pair = ['#ff2222', '#22ff22'].map((color, i) => {
+            const material = new THREE.MeshBasicMaterial({ name: `tie ${i}`, color, depthFunc: THREE.LessDepth });
+            const mesh = new THREE.Mesh(new THREE.PlaneGeometry(0.8, 0.8), material);
+            mesh.position.set(0.2, -0.9, 2);
+            // Of the two the first is seen.
+            mesh.renderOrder = i;
+            return mesh;
+        });
+        scene.add(...pair);
+        return () => scene.remove(...pair);
+    },
     'a picture as background': () => {
         const { background } = scene;
         scene.background = materials.wobbly.map;

@@ -86,7 +86,7 @@ const rows = (name) =>
     parts
         .get(name)
         .report()
-        .map(({ plan, ...row }) => ({ ...row, passes: plan?.passes.map(({ role }) => role) }));
+        .map((row) => ({ ...row, skipped: row.skipped, passes: row.plan?.passes.map(({ role }) => role) }));
 
 Object.assign(globalThis, {
     THREE,

@@ -2,9 +2,10 @@
 
 import { cases as materials } from './lib/cases.js';
 import { forms } from './lib/forms.js';
-import { open, run } from './lib/run.js';
+import { open, run, SunLight } from './lib/run.js';
 
 const cases = { ...materials, ...forms };
+if (!SunLight) for (const [name, { lights }] of Object.entries(cases)) if (lights?.includes('sun')) delete cases[name];
 const renderers = new Map();
 
 globalThis.runCases = async (names) => {

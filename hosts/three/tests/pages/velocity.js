@@ -9,7 +9,13 @@ const SIZE = 192;
 const renderer = new THREE.WebGLRenderer({ preserveDrawingBuffer: true, reversedDepthBuffer: query.has('reversed') });
 renderer.setSize(SIZE, SIZE);
 document.body.append(renderer.domElement);
-const { scene, camera, set, objects, materials } = world();
+const { scene, camera, set: setWorld, objects, materials } = world();
+const box = scene.children.find(({ material }) => Array.isArray(material));
+/** The box of the world has several groups of one material. */
+const set = (time) => {
+    setWorld(time);
+    box.rotation.y = 0.5 * time;
+};
 const preshade = await Preshade.of(renderer, { cache: false });
 const units = query.get('units') ?? 'ndc';
 const velocity = preshade.velocity(scene, { units });
@@ -164,19 +170,26 @@ async function settle(shift = null) {
     throw new Error(JSON.stringify(preshade.report(), null, 1));
 }
 
-/** The largest difference in pixels beyond half a half float's step, by material, over pixels whose neighbours show the same mesh. `jitter`: shifts of the projection, in pixels. */
-function compare(first, second, jitter = null) {
-    const frame = (time, shift) => {
+/**
+ * The largest difference in pixels beyond half a half float's step, by material, over pixels whose neighbours show the same mesh. `shifts`: of the projection, in
+ * pixels, or null: for each time that the frame is drawn. `apart`: whether an animation frame lies between the two; without, only what moves tells them apart.
+ */
+async function compare(first, second, { shifts = [[null], [null]], apart = true } = {}) {
+    const frame = (time, shifts) => {
         set(time);
         const of = positions(time);
-        if (shift) camera.setViewOffset(SIZE, SIZE, ...shift, SIZE, SIZE);
-        renderer.render(scene, camera);
-        camera.clearViewOffset();
+        for (const shift of shifts) {
+            if (shift) camera.setViewOffset(SIZE, SIZE, ...shift, SIZE, SIZE);
+            renderer.render(scene, camera);
+            camera.clearViewOffset();
+        }
         return of;
     };
-    const before = frame(first, jitter?.[0]);
-    const now = frame(second, jitter?.[1]);
-    const [ours, theirs] = [drawn(), reference(before, now, jitter?.[1] ?? [0, 0])];
+    await next();
+    const before = frame(first, shifts[0]);
+    if (apart) await next();
+    const now = frame(second, shifts[1]);
+    const [ours, theirs] = [drawn(), reference(before, now, shifts[1].at(-1) ?? [0, 0])];
     const found = {};
     for (let y = 1; y < SIZE - 1; y++) {
         for (let x = 1; x < SIZE - 1; x++) {

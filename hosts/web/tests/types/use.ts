@@ -3,6 +3,7 @@
 /// <reference path="../../imports.d.ts" />
 import { agree, explain, outputs, passes, Preshade, PreshadeError, rewrite, type Variant } from 'preshade';
 import { rewrite as rewriteSync } from 'preshade/sync';
+import { withThree } from 'preshade/three-prefix';
 import preshade from 'preshade/vite';
 import lit from './lit.wgsl?preshade=depth-prepass';
 
@@ -10,7 +11,10 @@ const options = { pass: ['depth-prepass', 'hoist:budget=0.02'], emit: ['wgsl', '
 
 export async function use(wgsl: string): Promise<string[]> {
     const variant: Variant = await rewrite(wgsl, { ...options, pass: [...options.pass], emit: [...options.emit] });
-    const now: Variant = rewriteSync({ vertex: '', fragment: '' }, { pass: 'depth-prepass', define: { A: 1 } });
+    const now: Variant = rewriteSync(withThree({ vertex: '', fragment: '' }), {
+        pass: 'depth-prepass',
+        define: { A: 1 },
+    });
     const compiler = new Preshade({ timeout: 1000 });
     const { stages } = await compiler.explain([{ name: 'a.vert', text: '', stage: 'vertex' }]);
     const more = await outputs(wgsl, { write: 'normal+depth', parameters: { view: 'drop' } });

@@ -185,7 +185,8 @@ export function reference(renderer, scene, light) {
         renderer.autoClear = false;
         for (let i = 0; i < shadow.getViewportCount(); i++) {
             const { x, y, z, w } = shadow.getViewport(i);
-            const camera = shadow.getCamera(i);
+            // Newer than some versions of three.js.
+            const camera = shadow.getCamera?.(i) ?? shadow.camera;
             target.viewport.set(x, y, z, w).multiply(sizes(shadow.mapSize));
             target.scissor.copy(target.viewport);
             renderer.setRenderTarget(target);

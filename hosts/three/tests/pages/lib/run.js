@@ -6,8 +6,10 @@ import { differing, picture, reference, sentinel, settle, shadowDepths } from '.
 
 const SIZE = 96;
 
-// Newer than some versions of three.js.
-const { SunLight } = await import('three/addons/lights/SunLight.js').catch(() => ({}));
+/** Newer than some versions of three.js. */
+export const { SunLight } = new THREE.DirectionalLight().shadow.getCamera
+    ? await import('three/addons/lights/SunLight.js')
+    : {};
 
 export function open(options) {
     const renderer = new THREE.WebGLRenderer({ preserveDrawingBuffer: true, ...options });

@@ -185,6 +185,13 @@ export const MATERIALS = {
     'MeshStandardMaterial: alphaHash': classic({ opacity: 0.5, alphaHash: true }),
 };
 
+/** What pages change of a material or an object while it is drawn: as it is at first, and as it is then. */
+export const CHANGES = {
+    opacity: ({ material }, isThen) => (material.opacity = isThen ? 0.3 : 1),
+    alphaTest: ({ material }, isThen) => (material.alphaTest = isThen ? 0.5 : 0),
+    'alpha of a batch': ({ mesh }, isThen) => isThen && mesh.setColorAt(0, new THREE.Vector4(1, 1, 1, 0.2)),
+};
+
 function geometry() {
     const of = new THREE.SphereGeometry(1, 24, 16);
     const { count } = of.attributes.position;

@@ -88,7 +88,13 @@ globalThis.replace = async (count) => {
             await preshade.settled();
         }
         await frame();
-        if (i === count >> 2 || i === count) found.push(counts());
+        if (i !== count >> 2 && i !== count) continue;
+        // What velocities keep of a material goes some frames after it.
+        for (let k = 0; k < 32; k++) {
+            draw(of);
+            await frame();
+        }
+        found.push(counts());
     }
     of.mesh.material.dispose();
     await frame();
@@ -234,6 +240,66 @@ globalThis.twice = async () => {
     const after = third.report();
     third.dispose();
     return { rows, after };
+};
+
+/** Parts of a scene: asked for twice, disposed of, and asked for again. */
+globalThis.parts = async () => {
+    const of = sceneOf({ material: 'opacityNode, alphaTest' });
+    const preshade = await Preshade.of(renderer, { cache: false });
+    const states = () => preshade.report().map(({ pass, state }) => `${pass} ${state}`);
+    const found = {};
+    const old = {};
+    for (const name of ['shadows', 'prepass', 'velocity']) {
+        const ask = () => preshade[name](of.scene);
+        const first = (old[name] = ask());
+        let second;
+        try {
+            second = ask() === first ? 'the same' : 'another';
+        } catch (error) {
+            second = error.message;
+        }
+        // Pictures until it is there, each with all that is made by then.
+        for (let i = 0; i < 20 && !(states().some((of) => of.endsWith('done')) && (first.isSettled ?? true)); i++) {
+            draw(of);
+            await preshade.settled();
+            await frame();
+        }
+        const before = first.report().map(({ state }) => state);
+        first.dispose();
+        const after = states();
+        const again = ask();
+        first.dispose();
+        draw(of);
+        await preshade.settled();
+        draw(of);
+        found[name] = { second, before, after, isOther: again !== first, again: again.report().length };
+        again.dispose();
+    }
+    preshade.dispose();
+    return found;
+};
+
+/** What a part has after one picture, and after `settled`. */
+globalThis.settledAfterOne = async () => {
+    const of = sceneOf({ material: 'vertexNode' });
+    const preshade = await Preshade.of(renderer, { cache: false });
+    preshade.shadows(of.scene);
+    preshade.velocity(of.scene);
+    const prepass = preshade.prepass(of.scene);
+    const rows = () => preshade.report().filter(({ uuid }) => uuid === of.material.uuid);
+    const told = () => rows().map(({ pass, state }) => `${pass} ${state}`);
+    draw(of);
+    const first = prepass.isSettled;
+    await preshade.settled();
+    const settled = told();
+    let pictures = 0;
+    while (!prepass.isSettled && pictures++ < 20) {
+        draw(of);
+        await preshade.settled();
+    }
+    const then = told();
+    preshade.dispose();
+    return { first, settled, then };
 };
 
 globalThis.unfit = async () => {

@@ -3,7 +3,7 @@
 import * as THREE from 'three/webgpu';
 import { Fn, colorSpaceToWorking, normalView, packNormalToRGB, vec4 } from 'three/tsl';
 import { Preshade } from 'preshade-three';
-import { MATERIALS, SIZE, depths, differ, renderer as make, scene as sceneOf, settle } from './kit.js';
+import { CHANGES, MATERIALS, SIZE, depths, differ, renderer as make, scene as sceneOf, settle } from './kit.js';
 
 const renderer = await make();
 const preshade = await Preshade.of(renderer, { cache: false });
@@ -27,15 +27,26 @@ async function picture(scene, camera, target) {
 }
 
 globalThis.compare = async ({ override = 'normal', ...options }) => {
-    const { scene, camera, sun, mesh, ground, material } = sceneOf(options);
+    const of = sceneOf(options);
+    const { scene, camera, sun, mesh, ground, material } = of;
+    const change = CHANGES[options.change];
+    change?.(of, false);
     sun.castShadow = false;
     ground.visible = false;
     scene.overrideMaterial = OVERRIDES[override]();
-    const three = await picture(scene, camera, targets.three);
+    let three = await picture(scene, camera, targets.three);
+    const draw = () => picture(scene, camera, targets.ours);
     preshade.override(scene);
-    await settle(preshade, () => picture(scene, camera, targets.ours), 3);
+    await settle(preshade, draw, 3);
+    if (change) {
+        change(of, true);
+        await settle(preshade, draw, 3);
+        three = { depths: [], pixels: [] };
+    }
     const ours = await picture(scene, camera, targets.ours);
     const rows = preshade.report().filter(({ uuid }) => uuid === material.uuid);
+    preshade.override(scene, false);
+    const undone = await picture(scene, camera, targets.ours);
     scene.overrideMaterial.dispose();
     scene.overrideMaterial = null;
     // By hand: the author's output is what decides about holes.
@@ -53,8 +64,16 @@ globalThis.compare = async ({ override = 'normal', ...options }) => {
         three: { depths: depthsOf(three), pixels: pixelsOf(three) },
         ours: { depths: depthsOf(ours), pixels: pixelsOf(ours) },
         drawn: truth.depths.filter((depth) => depth !== 1).length,
+        undone: differ(undone.depths, three.depths) + differ(undone.pixels, three.pixels, 4, 3),
         rows,
     };
+};
+globalThis.refusesNormals = () => {
+    try {
+        preshade.override(new THREE.Scene(), { normals: 'faces' });
+    } catch ({ message }) {
+        return message;
+    }
 };
 globalThis.materials = Object.keys(MATERIALS);
 globalThis.ready = true;

@@ -69,10 +69,12 @@ globalThis.scenePass = async (options) => {
     const before = await shown(sceneOf(options), () => ({}));
     const preshade = await Preshade.of(renderer, { cache: false });
     const of = sceneOf(options);
+    const texts = [preshade.text(of.material, of.mesh)];
     preshade.prepass(of.scene);
     const after = await shown(of, () => ({ after: () => preshade.settled() }));
     const rows = preshade.report();
+    texts.push(preshade.text(of.material, of.mesh), preshade.text(of.material));
     preshade.dispose();
-    return { lit: litOf(before), differ: differ(before, after, 4), rows };
+    return { lit: litOf(before), differ: differ(before, after, 4), rows, texts };
 };
 globalThis.ready = true;

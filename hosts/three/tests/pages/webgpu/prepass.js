@@ -52,7 +52,7 @@ async function calls(of, kind) {
 }
 
 /** Pixels that differ, and what was done. Three objects of one material stand behind each other. */
-globalThis.compare = async ({ target: kind = 'texture', count = 3, ...options }) => {
+globalThis.compare = async ({ target: kind = 'texture', count = 3, form, ...options }) => {
     const of = sceneOf(options);
     of.sun.castShadow = false;
     for (let i = 1; i < count; i++) {
@@ -63,7 +63,7 @@ globalThis.compare = async ({ target: kind = 'texture', count = 3, ...options })
     const before = await picture(of, kind);
     const drawn = await calls(of, kind);
     const preshade = await Preshade.of(renderer, { cache: false });
-    preshade.prepass(of.scene);
+    preshade.prepass(of.scene, { form });
     await settle(preshade, () => picture(of, kind), 8);
     const after = await picture(of, kind);
     const more = (await calls(of, kind)) - drawn;
@@ -85,8 +85,8 @@ globalThis.measured = async (part) => {
         take: (done) => queueMicrotask(() => done(10 * part ** (renderer.info.render.drawCalls - fewest))),
     };
     const preshade = await Preshade.of(renderer, { cache: false, timer });
-    preshade.prepass(of.scene, { measure: true });
-    const isWaiting = ({ state }) => ['pending', 'waiting'].includes(state);
+    const prepass = preshade.prepass(of.scene, { measure: true });
+    const isWaiting = ({ state }) => ['pending', 'waiting', 'measuring'].includes(state);
     let frames = 0;
     do {
         await calls(of, 'texture');
@@ -95,6 +95,9 @@ globalThis.measured = async (part) => {
     } while (++frames < 400 && (preshade.report().some(isWaiting) || frames < 20));
     const rows = preshade.report();
     const more = (await calls(of, 'texture')) - fewest;
+    prepass.forced = true;
+    const forced = (await calls(of, 'texture')) - fewest;
+    prepass.forced = false;
     // Much more is drawn: what was measured says little about it.
     for (let i = 0; i < 4; i++) of.scene.add(of.mesh.clone());
     let later = 0;
@@ -103,25 +106,47 @@ globalThis.measured = async (part) => {
         if (later % 20 === 0) await frame();
     }
     preshade.dispose();
-    return { frames, more, rows, later };
+    return { frames, more, forced, rows, later };
 };
 
 /** The real clock, and what is left of it. */
 globalThis.timed = async () => {
     const of = sceneOf({ material: 'plain' });
     const preshade = await Preshade.of(renderer, { cache: false });
-    preshade.prepass(of.scene, { measure: true });
-    const isWaiting = ({ state }) => ['pending', 'waiting'].includes(state);
+    const prepass = preshade.prepass(of.scene, { measure: true });
+    const isWaiting = ({ state }) => ['pending', 'waiting', 'measuring'].includes(state);
     const before = await picture(of, 'texture');
     let [frames, worst] = [0, 0];
     do {
         worst = Math.max(worst, differ(before, await picture(of, 'texture'), 4));
         await preshade.settled();
-    } while (++frames < 400 && (preshade.report().some(isWaiting) || frames < 20));
+    } while (++frames < 400 && (!prepass.isSettled || frames < 20));
     const rows = preshade.report();
     preshade.dispose();
     const names = ['beginRender', 'finishRender', 'initTimestampQuery', 'draw', 'copyFramebufferToTexture'];
     return { frames, worst, rows, left: names.filter((name) => Object.hasOwn(renderer.backend, name)) };
+};
+
+/** What options say that there are not. */
+globalThis.refused = async () => {
+    const { scene } = sceneOf({ material: 'plain' });
+    const preshade = await Preshade.of(renderer, { cache: false });
+    const told = (ask) => {
+        try {
+            ask();
+        } catch (error) {
+            return error.message;
+        }
+    };
+    const found = [
+        told(() => preshade.prepass(scene, { form: 'both' })),
+        told(() => preshade.prepass(scene, { remember: true })),
+        told(() => preshade.prepass(scene, { measure: { method: 'clock' } })),
+        told(() => preshade.velocity(scene, { units: 'pixels' })),
+        told(() => preshade.shadows(scene, { view: 'light' })),
+    ];
+    preshade.dispose();
+    return found;
 };
 
 function perturb() {

@@ -125,10 +125,15 @@ const inverse = ({ known, ratio, low, high, frames }) => ({
     frames,
 });
 const isFaster = ({ known, high }) => known && high < 1;
+/** The longest time between two looks at what is on, in milliseconds. */
+const LONGEST = 600_000;
 
 /**
  * Which candidates are on. New candidates are off. First all of them are tried together; if there are at most `each`, then
  * one after the other, since one may pay and another not. Candidates are names, in the order in which they came.
+ *
+ * What is on is looked at again, all of it against none, after `again` seconds, and then after twice as many each time, up
+ * to ten minutes. If it is more likely to be slower than faster, it is measured as if it were new.
  */
 export class Choice {
     #options;
@@ -139,29 +144,38 @@ export class Choice {
     #found = new Map();
     #steps = null;
     #step = null;
+    /** Whether the steps only look at what is on. */
+    #looks = false;
+    #first;
+    /** Milliseconds until the next look, and when it is due; null: not while something else is measured. */
+    #pause;
+    #due = null;
 
-    constructor({ each = 6, ...options } = {}) {
+    constructor({ each = 6, again = 10, ...options } = {}) {
         this.#options = options;
         this.#each = each;
+        this.#first = this.#pause = 1000 * again;
     }
 
-    /** A candidate. `kept` is what was found of it earlier: it counts as measured. */
-    add(name, kept = null) {
+    /** A candidate. `earlier` is what was found of it in an earlier visit: it counts as measured. */
+    add(name, earlier = null) {
         if (this.has(name)) return;
-        if (kept === null) this.#waiting.add(name);
-        else this.#decide(name, kept);
+        if (earlier === null) this.#waiting.add(name);
+        else this.#decide(name, earlier);
     }
 
     remove(name) {
         this.#waiting.delete(name);
         this.#found.delete(name);
         this.#on.delete(name);
-        if (this.#isTried(name)) this.#again(this.#step.tried.filter((other) => other !== name));
+        if (this.#looks) this.#stop();
+        else if (this.#isTried(name)) this.#again(this.#step.tried.filter((other) => other !== name));
     }
 
     /** Measures these anew; they stay as they are until then. */
     again(names = [...this.#found.keys()]) {
-        this.#again([...(this.#step?.tried ?? []), ...names]);
+        this.#pause = this.#first;
+        this.#again([...(this.#looks ? [] : (this.#step?.tried ?? [])), ...names]);
     }
 
     #again(names) {
@@ -169,7 +183,12 @@ export class Choice {
             this.#found.delete(name);
             this.#waiting.add(name);
         }
-        this.#steps = this.#step = null;
+        this.#stop();
+    }
+
+    #stop() {
+        this.#steps = this.#step = this.#due = null;
+        this.#looks = false;
     }
 
     /** What happened to the page makes frames before and after it incomparable: another size, a hidden tab. */
@@ -182,8 +201,14 @@ export class Choice {
         return this.#found.has(name) || this.#waiting.has(name) || this.#isTried(name);
     }
 
+    /** Whether a candidate is not decided yet. */
     get isMeasuring() {
-        return this.#steps !== null || this.#waiting.size > 0;
+        return (this.#steps !== null && !this.#looks) || this.#waiting.size > 0;
+    }
+
+    /** Whether frames are timed, be it for a look at what is decided. */
+    get isTiming() {
+        return this.#step !== null;
     }
 
     /** What was found of a candidate, or null. */
@@ -191,9 +216,9 @@ export class Choice {
         return this.#found.get(name) ?? null;
     }
 
-    /** `{ on, ticket }`: which are on in the next frame, and what to hand to `time` (null: nobody asks for its time). */
-    frame() {
-        this.#advance();
+    /** `{ on, ticket }`: which are on in the next frame, and what to hand to `time` (null: nobody asks for its time). `now` is in milliseconds. */
+    frame(now = performance.now()) {
+        this.#advance(now);
         if (this.#step === null) return { on: this.#on, ticket: null };
         const { trial, from, to } = this.#step;
         const frame = trial.frame();
@@ -216,7 +241,7 @@ export class Choice {
         else this.#on.delete(name);
     }
 
-    #advance() {
+    #advance(now) {
         for (;;) {
             if (this.#step !== null) {
                 if (!this.#step.trial.isDone) return;
@@ -225,9 +250,31 @@ export class Choice {
                 this.#steps = this.#try([...this.#waiting]);
                 this.#waiting.clear();
                 this.#step = this.#steps.next().value;
+            } else if (this.#isDue(now)) {
+                this.#steps = this.#look([...this.#on]);
+                this.#looks = true;
+                this.#step = this.#steps.next().value;
             } else return;
-            if (this.#step === null) this.#steps = null;
+            if (this.#step === null) this.#stop();
         }
+    }
+
+    #isDue(now) {
+        if (this.#on.size === 0) return false;
+        this.#due ??= now + this.#pause;
+        return now >= this.#due;
+    }
+
+    /** Those that are on against none. Where no frame could be timed, nothing is known, and it stays as it is. */
+    *#look(names) {
+        const { known, ratio } = yield {
+            trial: new Trial(this.#options),
+            from: new Set(),
+            to: new Set(names),
+            tried: names,
+        };
+        this.#pause = Math.min(2 * this.#pause, Math.max(LONGEST, this.#first));
+        if (known && ratio >= 1) this.#again(names);
     }
 
     *#try(names) {

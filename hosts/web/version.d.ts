@@ -1,0 +1,2 @@
+/** Changes with every build whose variants may be others: variants that you keep belong to it. */
+export const version: string;
