@@ -30,18 +30,19 @@ globalThis.compare = async ({ override = 'normal', ...options }) => {
     const of = sceneOf(options);
     const { scene, camera, sun, mesh, ground, material } = of;
     const change = CHANGES[options.change];
-    change?.(of, false);
     sun.castShadow = false;
     ground.visible = false;
     scene.overrideMaterial = OVERRIDES[override]();
-    let three = await picture(scene, camera, targets.three);
+    // As it is in the end.
+    change?.(of, true);
+    const three = await picture(scene, camera, targets.three);
+    change?.(of, false);
     const draw = () => picture(scene, camera, targets.ours);
     preshade.override(scene);
     await settle(preshade, draw, 3);
     if (change) {
         change(of, true);
         await settle(preshade, draw, 3);
-        three = { depths: [], pixels: [] };
     }
     const ours = await picture(scene, camera, targets.ours);
     const rows = preshade.report().filter(({ uuid }) => uuid === material.uuid);
