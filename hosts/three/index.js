@@ -1,11 +1,14 @@
 // Passes of the real geometry for three.js: each is derived by preshade from the shader that three.js made of a material. index.d.ts describes the functions.
 
+import { switchedOff } from './rows.js';
+
 const IN_SCENES = ['shadows', 'prepass', 'rewrite', 'velocity'];
 const OTHERS = ['override', 'report', 'settled', 'dispose'];
 
 /** What preshade does for one renderer. */
 export class Preshade {
     #host;
+    #isDisposed = false;
 
     constructor(host) {
         this.#host = host;
@@ -30,9 +33,21 @@ export class Preshade {
                     throw new TypeError(`preshade: \`${name}\` takes the scene that you render`);
                 if (name === 'override' && !first) throw new TypeError('preshade: `override` takes a pass');
                 if (!this.#host[name]) throw new TypeError(`preshade: ${name} needs a WebGLRenderer`);
-                return this.#host[name](...given);
+                if (this.#isDisposed && (IN_SCENES.includes(name) || name === 'override'))
+                    throw new Error(`preshade: \`${name}\` after \`dispose\`: call Preshade.of again`);
+                this.#isDisposed ||= name === 'dispose';
+                const made = this.#host[name](...given);
+                return IN_SCENES.includes(name) ? switched(made) : made;
             };
     }
+}
+
+/** A part whose rows say so if it is switched off. */
+function switched(part) {
+    if (Object.hasOwn(part, 'report')) return part;
+    const report = part.report.bind(part);
+    part.report = () => (part.enabled === false ? report().map(switchedOff) : report());
+    return part;
 }
 
 /** The material that three.js draws an object with, where that is a proxy of the author's material, or derived from it by a package. */

@@ -19,6 +19,7 @@ export const REMEDIES = {
     version: 'use three.js r187 or later',
     'self-test': 'nothing has to be done: this driver computes other depths, and three.js draws as always',
     'no-gain': 'nothing has to be done: it would cost this device more than it saves',
+    'switched-off': 'set `enabled = true` on what the function returned',
     'not-timed': 'leave out `measure`, or draw more frames without a pause',
     transmitted: 'set renderer.shadowMap.transmitted = false',
     driver: REPORT,
@@ -71,6 +72,17 @@ export function row(pass, material, { measured, ...facts }) {
     for (const [name, value] of Object.entries(long)) Object.defineProperty(short, name, { value });
     return short;
 }
+
+/** The row of a part that the page switched off. */
+export const switchedOff = (row) =>
+    ['done', 'measuring'].includes(row.state)
+        ? Object.assign(row, {
+              state: 'off',
+              reason: 'switched off',
+              remedy: REMEDIES['switched-off'],
+              code: 'switched-off',
+          })
+        : row;
 
 /** What a measurement says of what could be drawn. */
 function timed(measured) {

@@ -23,6 +23,9 @@ const expected = {
         assert.deepEqual(states, ['done']);
     },
     'the author’s customDepthMaterial': (found) => assert.deepEqual(found, { differ: 0, kept: true }),
+    'a material that changes under two maps on demand, in view and out of it'(found) {
+        assert.deepEqual(found, [[true, true], [0, 0], [true, true], [0, 0], ['off']]);
+    },
     'shadow maps that are drawn on demand'(found) {
         assert.equal(Object.keys(found).length, 3);
         for (const [name, each] of Object.entries(found))

@@ -66,6 +66,11 @@ for (const [what, parameters] of Object.entries({
         // Where nothing moves it is 0, also in the frame after something moved.
         const still = await page.evaluate(() => compare(0.9, 0.9));
         for (const [name, { off, largest }] of Object.entries(still)) assert.deepEqual([off, largest], [0, 0], name);
+        assert.equal(await page.evaluate(() => resumed()), 0, 'the first frame after a pause');
+        exact(await page.evaluate(() => compare(0.7, 0.9)), 'after a pause');
+        const [first, second] = await page.evaluate(() => twice());
+        assert.ok(first > 0, 'what a callback moves');
+        assert.equal(second, first, 'a second picture, with a callback');
         assert.deepEqual(errors, []);
     });
 }

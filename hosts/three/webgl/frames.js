@@ -13,6 +13,7 @@ const busy = new WeakSet();
  * @property {import('three').WebGLRenderTarget | null} target What the scene is drawn into.
  * @property {string} kind What of the target is in the programs' texts: with another kind, three.js draws by other programs.
  * @property {boolean} cleared Whether the page cleared its depth after the first draw.
+ * @property {boolean} interrupted Whether it drew listed objects after that.
  * @property {{ opaque: object[], transmissive: object[], transparent: object[] }} list What three.js draws, in order.
  */
 
@@ -53,7 +54,16 @@ export class Frames {
     #before = (scene, camera) => {
         const ours = !busy.has(this.#host.renderer) && this.#isOurs(scene, camera);
         const frame = ours
-            ? { number: ++this.#number, camera, target: null, kind: null, list: null, begun: false, cleared: false }
+            ? {
+                  number: ++this.#number,
+                  camera,
+                  target: null,
+                  kind: null,
+                  list: null,
+                  begun: false,
+                  cleared: false,
+                  interrupted: false,
+              }
             : null;
         if (ours) this.#listener.before?.(scene, camera);
         this.#stack.push(frame);
@@ -84,6 +94,7 @@ export class Frames {
             frame.kind = kindOf(renderer, frame.target);
             this.#listener.begin?.(frame);
         }
+        frame.interrupted ||= frame.cleared;
         this.#listener.draw?.(draw, frame);
     };
 

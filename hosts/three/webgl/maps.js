@@ -14,8 +14,8 @@ export class Maps {
     #count = 0;
     /** Lights whose maps have something of ours. */
     #ours = new WeakSet();
-    /** By author's material: the version for which a map was drawn again although three.js had not made its program. */
-    #asked = new WeakMap();
+    /** By light: authors' materials that had changed when its map was drawn, and that three.js had not drawn since. */
+    #changed = new WeakMap();
     /** The camera that draws to a map, and the lights whose map that is. */
     #camera = null;
     #lights = [];
@@ -41,10 +41,10 @@ export class Maps {
         if (camera !== this.#camera) this.#aim(camera);
         if (isOurs) for (const light of this.#lights) this.#ours.add(light);
         if (!lacks || (lacks === 'variant' && isOurs)) return;
-        // Once: three.js makes it only if the object is in the picture.
         if (lacks === 'program') {
-            if (this.#asked.get(author) === author.version) return;
-            this.#asked.set(author, author.version);
+            for (const light of this.#lights)
+                this.#changed.get(light)?.add(author) ?? this.#changed.set(light, new Set([author]));
+            return;
         }
         const count = lacks === 'variant' ? this.#count : -1;
         for (const light of this.#lights) this.#drawn.set(light, Math.min(count, this.#drawn.get(light) ?? Infinity));
@@ -68,10 +68,14 @@ export class Maps {
             const { shadow } = light;
             if (!shadow) continue;
             // A map that was drawn before preshade came is drawn again, and none ahead of its time.
-            if ((this.#drawn.get(light) ?? (shadow.map ? -1 : Infinity)) < this.#count) demand(light, shadowMap);
+            const isDrawn = (author) => renderer.properties.get(author).__version === author.version;
+            const isOld = [...(this.#changed.get(light) ?? [])].some(isDrawn);
+            if (isOld || (this.#drawn.get(light) ?? (shadow.map ? -1 : Infinity)) < this.#count)
+                demand(light, shadowMap);
             if (!(shadowMap.autoUpdate || shadowMap.needsUpdate) || !(shadow.autoUpdate || shadow.needsUpdate))
                 continue;
             this.#drawn.set(light, Infinity);
+            this.#changed.delete(light);
             this.#ours.delete(light);
         }
     };

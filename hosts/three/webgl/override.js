@@ -163,7 +163,10 @@ export class Override {
             this.#left.set(author, 'same', 'the material of the pass does the same');
             return;
         }
-        if (value === colour && this.#host.renderer.getRenderTarget() === null) return;
+        if (value === colour && this.#host.renderer.getRenderTarget() === null) {
+            this.#left.set(author, 'refused', 'its colour is known in a render target only', 'override');
+            return;
+        }
         this.#left.delete(author);
         const own = this.#derivations.pick(
             author,

@@ -38,7 +38,7 @@ export class Rewrite {
     #records = new WeakMap();
     /** Why none of the scene's depth may be laid ahead: the code and the reason. */
     #blocked = null;
-    /** Whether the page cleared depth in the middle of the last frame. */
+    /** Whether the page cleared depth in the middle of the last frame, and not behind its last draw, as for what lies over the picture. */
     #cleared = false;
     /** Null where every plan is drawn. */
     #measured = null;
@@ -175,8 +175,8 @@ export class Rewrite {
         record.sources.set(frame.kind, { source, seen: frame.number });
     };
 
-    #end = ({ cleared }) => {
-        this.#cleared = cleared;
+    #end = ({ interrupted }) => {
+        this.#cleared = interrupted;
         this.#measured?.end();
     };
 

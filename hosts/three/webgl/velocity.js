@@ -51,7 +51,6 @@ export class Velocity {
     #records = new WeakMap();
     /** Of groups of uniforms: what they held in the frame before. */
     #groups = new Map();
-    #blank = true;
 
     /** Switches it off and on. While it is off, the texture stays as it is. */
     enabled = true;
@@ -140,13 +139,17 @@ export class Velocity {
     // ---- a frame --------------------------------------------------------------------------------------------------------------------------------------------------------------
 
     #begin = (frame) => {
-        if (!this.enabled) return;
+        if (!this.enabled) {
+            // The next frame has no frame before it.
+            this.#now = null;
+            return;
+        }
         this.#camera ??= frame.camera;
         if (frame.camera !== this.#camera) return;
         const { renderer } = this.#host;
         const view = new View(frame.camera);
         if (!this.#isAgain(frame, view)) {
-            this.#number++;
+            this.#number += this.#now ? 1 : 2;
             this.#before = this.#now ?? view;
             this.#now = view;
         }
@@ -162,7 +165,7 @@ export class Velocity {
             for (const list of [opaque, transmissive, this.#options.transparent ? transparent : []])
                 for (const item of list) if (!hasCallback(item)) this.#draw(item, frame.camera);
         });
-        if (this.#number % 300 === 0) this.#boths.sweep(this.#number);
+        if (this.#number % 300 === 0) this.#sweep();
     };
 
     /**
@@ -174,7 +177,9 @@ export class Velocity {
         const last = this.#moment;
         this.#moment = globalThis.document?.timeline?.currentTime ?? NaN;
         if (this.#moment !== last || !this.#now?.equals(view)) return false;
-        return ![list.opaque, list.transmissive, list.transparent].flat().some((item) => this.#hasMoved(item));
+        // What a callback sets for its object is not set yet.
+        const own = [list.opaque, list.transmissive, list.transparent].flat().filter((item) => !hasCallback(item));
+        return !own.some((item) => this.#hasMoved(item));
     }
 
     /** Whether an object moved since it was drawn last in this frame. */
@@ -253,6 +258,16 @@ export class Velocity {
         of.before.uniforms.flat().forEach((uniform, i) => (uniform.value = values[i]));
         Object.assign(of, { number: this.#number, values: now });
         return of.before;
+    }
+
+    /** What was not drawn for long is forgotten. */
+    #sweep() {
+        this.#boths.sweep(this.#number);
+        for (const [group, { number, before }] of this.#groups) {
+            if (number > this.#number - 300) continue;
+            before.dispose();
+            this.#groups.delete(group);
+        }
     }
 
     #record(object, material) {

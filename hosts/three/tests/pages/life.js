@@ -139,6 +139,44 @@ const scenarios = {
         return result;
     },
 
+    async 'a material that changes under two maps on demand, in view and out of it'() {
+        const all = stage();
+        const { scene, camera, light, mesh, render } = all;
+        const other = light.clone();
+        scene.add(other);
+        const preshade = await open();
+        preshade.shadows(scene);
+        await settle(preshade, render);
+        const lights = [light, other];
+        for (const { shadow } of lights) shadow.autoUpdate = false;
+        const own = mesh.material.onBeforeCompile;
+        const found = [];
+        for (const isInView of [true, false]) {
+            if (!isInView) camera.rotation.y += Math.PI;
+            const before = lights.map((light) => shadowDepths(renderer, light));
+            mesh.material.onBeforeCompile = (shader) => {
+                own(shader);
+                shader.vertexShader = shader.vertexShader.replace('* 0.2', isInView ? '* 0.3' : '* 0.4');
+            };
+            mesh.material.customProgramCacheKey = () => `in view ${isInView}`;
+            mesh.material.needsUpdate = true;
+            for (const { shadow } of lights) shadow.needsUpdate = true;
+            for (let i = 0; i < 6; i++) render();
+            if (!isInView) camera.rotation.y -= Math.PI;
+            for (let i = 0; i < 6; i++) render();
+            await settle(preshade, render);
+            found.push(lights.map((light, i) => differing(before[i], shadowDepths(renderer, light)) > 0));
+            found.push(
+                lights.map((light) => differing(shadowDepths(renderer, light), reference(renderer, scene, light))),
+            );
+        }
+        const part = preshade.shadows(scene);
+        part.enabled = false;
+        found.push(states(preshade));
+        preshade.dispose();
+        return found;
+    },
+
     async 'shadow maps that are drawn on demand'() {
         const { shadowMap } = renderer;
         // As a page has it: once, and never again.

@@ -217,5 +217,74 @@ async function compare(first, second, { shifts = [[null], [null]], apart = true 
     return found;
 }
 
-Object.assign(globalThis, { THREE, renderer, scene, camera, velocity, preshade, settle, compare, set, objects });
+/** The largest velocity in the first frame after a pause. */
+async function resumed() {
+    velocity.enabled = false;
+    set(0.2);
+    renderer.render(scene, camera);
+    await next();
+    velocity.enabled = true;
+    set(0.8);
+    renderer.render(scene, camera);
+    return drawn().reduce((most, value, i) => (i % 4 < 2 ? Math.max(most, Math.abs(value)) : most), 0);
+}
+
+/** The largest velocities of two pictures of a frame in which a callback moves an object. */
+async function twice() {
+    const material = new THREE.ShaderMaterial({
+        uniforms: { shift: { value: 0 } },
+        vertexShader:
+            'uniform float shift; void main() { gl_Position = projectionMatrix * modelViewMatrix * vec4(position + vec3(shift, 0.0, 0.0), 1.0); }',
+        fragmentShader: 'void main() { gl_FragColor = vec4(1.0); }',
+    });
+    const own = new THREE.Scene();
+    const shifts = [0, 0];
+    for (const i of [0, 1]) {
+        const mesh = new THREE.Mesh(new THREE.PlaneGeometry(1, 1), material);
+        mesh.position.y = i;
+        mesh.frustumCulled = false;
+        mesh.onBeforeRender = () => {
+            material.uniforms.shift.value = shifts[i];
+            material.uniformsNeedUpdate = true;
+        };
+        own.add(mesh);
+    }
+    const its = preshade.velocity(own);
+    const most = () => {
+        show.material.uniforms.velocity.value = its.texture;
+        const largest = drawn().reduce((most, value, i) => (i % 4 < 2 ? Math.max(most, Math.abs(value)) : most), 0);
+        show.material.uniforms.velocity.value = velocity.texture;
+        return largest;
+    };
+    // A few more: what is ready is drawn in the frame behind.
+    for (let i = 0, more = 4; i < 100 && more > 0; i++) {
+        renderer.render(own, camera);
+        await next();
+        await preshade.settled();
+        if (its.report().some(({ state }) => state === 'done')) more--;
+    }
+    shifts[0] += 0.2;
+    shifts[1] += 0.3;
+    const pictures = [0, 1].map(() => {
+        renderer.render(own, camera);
+        return most();
+    });
+    its.dispose();
+    return pictures;
+}
+
+Object.assign(globalThis, {
+    THREE,
+    renderer,
+    scene,
+    camera,
+    velocity,
+    preshade,
+    settle,
+    compare,
+    set,
+    objects,
+    resumed,
+    twice,
+});
 globalThis.ready = true;
