@@ -154,7 +154,7 @@ export interface VelocityOptions {
 }
 
 export interface Part {
-    /** Switches it off and on. */
+    /** Switches it off and on. While it is off, rows of what it would draw have the state `off`. */
     enabled: boolean;
     report(): Row[];
     dispose(): void;

@@ -22,6 +22,7 @@ export class Preshade {
     }
 
     text(material, object) {
+        if (!material?.isMaterial) throw new TypeError('preshade: `text` takes a material');
         return this.#host.text(object ? drawnAs(material, object) : material, object);
     }
 
@@ -31,7 +32,10 @@ export class Preshade {
                 const [first] = given;
                 if (IN_SCENES.includes(name) && !first?.isObject3D)
                     throw new TypeError(`preshade: \`${name}\` takes the scene that you render`);
-                if (name === 'override' && !first) throw new TypeError('preshade: `override` takes a pass');
+                if (IN_SCENES.includes(name) && first.isCamera)
+                    throw new TypeError(`preshade: \`${name}\` takes the scene that you render, and this is a camera`);
+                if (name === 'override') checkPass(first);
+                checkOptions(name, given[1]);
                 if (!this.#host[name]) throw new TypeError(`preshade: ${name} needs a WebGLRenderer`);
                 if (this.#isDisposed && (IN_SCENES.includes(name) || name === 'override'))
                     throw new Error(`preshade: \`${name}\` after \`dispose\`: call Preshade.of again`);
@@ -40,6 +44,33 @@ export class Preshade {
                 return IN_SCENES.includes(name) ? switched(made) : made;
             };
     }
+}
+
+/** Options of each function. A name that is none of them is a slip, and would be without effect. */
+const PLANNED = ['measure', 'materials', 'remember'];
+const OPTIONS = {
+    shadows: ['view', 'replaceCustom'],
+    prepass: ['form', ...PLANNED],
+    rewrite: ['pass', 'fallback', ...PLANNED],
+    velocity: ['camera', 'units', 'transparent', 'automatic'],
+    override: ['name', 'normals'],
+};
+
+function checkOptions(name, options) {
+    const known = OPTIONS[name];
+    if (!known || options === undefined || options === null || options === false) return;
+    for (const [key, value] of Object.entries(options)) {
+        if (!known.includes(key))
+            throw new TypeError(`preshade: \`${name}\` has no option \`${key}\`: it has ${known.join(', ')}`);
+        if (key === 'view' && !['drop', 'keep'].includes(value))
+            throw new TypeError(`preshade: \`view\` is "drop" or "keep", not "${value}"`);
+    }
+}
+
+function checkPass(pass) {
+    if (!pass) throw new TypeError('preshade: `override` takes a pass');
+    if (Array.isArray(pass.passes))
+        throw new TypeError('preshade: `override` takes a pass, and this is a composer: give it each pass');
 }
 
 /** A part whose rows say so if it is switched off. */

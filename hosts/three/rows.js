@@ -25,6 +25,7 @@ export const REMEDIES = {
     driver: REPORT,
     link: REPORT,
     failed: REPORT,
+    usage: 'give the option in a form that index.d.ts names',
     worker: 'serve preshade.wasm where the option `wasm` says, and see the console for why the worker failed',
     timeout: 'raise the option `timeout`',
 };

@@ -84,7 +84,12 @@ async function settle(variant, frame) {
 
 /** The rows of the report that are of the programs that are drawn now, by material. */
 function rows({ part }) {
-    const current = part?.report().filter(({ isCurrent }) => isCurrent !== false) ?? [];
+    if (!part) return {};
+    // Only the variant that is drawn is switched on.
+    const { enabled } = part;
+    part.enabled = true;
+    const current = part.report().filter(({ isCurrent }) => isCurrent !== false);
+    part.enabled = enabled;
     return Object.fromEntries(current.map((row) => [row.material, row]));
 }
 

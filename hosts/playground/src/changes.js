@@ -44,6 +44,11 @@ export class Changes {
         narrow.addEventListener('change', () => this.#shown && this.show(...this.#shown));
     }
 
+    /** Nothing is shown any more. */
+    clear() {
+        this.#shown = null;
+    }
+
     /** `isAsked`: the visitor chose something here, and hears what it shows. */
     show(panel, held, isAsked = false) {
         this.#shown = [panel, held];

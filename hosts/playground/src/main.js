@@ -401,7 +401,10 @@ function showResult() {
 
 // ---- the views ----
 
-const nothing = (panel) => panel.replaceChildren(h('p', { class: 'hint' }, 'There is no result to show.'));
+function nothing(panel) {
+    changes.clear();
+    panel.replaceChildren(h('p', { class: 'hint' }, 'There is no result to show.'));
+}
 
 function show(key, panel) {
     if (!held.explained || held.failure) return nothing(panel);

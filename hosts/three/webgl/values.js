@@ -77,6 +77,13 @@ function normalSteps(source, author, from) {
     return from ? [first] : [first, faces];
 }
 
+/** What turns a normal to the viewer on back faces, as the materials of three.js do, where the author's program does not. */
+function turned(fragment) {
+    if (/\bgl_FrontFacing\b/.test(fragment)) return '';
+    if (/^#define DOUBLE_SIDED$/m.test(fragment)) return ' * ( gl_FrontFacing ? 1.0 : - 1.0 )';
+    return /^#define FLIP_SIDED$/m.test(fragment) ? ' * - 1.0' : '';
+}
+
 function programNormal({ vertex, fragment }, source) {
     const out = written(fragment);
     const space = axes(source.vertex);
@@ -85,7 +92,7 @@ function programNormal({ vertex, fragment }, source) {
         world: declared(fragment, 'mat4', 'viewMatrix'),
         object: declared(fragment, 'mat3', 'normalMatrix'),
     };
-    const value = `normalize( ${TURNED[space].replace('OUT', out)} ) * 0.5 + 0.5`;
+    const value = `normalize( ${TURNED[space].replace('OUT', out)} )${turned(source.fragment)} * 0.5 + 0.5`;
     const main = `void main() { preshade_main(); ${out} = vec4( ${value}, 1.0 ); }`;
     const row = { normals: `of the program, in ${space} axes` };
     if (bendsOnlyPositions({ vertex, fragment }, out)) row.note = STRAIGHT;
