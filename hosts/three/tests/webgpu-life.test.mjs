@@ -45,6 +45,7 @@ test('100 materials that come and go leave nothing', async (context) => {
     const { found, errors } = await called('replace', 100);
     flat(context, found.found);
     assert.deepEqual(found.rows, []);
+    assert.deepEqual(found.listeners, [0, 0]);
     assert.deepEqual(errors, []);
 });
 

@@ -102,6 +102,16 @@ test('spot and point lights, clipping planes, maps drawn on demand', async (cont
     ]);
 });
 
+test('maps on demand are drawn again when preshade comes, goes, and is switched', async (context) => {
+    const { page, errors } = await open(browser, `${served.address}/page/webgpu/shadows`);
+    const found = await page.evaluate(() => globalThis.switched({ material: 'opacityNode, alphaTest' }));
+    context.diagnostic(JSON.stringify(found));
+    assert.ok(found.differ > 0);
+    assert.deepEqual(found.wrong, { off: 0, on: 0, disposed: 0 });
+    assert.deepEqual(errors, []);
+    await page.close();
+});
+
 for (const query of ['?vsm', '?reversed', '?logarithmic']) {
     test(`a renderer with ${query}`, async (context) => {
         await compared(context, query, [

@@ -65,6 +65,15 @@ test('a frame that is drawn several times', async (context) => {
     ]);
 });
 
+test('what was away for some frames comes back with no velocity', async (context) => {
+    await compared(context, [
+        { away: 'hidden' },
+        { away: 'hidden', material: 'positionNode' },
+        { away: 'off' },
+        { away: 'off', object: 'instanced' },
+    ]);
+});
+
 test('units, and transparent objects', async (context) => {
     await compared(context, [
         { motion: 'up' },

@@ -69,7 +69,7 @@ export class Host {
 
     /** `{ view }`: see `Shadows`. A scene that has them keeps those. */
     shadows(scene, options) {
-        return this.#part(this.#shadows, scene, () => new Shadows(this, options));
+        return this.#part(this.#shadows, scene, () => new Shadows(this, scene, options));
     }
 
     /** `pass` is a scene whose `overrideMaterial` is set, or has one, as a `PassNode` with an override material. */

@@ -51,10 +51,10 @@ const bends = (author, override) =>
 
 export class Override {
     #host;
-    /** Names of passes by scene. */
+    /** By scene: the name of the pass, and what is made for it by override material. */
     #scenes = new WeakMap();
-    /** By override material. */
-    #authors = new Map();
+    /** All that is made. */
+    #made = new Set();
 
     constructor(host) {
         this.#host = host;
@@ -64,11 +64,15 @@ export class Override {
     use(pass, options) {
         const scene = pass.isObject3D ? pass : pass.scene;
         if (!scene?.isObject3D) throw new TypeError('preshade: `override` takes a scene here, or a pass that has one');
-        if (options === false) return this.#scenes.delete(scene);
+        const known = this.#scenes.get(scene);
+        if (options === false) {
+            for (const { release } of [...(known?.made.values() ?? [])]) release();
+            this.#scenes.delete(scene);
+            return;
+        }
         if (options?.normals)
             throw new TypeError('preshade: `normals` needs a WebGLRenderer; here, normals are those of `normalNode`');
-        this.#scenes.set(scene, passName(pass, options));
-        return { report: () => this.report(), dispose: () => this.#scenes.delete(scene) };
+        this.#scenes.set(scene, Object.assign(known ?? { made: new Map() }, { name: passName(pass, options) }));
     }
 
     /** Draws one object of a pass that overrides materials; answers false where three.js is to draw it. */
@@ -89,19 +93,26 @@ export class Override {
         return true;
     }
 
-    #author(author, override, object, name) {
-        let authors = this.#authors.get(override);
-        if (!authors) {
-            authors = Object.assign(new Authors(), { name });
-            this.#authors.set(override, authors);
-            const gone = () => {
-                override.removeEventListener('dispose', gone);
-                authors.release();
-                this.#authors.delete(override);
-            };
-            override.addEventListener('dispose', gone);
-            authors.gone = gone;
-        }
+    /** What is made for a pass with an override material, until either goes. */
+    #authors(pass, override) {
+        const known = pass.made.get(override);
+        if (known) return known.authors;
+        const authors = new Authors();
+        const release = () => {
+            override.removeEventListener('dispose', release);
+            authors.release();
+            pass.made.delete(override);
+            this.#made.delete(made);
+        };
+        const made = { pass, override, authors, release };
+        override.addEventListener('dispose', release);
+        pass.made.set(override, made);
+        this.#made.add(made);
+        return authors;
+    }
+
+    #author(author, override, object, pass) {
+        const authors = this.#authors(pass, override);
         const discards = this.#host.discards.of(author);
         const stamp = `${author.version} ${override.version} ${discards === false}`;
         const known = authors.of(author, stamp, () => untold(author));
@@ -116,10 +127,10 @@ export class Override {
     }
 
     report() {
-        return [...this.#authors].flatMap(([override, authors]) =>
+        return [...this.#made].flatMap(({ pass, override, authors }) =>
             [...authors].map(([material, { state, reason, code }]) =>
                 row('override', material, {
-                    of: authors.name,
+                    of: pass.name,
                     state,
                     reason,
                     code,
@@ -131,6 +142,6 @@ export class Override {
 
     dispose() {
         this.#scenes = new WeakMap();
-        for (const { gone } of [...this.#authors.values()]) gone();
+        for (const { release } of [...this.#made]) release();
     }
 }

@@ -198,11 +198,15 @@ export class Prepass {
     /** Drops what belongs to pipelines that three.js has released. */
     #forget() {
         const { caches } = this.#host.renderer._pipelines;
+        const gone = new Set();
         for (const [pipeline, entry] of this.#entries) {
             if (caches.get(pipeline.cacheKey) === pipeline) continue;
             this.#entries.delete(pipeline);
             this.#view?.remove(entry);
+            gone.add(entry.material);
         }
+        for (const { material } of this.#entries.values()) gone.delete(material);
+        for (const material of gone) material.removeEventListener('dispose', this.#sweep);
     }
 
     async #make(entry, draw) {

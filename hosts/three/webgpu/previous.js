@@ -31,7 +31,7 @@ export class PreviousBuffers {
 
     /**
      * A buffer with what `source`, a uniform buffer or an attribute, held in the last picture of the frame before; the
-     * first time, what it holds now.
+     * first time, and the first time after a frame that did not ask for it, what it holds now.
      */
     of(source) {
         const { buffer, byteOffset, byteLength } = source.array ?? source.buffer;
@@ -45,6 +45,7 @@ export class PreviousBuffers {
             state = { gpu, last: now.slice(), frame: this.#frame - 1, picture: this.#picture - 1 };
             this.#states.set(source, state);
         }
+        if (state.frame < this.#frame - 1) state.last.set(now);
         if (state.frame !== this.#frame) this.#device.queue.writeBuffer(state.gpu, 0, state.last);
         if (state.picture !== this.#picture) state.last.set(now);
         Object.assign(state, { frame: this.#frame, picture: this.#picture });

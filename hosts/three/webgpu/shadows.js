@@ -39,10 +39,11 @@ class Entry {
     }
 }
 
-/** Has a shadow map that is drawn on demand drawn again. */
-function again({ scene, camera }) {
+/** Has the shadow maps of a scene that are drawn on demand drawn again: all that there are, or that of a camera. */
+function again({ scene, camera = null }) {
     scene.traverse(({ shadow }) => {
-        if (shadow?.camera === camera && !shadow.autoUpdate) shadow.needsUpdate = true;
+        if (!shadow?.map || shadow.autoUpdate) return;
+        if (camera === null || shadow.camera === camera) shadow.needsUpdate = true;
     });
 }
 
@@ -53,33 +54,46 @@ const whole = ({ vertex, fragment }) => ({
 
 export class Shadows {
     #host;
+    #scene;
     #view;
     #authors = new Authors();
     #entries;
     #prepared;
     #pending = new Pending();
 
-    /** Switches it off and on. */
-    enabled = true;
+    #isEnabled = true;
 
     /**
      * `view`: what becomes of discards that depend on the viewer, as fades by distance. `drop`: a shadow has none. `keep`:
      * they follow the light.
      */
-    constructor(host, { view = 'drop' } = {}) {
+    constructor(host, scene, { view = 'drop' } = {}) {
         if (view !== 'drop' && view !== 'keep')
             throw new TypeError(`preshade: view is "drop" or "keep", not "${view}"`);
         this.#host = host;
+        this.#scene = scene;
         this.#view = view;
         this.#entries = new Entries(host, () => new Entry());
         this.#prepared = new Prepared(host.renderer, 'preshade shadow');
+        again({ scene });
+    }
+
+    get enabled() {
+        return this.#isEnabled;
+    }
+
+    /** Switches it off and on. */
+    set enabled(isEnabled) {
+        if (isEnabled === this.#isEnabled) return;
+        this.#isEnabled = isEnabled;
+        again({ scene: this.#scene });
     }
 
     /** Draws one object of a shadow map; answers false where three.js is to draw it. */
     draw(call) {
         const { renderer, backend } = this.#host;
         const author = renderer._currentSourceMaterial;
-        if (author === null || !this.enabled) return false;
+        if (author === null || !this.#isEnabled) return false;
         const known = this.#author(author, call.object);
         if (known.state !== 'doubtful') return false;
         const { material } = known;
@@ -168,5 +182,6 @@ export class Shadows {
         this.#authors.release();
         this.#entries.clear();
         this.#host.forget(this);
+        again({ scene: this.#scene });
     }
 }

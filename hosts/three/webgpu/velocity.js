@@ -124,7 +124,9 @@ export class Velocity {
     /** Whenever three.js begins a render: draws the velocities ahead of the scene's own picture. */
     begin(scene, camera) {
         const { renderer } = this.#host;
-        if (!this.#isAutomatic || !this.enabled || this.isDrawing || scene !== this.#scene) return;
+        if (!this.#isAutomatic || this.isDrawing || scene !== this.#scene) return;
+        // The first frame after the pause has no frame before it.
+        if (!this.enabled) return this.#previous.dispose();
         if (scene.overrideMaterial !== null || camera.isArrayCamera) return;
         this.#camera ??= camera;
         if (camera !== this.#camera) return;

@@ -79,10 +79,12 @@ globalThis.replace = async (count) => {
     preshade.prepass(of.scene);
     preshade.velocity(of.scene);
     const found = [];
+    let last;
     for (let i = 0; i <= count; i++) {
         const { material } = of.mesh;
         of.mesh.material = material.clone();
         material.dispose();
+        last = material;
         for (let k = 0; k < (i < 2 ? 6 : 2); k++) {
             draw(of);
             await preshade.settled();
@@ -99,8 +101,9 @@ globalThis.replace = async (count) => {
     of.mesh.material.dispose();
     await frame();
     const rows = preshade.report().filter(({ uuid }) => uuid === of.mesh.material.uuid);
+    const listeners = [last, of.mesh.material].map(({ _listeners }) => _listeners.dispose.length);
     preshade.dispose();
-    return { found, rows };
+    return { found, rows, listeners };
 };
 
 /** preshade, come and gone. */

@@ -47,6 +47,7 @@ globalThis.compare = async ({ override = 'normal', ...options }) => {
     const ours = await picture(scene, camera, targets.ours);
     const rows = preshade.report().filter(({ uuid }) => uuid === material.uuid);
     preshade.override(scene, false);
+    const left = preshade.report().length;
     const undone = await picture(scene, camera, targets.ours);
     scene.overrideMaterial.dispose();
     scene.overrideMaterial = null;
@@ -67,7 +68,43 @@ globalThis.compare = async ({ override = 'normal', ...options }) => {
         drawn: truth.depths.filter((depth) => depth !== 1).length,
         undone: differ(undone.depths, three.depths) + differ(undone.pixels, three.pixels, 4, 3),
         rows,
+        left,
     };
+};
+
+/** Rows of one override material in two scenes: as they are at first, renamed, undone, and used again. */
+globalThis.named = async () => {
+    const override = OVERRIDES.normal();
+    const all = ['first', 'second'].map((name) => {
+        const of = sceneOf({ material: 'vertexNode' });
+        of.sun.castShadow = of.ground.visible = false;
+        of.scene.overrideMaterial = override;
+        preshade.override(of.scene, { name });
+        return of;
+    });
+    const names = async () => {
+        for (const { scene, camera } of all) await picture(scene, camera, targets.ours);
+        return preshade.report().map(({ of, state }) => `${of} ${state}`);
+    };
+    const [{ scene }] = all;
+    const objects = () => renderer._objects._renderObjects.size;
+    const [before, first] = [objects(), await names()];
+    const made = objects() - before;
+    preshade.override(scene, { name: 'third' });
+    const renamed = await names();
+    preshade.override(scene, false);
+    const left = objects() - before;
+    const undone = await names();
+    preshade.override(scene, { name: 'fourth' });
+    const again = await names();
+    override.dispose();
+    const disposed = preshade.report();
+    for (const { scene, mesh } of all) {
+        preshade.override(scene, false);
+        mesh.geometry.dispose();
+        mesh.material.dispose();
+    }
+    return { first, renamed, undone, again, disposed, made, left };
 };
 globalThis.refusesNormals = () => {
     try {

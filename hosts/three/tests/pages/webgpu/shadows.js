@@ -87,5 +87,31 @@ globalThis.compare = async (options) => {
     material.dispose();
     return { three: sum(three), ours: sum(ours), drawn, faces, rows };
 };
+
+/** Maps drawn on demand that nobody asks for: preshade comes, is switched off and on, and goes. */
+globalThis.switched = async (options) => {
+    const of = sceneOf(options);
+    const { scene, camera, sun, ground } = of;
+    ground.renderOrder = -1;
+    const draw = () => renderer.render(scene, camera);
+    const shown = async () => {
+        await settle(preshade, draw);
+        return (await maps(of, 1))[0];
+    };
+    Object.assign(sun.shadow, { autoUpdate: false, needsUpdate: true });
+    const three = await shown();
+    const part = preshade.shadows(scene);
+    const ours = await shown();
+    part.enabled = false;
+    const off = await shown();
+    part.enabled = true;
+    const on = await shown();
+    part.dispose();
+    const disposed = await shown();
+    return {
+        differ: differ(three, ours),
+        wrong: { off: differ(off, three), on: differ(on, ours), disposed: differ(disposed, three) },
+    };
+};
 globalThis.materials = Object.keys(MATERIALS);
 globalThis.ready = true;

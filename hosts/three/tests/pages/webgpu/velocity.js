@@ -59,6 +59,12 @@ const MOTIONS = {
     },
 };
 
+/** What leaves an object out of the velocities of some frames, or no longer. */
+const AWAY = {
+    hidden: (mesh, _, isAway) => (mesh.visible = !isAway),
+    off: (_, velocity, isAway) => (velocity.enabled = !isAway),
+};
+
 async function read(target, index = 0) {
     const half = await renderer.readRenderTargetPixelsAsync(target, 0, 0, SIZE, SIZE, index);
     return Float32Array.from(half, THREE.DataUtils.fromHalfFloat);
@@ -74,7 +80,7 @@ function wrong(of, channels, covered, [right, up]) {
     return count;
 }
 
-globalThis.compare = async ({ material = 'plain', object = 'mesh', motion = 'none', again = 1, ...options }) => {
+globalThis.compare = async ({ material = 'plain', object = 'mesh', motion = 'none', again = 1, away, ...options }) => {
     shift.value = 0;
     const scene = new THREE.Scene();
     const camera = new THREE.OrthographicCamera(-2, 2, 2, -2, 0.1, 20);
@@ -111,6 +117,14 @@ globalThis.compare = async ({ material = 'plain', object = 'mesh', motion = 'non
         await preshade.settled();
     };
     for (let i = 0; i < 5; i++) await draw(1);
+    if (away) {
+        AWAY[away](mesh, velocity, true);
+        for (let i = 0; i < 2; i++) {
+            mesh.position.x += STEP;
+            await draw(1);
+        }
+        AWAY[away](mesh, velocity, false);
+    }
     MOTIONS[motion](mesh, camera);
     await draw(again);
     // Each frame is compared with the last picture of the one before.
