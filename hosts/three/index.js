@@ -47,7 +47,8 @@ export class Preshade {
 }
 
 /** Options of each function. A name that is none of them is a slip, and would be without effect. */
-const PLANNED = ['measure', 'materials', 'remember'];
+// The last two are of tests: a driver that breaks promises.
+const PLANNED = ['measure', 'materials', 'remember', 'edit', 'trust'];
 const OPTIONS = {
     shadows: ['view', 'replaceCustom'],
     prepass: ['form', ...PLANNED],
@@ -59,11 +60,12 @@ const OPTIONS = {
 function checkOptions(name, options) {
     const known = OPTIONS[name];
     if (!known || options === undefined || options === null || options === false) return;
+    const told = known.filter((key) => key !== 'edit' && key !== 'trust');
     for (const [key, value] of Object.entries(options)) {
         if (!known.includes(key))
-            throw new TypeError(`preshade: \`${name}\` has no option \`${key}\`: it has ${known.join(', ')}`);
-        if (key === 'view' && !['drop', 'keep'].includes(value))
-            throw new TypeError(`preshade: \`view\` is "drop" or "keep", not "${value}"`);
+            throw new TypeError(`preshade: \`${name}\` has no option \`${key}\`: it has ${told.join(', ')}`);
+        if (key === 'view' && value !== undefined && !['drop', 'keep'].includes(value))
+            throw new TypeError(`preshade: view is "drop" or "keep", not "${value}"`);
     }
 }
 

@@ -68,8 +68,6 @@ export class Shadows {
      * they follow the light.
      */
     constructor(host, scene, { view = 'drop' } = {}) {
-        if (view !== 'drop' && view !== 'keep')
-            throw new TypeError(`preshade: view is "drop" or "keep", not "${view}"`);
         this.#host = host;
         this.#scene = scene;
         this.#view = view;
