@@ -1,6 +1,7 @@
 import type { Scene } from 'three';
 import type {
     Options,
+    OverrideOptions,
     Part,
     Prepass,
     PrepassOptions,
@@ -27,8 +28,8 @@ export interface PreshadeProps {
     rewrite?: RewriteOptions;
     /** True, or the options of `preshade.velocity`. */
     velocity?: boolean | VelocityOptions;
-    /** Passes for `preshade.override`. */
-    override?: object | object[];
+    /** A pass for `preshade.override`, or a list of passes. In a list, `[pass, options]` gives the options of one. */
+    override?: object | (object | [pass: object, options?: OverrideOptions])[];
     /** Another scene than the canvas's. */
     scene?: Scene;
     /** Those of `Preshade.of`. */

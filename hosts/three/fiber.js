@@ -17,7 +17,10 @@ export function Preshade({ override, scene, options, onReady, onReport, onError,
     const renderer = useThree((state) => state.gl);
     const root = useThree((state) => state.scene);
     const target = scene ?? root;
-    const passes = useKept([override ?? []].flat(), identical);
+    const passes = useKept(
+        [override ?? []].flat().map((each) => [each].flat()),
+        ofSame,
+    );
     const asked = useKept([options, ...PARTS.map((name) => props[name])]);
     const made = useRef(null);
     const calls = useRef(null);
@@ -36,7 +39,7 @@ export function Preshade({ override, scene, options, onReady, onReport, onError,
                 const of = props[name];
                 if (of) parts[name] = host[name](target, of === true ? undefined : of);
             }
-            for (const pass of passes) host.override(pass);
+            for (const of of passes) host.override(...of);
             made.current = { preshade, ...parts, frames: 0, told: '' };
             calls.current.onReady?.({ preshade, ...parts });
         };
@@ -84,8 +87,8 @@ function same(a, b) {
     return names.every((name) => Object.hasOwn(b, name) && same(a[name], b[name]));
 }
 
-/** Whether two lists have the same objects. */
-const identical = (a, b) => a.length === b.length && a.every((each, i) => each === b[i]);
+/** Whether two lists have the same passes, with the same options. */
+const ofSame = (a, b) => a.length === b.length && a.every(([pass, of], i) => pass === b[i][0] && same(of, b[i][1]));
 
 /** A list, or an object of no class. */
 const isWritten = (value) =>

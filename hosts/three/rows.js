@@ -14,7 +14,7 @@ export const REMEDIES = {
     transparent: 'set the option `transparent`, where the renderer has it',
     recipe: 'ask for another recipe, or give a `fallback`',
     target: 'draw into a target with one sample, and without a reversed depth buffer',
-    override: 'set `allowOverride = false` on your materials, or draw the pass by one of the materials in the README',
+    override: 'set `allowOverride = false` on your materials, or draw the pass by one of the materials in OVERRIDE.md',
     renderer: 'use a WebGPURenderer with its WebGPU backend, of a version that the README names',
     version: 'use three.js r187 or later',
     'self-test': 'nothing has to be done: this driver computes other depths, and three.js draws as always',

@@ -1,16 +1,16 @@
 // Values by name in IndexedDB. Where there is none (private windows, node), nothing is kept and nothing fails.
 
-/** So many are kept; the oldest go. */
+/** So many are kept, of all makers together; the oldest go. */
 const LIMIT = 2000;
 
 export class Store {
     #opened;
     #maker;
 
-    /** A database `name`. What others than this `maker` kept in it is deleted. */
+    /** A database `name`. Each `maker` finds only what it kept itself. */
     constructor(name, maker) {
         this.#maker = maker;
-        this.#opened = opened(name, maker).catch(() => null);
+        this.#opened = opened(name).catch(() => null);
     }
 
     async get(key) {
@@ -59,15 +59,11 @@ function oldest(index, count) {
     return request;
 }
 
-async function opened(name, maker) {
+async function opened(name) {
     const request = indexedDB.open(name, 1);
     request.onupgradeneeded = () => request.result.createObjectStore('values').createIndex('at', 'at');
     const database = await answered(request);
     // Another page wants to delete it.
     database.onversionchange = () => database.close();
-    const values = database.transaction('values', 'readwrite').objectStore('values');
-    // In the order of keys, a list is above all texts.
-    await answered(values.delete(IDBKeyRange.upperBound([maker], true)));
-    await answered(values.delete(IDBKeyRange.lowerBound([maker, []])));
     return database;
 }

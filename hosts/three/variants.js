@@ -4,6 +4,11 @@ import { Preshade as Compiler } from 'preshade';
 import { version } from 'preshade/version';
 import { Store } from './store.js';
 
+/** The form of what is kept. Raise it when `Variants` or `read` come to ask the compiler, or to read its answer, in another way. */
+const FORMAT = 1;
+/** Whose kept variants can be used: those of the same form, by the same compiler. It does not depend on a minifier. */
+export const MAKER = `${FORMAT} ${version}`;
+
 /** A name of a text: its length and 64 bits, after cyrb53. */
 export function named(text) {
     let [a, b] = [0xdeadbeef, 0x41c6ce57];
@@ -52,7 +57,7 @@ export class Variants {
      */
     constructor({ wasm, full, timeout = 60_000, cache = true, limit = 512, compiler } = {}) {
         this.#compiler = compiler ?? new Compiler({ wasm, full, timeout });
-        this.#store = cache ? new Store('preshade-three', maker()) : null;
+        this.#store = cache ? new Store('preshade-three', MAKER) : null;
         this.#limit = limit;
     }
 
@@ -160,9 +165,6 @@ export class Variants {
         return { state: 'ready', variant: read(result, [emit].flat(), roles), reason: null, code: null };
     }
 }
-
-/** What makes that which is kept: the compiler, and how it is asked and read here. */
-const maker = () => named(`${version}${Variants}${sourcesOf}${read}`);
 
 const failed = (error) => ({
     state: 'failed',

@@ -62,7 +62,9 @@ const COLOR = ['layout(location = 0) out highp vec4 pc_fragColor;', '#define gl_
 
 const plain = (text) => text.replace(/\/\*[^]*?\*\/|\/\/.*/g, ' ');
 const has = (text, name) => new RegExp(`\\b${name}\\b`).test(text);
-const declares = (text, name) => new RegExp(`\\b(?:bool|vec[234]|mat[34])\\s+${name}\\b`).test(text);
+/** Names before this one in a declaration, as in `attribute vec3 position, normal;`. */
+const BEFORE = '(?:\\w+\\s*(?:\\[[^\\]]*\\]\\s*)?,\\s*)*';
+const declares = (text, name) => new RegExp(`\\b(?:bool|vec[234]|mat[34])\\s+${BEFORE}${name}\\b`).test(text);
 
 /** Whether three.js has to complete these texts, and its declarations are enough: they read its names, and no chunk. */
 export function isOfThree({ vertex, fragment }) {

@@ -232,9 +232,9 @@ function showProblem(error) {
     }
     const awaited = material.awaited(error);
     if (awaited) {
-        box.replaceChildren(h('strong', {}, `The ${awaited} stage is awaited. `), 'Paste or open it as well.');
+        box.replaceChildren(h('strong', {}, `Paste the ${awaited} stage too. `), 'You may also open its file.');
         find('pass-list').replaceChildren(h('p', { class: 'hint' }, 'Passes are listed once both stages are there.'));
-        say(`The ${awaited} stage is awaited.`);
+        say(`Paste the ${awaited} stage too.`);
         return;
     }
     box.replaceChildren(

@@ -248,8 +248,8 @@ test('a look at the other language loses no text, and GLSL in the editor of WGSL
     assert.match(await text(page, '#problem'), /This looks like a fragment stage in GLSL/);
     await page.click('#as-glsl');
     await settled(page);
-    assert.equal(await text(page, '#problem'), 'The vertex stage is awaited. Paste or open it as well.');
-    assert.match(await text(page, '#status'), /^The vertex stage is awaited\./);
+    assert.equal(await text(page, '#problem'), 'Paste the vertex stage too. You may also open its file.');
+    assert.match(await text(page, '#status'), /^Paste the vertex stage too\./);
     await paste(page, fixture('glsl/cutout.vert'), 0);
     await settled(page);
     assert.match(await text(page, '#verdict'), /^Applied/);

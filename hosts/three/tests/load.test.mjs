@@ -4,7 +4,7 @@ import { rewrite } from 'preshade';
 import { launch, open } from './browser.mjs';
 import { serve } from './serve.mjs';
 
-test('the package loads, draws nothing otherwise, tells texts, and keeps what its own build made', async (context) => {
+test('the package loads, draws nothing otherwise, tells texts, and keeps what each build made', async (context) => {
     const { address, close } = await serve();
     context.after(close);
     const browser = await launch();
@@ -29,7 +29,7 @@ test('the package loads, draws nothing otherwise, tells texts, and keeps what it
         [1, 2],
         [none, 3],
         [none, none],
-        [none, none],
+        [2, 2],
     ]);
     assert.equal(kept.names.length, 1);
     assert.deepEqual(errors, []);

@@ -2,7 +2,8 @@
 
 import assert from 'node:assert/strict';
 import test from 'node:test';
-import { Variants } from '../variants.js';
+import { version } from 'preshade/version';
+import { MAKER, Variants } from '../variants.js';
 
 const plan = { plan: { passes: [], files: [], steps: [] }, files: [], notes: [], refusals: [], errors: [] };
 
@@ -27,6 +28,10 @@ test('the time of a variant is the compiler’s, without the wait for others', a
     assert.ok(entries.every(({ state, ms }) => state === 'ready' && ms > 0));
     const sum = entries.reduce((sum, { ms }) => sum + ms, 0);
     assert.ok(sum <= all, `${sum} ms of ${all} ms`);
+});
+
+test('whoever bundles the package, variants are kept by its form and the compiler', () => {
+    assert.match(MAKER, new RegExp(`^\\d+ ${version}$`));
 });
 
 test('one that is disposed of while the compiler loads asks it nothing', async () => {

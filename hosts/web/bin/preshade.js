@@ -127,7 +127,42 @@ function completed(files) {
             'error: --three is for the texts of a ShaderMaterial: these have a #version or a chunk of three.js, or ' +
                 'read nothing that three.js declares. `preshade.text(material)` of preshade-three has the whole texts',
         );
-    return files.map((file) => ({ ...file, text: file === fragment ? whole.fragment : whole.vertex }));
+    return files.map((file) => {
+        const text = file === fragment ? whole.fragment : whole.vertex;
+        ahead.set(file.name, text.split('\n').length - file.text.split('\n').length);
+        return { ...file, text };
+    });
+}
+
+/** How many lines `--three` put ahead of a file's own, by its name. */
+const ahead = new Map();
+
+/** A message, or what a report holds, with the lines of files as they are on disk. */
+function asOnDisk(told) {
+    if (!ahead.size) return told;
+    if (typeof told === 'string') return [...ahead].reduce(linesOnDisk, told);
+    if (told === null || typeof told !== 'object') return told;
+    if (Array.isArray(told)) return told.map(asOnDisk);
+    const before = typeof told.line === 'number' ? (ahead.get(told.file) ?? 0) : 0;
+    const own = before < told.line ? { line: told.line - before } : {};
+    return { ...Object.fromEntries(Object.entries(told).map(([name, value]) => [name, asOnDisk(value)])), ...own };
+}
+
+const jsonOnDisk = (text) => text && `${JSON.stringify(asOnDisk(JSON.parse(text)), null, 2)}\n`;
+
+/** The lines of one file: after its name, and ahead of what is quoted of it. Those of three.js's declarations stay. */
+function linesOnDisk(message, [file, before]) {
+    const own = (line) => (line > before ? String(line - before) : line);
+    const name = file.replace(/[^\w/]/g, '\\$&');
+    const place = new RegExp(`(?<![\\w./-])(${name}:)(\\d+)`, 'g');
+    let isQuoted = false;
+    const lines = message.split('\n').map((text) => {
+        const now = text.replace(place, (_, name, line) => name + own(line));
+        if (text.includes('┌─ ')) isQuoted = now !== text;
+        if (!isQuoted) return now;
+        return now.replace(/^(\s*)(\d+)(?= │)/, (_, space, line) => space + own(line).padStart(line.length));
+    });
+    return lines.join('\n');
 }
 
 function sources(paths, { lang: language, three }) {
@@ -257,8 +292,10 @@ async function run(words) {
         }
         const request = COMMANDS[command]({ ...values, format }, positionals);
         const answer = await compiler.request(request);
-        if (answer.error) return failed(answer.error.rendered, format);
-        const { status, stdout, messages, after, errors, report } = answer;
+        if (answer.error) return failed(asOnDisk(answer.error.rendered), format);
+        const { status, report } = answer;
+        const [messages, after, errors] = [answer.messages, answer.after, answer.errors].map(asOnDisk);
+        const stdout = format === 'json' && ahead.size ? jsonOnDisk(answer.stdout) : asOnDisk(answer.stdout);
         messages.forEach(say);
         // The files of a material are written all or none.
         if (request.out && report.written.length) write(request.out, report.written, format === 'human');
@@ -269,7 +306,7 @@ async function run(words) {
     } catch (error) {
         const isOfAuthor = error instanceof Failure || error.name === 'PreshadeError';
         if (isOfAuthor || error.code?.startsWith('ERR_PARSE_ARGS')) {
-            const message = error.rendered ?? error.message;
+            const message = asOnDisk(error.rendered ?? error.message);
             const told = message.startsWith('error') ? message : `error: ${message}`;
             return failed(told, format, error instanceof Failure && ['rewrite', 'outputs'].includes(command));
         }

@@ -102,6 +102,37 @@ test('--three gives the texts of a ShaderMaterial what three.js declares, and sa
     const raw = { vertex: `in vec3 position;\nvoid main() { gl_Position = vec4(position, 1.0); } // uv`, fragment: '' };
     assert.equal(isOfThree(raw), false);
     assert.equal(withThree(raw), raw);
+    const list = 'attribute vec3 a[2], position,\n    normal;';
+    const body = 'void main() { vec3 p = position + normal; gl_Position = vec4(p, 1.0); }';
+    assert.equal(isOfThree({ vertex: `${list}\n${body}`, fragment: '' }), false);
+    // A value is no declaration.
+    assert.equal(isOfThree({ vertex: body, fragment: '' }), true);
+});
+
+test('with --three, messages and reports have the lines of the files', async (context) => {
+    const cwd = folder(context);
+    const write = (name, lines) => writeFileSync(join(cwd, name), lines.join('\n'));
+    const position = 'gl_Position = projectionMatrix * vec4(position + offset, 1.0);';
+    write('a.vert', ['varying vec2 at;', 'void main() {', '    at = uv;', `    ${position}`, '}']);
+    write('a.frag', ['varying vec2 at;', 'void main() {', '    gl_FragColor = vec4(at, at);', '}']);
+    const three = (command, ...flags) => bin([command, 'a.vert', 'a.frag', '--three', ...flags], { cwd });
+    const wrong = await three('explain');
+    assert.match(wrong.stderr, /a\.vert:4:54[^]*\n *4 │ {5}gl_Position/);
+    const json = await three('rewrite', '--pass', 'hoist', '--format', 'json');
+    assert.match(JSON.parse(json.stdout).errors[0], /a\.vert:4:54[^]*\n *4 │/);
+    write('a.vert', [
+        'varying vec2 at;',
+        'void main() {',
+        '    at = uv;',
+        `    ${position.replace(' + offset', '')}`,
+        '}',
+    ]);
+    const told = await three('explain', '-v');
+    assert.match(told.stdout, /a\.frag:3:\d+[^]*\n *3 │ {5}gl_FragColor/);
+    const places = [
+        ...(await three('explain', '--format', 'json')).stdout.matchAll(/"file": "a\.(\w+)",\s*"line": (\d+)/g),
+    ];
+    assert.deepEqual([...new Set(places.map(([, stage, line]) => `${stage} ${line}`))].sort(), ['frag 3', 'vert 4']);
 });
 
 test('without --emit, GLSL becomes WGSL, as in the native program, and the help says so', async () => {

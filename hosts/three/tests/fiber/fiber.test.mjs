@@ -86,9 +86,10 @@ test('shadows, pre-pass and velocities by one component; taken away, nothing is 
                 scene.overrideMaterial = null;
             },
         };
-        globalThis.pass = pass;
+        const own = { name: 'own', render: pass.render };
+        globalThis.passes = [pass, own];
         const of = () => ({
-            override: [pass],
+            override: [pass, [own, { name: 'of programs', normals: 'program' }]],
             prepass: { materials: [waves] },
             rewrite: { pass: ({ name }) => (name === 'wall' ? 'depth-prepass' : null) },
             velocity: { camera },
@@ -98,9 +99,18 @@ test('shadows, pre-pass and velocities by one component; taken away, nothing is 
     });
     await page.waitForFunction((begun) => found.ready > begun, begun);
     assert.deepEqual(await page.evaluate(() => Object.keys(made)), ['preshade', 'prepass', 'rewrite', 'velocity']);
-    await page.evaluate(() => pass.render());
+    await page.evaluate(() => passes.forEach((pass) => pass.render()));
     await state('rewrite', 'wall');
-    await page.waitForFunction(() => (pass.render(), found.reports.at(-1).some(({ of }) => of === 'normals')));
+    const rows = await page.waitForFunction(() => {
+        for (const pass of passes) pass.render();
+        const rows = found.reports.at(-1).filter((row) => row.pass === 'override' && row.material === 'waves');
+        return rows.length >= 2 && rows.every(({ state }) => state === 'done' || state === 'refused') && rows;
+    });
+    // Its text has no normal, and the options of the second pass ask for that of the program.
+    assert.deepEqual(
+        Object.fromEntries((await rows.jsonValue()).map(({ of, state, normals }) => [of, [state, normals]])),
+        { normals: ['done', 'of faces'], 'of programs': ['refused', null] },
+    );
     const [ready, renders] = await page.evaluate(() => [found.ready, found.renders]);
     for (let i = 1; i <= 3; i++) {
         await page.evaluate(() => again());

@@ -25,7 +25,7 @@ const after = pixels();
 preshade.dispose();
 globalThis.found = { same: before === after, again: before === pixels(), methods: Object.hasOwn(renderer, 'render') };
 
-/** Values of three makers in one database, and what the last two find there. */
+/** Values of two makers in one database, and what they and a third find there. */
 globalThis.kept = async () => {
     const visit = async (maker, ...values) => {
         const store = new Store('preshade test', maker);
