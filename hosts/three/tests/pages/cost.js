@@ -83,6 +83,7 @@ globalThis.measureCost = async (frames) => {
         gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
         of.whole.push(performance.now() - start);
     }
+    shadows.enabled = true;
     const states = preshade.report().reduce((all, { state }) => ({ ...all, [state]: (all[state] ?? 0) + 1 }), {});
     preshade.dispose();
     for (const of of Object.values(times)) for (const name of ['script', 'whole']) of[name] = spread(of[name]);

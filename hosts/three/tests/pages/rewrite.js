@@ -82,11 +82,15 @@ async function settle(name) {
     throw new Error(`${name}: ${JSON.stringify(rows(name))}`);
 }
 
-const rows = (name) =>
-    parts
-        .get(name)
-        .report()
-        .map((row) => ({ ...row, skipped: row.skipped, passes: row.plan?.passes.map(({ role }) => role) }));
+/** The rows of a part as if it were on. */
+function rows(name) {
+    const of = parts.get(name);
+    const { enabled } = of;
+    of.enabled = true;
+    const all = of.report();
+    of.enabled = enabled;
+    return all.map((row) => ({ ...row, skipped: row.skipped, passes: row.plan?.passes.map(({ role }) => role) }));
+}
 
 Object.assign(globalThis, {
     THREE,

@@ -76,6 +76,7 @@ globalThis.compare = async (options) => {
         three = await maps(of, faces);
     }
     delete renderer.render;
+    part.enabled = true;
     const own = preshade.report().filter(({ uuid }) => uuid === material.uuid);
     const rows = own.map((row) => ({ ...row, left_out: row.left_out }));
     const truth = await whole(of, cameras.slice(0, faces));
