@@ -34,6 +34,12 @@ const expected = {
             assert.equal(more.length, 0);
         }
     },
+    'back faces of a program that does not turn its normal'({ state, most, pixels }) {
+        assert.equal(state, 'done');
+        assert.ok(pixels > 1000, `${pixels}`);
+        // As three.js turns it; a normal that is not turned is off by up to 1.
+        assert.ok(most < 1e-3, `${most}`);
+    },
     'where normals come from'({ found, asked }) {
         assert.equal(asked, 1);
         const row = (state, normals) => ({ state, normals });

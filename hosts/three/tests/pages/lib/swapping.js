@@ -274,6 +274,37 @@ export const scenarios = {
         return result;
     },
 
+    async 'back faces of a program that does not turn its normal'(renderer) {
+        const all = stage();
+        const { scene, meshes } = all;
+        const [mesh, other] = meshes;
+        scene.remove(other);
+        // A bowl: the viewer sees its inside.
+        mesh.geometry = new THREE.SphereGeometry(1, 24, 16, 0, 2 * Math.PI, Math.PI / 2, Math.PI / 2);
+        mesh.material = new THREE.ShaderMaterial({
+            side: THREE.DoubleSide,
+            vertexShader:
+                'varying vec3 vAt; void main() { vAt = normalMatrix * normal; gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0); }',
+            fragmentShader:
+                'varying vec3 vAt; void main() { gl_FragColor = vec4(vec3(dot(normalize(vAt), vec3(0.3, 0.9, 0.3))), 1.0); }',
+        });
+        const override = new THREE.MeshNormalMaterial({ side: THREE.DoubleSide });
+        const { pass, read } = passOf(renderer, all, overriding(scene, override));
+        const render = frames(renderer, all, pass);
+        pass.render();
+        const expected = read();
+        const preshade = await open(renderer);
+        preshade.override(pass);
+        await settle(preshade, render);
+        const drawn = read();
+        const [{ state }] = preshade.report();
+        const most = drawn.reduce((max, value, i) => Math.max(max, Math.abs(value - expected[i])), 0);
+        const pixels = expected.filter((value) => value !== 0).length;
+        preshade.dispose();
+        pass.dispose();
+        return { state, most, pixels };
+    },
+
     async 'where normals come from'(renderer) {
         const all = stage();
         const { scene, meshes } = all;
