@@ -1,7 +1,6 @@
 //! In place of Bevy's function that makes the pipelines of a material's pre-pass and shadows.
 
 use std::collections::HashMap;
-use std::collections::hash_map::Entry;
 use std::sync::Arc;
 
 use bevy_asset::uuid::Uuid;
@@ -39,7 +38,7 @@ struct Request {
 /// What became of a request.
 enum Answer {
     /// A derived shader, under the name that pipelines know it by.
-    Derived(Arc<Derived>, Handle<Shader>),
+    Derived(Derived, Handle<Shader>),
     Refused(Refused),
 }
 
@@ -52,19 +51,18 @@ struct Job {
     is_stale: bool,
 }
 
-/// A pipeline: the same key and layout are drawn alike, until another answer comes.
+/// A pipeline: the same key and layout are drawn alike.
 type Key = (ErasedMaterialPipelineKey, MeshVertexBufferLayoutRef);
 
 /// The derivations, and the pipelines that are made of them.
 #[derive(Resource, Default)]
 pub struct Derivations {
     jobs: HashMap<Request, Job>,
+    /// With what they are made of; `None`: Bevy's own. A new answer takes those of the old one out.
     pipelines: HashMap<Key, (CachedRenderPipelineId, Option<Arc<Answer>>)>,
     /// Drawn while the shader is derived: nothing.
     placeholder: Option<CachedRenderPipelineId>,
     reloads: u64,
-    /// How many pipelines are made of derived shaders.
-    pub(crate) made: usize,
 }
 
 impl Derivations {
@@ -126,7 +124,7 @@ impl Derivations {
                 continue;
             };
             let is_same = match (&result, job.answer.as_deref()) {
-                (Ok(new), Some(Answer::Derived(old, _))) => *new == **old,
+                (Ok(new), Some(Answer::Derived(old, _))) => new == old,
                 (Err(new), Some(Answer::Refused(old))) => new == old,
                 _ => false,
             };
@@ -134,7 +132,11 @@ impl Derivations {
                 continue;
             }
             has_changed = true;
-            job.answer = Some(Arc::new(taken(job.material, request, result, cache)));
+            let answer = Arc::new(taken(job.material, request, result, cache));
+            if let Some(old) = job.answer.replace(answer) {
+                let is_old = |made: &Option<_>| made.as_ref().is_some_and(|m| Arc::ptr_eq(m, &old));
+                self.pipelines.retain(|_, (_, made)| !is_old(made));
+            }
         }
         has_changed
     }
@@ -154,10 +156,7 @@ fn taken(
             debug!("{material}: derived {path}:\n{}", derived.text);
             let shader = Shader::from_wgsl(derived.text.clone(), path);
             cache.set_shader(AssetId::Uuid { uuid: id }, shader);
-            Answer::Derived(
-                Arc::new(derived),
-                Handle::Uuid(id, std::marker::PhantomData),
-            )
+            Answer::Derived(derived, Handle::Uuid(id, std::marker::PhantomData))
         }
         Err(refused) => {
             let Wanted { normal, motion, .. } = request.wanted;
@@ -182,18 +181,21 @@ fn start(request: Request, composer: Arc<Composer>) -> Task<Option<Result<Derive
 
 /// `None`: something is not loaded yet.
 fn answer(request: &Request, composer: &Composer) -> Option<Result<Derived, Refused>> {
-    let broken = |why| Refused::new("shader", why, "mend the shader, which has an error");
-    let vertex = match composer.compose(&request.vertex, ShaderStage::Vertex) {
-        Ok(vertex) => vertex,
-        Err(Failed::NotYet) => return None,
-        Err(Failed::Broken(why)) => return Some(Err(broken(why))),
+    let composed = || {
+        let vertex = composer.compose(&request.vertex, ShaderStage::Vertex)?;
+        Ok((
+            vertex,
+            composer.compose(&request.fragment, ShaderStage::Fragment)?,
+        ))
     };
-    let fragment = match composer.compose(&request.fragment, ShaderStage::Fragment) {
-        Ok(fragment) => fragment,
-        Err(Failed::NotYet) => return None,
-        Err(Failed::Broken(why)) => return Some(Err(broken(why))),
-    };
-    Some(derive(&vertex, &fragment, request.wanted))
+    match composed() {
+        Ok((vertex, fragment)) => Some(derive(&vertex, &fragment, request.wanted)),
+        Err(Failed::NotYet) => None,
+        Err(Failed::Broken(why)) => {
+            let remedy = "mend the shader, which has an error";
+            Some(Err(Refused::new("shader", why, remedy)))
+        }
+    }
 }
 
 /// Makes the pipeline of a material's pre-pass or shadow. `M` gives the material's name in messages.
@@ -203,7 +205,11 @@ pub fn specialize<M: 'static>(
     layout: &MeshVertexBufferLayoutRef,
     properties: &Arc<MaterialProperties>,
 ) -> Result<CachedRenderPipelineId, SpecializedMeshPipelineError> {
+    // Bevy asks for each object and view.
     let whole = (key.clone(), layout.clone());
+    if let Some((known, _)) = world.resource::<Derivations>().pipelines.get(&whole) {
+        return Ok(*known);
+    }
     let own = PrepassPipelineSpecializer {
         pipeline: world.resource::<PrepassPipeline>().clone(),
         properties: properties.clone(),
@@ -238,26 +244,14 @@ pub fn specialize<M: 'static>(
                 (Some(answer), Some(main))
             }
         };
-        let is_known = |made: &Option<Arc<Answer>>| match (made, &answer) {
-            (Some(made), Some(answer)) => Arc::ptr_eq(made, answer),
-            (None, None) => true,
-            _ => false,
-        };
-        let place = derivations.pipelines.entry(whole);
-        if let Entry::Occupied(known) = &place
-            && is_known(&known.get().1)
-        {
-            return Ok(known.get().0);
-        }
         let descriptor = match (answer.as_deref(), main) {
             (Some(Answer::Derived(derived, shader)), Some(main)) => {
-                derivations.made += 1;
                 replaced(descriptor, main, derived, shader)
             }
             _ => descriptor,
         };
         let id = cache.queue_render_pipeline(descriptor);
-        place.insert_entry((id, answer));
+        derivations.pipelines.insert(whole, (id, answer));
         Ok(id)
     })
 }

@@ -42,7 +42,11 @@ fn shown(group: &[Texels; 3]) -> ([u32; 2], u32) {
         }
     }
     let side = (high[0] - low[0]).max(high[1] - low[1]) + 3;
-    let corner = [0, 1].map(|axis| ((low[axis] + high[axis] + 1) / 2).saturating_sub(side / 2));
+    let corner = [0, 1].map(|axis| {
+        (low[axis] + high[axis])
+            .div_ceil(2)
+            .saturating_sub(side / 2)
+    });
     (corner, side)
 }
 
