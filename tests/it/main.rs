@@ -15,6 +15,7 @@ mod results_support;
 
 mod adversarial;
 mod agree;
+mod bevy;
 mod build_script;
 #[cfg(feature = "verify")]
 mod captures;

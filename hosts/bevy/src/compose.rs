@@ -14,6 +14,8 @@ use bevy_shader::{
 };
 use naga::{Module, ShaderStage};
 
+use crate::derive::Composed;
+
 /// Between a name and the module that naga_oil took it from.
 const DECORATION: &str = "X_naga_oil_mod_X";
 
@@ -26,17 +28,6 @@ pub struct Stage {
     pub defs: Vec<ShaderDefVal>,
     /// Its entry point; `None`: the only one of the stage.
     pub entry: Option<String>,
-}
-
-/// What a stage is composed to.
-#[derive(Clone, Debug)]
-pub struct Composed {
-    /// WGSL with one entry point.
-    pub text: String,
-    /// Name of the entry point.
-    pub entry: String,
-    /// Where the shader was loaded from.
-    pub path: String,
 }
 
 /// Why a stage cannot be composed.

@@ -6,8 +6,19 @@ use preshade::unstable::passes::plan::{BindingSource, BindingUse};
 use preshade::unstable::passes::program::Language;
 use preshade::{Facts, GpuPass, MaterialState, Options, Recipe, Shader, Source, Target, rewrite};
 
-use crate::compose::Composed;
-use crate::previous;
+#[path = "previous.rs"]
+mod previous;
+
+/// What a stage is composed to.
+#[derive(Clone, Debug)]
+pub struct Composed {
+    /// WGSL with one entry point.
+    pub text: String,
+    /// Name of the entry point.
+    pub entry: String,
+    /// Where the shader was loaded from.
+    pub path: String,
+}
 
 /// What a view's pre-pass asks for beside depth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
@@ -20,6 +31,8 @@ pub struct Wanted {
     pub previous_skin: bool,
     /// Whether the mesh has the morph weights of the previous frame.
     pub previous_morph: bool,
+    /// Whether alpha says how much of a pixel is covered.
+    pub alpha_covers: bool,
 }
 
 /// A derived shader.
@@ -56,6 +69,10 @@ impl Refused {
     }
 }
 
+/// What has less alpha is not drawn: `PREMULTIPLIED_ALPHA_CUTOFF` in `bevy_pbr`'s
+/// `pbr_prepass_functions.wgsl`.
+const CUTOFF: &str = "0.05";
+
 /// The group of the material's bindings.
 const MATERIAL: u32 = 3;
 
@@ -72,16 +89,15 @@ const PREVIOUS_VIEW: u32 = 2;
 /// The compiler refuses, or the result reads what the pre-pass view does not have.
 pub fn derive(vertex: &Composed, fragment: &Composed, wanted: Wanted) -> Result<Derived, Refused> {
     let material = Material::of(vertex, fragment);
-    let mut first = None;
-    for normal in material.normals(wanted) {
-        match material.derive(wanted, normal.as_deref()) {
-            Ok(derived) => return Ok(derived),
-            Err(refused) => {
-                first.get_or_insert(refused);
-            }
-        }
+    let result = material.first(wanted);
+    match result {
+        // The material writes no alpha.
+        Err(refused) if refused.code == NO_ALPHA => material.first(Wanted {
+            alpha_covers: false,
+            ..wanted
+        }),
+        result => result,
     }
-    Err(first.unwrap_or_else(|| Refused::new("nothing", "there is nothing to derive", "")))
 }
 
 /// What the compiler is asked for.
@@ -95,6 +111,9 @@ struct Choice<'n> {
 
 /// The compiler's code where the position does not read that matrix.
 const UNREAD_JITTER: &str = "unread-jitter";
+
+/// The compiler's code where the fragment stage writes no alpha.
+const NO_ALPHA: &str = "alpha-decides";
 
 struct Material {
     sources: [Source; 2],
@@ -141,6 +160,20 @@ impl Material {
             names.extend(varying);
         }
         names
+    }
+
+    /// With the best normal that there is.
+    fn first(&self, wanted: Wanted) -> Result<Derived, Refused> {
+        let mut first = None;
+        for normal in self.normals(wanted) {
+            match self.derive(wanted, normal.as_deref()) {
+                Ok(derived) => return Ok(derived),
+                Err(refused) => {
+                    first.get_or_insert(refused);
+                }
+            }
+        }
+        Err(first.unwrap_or_else(|| Refused::new("nothing", "there is nothing to derive", "")))
     }
 
     fn derive(&self, wanted: Wanted, normal: Option<&str>) -> Result<Derived, Refused> {
@@ -208,13 +241,20 @@ impl Material {
         if !still.is_empty() {
             let _ = write!(recipe, ",static={}", still.join("+"));
         }
+        let mut state = MaterialState::default();
+        if wanted.alpha_covers {
+            let _ = write!(recipe, ",cutoff={CUTOFF}");
+            // For blending too: both have the compiler test alpha.
+            state.multisample.count = 4;
+            state.multisample.alpha_to_coverage = true;
+        }
         let recipe = Recipe::parse_list(&recipe)
             .map_err(|e| Refused::new("recipe", e.to_string(), "report it to preshade"))?;
         let shader = Shader {
             name: "prepass",
             sources: &self.sources,
             options: &self.options,
-            state: &MaterialState::default(),
+            state: &state,
         };
         let output = rewrite(shader, &recipe, &Facts::default(), &[Target::Wgsl])
             .map_err(|e| Refused::new("unread", e.to_string(), "see if Bevy draws it itself"))?;

@@ -4,11 +4,14 @@ use std::any::TypeId;
 use std::hash::Hash;
 use std::marker::PhantomData;
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
 
 use bevy_app::{App, Plugin};
 use bevy_asset::Handle;
 use bevy_ecs::prelude::*;
 use bevy_material::MaterialProperties;
+use bevy_material::labels::ShaderLabel;
 use bevy_pbr::{
     Material, MaterialFragmentShader, MaterialVertexShader, MeshMaterial3d, PreparedMaterial,
     PrepassFragmentShader, PrepassPipeline, PrepassVertexShader, RenderMaterialInstances,
@@ -21,21 +24,47 @@ use bevy_shader::Shader;
 
 mod compose;
 mod derive;
-mod previous;
+mod measure;
 mod specialize;
 
 use compose::{Composer, Reloads, Shared};
 pub use derive::Refused;
+pub use measure::{Choice, Gain, Measurements};
+use measure::{Enabled, Quiet};
 pub use specialize::Derivations;
 
 /// Derives the pre-pass and the shadows of the material `M` from its main shaders.
 ///
 /// Add it behind `MaterialPlugin::<M>`. Nothing else changes.
-pub struct PreshadePlugin<M: Material>(PhantomData<fn() -> M>);
+pub struct PreshadePlugin<M: Material> {
+    is_measured: bool,
+    of: PhantomData<fn() -> M>,
+}
 
 impl<M: Material> Default for PreshadePlugin<M> {
     fn default() -> Self {
-        Self(PhantomData)
+        Self {
+            is_measured: false,
+            of: PhantomData,
+        }
+    }
+}
+
+impl<M: Material> PreshadePlugin<M> {
+    /// Draws the material's depth pre-pass where it saves time on this device, and leaves it out
+    /// where it does not. Both are drawn and timed while the app runs: [`Measurements`] has the times.
+    ///
+    /// Take it if the pre-pass is there to save time: an object whose pre-pass is off is missing in
+    /// the picture of depths. If a camera has normals, motion vectors, deferred rendering or occlusion
+    /// culling, all pre-passes stay on.
+    ///
+    /// The device must give times of its passes (Vulkan and DirectX 12 do). Otherwise the pre-pass
+    /// stays on.
+    pub fn measured() -> Self {
+        Self {
+            is_measured: true,
+            ..Self::default()
+        }
     }
 }
 
@@ -48,6 +77,8 @@ pub struct Row {
     pub normal: bool,
     /// Whether a view asks for motion vectors.
     pub motion: bool,
+    /// How long composing and deriving took, in a task beside the frames.
+    pub time: Duration,
     /// The state.
     pub state: State,
 }
@@ -81,10 +112,12 @@ where
                 .init_resource::<Derivations>()
                 .init_resource::<Reloads>()
                 .init_resource::<Settled>()
+                .init_resource::<Quiet>()
                 .add_systems(RenderStartup, init_composer)
                 .add_systems(ExtractSchedule, compose::extract_shaders)
                 .add_systems(Render, poll.in_set(RenderSystems::PrepareAssets));
         }
+        let quiet = render.world().resource::<Quiet>().clone();
         render.add_systems(
             Render,
             (
@@ -95,6 +128,9 @@ where
             )
                 .in_set(RenderSystems::PrepareAssets),
         );
+        if self.is_measured {
+            measure::add::<M>(app, &quiet);
+        }
     }
 }
 
@@ -102,11 +138,15 @@ where
 #[derive(Resource, Default)]
 struct Settled {
     has_news: bool,
+    /// Materials have another bind group for their depth.
+    has_adopted: bool,
 }
 
+/// Runs again when a lost device is replaced: pipelines of the old one mean nothing then.
 fn init_composer(world: &mut World) {
     let composer = Composer::of(world);
     world.insert_resource(Shared(Arc::new(composer)));
+    world.insert_resource(Derivations::default());
 }
 
 fn poll(
@@ -115,27 +155,56 @@ fn poll(
     mut cache: ResMut<PipelineCache>,
     composer: Res<Shared>,
     reloads: Res<Reloads>,
+    quiet: Res<Quiet>,
 ) {
-    settled.has_news = derivations.poll(&composer.0, reloads.0, &mut cache);
+    let has_adopted = std::mem::take(&mut settled.has_adopted);
+    settled.has_news = derivations.poll(&composer.0, reloads.0, &mut cache) || has_adopted;
+    // The pipeline that stands in for others is never ready.
+    let is_quiet = derivations.pending() == 0 && cache.waiting_pipelines().count() <= 1;
+    quiet.0.store(is_quiet, Ordering::Relaxed);
 }
+
+/// Marks a material that makes its pipelines with us.
+#[derive(ShaderLabel, Debug, Hash, PartialEq, Eq, Clone, Default)]
+struct Adopted;
 
 /// Has new and changed materials make their pipelines with us.
 fn adopt<M: Material>(
     mut materials: ResMut<ErasedRenderAssets<PreparedMaterial>>,
+    mut settled: ResMut<Settled>,
+    derivations: Res<Derivations>,
     pipeline: Option<Res<PrepassPipeline>>,
 ) {
     let Some(pipeline) = pipeline else { return };
     let own = TypeId::of::<M>();
-    for (id, material) in materials.iter_mut() {
-        if id.type_id() != own || !is_ours(&material.properties) {
+    let ours = materials.iter_mut().filter(|(id, _)| id.type_id() == own);
+    for (_, material) in ours {
+        let properties = &material.properties;
+        let is_adopted = properties.get_shader(Adopted).is_some();
+        if !is_adopted && !is_ours(properties) {
             continue;
         }
-        let mut properties = copied(&material.properties);
-        properties.prepass_specialize = Some(specialize::specialize::<M>);
-        // Bevy leaves the material's bind group out of depth-only pipelines, unless there is a
-        // pre-pass shader. This one is the default.
-        let default = pipeline.default_prepass_shader.clone();
-        properties.add_shader(PrepassVertexShader, default);
+        // Bevy leaves the material's bind group out of depth alone, unless there is a pre-pass shader.
+        // Then it draws objects of several materials at once.
+        let reads = derivations.reads(own, &properties.material_key) != Some(false);
+        let is_bound = properties.get_shader(PrepassVertexShader).is_some();
+        if is_adopted && reads == is_bound {
+            continue;
+        }
+        settled.has_adopted |= is_adopted;
+        // Nothing draws it.
+        let default = || pipeline.default_prepass_shader.clone();
+        let mut properties = copied(properties);
+        if !is_adopted {
+            properties.prepass_specialize = Some(specialize::specialize::<M>);
+            properties.add_shader(Adopted, default());
+        }
+        match reads {
+            true => properties.add_shader(PrepassVertexShader, default()),
+            false => properties
+                .shaders
+                .retain(|(label, _)| *label != PrepassVertexShader.intern()),
+        }
         material.properties = Arc::new(properties);
     }
 }
@@ -180,13 +249,17 @@ fn copied(of: &MaterialProperties) -> MaterialProperties {
     }
 }
 
-/// Has Bevy make the pipelines of a material's objects again once an answer came.
+/// Has Bevy make the pipelines of a material's objects again once an answer came, or once its pre-pass
+/// is turned on or off.
 fn respecialize<M: Material>(
     settled: Res<Settled>,
+    enabled: Option<Res<Enabled>>,
     instances: Res<RenderMaterialInstances>,
+    mut materials: ResMut<ErasedRenderAssets<PreparedMaterial>>,
     mut dirty: ResMut<DirtySpecializations>,
 ) {
-    if !settled.has_news {
+    let is_switched = enabled.is_some_and(|enabled| measure::switch::<M>(&mut materials, &enabled));
+    if !settled.has_news && !is_switched {
         return;
     }
     let own = TypeId::of::<M>();

@@ -7,7 +7,7 @@
 use preshade::GpuPass;
 use preshade::unstable::passes::plan::BindingSource;
 
-use crate::derive::{Refused, Wanted};
+use super::{Refused, Wanted};
 
 /// `bevy_pbr`'s `prepass_bindings.wgsl`.
 const PREVIOUS_VIEW: &str = "struct PreviousViewUniforms {

@@ -1,23 +1,27 @@
 //! In place of Bevy's function that makes the pipelines of a material's pre-pass and shadows.
 
+use std::any::TypeId;
 use std::collections::HashMap;
 use std::sync::Arc;
+use std::time::Duration;
 
 use bevy_asset::uuid::Uuid;
 use bevy_asset::{AssetId, Handle};
 use bevy_ecs::prelude::*;
 use bevy_log::{debug, warn};
-use bevy_material::MaterialProperties;
 use bevy_material::descriptor::{
     CachedRenderPipelineId, FragmentState, RenderPipelineDescriptor, VertexState,
 };
-use bevy_material::key::{ErasedMaterialPipelineKey, ErasedMeshPipelineKey};
+use bevy_material::key::{ErasedMaterialKey, ErasedMaterialPipelineKey, ErasedMeshPipelineKey};
 use bevy_material::specialize::SpecializedMeshPipelineError;
+use bevy_material::{AlphaMode, MaterialProperties};
 use bevy_mesh::MeshVertexBufferLayoutRef;
 use bevy_pbr::{
     MATERIAL_BIND_GROUP_INDEX, MaterialFragmentShader, MaterialPipeline, MaterialVertexShader,
     MeshPipeline, MeshPipelineKey, PrepassPipeline, PrepassPipelineSpecializer,
+    PrepassVertexShader,
 };
+use bevy_platform::time::Instant;
 use bevy_render::render_resource::{PipelineCache, PrimitiveState, SpecializedMeshPipeline};
 use bevy_shader::{Shader, ShaderDefVal};
 use bevy_tasks::futures::check_ready;
@@ -45,8 +49,10 @@ enum Answer {
 struct Job {
     /// Name of the material's type.
     material: &'static str,
-    task: Option<Task<Option<Result<Derived, Refused>>>>,
+    task: Option<Task<(Option<Result<Derived, Refused>>, Duration)>>,
     answer: Option<Arc<Answer>>,
+    /// How long the last task took.
+    time: Duration,
     /// Shaders were changed since.
     is_stale: bool,
 }
@@ -62,6 +68,10 @@ pub struct Derivations {
     pipelines: HashMap<Key, (CachedRenderPipelineId, Option<Arc<Answer>>)>,
     /// Drawn while the shader is derived: nothing.
     placeholder: Option<CachedRenderPipelineId>,
+    /// Whether depth alone reads the material's bind group.
+    reads: HashMap<(TypeId, ErasedMaterialKey), bool>,
+    /// A pipeline needs a bind group that its material leaves out.
+    has_unread: bool,
     reloads: u64,
 }
 
@@ -77,6 +87,7 @@ impl Derivations {
             material: job.material,
             normal: request.wanted.normal,
             motion: request.wanted.motion,
+            time: job.time,
             state: match job.answer.as_deref() {
                 None => crate::State::Pending,
                 Some(Answer::Derived(derived, _)) => crate::State::Derived {
@@ -98,6 +109,11 @@ impl Derivations {
             })
     }
 
+    /// Whether the depth of a material reads its bind group; `None`: no shader of it is derived yet.
+    pub(crate) fn reads(&self, of: TypeId, key: &ErasedMaterialKey) -> Option<bool> {
+        self.reads.get(&(of, key.clone())).copied()
+    }
+
     /// Starts what is stale, and takes what is ready. Returns whether pipelines have to be made anew.
     pub fn poll(
         &mut self,
@@ -107,17 +123,18 @@ impl Derivations {
     ) -> bool {
         let is_new = self.reloads != reloads;
         self.reloads = reloads;
-        let mut has_changed = false;
+        let mut has_changed = std::mem::take(&mut self.has_unread);
         for (request, job) in &mut self.jobs {
             job.is_stale |= is_new;
             if job.task.is_none() && job.is_stale {
                 job.is_stale = false;
                 job.task = Some(start(request.clone(), composer.clone()));
             }
-            let Some(done) = job.task.as_mut().and_then(check_ready) else {
+            let Some((done, time)) = job.task.as_mut().and_then(check_ready) else {
                 continue;
             };
             job.task = None;
+            job.time = time;
             let Some(result) = done else {
                 // An import is not loaded yet.
                 job.is_stale |= job.answer.is_none();
@@ -175,8 +192,14 @@ fn taken(
     }
 }
 
-fn start(request: Request, composer: Arc<Composer>) -> Task<Option<Result<Derived, Refused>>> {
-    AsyncComputeTaskPool::get().spawn(async move { answer(&request, &composer) })
+fn start(
+    request: Request,
+    composer: Arc<Composer>,
+) -> Task<(Option<Result<Derived, Refused>>, Duration)> {
+    AsyncComputeTaskPool::get().spawn(async move {
+        let before = Instant::now();
+        (answer(&request, &composer), before.elapsed())
+    })
 }
 
 /// `None`: something is not loaded yet.
@@ -207,6 +230,7 @@ pub fn specialize<M: 'static>(
 ) -> Result<CachedRenderPipelineId, SpecializedMeshPipelineError> {
     // Bevy asks for each object and view.
     let whole = (key.clone(), layout.clone());
+    let own_key = (key.type_id, key.material_key.clone());
     if let Some((known, _)) = world.resource::<Derivations>().pipelines.get(&whole) {
         return Ok(*known);
     }
@@ -222,11 +246,16 @@ pub fn specialize<M: 'static>(
     world.resource_scope(|world, mut derivations: Mut<Derivations>| {
         let derivations = &mut *derivations;
         let cache = world.resource::<PipelineCache>();
+        // As for an asset that is not loaded: the pipeline of a shader that never comes.
+        let stand_in = |known: &mut Option<_>| {
+            let waits = || cache.queue_render_pipeline(waiting(descriptor.clone()));
+            Ok(*known.get_or_insert_with(waits))
+        };
         let (answer, main) = match is_deferred || has_emulation {
             true => (None, None),
             false => {
                 let main = main_pipeline(world, key, layout, properties)?;
-                let request = Request::of(&main, mesh_key);
+                let request = Request::of(&main, mesh_key, properties.alpha_mode);
                 let job = derivations
                     .jobs
                     .entry(request.clone())
@@ -234,16 +263,28 @@ pub fn specialize<M: 'static>(
                         material: short(std::any::type_name::<M>()),
                         task: Some(start(request, world.resource::<Shared>().0.clone())),
                         answer: None,
+                        time: Duration::ZERO,
                         is_stale: false,
                     });
                 let Some(answer) = job.answer.clone() else {
-                    // As for an asset that is not loaded: the pipeline of a shader that never comes.
-                    let waits = || cache.queue_render_pipeline(waiting(descriptor.clone()));
-                    return Ok(*derivations.placeholder.get_or_insert_with(waits));
+                    return stand_in(&mut derivations.placeholder);
                 };
                 (Some(answer), Some(main))
             }
         };
+        if is_depth_only(mesh_key) {
+            let derived = match answer.as_deref() {
+                Some(Answer::Derived(derived, _)) => derived.reads_material,
+                _ => false,
+            };
+            let reads = derivations.reads.entry(own_key).or_default();
+            *reads |= derived;
+            if derived && properties.get_shader(PrepassVertexShader).is_none() {
+                // It was left out for other objects. The material gets it back.
+                derivations.has_unread = true;
+                return stand_in(&mut derivations.placeholder);
+            }
+        }
         let descriptor = match (answer.as_deref(), main) {
             (Some(Answer::Derived(derived, shader)), Some(main)) => {
                 replaced(descriptor, main, derived, shader)
@@ -257,7 +298,7 @@ pub fn specialize<M: 'static>(
 }
 
 impl Request {
-    fn of(main: &RenderPipelineDescriptor, key: MeshPipelineKey) -> Self {
+    fn of(main: &RenderPipelineDescriptor, key: MeshPipelineKey, alpha: AlphaMode) -> Self {
         let vertex = Stage {
             shader: main.vertex.shader.id(),
             defs: main.vertex.shader_defs.clone(),
@@ -277,6 +318,8 @@ impl Request {
                 motion,
                 previous_skin: motion && key.contains(MeshPipelineKey::HAS_PREVIOUS_SKIN),
                 previous_morph: motion && key.contains(MeshPipelineKey::HAS_PREVIOUS_MORPH),
+                // What is blended casts shadows.
+                alpha_covers: matches!(alpha, AlphaMode::AlphaToCoverage | AlphaMode::Blend),
             },
         }
     }
@@ -358,6 +401,16 @@ fn replaced(
     }
 }
 
+/// Whether Bevy leaves the material's bind group out, unless it has a pre-pass shader.
+fn is_depth_only(key: MeshPipelineKey) -> bool {
+    !key.intersects(
+        MeshPipelineKey::NORMAL_PREPASS
+            | MeshPipelineKey::MOTION_VECTOR_PREPASS
+            | MeshPipelineKey::DEFERRED_PREPASS
+            | MeshPipelineKey::MAY_DISCARD,
+    )
+}
+
 /// A pipeline that is never ready.
 fn waiting(own: RenderPipelineDescriptor) -> RenderPipelineDescriptor {
     let never = Handle::Uuid(Uuid::nil(), std::marker::PhantomData);
@@ -372,7 +425,7 @@ fn waiting(own: RenderPipelineDescriptor) -> RenderPipelineDescriptor {
 }
 
 /// The last part of a type's path, with its arguments.
-fn short(name: &'static str) -> &'static str {
+pub fn short(name: &'static str) -> &'static str {
     let head = name.find('<').unwrap_or(name.len());
     name[..head].rfind("::").map_or(name, |at| &name[at + 2..])
 }

@@ -3,7 +3,7 @@
 
 mod support;
 
-use bevy_preshade::{PreshadePlugin, State};
+use bevy_preshade::{Choice, Measurements, PreshadePlugin, State};
 use support::materials::{self, Case, Holey, set_shader, set_up, set_up_holes};
 use support::{Ahead, Drawn, Stage, covered, differ, greatest, picture};
 
@@ -194,6 +194,114 @@ fn jitter() {
     assert!(motion * support::SIZE as f32 <= 1.0 / 256.0, "{motion}");
 }
 
+/// Depth that reads nothing of the material is drawn without its bind group, so that Bevy can draw
+/// objects of several materials at once.
+#[test]
+fn unread_material() {
+    let depth = Ahead {
+        depth: true,
+        ..Ahead::default()
+    };
+    let mut stage = with_plugin::<{ materials::FENCE }>(depth);
+    assert_eq!(
+        stage.binds_material::<Case<{ materials::FENCE }, false>>(),
+        [false]
+    );
+    // A change that reads it gets it back.
+    let text = materials::CASES[materials::FENCE].1;
+    let text = text.replace("< 0.3", "< 0.3 * values.rate");
+    set_shader(&mut stage.app, materials::FENCE, text.clone());
+    stage.settle();
+    assert_eq!(
+        stage.binds_material::<Case<{ materials::FENCE }, false>>(),
+        [true]
+    );
+    let mut main = Stage::new(Ahead::default(), set_up::<{ materials::FENCE }, false>);
+    set_shader(&mut main.app, materials::FENCE, text);
+    main.settle();
+    let main = main.draw(FRAMES);
+    let derived = stage.draw(FRAMES);
+    assert_eq!(differ(&main.depth, &derived.ahead.unwrap()), 0);
+}
+
+/// The pre-pass is drawn or left out as it is measured, and the picture is the same.
+#[test]
+fn measured() {
+    let depth = Ahead {
+        depth: true,
+        ..Ahead::default()
+    };
+    let mut stage = Stage::new(depth, |app| {
+        set_up::<{ materials::GRASS }, false>(app);
+        app.add_plugins(PreshadePlugin::<Case<{ materials::GRASS }, false>>::measured());
+    });
+    stage.settle();
+    let choice = |stage: &Stage| {
+        let rows = stage.app.world().resource::<Measurements>().rows();
+        rows.map(|(_, choice)| choice).next().unwrap()
+    };
+    for _ in 0..1000 {
+        stage.app.update();
+        if choice(&stage) != Choice::Waiting {
+            break;
+        }
+    }
+    let choice = choice(&stage);
+    println!("{choice:?}");
+    assert!(
+        matches!(choice, Choice::On(_) | Choice::Off(_)),
+        "{choice:?}"
+    );
+    let after = stage.draw(FRAMES);
+    assert_eq!(
+        stage.has_prepass::<Case<{ materials::GRASS }, false>>(),
+        [matches!(choice, Choice::On(_))]
+    );
+    let main = drawn_by_main::<{ materials::GRASS }>(Ahead::default());
+    assert_eq!(main.depth, after.depth);
+}
+
+/// A lost graphics device is replaced, and all shaders are derived for the new one.
+#[test]
+fn lost_device() {
+    let depth = Ahead {
+        depth: true,
+        ..Ahead::default()
+    };
+    let mut kept = with_plugin::<{ materials::JELLY }>(depth);
+    let mut lost = with_plugin::<{ materials::JELLY }>(depth);
+    let before = [&mut kept, &mut lost].map(|stage| stage.draw(FRAMES));
+    assert_eq!(before[0].ahead, before[1].ahead);
+    lost.lose_device();
+    lost.settle();
+    assert!(lost.derivations().rows().next().is_some());
+    let after = [&mut kept, &mut lost].map(|stage| stage.draw(FRAMES));
+    assert_ne!(before[1].ahead, after[1].ahead, "nothing is drawn");
+    assert_eq!(after[0].ahead, after[1].ahead);
+    assert_eq!(after[0].depth, after[1].depth);
+}
+
+/// Nothing is turned off that an effect needs.
+#[test]
+fn needed() {
+    let mut stage = Stage::new(Ahead::ALL, |app| {
+        set_up::<{ materials::GRASS }, false>(app);
+        app.add_plugins(PreshadePlugin::<Case<{ materials::GRASS }, false>>::measured());
+    });
+    stage.settle();
+    let rows: Vec<_> = stage
+        .app
+        .world()
+        .resource::<Measurements>()
+        .rows()
+        .collect();
+    assert!(matches!(rows[..], [(_, Choice::Needed)]), "{rows:?}");
+    assert_eq!(
+        stage.has_prepass::<Case<{ materials::GRASS }, false>>(),
+        [true]
+    );
+}
+
 /// A shader that changes while the app runs is derived again.
 #[test]
 fn hot_reload() {
@@ -219,6 +327,22 @@ fn hot_reload() {
     let main = main.draw(FRAMES);
     assert_ne!(differ(&before.depth, &main.depth), 0);
     assert_eq!(differ(&main.depth, &after.ahead.unwrap()), 0);
+}
+
+/// What alpha covers is drawn from the alpha on that Bevy's own pre-pass takes.
+#[test]
+fn alpha_to_coverage() {
+    let Compared {
+        bevy,
+        derived,
+        hand,
+        ..
+    } = compared::<{ materials::LEAF }>();
+    let ahead = |drawn: &Drawn| drawn.ahead.clone().unwrap();
+    assert_eq!(differ(&ahead(&hand), &ahead(&derived)), 0);
+    assert_eq!(hand.shadows, derived.shadows);
+    assert_ne!(differ(&ahead(&hand), &ahead(&bevy)), 0);
+    assert_ne!(hand.shadows, bevy.shadows);
 }
 
 /// Bevy's pre-pass stays where a discard reads what the pre-pass does not have.

@@ -17,7 +17,7 @@ use bevy::render::render_resource::{
 use bevy::shader::{Shader, ShaderRef};
 
 /// Names of the cases, and their main and hand-written shaders.
-pub const CASES: [(&str, &str, &str); 8] = [
+pub const CASES: [(&str, &str, &str); 9] = [
     (
         "grass",
         include_str!("../shaders/grass.wgsl"),
@@ -50,6 +50,11 @@ pub const CASES: [(&str, &str, &str); 8] = [
     ),
     ("holes", include_str!("../shaders/holes.wgsl"), ""),
     ("lit", include_str!("../shaders/lit.wgsl"), ""),
+    (
+        "leaf",
+        include_str!("../shaders/leaf.wgsl"),
+        include_str!("../shaders/leaf.prepass.wgsl"),
+    ),
 ];
 
 pub const GRASS: usize = 0;
@@ -60,6 +65,7 @@ pub const MORPH: usize = 4;
 pub const SIGN: usize = 5;
 pub const HOLES: usize = 6;
 pub const LIT: usize = 7;
+pub const LEAF: usize = 8;
 
 /// Bevy's physically based material with holes.
 pub type Holey = ExtendedMaterial<StandardMaterial, Holes>;
@@ -96,7 +102,7 @@ impl<const CASE: usize, const HAND: bool> Material for Case<CASE, HAND> {
     fn vertex_shader() -> ShaderRef {
         match CASE {
             // It has the mesh's own vertex stage.
-            FENCE | LIT => ShaderRef::Default,
+            FENCE | LIT | LEAF => ShaderRef::Default,
             _ => shader(CASE, false).into(),
         }
     }
@@ -131,9 +137,10 @@ impl<const CASE: usize, const HAND: bool> Material for Case<CASE, HAND> {
 
     fn alpha_mode(&self) -> AlphaMode {
         // Without it Bevy has no fragment stage of a hand-written pre-pass that only writes depth.
-        match HAND {
-            true => AlphaMode::Mask(0.5),
-            false => AlphaMode::Opaque,
+        match (HAND, CASE) {
+            (true, _) => AlphaMode::Mask(0.5),
+            (false, LEAF) => AlphaMode::AlphaToCoverage,
+            (false, _) => AlphaMode::Opaque,
         }
     }
 }

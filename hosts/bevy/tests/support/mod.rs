@@ -4,6 +4,7 @@ pub mod materials;
 pub mod picture;
 pub mod read;
 
+use std::any::TypeId;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
@@ -14,14 +15,18 @@ use bevy::core_pipeline::prepass::{
     DepthPrepass, MotionVectorPrepass, NormalPrepass, ViewPrepassTextures,
 };
 use bevy::core_pipeline::tonemapping::Tonemapping;
-use bevy::pbr::ViewShadowBindings;
+use bevy::material::MaterialProperties;
+use bevy::pbr::{PreparedMaterial, PrepassVertexShader, ViewShadowBindings};
 use bevy::prelude::*;
 use bevy::render::camera::TemporalJitter;
+use bevy::render::erased_render_asset::ErasedRenderAssets;
+use bevy::render::error_handler::{RenderError, RenderErrorHandler, RenderErrorPolicy};
 use bevy::render::pipelined_rendering::PipelinedRenderingPlugin;
 use bevy::render::render_resource::{
     Extent3d, PipelineCache, TextureDimension, TextureFormat, TextureUsages,
 };
 use bevy::render::renderer::{RenderDevice, RenderQueue};
+use bevy::render::settings::RenderCreation;
 use bevy::render::view::ViewDepthTexture;
 use bevy::render::{Render, RenderApp, RenderPlugin, RenderSystems};
 use bevy::time::TimeUpdateStrategy;
@@ -187,6 +192,39 @@ impl Stage {
         self.app
             .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::ZERO));
         self.probe.0.lock().unwrap().clone()
+    }
+
+    /// Takes the graphics device away. Bevy makes a new one.
+    pub fn lose_device(&mut self) {
+        let recover: fn(&RenderError, &mut World, &mut World) -> RenderErrorPolicy =
+            |_, _, _| RenderErrorPolicy::Recover(RenderCreation::default());
+        self.app.insert_resource(RenderErrorHandler(recover));
+        let render = self.app.sub_app(RenderApp).world();
+        let device = render.resource::<RenderDevice>().wgpu_device();
+        device.destroy();
+        // Bevy hears of it before it draws the next frame.
+        device.poll(wgpu::PollType::Poll).ok();
+    }
+
+    /// The app has a material of Bevy's own too.
+    fn materials<M: Material>(&self) -> impl Iterator<Item = &MaterialProperties> {
+        let world = self.app.sub_app(RenderApp).world();
+        let materials = world.resource::<ErasedRenderAssets<PreparedMaterial>>();
+        let own = materials
+            .iter()
+            .filter(|(id, _)| id.type_id() == TypeId::of::<M>());
+        own.map(|(_, material)| &*material.properties)
+    }
+
+    /// Whether depth alone is drawn with the bind group of each material.
+    pub fn binds_material<M: Material>(&self) -> Vec<bool> {
+        let is_bound = |of: &MaterialProperties| of.get_shader(PrepassVertexShader).is_some();
+        self.materials::<M>().map(is_bound).collect()
+    }
+
+    /// Whether each material has a pre-pass.
+    pub fn has_prepass<M: Material>(&self) -> Vec<bool> {
+        self.materials::<M>().map(|of| of.prepass_enabled).collect()
     }
 
     pub fn derivations(&self) -> &Derivations {

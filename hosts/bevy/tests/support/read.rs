@@ -3,10 +3,16 @@
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 
 /// The texels of a texture, layer by layer and row by row.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Default, PartialEq)]
 pub struct Texels {
     pub size: [u32; 3],
     pub values: Vec<[f32; 4]>,
+}
+
+impl std::fmt::Debug for Texels {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "texels of {:?}", self.size)
+    }
 }
 
 /// Copies a texture to memory.
