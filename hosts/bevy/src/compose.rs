@@ -12,6 +12,7 @@ use bevy_render::renderer::{RenderAdapter, RenderDevice};
 use bevy_shader::{
     Shader, ShaderCache, ShaderCacheError, ShaderCacheSource, ShaderDefVal, ValidateShader,
 };
+use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use naga::{Module, ShaderStage};
 
 use crate::derive::Composed;
@@ -231,11 +232,20 @@ impl Cache {
     }
 }
 
-fn written(module: &Module) -> Result<String, String> {
-    use naga::valid::{Capabilities, ValidationFlags, Validator};
-    let info = Validator::new(ValidationFlags::all(), Capabilities::all())
+/// Whether Bevy's naga takes a text. The compiler's own may be another version.
+pub fn check(text: &str) -> Result<(), String> {
+    let module = naga::front::wgsl::parse_str(text).map_err(|e| e.emit_to_string(text))?;
+    valid(&module, text).map(|_| ())
+}
+
+fn valid(module: &Module, text: &str) -> Result<ModuleInfo, String> {
+    Validator::new(ValidationFlags::all(), Capabilities::all())
         .validate(module)
-        .map_err(|e| e.emit_to_string(""))?;
+        .map_err(|e| e.emit_to_string(text))
+}
+
+fn written(module: &Module) -> Result<String, String> {
+    let info = valid(module, "")?;
     naga::back::wgsl::write_string(module, &info, naga::back::wgsl::WriterFlags::empty())
         .map_err(|e| e.to_string())
 }

@@ -106,11 +106,13 @@ struct Choice<'n> {
     normal: Option<&'n str>,
     /// Whether the matrix of temporal antialiasing is left out of the motion.
     has_jitter: bool,
-    still: Vec<String>,
 }
 
 /// The compiler's code where the position does not read that matrix.
 const UNREAD_JITTER: &str = "unread-jitter";
+
+/// The compiler's code where the fragment stage has no value of a name.
+const NO_SUCH_NAME: &str = "no-such-name";
 
 /// The compiler's code where the fragment stage writes no alpha.
 const NO_ALPHA: &str = "alpha-decides";
@@ -150,27 +152,29 @@ impl Material {
     /// Names for the normal, the best first; one without a name lets the compiler find it.
     fn normals(&self, wanted: Wanted) -> Vec<Option<String>> {
         let mut names = vec![None];
-        if wanted.normal {
-            // What a physically based material lights with; else what the vertex stage hands over.
+        let has = |word| wanted.normal && self.sources[1].text.contains(word);
+        // What a physically based material lights with; else what the vertex stage hands over.
+        if has("pbr_input") {
             names.insert(0, Some("pbr_input.N".to_owned()));
-            let varying = self
-                .argument
-                .iter()
-                .map(|a| Some(format!("{a}.world_normal")));
-            names.extend(varying);
+        }
+        if has("world_normal") {
+            let varying = |of| Some(format!("{of}.world_normal"));
+            names.extend(self.argument.iter().map(varying));
         }
         names
     }
 
     /// With the best normal that there is.
     fn first(&self, wanted: Wanted) -> Result<Derived, Refused> {
-        let mut first = None;
+        let mut first: Option<Refused> = None;
         for normal in self.normals(wanted) {
             match self.derive(wanted, normal.as_deref()) {
                 Ok(derived) => return Ok(derived),
-                Err(refused) => {
-                    first.get_or_insert(refused);
+                // That a guess of ours is wrong tells nobody anything.
+                Err(refused) if first.as_ref().is_none_or(|f| f.code == NO_SUCH_NAME) => {
+                    first = Some(refused);
                 }
+                Err(_) => {}
             }
         }
         Err(first.unwrap_or_else(|| Refused::new("nothing", "there is nothing to derive", "")))
@@ -180,22 +184,14 @@ impl Material {
         let mut choice = Choice {
             wanted,
             normal,
-            has_jitter: wanted.motion,
-            still: Vec::new(),
+            has_jitter: wanted.motion && self.sources[0].text.contains("clip_from_world"),
         };
         let mut output = self.rewrite(&choice);
         if output.as_ref().is_err_and(|e| e.code == UNREAD_JITTER) {
             choice.has_jitter = false;
             output = self.rewrite(&choice);
         }
-        let mut output = output?;
-        if wanted.motion {
-            choice.still = stands_still(&output.0);
-            if !choice.still.is_empty() {
-                output = self.rewrite(&choice)?;
-            }
-        }
-        let (pass, mut text) = output;
+        let (pass, mut text) = output?;
         if wanted.motion {
             text = previous::apply(&text, &pass, wanted, PREVIOUS_VIEW)?;
             if !wanted.normal {
@@ -223,7 +219,6 @@ impl Material {
             wanted,
             normal,
             has_jitter,
-            still,
         } = choice;
         let mut write = vec!["depth"];
         write.extend(wanted.normal.then_some("normal"));
@@ -237,9 +232,6 @@ impl Material {
         }
         if *has_jitter {
             recipe += ",jitter=view.unjittered_clip_from_world=view.clip_from_world";
-        }
-        if !still.is_empty() {
-            let _ = write!(recipe, ",static={}", still.join("+"));
         }
         let mut state = MaterialState::default();
         if wanted.alpha_covers {
@@ -279,19 +271,6 @@ impl Material {
         let text = String::from_utf8_lossy(&file.bytes).into_owned();
         Ok((pass.clone(), text))
     }
-}
-
-/// Copies of the previous frame that Bevy does not have, by the names of their originals. A
-/// material's values count as unchanged, as they do in Bevy's own motion vectors.
-fn stands_still(pass: &GpuPass) -> Vec<String> {
-    let of = |binding: &BindingUse| match &binding.source {
-        BindingSource::Previous { of, group, binding } => {
-            let moves = matches!((group, binding), (Some(0), Some(0 | 11)) | (Some(2), _));
-            (!moves).then(|| of.clone())
-        }
-        _ => None,
-    };
-    pass.bindings.iter().filter_map(of).collect()
 }
 
 /// The text with a binding where the pre-pass has it.

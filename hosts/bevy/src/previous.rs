@@ -55,7 +55,7 @@ const MORPH: [(&str, &str); 1] = [("current_weights_offset", "prev_weights_offse
 /// Replaces the copies.
 ///
 /// # Errors
-/// The position reads a copy as a whole, or one that Bevy does not have.
+/// The position reads a copy as a whole.
 pub fn apply(text: &str, pass: &GpuPass, wanted: Wanted, view: u32) -> Result<String, Refused> {
     let mut text = text.to_owned();
     let mut reads_view = false;
@@ -68,11 +68,18 @@ pub fn apply(text: &str, pass: &GpuPass, wanted: Wanted, view: u32) -> Result<St
         else {
             continue;
         };
-        let copy = Copy {
-            name: &binding.name,
-            of,
-        };
         let at = (binding.group, binding.binding);
+        // The writer may give a variable another name than the plan has.
+        let own = number.map(|number| (group.unwrap_or_default(), number));
+        let of = own
+            .and_then(|own| declared(&text, own))
+            .unwrap_or(of)
+            .to_owned();
+        let name = declared(&text, at).unwrap_or(&binding.name).to_owned();
+        let copy = Copy {
+            name: &name,
+            of: &of,
+        };
         text = match (group, number) {
             (Some(0), Some(0)) => {
                 reads_view = true;
@@ -90,7 +97,7 @@ pub fn apply(text: &str, pass: &GpuPass, wanted: Wanted, view: u32) -> Result<St
                     let known = GLOBALS.iter().find(|(name, _)| *name == member);
                     let value =
                         known.map_or_else(|| format!("$.{member}"), |(_, v)| (*v).to_owned());
-                    value.replace('$', of)
+                    value.replace('$', &of)
                 };
                 copy.members(&without(&text, at), &value)?
             }
@@ -99,14 +106,8 @@ pub fn apply(text: &str, pass: &GpuPass, wanted: Wanted, view: u32) -> Result<St
             // Without a skin or weights of the previous frame, the mesh has none that moved.
             (Some(2), Some(1)) if wanted.previous_skin => moved(&text, at, 6),
             (Some(2), Some(2)) if wanted.previous_morph => moved(&text, at, 7),
-            (Some(2), _) => copy.renamed(&without(&text, at)),
-            _ => {
-                return Err(Refused::new(
-                    "no-previous",
-                    format!("the position reads `{of}`, whose previous value Bevy does not keep"),
-                    "let the position depend on the mesh, the view and the time",
-                ));
-            }
+            // A material's values count as unchanged, as they do in Bevy's own motion vectors.
+            _ => copy.renamed(&without(&text, at)),
         };
     }
     if reads_view {
@@ -126,6 +127,14 @@ pub fn apply(text: &str, pass: &GpuPass, wanted: Wanted, view: u32) -> Result<St
 /// The start of a declaration.
 fn declaration((group, binding): (u32, u32)) -> String {
     format!("@group({group}) @binding({binding}) ")
+}
+
+/// The name of the variable at a binding.
+fn declared(text: &str, at: (u32, u32)) -> Option<&str> {
+    let start = declaration(at);
+    let line = text.lines().find_map(|line| line.strip_prefix(&start))?;
+    let (head, _) = line.split_once(':')?;
+    head.split([' ', '>']).next_back()
 }
 
 /// The text without a declaration.

@@ -28,7 +28,7 @@ use bevy_tasks::futures::check_ready;
 use bevy_tasks::{AsyncComputeTaskPool, Task};
 use naga::ShaderStage;
 
-use crate::compose::{Composer, Failed, Shared, Stage};
+use crate::compose::{Composer, Failed, Shared, Stage, check};
 use crate::derive::{Derived, Refused, Wanted, derive};
 
 /// What one shader is derived from.
@@ -212,7 +212,13 @@ fn answer(request: &Request, composer: &Composer) -> Option<Result<Derived, Refu
         ))
     };
     match composed() {
-        Ok((vertex, fragment)) => Some(derive(&vertex, &fragment, request.wanted)),
+        Ok((vertex, fragment)) => {
+            let derived = derive(&vertex, &fragment, request.wanted);
+            Some(derived.and_then(|derived| match check(&derived.text) {
+                Ok(()) => Ok(derived),
+                Err(why) => Err(Refused::new("invalid", why, "report it to preshade")),
+            }))
+        }
         Err(Failed::NotYet) => None,
         Err(Failed::Broken(why)) => {
             let remedy = "mend the shader, which has an error";

@@ -7,19 +7,18 @@ use bevy::{Drawn, Texels, View};
 use bevy_preshade::State;
 use serde_json::{Value, json};
 
-/// The row of an example: drawn without a pre-pass, with Bevy's, and with the derived one.
+/// The row of an example: drawn without a pre-pass, with Bevy's, and with the derived one. `bevy` is
+/// null where Bevy's own pre-pass ends the app.
 pub fn row(name: &str, [main, own, derived]: &[Drawn; 3]) -> Value {
-    let same = main.views.len() == own.views.len() && own.views.len() == derived.views.len();
-    let views = main.views.iter().zip(&own.views).zip(&derived.views);
+    let views = derived.views.iter().enumerate();
     let views: Vec<_> = views
-        .map(|((main, own), derived)| view(main, own, derived))
+        .map(|(i, view)| of_view(main.views.get(i), own.views.get(i), view))
         .collect();
     let derivations: Vec<_> = derived.rows.iter().map(derivation).collect();
     json!({
         "example": name,
         "adapter": derived.adapter,
         "settled": !derived.is_pending,
-        "same_views": same,
         "views": views,
         "derivations": derivations,
     })
@@ -40,25 +39,35 @@ fn derivation(row: &bevy_preshade::Row) -> Value {
     })
 }
 
-/// Texels that differ, and the greatest differences.
-fn view(main: &View, own: &View, derived: &View) -> Value {
-    let ahead = |view: &View| view.ahead.as_ref().map(|ahead| differ(&main.depth, ahead));
-    let of = |of: fn(&View) -> &Option<Texels>, by: fn(&Texels, &Texels) -> f32| {
-        let pair = of(own).as_ref().zip(of(derived).as_ref());
+/// Texels that differ from those of the main pass alone, and differences from Bevy's own pre-pass.
+fn of_view(main: Option<&View>, own: Option<&View>, derived: &View) -> Value {
+    let from_main = |view: Option<&View>, of: fn(&View) -> Option<&Texels>| {
+        let pair = main.and_then(of).zip(view.and_then(of));
+        pair.map(|(main, view)| differ(main, view))
+    };
+    let ahead = |view: Option<&View>| {
+        let pair = main.zip(view.and_then(|view| view.ahead.as_ref()));
+        pair.map(|(main, ahead)| differ(&main.depth, ahead))
+    };
+    let both = |of: fn(&View) -> Option<&Texels>, by: fn(&Texels, &Texels) -> f32| {
+        let pair = own.and_then(of).zip(of(derived));
         pair.map(|(own, derived)| by(own, derived))
     };
-    let shadows = [0, 1].map(|i| differ(&own.shadows[i], &derived.shadows[i]));
+    let shadows = own.map(|own| [0, 1].map(|i| differ(&own.shadows[i], &derived.shadows[i])));
+    let derived = Some(derived);
+    let after = |view| from_main(view, |v| Some(&v.depth));
+    let picture = |view| from_main(view, |v| Some(&v.picture));
     json!({
-        "pixels": covered(&main.depth),
+        "pixels": main.map(|main| covered(&main.depth)),
         "ahead": { "bevy": ahead(own), "derived": ahead(derived) },
-        "after": { "bevy": differ(&main.depth, &own.depth), "derived": differ(&main.depth, &derived.depth) },
-        "picture": { "bevy": differ(&main.picture, &own.picture), "derived": differ(&main.picture, &derived.picture) },
+        "after": { "bevy": after(own), "derived": after(derived) },
+        "picture": { "bevy": picture(own), "derived": picture(derived) },
         "shadows": {
-            "texels": own.shadows.each_ref().map(covered),
+            "texels": derived.map(|derived| derived.shadows.each_ref().map(covered)),
             "derived": shadows,
         },
-        "motion_pixels": of(|v| &v.motion, moved),
-        "normal_degrees": of(|v| &v.normal, turned),
+        "motion_pixels": both(|v| v.motion.as_ref(), moved),
+        "normal_degrees": both(|v| v.normal.as_ref(), turned),
     })
 }
 

@@ -125,6 +125,8 @@ pub fn row(mode: &str, count: &str) -> Result<Value, String> {
     *COUNT
         .lock()
         .unwrap_or_else(std::sync::PoisonError::into_inner) = count;
+    // As in an app, so that the length of frames means something.
+    bevy::WAITS.store(false, std::sync::atomic::Ordering::Relaxed);
     let start = Instant::now();
     let drawn = bevy::drawn(which, app).ok_or("nothing was drawn")?;
     let mut times: Vec<Duration> = drawn.rows.iter().map(|row| row.time).collect();

@@ -25,8 +25,9 @@ fn vertex(in: Vertex) -> VertexOutput {
     return out;
 }
 
+// The argument has the name of one of Bevy's variables, as in its examples.
 @fragment
-fn fragment(in: VertexOutput) -> @location(0) vec4<f32> {
-    let light = max(dot(normalize(in.world_normal), vec3(0.3, 0.9, 0.3)), 0.1);
+fn fragment(mesh: VertexOutput) -> @location(0) vec4<f32> {
+    let light = max(dot(normalize(mesh.world_normal), vec3(0.3, 0.9, 0.3)), 0.1);
     return vec4(vec3(0.9, 0.5, 0.2) * light * values.unused, 1.0);
 }

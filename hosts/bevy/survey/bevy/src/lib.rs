@@ -94,10 +94,13 @@ pub struct Drawn {
 const SIZE: u32 = 256;
 /// Frames while assets are loaded, with no time between them. Many examples count frames, so all
 /// modes draw as many.
-const WARM_UP: u32 = 160;
+const WARM_UP: u32 = 120;
 const PAUSE: Duration = Duration::from_millis(15);
 /// Frames with time between them.
 const FRAMES: u32 = 3;
+
+/// Whether a frame waits for the pipelines that it wants.
+pub static WAITS: std::sync::atomic::AtomicBool = std::sync::atomic::AtomicBool::new(true);
 
 static MODE: Mutex<Mode> = Mutex::new(Mode::Main);
 static DRAWN: Mutex<Option<Drawn>> = Mutex::new(None);
@@ -148,7 +151,7 @@ impl PluginGroup for DefaultPlugins {
                 ..default()
             })
             .set(RenderPlugin {
-                synchronous_pipeline_compilation: true,
+                synchronous_pipeline_compilation: WAITS.load(std::sync::atomic::Ordering::Relaxed),
                 ..default()
             })
             .disable::<PipelinedRenderingPlugin>()
