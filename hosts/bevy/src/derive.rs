@@ -111,6 +111,9 @@ struct Choice<'n> {
 /// The compiler's code where the position does not read that matrix.
 const UNREAD_JITTER: &str = "unread-jitter";
 
+/// The permission for arrays of bindings.
+const ARRAYS: &str = "enable wgpu_binding_array;\n";
+
 /// The compiler's code where the fragment stage has no value of a name.
 const NO_SUCH_NAME: &str = "no-such-name";
 
@@ -128,7 +131,12 @@ impl Material {
     fn of(vertex: &Composed, fragment: &Composed) -> Self {
         let source = |composed: &Composed, stage: &str| {
             let name = format!("{} ({stage})", composed.path);
-            Source::new(name, composed.text.as_str()).with_language(Language::Wgsl)
+            // Bevy's naga needs no permission for them, and the compiler's does.
+            let head = match composed.text.contains("binding_array<") {
+                true => ARRAYS,
+                false => "",
+            };
+            Source::new(name, format!("{head}{}", composed.text)).with_language(Language::Wgsl)
         };
         let head = format!("fn {}(", fragment.entry);
         let argument = fragment.text.split_once(&head).and_then(|(_, after)| {
@@ -191,7 +199,8 @@ impl Material {
             choice.has_jitter = false;
             output = self.rewrite(&choice);
         }
-        let (pass, mut text) = output?;
+        let (pass, text) = output?;
+        let mut text = text.replacen(ARRAYS, "", 1);
         if wanted.motion {
             text = previous::apply(&text, &pass, wanted, PREVIOUS_VIEW)?;
             if !wanted.normal {

@@ -73,7 +73,14 @@ pub struct Derivations {
     /// A pipeline needs a bind group that its material leaves out.
     has_unread: bool,
     reloads: u64,
+    /// Whether Bevy does not know of an answer yet, and when it heard of some.
+    has_news: bool,
+    told: Option<Instant>,
 }
+
+/// Bevy makes the pipelines of all of a material's objects again. While many shaders are derived it does not for
+/// each answer.
+const PERIOD: Duration = Duration::from_millis(100);
 
 impl Derivations {
     /// How many shaders are being derived.
@@ -123,7 +130,7 @@ impl Derivations {
     ) -> bool {
         let is_new = self.reloads != reloads;
         self.reloads = reloads;
-        let mut has_changed = std::mem::take(&mut self.has_unread);
+        self.has_news |= std::mem::take(&mut self.has_unread);
         for (request, job) in &mut self.jobs {
             job.is_stale |= is_new;
             if job.task.is_none() && job.is_stale {
@@ -148,14 +155,20 @@ impl Derivations {
             if is_same {
                 continue;
             }
-            has_changed = true;
+            self.has_news = true;
             let answer = Arc::new(taken(job.material, request, result, cache));
             if let Some(old) = job.answer.replace(answer) {
                 let is_old = |made: &Option<_>| made.as_ref().is_some_and(|m| Arc::ptr_eq(m, &old));
                 self.pipelines.retain(|_, (_, made)| !is_old(made));
             }
         }
-        has_changed
+        let is_due = self.pending() == 0 || self.told.is_none_or(|told| told.elapsed() >= PERIOD);
+        let tells = self.has_news && is_due;
+        if tells {
+            self.has_news = false;
+            self.told = Some(Instant::now());
+        }
+        tells
     }
 }
 

@@ -24,7 +24,7 @@ pub mod prelude {
     pub use real::prelude::*;
 }
 
-use bevy_preshade::{Derivations, PreshadePlugin, Row, State};
+use bevy_preshade::{Derivations, PreshadePlugin, Row};
 use real::app::{AppExit, PluginGroup, PluginGroupBuilder};
 use real::asset::RenderAssetUsages;
 use real::camera::{ImageRenderTarget, RenderTarget};
@@ -95,6 +95,8 @@ const SIZE: u32 = 256;
 /// Frames while assets are loaded, with no time between them. Many examples count frames, so all
 /// modes draw as many.
 const WARM_UP: u32 = 120;
+/// Frames after which pipelines are not waited for.
+const MOST: u32 = 2000;
 const PAUSE: Duration = Duration::from_millis(15);
 /// Frames with time between them.
 const FRAMES: u32 = 3;
@@ -229,12 +231,24 @@ fn aim(
     }
 }
 
-/// Draws a set number of frames.
+/// Whether something is being derived or compiled.
+fn is_pending(app: &App) -> bool {
+    let world = app.sub_app(RenderApp).world();
+    let waiting = world.resource::<PipelineCache>().waiting_pipelines();
+    let derivations = world.get_resource::<Derivations>();
+    // One pipeline is never ready: the one that stands in for those to come.
+    waiting.count() > 1 || derivations.is_some_and(|of| of.pending() > 0)
+}
+
+/// Draws a set number of frames, or more if pipelines are still missing.
 fn run(mut app: App) -> AppExit {
     app.finish();
     app.cleanup();
     let mut frames = Vec::new();
-    for _ in 0..WARM_UP {
+    for frame in 0..MOST {
+        if frame >= WARM_UP && !is_pending(&app) {
+            break;
+        }
         let before = std::time::Instant::now();
         app.update();
         frames.push(before.elapsed());
@@ -250,21 +264,16 @@ fn run(mut app: App) -> AppExit {
             .is_on = frame + 1 == FRAMES;
         app.update();
     }
+    let is_pending = is_pending(&app);
     let world = app.sub_app_mut(RenderApp).world_mut();
     let mut drawn = std::mem::take(&mut world.resource_mut::<Probe>().drawn);
-    let waiting = world
-        .resource::<PipelineCache>()
-        .waiting_pipelines()
-        .count();
     if let Some(derivations) = world.get_resource::<Derivations>() {
         drawn.rows = derivations.rows().collect();
         drawn.texts = derivations.texts().map(str::to_owned).collect();
     }
-    // One pipeline is never ready: the one that stands in for those to come.
-    let is_pending = |row: &Row| row.state == State::Pending;
-    drawn.is_pending = drawn.rows.iter().any(is_pending) || waiting > 1;
     let info = world.resource::<real::render::renderer::RenderAdapterInfo>();
     drawn.adapter = format!("{} ({})", info.name, info.driver_info);
+    drawn.is_pending = is_pending;
     drawn.frames = frames;
     *locked(&DRAWN) = Some(drawn);
     AppExit::Success
