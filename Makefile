@@ -1,4 +1,4 @@
-.PHONY: demo check test web hosts bevy promises captures bench audit fuzz docs
+.PHONY: demo check test web hosts bevy promises captures bench audit dist fuzz docs
 
 # Draws the shrine with the original and its variants, and prints the cost and gain of each. The features
 # left out read other dialects of WGSL, which the shrine does not use.
@@ -75,11 +75,15 @@ bench:
 # API against the last release. `test` leaves this out because the tools take minutes to build.
 audit:
 	command -v cargo-deny >/dev/null || cargo install cargo-deny --locked
-	command -v cargo-semver-checks >/dev/null || cargo install cargo-semver-checks --locked
 	cargo deny --all-features check
 	scripts/msrv.sh
 	scripts/features.sh
-	cargo semver-checks --workspace --exclude preshade-cli || test -z "$$(git tag --list 'v*')"
+	scripts/semver.sh
+
+# Builds what a release offers for Linux, into dist/VERSION: the program for glibc 2.31, the list of its dependencies,
+# and checksums. From nothing, two cores take a quarter of an hour.
+dist:
+	scripts/dist.sh
 
 # Fuzzes each target for SECONDS seconds, from seeds made of the fixtures. Needs `cargo install cargo-fuzz`.
 # Crashing inputs are written to fuzz/artifacts.

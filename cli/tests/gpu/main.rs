@@ -13,6 +13,7 @@ mod swiftshader_support;
 #[path = "../support/trees.rs"]
 mod trees;
 
+mod action;
 mod agree;
 #[cfg(feature = "capture")]
 mod capture;

@@ -93,11 +93,12 @@ fn the_action_reports_what_a_commit_changes() {
     git(&repository, &["add", "."]);
     git(&repository, &["commit", "-q", "-m", "one"]);
     let run = |fail_on: &str| {
-        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scripts/agree-action.sh");
+        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scripts/action.sh");
         let summary = repository.join("summary.md");
         let _ = fs::remove_file(&summary);
         let mut bash = Command::new("bash");
-        bash.arg(script).args(["shaders", "HEAD~1", "HEAD"]);
+        bash.arg(script)
+            .args(["agree", "shaders", "HEAD~1", "HEAD"]);
         bash.env("PRESHADE", env!("CARGO_BIN_EXE_preshade"));
         bash.env("GITHUB_STEP_SUMMARY", &summary)
             .env("FAIL_ON", fail_on);

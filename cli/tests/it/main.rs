@@ -12,5 +12,6 @@ mod cli;
 mod hostile;
 mod many;
 mod newcomer;
+mod release;
 mod same_bytes;
 mod wrong_inputs;
