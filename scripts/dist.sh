@@ -25,7 +25,10 @@ if ! [ -x "$tools/bin/cargo-zigbuild" ]; then
     "$tools/bin/pip" install --quiet cargo-zigbuild==0.24.1 ziglang==0.17.1
 fi
 command -v cargo-cyclonedx >/dev/null || cargo install cargo-cyclonedx --locked --quiet
+# Messages of a panic name files, and must not name folders of this machine.
+registry=${CARGO_HOME:-$HOME/.cargo}/registry/src
 CARGO_TARGET_DIR=$built PATH="$tools/bin:$PATH" \
+    RUSTFLAGS="--remap-path-prefix=$registry=crates --remap-path-prefix=$PWD=preshade" \
     cargo zigbuild --release --locked -p preshade-cli --target "$target.$glibc"
 
 program=$built/$target/release/preshade
@@ -43,7 +46,7 @@ mkdir -p "$staged/$name/completions" "$staged/$name/man"
 cp "$program" README.md LICENSE-* "$staged/$name"
 node scripts/licenses.mjs preshade cli/Cargo.toml "$target" "$staged/$name/THIRD-PARTY.txt"
 for shell in bash zsh fish; do "$program" completions $shell > "$staged/$name/completions/preshade.$shell"; done
-"$program" man --out "$staged/$name/man"
+"$program" man --out "$staged/$name/man" 2>/dev/null
 tar --sort=name --owner=0 --group=0 --numeric-owner --mtime="@$(git log -1 --format=%ct)" \
     -C "$staged" -cf - "$name" | gzip -9n > "$out/$name.tar.gz"
 
