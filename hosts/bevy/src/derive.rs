@@ -114,8 +114,8 @@ const UNREAD_JITTER: &str = "unread-jitter";
 /// The permission for arrays of bindings.
 const ARRAYS: &str = "enable wgpu_binding_array;\n";
 
-/// The compiler's code where the fragment stage has no value of a name.
-const NO_SUCH_NAME: &str = "no-such-name";
+/// The compiler's codes where it finds no normal, or none of the name that it is given.
+const NO_NORMAL: [&str; 2] = ["no-such-name", "no-normal"];
 
 /// The compiler's code where the fragment stage writes no alpha.
 const NO_ALPHA: &str = "alpha-decides";
@@ -178,8 +178,12 @@ impl Material {
         for normal in self.normals(wanted) {
             match self.derive(wanted, normal.as_deref()) {
                 Ok(derived) => return Ok(derived),
-                // That a guess of ours is wrong tells nobody anything.
-                Err(refused) if first.as_ref().is_none_or(|f| f.code == NO_SUCH_NAME) => {
+                // With a normal that is found, the refusal is about the rest.
+                Err(refused)
+                    if first
+                        .as_ref()
+                        .is_none_or(|f| NO_NORMAL.contains(&f.code.as_str())) =>
+                {
                     first = Some(refused);
                 }
                 Err(_) => {}
