@@ -6,14 +6,16 @@ use std::process::{Command, Output};
 
 use crate::hostile_support::stderr;
 
-fn nowhere(name: &str) -> PathBuf {
+/// An empty folder for a test.
+pub fn nowhere(name: &str) -> PathBuf {
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     let _ = fs::remove_dir_all(&path);
     fs::create_dir_all(&path).unwrap();
     path
 }
 
-fn git(folder: &Path, args: &[&str]) -> Output {
+/// What git does in a folder.
+pub fn git(folder: &Path, args: &[&str]) -> Output {
     let mut git = Command::new("git");
     git.args(["-c", "user.name=a", "-c", "user.email=a@example.org"]);
     let run = git.args(args).current_dir(folder).output().unwrap();

@@ -4,6 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use crate::agree::{git, nowhere};
 use crate::hostile_support::stderr;
 
 const VERSION: &str = env!("CARGO_PKG_VERSION");
@@ -13,8 +14,7 @@ struct Repository(PathBuf);
 impl Repository {
     /// A repository that nothing keeps from a release but its tests, which fail.
     fn new(name: &str) -> Self {
-        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
-        let _ = fs::remove_dir_all(&folder);
+        let folder = nowhere(name);
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
         for file in [
             "scripts/release.sh",
@@ -50,10 +50,7 @@ impl Repository {
     }
 
     fn git(&self, args: &[&str]) {
-        let mut git = Command::new("git");
-        git.args(["-c", "user.name=a", "-c", "user.email=a@example.org"]);
-        let run = git.args(args).current_dir(&self.0).output().unwrap();
-        assert!(run.status.success(), "{}", stderr(&run));
+        git(&self.0, args);
     }
 
     fn commit(&self) {

@@ -46,10 +46,13 @@ enum Answer {
     Refused(Refused),
 }
 
+/// What a task comes to, and how long it took. `None`: something is not loaded yet.
+type Answered = (Option<Result<Derived, Refused>>, Duration);
+
 struct Job {
     /// Name of the material's type.
     material: &'static str,
-    task: Option<Task<(Option<Result<Derived, Refused>>, Duration)>>,
+    task: Option<Task<Answered>>,
     answer: Option<Arc<Answer>>,
     /// How long the last task took.
     time: Duration,
@@ -69,11 +72,9 @@ pub struct Derivations {
     /// Drawn while the shader is derived: nothing.
     placeholder: Option<CachedRenderPipelineId>,
     /// Whether depth alone reads the material's bind group.
-    reads: HashMap<(TypeId, ErasedMaterialKey), bool>,
-    /// A pipeline needs a bind group that its material leaves out.
-    has_unread: bool,
+    reads: HashMap<TypeId, HashMap<ErasedMaterialKey, bool>>,
     reloads: u64,
-    /// Whether Bevy does not know of an answer yet, and when it heard of some.
+    /// Whether pipelines have to be made anew and Bevy does not know yet, and when it heard of some.
     has_news: bool,
     told: Option<Instant>,
 }
@@ -118,7 +119,7 @@ impl Derivations {
 
     /// Whether the depth of a material reads its bind group; `None`: no shader of it is derived yet.
     pub(crate) fn reads(&self, of: TypeId, key: &ErasedMaterialKey) -> Option<bool> {
-        self.reads.get(&(of, key.clone())).copied()
+        self.reads.get(&of)?.get(key).copied()
     }
 
     /// Starts what is stale, and takes what is ready. Returns whether pipelines have to be made anew.
@@ -130,7 +131,6 @@ impl Derivations {
     ) -> bool {
         let is_new = self.reloads != reloads;
         self.reloads = reloads;
-        self.has_news |= std::mem::take(&mut self.has_unread);
         for (request, job) in &mut self.jobs {
             job.is_stale |= is_new;
             if job.task.is_none() && job.is_stale {
@@ -205,10 +205,7 @@ fn taken(
     }
 }
 
-fn start(
-    request: Request,
-    composer: Arc<Composer>,
-) -> Task<(Option<Result<Derived, Refused>>, Duration)> {
+fn start(request: Request, composer: Arc<Composer>) -> Task<Answered> {
     AsyncComputeTaskPool::get().spawn(async move {
         let before = Instant::now();
         (answer(&request, &composer), before.elapsed())
@@ -249,10 +246,10 @@ pub fn specialize<M: 'static>(
 ) -> Result<CachedRenderPipelineId, SpecializedMeshPipelineError> {
     // Bevy asks for each object and view.
     let whole = (key.clone(), layout.clone());
-    let own_key = (key.type_id, key.material_key.clone());
     if let Some((known, _)) = world.resource::<Derivations>().pipelines.get(&whole) {
         return Ok(*known);
     }
+    let (of, own_key) = (key.type_id, key.material_key.clone());
     let own = PrepassPipelineSpecializer {
         pipeline: world.resource::<PrepassPipeline>().clone(),
         properties: properties.clone(),
@@ -296,11 +293,12 @@ pub fn specialize<M: 'static>(
                 Some(Answer::Derived(derived, _)) => derived.reads_material,
                 _ => false,
             };
-            let reads = derivations.reads.entry(own_key).or_default();
+            let reads = derivations.reads.entry(of).or_default();
+            let reads = reads.entry(own_key).or_default();
             *reads |= derived;
             if derived && properties.get_shader(PrepassVertexShader).is_none() {
                 // It was left out for other objects. The material gets it back.
-                derivations.has_unread = true;
+                derivations.has_news = true;
                 return stand_in(&mut derivations.placeholder);
             }
         }

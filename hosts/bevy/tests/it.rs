@@ -156,11 +156,7 @@ fn drawn_by_main<const CASE: usize>(ahead: Ahead) -> Drawn {
 /// What cuts nothing and writes depth alone has no fragment stage.
 #[test]
 fn depth_alone() {
-    let depth = Ahead {
-        depth: true,
-        ..Ahead::default()
-    };
-    let mut stage = with_plugin::<{ materials::JELLY }>(depth);
+    let mut stage = with_plugin::<{ materials::JELLY }>(Ahead::DEPTH);
     for row in stage.derivations().rows() {
         let alone = State::Derived {
             has_fragment: false,
@@ -198,11 +194,7 @@ fn jitter() {
 /// objects of several materials at once.
 #[test]
 fn unread_material() {
-    let depth = Ahead {
-        depth: true,
-        ..Ahead::default()
-    };
-    let mut stage = with_plugin::<{ materials::FENCE }>(depth);
+    let mut stage = with_plugin::<{ materials::FENCE }>(Ahead::DEPTH);
     assert_eq!(
         stage.binds_material::<Case<{ materials::FENCE }, false>>(),
         [false]
@@ -227,11 +219,7 @@ fn unread_material() {
 /// The pre-pass is drawn or left out as it is measured, and the picture is the same.
 #[test]
 fn measured() {
-    let depth = Ahead {
-        depth: true,
-        ..Ahead::default()
-    };
-    let mut stage = Stage::new(depth, |app| {
+    let mut stage = Stage::new(Ahead::DEPTH, |app| {
         set_up::<{ materials::GRASS }, false>(app);
         app.add_plugins(PreshadePlugin::<Case<{ materials::GRASS }, false>>::measured());
     });
@@ -264,12 +252,8 @@ fn measured() {
 /// A lost graphics device is replaced, and all shaders are derived for the new one.
 #[test]
 fn lost_device() {
-    let depth = Ahead {
-        depth: true,
-        ..Ahead::default()
-    };
-    let mut kept = with_plugin::<{ materials::JELLY }>(depth);
-    let mut lost = with_plugin::<{ materials::JELLY }>(depth);
+    let mut kept = with_plugin::<{ materials::JELLY }>(Ahead::DEPTH);
+    let mut lost = with_plugin::<{ materials::JELLY }>(Ahead::DEPTH);
     let before = [&mut kept, &mut lost].map(|stage| stage.draw(FRAMES));
     assert_eq!(before[0].ahead, before[1].ahead);
     lost.lose_device();
@@ -305,14 +289,10 @@ fn needed() {
 /// A shader that changes while the app runs is derived again.
 #[test]
 fn hot_reload() {
-    let depth = Ahead {
-        depth: true,
-        ..Ahead::default()
-    };
     let text = materials::CASES[materials::GRASS]
         .1
         .replace("* values.amount", "* 2.5 * values.amount");
-    let mut stage = with_plugin::<{ materials::GRASS }>(depth);
+    let mut stage = with_plugin::<{ materials::GRASS }>(Ahead::DEPTH);
     let before = stage.draw(FRAMES);
     set_shader(&mut stage.app, materials::GRASS, text.clone());
     stage.settle();
@@ -348,11 +328,7 @@ fn alpha_to_coverage() {
 /// Bevy's pre-pass stays where a discard reads what the pre-pass does not have.
 #[test]
 fn refused() {
-    let depth = Ahead {
-        depth: true,
-        ..Ahead::default()
-    };
-    let mut stage = with_plugin::<{ materials::LIT }>(depth);
+    let mut stage = with_plugin::<{ materials::LIT }>(Ahead::DEPTH);
     let rows: Vec<_> = stage.derivations().rows().collect();
     assert!(!rows.is_empty());
     for row in rows {
@@ -363,7 +339,7 @@ fn refused() {
         assert!(refused.reason.contains("`lights`"), "{refused:?}");
     }
     let with = stage.draw(FRAMES);
-    let without = drawn_by_main::<{ materials::LIT }>(depth);
+    let without = drawn_by_main::<{ materials::LIT }>(Ahead::DEPTH);
     assert_eq!(with.ahead, without.ahead);
     assert_eq!(with.shadows, without.shadows);
 }

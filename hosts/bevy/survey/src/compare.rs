@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use bevy::math::Vec3;
-use bevy::{Drawn, Texels, View};
+use bevy::{Drawn, Texels, View, covered};
 use bevy_preshade::State;
 use serde_json::{Value, json};
 
@@ -46,28 +46,29 @@ fn of_view(main: Option<&View>, own: Option<&View>, derived: &View) -> Value {
         pair.map(|(main, view)| differ(main, view))
     };
     let ahead = |view: Option<&View>| {
-        let pair = main.zip(view.and_then(|view| view.ahead.as_ref()));
-        pair.map(|(main, ahead)| differ(&main.depth, ahead))
+        let pair = main.zip(view.and_then(|view| view.passes.ahead.as_ref()));
+        pair.map(|(main, ahead)| differ(&main.passes.depth, ahead))
     };
     let both = |of: fn(&View) -> Option<&Texels>, by: fn(&Texels, &Texels) -> f32| {
         let pair = own.and_then(of).zip(of(derived));
         pair.map(|(own, derived)| by(own, derived))
     };
-    let shadows = own.map(|own| [0, 1].map(|i| differ(&own.shadows[i], &derived.shadows[i])));
+    let shadows =
+        own.map(|own| [0, 1].map(|i| differ(&own.passes.shadows[i], &derived.passes.shadows[i])));
     let derived = Some(derived);
-    let after = |view| from_main(view, |v| Some(&v.depth));
+    let after = |view| from_main(view, |v| Some(&v.passes.depth));
     let picture = |view| from_main(view, |v| Some(&v.picture));
     json!({
-        "pixels": main.map(|main| covered(&main.depth)),
+        "pixels": main.map(|main| covered(&main.passes.depth)),
         "ahead": { "bevy": ahead(own), "derived": ahead(derived) },
         "after": { "bevy": after(own), "derived": after(derived) },
         "picture": { "bevy": picture(own), "derived": picture(derived) },
         "shadows": {
-            "texels": derived.map(|derived| derived.shadows.each_ref().map(covered)),
+            "texels": derived.map(|derived| derived.passes.shadows.each_ref().map(covered)),
             "derived": shadows,
         },
-        "motion_pixels": both(|v| v.motion.as_ref(), moved),
-        "normal_degrees": both(|v| v.normal.as_ref(), turned),
+        "motion_pixels": both(|v| v.passes.motion.as_ref(), moved),
+        "normal_degrees": both(|v| v.passes.normal.as_ref(), turned),
     })
 }
 
@@ -82,10 +83,6 @@ fn differ(a: &Texels, b: &Texels) -> Value {
             .filter(|(a, b)| a != b)
             .count()
     )
-}
-
-fn covered(depth: &Texels) -> usize {
-    depth.values.iter().filter(|v| v[0] != 0.0).count()
 }
 
 /// The greatest difference of motion, in pixels.

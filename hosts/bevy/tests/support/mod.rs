@@ -32,23 +32,11 @@ use bevy::render::{Render, RenderApp, RenderPlugin, RenderSystems};
 use bevy::time::TimeUpdateStrategy;
 use bevy::window::ExitCondition;
 use bevy_preshade::Derivations;
-use read::{Texels, read};
+use read::Texels;
+pub use read::{Drawn, covered};
 
 /// Width and height of pictures.
 pub const SIZE: u32 = 128;
-
-/// What the passes of the last frame drew.
-#[derive(Clone, Debug, Default)]
-pub struct Drawn {
-    /// After the main pass.
-    pub depth: Texels,
-    /// After the pre-pass.
-    pub ahead: Option<Texels>,
-    pub normal: Option<Texels>,
-    pub motion: Option<Texels>,
-    /// Shadow maps of directional lights, and of point lights.
-    pub shadows: [Texels; 2],
-}
 
 #[derive(Resource, Clone, Default)]
 struct Probe(Arc<Mutex<Drawn>>, Arc<Mutex<bool>>);
@@ -64,6 +52,13 @@ pub struct Ahead {
 }
 
 impl Ahead {
+    pub const DEPTH: Self = Self {
+        depth: true,
+        normal: false,
+        motion: false,
+        jitter: false,
+    };
+
     pub const ALL: Self = Self {
         depth: true,
         normal: true,
@@ -247,27 +242,8 @@ fn take(
     if !*probe.1.lock().unwrap() {
         return;
     }
-    let texels = |texture: &wgpu::Texture| read(&device, &queue, texture);
     for (depth, ahead, shadows) in &views {
-        let mut drawn = Drawn {
-            depth: texels(&depth.texture),
-            ..default()
-        };
-        if let Some(ahead) = ahead {
-            let of = |of: &Option<bevy::render::texture::ColorAttachment>| {
-                of.as_ref().map(|of| texels(&of.texture.texture))
-            };
-            drawn.ahead = of(&ahead.depth);
-            drawn.normal = of(&ahead.normal);
-            drawn.motion = of(&ahead.motion_vectors);
-        }
-        if let Some(shadows) = shadows {
-            drawn.shadows = [
-                texels(&shadows.directional_light_depth_texture),
-                texels(&shadows.point_light_depth_texture),
-            ];
-        }
-        *probe.0.lock().unwrap() = drawn;
+        *probe.0.lock().unwrap() = Drawn::of(&device, &queue, (depth, ahead, shadows));
     }
 }
 
@@ -279,11 +255,6 @@ pub fn differ(a: &Texels, b: &Texels) -> usize {
         .zip(&b.values)
         .filter(|(a, b)| a != b)
         .count()
-}
-
-/// How many texels something was drawn to: Bevy clears depth to 0.
-pub fn covered(depth: &Texels) -> usize {
-    depth.values.iter().filter(|v| v[0] != 0.0).count()
 }
 
 /// The greatest difference of a component.

@@ -1,6 +1,10 @@
 //! Reads what passes drew: any texture that a shader can read.
 
+use bevy::core_pipeline::prepass::ViewPrepassTextures;
+use bevy::pbr::ViewShadowBindings;
 use bevy::render::renderer::{RenderDevice, RenderQueue};
+use bevy::render::texture::ColorAttachment;
+use bevy::render::view::ViewDepthTexture;
 
 /// The texels of a texture, layer by layer and row by row.
 #[derive(Clone, Default, PartialEq)]
@@ -13,6 +17,55 @@ impl std::fmt::Debug for Texels {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "texels of {:?}", self.size)
     }
+}
+
+/// What the passes of a view drew.
+#[derive(Clone, Debug, Default)]
+pub struct Drawn {
+    /// After the main pass.
+    pub depth: Texels,
+    /// After the pre-pass.
+    pub ahead: Option<Texels>,
+    pub normal: Option<Texels>,
+    pub motion: Option<Texels>,
+    /// Shadow maps of directional lights, and of point and spot lights.
+    pub shadows: [Texels; 2],
+}
+
+/// Where the passes of a view draw to.
+pub type Targets<'t> = (
+    &'t ViewDepthTexture,
+    Option<&'t ViewPrepassTextures>,
+    Option<&'t ViewShadowBindings>,
+);
+
+impl Drawn {
+    /// Reads all that the passes drew.
+    pub fn of(
+        device: &RenderDevice,
+        queue: &RenderQueue,
+        (depth, ahead, shadows): Targets,
+    ) -> Self {
+        let texels = |texture: &wgpu::Texture| read(device, queue, texture);
+        let of = |of: &Option<ColorAttachment>| of.as_ref().map(|of| texels(&of.texture.texture));
+        Self {
+            depth: texels(&depth.texture),
+            ahead: ahead.and_then(|ahead| of(&ahead.depth)),
+            normal: ahead.and_then(|ahead| of(&ahead.normal)),
+            motion: ahead.and_then(|ahead| of(&ahead.motion_vectors)),
+            shadows: shadows.map_or_else(Default::default, |shadows| {
+                [
+                    texels(&shadows.directional_light_depth_texture),
+                    texels(&shadows.point_light_depth_texture),
+                ]
+            }),
+        }
+    }
+}
+
+/// How many texels something was drawn to: Bevy clears depth to 0.
+pub fn covered(depth: &Texels) -> usize {
+    depth.values.iter().filter(|v| v[0] != 0.0).count()
 }
 
 /// Copies a texture to memory.

@@ -16,7 +16,7 @@ extern crate self as bevy;
 #[path = "../../../tests/support/read.rs"]
 mod read;
 
-pub use read::Texels;
+pub use read::{Drawn as Passes, Texels, covered};
 
 /// What examples import.
 pub mod prelude {
@@ -56,19 +56,11 @@ pub enum Mode {
     Derived,
 }
 
-/// What a camera's passes drew in the last frame.
+/// What a camera drew in the last frame.
 #[derive(Clone, Debug, Default)]
 pub struct View {
-    /// After the main pass.
-    pub depth: Texels,
-    /// After the pre-pass.
-    pub ahead: Option<Texels>,
-    /// Of the pre-pass.
-    pub normal: Option<Texels>,
-    /// Of the pre-pass.
-    pub motion: Option<Texels>,
-    /// Shadow maps of directional lights, and of point and spot lights.
-    pub shadows: [Texels; 2],
+    /// By its passes.
+    pub passes: Passes,
     /// The picture.
     pub picture: Texels,
 }
@@ -294,28 +286,13 @@ fn take(
     if !probe.is_on {
         return;
     }
-    let texels = |texture: &wgpu::Texture| read::read(&device, &queue, texture);
     let mut views: Vec<_> = views.iter().collect();
     views.sort_by_key(|(entity, camera, ..)| (camera.order, *entity));
     probe.drawn.views = views
         .into_iter()
-        .map(|(_, _, target, depth, ahead, shadows)| {
-            let of = |of: &Option<real::render::texture::ColorAttachment>| {
-                of.as_ref().map(|of| texels(&of.texture.texture))
-            };
-            View {
-                depth: texels(&depth.texture),
-                ahead: ahead.and_then(|ahead| of(&ahead.depth)),
-                normal: ahead.and_then(|ahead| of(&ahead.normal)),
-                motion: ahead.and_then(|ahead| of(&ahead.motion_vectors)),
-                shadows: shadows.map_or_else(Default::default, |shadows| {
-                    [
-                        texels(&shadows.directional_light_depth_texture),
-                        texels(&shadows.point_light_depth_texture),
-                    ]
-                }),
-                picture: texels(target.main_texture()),
-            }
+        .map(|(_, _, target, depth, ahead, shadows)| View {
+            passes: Passes::of(&device, &queue, (depth, ahead, shadows)),
+            picture: read::read(&device, &queue, target.main_texture()),
         })
         .collect();
 }
