@@ -1,7 +1,9 @@
 //! What is drawn: levels of a texture and offsets are computed first, then come frames of a shadow pass, a pass that
-//! adds to a texture, and a main pass with a bundle.
+//! adds to a texture, and a main pass with a bundle. The tests of traces draw this too: the driver compiles for
+//! the processor at hand, so a picture that another machine kept can differ.
 
-use crate::wgpu;
+pub const SIZE: [u32; 2] = [64, 48];
+pub const FRAMES: u32 = 3;
 
 pub struct Scene {
     bricks: wgpu::Texture,
@@ -61,13 +63,65 @@ fn filled(
         mapped_at_creation: true,
     });
     let mapped = buffer.get_mapped_range_mut(..);
-    #[cfg(feature = "v30")]
+    #[cfg(not(feature = "v29"))]
     let mapped = mapped.expect("a mapped buffer");
     let mut mapped = mapped;
     mapped.copy_from_slice(bytes);
     drop(mapped);
     buffer.unmap();
     buffer
+}
+
+/// A texture to draw into without a window.
+pub fn target(device: &wgpu::Device, format: wgpu::TextureFormat) -> wgpu::Texture {
+    device.create_texture(&wgpu::TextureDescriptor {
+        label: Some("target"),
+        size: wgpu::Extent3d {
+            width: SIZE[0],
+            height: SIZE[1],
+            depth_or_array_layers: 1,
+        },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
+        view_formats: &[],
+    })
+}
+
+/// The texels of a target, row by row, in the order of its channels.
+pub fn read(device: &wgpu::Device, queue: &wgpu::Queue, texture: &wgpu::Texture) -> Vec<u8> {
+    // 64 texels are 256 bytes, as copies demand.
+    let row = SIZE[0] * 4;
+    let buffer = device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some("picture"),
+        size: u64::from(row * SIZE[1]),
+        usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+        mapped_at_creation: false,
+    });
+    let mut encoder = device.create_command_encoder(&Default::default());
+    encoder.copy_texture_to_buffer(
+        texture.as_image_copy(),
+        wgpu::TexelCopyBufferInfo {
+            buffer: &buffer,
+            layout: wgpu::TexelCopyBufferLayout {
+                offset: 0,
+                bytes_per_row: Some(row),
+                rows_per_image: None,
+            },
+        },
+        texture.size(),
+    );
+    queue.submit([encoder.finish()]);
+    buffer.map_async(wgpu::MapMode::Read, .., |r| r.expect("a picture"));
+    device
+        .poll(wgpu::PollType::wait_indefinitely())
+        .expect("a device");
+    let mapped = buffer.get_mapped_range(..);
+    #[cfg(not(feature = "v29"))]
+    let mapped = mapped.expect("a mapped buffer");
+    mapped.to_vec()
 }
 
 fn bytes(numbers: &[f32]) -> Vec<u8> {
@@ -448,7 +502,7 @@ impl Pipelines<'_> {
         };
         #[cfg(feature = "v29")]
         let buffers = [corners, offsets];
-        #[cfg(feature = "v30")]
+        #[cfg(not(feature = "v29"))]
         let buffers = [Some(corners), Some(offsets)];
         let targets = fragment.map(|(_, format, blend)| {
             [Some(wgpu::ColorTargetState {
