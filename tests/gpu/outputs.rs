@@ -386,6 +386,76 @@ fn distances_are_those_of_the_points_that_the_depths_say() {
     }
 }
 
+/// The normal of the triangle is that of three neighbouring points that the depths say, and turns to the viewer.
+#[test]
+fn faces_are_those_of_the_points_that_the_depths_say() {
+    // Large enough for triangles of several pixels.
+    for subject in moving_scenes(SIZE.map(|n| 4 * n), VERTICES) {
+        let scene = &subject.scene;
+        let variant = variant(
+            scene,
+            "outputs:write=normal,faces=right-handed,precision=full",
+        );
+        assert!(variant.kept.is_empty(), "{:?}", variant.kept);
+        let plans: Vec<Plan> = variant.plans.iter().map(alone).collect();
+        let picture = drawn(gpu(), scene, &plans);
+        let frame = scene.cameras[0].frames[0];
+        let back = (frame.projection.as_dmat4() * frame.view.as_dmat4()).inverse();
+        let eye = frame.view.as_dmat4().inverse().w_axis.truncate();
+        let color = picture.colors[0].clone().unwrap();
+        let [width, height] = color.size;
+        let depths = picture.depth.unwrap().values;
+        let drawn = |x: u32, y: u32| {
+            let pixel = (y * width + x) as usize;
+            let depth = f64::from(depths[pixel]);
+            let normal = DVec3::from_slice(&color.rgba(pixel).map(f64::from));
+            (depth != 0.0 && depth != 1.0).then_some((normal, depth))
+        };
+        let point = |x: u32, y: u32, depth: f64| {
+            let at = [(x, width), (y, height)]
+                .map(|(i, n)| (f64::from(i) + 0.5) / f64::from(n) * 2.0 - 1.0);
+            let world = back * DVec4::new(at[0], -at[1], depth, 1.0);
+            world.truncate() / world.w
+        };
+        let (mut covered, mut compared, mut worst) = (0, 0, 0.0_f64);
+        for (x, y) in (1..height - 1).flat_map(|y| (1..width - 1).map(move |x| (x, y))) {
+            let Some((normal, depth)) = drawn(x, y) else {
+                continue;
+            };
+            let here = point(x, y, depth);
+            assert!((normal.length() - 1.0).abs() < 1e-5, "{normal}");
+            assert!(normal.dot(eye - here) > 0.0, "{}: {normal}", subject.name);
+            covered += 1;
+            let beside = [(x + 1, y), (x - 1, y), (x, y + 1), (x, y - 1)].map(|(x, y)| drawn(x, y));
+            let [Some(right), Some(left), Some(below), Some(above)] = beside else {
+                continue;
+            };
+            // Depth is linear in the picture where all are of one plane.
+            let is_flat =
+                |a: f64, b: f64| (a + b - 2.0 * depth).abs() <= 2.0 * f64::from(f32::EPSILON);
+            let is_same = |other: DVec3| (other - normal).length() < 1e-3;
+            if !is_flat(right.1, left.1)
+                || !is_flat(below.1, above.1)
+                || ![right, left, below, above].iter().all(|(n, _)| is_same(*n))
+            {
+                continue;
+            }
+            let across = point(x + 1, y, right.1) - here;
+            let down = point(x, y + 1, below.1) - here;
+            compared += 1;
+            worst = worst.max((down.cross(across).normalize() - normal).length());
+        }
+        println!(
+            "{}: {covered} normals, {compared} compared, {worst} apart",
+            subject.name
+        );
+        assert!(covered > 1000, "{}: {covered}", subject.name);
+        // Small triangles have no three neighbours.
+        assert!(compared > 50, "{}: {compared}", subject.name);
+        assert!(worst < 0.02, "{}: {worst}", subject.name);
+    }
+}
+
 /// A leaf whose texture coordinates a viewer shifts, and that fades; and what is meant by the shadow
 /// without the viewer.
 const LEAF: &str = "

@@ -100,10 +100,21 @@ pub fn derive(vertex: &Composed, fragment: &Composed, wanted: Wanted) -> Result<
     }
 }
 
+/// Where the normal comes from.
+#[derive(Clone, Debug)]
+enum Normal {
+    /// The compiler finds it by its role.
+    Found,
+    /// A value of this name.
+    Named(String),
+    /// The triangle, for a material without one.
+    Face,
+}
+
 /// What the compiler is asked for.
 struct Choice<'n> {
     wanted: Wanted,
-    normal: Option<&'n str>,
+    normal: &'n Normal,
     /// Whether the matrix of temporal antialiasing is left out of the motion.
     has_jitter: bool,
 }
@@ -157,26 +168,31 @@ impl Material {
         }
     }
 
-    /// Names for the normal, the best first; one without a name lets the compiler find it.
-    fn normals(&self, wanted: Wanted) -> Vec<Option<String>> {
-        let mut names = vec![None];
-        let has = |word| wanted.normal && self.sources[1].text.contains(word);
+    /// Normals, the best first.
+    fn normals(&self, wanted: Wanted) -> Vec<Normal> {
+        if !wanted.normal {
+            return vec![Normal::Found];
+        }
+        let mut all = Vec::new();
+        let has = |word| self.sources[1].text.contains(word);
         // What a physically based material lights with; else what the vertex stage hands over.
         if has("pbr_input") {
-            names.insert(0, Some("pbr_input.N".to_owned()));
+            all.push(Normal::Named("pbr_input.N".to_owned()));
         }
+        all.push(Normal::Found);
         if has("world_normal") {
-            let varying = |of| Some(format!("{of}.world_normal"));
-            names.extend(self.argument.iter().map(varying));
+            let varying = |of| Normal::Named(format!("{of}.world_normal"));
+            all.extend(self.argument.iter().map(varying));
         }
-        names
+        all.push(Normal::Face);
+        all
     }
 
     /// With the best normal that there is.
     fn first(&self, wanted: Wanted) -> Result<Derived, Refused> {
         let mut first: Option<Refused> = None;
         for normal in self.normals(wanted) {
-            match self.derive(wanted, normal.as_deref()) {
+            match self.derive(wanted, &normal) {
                 Ok(derived) => return Ok(derived),
                 // With a normal that is found, the refusal is about the rest.
                 Err(refused)
@@ -192,7 +208,7 @@ impl Material {
         Err(first.unwrap_or_else(|| Refused::new("nothing", "there is nothing to derive", "")))
     }
 
-    fn derive(&self, wanted: Wanted, normal: Option<&str>) -> Result<Derived, Refused> {
+    fn derive(&self, wanted: Wanted, normal: &Normal) -> Result<Derived, Refused> {
         let mut choice = Choice {
             wanted,
             normal,
@@ -240,8 +256,12 @@ impl Material {
         if wanted.normal {
             recipe += ",unsigned=true";
         }
-        if let Some(normal) = normal {
-            let _ = write!(recipe, ",normal={normal}");
+        match normal {
+            Normal::Found => {}
+            Normal::Named(name) => {
+                let _ = write!(recipe, ",normal={name}");
+            }
+            Normal::Face => recipe += ",faces=right-handed",
         }
         if *has_jitter {
             recipe += ",jitter=view.unjittered_clip_from_world=view.clip_from_world";

@@ -85,6 +85,17 @@ impl FunctionWriter {
         *function = writer.finish();
     }
 
+    /// Writes statements before the body of `function`. Handles of its expressions stay.
+    pub fn start<T>(function: &mut Function, write: impl FnOnce(&mut Self) -> T) -> T {
+        let mut body = std::mem::take(&mut function.body);
+        let mut writer = Self::of(std::mem::take(function));
+        let written = write(&mut writer);
+        writer.flush(Span::UNDEFINED);
+        writer.block.append(&mut body);
+        *function = writer.finish();
+        written
+    }
+
     fn rewrite_block(&mut self, block: Block, change: &mut dyn FnMut(&mut Self, Statement, Span)) {
         for (mut statement, span) in block.span_into_iter() {
             for inner in operands::blocks_mut(&mut statement) {

@@ -17,7 +17,7 @@
 //! | `depth` | none | the camera's depth, as the main pass leaves it |
 //! | `shadow` | none | a light's depth, as by the pass `shadow` |
 //! | `distance` | `r32float` | how far the point is from a point light, divided by the light's range: 1 is at the end of it, and where no surface is |
-//! | `normal` | `rgba16float` | the vector that meets the light in a dot product, and 1; with `octahedral` two numbers, with `unsigned` from 0 to 1 |
+//! | `normal` | `rgba16float` | the vector that meets the light in a dot product, or with `faces` the triangle's normal, and 1; with `octahedral` two numbers, with `unsigned` from 0 to 1 |
 //! | `velocity` | `rg16float` | where the point is, less where it was in the previous frame: x to the right and y down, in parts of the picture |
 //! | `id` | `rg32uint` | the host's number of the draw, `@builtin(instance_index)` |
 //! | a name | by its type | that value of the fragment stage, at the end of the stage; a vector of three is filled up with 1, and truth values are 0 and 1 |
@@ -29,6 +29,9 @@
 //! Textures count as unchanged. Each fragment divides by w and subtracts, so the velocity is exact
 //! inside triangles too. Where a point was behind the camera (w <= 0), it had no place in the
 //! picture, and the number has no meaning.
+//!
+//! A material without light has no normal of its own. `faces=right-handed` takes that of the triangle,
+//! as displaced, from the derivatives of the position in the world.
 //!
 //! `distance` is what the six faces of a point light's shadow map hold. It is measured from the
 //! vector that the view's matrix turns into the clip position. If one matrix combines model and view
@@ -59,7 +62,9 @@ use crate::core::refusals::RefusalInfo;
 use crate::core::state::{AttachmentOps, ColorTarget, DepthDirection, DepthState, Multisample};
 use crate::rebuild::depth_only::{self, Placed, VertexStage};
 use crate::rebuild::depth_pass;
-use crate::rebuild::outputs::{self, Direction, Extended, Failed, Shows, Velocity, Wanted};
+use crate::rebuild::outputs::{
+    self, Direction, Extended, Face, Failed, Normal, Shows, Velocity, Wanted,
+};
 use crate::rebuild::place::PositionInvariance;
 use crate::rebuild::viewer::{self, Dropped, Stays};
 use crate::slice::OutputFilter;
@@ -78,7 +83,7 @@ pub mod refusals;
 
 use names::refusal;
 use params::list;
-pub use params::{Asked, ClipY, ColourTarget, Params, Precision, Viewer};
+pub use params::{Asked, Axes, ClipY, ColourTarget, Params, Precision, Viewer};
 
 const NAME: &str = "outputs";
 
@@ -136,6 +141,10 @@ impl Pass for Outputs {
         },
         Example {
             recipe: "outputs:write=depth,colour-target=bound",
+            uses: &[Use::Compile],
+        },
+        Example {
+            recipe: "outputs:write=normal,faces=right-handed",
             uses: &[Use::Compile],
         },
         Example {
@@ -327,7 +336,7 @@ fn wanted(
     for asked in asked {
         let (name, shows) = match asked {
             Asked::Depth | Asked::Shadow => continue,
-            Asked::Normal => ("normal".to_owned(), normal(opaque, params)),
+            Asked::Normal => ("normal".to_owned(), normal(opaque, params, said)),
             Asked::Velocity => ("velocity".to_owned(), velocity(opaque, params)),
             Asked::Distance => (
                 "distance".to_owned(),
@@ -363,8 +372,18 @@ fn wanted(
     Ok(found)
 }
 
-fn normal(opaque: &Opaque<'_>, params: &Params) -> Result<Shows, Box<Refusal>> {
-    let value = calls::single(opaque, names::normal(opaque, params.normal.as_deref())?)?;
+fn normal(opaque: &Opaque<'_>, params: &Params, said: &Said) -> Result<Shows, Box<Refusal>> {
+    let normal = match params.faces {
+        Some(axes) => Normal::Face(Face {
+            from: distance::surface(opaque, params, said)?,
+            is_left_handed: axes == Axes::LeftHanded,
+            is_down: is_down(opaque.program, params),
+        }),
+        None => {
+            let value = names::normal(opaque, params.normal.as_deref())?;
+            Normal::Value(calls::single(opaque, value)?)
+        }
+    };
     let turned = params.matrix.as_deref();
     let turned = turned
         .map(|name| names::matrix(opaque.program, name))
@@ -374,7 +393,13 @@ fn normal(opaque: &Opaque<'_>, params: &Params) -> Result<Shows, Box<Refusal>> {
         octahedral: params.octahedral,
         unsigned: params.unsigned,
     };
-    Ok(Shows::Direction(value, direction))
+    Ok(Shows::Direction(normal, direction))
+}
+
+/// Whether the y of the clip position points down.
+fn is_down(program: &Program, params: &Params) -> bool {
+    let said = params.y.map(|y| y == ClipY::Down);
+    said.unwrap_or(program.declared().y_down)
 }
 
 fn velocity(opaque: &Opaque<'_>, params: &Params) -> Result<Shows, Box<Refusal>> {
@@ -389,10 +414,7 @@ fn velocity(opaque: &Opaque<'_>, params: &Params) -> Result<Shows, Box<Refusal>>
         moving: names::attributes(opaque, list(params.moving.as_deref()))?,
         jitter: jitter.into_iter().flatten().collect(),
         steady: steady.collect::<Result<_, _>>()?,
-        is_down: match params.y {
-            Some(y) => y == ClipY::Down,
-            None => opaque.program.declared().y_down,
-        },
+        is_down: is_down(opaque.program, params),
     }))
 }
 

@@ -42,6 +42,14 @@ fn parameters_that_are_malformed_or_idle_are_slips() {
         ),
         ("outputs:write=id,y=down", "`y` has no effect"),
         (
+            "outputs:write=id,faces=right-handed",
+            "`faces` has no effect without `write=normal`",
+        ),
+        (
+            "outputs:write=normal,faces=right-handed,normal=n",
+            "`faces` takes the triangle's normal, and `normal` another",
+        ),
+        (
             "outputs:write=velocity,static=light",
             "does not read `light`",
         ),
@@ -89,6 +97,28 @@ fn with_state(state: &MaterialState, recipe: &'static str) -> Result<Plan, Strin
     let made = Outputs::run(&plan, &Facts::default(), &params(recipe));
     made.map(|made| made.plan)
         .map_err(|why| why.first().to_string())
+}
+
+/// The triangle's normal needs a position that no branch computes: the vertex stage's, or an input.
+#[test]
+fn faces_take_a_position_of_the_vertex_stage_or_an_input() {
+    for recipe in [
+        "outputs:write=normal,faces=right-handed",
+        "outputs:write=normal,faces=left-handed,position=in.world",
+    ] {
+        let text = text(&outputs(recipe).unwrap());
+        let body = text.split("@fragment").nth(1).unwrap();
+        let first = body.find("face_normal(").unwrap();
+        // The alpha test comes behind it.
+        assert!(first < body.find("discard").unwrap(), "{body}");
+    }
+    let refused =
+        outputs("outputs:write=normal,faces=right-handed,position=surface.albedo").unwrap_err();
+    assert!(refused.starts_with("outputs[not-a-position]"), "{refused}");
+    assert!(
+        refused.contains("computed in the fragment stage"),
+        "{refused}"
+    );
 }
 
 #[test]

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 
-use super::{Extending, Failed, Shows, Surface, Wanted};
+use super::{Distance, Extending, Face, Failed, Normal, Shows, Surface, Wanted};
 use crate::analysis::authored::{Authored, Place, calls_of};
 use crate::analysis::values::{ContextId, Values};
 use crate::graph::FunctionId;
@@ -17,8 +17,11 @@ impl Extending<'_, '_> {
         let mut vertex: Vec<&mut Authored> = Vec::new();
         for wanted in &mut wanted {
             match &mut wanted.shows {
-                Shows::Value(value) | Shows::Direction(value, _) => fragment.push(value),
-                Shows::Distance(distance) => match &mut distance.from {
+                Shows::Value(value) | Shows::Direction(Normal::Value(value), _) => {
+                    fragment.push(value);
+                }
+                Shows::Distance(Distance { from, .. })
+                | Shows::Direction(Normal::Face(Face { from, .. }), _) => match from {
                     Surface::Value(value) => fragment.push(value),
                     Surface::World(world) => {
                         vertex.push(&mut world.vector);

@@ -7,7 +7,7 @@ use naga::{
 
 use super::capture::Captured;
 use super::vertex::{self, member};
-use super::{Direction, Distance, Extending, Failed, Member, Shows, Surface};
+use super::{Direction, Distance, Extending, Face, Failed, Member, Normal, Shows, Surface};
 use super::{Varying, Varyings, Wanted, buffer, returned};
 use crate::core::plan::HostValue;
 use crate::core::reflect;
@@ -30,6 +30,28 @@ fn octahedral(v: vec3<f32>) -> vec2<f32> {
     return select((1.0 - abs(flat.yx)) * side, flat, v.z >= 0.0);
 }";
 
+/// The normal of a triangle from its position and the x, y and w of its clip position. A target may be upside down, so
+/// the place in the picture says which way the derivatives go. `SIDE` is the comparison for the side that is seen.
+///
+/// The derivatives are those of the position times w: they point the same way. What is divided by w is linear in the
+/// picture, and a difference of two pixels is exact. A difference of positions turns round where the triangle's plane
+/// meets the horizon between them.
+const FACE: &str = "\
+fn face_normal(position: vec3<f32>, clip: vec3<f32>) -> vec3<f32> {
+    let reciprocal = 1.0 / clip.z;
+    let place = clip.xy * reciprocal;
+    let place_x = dpdx(place);
+    let place_y = dpdy(place);
+    let scaled = position * reciprocal;
+    let x = dpdx(scaled) - position * dpdx(reciprocal);
+    let y = dpdy(scaled) - position * dpdy(reciprocal);
+    // The products of small vectors may be too small for a float.
+    let normal = cross(y / max(length(y), 1e-30), x / max(length(x), 1e-30));
+    let is_seen = place_x.x * place_y.y - place_x.y * place_y.x SIDE 0.0;
+    // A vector of length 0 stays 0.
+    return select(-normal, normal, is_seen) / max(length(normal), 1e-30);
+}";
+
 /// An output that is ready to be written.
 enum Ready {
     /// A value, with the type that it is converted to.
@@ -44,13 +66,18 @@ enum Ready {
 
 /// A distance that is ready to be written.
 struct Measured {
-    from: Captured,
+    from: Point,
     light: Member,
-    /// Whether each of them has four components.
-    of_four: [bool; 2],
+    is_light_of_four: bool,
     /// A number of its own; `None`: the fourth component of `light`, if `is_divided`.
     range: Option<Member>,
     is_divided: bool,
+}
+
+/// A position of three components, or of four.
+struct Point {
+    value: Captured,
+    is_of_four: bool,
 }
 
 /// How a value fills a target.
@@ -160,16 +187,18 @@ impl Extending<'_, '_> {
                 let captured = self.capture(entry, value)?;
                 (Ready::Value(captured, widened), self.ty(inner), format)
             }
-            Shows::Direction(value, direction) => {
-                let captured = self.capture(entry, value)?;
+            Shows::Direction(normal, direction) => {
+                let captured = match normal {
+                    Normal::Value(value) => self.capture(entry, value)?,
+                    Normal::Face(face) => {
+                        let face = self.face(entry, face, varyings)?;
+                        face.ok_or_else(missing)?
+                    }
+                };
                 let mut encode = None;
                 let mut size = VectorSize::Quad;
                 if direction.octahedral {
-                    let module = std::mem::take(&mut self.module);
-                    let (module, function) = link_snippet(module, OCTAHEDRAL)
-                        .map_err(|e| Failed::Built(e.to_string()))?;
-                    self.module = module;
-                    encode = Some(function);
+                    encode = Some(self.snippet(OCTAHEDRAL)?);
                     size = VectorSize::Bi;
                 }
                 let inner = TypeInner::Vector {
@@ -177,12 +206,13 @@ impl Extending<'_, '_> {
                     scalar: Scalar::F32,
                 };
                 let format = format(&inner, wanted.full);
-                let format = format.ok_or_else(|| Failed::Type(value.name.clone()))?;
+                let format = format.ok_or_else(|| Failed::Type(wanted.name.clone()))?;
                 let ready = Ready::Direction(captured, direction.clone(), encode);
                 (ready, self.ty(inner), format)
             }
             Shows::Velocity(velocity) => {
-                let [now, before] = varyings.clip.as_ref().ok_or_else(missing)?;
+                let now = varyings.clip.as_ref().ok_or_else(missing)?;
+                let before = varyings.previous.as_ref().ok_or_else(missing)?;
                 let inner = TypeInner::Vector {
                     size: VectorSize::Bi,
                     scalar: Scalar::F32,
@@ -229,26 +259,76 @@ impl Extending<'_, '_> {
         distance: &Distance,
         varyings: &Varyings,
     ) -> Result<Option<Measured>, Failed> {
-        let (from, from_four) = match &distance.from {
-            Surface::Value(value) => (self.capture(entry, value)?, is_four(&value.inner)),
-            Surface::World(_) => {
-                let Some(world) = varyings.world.as_ref() else {
-                    return Ok(None);
-                };
-                let argument = self.take(entry, world);
-                let is_point = matches!(&distance.from, Surface::World(world) if world.is_point);
-                (Captured::Argument(argument, Vec::new()), !is_point)
-            }
+        let Some(from) = self.point(entry, &distance.from, varyings)? else {
+            return Ok(None);
         };
         let light = distance.light.clone();
         let light = light.unwrap_or_else(|| self.host_vector("point_light", HostValue::PointLight));
         Ok(Some(Measured {
             from,
-            of_four: [from_four, is_four(&self.module.types[light.ty].inner)],
+            is_light_of_four: is_four(&self.module.types[light.ty].inner),
             light,
             range: distance.range.clone(),
             is_divided: distance.is_divided(),
         }))
+    }
+
+    /// The position of a surface. `None`: the vertex stage does not pass it on.
+    fn point(
+        &mut self,
+        entry: usize,
+        surface: &Surface,
+        varyings: &Varyings,
+    ) -> Result<Option<Point>, Failed> {
+        Ok(match surface {
+            Surface::Value(value) => Some(Point {
+                value: self.capture(entry, value)?,
+                is_of_four: is_four(&value.inner),
+            }),
+            Surface::World(world) => varyings.world.as_ref().map(|varying| Point {
+                value: Captured::Argument(self.take(entry, varying), Vec::new()),
+                is_of_four: !world.is_point,
+            }),
+        })
+    }
+
+    /// The normal of the triangle, computed before the author's code: derivatives must not stand behind branches.
+    /// `None`: the vertex stage does not pass on what it is computed from.
+    fn face(
+        &mut self,
+        entry: usize,
+        face: &Face,
+        varyings: &Varyings,
+    ) -> Result<Option<Captured>, Failed> {
+        let (Some(point), Some(clip)) = (
+            self.point(entry, &face.from, varyings)?,
+            varyings.clip.as_ref(),
+        ) else {
+            return Ok(None);
+        };
+        let clip = self.take(entry, clip);
+        // Where y of the clip position points up and that of the derivatives down, the place turns the other way round.
+        let side = match face.is_left_handed == face.is_down {
+            true => "<",
+            false => ">",
+        };
+        let normal = self.snippet(&FACE.replace("SIDE", side))?;
+        let function = &mut self.module.entry_points[entry].function;
+        let value = FunctionWriter::start(function, |writer| {
+            let position = point.read(writer);
+            let clip = writer.expression(Expression::FunctionArgument(clip));
+            writer.call(normal, vec![position, clip])
+        });
+        Ok(Some(Captured::Value(value, Vec::new())))
+    }
+
+    /// Adds a function of ours to the module.
+    fn snippet(&mut self, wgsl: &str) -> Result<Handle<naga::Function>, Failed> {
+        let module = std::mem::take(&mut self.module);
+        let (module, function) =
+            link_snippet(module, wgsl).map_err(|e| Failed::Built(e.to_string()))?;
+        self.module = module;
+        Ok(function)
     }
 
     /// Adds a varying to the arguments of the fragment stage.
@@ -353,25 +433,31 @@ impl Ready {
     }
 }
 
+impl Point {
+    /// Its first three components, divided by the fourth if there is one: weights that do not add up to 1 scale all
+    /// four.
+    fn read(&self, writer: &mut FunctionWriter) -> Handle<Expression> {
+        use SwizzleComponent::{W, X, Y, Z};
+        let base = self.value.read(writer);
+        if !self.is_of_four {
+            return base;
+        }
+        let w = writer.expression(Expression::AccessIndex { base, index: 3 });
+        let three = vertex::three(writer, base, [X, Y, Z, W]);
+        let w = writer.expression(Expression::Splat {
+            size: VectorSize::Tri,
+            value: w,
+        });
+        binary(writer, BinaryOperator::Divide, three, w)
+    }
+}
+
 impl Measured {
     fn write(&self, writer: &mut FunctionWriter) -> Handle<Expression> {
         use SwizzleComponent::{W, X, Y, Z};
-        let mut arg = self.from.read(writer);
-        if self.of_four[0] {
-            // Weights that do not add up to 1 scale all four.
-            let w = writer.expression(Expression::AccessIndex {
-                base: arg,
-                index: 3,
-            });
-            let three = vertex::three(writer, arg, [X, Y, Z, W]);
-            let w = writer.expression(Expression::Splat {
-                size: VectorSize::Tri,
-                value: w,
-            });
-            arg = binary(writer, BinaryOperator::Divide, three, w);
-        }
+        let arg = self.from.read(writer);
         let light = buffer(&mut |e| writer.expression(e), &self.light);
-        let arg1 = match self.of_four[1] {
+        let arg1 = match self.is_light_of_four {
             true => vertex::three(writer, light, [X, Y, Z, W]),
             false => light,
         };

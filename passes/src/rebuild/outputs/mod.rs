@@ -43,8 +43,8 @@ pub struct Wanted {
 pub enum Shows {
     /// A value of the fragment stage.
     Value(Authored),
-    /// A direction of the fragment stage.
-    Direction(Authored, Direction),
+    /// A direction.
+    Direction(Normal, Direction),
     /// Where a point is on the screen, less where it was in the previous frame.
     Velocity(Velocity),
     /// Numbers of draw and instance.
@@ -53,6 +53,26 @@ pub enum Shows {
     Distance(Distance),
     /// Zeros, for an API that wants each bound target to be written.
     Nothing,
+}
+
+/// A direction of the surface.
+#[derive(Clone, Debug)]
+pub enum Normal {
+    /// A value of the fragment stage.
+    Value(Authored),
+    /// The normal of the triangle.
+    Face(Face),
+}
+
+/// The triangle whose normal is written.
+#[derive(Clone, Debug)]
+pub struct Face {
+    /// The surface. A value is an input of the fragment stage.
+    pub from: Surface,
+    /// Whether its axes are left-handed.
+    pub is_left_handed: bool,
+    /// Whether the y of the clip position points down.
+    pub is_down: bool,
 }
 
 /// How a direction is written.
@@ -161,8 +181,10 @@ struct Varying {
 /// The values that the vertex stage passes on.
 #[derive(Clone, Debug, Default)]
 struct Varyings {
-    /// Clip position without z, now and in the previous frame.
-    clip: Option<[Varying; 2]>,
+    /// Clip position without z.
+    clip: Option<Varying>,
+    /// That of the previous frame.
+    previous: Option<Varying>,
     /// Number of the instance.
     instance: Option<Varying>,
     /// Position in the world.
@@ -210,6 +232,17 @@ pub fn extend(
         attributes: extending.attributes,
         first,
     })
+}
+
+impl Shows {
+    /// The surface that it is computed from.
+    fn surface(&self) -> Option<&Surface> {
+        match self {
+            Self::Distance(Distance { from, .. })
+            | Self::Direction(Normal::Face(Face { from, .. }), _) => Some(from),
+            _ => None,
+        }
+    }
 }
 
 impl Distance {

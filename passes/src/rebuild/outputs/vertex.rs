@@ -6,9 +6,8 @@ use naga::{
 };
 
 use super::capture::Captured;
-use super::{Extending, Failed, Shows, Surface, Varying, Varyings, Wanted};
+use super::{Extending, Failed, Normal, Shows, Surface, Varying, Varyings, Wanted};
 use super::{is_position, returned, varying};
-use crate::analysis::world::World;
 use crate::core::reflect;
 use crate::rebuild::ahead::Ahead;
 use crate::rebuild::place;
@@ -65,16 +64,18 @@ impl Extending<'_, '_> {
             Shows::Velocity(velocity) => Some(velocity),
             _ => None,
         });
-        let mut positions = None;
-        if let Some(velocity) = velocity {
-            positions = Some(self.positions(velocity)?);
-            let ty = self.vec3();
-            varyings.clip = Some(["current_clip", "previous_clip"].map(|name| Varying {
-                name,
-                ty,
-                binding: varying(take(), Interpolation::Perspective, Sampling::Center),
-            }));
+        let is_face = |w: &Wanted| matches!(w.shows, Shows::Direction(Normal::Face(_), _));
+        let positions = velocity.map(|v| self.positions(v)).transpose()?;
+        let ty = self.vec3();
+        let mut clip = |name| Varying {
+            name,
+            ty,
+            binding: varying(take(), Interpolation::Perspective, Sampling::Center),
+        };
+        if positions.is_some() || wanted.iter().any(is_face) {
+            varyings.clip = Some(clip("current_clip"));
         }
+        varyings.previous = positions.is_some().then(|| clip("previous_clip"));
         if wanted.iter().any(|w| matches!(w.shows, Shows::Id)) {
             varyings.instance = Some(Varying {
                 name: "instance",
@@ -97,8 +98,8 @@ impl Extending<'_, '_> {
             });
         }
         let all = [
-            varyings.clip.as_ref().map(|[now, _]| now),
-            varyings.clip.as_ref().map(|[_, before]| before),
+            varyings.clip.as_ref(),
+            varyings.previous.as_ref(),
             varyings.instance.as_ref(),
             varyings.world.as_ref(),
         ];
@@ -108,14 +109,11 @@ impl Extending<'_, '_> {
         Ok(varyings)
     }
 
-    /// Keeps the position in the world, if a distance is measured from it.
+    /// Keeps the position in the world, if a picture needs it.
     fn world(&mut self, wanted: &[Wanted]) -> Result<Option<Kept>, Failed> {
-        let world: Option<&World> = wanted.iter().find_map(|w| match &w.shows {
-            Shows::Distance(distance) => match &distance.from {
-                Surface::World(world) => Some(world),
-                Surface::Value(_) => None,
-            },
-            _ => None,
+        let world = wanted.iter().find_map(|w| match w.shows.surface()? {
+            Surface::World(world) => Some(world),
+            Surface::Value(_) => None,
         });
         let Some(world) = world else { return Ok(None) };
         let vertex = self.opaque.vertex;
@@ -138,12 +136,15 @@ impl Extending<'_, '_> {
         let entry = self.opaque.vertex;
         let mut carried: Vec<Option<Carried>> = Vec::new();
         self.module = place::prologue(&self.module, entry, |build| {
-            if let Some((now, before)) = positions {
-                carried.push(match now {
-                    None => Some(Carried::Position),
-                    Some(now) => now.call(build, "now").map(Carried::Clip),
-                });
-                carried.push(before.call(build, "before").map(Carried::Clip));
+            match positions {
+                Some((now, before)) => {
+                    carried.push(match now {
+                        None => Some(Carried::Position),
+                        Some(now) => now.call(build, "now").map(Carried::Clip),
+                    });
+                    carried.push(before.call(build, "before").map(Carried::Clip));
+                }
+                None => carried.extend(all[0].map(|_| Some(Carried::Position))),
             }
             if let Some(varying) = all[2] {
                 let instance = Binding::BuiltIn(BuiltIn::InstanceIndex);

@@ -17,22 +17,28 @@ pub fn distance(opaque: &Opaque<'_>, params: &Params, said: &Said) -> Result<Sho
     let light = params.light.as_deref();
     let range = params.range.as_deref();
     Ok(Shows::Distance(Distance {
-        from: surface(opaque, params.position.as_deref(), said)?,
+        from: surface(opaque, params, said)?,
         light: light.map(|name| light_of(program, name)).transpose()?,
         range: range.map(|name| range_of(program, name)).transpose()?,
     }))
 }
 
-fn surface(opaque: &Opaque<'_>, name: Option<&str>, said: &Said) -> Result<Surface, Box<Refusal>> {
-    if let Some(name) = name {
+/// Where the surface is.
+pub fn surface(opaque: &Opaque<'_>, params: &Params, said: &Said) -> Result<Surface, Box<Refusal>> {
+    if let Some(name) = &params.position {
         let value = calls::single(opaque, names::value(opaque, name)?)?;
-        return match is_position(&value.inner) {
-            true => Ok(Surface::Value(value)),
-            false => Err(refusal(
-                &refusals::NOT_A_POSITION,
-                format!("{} is not", value.described(opaque.program)),
-            )),
-        };
+        let described = value.described(opaque.program);
+        if !is_position(&value.inner) {
+            let reason = format!("{described} is not");
+            return Err(refusal(&refusals::NOT_A_POSITION, reason));
+        }
+        if params.faces.is_some() && !value.is_input() {
+            let reason = format!(
+                "{described} is computed in the fragment stage, and `faces` needs an input of it"
+            );
+            return Err(refusal(&refusals::NOT_A_POSITION, reason));
+        }
+        return Ok(Surface::Value(value));
     }
     let follows = view::of_stages(&opaque.graph, (Some(opaque.vertex), opaque.fragment), said);
     let why = match world::position(&opaque.graph, opaque.vertex, &follows) {

@@ -37,6 +37,9 @@ pub fn slip(params: &Params) -> Option<Misnamed> {
             "`cutoff` is an alpha from 0 to 1, and not {cutoff}"
         ));
     }
+    if params.normal.is_some() && params.faces.is_some() {
+        return said("`faces` takes the triangle's normal, and `normal` another".to_owned());
+    }
     let (name, needs) = without_effect(params)?;
     said(format!("`{name}` has no effect without {needs}"))
 }
@@ -45,6 +48,7 @@ pub fn slip(params: &Params) -> Option<Misnamed> {
 fn without_effect(params: &Params) -> Option<(&'static str, &'static str)> {
     let asked = params.asked();
     let has = |of: &Asked| asked.contains(of);
+    let has_faces = params.faces.is_some();
     let from_light = has(&Asked::Shadow) || has(&Asked::Distance);
     let is_named = asked.iter().any(|a| matches!(a, Asked::Named(_)));
     let of_half = is_named || has(&Asked::Normal) || has(&Asked::Velocity);
@@ -62,6 +66,7 @@ fn without_effect(params: &Params) -> Option<(&'static str, &'static str)> {
             has(&Asked::Normal),
             NORMAL,
         ),
+        ("faces", params.faces.is_some(), has(&Asked::Normal), NORMAL),
         (
             "matrix",
             params.matrix.is_some(),
@@ -93,12 +98,17 @@ fn without_effect(params: &Params) -> Option<(&'static str, &'static str)> {
             has(&Asked::Velocity) || from_light,
             "`write=velocity`, `write=shadow` or `write=distance`",
         ),
-        ("y", params.y.is_some(), has(&Asked::Velocity), VELOCITY),
+        (
+            "y",
+            params.y.is_some(),
+            has(&Asked::Velocity) || has_faces,
+            "`write=velocity` or `faces`",
+        ),
         (
             "position",
             params.position.is_some(),
-            has(&Asked::Distance),
-            DISTANCE,
+            has(&Asked::Distance) || has_faces,
+            "`write=distance` or `faces`",
         ),
         (
             "light",

@@ -3,7 +3,7 @@
 use super::{Params, distance};
 use crate::analysis::opaque::Opaque;
 use crate::core::reflect;
-use crate::rebuild::outputs::{Shows, Wanted};
+use crate::rebuild::outputs::{Normal, Shows, Wanted};
 use crate::slice::{self, Criterion, OutputFilter};
 
 /// Words in the names of attributes that place an instance.
@@ -21,7 +21,7 @@ pub fn notes(opaque: &Opaque<'_>, params: &Params, wanted: &[Wanted]) -> Vec<Str
     }
     found.extend(wanted.iter().filter_map(|w| match &w.shows {
         Shows::Distance(of) => Some(distance::described(of, params)),
-        Shows::Direction(normal, _) if params.normal.is_none() => Some(format!(
+        Shows::Direction(Normal::Value(normal), _) if params.normal.is_none() => Some(format!(
             "`outputs-normal` holds {}, which meets a light in a dot product. If that is no normal, \
              such as a tangent of hair, name it: `normal=NAME`",
             normal.described(opaque.program)

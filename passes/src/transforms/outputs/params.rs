@@ -39,6 +39,16 @@ pub enum ClipY {
     Down,
 }
 
+/// Which way the axes of a position turn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Axes {
+    /// x to the right, y up, z to the viewer: three.js, Bevy, Godot, Filament, glTF.
+    RightHanded,
+    /// x to the right, y up, z away from the viewer: Babylon.js, Unity, Unreal Engine.
+    LeftHanded,
+}
+
 /// What is bound where a pass needs no colour.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
@@ -62,6 +72,11 @@ pub struct Params {
     /// dot product, if there is only one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub normal: Option<String>,
+    /// `normal`: takes the normal of the triangle, on the side that the viewer sees, in place of a value. It is computed
+    /// from derivatives of the position, so it is flat, and less precise far from the origin. Say which way the axes of
+    /// your world turn: `right-handed` or `left-handed`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub faces: Option<Axes>,
     /// `normal`: the matrix that turns the value to other axes, by its name: `camera.view` turns it
     /// from the world's to the camera's. It must be a rotation; the result is normalised. Default:
     /// the axes of the author's value.
@@ -88,13 +103,14 @@ pub struct Params {
     /// that takes the place of one with it, such as a matrix.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub jitter: Option<String>,
-    /// `velocity`: where the y of your clip position points in the picture. Default: that of the
+    /// `velocity` and `faces`: where the y of your clip position points in the picture. Default: that of the
     /// language, `down` for Vulkan's GLSL and SPIR-V and `up` for others. With a viewport of negative
     /// height, it is `up` in Vulkan.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub y: Option<ClipY>,
-    /// `distance`: the position that it is measured from, by the name of a value of the fragment
-    /// stage; one of four components is divided by the fourth. Default: the vector that the view's matrix turns into the clip position.
+    /// `distance` and `faces`: the position that they are computed from, by the name of a value of the fragment
+    /// stage; for `faces` an input of the stage. One of four components is divided by the fourth. Default: the vector
+    /// that the view's matrix turns into the clip position.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub position: Option<String>,
     /// `distance`: the light's position, by the name of a uniform or a member of one. Default: a
@@ -145,6 +161,7 @@ impl Default for Params {
         Self {
             write: "depth".to_owned(),
             normal: None,
+            faces: None,
             matrix: None,
             octahedral: false,
             unsigned: false,

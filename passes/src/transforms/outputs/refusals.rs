@@ -23,10 +23,10 @@ refusals! {
     NO_NORMAL = "no-normal":
         "No vector of the fragment stage, or more than one, plays the role of a normal: to be of \
          length 1, to come from the vertices, and to meet a light's vector in a dot product.",
-        "Name it: `normal=NAME`.";
+        "Name it: `normal=NAME`; or take the triangle's: `faces=right-handed`.";
     NO_POSITION = "no-position":
-        "A distance is measured from a position in the world, and the vertex stage has none in sight, \
-         or several.",
+        "A distance or the triangle's normal is computed from a position in the world, and the vertex stage has none \
+         in sight, or several.",
         "Name a value of the fragment stage: `position=in.world`.";
     NO_PREVIOUS = "no-previous":
         "The position of the previous frame cannot be computed: it depends on what a host cannot \
@@ -39,7 +39,8 @@ refusals! {
         "A normal is a vector of three floats, and the value that you named is not.",
         "Name another, or write it as a value: `write=NAME`.";
     NOT_A_POSITION = "not-a-position":
-        "A position is a vector of three or four floats, and the value that you named is not.",
+        "A position is a vector of three or four floats, and for `faces` an input of the fragment stage. The value that \
+         you named is not.",
         "Name another.";
     OTHER_VIEW = "other-view":
         "The other view's resources do not fit the mapping.",
