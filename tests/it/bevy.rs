@@ -105,6 +105,7 @@ fn prepasses_are_derived_over_bevys_modules() {
         ("skin", "SKINNED"),
         ("morph", "MORPH_TARGETS"),
         ("sign", ""),
+        ("bubble", ""),
         ("leaf", ""),
         ("lit", ""),
     ] {

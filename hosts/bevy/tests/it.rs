@@ -137,6 +137,12 @@ fn sign() {
     check::<{ materials::SIGN }>();
 }
 
+/// It has no normal: that of the triangle is drawn.
+#[test]
+fn bubble() {
+    check::<{ materials::BUBBLE }>();
+}
+
 /// A case with the plugin.
 fn with_plugin<const CASE: usize>(ahead: Ahead) -> Stage {
     let mut stage = Stage::new(ahead, |app| {

@@ -18,6 +18,7 @@ pub mod refusals;
 pub(crate) mod rounding;
 pub(crate) mod simplify;
 pub mod uniformity;
+pub(crate) mod unwritten;
 pub(crate) mod users;
 pub mod values;
 pub mod view;

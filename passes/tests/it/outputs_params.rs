@@ -121,6 +121,29 @@ fn faces_take_a_position_of_the_vertex_stage_or_an_input() {
     );
 }
 
+/// A struct of several shaders has members that this one leaves at 0.
+#[test]
+fn an_input_that_the_vertex_stage_does_not_write_is_no_normal() {
+    let recipe = "outputs:write=normal,normal=in.normal";
+    let written = "out.normal = (model * vec4(normal, 0.0)).xyz;";
+    for (by, is_taken) in [
+        (written, true),
+        ("out.normal = vec3(0.0, 0.0, 1.0);", true),
+        ("", false),
+    ] {
+        let shader = SHADER.replace(written, by);
+        let done = crate::outputs::with_facts(&shader, recipe, &Facts::default());
+        match done {
+            Ok(_) => assert!(is_taken, "{by}"),
+            Err(refused) => {
+                assert!(!is_taken, "{by}: {refused}");
+                let said = "outputs[no-normal]: the vertex stage writes nothing to `in.normal`";
+                assert!(refused.starts_with(said), "{refused}");
+            }
+        }
+    }
+}
+
 #[test]
 fn a_cutoff_takes_the_place_of_alpha_to_coverage_and_blending() {
     let mut covered = MaterialState::default();

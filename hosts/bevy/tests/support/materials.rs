@@ -17,7 +17,7 @@ use bevy::render::render_resource::{
 use bevy::shader::{Shader, ShaderRef};
 
 /// Names of the cases, and their main and hand-written shaders.
-pub const CASES: [(&str, &str, &str); 9] = [
+pub const CASES: [(&str, &str, &str); 10] = [
     (
         "grass",
         include_str!("../shaders/grass.wgsl"),
@@ -55,6 +55,11 @@ pub const CASES: [(&str, &str, &str); 9] = [
         include_str!("../shaders/leaf.wgsl"),
         include_str!("../shaders/leaf.prepass.wgsl"),
     ),
+    (
+        "bubble",
+        include_str!("../shaders/bubble.wgsl"),
+        include_str!("../shaders/bubble.prepass.wgsl"),
+    ),
 ];
 
 pub const GRASS: usize = 0;
@@ -66,6 +71,7 @@ pub const SIGN: usize = 5;
 pub const HOLES: usize = 6;
 pub const LIT: usize = 7;
 pub const LEAF: usize = 8;
+pub const BUBBLE: usize = 9;
 
 /// Bevy's physically based material with holes.
 pub type Holey = ExtendedMaterial<StandardMaterial, Holes>;

@@ -7,9 +7,10 @@ use naga::{
 };
 
 use super::{Asked, Params, jitter, list, refusals};
-use crate::analysis::authored::{self, Authored};
+use crate::analysis::authored::{self, Authored, Place};
 use crate::analysis::lit;
 use crate::analysis::opaque::Opaque;
+use crate::analysis::unwritten;
 use crate::core::declared;
 use crate::core::mapping::{self, Path};
 use crate::core::pass::{Misnamed, Refusal};
@@ -174,16 +175,16 @@ fn all_values(opaque: &Opaque<'_>) -> Vec<Authored> {
 pub fn normal(opaque: &Opaque<'_>, name: Option<&str>) -> Result<Authored, Box<Refusal>> {
     if let Some(name) = name {
         let found = value(opaque, name)?;
-        return match is_direction(&found) {
-            true => Ok(found),
-            false => Err(refusal(
-                &refusals::NOT_A_DIRECTION,
-                format!(
-                    "{} is not a vec3 of floats",
-                    found.described(opaque.program)
-                ),
-            )),
-        };
+        let described = found.described(opaque.program);
+        if !is_direction(&found) {
+            let reason = format!("{described} is not a vec3 of floats");
+            return Err(refusal(&refusals::NOT_A_DIRECTION, reason));
+        }
+        if is_unwritten(opaque, &found) {
+            let reason = format!("the vertex stage writes nothing to {described}");
+            return Err(refusal(&refusals::NO_NORMAL, reason));
+        }
+        return Ok(found);
     }
     let fragment = opaque.fragment.map(|f| lit::normals(&opaque.graph, f));
     let mut found = fragment.unwrap_or_default();
@@ -213,6 +214,21 @@ pub fn normal(opaque: &Opaque<'_>, name: Option<&str>) -> Result<Authored, Box<R
         &refusals::NO_NORMAL,
         format!("{reason}; {candidates}"),
     ))
+}
+
+/// Whether a value is an input that the vertex stage does not write.
+fn is_unwritten(opaque: &Opaque<'_>, value: &Authored) -> bool {
+    let (Place::Input(index), Some(fragment)) = (&value.place, opaque.fragment) else {
+        return false;
+    };
+    let module = opaque.program.module();
+    let inputs = reflect::inputs(module, &module.entry_points[fragment].function);
+    match inputs.get(*index).and_then(|io| io.binding.as_ref()) {
+        Some(Binding::Location { location, .. }) => {
+            unwritten::is_unwritten(&opaque.graph, opaque.vertex, *location)
+        }
+        _ => false,
+    }
 }
 
 fn is_direction(value: &Authored) -> bool {
