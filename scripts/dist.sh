@@ -28,7 +28,7 @@ command -v cargo-cyclonedx >/dev/null || cargo install cargo-cyclonedx --locked 
 # Messages of a panic name files, and must not name folders of this machine.
 registry=${CARGO_HOME:-$HOME/.cargo}/registry/src
 CARGO_TARGET_DIR=$built PATH="$tools/bin:$PATH" \
-    RUSTFLAGS="--remap-path-prefix=$registry=crates --remap-path-prefix=$PWD=preshade" \
+    CARGO_ENCODED_RUSTFLAGS="--remap-path-prefix=$registry=crates"$'\x1f'"--remap-path-prefix=$PWD=preshade" \
     cargo zigbuild --release --locked -p preshade-cli --target "$target.$glibc"
 
 program=$built/$target/release/preshade

@@ -63,6 +63,24 @@ fn stage(module: &naga::Module, of: ShaderStage, path: &Path) -> Composed {
     }
 }
 
+/// The outputs of a stage that have locations.
+fn locations(module: &naga::Module, result: &naga::FunctionResult) -> Vec<(String, u32)> {
+    let location = |binding: Option<&naga::Binding>| match binding {
+        Some(naga::Binding::Location { location, .. }) => Some(*location),
+        _ => None,
+    };
+    match &module.types[result.ty].inner {
+        naga::TypeInner::Struct { members, .. } => members
+            .iter()
+            .filter_map(|m| Some((m.name.clone()?, location(m.binding.as_ref())?)))
+            .collect(),
+        _ => {
+            let only = location(result.binding.as_ref());
+            only.map(|at| ("only".to_owned(), at)).into_iter().collect()
+        }
+    }
+}
+
 /// What a derived shader is and reads, in a few lines.
 fn interface(vertex: &Composed, fragment: &Composed, wanted: Wanted) -> String {
     let derived = match derive(vertex, fragment, wanted) {
@@ -76,6 +94,14 @@ fn interface(vertex: &Composed, fragment: &Composed, wanted: Wanted) -> String {
         let _ = write!(lines, ", {fragment}");
     }
     lines.push('\n');
+    let fragment = module
+        .entry_points
+        .iter()
+        .find(|e| e.stage == ShaderStage::Fragment);
+    let results = fragment.and_then(|f| f.function.result.as_ref());
+    for (name, location) in results.map_or_else(Vec::new, |r| locations(&module, r)) {
+        let _ = writeln!(lines, "  location {location}: {name}");
+    }
     let mut bindings: Vec<_> = module
         .global_variables
         .iter()
@@ -137,6 +163,12 @@ fn prepasses_are_derived_over_bevys_modules() {
         };
         let _ = writeln!(all, "{name}: depth");
         all += &interface(&vertex, &fragment, depth);
+        let motion = Wanted {
+            normal: false,
+            ..everything
+        };
+        let _ = writeln!(all, "{name}: depth and motion");
+        all += &interface(&vertex, &fragment, motion);
         let _ = writeln!(all, "{name}: depth, normals and motion");
         all += &interface(&vertex, &fragment, everything);
     }

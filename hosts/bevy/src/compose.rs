@@ -141,7 +141,7 @@ pub fn extract_shaders(
         match event {
             AssetEvent::Added { id } | AssetEvent::Modified { id } => {
                 changes.extend(shaders.get(*id).map(|shader| set(*id, shader)));
-                reloads.0 += 1;
+                reloads.0 += u64::from(matches!(event, AssetEvent::Modified { .. }));
             }
             AssetEvent::Removed { id } => changes.push(Change::Remove(*id)),
             AssetEvent::Unused { .. } | AssetEvent::LoadedWithDependencies { .. } => {}

@@ -46,6 +46,8 @@ pub struct Derived {
     pub fragment: Option<String>,
     /// Whether it reads the material's bind group.
     pub reads_material: bool,
+    /// Whether its normals are those of triangles.
+    pub is_flat: bool,
 }
 
 /// Why nothing is derived. Bevy's own pre-pass draws the material then.
@@ -126,7 +128,10 @@ const UNREAD_JITTER: &str = "unread-jitter";
 const ARRAYS: &str = "enable wgpu_binding_array;\n";
 
 /// The compiler's codes where it finds no normal, or none of the name that it is given.
-const NO_NORMAL: [&str; 2] = ["no-such-name", "no-normal"];
+const NO_NORMAL: [&str; 2] = ["no-normal", "no-such-name"];
+
+/// The compiler's code where it finds no position in the world.
+const NO_POSITION: &str = "no-position";
 
 /// The compiler's code where the fragment stage writes no alpha.
 const NO_ALPHA: &str = "alpha-decides";
@@ -191,18 +196,24 @@ impl Material {
     /// With the best normal that there is.
     fn first(&self, wanted: Wanted) -> Result<Derived, Refused> {
         let mut first: Option<Refused> = None;
+        let lacks = |refused: &Refused| NO_NORMAL.contains(&refused.code.as_str());
         for normal in self.normals(wanted) {
+            // The triangle's normal is flat: it is for materials without one.
+            let is_last = matches!(normal, Normal::Face);
+            if is_last && !first.as_ref().is_some_and(lacks) {
+                break;
+            }
             match self.derive(wanted, &normal) {
                 Ok(derived) => return Ok(derived),
-                // With a normal that is found, the refusal is about the rest.
-                Err(refused)
-                    if first
-                        .as_ref()
-                        .is_none_or(|f| NO_NORMAL.contains(&f.code.as_str())) =>
-                {
-                    first = Some(refused);
+                // With a normal that is found, the refusal is about the rest. That the compiler finds none says more
+                // than that it finds none of a name.
+                Err(refused) => {
+                    let says_more = refused.code == NO_NORMAL[0]
+                        || !lacks(&refused) && refused.code != NO_POSITION;
+                    if first.as_ref().is_none_or(|f| lacks(f) && says_more) {
+                        first = Some(refused);
+                    }
                 }
-                Err(_) => {}
             }
         }
         Err(first.unwrap_or_else(|| Refused::new("nothing", "there is nothing to derive", "")))
@@ -225,7 +236,8 @@ impl Material {
             text = previous::apply(&text, &pass, wanted, PREVIOUS_VIEW)?;
             if !wanted.normal {
                 // Bevy has a target for normals before that of motion, with or without normals.
-                text = text.replacen("@location(0) velocity", "@location(1) velocity", 1);
+                text = second(&text, pass.fragment.as_deref())
+                    .ok_or_else(|| Refused::new("unwritten", "the motion has no target", REPORT))?;
             }
         }
         for binding in pass
@@ -240,6 +252,7 @@ impl Material {
             vertex: pass.vertex.clone(),
             fragment: pass.fragment.clone(),
             reads_material: pass.bindings.iter().any(|b| b.group == MATERIAL),
+            is_flat: wanted.normal && matches!(normal, Normal::Face),
         })
     }
 
@@ -274,7 +287,7 @@ impl Material {
             state.multisample.alpha_to_coverage = true;
         }
         let recipe = Recipe::parse_list(&recipe)
-            .map_err(|e| Refused::new("recipe", e.to_string(), "report it to preshade"))?;
+            .map_err(|e| Refused::new("recipe", e.to_string(), REPORT))?;
         let shader = Shader {
             name: "prepass",
             sources: &self.sources,
@@ -288,7 +301,7 @@ impl Material {
             return Err(Refused {
                 code: refusal.code.to_owned(),
                 reason: refusal.reason.clone(),
-                remedy: refusal.remedy.to_string(),
+                remedy: remedy(&refusal.code).to_owned(),
             });
         }
         let pass = output.plan.passes.iter().find(|p| p.program == "outputs");
@@ -299,12 +312,52 @@ impl Material {
         let (Some(pass), Some(file)) = (pass, file) else {
             let why = output.errors.first().map(ToString::to_string);
             let why = why.unwrap_or_else(|| "nothing was written".to_owned());
-            return Err(Refused::new("unwritten", why, "report it to preshade"));
+            return Err(Refused::new("unwritten", why, REPORT));
         };
         let text = String::from_utf8_lossy(&file.bytes).into_owned();
         Ok((pass.clone(), text))
     }
 }
+
+const REPORT: &str = "report it to preshade";
+
+/// What the author of a material can do about a refusal. The compiler's own remedies are parameters, which the plugin
+/// chooses.
+fn remedy(code: &str) -> &'static str {
+    match code {
+        "no-normal" | "no-such-name" | NO_POSITION => {
+            "hand the normal over as `world_normal`, or multiply the position in the world by `view.clip_from_world`"
+        }
+        "several-normals" | "several-calls" | "ambiguous-name" => {
+            "hand the normal that you mean over as `world_normal`"
+        }
+        "no-previous" => "read what moves the vertices from a buffer that no shader writes",
+        "internal" => REPORT,
+        _ => "give the material a pre-pass shader of its own",
+    }
+}
+
+/// The text with the one output of its fragment stage at location 1.
+fn second(text: &str, fragment: Option<&str>) -> Option<String> {
+    let head = format!("fn {}(", fragment?);
+    let start = text.find(&head)?;
+    let end = start + text[start..].find('{')?;
+    let result = start + text[start..end].rfind("->")?;
+    let (from, to) = match text[result..end].contains(FIRST) {
+        true => (result, end),
+        // It writes depth too, so the outputs are a struct.
+        false => {
+            let name = text[result..end].trim_start_matches("->").trim();
+            let from = text.find(&format!("struct {name} {{"))?;
+            (from, from + text[from..].find('}')?)
+        }
+    };
+    let at = from + text[from..to].find(FIRST)?;
+    let rest = &text[at + FIRST.len()..];
+    Some(format!("{}@location(1){rest}", &text[..at]))
+}
+
+const FIRST: &str = "@location(0)";
 
 /// The text with a binding where the pre-pass has it.
 fn moved(text: String, binding: &BindingUse) -> Result<String, Refused> {

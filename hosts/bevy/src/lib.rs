@@ -55,8 +55,14 @@ impl<M: Material> PreshadePlugin<M> {
     /// where it does not. Both are drawn and timed while the app runs: [`Measurements`] has the times.
     ///
     /// Take it if the pre-pass is there to save time: an object whose pre-pass is off is missing in
-    /// the picture of depths. If a camera has normals, motion vectors, deferred rendering or occlusion
-    /// culling, all pre-passes stay on.
+    /// the picture of depths. All pre-passes stay on while a camera has normals, motion vectors, deferred rendering,
+    /// occlusion culling, contact shadows, order-independent transparency or the depth of the frame before, or while
+    /// the app has forward decals. Materials with transmission, and effects of your own, read the picture too: don't
+    /// take it there.
+    ///
+    /// Nothing is measured while no camera has a `DepthPrepass`.
+    ///
+    /// It adds Bevy's `RenderDiagnosticsPlugin`. If your app adds that too, add it first.
     ///
     /// The device must give times of its passes (Vulkan and DirectX 12 do). Otherwise the pre-pass
     /// stays on.
@@ -94,6 +100,8 @@ pub enum State {
         has_fragment: bool,
         /// Whether it reads the material's bind group.
         reads_material: bool,
+        /// Whether its normals are those of triangles, because the shaders have none.
+        is_flat: bool,
     },
     /// Bevy's own pipelines stay.
     Refused(Refused),
@@ -257,8 +265,11 @@ fn respecialize<M: Material>(
     instances: Res<RenderMaterialInstances>,
     mut materials: ResMut<ErasedRenderAssets<PreparedMaterial>>,
     mut dirty: ResMut<DirtySpecializations>,
+    mut was_on: Local<Option<bool>>,
 ) {
-    let is_switched = enabled.is_some_and(|enabled| measure::switch::<M>(&mut materials, &enabled));
+    let is_on = enabled.and_then(|enabled| measure::switch::<M>(&mut materials, &enabled));
+    // Of a material that is prepared anew, Bevy makes the pipelines itself.
+    let is_switched = std::mem::replace(&mut *was_on, is_on) != is_on;
     if !settled.has_news && !is_switched {
         return;
     }

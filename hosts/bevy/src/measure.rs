@@ -12,11 +12,15 @@ use std::time::Duration;
 
 use bevy_app::{App, Last};
 use bevy_camera::visibility::ViewVisibility;
-use bevy_core_pipeline::prepass::{DeferredPrepass, MotionVectorPrepass, NormalPrepass};
+use bevy_core_pipeline::oit::OrderIndependentTransparencySettings;
+use bevy_core_pipeline::prepass::{
+    DeferredPrepass, DepthPrepass, DepthPrepassDoubleBuffer, MotionVectorPrepass, NormalPrepass,
+};
 use bevy_diagnostic::DiagnosticsStore;
 use bevy_ecs::prelude::*;
 use bevy_log::{info, warn};
-use bevy_pbr::{Material, MeshMaterial3d, PreparedMaterial};
+use bevy_pbr::decal::ForwardDecal;
+use bevy_pbr::{ContactShadows, Material, MeshMaterial3d, PreparedMaterial};
 use bevy_platform::time::Instant;
 use bevy_render::diagnostic::RenderDiagnosticsPlugin;
 use bevy_render::erased_render_asset::ErasedRenderAssets;
@@ -254,12 +258,16 @@ pub fn add<M: Material>(app: &mut App, quiet: &Quiet) {
     app.add_systems(Last, start::<M>.before(time));
 }
 
-/// A view that needs pre-passes for more than a depth that nothing but the main pass reads.
+/// A view whose picture of depths more than the main pass's depth test reads, or a thing that reads it.
 type Needs = Or<(
     With<NormalPrepass>,
     With<MotionVectorPrepass>,
     With<DeferredPrepass>,
+    With<DepthPrepassDoubleBuffer>,
     With<OcclusionCulling>,
+    With<ContactShadows>,
+    With<OrderIndependentTransparencySettings>,
+    With<ForwardDecal>,
 )>;
 
 /// Starts the measurement of a material that is due and seen.
@@ -267,6 +275,8 @@ fn start<M: Material>(
     mut measurements: ResMut<Measurements>,
     quiet: Res<Quiet>,
     needs: Query<(), Needs>,
+    views: Query<(), With<DepthPrepass>>,
+    mut had: Local<usize>,
     seen: Query<&ViewVisibility, With<MeshMaterial3d<M>>>,
 ) {
     let of = TypeId::of::<M>();
@@ -283,7 +293,12 @@ fn start<M: Material>(
         measurements.restart();
         return;
     }
-    let is_due = !is_needed && measured.due <= Instant::now();
+    let has = views.iter().count();
+    if std::mem::replace(&mut *had, has) != has {
+        measurements.restart();
+        return;
+    }
+    let is_due = has > 0 && !is_needed && measured.due <= Instant::now();
     let is_free = measurements.run.is_none() && quiet.0.load(Ordering::Relaxed);
     if is_due && is_free && seen.iter().any(|seen| seen.get()) {
         measurements.run = Some(Run::of(of));
@@ -330,26 +345,21 @@ fn extract(measurements: Extract<Res<Measurements>>, mut enabled: ResMut<Enabled
         .extend(all.map(|of| (*of, measurements.is_on(*of))));
 }
 
-/// Turns the pre-pass of a material's objects on or off. Returns whether one changed.
+/// Turns the pre-pass of a material's objects on or off. Returns which; `None`: it is not measured.
 pub fn switch<M: Material>(
     materials: &mut ErasedRenderAssets<PreparedMaterial>,
     enabled: &Enabled,
-) -> bool {
+) -> Option<bool> {
     let own = TypeId::of::<M>();
-    let Some(is_on) = enabled.0.get(&own).copied() else {
-        return false;
-    };
-    let is_on = is_on && M::enable_prepass();
-    let mut has_changed = false;
+    let is_on = enabled.0.get(&own).copied()? && M::enable_prepass();
     for (id, material) in materials.iter_mut() {
         if id.type_id() == own && material.properties.prepass_enabled != is_on {
             let mut properties = crate::copied(&material.properties);
             properties.prepass_enabled = is_on;
             material.properties = Arc::new(properties);
-            has_changed = true;
         }
     }
-    has_changed
+    Some(is_on)
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use std::time::Duration;
 use bevy_asset::uuid::Uuid;
 use bevy_asset::{AssetId, Handle};
 use bevy_ecs::prelude::*;
-use bevy_log::{debug, warn};
+use bevy_log::{debug, info, warn};
 use bevy_material::descriptor::{
     CachedRenderPipelineId, FragmentState, RenderPipelineDescriptor, VertexState,
 };
@@ -18,8 +18,8 @@ use bevy_material::{AlphaMode, MaterialProperties};
 use bevy_mesh::MeshVertexBufferLayoutRef;
 use bevy_pbr::{
     MATERIAL_BIND_GROUP_INDEX, MaterialFragmentShader, MaterialPipeline, MaterialVertexShader,
-    MeshPipeline, MeshPipelineKey, PrepassPipeline, PrepassPipelineSpecializer,
-    PrepassVertexShader,
+    MeshPipeline, MeshPipelineKey, PrepassFragmentShader, PrepassPipeline,
+    PrepassPipelineSpecializer, PrepassVertexShader,
 };
 use bevy_platform::time::Instant;
 use bevy_render::render_resource::{PipelineCache, PrimitiveState, SpecializedMeshPipeline};
@@ -60,8 +60,33 @@ struct Job {
     is_stale: bool,
 }
 
-/// A pipeline: the same key and layout are drawn alike.
-type Key = (ErasedMaterialPipelineKey, MeshVertexBufferLayoutRef);
+/// A pipeline: what has the same key, layout and alpha is drawn alike.
+type Key = (ErasedMaterialPipelineKey, MeshVertexBufferLayoutRef, Alpha);
+
+/// What alpha decides. Bevy's keys do not always say.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+enum Alpha {
+    /// Nothing but what the shader discards.
+    Discards,
+    /// How much of a pixel is covered. What is blended casts shadows.
+    Covers,
+    /// What Bevy's own pre-pass shader makes of it: it cuts by the colour before it is multiplied by alpha.
+    Bevys,
+}
+
+impl Alpha {
+    fn of(properties: &MaterialProperties) -> Self {
+        match properties.alpha_mode {
+            AlphaMode::AlphaToCoverage | AlphaMode::Blend => Self::Covers,
+            AlphaMode::Add | AlphaMode::Premultiplied
+                if properties.get_shader(PrepassFragmentShader).is_some() =>
+            {
+                Self::Bevys
+            }
+            _ => Self::Discards,
+        }
+    }
+}
 
 /// The derivations, and the pipelines that are made of them.
 #[derive(Resource, Default)]
@@ -101,6 +126,7 @@ impl Derivations {
                 Some(Answer::Derived(derived, _)) => crate::State::Derived {
                     has_fragment: derived.fragment.is_some(),
                     reads_material: derived.reads_material,
+                    is_flat: derived.is_flat,
                 },
                 Some(Answer::Refused(refused)) => crate::State::Refused(refused.clone()),
             },
@@ -184,6 +210,11 @@ fn taken(
             let id = Uuid::new_v4();
             let path = format!("preshade/{material}.wgsl");
             debug!("{material}: derived {path}:\n{}", derived.text);
+            if derived.is_flat {
+                info!(
+                    "preshade: `{material}` has no normal, so the pre-pass writes those of triangles"
+                );
+            }
             let shader = Shader::from_wgsl(derived.text.clone(), path);
             cache.set_shader(AssetId::Uuid { uuid: id }, shader);
             Answer::Derived(derived, Handle::Uuid(id, std::marker::PhantomData))
@@ -245,7 +276,8 @@ pub fn specialize<M: 'static>(
     properties: &Arc<MaterialProperties>,
 ) -> Result<CachedRenderPipelineId, SpecializedMeshPipelineError> {
     // Bevy asks for each object and view.
-    let whole = (key.clone(), layout.clone());
+    let alpha = Alpha::of(properties);
+    let whole = (key.clone(), layout.clone(), alpha);
     if let Some((known, _)) = world.resource::<Derivations>().pipelines.get(&whole) {
         return Ok(*known);
     }
@@ -267,11 +299,12 @@ pub fn specialize<M: 'static>(
             let waits = || cache.queue_render_pipeline(waiting(descriptor.clone()));
             Ok(*known.get_or_insert_with(waits))
         };
-        let (answer, main) = match is_deferred || has_emulation {
+        let is_bevys = is_deferred || has_emulation || alpha == Alpha::Bevys;
+        let (answer, main) = match is_bevys {
             true => (None, None),
             false => {
                 let main = main_pipeline(world, key, layout, properties)?;
-                let request = Request::of(&main, mesh_key, properties.alpha_mode);
+                let request = Request::of(&main, mesh_key, alpha == Alpha::Covers);
                 let job = derivations
                     .jobs
                     .entry(request.clone())
@@ -315,7 +348,7 @@ pub fn specialize<M: 'static>(
 }
 
 impl Request {
-    fn of(main: &RenderPipelineDescriptor, key: MeshPipelineKey, alpha: AlphaMode) -> Self {
+    fn of(main: &RenderPipelineDescriptor, key: MeshPipelineKey, alpha_covers: bool) -> Self {
         let vertex = Stage {
             shader: main.vertex.shader.id(),
             defs: main.vertex.shader_defs.clone(),
@@ -335,8 +368,7 @@ impl Request {
                 motion,
                 previous_skin: motion && key.contains(MeshPipelineKey::HAS_PREVIOUS_SKIN),
                 previous_morph: motion && key.contains(MeshPipelineKey::HAS_PREVIOUS_MORPH),
-                // What is blended casts shadows.
-                alpha_covers: matches!(alpha, AlphaMode::AlphaToCoverage | AlphaMode::Blend),
+                alpha_covers,
             },
         }
     }

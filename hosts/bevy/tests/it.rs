@@ -3,6 +3,7 @@
 
 mod support;
 
+use bevy::asset::Assets;
 use bevy_preshade::{Choice, Measurements, PreshadePlugin, State};
 use support::materials::{self, Case, Holey, set_shader, set_up, set_up_holes};
 use support::{Ahead, Drawn, Stage, covered, differ, greatest, picture};
@@ -103,8 +104,8 @@ fn check<const CASE: usize>() {
     assert_eq!(wrong(&derived), 0, "depths of {name}");
     assert_eq!(of_shadows(&derived), [0, 0], "shadows of {name}");
     assert!(motion(&derived) <= 1.0 / 256.0, "motion of {name}");
-    // A step of the format, `rgb10a2unorm`.
-    assert!(normal(&derived) <= 1.0 / 1023.0, "normals of {name}");
+    // A step of the format, `rgb10a2unorm`, and the rounding of the numbers that are read.
+    assert!(normal(&derived) <= 1.001 / 1023.0, "normals of {name}");
 }
 
 #[test]
@@ -143,6 +144,46 @@ fn bubble() {
     check::<{ materials::BUBBLE }>();
 }
 
+/// Bevy's targets have their places with and without each other.
+#[test]
+fn normals_and_motion_alone() {
+    let all = with_plugin::<{ materials::GRASS }>(Ahead::ALL).draw(FRAMES);
+    let motion = with_plugin::<{ materials::GRASS }>(Ahead::MOTION).draw(FRAMES);
+    let normal = with_plugin::<{ materials::GRASS }>(Ahead::NORMAL).draw(FRAMES);
+    assert_eq!(
+        (motion.normal.is_none(), normal.motion.is_none()),
+        (true, true)
+    );
+    let [of_all, alone] = [&all, &motion].map(|drawn| drawn.motion.clone().unwrap());
+    assert!(covered(&of_all) > 1000);
+    assert_eq!(differ(&of_all, &alone), 0);
+    let [of_all, alone] = [&all, &normal].map(|drawn| drawn.normal.clone().unwrap());
+    assert!(covered(&of_all) > 1000);
+    assert_eq!(differ(&of_all, &alone), 0);
+}
+
+/// Bevy has one key for a mask, which the shader itself cuts, and for alpha that covers.
+#[test]
+fn alpha_modes_of_one_material() {
+    let mut stage = with_plugin::<{ materials::LEAF }>(Ahead::DEPTH);
+    let covers = stage.draw(FRAMES);
+    let mut materials = stage
+        .app
+        .world_mut()
+        .resource_mut::<Assets<Case<{ materials::LEAF }, false>>>();
+    let ids: Vec<_> = materials.ids().collect();
+    for id in ids {
+        materials.get_mut(id).unwrap().values.w = -1.0;
+    }
+    stage.settle();
+    let masks = stage.draw(FRAMES);
+    // The shader discards nothing.
+    for (covers, masks) in covers.shadows.iter().zip(&masks.shadows) {
+        assert!(covered(covers) > 1000);
+        assert!(covered(masks) > covered(covers));
+    }
+}
+
 /// A case with the plugin.
 fn with_plugin<const CASE: usize>(ahead: Ahead) -> Stage {
     let mut stage = Stage::new(ahead, |app| {
@@ -167,6 +208,7 @@ fn depth_alone() {
         let alone = State::Derived {
             has_fragment: false,
             reads_material: true,
+            is_flat: false,
         };
         assert_eq!(row.state, alone);
     }

@@ -114,11 +114,6 @@ impl Authored {
         matches!(self.inner, TypeInner::Scalar(_) | TypeInner::Vector { .. })
     }
 
-    /// Whether it is an input of the stage.
-    pub fn is_input(&self) -> bool {
-        matches!(self.place, Place::Input(_))
-    }
-
     /// For messages: name, type, function and line.
     pub fn described(&self, program: &Program) -> String {
         let ty = match self.inner {

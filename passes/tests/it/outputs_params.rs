@@ -105,6 +105,9 @@ fn faces_take_a_position_of_the_vertex_stage_or_an_input() {
     for recipe in [
         "outputs:write=normal,faces=right-handed",
         "outputs:write=normal,faces=left-handed,position=in.world",
+        // What both need is passed on once.
+        "outputs:write=velocity+normal,faces=right-handed",
+        "outputs:write=normal+distance,faces=right-handed",
     ] {
         let text = text(&outputs(recipe).unwrap());
         let body = text.split("@fragment").nth(1).unwrap();
@@ -112,13 +115,20 @@ fn faces_take_a_position_of_the_vertex_stage_or_an_input() {
         // The alpha test comes behind it.
         assert!(first < body.find("discard").unwrap(), "{body}");
     }
-    let refused =
-        outputs("outputs:write=normal,faces=right-handed,position=surface.albedo").unwrap_err();
-    assert!(refused.starts_with("outputs[not-a-position]"), "{refused}");
-    assert!(
-        refused.contains("computed in the fragment stage"),
-        "{refused}"
-    );
+    for (recipe, said) in [
+        (
+            "outputs:write=normal,faces=right-handed,position=surface.albedo",
+            "is not interpolated",
+        ),
+        (
+            "outputs:write=normal,faces=right-handed,position=in.clip",
+            "is a place in the picture",
+        ),
+    ] {
+        let refused = outputs(recipe).unwrap_err();
+        assert!(refused.starts_with("outputs[not-a-position]"), "{refused}");
+        assert!(refused.contains(said), "{refused}");
+    }
 }
 
 /// A struct of several shaders has members that this one leaves at 0.

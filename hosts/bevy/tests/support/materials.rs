@@ -145,6 +145,7 @@ impl<const CASE: usize, const HAND: bool> Material for Case<CASE, HAND> {
         // Without it Bevy has no fragment stage of a hand-written pre-pass that only writes depth.
         match (HAND, CASE) {
             (true, _) => AlphaMode::Mask(0.5),
+            (false, LEAF) if self.values.w < 0.0 => AlphaMode::Mask(0.5),
             (false, LEAF) => AlphaMode::AlphaToCoverage,
             (false, _) => AlphaMode::Opaque,
         }

@@ -59,6 +59,17 @@ impl Ahead {
         jitter: false,
     };
 
+    pub const NORMAL: Self = Self {
+        normal: true,
+        ..Self::DEPTH
+    };
+
+    /// As for temporal antialiasing.
+    pub const MOTION: Self = Self {
+        motion: true,
+        ..Self::DEPTH
+    };
+
     pub const ALL: Self = Self {
         depth: true,
         normal: true,

@@ -331,9 +331,15 @@ impl Extending<'_, '_> {
         Ok(function)
     }
 
-    /// Adds a varying to the arguments of the fragment stage.
+    /// The argument of the fragment stage that takes a varying. Two outputs may need the same one.
     fn take(&mut self, entry: usize, varying: &Varying) -> u32 {
         let arguments = &mut self.module.entry_points[entry].function.arguments;
+        let known = arguments
+            .iter()
+            .position(|a| a.binding.as_ref() == Some(&varying.binding));
+        if let Some(known) = known {
+            return known as u32;
+        }
         arguments.push(FunctionArgument {
             name: Some(varying.name.to_owned()),
             ty: varying.ty,

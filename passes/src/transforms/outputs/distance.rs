@@ -1,6 +1,6 @@
 //! What a distance is measured between.
 
-use naga::{ScalarKind, TypeInner, VectorSize};
+use naga::{Binding, ScalarKind, TypeInner, VectorSize};
 
 use super::names::{self, refusal};
 use super::{Params, calls, refusals};
@@ -32,9 +32,15 @@ pub fn surface(opaque: &Opaque<'_>, params: &Params, said: &Said) -> Result<Surf
             let reason = format!("{described} is not");
             return Err(refusal(&refusals::NOT_A_POSITION, reason));
         }
-        if params.faces.is_some() && !value.is_input() {
+        let binding = names::binding(opaque, &value);
+        if matches!(binding, Some(Binding::BuiltIn(_))) {
+            let reason = format!("{described} is a place in the picture");
+            return Err(refusal(&refusals::NOT_A_POSITION, reason));
+        }
+        if params.faces.is_some() && !binding.as_ref().is_some_and(has_derivatives) {
             let reason = format!(
-                "{described} is computed in the fragment stage, and `faces` needs an input of it"
+                "{described} is not interpolated over the triangle, and `faces` needs such an input of the fragment \
+                 stage"
             );
             return Err(refusal(&refusals::NOT_A_POSITION, reason));
         }
@@ -118,6 +124,21 @@ fn range_of(program: &Program, name: &str) -> Result<Member, Box<Refusal>> {
             format!("`{name}` is no number of type f32"),
         )),
     }
+}
+
+/// Whether differences between neighbouring fragments are those of the surface.
+fn has_derivatives(binding: &Binding) -> bool {
+    use naga::{Interpolation, Sampling};
+    let Binding::Location {
+        interpolation,
+        sampling,
+        ..
+    } = binding
+    else {
+        return false;
+    };
+    matches!(interpolation, None | Some(Interpolation::Perspective))
+        && matches!(sampling, None | Some(Sampling::Center))
 }
 
 /// Whether a value may be a position: a vector of three floats, or of four.

@@ -194,13 +194,17 @@ pub fn normal(opaque: &Opaque<'_>, name: Option<&str>) -> Result<Authored, Box<R
         return Ok(only);
     }
     let mut candidates = found;
-    let reason = match candidates.is_empty() {
+    let (code, reason) = match candidates.is_empty() {
         true => {
             candidates = all_values(opaque);
             candidates.retain(is_direction);
-            "no unit vector meets a light's vector in a dot product"
+            let reason = "no unit vector meets a light's vector in a dot product";
+            (&refusals::NO_NORMAL, reason)
         }
-        false => "several unit vectors meet a light's vector in a dot product",
+        false => {
+            let reason = "several unit vectors meet a light's vector in a dot product";
+            (&refusals::SEVERAL_NORMALS, reason)
+        }
     };
     let candidates: Vec<String> = candidates
         .iter()
@@ -210,25 +214,24 @@ pub fn normal(opaque: &Opaque<'_>, name: Option<&str>) -> Result<Authored, Box<R
         true => "the fragment stage names no vec3".to_owned(),
         false => format!("candidates are {}", listed(&candidates)),
     };
-    Err(refusal(
-        &refusals::NO_NORMAL,
-        format!("{reason}; {candidates}"),
-    ))
+    Err(refusal(code, format!("{reason}; {candidates}")))
 }
 
 /// Whether a value is an input that the vertex stage does not write.
 fn is_unwritten(opaque: &Opaque<'_>, value: &Authored) -> bool {
-    let (Place::Input(index), Some(fragment)) = (&value.place, opaque.fragment) else {
-        return false;
+    let binding = binding(opaque, value);
+    matches!(binding, Some(Binding::Location { location, .. })
+        if unwritten::is_unwritten(&opaque.graph, opaque.vertex, location))
+}
+
+/// The binding of a value that is an input of the fragment stage.
+pub fn binding(opaque: &Opaque<'_>, value: &Authored) -> Option<Binding> {
+    let Place::Input(index) = value.place else {
+        return None;
     };
     let module = opaque.program.module();
-    let inputs = reflect::inputs(module, &module.entry_points[fragment].function);
-    match inputs.get(*index).and_then(|io| io.binding.as_ref()) {
-        Some(Binding::Location { location, .. }) => {
-            unwritten::is_unwritten(&opaque.graph, opaque.vertex, *location)
-        }
-        _ => false,
-    }
+    let inputs = reflect::inputs(module, &module.entry_points[opaque.fragment?].function);
+    inputs.into_iter().nth(index)?.binding
 }
 
 fn is_direction(value: &Authored) -> bool {

@@ -21,8 +21,8 @@ refusals! {
         "A shadow map and distances are drawn from a light's view, depth and velocity from the camera's.",
         "Write them by two recipes, or take `shadow` for the map.";
     NO_NORMAL = "no-normal":
-        "No vector of the fragment stage, or more than one, plays the role of a normal: to be of \
-         length 1, to come from the vertices, and to meet a light's vector in a dot product.",
+        "No vector of the fragment stage plays the role of a normal: to be of length 1, to come from the vertices, and \
+         to meet a light's vector in a dot product.",
         "Name it: `normal=NAME`; or take the triangle's: `faces=right-handed`.";
     NO_POSITION = "no-position":
         "A distance or the triangle's normal is computed from a position in the world, and the vertex stage has none \
@@ -39,8 +39,8 @@ refusals! {
         "A normal is a vector of three floats, and the value that you named is not.",
         "Name another, or write it as a value: `write=NAME`.";
     NOT_A_POSITION = "not-a-position":
-        "A position is a vector of three or four floats, and for `faces` an input of the fragment stage. The value that \
-         you named is not.",
+        "A position is a vector of three or four floats, and for `faces` an interpolated input of the fragment stage. \
+         The value that you named is not.",
         "Name another.";
     OTHER_VIEW = "other-view":
         "The other view's resources do not fit the mapping.",
@@ -57,6 +57,9 @@ refusals! {
     UNREAD_JITTER = "unread-jitter":
         "The position does not read the jitter that you name.",
         "Name what the vertex stage adds to the position, or leave `jitter` out.";
+    SEVERAL_NORMALS = "several-normals":
+        "More than one vector of the fragment stage plays the role of a normal.",
+        "Name the one that you mean: `normal=NAME`.";
     SEVERAL_CALLS = "several-calls":
         "The function that computes the value is called more than once, and a picture shows one value.",
         "Give the result of the call that you mean a name, and write that name.";
