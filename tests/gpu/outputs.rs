@@ -456,6 +456,34 @@ fn faces_are_those_of_the_points_that_the_depths_say() {
     }
 }
 
+/// Each of the two turns the normal round.
+#[test]
+fn faces_follow_the_axes_and_the_y_of_the_clip_position() {
+    let scene = moving_scenes(SIZE, VERTICES).swap_remove(0).scene;
+    let normals = |more: &str| {
+        let recipe = format!("outputs:write=normal,precision=full,faces={more}");
+        let variant = variant(&scene, &recipe);
+        assert!(variant.kept.is_empty(), "{:?}", variant.kept);
+        let plans: Vec<Plan> = variant.plans.iter().map(alone).collect();
+        let picture = drawn(gpu(), &scene, &plans);
+        let color = picture.colors[0].clone().unwrap();
+        let depths = picture.depth.unwrap().values.into_iter().enumerate();
+        let covered = depths.filter(|(_, depth)| *depth != 0.0 && *depth != 1.0);
+        let normals = covered.map(|(pixel, _)| Vec3::from_slice(&color.rgba(pixel)));
+        normals.collect::<Vec<Vec3>>()
+    };
+    let expected = normals("right-handed,y=up");
+    assert!(expected.len() > 1000, "{}", expected.len());
+    for (more, sign) in [
+        ("right-handed,y=down", -1.0),
+        ("left-handed,y=up", -1.0),
+        ("left-handed,y=down", 1.0),
+    ] {
+        let turned: Vec<Vec3> = normals(more).into_iter().map(|n| n * sign).collect();
+        assert!(turned == expected, "{more}");
+    }
+}
+
 /// A leaf whose texture coordinates a viewer shifts, and that fades; and what is meant by the shadow
 /// without the viewer.
 const LEAF: &str = "

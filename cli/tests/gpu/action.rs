@@ -30,6 +30,11 @@ fn the_action_tells_whether_a_variant_breaks_its_promise() {
         said.contains("early-alpha + depth-prepass  same picture"),
         "{said}"
     );
+    let shader = "../fixtures/pages/rock.wgsl";
+    let (status, said) = run(shader, "skip-taps:budget=0.000001,threshold=0.1");
+    assert_eq!(status, Some(1), "{said}");
+    let broken = format!("### `{shader}`: a variant broke its promise\n");
+    assert!(said.starts_with(&broken), "{said}");
     let (status, said) = run("absent.toml", "");
     assert_eq!(status, Some(2), "{said}");
     assert!(

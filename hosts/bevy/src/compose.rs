@@ -108,9 +108,14 @@ impl Composer {
 #[derive(Resource)]
 pub struct Shared(pub Arc<Composer>);
 
-/// Counts changes of shaders that were known before.
-#[derive(Resource, Default)]
-pub struct Reloads(pub u64);
+/// Counts what happened to shaders.
+#[derive(Resource, Clone, Copy, Default, PartialEq)]
+pub struct Reloads {
+    /// Changes of shaders that were known before.
+    pub changed: u64,
+    /// Shaders that came or changed: a missing import may be among them.
+    pub arrived: u64,
+}
 
 /// Takes over the shaders of the main world, as Bevy's pipeline cache does.
 pub fn extract_shaders(
@@ -135,13 +140,15 @@ pub fn extract_shaders(
     if !has_all.swap(true, Ordering::Relaxed) {
         changes.extend(shaders.iter().map(|(id, shader)| set(id, shader)));
         events.clear();
+        reloads.arrived += 1;
         return;
     }
     for event in events.read() {
         match event {
             AssetEvent::Added { id } | AssetEvent::Modified { id } => {
                 changes.extend(shaders.get(*id).map(|shader| set(*id, shader)));
-                reloads.0 += u64::from(matches!(event, AssetEvent::Modified { .. }));
+                reloads.arrived += 1;
+                reloads.changed += u64::from(matches!(event, AssetEvent::Modified { .. }));
             }
             AssetEvent::Removed { id } => changes.push(Change::Remove(*id)),
             AssetEvent::Unused { .. } | AssetEvent::LoadedWithDependencies { .. } => {}

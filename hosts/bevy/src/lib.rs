@@ -166,7 +166,7 @@ fn poll(
     quiet: Res<Quiet>,
 ) {
     let has_adopted = std::mem::take(&mut settled.has_adopted);
-    settled.has_news = derivations.poll(&composer.0, reloads.0, &mut cache) || has_adopted;
+    settled.has_news = derivations.poll(&composer.0, *reloads, &mut cache) || has_adopted;
     // The pipeline that stands in for others is never ready.
     let is_quiet = derivations.pending() == 0 && cache.waiting_pipelines().count() <= 1;
     quiet.0.store(is_quiet, Ordering::Relaxed);

@@ -1,7 +1,7 @@
 //! In place of Bevy's function that makes the pipelines of a material's pre-pass and shadows.
 
 use std::any::TypeId;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -28,8 +28,11 @@ use bevy_tasks::futures::check_ready;
 use bevy_tasks::{AsyncComputeTaskPool, Task};
 use naga::ShaderStage;
 
-use crate::compose::{Composer, Failed, Shared, Stage, check};
+use crate::compose::{Composer, Failed, Reloads, Shared, Stage, check};
 use crate::derive::{Derived, Refused, Wanted, derive};
+
+/// The code of a shader with an error.
+const BROKEN: &str = "shader";
 
 /// What one shader is derived from.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
@@ -98,7 +101,9 @@ pub struct Derivations {
     placeholder: Option<CachedRenderPipelineId>,
     /// Whether depth alone reads the material's bind group.
     reads: HashMap<TypeId, HashMap<ErasedMaterialKey, bool>>,
-    reloads: u64,
+    reloads: Reloads,
+    /// Errors of shaders that the log has: one shader has many pipelines.
+    logged: HashSet<(&'static str, String)>,
     /// Whether pipelines have to be made anew and Bevy does not know yet, and when it heard of some.
     has_news: bool,
     told: Option<Instant>,
@@ -152,13 +157,17 @@ impl Derivations {
     pub fn poll(
         &mut self,
         composer: &Arc<Composer>,
-        reloads: u64,
+        reloads: Reloads,
         cache: &mut PipelineCache,
     ) -> bool {
-        let is_new = self.reloads != reloads;
+        let is_new = self.reloads.changed != reloads.changed;
+        let has_arrived = self.reloads.arrived != reloads.arrived;
         self.reloads = reloads;
+        if is_new {
+            self.logged.clear();
+        }
         for (request, job) in &mut self.jobs {
-            job.is_stale |= is_new;
+            job.is_stale |= is_new || has_arrived && job.answer.is_none();
             if job.task.is_none() && job.is_stale {
                 job.is_stale = false;
                 job.task = Some(start(request.clone(), composer.clone()));
@@ -169,8 +178,7 @@ impl Derivations {
             job.task = None;
             job.time = time;
             let Some(result) = done else {
-                // An import is not loaded yet.
-                job.is_stale |= job.answer.is_none();
+                // An import is not loaded yet. Once something is, the job starts again.
                 continue;
             };
             let is_same = match (&result, job.answer.as_deref()) {
@@ -182,7 +190,13 @@ impl Derivations {
                 continue;
             }
             self.has_news = true;
-            let answer = Arc::new(taken(job.material, request, result, cache));
+            let answer = Arc::new(taken(
+                job.material,
+                request,
+                result,
+                cache,
+                &mut self.logged,
+            ));
             if let Some(old) = job.answer.replace(answer) {
                 let is_old = |made: &Option<_>| made.as_ref().is_some_and(|m| Arc::ptr_eq(m, &old));
                 self.pipelines.retain(|_, (_, made)| !is_old(made));
@@ -200,10 +214,11 @@ impl Derivations {
 
 /// Keeps a result, and tells the author of a refusal.
 fn taken(
-    material: &str,
+    material: &'static str,
     request: &Request,
     result: Result<Derived, Refused>,
     cache: &mut PipelineCache,
+    logged: &mut HashSet<(&'static str, String)>,
 ) -> Answer {
     match result {
         Ok(derived) => {
@@ -227,6 +242,11 @@ fn taken(
                 (false, true) => "depth and motion",
                 (true, true) => "depth, normals and motion",
             };
+            let is_known =
+                refused.code == BROKEN && !logged.insert((material, refused.reason.clone()));
+            if is_known {
+                return Answer::Refused(refused);
+            }
             warn!(
                 "preshade: {of} of `{material}` stay Bevy's own [{}]: {}; to change that: {}",
                 refused.code, refused.reason, refused.remedy
@@ -263,7 +283,7 @@ fn answer(request: &Request, composer: &Composer) -> Option<Result<Derived, Refu
         Err(Failed::NotYet) => None,
         Err(Failed::Broken(why)) => {
             let remedy = "mend the shader, which has an error";
-            Some(Err(Refused::new("shader", why, remedy)))
+            Some(Err(Refused::new(BROKEN, why, remedy)))
         }
     }
 }

@@ -29,7 +29,7 @@ pub fn surface(opaque: &Opaque<'_>, params: &Params, said: &Said) -> Result<Surf
         let value = calls::single(opaque, names::value(opaque, name)?)?;
         let described = value.described(opaque.program);
         if !is_position(&value.inner) {
-            let reason = format!("{described} is not");
+            let reason = format!("{described} is not a vector of three or four floats");
             return Err(refusal(&refusals::NOT_A_POSITION, reason));
         }
         let binding = names::binding(opaque, &value);
@@ -106,7 +106,7 @@ fn light_of(program: &Program, name: &str) -> Result<Member, Box<Refusal>> {
         true => Ok(found),
         false => Err(refusal(
             &refusals::NOT_A_POSITION,
-            format!("`{name}` is not"),
+            format!("`{name}` is not a vector of three or four floats"),
         )),
     }
 }
