@@ -149,12 +149,15 @@ fn the_layouts_of_plans_serve_every_interface() {
             Err(Error::Unsupported { feature, .. }) => {
                 lacking.insert(feature);
             }
-            // No device with such a feature, and no scene with immediate data.
+            // No device with such a feature, and no scene with immediate data or storage textures.
             Err(e) if e.to_string().contains("Unsupported features") => {
                 lacking.insert(e.to_string());
             }
             Err(e) if e.to_string().contains("immediate data") => {
                 lacking.insert("immediate data".to_owned());
+            }
+            Err(e) if e.to_string().contains("binds a storage texture") => {
+                lacking.insert("storage textures".to_owned());
             }
             Err(e) => wrong.push(format!(
                 "{:?}: {e}\n{}",
