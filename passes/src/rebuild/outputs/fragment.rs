@@ -33,9 +33,9 @@ fn octahedral(v: vec3<f32>) -> vec2<f32> {
 /// The normal of a triangle from its position and the x, y and w of its clip position. A target may be upside down, so
 /// the place in the picture says which way the derivatives go. `SIDE` is the comparison for the side that is seen.
 ///
-/// The derivatives are those of the position times w: they point the same way. What is divided by w is linear in the
-/// picture, and a difference of two pixels is exact. A difference of positions turns round where the triangle's plane
-/// meets the horizon between them.
+/// The derivatives are those of the position divided by w, and point the same way. The position divided by w is linear
+/// in the picture, so a difference of two pixels is exact. A difference of positions turns round where the triangle's
+/// plane meets the horizon between them.
 const FACE: &str = "\
 fn face_normal(position: vec3<f32>, clip: vec3<f32>) -> vec3<f32> {
     let reciprocal = 1.0 / clip.z;
