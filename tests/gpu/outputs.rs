@@ -345,6 +345,18 @@ fn has_outputs(plan: &Plan) -> bool {
     plan.passes.iter().any(|pass| pass.role == Role::Outputs)
 }
 
+/// The point of the world at a pixel's centre and a depth, in the first frame of a scene.
+fn points(scene: &Scene, [width, height]: [u32; 2]) -> impl Fn(u32, u32, f64) -> DVec3 {
+    let frame = scene.cameras[0].frames[0];
+    let back = (frame.projection.as_dmat4() * frame.view.as_dmat4()).inverse();
+    move |x, y, depth| {
+        let [x, y] =
+            [(x, width), (y, height)].map(|(i, n)| (f64::from(i) + 0.5) / f64::from(n) * 2.0 - 1.0);
+        let world = back * DVec4::new(x, -y, depth, 1.0);
+        world.truncate() / world.w
+    }
+}
+
 /// The light of our pictures stands at (3, 2, -1), and its range is 7.
 #[test]
 fn distances_are_those_of_the_points_that_the_depths_say() {
@@ -353,10 +365,9 @@ fn distances_are_those_of_the_points_that_the_depths_say() {
         let variant = variant(scene, "outputs:write=distance");
         let plans: Vec<Plan> = variant.plans.iter().map(alone).collect();
         let picture = drawn(gpu(), scene, &plans);
-        let frame = scene.cameras[0].frames[0];
-        let back = (frame.projection.as_dmat4() * frame.view.as_dmat4()).inverse();
         let color = picture.colors[0].clone().unwrap();
-        let [width, height] = color.size;
+        let point = points(scene, color.size);
+        let [width, _] = color.size;
         let depths = picture.depth.unwrap().values;
         let (mut covered, mut worst) = (0, 0.0_f64);
         for (pixel, depth) in depths.into_iter().enumerate() {
@@ -364,12 +375,7 @@ fn distances_are_those_of_the_points_that_the_depths_say() {
                 continue;
             }
             let (x, y) = (pixel as u32 % width, pixel as u32 / width);
-            let at = [(x, width), (y, height)]
-                .map(|(i, n)| (f64::from(i) + 0.5) / f64::from(n) * 2.0 - 1.0);
-            let distance = |depth: f64| {
-                let world = back * DVec4::new(at[0], -at[1], depth, 1.0);
-                (world.truncate() / world.w).distance(DVec3::new(3.0, 2.0, -1.0))
-            };
+            let distance = |depth: f64| point(x, y, depth).distance(DVec3::new(3.0, 2.0, -1.0));
             let depth = f64::from(depth);
             let expected = distance(depth);
             // Far away, a step of the depth is long.
@@ -399,9 +405,12 @@ fn faces_are_those_of_the_points_that_the_depths_say() {
         assert!(variant.kept.is_empty(), "{:?}", variant.kept);
         let plans: Vec<Plan> = variant.plans.iter().map(alone).collect();
         let picture = drawn(gpu(), scene, &plans);
-        let frame = scene.cameras[0].frames[0];
-        let back = (frame.projection.as_dmat4() * frame.view.as_dmat4()).inverse();
-        let eye = frame.view.as_dmat4().inverse().w_axis.truncate();
+        let eye = scene.cameras[0].frames[0]
+            .view
+            .as_dmat4()
+            .inverse()
+            .w_axis
+            .truncate();
         let color = picture.colors[0].clone().unwrap();
         let [width, height] = color.size;
         let depths = picture.depth.unwrap().values;
@@ -411,12 +420,7 @@ fn faces_are_those_of_the_points_that_the_depths_say() {
             let normal = DVec3::from_slice(&color.rgba(pixel).map(f64::from));
             (depth != 0.0 && depth != 1.0).then_some((normal, depth))
         };
-        let point = |x: u32, y: u32, depth: f64| {
-            let at = [(x, width), (y, height)]
-                .map(|(i, n)| (f64::from(i) + 0.5) / f64::from(n) * 2.0 - 1.0);
-            let world = back * DVec4::new(at[0], -at[1], depth, 1.0);
-            world.truncate() / world.w
-        };
+        let point = points(scene, color.size);
         let (mut covered, mut compared, mut worst) = (0, 0, 0.0_f64);
         for (x, y) in (1..height - 1).flat_map(|y| (1..width - 1).map(move |x| (x, y))) {
             let Some((normal, depth)) = drawn(x, y) else {

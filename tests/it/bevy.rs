@@ -15,6 +15,7 @@ use derive::{Composed, Wanted, derive};
 use naga::ShaderStage;
 use naga::compact::{KeepUnused, compact};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
+use preshade::unstable::passes::reflect;
 
 use crate::dialects::{bevys_definitions, wgsl};
 
@@ -63,24 +64,6 @@ fn stage(module: &naga::Module, of: ShaderStage, path: &Path) -> Composed {
     }
 }
 
-/// The outputs of a stage that have locations.
-fn locations(module: &naga::Module, result: &naga::FunctionResult) -> Vec<(String, u32)> {
-    let location = |binding: Option<&naga::Binding>| match binding {
-        Some(naga::Binding::Location { location, .. }) => Some(*location),
-        _ => None,
-    };
-    match &module.types[result.ty].inner {
-        naga::TypeInner::Struct { members, .. } => members
-            .iter()
-            .filter_map(|m| Some((m.name.clone()?, location(m.binding.as_ref())?)))
-            .collect(),
-        _ => {
-            let only = location(result.binding.as_ref());
-            only.map(|at| ("only".to_owned(), at)).into_iter().collect()
-        }
-    }
-}
-
 /// What a derived shader is and reads, in a few lines.
 fn interface(vertex: &Composed, fragment: &Composed, wanted: Wanted) -> String {
     let derived = match derive(vertex, fragment, wanted) {
@@ -98,9 +81,12 @@ fn interface(vertex: &Composed, fragment: &Composed, wanted: Wanted) -> String {
         .entry_points
         .iter()
         .find(|e| e.stage == ShaderStage::Fragment);
-    let results = fragment.and_then(|f| f.function.result.as_ref());
-    for (name, location) in results.map_or_else(Vec::new, |r| locations(&module, r)) {
-        let _ = writeln!(lines, "  location {location}: {name}");
+    let outputs = fragment.map_or_else(Vec::new, |f| reflect::outputs(&module, &f.function));
+    for output in outputs {
+        if let Some(naga::Binding::Location { location, .. }) = output.binding {
+            let name = output.name.as_deref().unwrap_or("only");
+            let _ = writeln!(lines, "  location {location}: {name}");
+        }
     }
     let mut bindings: Vec<_> = module
         .global_variables

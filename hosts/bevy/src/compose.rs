@@ -109,7 +109,7 @@ impl Composer {
 pub struct Shared(pub Arc<Composer>);
 
 /// Counts what happened to shaders.
-#[derive(Resource, Clone, Copy, Default, PartialEq)]
+#[derive(Resource, Clone, Copy, Default)]
 pub struct Reloads {
     /// Changes of shaders that were known before.
     pub changed: u64,

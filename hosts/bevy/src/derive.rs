@@ -127,11 +127,23 @@ const UNREAD_JITTER: &str = "unread-jitter";
 /// The permission for arrays of bindings.
 const ARRAYS: &str = "enable wgpu_binding_array;\n";
 
-/// The compiler's codes where it finds no normal, or none of the name that it is given.
-const NO_NORMAL: [&str; 2] = ["no-normal", "no-such-name"];
-
-/// The compiler's code where it finds no position in the world.
+/// The compiler's codes where it finds no normal, none of the name that it is given, and no position in the world.
+const NO_NORMAL: &str = "no-normal";
+const NO_SUCH_NAME: &str = "no-such-name";
 const NO_POSITION: &str = "no-position";
+
+/// How much a refusal says of a material, among those for different normals: that the compiler finds no normal says
+/// more than that it finds none of a name, and with a normal that is found, the refusal is about the rest.
+fn weight(refused: &Refused) -> u32 {
+    match refused.code.as_str() {
+        NO_SUCH_NAME | NO_POSITION => 0,
+        NO_NORMAL => 1,
+        _ => FOUND,
+    }
+}
+
+/// The weight where there is a normal.
+const FOUND: u32 = 2;
 
 /// The compiler's code where the fragment stage writes no alpha.
 const NO_ALPHA: &str = "alpha-decides";
@@ -195,28 +207,22 @@ impl Material {
 
     /// With the best normal that there is.
     fn first(&self, wanted: Wanted) -> Result<Derived, Refused> {
-        let mut first: Option<Refused> = None;
-        let lacks = |refused: &Refused| NO_NORMAL.contains(&refused.code.as_str());
+        let mut most: Option<Refused> = None;
         for normal in self.normals(wanted) {
             // The triangle's normal is flat: it is for materials without one.
-            let is_last = matches!(normal, Normal::Face);
-            if is_last && !first.as_ref().is_some_and(lacks) {
+            if matches!(normal, Normal::Face) && most.as_ref().is_some_and(|m| weight(m) == FOUND) {
                 break;
             }
             match self.derive(wanted, &normal) {
                 Ok(derived) => return Ok(derived),
-                // With a normal that is found, the refusal is about the rest. That the compiler finds none says more
-                // than that it finds none of a name.
                 Err(refused) => {
-                    let says_more = refused.code == NO_NORMAL[0]
-                        || !lacks(&refused) && refused.code != NO_POSITION;
-                    if first.as_ref().is_none_or(|f| lacks(f) && says_more) {
-                        first = Some(refused);
+                    if most.as_ref().is_none_or(|m| weight(m) < weight(&refused)) {
+                        most = Some(refused);
                     }
                 }
             }
         }
-        Err(first.unwrap_or_else(|| Refused::new("nothing", "there is nothing to derive", "")))
+        Err(most.unwrap_or_else(|| Refused::new("nothing", "there is nothing to derive", "")))
     }
 
     fn derive(&self, wanted: Wanted, normal: &Normal) -> Result<Derived, Refused> {
@@ -325,7 +331,7 @@ const REPORT: &str = "report it to preshade";
 /// chooses.
 fn remedy(code: &str) -> &'static str {
     match code {
-        "no-normal" | "no-such-name" | NO_POSITION => {
+        NO_NORMAL | NO_SUCH_NAME | NO_POSITION => {
             "hand the normal over as `world_normal`, or multiply the position in the world by `view.clip_from_world`"
         }
         "several-normals" | "several-calls" | "ambiguous-name" => {
