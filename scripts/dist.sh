@@ -27,7 +27,8 @@ fi
 command -v cargo-cyclonedx >/dev/null || cargo install cargo-cyclonedx --locked --quiet
 # Messages of a panic name files, and must not name folders of this machine.
 registry=${CARGO_HOME:-$HOME/.cargo}/registry/src
-CARGO_TARGET_DIR=$built PATH="$tools/bin:$PATH" \
+# Who builds for many optimises more than who installs for himself.
+CARGO_PROFILE_RELEASE_OPT_LEVEL=3 CARGO_TARGET_DIR=$built PATH="$tools/bin:$PATH" \
     CARGO_ENCODED_RUSTFLAGS="--remap-path-prefix=$registry=crates"$'\x1f'"--remap-path-prefix=$PWD=preshade" \
     cargo zigbuild --release --locked -p preshade-cli --target "$target.$glibc"
 

@@ -67,6 +67,8 @@ mod words;
 #[cfg(feature = "verify")]
 mod capture;
 #[cfg(feature = "verify")]
+mod jobs;
+#[cfg(feature = "verify")]
 mod measure;
 #[cfg(feature = "verify")]
 mod render;
@@ -120,7 +122,7 @@ pub mod unstable {
     }
     internal! { build_script command emit front limits lock nearest parameters pipeline recipe regular sweep }
     #[cfg(feature = "verify")]
-    internal! { capture measure render report scene search }
+    internal! { capture jobs measure render report scene search }
 }
 
 /// Includes the items of a material that the build script compiled:

@@ -28,18 +28,21 @@ mod codes;
 mod completions;
 mod config;
 mod depfile;
+mod evaluate;
 mod explain;
 mod explore;
 mod graph;
 mod guesses;
 mod hints;
 mod input;
+mod jobs;
 mod keeper;
 mod kept;
 mod limits;
 mod lock;
 mod man;
 mod many;
+mod merge;
 mod output;
 mod pairs;
 mod passes;
@@ -136,6 +139,12 @@ enum Command {
     Plan(plan::PlanArgs),
     /// Finds the best recipes by error and time: those that no other recipe beats in both.
     Explore(explore::ExploreArgs),
+    /// Lists measurements as jobs, one a line, that any machine or scheduler can run.
+    Jobs(jobs::JobsArgs),
+    /// Runs jobs, or a share of them, and keeps one file for each result.
+    Evaluate(evaluate::EvaluateArgs),
+    /// Merges results of any number of machines and adapters.
+    Merge(merge::MergeArgs),
     /// Records frames of a page (WebGPU, WebGL) or of a wgpu app into a frame folder.
     #[cfg(feature = "capture")]
     Capture(capture::CaptureArgs),
@@ -161,6 +170,9 @@ impl Command {
             Self::Verify(a) => verify::run(a),
             Self::Plan(a) => plan::run(a),
             Self::Explore(a) => explore::run(a),
+            Self::Jobs(a) => jobs::run(a, config),
+            Self::Evaluate(a) => evaluate::run(a),
+            Self::Merge(a) => merge::run(a),
             #[cfg(feature = "capture")]
             Self::Capture(a) => capture::run(a),
             Self::Adapters(a) => adapters::run(a),
@@ -179,6 +191,7 @@ impl Command {
             Self::Agree(a) => &a.shader.limits,
             Self::Verify(a) => &a.shader.limits,
             Self::Explore(a) => &a.shader.limits,
+            Self::Jobs(a) => &a.verify.shader.limits,
             Self::Plan(a) => &a.limits,
             _ => return None,
         };

@@ -4,6 +4,7 @@
 //! that a crash, a hang or a lost device costs one input.
 
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -41,7 +42,7 @@ const AT_ONCE: usize = 16;
 ///
 /// # Errors
 /// A declared recipe cannot be read: a bug.
-fn every_pass() -> Result<Vec<Recipe>, RecipeError> {
+pub fn every_pass() -> Result<Vec<Recipe>, RecipeError> {
     let mut all: Vec<Recipe> = Vec::new();
     for (text, _) in examples() {
         let recipe = Recipe::parse_list(&candidates::filled(text, BUDGET))?;
@@ -416,7 +417,7 @@ fn measured(args: &VerifyArgs, job: &Job, recipes: &Recipes<'_>) -> Promises {
 }
 
 /// Whether a file of a folder is not one material: it has no entry points, or those of several.
-fn is_left_out(job: &Job, why: &str) -> bool {
+pub fn is_left_out(job: &Job, why: &str) -> bool {
     let is_ambiguous = why.starts_with("error[ambiguous-entry-point]");
     job.chosen == Chosen::Found && (is_ambiguous || job.shader.is_no_material())
 }
@@ -531,7 +532,7 @@ fn untested(report: &Report) -> Option<String> {
 
 /// What is drawn of plans and what they promise, as text: equal texts need one measurement. `None`:
 /// a plan cannot be emitted.
-fn frame(plans: &[Plan]) -> Option<String> {
+pub fn frame(plans: &[Plan]) -> Option<String> {
     let mut text = String::new();
     for plan in plans {
         let plan = Plan {
@@ -551,22 +552,40 @@ fn frame(plans: &[Plan]) -> Option<String> {
 
 /// The command that draws one variant of one input, with the flags of this one.
 fn alone(args: &VerifyArgs, job: &Job, variant: &str) -> String {
-    const DROPPED: [&str; 5] = ["--variant", "--pass", "--recipe", "--format", "--time"];
     let mut words = vec!["preshade".to_owned()];
+    words.extend(flags(&args.shader.files));
+    words.extend(job.shader.files.iter().map(|f| f.display().to_string()));
+    words.extend(["--time", "no", "--variant", variant].map(str::to_owned));
+    shell_words::join(words)
+}
+
+/// The words of this command line that say how to draw, with the subcommand: without `files`, and
+/// without what chooses variants, times and the form of the output.
+pub fn flags(files: &[PathBuf]) -> Vec<String> {
+    const DROPPED: [&str; 8] = [
+        "--variant",
+        "--pass",
+        "--recipe",
+        "--format",
+        "--time",
+        "--only-on",
+        "--budget",
+        "--config",
+    ];
+    const SWITCHES: [&str; 2] = ["--every-pass", "--explore"];
+    let mut words = Vec::new();
     let mut rest = std::env::args_os().skip(1);
     while let Some(word) = rest.next() {
         let text = word.to_string_lossy().into_owned();
-        let is_file = args.shader.files.iter().any(|f| f.as_os_str() == word);
+        let is_file = files.iter().any(|f| f.as_os_str() == word);
         if DROPPED.contains(&text.as_str()) {
             rest.next();
         } else if !is_file
-            && text != "--every-pass"
+            && !SWITCHES.contains(&text.as_str())
             && !DROPPED.iter().any(|d| text.starts_with(&format!("{d}=")))
         {
             words.push(text);
         }
     }
-    words.extend(job.shader.files.iter().map(|f| f.display().to_string()));
-    words.extend(["--time", "no", "--variant", variant].map(str::to_owned));
-    shell_words::join(words)
+    words
 }

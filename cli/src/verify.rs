@@ -62,7 +62,7 @@ fails, nothing is drawn, or a variant decides where a material discards and no f
 discarded.")]
 pub struct VerifyArgs {
     #[command(flatten)]
-    variants: VariantArgs,
+    pub variants: VariantArgs,
     /// Draw every recipe that a pass declares as an example, each once. One line an input tells how
     /// many promises (a recipe on a material) hold, are refused, not measured or broken.
     #[arg(long)]
@@ -70,7 +70,7 @@ pub struct VerifyArgs {
     /// Name the fastest variant whose error is within this in all views, and the arguments of `rewrite`
     /// for it: flip_mean, flip_p99 or max_abs.
     #[arg(long, value_name = "METRIC=NUMBER", value_parser = Budget::parse)]
-    budget: Option<Budget>,
+    pub budget: Option<Budget>,
     /// Measure at several values of a scene's variable, and find where variants cross: 50000..400000
     /// doubles, 1..9:5 takes five values at a constant ratio.
     #[arg(long, value_name = "NAME=A..B[:STEPS]", value_parser = Axis::parse)]
@@ -82,22 +82,22 @@ pub struct VerifyArgs {
     view: ViewArgs,
     /// Draw only in these orders; the first is the headline.
     #[arg(long, value_name = "ORDER", value_enum)]
-    order: Vec<OrderArg>,
+    pub order: Vec<OrderArg>,
     /// Compare variants with the original with @invariant on its position.
     #[arg(long)]
     invariant: bool,
     /// Frames of each camera path to compare, evenly spaced.
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = parse_frames)]
-    frames: usize,
+    pub frames: usize,
     /// Views to time; default: first-frames, and no for several inputs.
     #[arg(long, value_enum)]
-    time: Option<TimeArg>,
+    pub time: Option<TimeArg>,
     /// Seconds to spend on timing each view.
     #[arg(long, value_name = "SECONDS", default_value_t = 4.0, value_parser = parse_seconds)]
-    seconds: f64,
+    pub seconds: f64,
     /// Part of an adapter's name, driver or backend.
     #[arg(long, value_name = "TEXT")]
-    adapter: Option<String>,
+    pub adapter: Option<String>,
     /// Give shaders to the driver as emitted text, or as IR.
     #[arg(long, value_enum, default_value_t = FormArg::Text)]
     form: FormArg,
@@ -113,7 +113,7 @@ pub struct VerifyArgs {
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum TimeArg {
+pub enum TimeArg {
     /// Nothing.
     No,
     /// The first camera in the first order.
@@ -174,7 +174,7 @@ pub fn parse_seconds(text: &str) -> Result<f64, String> {
 
 impl VerifyArgs {
     /// The inputs, if each gets one line. `None`: one input, with its own report.
-    fn jobs(&self) -> Result<Option<Vec<Job>>, Failure> {
+    pub fn jobs(&self) -> Result<Option<Vec<Job>>, Failure> {
         let several = many::inputs(&self.shader)?;
         Ok(several.or_else(|| {
             self.every_pass.then(|| {
@@ -187,15 +187,15 @@ impl VerifyArgs {
         }))
     }
 
-    /// Refuses flags of a report.
-    fn check_many(&self) -> Result<(), Failure> {
+    /// Refuses flags of a report. `is_list`: they are made jobs of, and may be timed.
+    pub fn check_many(&self, is_list: bool) -> Result<(), Failure> {
         let timed = self.time.is_some_and(|time| time != TimeArg::No);
         let given = [
-            ("--budget", self.budget.is_some()),
+            ("--budget", self.budget.is_some() && !is_list),
             ("--sweep", self.sweep.is_some()),
             ("--share", self.share.is_some()),
             ("--out", self.out.is_some()),
-            ("--time", timed),
+            ("--time", timed && !is_list),
             ("--format csv", self.format == Table::Csv),
         ];
         match given.iter().find(|(_, given)| *given) {
@@ -236,19 +236,16 @@ impl VerifyArgs {
 
 /// Verifies a scene or a shader.
 pub fn run(args: &VerifyArgs) -> Result<Ending, Failure> {
-    if worker::mine().is_some() {
+    if worker::has_parent() {
         worker::end_with_parent();
     }
     let mut sweeps = args.variants.sweeps()?;
     let is_default = sweeps.is_empty() && !args.every_pass;
     if is_default {
-        let named = examples().filter(|(_, used)| **used == Use::Verify);
-        sweeps = named
-            .map(|(recipe, _)| Sweep::parse_list(recipe))
-            .collect::<Result<_, _>>()?;
+        sweeps = by_default()?;
     }
     if let Some(jobs) = args.jobs()? {
-        args.check_many()?;
+        args.check_many(false)?;
         return promises::run(args, &jobs, &recipes(&sweeps));
     }
     let first = match &args.sweep {
@@ -578,8 +575,15 @@ fn measured(
     Ok((outcome, variants))
 }
 
+/// What is drawn if no variant is named.
+pub fn by_default() -> Result<Vec<Sweep>, Failure> {
+    let named = examples().filter(|(_, used)| **used == Use::Verify);
+    let sweeps = named.map(|(recipe, _)| Sweep::parse_list(recipe));
+    Ok(sweeps.collect::<Result<_, _>>()?)
+}
+
 /// All requested recipes, in the order of the report's variants.
-fn recipes(sweeps: &[Sweep]) -> Vec<Recipe> {
+pub fn recipes(sweeps: &[Sweep]) -> Vec<Recipe> {
     let points = sweeps.iter().flat_map(|s| &s.points);
     points.map(|p| p.recipe.clone()).collect()
 }

@@ -2,7 +2,7 @@
 //! device or uses up its memory does not affect the others.
 
 use std::io::Read;
-use std::process::{Command, Stdio};
+use std::process::{Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 use preshade::unstable::limits::Limits;
@@ -12,6 +12,9 @@ use crate::bounded;
 /// Names, to the process that does it, which of the variants it measures: 0 is the original alone. Of
 /// several inputs, which of them, from 1.
 pub const VARIABLE: &str = "PRESHADE_WORKER";
+
+/// Its value for a process that runs a whole job, as if a user had started it.
+pub const OF_A_JOB: &str = "job";
 
 /// Interval of checks on a worker.
 const TICK: Duration = Duration::from_millis(20);
@@ -26,6 +29,11 @@ pub const OF_AN_INPUT: u64 = 3600;
 /// The variant that this process is to measure for another one, if it is.
 pub fn mine() -> Option<usize> {
     std::env::var(VARIABLE).ok()?.parse().ok()
+}
+
+/// Whether another process of preshade waits for this one.
+pub fn has_parent() -> bool {
+    std::env::var_os(VARIABLE).is_some()
 }
 
 /// Ends this process when its parent ends for any reason: the pipe that is its stdin then has no
@@ -50,16 +58,60 @@ pub fn run(which: usize, limits: &Limits, patience: u64) -> Result<String, Strin
 }
 
 fn ended(which: usize, limits: &Limits, patience: u64) -> Result<String, String> {
-    let failed = |e: std::io::Error| format!("no process could be started for it: {e}");
-    let seconds = limits.seconds.min(patience);
-    let mut child = Command::new(std::env::current_exe().map_err(failed)?)
+    let mut command = myself()?;
+    command
         .args(std::env::args_os().skip(1))
-        .env(VARIABLE, which.to_string())
+        .env(VARIABLE, which.to_string());
+    let ended = watched(command, limits, limits.seconds.min(patience))?;
+    match ended.status.code() {
+        Some(0 | 1) => Ok(ended.out),
+        _ => Err(ended.why()),
+    }
+}
+
+/// A command that runs this program.
+///
+/// # Errors
+/// In words.
+pub fn myself() -> Result<Command, String> {
+    let program = std::env::current_exe();
+    program.map(Command::new).map_err(not_started)
+}
+
+fn not_started(error: std::io::Error) -> String {
+    format!("no process could be started for it: {error}")
+}
+
+/// A process that ended by itself.
+pub struct Ended {
+    /// Its exit status.
+    pub status: ExitStatus,
+    /// Its stdout.
+    pub out: String,
+    /// Its stderr.
+    told: String,
+}
+
+impl Ended {
+    /// Its exit status and the last line of its stderr.
+    pub fn why(&self) -> String {
+        let last = self.told.lines().rfind(|l| !l.trim().is_empty());
+        let last = last.map_or(String::new(), |l| format!(": {}", l.trim()));
+        format!("its process ended with {}{last}", self.status)
+    }
+}
+
+/// Runs a command to its end, and kills it after `seconds`, or over the memory of `limits`.
+///
+/// # Errors
+/// In words, if it was killed or did not start.
+pub fn watched(mut command: Command, limits: &Limits, seconds: u64) -> Result<Ended, String> {
+    let mut child = command
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()
-        .map_err(failed)?;
+        .map_err(not_started)?;
     // Kept open while it runs.
     let alive = child.stdin.take();
     let out = drain(child.stdout.take());
@@ -88,13 +140,11 @@ fn ended(which: usize, limits: &Limits, patience: u64) -> Result<String, String>
     let text =
         |bytes: Option<Vec<u8>>| String::from_utf8_lossy(&bytes.unwrap_or_default()).into_owned();
     let (out, told) = (text(out.join().ok()), text(told.join().ok()));
-    let status = ended?;
-    if matches!(status.code(), Some(0 | 1)) {
-        return Ok(out);
-    }
-    let last = told.lines().rfind(|l| !l.trim().is_empty());
-    let last = last.map_or(String::new(), |l| format!(": {}", l.trim()));
-    Err(format!("its process ended with {status}{last}"))
+    Ok(Ended {
+        status: ended?,
+        out,
+        told,
+    })
 }
 
 /// Reads a pipe to its end in a thread, because a full pipe would block the process.

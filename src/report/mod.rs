@@ -10,6 +10,7 @@ pub mod decision;
 pub mod frontier;
 mod headline;
 pub mod html;
+pub mod merged;
 pub mod picture;
 pub mod plain;
 pub mod plot;

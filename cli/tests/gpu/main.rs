@@ -18,6 +18,7 @@ mod agree;
 #[cfg(feature = "capture")]
 mod capture;
 mod cli;
+mod fleet;
 mod hostile;
 mod kept;
 mod locks;

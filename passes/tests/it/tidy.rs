@@ -21,7 +21,7 @@ const PASSES: [&[&str]; 7] = [
 ];
 
 /// The rooms of `preshade`, lowest first. Rooms that are not listed are free.
-const PRESHADE: [&[&str]; 11] = [
+const PRESHADE: [&[&str]; 12] = [
     &["wgsl"],
     &["front"],
     &["emit"],
@@ -31,6 +31,7 @@ const PRESHADE: [&[&str]; 11] = [
     &["render"],
     &["capture"],
     &["measure"],
+    &["jobs"],
     &["search"],
     &["report"],
 ];

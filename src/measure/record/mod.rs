@@ -141,8 +141,9 @@ pub struct KeptMaterial {
 pub struct Cost {
     /// Pipelines.
     pub pipelines: usize,
-    /// Milliseconds to compile its shaders and build its pipelines.
-    pub creation_ms: f64,
+    /// Milliseconds to compile its shaders and build its pipelines. `None`: a job for pictures, whose
+    /// result depends on no time.
+    pub creation_ms: Option<f64>,
     /// Draw calls of one frame.
     pub draw_calls: usize,
     /// Bytes of its depth and colour attachments.

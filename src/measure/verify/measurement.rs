@@ -194,7 +194,7 @@ impl<'a> Measurement<'a> {
         let (pipelines, creation) = prepared.creation();
         let cost = Cost {
             pipelines,
-            creation_ms: creation.as_secs_f64() * 1e3,
+            creation_ms: Some(creation.as_secs_f64() * 1e3),
             draw_calls: prepared.draw_calls(),
             target_bytes: prepared.target_bytes(),
             subdivision: prepared.subdivision_cost(),

@@ -178,7 +178,7 @@ fn row(
                 format!("{s:.2}")
             }),
             or_dash(cost, |c| c.pipelines.to_string()),
-            or_dash(cost, |c| format!("{:.1}", c.creation_ms)),
+            or_dash(cost.and_then(|c| c.creation_ms), |ms| format!("{ms:.1}")),
             or_dash(cost, |c| format!("{:.2}", c.target_bytes as f64 / 1e6)),
         ],
         chosen: chosen == Some(&point.name),

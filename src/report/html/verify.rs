@@ -191,7 +191,7 @@ fn rows(report: &Report, sections: &[Section]) -> Vec<Row> {
                 or_dash(error, |e| frontier::number(e.flip_mean)),
                 or_dash(v.shaded_per_pixel, |s| format!("{s:.2}")),
                 or_dash(cost, |c| c.pipelines.to_string()),
-                or_dash(cost, |c| format!("{:.1}", c.creation_ms)),
+                or_dash(cost.and_then(|c| c.creation_ms), |ms| format!("{ms:.1}")),
                 or_dash(cost, |c| c.draw_calls.to_string()),
                 or_dash(cost, |c| format!("{:.2}", c.target_bytes as f64 / 1e6)),
             ],

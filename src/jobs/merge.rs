@@ -1,0 +1,435 @@
+//! The union of outcomes.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use serde::{Deserialize, Serialize};
+
+use super::{JobResult, Kind, Outcome, Reason, Run, adapter_id};
+use crate::measure::record::Report;
+use crate::render::AdapterReport;
+
+/// Merged outcomes of one version, or of several if that was allowed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Results {
+    /// Always `preshade.results.v1`.
+    pub schema: String,
+    /// The versions of preshade that measured.
+    pub versions: BTreeSet<String>,
+    /// By [`adapter_id`].
+    pub adapters: BTreeMap<String, AdapterReport>,
+    /// By key.
+    pub jobs: BTreeMap<String, Merged>,
+}
+
+/// All outcomes of one job.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Merged {
+    /// The version of preshade that measured it.
+    pub version: String,
+    /// What it measures.
+    pub kind: Kind,
+    /// Its input.
+    pub input: Vec<String>,
+    /// Its variant.
+    pub variant: String,
+    /// By [`adapter_id`].
+    pub answers: BTreeMap<String, Answer>,
+}
+
+/// What one adapter said of a job.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case")]
+pub enum Answer {
+    /// Reports. A picture has one, with an empty name of the run. Times have one of each run.
+    Measured {
+        /// By the run's id.
+        runs: BTreeMap<String, Measured>,
+    },
+    /// No run has a report.
+    Failed {
+        /// The class of the reason.
+        reason: Reason,
+        /// In words.
+        why: String,
+    },
+}
+
+/// One report.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Measured {
+    /// Its circumstances. `None`: a picture.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub run: Option<Run>,
+    /// The report.
+    pub report: Box<Report>,
+}
+
+/// Why outcomes cannot be merged. Each names both sides, in an order that does not depend on that of the
+/// outcomes.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum MergeError {
+    /// One job, one adapter, one driver, two pictures: the driver or preshade is not deterministic.
+    #[error("{} of `{variant}` on {adapter} differ:\n  {}\n  {}", .input.join(" "), .both[0], .both[1])]
+    Differ {
+        /// The job's.
+        input: Vec<String>,
+        /// The job's.
+        variant: String,
+        /// Name and driver.
+        adapter: String,
+        /// The verdicts and errors of both.
+        both: Box<[String; 2]>,
+    },
+    /// Two timing jobs ran on one adapter at the same time.
+    #[error(
+        "two timing jobs shared {adapter} of {host}: {} and {}", .both[0], .both[1]
+    )]
+    Overlap {
+        /// Name and driver.
+        adapter: String,
+        /// The machine.
+        host: String,
+        /// Input and variant of both.
+        both: Box<[String; 2]>,
+    },
+    /// Several versions of preshade measured.
+    #[error("the results are of several versions: {}", .0.iter().cloned().collect::<Vec<_>>().join(", "))]
+    Versions(BTreeSet<String>),
+}
+
+/// The schema of [`Results`].
+const SCHEMA: &str = "preshade.results.v1";
+
+impl Results {
+    /// The union of outcomes: the same for any order, and however often one is given. A report wins over a
+    /// failure.
+    ///
+    /// # Errors
+    /// The first of [`MergeError`] by its text, so that the message too does not depend on the order.
+    pub fn merge(
+        outcomes: impl IntoIterator<Item = Outcome>,
+        may_mix_versions: bool,
+    ) -> Result<Self, MergeError> {
+        let mut results = Self {
+            schema: SCHEMA.to_owned(),
+            versions: BTreeSet::new(),
+            adapters: BTreeMap::new(),
+            jobs: BTreeMap::new(),
+        };
+        let mut errors: Vec<MergeError> = Vec::new();
+        for outcome in outcomes {
+            errors.extend(results.add(outcome));
+        }
+        errors.extend(results.overlaps());
+        if results.versions.len() > 1 && !may_mix_versions {
+            errors.push(MergeError::Versions(results.versions.clone()));
+        }
+        match errors.into_iter().min_by_key(ToString::to_string) {
+            None => Ok(results),
+            Some(error) => Err(error),
+        }
+    }
+
+    /// Adds one outcome. Returns a contradiction to what is there.
+    fn add(&mut self, outcome: Outcome) -> Option<MergeError> {
+        let id = adapter_id(&outcome.adapter);
+        let adapter = title(&outcome.adapter);
+        self.versions.insert(outcome.version.clone());
+        let known = self.adapters.entry(id.clone());
+        let known = known.or_insert_with(|| outcome.adapter.clone());
+        // Its features may differ, with the layers of the machine.
+        if outcome.adapter.features < known.features {
+            *known = outcome.adapter;
+        }
+        let job = self.jobs.entry(outcome.key).or_insert_with(|| Merged {
+            version: outcome.version,
+            kind: outcome.kind,
+            input: outcome.input,
+            variant: outcome.variant,
+            answers: BTreeMap::new(),
+        });
+        let (input, variant) = (&job.input, &job.variant);
+        match outcome.result {
+            JobResult::Measured { report } => {
+                let run = outcome.run;
+                let name = run.as_ref().map_or(String::new(), |r| r.id.clone());
+                let measured = Measured { run, report };
+                let answer = job.answers.entry(id).or_insert_with(|| Answer::Measured {
+                    runs: BTreeMap::new(),
+                });
+                if let Answer::Failed { .. } = answer {
+                    *answer = Answer::Measured {
+                        runs: BTreeMap::new(),
+                    };
+                }
+                let Answer::Measured { runs } = answer else {
+                    return None;
+                };
+                let Some(known) = runs.get_mut(&name) else {
+                    runs.insert(name, measured);
+                    return None;
+                };
+                if *known == measured {
+                    return None;
+                }
+                let mut both = [known.told(), measured.told()];
+                both.sort();
+                Some(MergeError::Differ {
+                    input: input.clone(),
+                    variant: variant.clone(),
+                    adapter,
+                    both: Box::new(both),
+                })
+            }
+            JobResult::Failed { reason, why, .. } => {
+                let failed = || Answer::Failed {
+                    reason,
+                    why: why.clone(),
+                };
+                match job.answers.entry(id).or_insert_with(failed) {
+                    Answer::Measured { .. } => {}
+                    // Of two failures the same one remains in any order.
+                    Answer::Failed {
+                        reason: known,
+                        why: words,
+                    } => {
+                        let both = [(*known, words.clone()), (reason, why)];
+                        (*known, *words) =
+                            both.into_iter().min().unwrap_or((reason, String::new()));
+                    }
+                }
+                None
+            }
+        }
+    }
+
+    /// Timing jobs that ran at the same time on one adapter of one machine.
+    fn overlaps(&self) -> Vec<MergeError> {
+        type Slot<'a> = (&'a Run, &'a Merged);
+        let mut by_place: BTreeMap<(&str, &str), Vec<Slot<'_>>> = BTreeMap::new();
+        for job in self.jobs.values() {
+            for (id, answer) in &job.answers {
+                let Answer::Measured { runs } = answer else {
+                    continue;
+                };
+                for run in runs.values().filter_map(|m| m.run.as_ref()) {
+                    let place = (run.host.as_str(), id.as_str());
+                    by_place.entry(place).or_default().push((run, job));
+                }
+            }
+        }
+        let mut errors = Vec::new();
+        for ((host, id), mut slots) in by_place {
+            slots.sort_by_key(|(run, _)| (run.start_ms, run.end_ms));
+            // The one that ends last among those before.
+            let mut last: Option<Slot<'_>> = None;
+            for slot in slots {
+                if let Some(before) = last.filter(|(run, _)| slot.0.start_ms < run.end_ms) {
+                    let named = |(run, job): Slot<'_>| {
+                        format!(
+                            "{} with {} (run {})",
+                            job.input.join(" "),
+                            job.variant,
+                            run.id
+                        )
+                    };
+                    errors.push(MergeError::Overlap {
+                        adapter: self.adapters.get(id).map(title).unwrap_or_default(),
+                        host: host.to_owned(),
+                        both: Box::new([named(before), named(slot)]),
+                    });
+                }
+                if last.is_none_or(|(run, _)| run.end_ms < slot.0.end_ms) {
+                    last = Some(slot);
+                }
+            }
+        }
+        errors
+    }
+
+    /// As text: the same results give the same bytes.
+    ///
+    /// # Errors
+    /// As [`serde_json`].
+    pub fn to_json(&self) -> serde_json::Result<String> {
+        Ok(serde_json::to_string_pretty(self)? + "\n")
+    }
+}
+
+impl Measured {
+    /// Verdict and error of the variant, for a message.
+    fn told(&self) -> String {
+        let variants = self.report.variants.iter().skip(1);
+        let told = variants.map(|v| {
+            let error = v.error.as_ref().map_or(String::new(), |e| {
+                format!(
+                    "{} pixels, {} depths, mean FLIP {}",
+                    e.changed_pixels, e.changed_depth, e.flip_mean
+                )
+            });
+            format!("{:?}: {error}", v.verdict)
+        });
+        let told: Vec<String> = told.collect();
+        // Reports that differ elsewhere still have to be told apart.
+        let all = serde_json::to_string(self).unwrap_or_default();
+        format!("{} [{}]", told.join("; "), super::hash(all.as_bytes()))
+    }
+}
+
+/// Name and driver.
+fn title(adapter: &AdapterReport) -> String {
+    format!("{} ({})", adapter.name, adapter.driver)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::jobs::{OUTCOME_SCHEMA, key};
+
+    fn adapter(name: &str) -> AdapterReport {
+        AdapterReport {
+            name: name.to_owned(),
+            driver: "1".to_owned(),
+            backend: "vulkan".to_owned(),
+            kind: "discrete".to_owned(),
+            timestamps: true,
+            pipeline_statistics: true,
+            features: Vec::new(),
+            checked_shaders: false,
+        }
+    }
+
+    fn report(scene: &str) -> Box<Report> {
+        let adapter = serde_json::to_value(adapter("a")).unwrap();
+        Box::new(
+            serde_json::from_value(serde_json::json!({
+                "schema": "", "scene": scene, "resolution": [1, 1], "samples": 1, "command": "",
+                "adapter": adapter, "clock": null, "depth_ties": null, "assumed": [], "variants": [],
+            }))
+            .unwrap(),
+        )
+    }
+
+    fn measured(scene: &str) -> JobResult {
+        JobResult::Measured {
+            report: report(scene),
+        }
+    }
+
+    fn failed(why: &str) -> JobResult {
+        JobResult::Failed {
+            reason: Reason::of(why),
+            why: why.to_owned(),
+            attempts: 1,
+        }
+    }
+
+    fn picture(job: usize, place: &str, result: JobResult) -> Outcome {
+        Outcome {
+            schema: OUTCOME_SCHEMA.to_owned(),
+            version: "1".to_owned(),
+            key: key([job.to_string().as_str()]),
+            kind: Kind::Picture,
+            input: vec![format!("{job}.toml")],
+            variant: "depth-prepass".to_owned(),
+            adapter: adapter(place),
+            run: None,
+            result,
+        }
+    }
+
+    fn timed(job: usize, id: &str, [start_ms, end_ms]: [u64; 2]) -> Outcome {
+        Outcome {
+            kind: Kind::Time,
+            run: Some(Run {
+                id: id.to_owned(),
+                host: "here".to_owned(),
+                start_ms,
+                end_ms,
+                load: None,
+            }),
+            ..picture(job, "a", measured("s"))
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn any_split_any_order_and_any_subset_twice_merge_to_the_same_bytes(
+            jobs in 1_usize..40,
+            order in prop::collection::vec(any::<prop::sample::Index>(), 0..200),
+            shuffled in any::<u64>(),
+        ) {
+            let all: Vec<Outcome> = (0..jobs)
+                .flat_map(|job| ["a", "b"].map(|place| match (job % 5, place) {
+                    (0, "b") => picture(job, place, failed("the adapter was lost")),
+                    (1, _) => Outcome {
+                        adapter: adapter(place),
+                        ..timed(job, "1", [job as u64 * 10, job as u64 * 10 + 9])
+                    },
+                    _ => picture(job, place, measured(&job.to_string())),
+                }))
+                .collect();
+            let once = Results::merge(all.clone(), false).unwrap().to_json().unwrap();
+            let mut again = all.clone();
+            again.extend(order.iter().map(|i| i.get(&all).clone()));
+            // A part that failed elsewhere first adds nothing.
+            again.extend(all.iter().filter(|o| matches!(o.result, JobResult::Measured { .. })).map(|o| Outcome {
+                result: failed("it was stopped after 5 s (--limits seconds=N)"),
+                ..o.clone()
+            }));
+            again.sort_by_key(|o| key([&o.key, &format!("{shuffled}{:?}", o.result)[..]]));
+            // Each part by itself, read back from its file.
+            let mut merged = Vec::new();
+            for outcome in again {
+                let text = serde_json::to_string(&outcome).unwrap();
+                merged.push(serde_json::from_str::<Outcome>(&text).unwrap());
+            }
+            prop_assert_eq!(once, Results::merge(merged, false).unwrap().to_json().unwrap());
+        }
+    }
+
+    #[test]
+    fn two_pictures_of_one_adapter_are_an_error_in_any_order() {
+        let [a, b] = ["x", "y"].map(|scene| picture(1, "a", measured(scene)));
+        let error = Results::merge([a.clone(), b.clone()], false).unwrap_err();
+        assert!(matches!(error, MergeError::Differ { .. }), "{error}");
+        assert_eq!(Results::merge([b, a.clone()], false).unwrap_err(), error);
+        // Of two adapters they are two columns.
+        let other = picture(1, "b", measured("y"));
+        let results = Results::merge([a, other], false).unwrap();
+        assert_eq!(results.jobs.values().next().unwrap().answers.len(), 2);
+    }
+
+    #[test]
+    fn timing_jobs_that_shared_an_adapter_are_refused() {
+        let apart = [timed(1, "1", [0, 10]), timed(2, "1", [10, 20])];
+        Results::merge(apart, false).unwrap();
+        // The long one overlaps with one that does not follow it at once.
+        let shared = [
+            timed(1, "1", [0, 100]),
+            timed(2, "1", [100, 110]),
+            timed(3, "1", [5, 6]),
+        ];
+        let error = Results::merge(shared, false).unwrap_err();
+        assert!(error.to_string().contains("1.toml"), "{error}");
+        assert!(error.to_string().contains("3.toml"), "{error}");
+        let mut elsewhere = timed(3, "1", [5, 6]);
+        elsewhere.run.as_mut().unwrap().host = "there".to_owned();
+        Results::merge([timed(1, "1", [0, 100]), elsewhere], false).unwrap();
+    }
+
+    #[test]
+    fn versions_mix_by_flag_only() {
+        let new = Outcome {
+            version: "2".to_owned(),
+            ..picture(2, "a", measured("s"))
+        };
+        let both = [picture(1, "a", measured("s")), new];
+        let error = Results::merge(both.clone(), false).unwrap_err();
+        assert!(matches!(error, MergeError::Versions(_)), "{error}");
+        assert_eq!(Results::merge(both, true).unwrap().versions.len(), 2);
+    }
+}
