@@ -8,6 +8,7 @@ use super::plain::plain;
 use crate::jobs::{Answer, Kind, Measured, Results};
 use crate::measure::Estimate;
 use crate::measure::record::VariantReport;
+use crate::search::plan::choose::WORTHWHILE;
 
 /// What one adapter said of a variant.
 #[derive(Clone, Debug, Default)]
@@ -56,9 +57,9 @@ fn variant(measured: &Measured) -> Option<&VariantReport> {
     measured.report.variants.get(1)
 }
 
-/// Whether it pays: faster in every run, beyond the intervals.
+/// Whether it pays: faster in every run, beyond the intervals, by as much as `plan` asks for.
 fn pays(times: &[Result<Estimate, &str>]) -> bool {
-    let is_faster = |time: &Result<Estimate, &str>| time.is_ok_and(|e| e.low > 1.0);
+    let is_faster = |time: &Result<Estimate, &str>| time.is_ok_and(|e| e.low > WORTHWHILE);
     !times.is_empty() && times.iter().all(is_faster)
 }
 
