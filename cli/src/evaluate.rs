@@ -1,6 +1,6 @@
 //! `preshade evaluate`: runs jobs, and keeps one file for each result.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -218,6 +218,9 @@ fn read(path: &Path) -> Result<Vec<Job>, Failure> {
 /// The adapters to run on.
 fn adapters(wanted: Option<&str>) -> Result<Vec<AdapterReport>, Failure> {
     let mut all = render::adapters();
+    // Two cards of one model cannot be selected by name, and their results would be one.
+    let mut ids = BTreeSet::new();
+    all.retain(|adapter| ids.insert(adapter_id(adapter)));
     let names: Vec<String> = all.iter().map(|a| a.name.clone()).collect();
     match wanted {
         Some("all") => {}
@@ -409,7 +412,8 @@ impl Runner<'_> {
         command
             .args(["--variant", &job.variant, "--"])
             .args(&job.input);
-        let ended = worker::watched(command, &Limits::default(), self.args.seconds)?;
+        let ended = worker::watched(command, &Limits::default(), self.args.seconds)
+            .map_err(|why| why.replace("--limits seconds=N", "--seconds N"))?;
         if !matches!(ended.status.code(), Some(0 | 1 | 3)) {
             return Err(ended.why());
         }

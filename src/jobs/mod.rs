@@ -147,7 +147,7 @@ impl Reason {
         let has = |words: &[&str]| words.iter().any(|word| lower.contains(word));
         match () {
             () if has(&["of memory (--limits", "out of memory", "signal: 9"]) => Self::OutOfMemory,
-            () if has(&["(--limits seconds"]) => Self::TimedOut,
+            () if has(&["(--limits seconds", "(--seconds"]) => Self::TimedOut,
             () if has(&["adapter was lost", "device is lost", "device lost"]) => Self::DeviceLost,
             () if has(&["process ended with signal", "panicked"]) => Self::Crashed,
             () => Self::Refused,
