@@ -14,6 +14,7 @@ use preshade::unstable::jobs::{
 };
 use preshade::unstable::limits::Limits;
 use preshade::unstable::measure::record::Report;
+use preshade::unstable::passes::contract::Verdict;
 use preshade::unstable::render::{self, AdapterReport};
 
 use crate::{Ending, Failure, merge, output, verify, worker};
@@ -338,6 +339,12 @@ impl Runner<'_> {
             Kind::Time => lock.lock(),
         };
         locked.map_err(|e| Failure(format!("error: the adapter cannot be locked: {e}")))?;
+        // Another process may have the same share.
+        if let Some(outcome) = task.known()?
+            && !outcome.is_open(self.args.attempts)
+        {
+            return Ok(());
+        }
         let (start_ms, before) = (now(), load());
         let measured = self.measured(task);
         let run = (job.kind == Kind::Time).then(|| Run {
@@ -401,7 +408,7 @@ impl Runner<'_> {
             }
         }
         command.env(worker::VARIABLE, worker::OF_A_JOB);
-        let config = Temporary::new(&self.args.out, job)?;
+        let config = Temporary::new(&self.args.out, task)?;
         command.args(["verify", "--format", "json", "--config"]);
         command.arg(&config.0);
         command.args(["--adapter", &task.adapter.name]);
@@ -422,6 +429,17 @@ impl Runner<'_> {
         if adapter_id(&report.adapter) != adapter_id(task.adapter) {
             return Err(format!("it ran on {}", report.adapter.name));
         }
+        let [_, variant] = &report.variants[..] else {
+            return Err(
+                "its report is not of one variant: the configuration adds others".to_owned(),
+            );
+        };
+        // What ended `verify`'s own workers may go by.
+        if let Verdict::NotMeasured { why } = &variant.verdict
+            && Reason::of(why) != Reason::Refused
+        {
+            return Err(why.clone());
+        }
         // It names a temporary file.
         report.command = String::new();
         if job.kind == Kind::Picture {
@@ -436,8 +454,9 @@ impl Runner<'_> {
 struct Temporary(PathBuf);
 
 impl Temporary {
-    fn new(folder: &Path, job: &Job) -> Result<Self, String> {
-        let name = format!(".{}.{}.toml", job.key, std::process::id());
+    fn new(folder: &Path, task: &Task<'_>) -> Result<Self, String> {
+        let (job, id) = (task.job, adapter_id(task.adapter));
+        let name = format!(".{}.{id}.{}.toml", job.key, std::process::id());
         let path = folder.join(name);
         let failed = |e: std::io::Error| format!("{}: {e}", folder.display());
         std::fs::create_dir_all(folder).map_err(failed)?;

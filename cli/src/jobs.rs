@@ -53,6 +53,11 @@ pub fn run(args: &JobsArgs, config: Option<&Path>) -> Result<Ending, Failure> {
                 .to_owned(),
         ));
     }
+    if verify.shader.reads_stdin() {
+        return Err(Failure(
+            "error: jobs name files, which each machine reads: stdin is not one".to_owned(),
+        ));
+    }
     if verify.budget.is_some() && !args.explore {
         return Err(Failure(
             "error: --budget goes with --explore: variants that are named have budgets of their own"
