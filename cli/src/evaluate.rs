@@ -113,7 +113,7 @@ pub fn run(args: &EvaluateArgs) -> Result<Ending, Failure> {
                 job,
                 adapter,
             };
-            match task.known()? {
+            match task.known() {
                 Some(outcome) if !outcome.is_open(args.attempts) => done += 1,
                 known => tasks.push((task, known)),
             }
@@ -268,12 +268,9 @@ struct Task<'a> {
 }
 
 impl Task<'_> {
-    /// The result that is there.
-    fn known(&self) -> Result<Option<Outcome>, Failure> {
-        match self.file.exists() {
-            true => merge::read(&self.file).map(Some),
-            false => Ok(None),
-        }
+    /// The result that is there. One that cannot be read, as after a power cut, is measured again.
+    fn known(&self) -> Option<Outcome> {
+        merge::read(&self.file).ok()
     }
 }
 
@@ -340,7 +337,7 @@ impl Runner<'_> {
         };
         locked.map_err(|e| Failure(format!("error: the adapter cannot be locked: {e}")))?;
         // Another process may have the same share.
-        if let Some(outcome) = task.known()?
+        if let Some(outcome) = task.known()
             && !outcome.is_open(self.args.attempts)
         {
             return Ok(());
@@ -480,11 +477,11 @@ fn named(job: &Job) -> String {
 fn lock(adapter: &AdapterReport) -> Result<File, Failure> {
     let name = format!("preshade-adapter-{}.lock", adapter_id(adapter));
     let path = std::env::temp_dir().join(name);
-    let file = File::options()
-        .create(true)
-        .truncate(false)
-        .write(true)
-        .open(&path);
+    // Another user's cannot be written to, and need not be.
+    let file = File::open(&path).or_else(|_| {
+        let mut options = File::options();
+        options.create(true).truncate(false).write(true).open(&path)
+    });
     file.map_err(|e| Failure(format!("error: {}: {e}", path.display())))
 }
 

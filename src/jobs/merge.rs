@@ -42,7 +42,7 @@ pub struct Merged {
 pub enum Answer {
     /// Reports. A picture has one, with an empty name of the run. Times have one of each run.
     Measured {
-        /// By the run's id.
+        /// By the run's id, machine and start.
         runs: BTreeMap<String, Measured>,
     },
     /// No run has a report.
@@ -150,9 +150,12 @@ impl Results {
         });
         let (input, variant) = (&job.input, &job.variant);
         match outcome.result {
-            JobResult::Measured { report } => {
+            JobResult::Measured { mut report } => {
+                // As above.
+                report.adapter.features.clear();
                 let run = outcome.run;
-                let name = run.as_ref().map_or(String::new(), |r| r.id.clone());
+                let named = |r: &Run| format!("{} on {} at {}", r.id, r.host, r.start_ms);
+                let name = run.as_ref().map_or(String::new(), named);
                 let measured = Measured { run, report };
                 let answer = job.answers.entry(id).or_insert_with(|| Answer::Measured {
                     runs: BTreeMap::new(),
