@@ -103,7 +103,7 @@ pub fn run(args: &EvaluateArgs) -> Result<Ending, Failure> {
         }
         let may_run = adapters.iter().filter(|a| {
             let wanted = job.adapter.as_deref();
-            wanted.is_none_or(|text| matches(a, text))
+            wanted.is_none_or(|text| a.matches(text))
         });
         let mut is_somewhere = false;
         for adapter in may_run {
@@ -228,7 +228,7 @@ fn adapters(wanted: Option<&str>) -> Result<Vec<AdapterReport>, Failure> {
         Some(text) => {
             all = all
                 .into_iter()
-                .filter(|a| matches(a, text))
+                .filter(|a| a.matches(text))
                 .take(1)
                 .collect()
         }
@@ -242,14 +242,6 @@ fn adapters(wanted: Option<&str>) -> Result<Vec<AdapterReport>, Failure> {
         }
         .into()),
     }
-}
-
-/// As `--adapter` matches.
-fn matches(adapter: &AdapterReport, text: &str) -> bool {
-    let text = text.to_lowercase();
-    [&adapter.name, &adapter.driver, &adapter.backend]
-        .iter()
-        .any(|has| has.to_lowercase().contains(&text))
 }
 
 fn file_name(job: &Job, adapter: &AdapterReport, run: &str) -> String {

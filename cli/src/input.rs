@@ -271,12 +271,7 @@ impl ShaderArgs {
     fn included(&self, parsed: &front::Parsed) -> Vec<PathBuf> {
         // They follow the given files. A missing path was found in another folder.
         let all = parsed.program.sources().files().iter();
-        let here = std::env::current_dir().and_then(|d| d.canonicalize());
-        let path = |name: &str| {
-            let path = PathBuf::from(name);
-            let below = here.as_ref().ok().and_then(|h| path.strip_prefix(h).ok());
-            below.map(Path::to_path_buf).unwrap_or(path)
-        };
+        let path = |name: &str| from_here(Path::new(name)).to_owned();
         let included = all.skip(self.files.len()).map(|f| path(&f.name));
         let mut found: Vec<PathBuf> = Vec::new();
         for file in included.filter(|f| f.is_file()) {
@@ -698,4 +693,11 @@ fn color() -> front::Color {
     } else {
         front::Color::Never
     }
+}
+
+/// A path from the current folder, if it lies below it. Elsewhere that folder may have another name.
+pub fn from_here(path: &Path) -> &Path {
+    let here = std::env::current_dir().and_then(|d| d.canonicalize());
+    let below = here.ok().and_then(|here| path.strip_prefix(here).ok());
+    below.unwrap_or(path)
 }

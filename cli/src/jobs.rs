@@ -12,7 +12,7 @@ use preshade::unstable::search::candidates;
 
 use crate::many::{Chosen, Job};
 use crate::verify::{self, TimeArg, VerifyArgs};
-use crate::{Ending, Failure, output, promises};
+use crate::{Ending, Failure, input, output, promises};
 
 /// Arguments of `jobs`.
 #[derive(clap::Args)]
@@ -134,13 +134,6 @@ fn named(input: &Job) -> Vec<String> {
     files.map(|f| f.display().to_string()).collect()
 }
 
-/// A path from the current folder, where the other machine's folder may have another name.
-fn relative(path: &Path) -> &Path {
-    let here = std::env::current_dir().and_then(|d| d.canonicalize());
-    let below = here.ok().and_then(|here| path.strip_prefix(here).ok());
-    below.unwrap_or(path)
-}
-
 struct List<'a> {
     args: &'a JobsArgs,
     given: Vec<Recipe>,
@@ -166,7 +159,10 @@ impl List<'_> {
         for path in input.shader.reads() {
             let bytes = std::fs::read(&path)
                 .map_err(|e| Failure(format!("error: {}: {e}", path.display())))?;
-            files.insert(relative(&path).display().to_string(), jobs::hash(&bytes));
+            files.insert(
+                input::from_here(&path).display().to_string(),
+                jobs::hash(&bytes),
+            );
         }
         let cameras = scene.cameras.iter();
         let frames: usize = cameras.map(|c| c.frames.len().min(verify.frames)).sum();

@@ -52,6 +52,14 @@ impl AdapterReport {
             false => self.name.clone(),
         }
     }
+
+    /// Whether its name, driver or backend contains this text, ignoring case.
+    pub fn matches(&self, text: &str) -> bool {
+        let text = text.to_lowercase();
+        [&self.name, &self.driver, &self.backend]
+            .iter()
+            .any(|has| has.to_lowercase().contains(&text))
+    }
 }
 
 /// Features that plans often need, by WebGPU's name, or wgpu's if WebGPU has none. The adapter
@@ -300,13 +308,8 @@ impl Gpu {
             AdapterChoice::Matching(text) => Some(text.clone()),
         };
         let matches = |adapter: &wgpu::Adapter| {
-            wanted.as_ref().is_none_or(|text| {
-                let r = report(adapter);
-                let text = text.to_lowercase();
-                [r.name, r.driver, r.backend]
-                    .iter()
-                    .any(|s| s.to_lowercase().contains(&text))
-            })
+            let wanted = wanted.as_ref();
+            wanted.is_none_or(|text| report(adapter).matches(text))
         };
         let found = enumerate(matches);
         let adapter = found
