@@ -36,6 +36,11 @@ const NOT_FOUND: [&str; 1] = ["allow-outside"];
 /// folder.
 const WRITTEN: [&str; 5] = ["out", "out-dir", "depfile", "share", "model"];
 
+const JOBS: &str = "jobs";
+
+/// Flags of `verify` about its adapter and its report, of which a list of jobs has none.
+const NOT_OF_JOBS: [&str; 4] = ["adapter", "format", "out", "share"];
+
 /// Values by command and flag.
 #[derive(Debug, Default)]
 pub struct Config {
@@ -68,6 +73,9 @@ impl Config {
     /// that conflict.
     pub fn read(arguments: &Arguments, command: &Command) -> Result<Self, Failure> {
         let mut config = Self::of_flags(arguments);
+        if worker::is_job() {
+            return Ok(config);
+        }
         config.path = path(arguments);
         if let Some(path) = &config.path {
             let failed = |message: String| Failure(format!("error: {}: {message}", path.display()));
@@ -382,7 +390,8 @@ pub fn unknown_variables(command: &Command, names: impl Iterator<Item = OsString
         .flat_map(keys)
         .chain(keys(command));
     let mut known: Vec<String> = flags.map(|(long, _)| variable(long)).collect();
-    known.extend([variable("config"), worker::VARIABLE.to_owned()]);
+    let of_workers = [worker::VARIABLE, worker::LOCK].map(str::to_owned);
+    known.extend(of_workers.into_iter().chain([variable("config")]));
     let names = names.map(|name| name.to_string_lossy().into_owned());
     let mut unknown: Vec<String> = names
         .filter(|name| name.starts_with(PREFIX) && !known.contains(name))
@@ -413,7 +422,10 @@ fn keys(command: &Command) -> impl Iterator<Item = (&str, &Arg)> {
     };
     let flags = of.into_iter().flat_map(Command::get_arguments);
     let flags = flags.filter_map(|a| Some((a.get_long()?, a)));
-    flags.filter(|(long, _)| !NOT_KEYS.contains(long))
+    let is_jobs = command.get_name() == JOBS;
+    flags.filter(move |(long, _)| {
+        !(NOT_KEYS.contains(long) || is_jobs && NOT_OF_JOBS.contains(long))
+    })
 }
 
 /// A number if it is written as in TOML. `007` is a string.
@@ -512,6 +524,18 @@ fn values(table: &Table, command: &Command) -> Result<Values, String> {
             {
                 values.insert(at, words);
             }
+        }
+    }
+    // Jobs are made of what `verify` is given.
+    let own = table.get(JOBS);
+    for (long, _) in commands
+        .iter()
+        .filter(|c| c.get_name() == JOBS)
+        .flat_map(|c| keys(c))
+    {
+        let of_verify = values.get(&("verify".to_owned(), long.to_owned()));
+        if let Some(said) = of_verify.filter(|_| own.is_none_or(|own| own.get(long).is_none())) {
+            values.insert((JOBS.to_owned(), long.to_owned()), said.clone());
         }
     }
     Ok(values)

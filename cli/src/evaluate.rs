@@ -1,26 +1,32 @@
 //! `preshade evaluate`: runs jobs, and keeps one file for each result.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::sync::{Mutex, PoisonError};
+use std::time::SystemTime;
 
 use preshade::unstable::emit;
 use preshade::unstable::jobs::{
-    self, JOB_SCHEMA, Job, JobResult, Kind, OUTCOME_SCHEMA, Outcome, Partition, Reason, Run,
-    adapter_id,
+    self, EVERY, Exhaustive, Found, JOB_SCHEMA, Job, JobResult, Kind, OUTCOME_SCHEMA, Outcome,
+    Partition, Reason, Run, adapter_id,
 };
 use preshade::unstable::limits::Limits;
 use preshade::unstable::measure::record::Report;
 use preshade::unstable::passes::contract::Verdict;
-use preshade::unstable::render::{self, AdapterReport};
+use preshade::unstable::render::{self, AdapterReport, Card, turns};
 
+use crate::output::ProgressLine;
 use crate::{Ending, Failure, merge, output, verify, worker};
 
 /// End of the names of results.
 pub const EXTENSION: &str = ".outcome.json";
+
+/// Times to try a job that fails, if `--attempts` says nothing.
+const ATTEMPTS: u32 = 2;
 
 /// Arguments of `evaluate`.
 #[derive(clap::Args)]
@@ -32,8 +38,8 @@ Examples:
 
 Each job runs in a process of its own. Its result is one file, which is written whole or not at all:
 the same command again goes on where it was. A broken promise, a lost device, a crash and a job that
-takes too long are results too, and the next job runs. Timing jobs have their adapter for themselves
-on this machine, also beside another `evaluate`.
+takes too long are results too, and the next job runs. While a job times, no other draws on its card,
+also of another `evaluate`.
 Exit status 2: a job was not run, because its files are not those of the list.")]
 pub struct EvaluateArgs {
     /// List of `preshade jobs`; `-` is stdin.
@@ -48,18 +54,18 @@ pub struct EvaluateArgs {
     /// Run only these jobs.
     #[arg(long, value_enum)]
     kind: Option<KindArg>,
-    /// Part of an adapter's name, driver or backend; `all` runs each job on every adapter of this
-    /// machine.
+    /// Part of an adapter's name, driver or backend, or `#2` for the second of `preshade adapters`;
+    /// `all` runs each job on every model. Of several cards of one model each runs a part.
     #[arg(long, value_name = "TEXT")]
     adapter: Option<String>,
-    /// Jobs at once. Timing jobs of one adapter wait for each other.
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
-    workers: u16,
-    /// Stop a job after so many seconds.
+    /// Jobs at once; default: one for each card. While one times, the others compile and compare.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    workers: Option<u16>,
+    /// Stop a job after so many seconds. Waiting for other jobs does not count.
     #[arg(long, value_name = "SECONDS", default_value_t = worker::OF_A_VARIANT)]
     seconds: u64,
     /// Try a job that fails so many times in all, also over several runs of this command.
-    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", default_value_t = ATTEMPTS, value_parser = clap::value_parser!(u32).range(1..))]
     attempts: u32,
     /// Name of this run of timing jobs; each run adds samples. Default: the machine's name.
     #[arg(long, value_name = "NAME", value_parser = parse_run)]
@@ -86,103 +92,281 @@ fn parse_run(text: &str) -> Result<String, String> {
 
 /// Runs the jobs.
 pub fn run(args: &EvaluateArgs) -> Result<Ending, Failure> {
-    verify::check_folder(&args.out)?;
     let all = read(&args.jobs)?;
-    let adapters = adapters(args.adapter.as_deref())?;
-    let host = host();
-    let run = args.run.clone().unwrap_or_else(|| plain(&host));
-    let mut tasks = Vec::new();
-    let (mut done, mut nowhere) = (0, 0);
-    for job in &all {
+    let share = all.into_iter().filter(|job| {
         let is_kind = args.kind.is_none_or(|kind| match kind {
             KindArg::Picture => job.kind == Kind::Picture,
             KindArg::Time => job.kind == Kind::Time,
         });
-        if !is_kind || args.partition.is_some_and(|p| !p.contains(&job.key)) {
-            continue;
-        }
-        let may_run = adapters.iter().filter(|a| {
-            let wanted = job.adapter.as_deref();
-            wanted.is_none_or(|text| a.matches(text))
-        });
-        let mut is_somewhere = false;
-        for adapter in may_run {
-            is_somewhere = true;
-            let task = Task {
-                file: args.out.join(file_name(job, adapter, &run)),
-                job,
-                adapter,
-            };
-            match task.known() {
-                Some(outcome) if !outcome.is_open(args.attempts) => done += 1,
-                known => tasks.push((task, known)),
-            }
-        }
-        nowhere += usize::from(!is_somewhere);
-    }
-    if done > 0 {
-        output::message(&format!("{} there already", output::count(done, "result")));
-    }
-    if nowhere > 0 {
+        is_kind && args.partition.is_none_or(|p| p.contains(&job.key))
+    });
+    let settings = Settings {
+        workers: args.workers.map_or(0, usize::from),
+        seconds: args.seconds,
+        attempts: args.attempts,
+        run: args.run.clone(),
+        ..Settings::new(
+            args.out.clone(),
+            models(render::cards(), args.adapter.as_deref())?,
+        )
+    };
+    let tally = all_of(&share.collect::<Vec<_>>(), &settings)?;
+    if tally.nowhere > 0 {
         output::message(&format!(
             "warning: {} for adapters that this machine does not have",
-            output::count(nowhere, "job")
+            output::count(tally.nowhere, "job")
         ));
     }
-    let runner = Runner {
-        args,
-        host,
-        run,
-        hashes: changed_files(&tasks),
-    };
-    let next = AtomicUsize::new(0);
-    let is_stopped = AtomicBool::new(false);
-    let found = std::thread::scope(|scope| {
-        let workers: Vec<_> = (0..usize::from(args.workers).min(tasks.len()))
-            .map(|_| {
-                scope.spawn(|| {
-                    let mut found = Found::default();
-                    while !is_stopped.load(Ordering::Relaxed) {
-                        let index = next.fetch_add(1, Ordering::Relaxed);
-                        let Some((task, known)) = tasks.get(index) else {
-                            break;
-                        };
-                        match runner.evaluate(task, known.as_ref(), &mut found) {
-                            Ok(()) => {}
-                            Err(failure) => {
-                                // A disk that is full stays full.
-                                is_stopped.store(true, Ordering::Relaxed);
-                                return Err(failure);
-                            }
-                        }
-                    }
-                    Ok(found)
-                })
-            })
-            .collect();
-        let ended = workers.into_iter().map(|worker| {
-            let panicked = |_| Err(Failure("error: a worker panicked".to_owned()));
-            worker.join().unwrap_or_else(panicked)
-        });
-        ended.collect::<Result<Vec<Found>, Failure>>()
-    })?;
-    let sum = |of: fn(&Found) -> usize| found.iter().map(of).sum::<usize>();
-    let stale: Vec<&String> = found.iter().flat_map(|f| &f.stale).collect();
     output::message(&format!(
         "{}: {} measured, {} of them broken; {} failed; {} not run",
-        output::count(tasks.len(), "job"),
-        sum(|f| f.measured),
-        sum(|f| f.broken),
-        sum(|f| f.failed),
-        stale.len()
+        output::count(tally.jobs, "job"),
+        tally.measured,
+        tally.broken,
+        tally.failed,
+        tally.stale
     ));
-    match stale.len() {
+    match tally.stale {
         0 => Ok(Ending::Fine),
         n => Err(Failure(format!(
             "error: {} not run: their files are not those of the list",
             output::count(n, "job")
         ))),
     }
+}
+
+/// How to run jobs.
+pub struct Settings {
+    /// Folder for the results.
+    pub out: PathBuf,
+    /// Each job runs on each of them that its filter lets through.
+    pub models: Vec<Model>,
+    /// Jobs at once; 0: one for each card.
+    pub workers: usize,
+    /// A job is stopped after so many seconds.
+    pub seconds: u64,
+    /// A job that fails is tried so many times in all.
+    pub attempts: u32,
+    /// Name of this run of timing jobs. `None`: the machine's name.
+    pub run: Option<String>,
+}
+
+impl Settings {
+    /// The defaults.
+    pub fn new(out: PathBuf, models: Vec<Model>) -> Self {
+        Self {
+            out,
+            models,
+            workers: 0,
+            seconds: worker::OF_A_VARIANT,
+            attempts: ATTEMPTS,
+            run: None,
+        }
+    }
+}
+
+/// What became of jobs.
+#[derive(Debug, Default)]
+pub struct Tally {
+    /// Jobs that had no result.
+    pub jobs: usize,
+    /// Jobs that no adapter may run.
+    pub nowhere: usize,
+    /// Jobs that have a report now.
+    pub measured: usize,
+    /// Those that broke a contract.
+    pub broken: usize,
+    /// Jobs that have none.
+    pub failed: usize,
+    /// Jobs whose files are not those of the list.
+    pub stale: usize,
+}
+
+/// Adapters of one name, driver and backend: results of one are those of all.
+pub struct Model {
+    report: AdapterReport,
+    cards: Vec<Place>,
+}
+
+/// A card, and the number of jobs that this process runs there.
+struct Place {
+    card: Card,
+    busy: AtomicUsize,
+}
+
+impl Model {
+    /// [`adapter_id`].
+    pub fn id(&self) -> String {
+        adapter_id(&self.report)
+    }
+
+    /// The card with the fewest jobs of this process, and of those one that no other process uses.
+    fn take(&self) -> Result<Seat<'_>, Failure> {
+        let mut cards: Vec<&Place> = self.cards.iter().collect();
+        cards.sort_by_key(|place| place.busy.load(Ordering::Relaxed));
+        let mut first = None;
+        for place in &cards {
+            let file = worker::opened(&lock_of(&place.card, "seat"))?;
+            if file.try_lock().is_ok() {
+                first = Some((*place, Some(file)));
+                break;
+            }
+        }
+        let (place, file) = match (first, cards.first()) {
+            (Some(first), _) => first,
+            (None, Some(place)) => (*place, None),
+            (None, None) => return Err(Failure("error: a model without cards: a bug".to_owned())),
+        };
+        place.busy.fetch_add(1, Ordering::Relaxed);
+        Ok(Seat {
+            place,
+            _of_others: file,
+        })
+    }
+}
+
+/// A card in use.
+struct Seat<'a> {
+    place: &'a Place,
+    /// Locked while it is in use, to make other processes take other cards.
+    _of_others: Option<File>,
+}
+
+impl Drop for Seat<'_> {
+    fn drop(&mut self) {
+        self.place.busy.fetch_sub(1, Ordering::Relaxed);
+    }
+}
+
+/// The models among `cards` that match. Without `wanted` the best one; `all`: each.
+///
+/// # Errors
+/// There is none.
+pub fn models(cards: Vec<Card>, wanted: Option<&str>) -> Result<Vec<Model>, Failure> {
+    let found = cards.iter().map(|card| card.report.name.clone()).collect();
+    let mut models: Vec<Model> = Vec::new();
+    for card in cards {
+        let is_wanted = match wanted {
+            None | Some("all") => true,
+            Some(text) => card.choice == text || card.report.matches(text),
+        };
+        if !is_wanted {
+            continue;
+        }
+        let id = adapter_id(&card.report);
+        let report = card.report.clone();
+        let place = Place {
+            card,
+            busy: AtomicUsize::new(0),
+        };
+        match models.iter_mut().find(|model| model.id() == id) {
+            Some(model) => model.cards.push(place),
+            None => models.push(Model {
+                report,
+                cards: vec![place],
+            }),
+        }
+    }
+    if wanted != Some("all") {
+        models.truncate(1);
+    }
+    match models.is_empty() {
+        false => Ok(models),
+        true => Err(render::Error::NoAdapter {
+            wanted: wanted.map(str::to_owned),
+            found,
+        }
+        .into()),
+    }
+}
+
+/// Runs those jobs that have no result. Two processes may do so with one folder.
+///
+/// # Errors
+/// A result cannot be written.
+pub fn all_of(jobs: &[Job], settings: &Settings) -> Result<Tally, Failure> {
+    verify::check_folder(&settings.out)?;
+    let host = host();
+    let run = settings.run.clone().unwrap_or_else(|| plain(&host));
+    let runner = Runner {
+        settings,
+        host,
+        run,
+        files: Mutex::default(),
+    };
+    let mut tally = Tally::default();
+    let (mut tasks, mut done) = (Vec::new(), 0);
+    for job in jobs {
+        let wanted = job.adapter.as_deref();
+        let may_run = settings.models.iter();
+        let may_run = may_run.filter(|m| wanted.is_none_or(|text| m.report.matches(text)));
+        let mut is_somewhere = false;
+        for model in may_run {
+            is_somewhere = true;
+            let name = file_name(job, &model.report, &runner.run);
+            let task = Task {
+                file: settings.out.join(name),
+                job,
+                model,
+            };
+            match task.is_open(settings.attempts) {
+                true => tasks.push(task),
+                false => done += 1,
+            }
+        }
+        tally.nowhere += usize::from(!is_somewhere);
+    }
+    tally.jobs = tasks.len();
+    if done > 0 {
+        output::message(&format!("{} there already", output::count(done, "result")));
+    }
+    let cards = settings.models.iter().map(|m| m.cards.len()).sum();
+    let workers = match settings.workers {
+        0 => cards,
+        n => n,
+    };
+    let next = AtomicUsize::new(0);
+    let is_stopped = AtomicBool::new(false);
+    let bar = Mutex::new(output::bar());
+    std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..workers.min(tasks.len()))
+            .map(|_| {
+                scope.spawn(|| {
+                    let mut found = Tally::default();
+                    while !is_stopped.load(Ordering::Relaxed) {
+                        let index = next.fetch_add(1, Ordering::Relaxed);
+                        let Some(task) = tasks.get(index) else {
+                            break;
+                        };
+                        show(&bar, |bar| {
+                            bar.set_position((index * 1000 / tasks.len()) as u64);
+                            bar.set_message(named(task.job));
+                        });
+                        if let Err(failure) = runner.evaluate(task, &mut found, &bar) {
+                            // A disk that is full stays full.
+                            is_stopped.store(true, Ordering::Relaxed);
+                            return Err(failure);
+                        }
+                    }
+                    Ok(found)
+                })
+            })
+            .collect();
+        for worker in workers {
+            let panicked = |_| Err(Failure("error: a worker panicked".to_owned()));
+            let found = worker.join().unwrap_or_else(panicked)?;
+            tally.measured += found.measured;
+            tally.broken += found.broken;
+            tally.failed += found.failed;
+            tally.stale += found.stale;
+        }
+        Ok::<(), Failure>(())
+    })?;
+    show(&bar, ProgressLine::finish_and_clear);
+    Ok(tally)
+}
+
+fn show(bar: &Mutex<ProgressLine>, change: impl FnOnce(&ProgressLine)) {
+    change(&bar.lock().unwrap_or_else(PoisonError::into_inner));
 }
 
 /// Reads a list of jobs.
@@ -216,34 +400,6 @@ fn read(path: &Path) -> Result<Vec<Job>, Failure> {
     Ok(jobs.into_values().collect())
 }
 
-/// The adapters to run on.
-fn adapters(wanted: Option<&str>) -> Result<Vec<AdapterReport>, Failure> {
-    let mut all = render::adapters();
-    // Two cards of one model cannot be selected by name, and their results would be one.
-    let mut ids = BTreeSet::new();
-    all.retain(|adapter| ids.insert(adapter_id(adapter)));
-    let names: Vec<String> = all.iter().map(|a| a.name.clone()).collect();
-    match wanted {
-        Some("all") => {}
-        Some(text) => {
-            all = all
-                .into_iter()
-                .filter(|a| a.matches(text))
-                .take(1)
-                .collect()
-        }
-        None => all.truncate(1),
-    }
-    match all.is_empty() {
-        false => Ok(all),
-        true => Err(render::Error::NoAdapter {
-            wanted: wanted.map(str::to_owned),
-            found: names,
-        }
-        .into()),
-    }
-}
-
 fn file_name(job: &Job, adapter: &AdapterReport, run: &str) -> String {
     let id = adapter_id(adapter);
     match job.kind {
@@ -252,55 +408,61 @@ fn file_name(job: &Job, adapter: &AdapterReport, run: &str) -> String {
     }
 }
 
-/// One job on one adapter.
+/// One job on one model of adapters.
 struct Task<'a> {
     job: &'a Job,
-    adapter: &'a AdapterReport,
+    model: &'a Model,
     file: PathBuf,
 }
 
 impl Task<'_> {
-    /// The result that is there. One that cannot be read, as after a power cut, is measured again.
+    /// The result that is there. One that cannot be read is measured again.
     fn known(&self) -> Option<Outcome> {
         merge::read(&self.file).ok()
     }
-}
 
-/// Results of one worker.
-#[derive(Default)]
-struct Found {
-    measured: usize,
-    broken: usize,
-    failed: usize,
-    /// Jobs whose files are not those of the list.
-    stale: Vec<String>,
+    fn is_open(&self, attempts: u32) -> bool {
+        self.known().is_none_or(|outcome| outcome.is_open(attempts))
+    }
 }
 
 struct Runner<'a> {
-    args: &'a EvaluateArgs,
+    settings: &'a Settings,
     host: String,
     run: String,
-    /// Files that differ from those of a job's list, by path and hash.
-    hashes: BTreeMap<(String, String), String>,
+    /// Hashes of files, with the size and the time of the last change that they belong to.
+    files: Mutex<BTreeMap<String, (Stamp, String)>>,
 }
 
-/// Why each of the files of the tasks is not the one of its list, where it is not.
-fn changed_files(tasks: &[(Task<'_>, Option<Outcome>)]) -> BTreeMap<(String, String), String> {
-    let mut seen: BTreeMap<(String, String), Option<String>> = BTreeMap::new();
-    for (path, hash) in tasks.iter().flat_map(|(task, _)| &task.job.files) {
-        let known = seen.entry((path.clone(), hash.clone()));
-        known.or_insert_with(|| match std::fs::read(path) {
-            Err(e) => Some(e.to_string()),
-            Ok(bytes) if jobs::hash(&bytes) != *hash => Some("it was changed".to_owned()),
-            Ok(_) => None,
-        });
-    }
-    seen.into_iter()
-        .filter_map(|(file, why)| Some((file, why?)))
-        .collect()
-}
+type Stamp = (u64, Option<SystemTime>);
 
 impl Runner<'_> {
+    /// Why a file is not the one of the list, if it is not.
+    fn changed(&self, path: &str, hash: &str) -> Option<String> {
+        let stamp = match std::fs::metadata(path) {
+            Ok(file) => (file.len(), file.modified().ok()),
+            Err(e) => return Some(e.to_string()),
+        };
+        let mut files = self.files.lock().unwrap_or_else(PoisonError::into_inner);
+        let known = files.get(path).filter(|(at, _)| *at == stamp);
+        let now = match known {
+            Some((_, hash)) => hash.clone(),
+            None => match std::fs::read(path) {
+                Ok(bytes) => jobs::hash(&bytes),
+                Err(e) => return Some(e.to_string()),
+            },
+        };
+        let is_changed = now != hash;
+        files.insert(path.to_owned(), (stamp, now));
+        is_changed.then(|| "it was changed".to_owned())
+    }
+
+    /// Why a job's files are not those of the list, if they are not.
+    fn stale(&self, job: &Job) -> Option<String> {
+        let mut files = job.files.iter();
+        files.find_map(|(path, hash)| Some(format!("{path}: {}", self.changed(path, hash)?)))
+    }
+
     /// Runs one job and writes its result.
     ///
     /// # Errors
@@ -308,56 +470,47 @@ impl Runner<'_> {
     fn evaluate(
         &self,
         task: &Task<'_>,
-        known: Option<&Outcome>,
-        found: &mut Found,
+        found: &mut Tally,
+        bar: &Mutex<ProgressLine>,
     ) -> Result<(), Failure> {
         let job = task.job;
-        let mut files = job.files.iter();
-        let stale = files.find_map(|(path, hash)| {
-            let why = self.hashes.get(&(path.clone(), hash.clone()))?;
-            Some(format!("{path}: {why}"))
-        });
-        if let Some(why) = stale {
-            output::message(&format!("warning: {} is not run: {why}", named(job)));
-            found.stale.push(why);
-            return Ok(());
-        }
-        let lock = lock(task.adapter)?;
-        let locked = match job.kind {
-            Kind::Picture => lock.lock_shared(),
-            Kind::Time => lock.lock(),
-        };
-        locked.map_err(|e| Failure(format!("error: the adapter cannot be locked: {e}")))?;
         // Another process may have the same share.
-        if let Some(outcome) = task.known()
-            && !outcome.is_open(self.args.attempts)
-        {
+        if !task.is_open(self.settings.attempts) {
             return Ok(());
         }
-        let (start_ms, before) = (now(), load());
-        let measured = self.measured(task);
-        let run = (job.kind == Kind::Time).then(|| Run {
-            id: self.run.clone(),
-            host: self.host.clone(),
-            start_ms,
-            end_ms: now(),
-            load: before.zip(load()).map(|(a, b)| [a, b]),
-        });
-        drop(lock);
-        let result = match measured {
-            Ok(report) => {
+        let mut stale = self.stale(job);
+        let mut measured = None;
+        if stale.is_none() {
+            measured = Some(self.measured(task)?);
+            // It may have read what was changed meanwhile.
+            stale = self.stale(job);
+        }
+        if let Some(why) = stale {
+            let message = format!("warning: {} is not run: {why}", named(job));
+            show(bar, |bar| bar.suspend(|| output::message(&message)));
+            found.stale += 1;
+            return Ok(());
+        }
+        let Some((run, result)) = measured else {
+            return Ok(());
+        };
+        let result = match result {
+            Ok(measurements) => {
                 found.measured += 1;
-                found.broken += usize::from(report.is_broken());
+                found.broken += usize::from(measurements.is_broken());
                 JobResult::Measured {
-                    report: Box::new(report),
+                    found: measurements,
                 }
             }
             Err(why) => {
                 found.failed += 1;
-                output::message(&format!("{}: {why}", named(job)));
-                let attempts = match known.map(|outcome| &outcome.result) {
+                let message = format!("{}: {why}", named(job));
+                show(bar, |bar| bar.suspend(|| output::message(&message)));
+                let attempts = match task.known().map(|outcome| outcome.result) {
+                    None => 1,
                     Some(JobResult::Failed { attempts, .. }) => attempts + 1,
-                    _ => 1,
+                    // Another process was luckier.
+                    Some(JobResult::Measured { .. }) => return Ok(()),
                 };
                 JobResult::Failed {
                     reason: Reason::of(&why),
@@ -373,23 +526,48 @@ impl Runner<'_> {
             kind: job.kind,
             input: job.input.clone(),
             variant: job.variant.clone(),
-            adapter: task.adapter.clone(),
-            run,
+            adapter: task.model.report.clone(),
+            run: (job.kind == Kind::Time).then_some(run),
             result,
         };
-        let name = task.file.file_name().unwrap_or_default();
-        let file = emit::File {
-            name: name.to_string_lossy().into_owned(),
-            bytes: (serde_json::to_string_pretty(&outcome)? + "\n").into_bytes(),
-        };
-        emit::write(&self.args.out, &[file]).map_err(|e| Failure(format!("error: {e}")))?;
-        Ok(())
+        let text = serde_json::to_string_pretty(&outcome)? + "\n";
+        emit::write_file(&task.file, text.into_bytes()).map_err(|e| Failure(format!("error: {e}")))
     }
 
-    /// The report of a job's own process.
-    fn measured(&self, task: &Task<'_>) -> Result<Report, String> {
+    /// What a job's own process found, or why it found nothing.
+    ///
+    /// # Errors
+    /// No process could be started.
+    fn measured(&self, task: &Task<'_>) -> Result<(Run, Result<Found, String>), Failure> {
+        let seat = task.model.take()?;
+        let (start_ms, before) = (turns::since_1970(), load());
+        let command = self.command(task, &seat.place.card)?;
+        let ended = worker::watched(command, &Limits::default(), self.settings.seconds)
+            .map_err(|why| Failure(format!("error: {why}")))?;
+        let run = Run {
+            id: self.run.clone(),
+            host: self.host.clone(),
+            boot: turns::timeline().0,
+            card: seat.place.card.address.clone(),
+            start_ms,
+            end_ms: turns::since_1970(),
+            alone: ended.alone.clone(),
+            load: before.zip(load()).map(|(a, b)| [a, b]),
+        };
+        let adapter = &task.model.report;
+        let found = match &ended.status {
+            Err(why) => Err(why.replace("--limits seconds=N", "--seconds N")),
+            Ok(status) if !matches!(status.code(), Some(0 | 1 | 3)) => Err(ended.why(*status)),
+            Ok(_) if task.job.variant == EVERY => read_found::<Exhaustive>(&ended.out)
+                .map(|exhaustive| Found::Exhausted(Box::new(exhaustive))),
+            Ok(_) => read_found::<Report>(&ended.out).and_then(|r| checked(r, task.job, adapter)),
+        };
+        Ok((run, found))
+    }
+
+    fn command(&self, task: &Task<'_>, card: &Card) -> Result<Command, Failure> {
         let job = task.job;
-        let mut command = worker::myself()?;
+        let mut command = worker::myself().map_err(|why| Failure(format!("error: {why}")))?;
         // Only the job says how to draw.
         for (name, _) in std::env::vars_os() {
             if name.to_string_lossy().starts_with("PRESHADE_") {
@@ -397,67 +575,54 @@ impl Runner<'_> {
             }
         }
         command.env(worker::VARIABLE, worker::OF_A_JOB);
-        let config = Temporary::new(&self.args.out, task)?;
-        command.args(["verify", "--format", "json", "--config"]);
-        command.arg(&config.0);
-        command.args(["--adapter", &task.adapter.name]);
-        if job.kind == Kind::Picture {
-            command.args(["--time", "no"]);
+        command.env(worker::LOCK, lock_of(card, "lock"));
+        let adapter = format!("--adapter={}", card.choice);
+        match job.variant == EVERY {
+            true => {
+                let probes = self
+                    .settings
+                    .out
+                    .join(format!("{}.probes.json", task.model.id()));
+                command.args(["plan", "--exhaustive", &adapter]);
+                command.arg("--probes").arg(probes);
+            }
+            false => {
+                command.args(["verify", "--format=json", &adapter]);
+                command.arg(format!("--variant={}", job.variant));
+                if job.kind == Kind::Picture {
+                    command.arg("--time=no");
+                }
+            }
         }
-        command.args(&job.arguments);
-        command
-            .args(["--variant", &job.variant, "--"])
-            .args(&job.input);
-        let ended = worker::watched(command, &Limits::default(), self.args.seconds)
-            .map_err(|why| why.replace("--limits seconds=N", "--seconds N"))?;
-        if !matches!(ended.status.code(), Some(0 | 1 | 3)) {
-            return Err(ended.why());
-        }
-        let mut report: Report = serde_json::from_str(&ended.out)
-            .map_err(|e| format!("its report cannot be read: {e}"))?;
-        if adapter_id(&report.adapter) != adapter_id(task.adapter) {
-            return Err(format!("it ran on {}", report.adapter.name));
-        }
-        let [_, variant] = &report.variants[..] else {
-            return Err(
-                "its report is not of one variant: the configuration adds others".to_owned(),
-            );
-        };
-        // What ended `verify`'s own workers may go by.
-        if let Verdict::NotMeasured { why } = &variant.verdict
-            && Reason::of(why) != Reason::Refused
-        {
-            return Err(why.clone());
-        }
-        // It names a temporary file.
-        report.command = String::new();
-        if job.kind == Kind::Picture {
-            let costs = report.variants.iter_mut().filter_map(|v| v.cost.as_mut());
-            costs.for_each(|cost| cost.creation_ms = None);
-        }
-        Ok(report)
+        command.args(&job.arguments).arg("--").args(&job.input);
+        Ok(command)
     }
 }
 
-/// A job's configuration as a file, for as long as it runs.
-struct Temporary(PathBuf);
-
-impl Temporary {
-    fn new(folder: &Path, task: &Task<'_>) -> Result<Self, String> {
-        let (job, id) = (task.job, adapter_id(task.adapter));
-        let name = format!(".{}.{id}.{}.toml", job.key, std::process::id());
-        let path = folder.join(name);
-        let failed = |e: std::io::Error| format!("{}: {e}", folder.display());
-        std::fs::create_dir_all(folder).map_err(failed)?;
-        std::fs::write(&path, job.config.as_deref().unwrap_or_default()).map_err(failed)?;
-        Ok(Self(path))
-    }
+fn read_found<T: serde::de::DeserializeOwned>(json: &str) -> Result<T, String> {
+    serde_json::from_str(json).map_err(|e| format!("its report cannot be read: {e}"))
 }
 
-impl Drop for Temporary {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_file(&self.0);
+/// The report, without what differs from run to run.
+fn checked(mut report: Report, job: &Job, adapter: &AdapterReport) -> Result<Found, String> {
+    if adapter_id(&report.adapter) != adapter_id(adapter) {
+        return Err(format!("it ran on {}", report.adapter.name));
     }
+    let [_, variant] = &report.variants[..] else {
+        return Err("its report is not of one variant".to_owned());
+    };
+    // What ended `verify`'s own workers may go by.
+    if let Verdict::NotMeasured { why } = &variant.verdict
+        && Reason::of(why) != Reason::Refused
+    {
+        return Err(why.clone());
+    }
+    report.command = String::new();
+    if job.kind == Kind::Picture {
+        let costs = report.variants.iter_mut().filter_map(|v| v.cost.as_mut());
+        costs.for_each(|cost| cost.creation_ms = None);
+    }
+    Ok(Found::Report(Box::new(report)))
 }
 
 /// Input and variant, for messages.
@@ -465,22 +630,10 @@ fn named(job: &Job) -> String {
     format!("{} with {}", job.input.join(" "), job.variant)
 }
 
-/// The file that all processes of this machine lock while they use an adapter.
-fn lock(adapter: &AdapterReport) -> Result<File, Failure> {
-    let name = format!("preshade-adapter-{}.lock", adapter_id(adapter));
-    let path = std::env::temp_dir().join(name);
-    // Another user's cannot be written to, and need not be.
-    let file = File::open(&path).or_else(|_| {
-        let mut options = File::options();
-        options.create(true).truncate(false).write(true).open(&path)
-    });
-    file.map_err(|e| Failure(format!("error: {}: {e}", path.display())))
-}
-
-/// Milliseconds since 1970.
-fn now() -> u64 {
-    let since = SystemTime::now().duration_since(UNIX_EPOCH);
-    since.map_or(0, |d| u64::try_from(d.as_millis()).unwrap_or(u64::MAX))
+/// A file that all processes of this machine lock which use a card.
+fn lock_of(card: &Card, what: &str) -> PathBuf {
+    let place = jobs::key([adapter_id(&card.report).as_str(), card.address.as_str()]);
+    std::env::temp_dir().join(format!("preshade-{place}.{what}"))
 }
 
 /// Processes that wait for a core, on average over the last minute.

@@ -22,7 +22,7 @@ use crate::verify::{
     FormArg, OrderArg, check_budget, check_folder, command, grouped, parse_seconds,
 };
 use crate::view::ViewArgs;
-use crate::{Ending, Failure, Table, guesses, many, output};
+use crate::{Ending, Failure, Table, guesses, many, output, worker};
 
 /// Arguments of `explore`.
 #[derive(clap::Args)]
@@ -162,7 +162,10 @@ fn one(args: &ExploreArgs, shader: &ShaderArgs, out: Option<&Path>) -> Result<En
         .adapter
         .clone()
         .map_or(AdapterChoice::Best, AdapterChoice::Matching);
-    let gpu = Gpu::with_trust(&choice, args.shader.limits.limits().trust())?;
+    let gpu = worker::in_turns(Gpu::with_trust(
+        &choice,
+        args.shader.limits.limits().trust(),
+    )?)?;
     guesses::tell(&scene);
     scene = args.view.reduced(scene, &gpu, SOFTWARE_SIZE);
     let mut journal = match out {

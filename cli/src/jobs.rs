@@ -1,18 +1,20 @@
 //! `preshade jobs`: measurements as lines that any scheduler can share out.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::PathBuf;
 
 use preshade::unstable::jobs::{self, JOB_SCHEMA, Kind};
 use preshade::unstable::measure;
 use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::plan::Plan;
 use preshade::unstable::recipe::Recipe;
-use preshade::unstable::scene::Variables;
+use preshade::unstable::scene::{Scene, Variables};
 use preshade::unstable::search::candidates;
 
+use crate::input::ShaderArgs;
 use crate::many::{Chosen, Job};
 use crate::verify::{self, TimeArg, VerifyArgs};
-use crate::{Ending, Failure, input, output, promises};
+use crate::{Ending, Failure, exhaustive, flags, input, output, promises};
 
 /// Arguments of `jobs`.
 #[derive(clap::Args)]
@@ -20,6 +22,7 @@ use crate::{Ending, Failure, input, output, promises};
 Examples:
   preshade jobs scenes/ --explore --time first-frames > jobs.jsonl
   preshade jobs lit.wgsl --variant depth-prepass --variant early-discard > jobs.jsonl
+  preshade jobs scenes/ --exhaustive > jobs.jsonl
   preshade evaluate --jobs jobs.jsonl --out results/
   preshade merge results/ -o results.json
 
@@ -30,6 +33,9 @@ pub struct JobsArgs {
     /// The variants that `plan` and `explore` try. With --budget also those that change the picture.
     #[arg(long)]
     explore: bool,
+    /// A job for each scene, which times every candidate in every view, as `plan --exhaustive` does.
+    #[arg(long, conflicts_with_all = ["explore", "every_pass", "passes", "variants", "time"])]
+    exhaustive: bool,
     /// Only adapters with this text in their name, driver or backend may run the jobs.
     #[arg(long, value_name = "TEXT")]
     only_on: Option<String>,
@@ -44,7 +50,7 @@ const SECONDS_A_MEGAPIXEL: f64 = 0.05;
 const SECONDS_TO_START: f64 = 1.5;
 
 /// Lists the jobs.
-pub fn run(args: &JobsArgs, config: Option<&Path>) -> Result<Ending, Failure> {
+pub fn run(args: &JobsArgs) -> Result<Ending, Failure> {
     let verify = &args.verify;
     if verify.adapter.is_some() {
         return Err(Failure(
@@ -58,36 +64,15 @@ pub fn run(args: &JobsArgs, config: Option<&Path>) -> Result<Ending, Failure> {
             "error: jobs name files, which each machine reads: stdin is not one".to_owned(),
         ));
     }
-    if verify.budget.is_some() && !args.explore {
+    if verify.budget.is_some() && !args.explore && !args.exhaustive {
         return Err(Failure(
-            "error: --budget goes with --explore: variants that are named have budgets of their own"
+            "error: --budget goes with --explore and --exhaustive: variants that are named have \
+             budgets of their own"
                 .to_owned(),
         ));
     }
     verify.check_many(true)?;
-    let given = verify::recipes(&verify.variants.sweeps()?);
-    let mut declared = match verify.every_pass {
-        true => promises::every_pass()?,
-        false => Vec::new(),
-    };
-    if args.explore {
-        declared.extend(candidates::recipes(verify.budget)?);
-    }
-    if given.is_empty() && declared.is_empty() {
-        declared = verify::recipes(&verify::by_default()?);
-    }
-    let config = config.map(|path| {
-        std::fs::read_to_string(path)
-            .map_err(|e| Failure(format!("error: {}: {e}", path.display())))
-    });
-    let config = config.transpose()?.filter(|text| !text.trim().is_empty());
-    let list = List {
-        args,
-        given,
-        declared,
-        config,
-        arguments: arguments(verify),
-    };
+    let list = List::new(args)?;
     let inputs = verify.jobs()?.unwrap_or_else(|| {
         vec![Job {
             shader: verify.shader.clone(),
@@ -97,12 +82,12 @@ pub fn run(args: &JobsArgs, config: Option<&Path>) -> Result<Ending, Failure> {
     });
     let (mut all, mut failed) = (BTreeMap::new(), 0);
     for input in &inputs {
-        match list.jobs(input, &mut all) {
-            Ok(()) => {}
+        match list.jobs(input) {
+            Ok(jobs) => all.extend(jobs.into_iter().map(|job| (job.key.clone(), job))),
             Err(Failure(why)) if promises::is_left_out(input, &why) => {}
             Err(Failure(why)) => {
                 failed += 1;
-                output::message(&format!("{}: {why}", named(input).join(" ")));
+                output::message(&format!("{}: {why}", named(&input.shader).join(" ")));
             }
         }
     }
@@ -118,20 +103,77 @@ pub fn run(args: &JobsArgs, config: Option<&Path>) -> Result<Ending, Failure> {
     }
 }
 
-/// The flags of `verify` that each job gets.
-fn arguments(verify: &VerifyArgs) -> Vec<String> {
-    let words = promises::flags(&verify.shader.files);
-    // Before the subcommand are flags about colours and the like.
-    let subcommand = words.iter().position(|word| word == "jobs");
-    words
-        .into_iter()
-        .skip(subcommand.map_or(0, |i| i + 1))
-        .collect()
+fn named(shader: &ShaderArgs) -> Vec<String> {
+    let files = shader.files.iter();
+    files.map(|f| f.display().to_string()).collect()
 }
 
-fn named(input: &Job) -> Vec<String> {
-    let files = input.shader.files.iter();
-    files.map(|f| f.display().to_string()).collect()
+/// What jobs of one input have in common.
+pub struct Input<'a> {
+    shader: &'a ShaderArgs,
+    /// Hashes, by path.
+    files: BTreeMap<String, String>,
+}
+
+impl<'a> Input<'a> {
+    /// Hashes the files of a shader or scene.
+    ///
+    /// # Errors
+    /// One cannot be read.
+    pub fn new(shader: &'a ShaderArgs) -> Result<Self, Failure> {
+        let hashed = |path: PathBuf| {
+            let bytes = std::fs::read(&path)
+                .map_err(|e| Failure(format!("error: {}: {e}", path.display())))?;
+            let name = input::from_here(&path).display().to_string();
+            Ok((name, jobs::hash(&bytes)))
+        };
+        Ok(Self {
+            shader,
+            files: shader
+                .reads()
+                .into_iter()
+                .map(hashed)
+                .collect::<Result<_, Failure>>()?,
+        })
+    }
+
+    /// A job. `plans` are those that it draws.
+    ///
+    /// # Errors
+    /// None that these types can give.
+    pub fn job(
+        &self,
+        (kind, seconds): (Kind, f64),
+        variant: &str,
+        arguments: Vec<String>,
+        plans: &[Plan],
+    ) -> Result<jobs::Job, Failure> {
+        let mut job = jobs::Job {
+            schema: JOB_SCHEMA.to_owned(),
+            key: String::new(),
+            kind,
+            input: named(self.shader),
+            variant: variant.to_owned(),
+            arguments,
+            adapter: None,
+            files: self.files.clone(),
+            seconds: 0.0,
+        };
+        let texts = promises::frame(plans).unwrap_or_default();
+        job.key = jobs::key([jobs::VERSION, &serde_json::to_string(&job)?, &texts]);
+        job.seconds = (seconds * 10.0).round() / 10.0;
+        Ok(job)
+    }
+}
+
+/// Estimated seconds for pictures of a scene's views on a fast GPU, and the number of views.
+pub fn estimate(scene: &Scene, frames_per_camera: usize) -> (f64, f64) {
+    let cameras = scene.cameras.iter();
+    let frames: usize = cameras.map(|c| c.frames.len().min(frames_per_camera)).sum();
+    let views = (frames * scene.orders.len().max(1)) as f64;
+    let megapixels = f64::from(scene.size[0]) * f64::from(scene.size[1]) / 1e6;
+    let pictures = SECONDS_TO_START + 2.0 * views * megapixels * SECONDS_A_MEGAPIXEL;
+    (pictures, views)
 }
 
 struct List<'a> {
@@ -139,40 +181,72 @@ struct List<'a> {
     given: Vec<Recipe>,
     /// Those whose parameters name what no material of an input has are left out.
     declared: Vec<Recipe>,
-    config: Option<String>,
     arguments: Vec<String>,
 }
 
-impl List<'_> {
-    /// Adds the jobs of one input, by key.
-    fn jobs(&self, input: &Job, all: &mut BTreeMap<String, jobs::Job>) -> Result<(), Failure> {
+impl<'a> List<'a> {
+    fn new(args: &'a JobsArgs) -> Result<Self, Failure> {
+        let verify = &args.verify;
+        let given = verify::recipes(&verify.variants.sweeps()?);
+        let mut declared = match verify.every_pass {
+            true => promises::every_pass()?,
+            false => Vec::new(),
+        };
+        if args.explore {
+            declared.extend(candidates::recipes(verify.budget)?);
+        }
+        if given.is_empty() && declared.is_empty() {
+            declared = verify::recipes(&verify::by_default()?);
+        }
+        let mut arguments = flags::without(&verify.flags, &["explore", "exhaustive", "only-on"]);
+        if args.exhaustive {
+            exhaustive::check_flags(&arguments)?;
+        } else {
+            arguments = flags::without(&arguments, &promises::OF_SEVERAL);
+        }
+        Ok(Self {
+            args,
+            given,
+            declared,
+            arguments,
+        })
+    }
+
+    /// The jobs of one input.
+    fn jobs(&self, job: &Job) -> Result<Vec<jobs::Job>, Failure> {
         let verify = &self.args.verify;
-        let scene = verify::scene(verify, &input.shader, &Variables::new())?;
-        let originals = measure::originals(&scene);
+        let input = Input::new(&job.shader)?;
+        let scene = verify::scene(verify, &job.shader, &Variables::new())?;
+        let mut found = match self.args.exhaustive {
+            true => vec![exhaustive::job(
+                &input,
+                &scene,
+                verify.budget,
+                self.arguments.clone(),
+            )?],
+            false => self.of_variants(&input, &scene)?,
+        };
+        for job in &mut found {
+            job.adapter.clone_from(&self.args.only_on);
+        }
+        Ok(found)
+    }
+
+    fn of_variants(&self, input: &Input<'_>, scene: &Scene) -> Result<Vec<jobs::Job>, Failure> {
+        let verify = &self.args.verify;
+        let originals = measure::originals(scene);
         for recipe in &self.given {
             recipe.check_names(&originals)?;
         }
         let is_named = |recipe: &&Recipe| recipe.check_names(&originals).is_ok();
         let recipes = self.given.iter();
         let recipes = recipes.chain(self.declared.iter().filter(is_named));
-        let mut files = BTreeMap::new();
-        for path in input.shader.reads() {
-            let bytes = std::fs::read(&path)
-                .map_err(|e| Failure(format!("error: {}: {e}", path.display())))?;
-            files.insert(
-                input::from_here(&path).display().to_string(),
-                jobs::hash(&bytes),
-            );
-        }
-        let cameras = scene.cameras.iter();
-        let frames: usize = cameras.map(|c| c.frames.len().min(verify.frames)).sum();
-        let views = (frames * scene.orders.len().max(1)) as f64;
-        let megapixels = f64::from(scene.size[0]) * f64::from(scene.size[1]) / 1e6;
-        let pictures = SECONDS_TO_START + 2.0 * views * megapixels * SECONDS_A_MEGAPIXEL;
+        let (pictures, _) = estimate(scene, verify.frames);
         let mut kinds = vec![(Kind::Picture, pictures)];
         if verify.time.is_some_and(|time| time != TimeArg::No) {
             kinds.push((Kind::Time, pictures + verify.seconds));
         }
+        let mut found = Vec::new();
         for recipe in recipes {
             // Facts of an adapter, which change few texts, are not known here.
             let variant = measure::variant(&originals, recipe, &Facts::default());
@@ -180,33 +254,16 @@ impl List<'_> {
             if variant.is_refused() && !is_chosen_there {
                 continue;
             }
-            let texts = promises::frame(&variant.plans).unwrap_or_default();
-            for (kind, seconds) in &kinds {
+            for kind in &kinds {
                 let mut arguments = self.arguments.clone();
-                if let (Kind::Time, Some(time)) = (kind, verify.time) {
-                    let word = clap::ValueEnum::to_possible_value(&time);
-                    let word = word.map(|v| v.get_name().to_owned());
-                    arguments.extend(["--time".to_owned()].into_iter().chain(word));
+                if let (Kind::Time, Some(time)) = (kind.0, verify.time)
+                    && let Some(word) = clap::ValueEnum::to_possible_value(&time)
+                {
+                    arguments.push(format!("--time={}", word.get_name()));
                 }
-                let mut job = jobs::Job {
-                    schema: JOB_SCHEMA.to_owned(),
-                    key: String::new(),
-                    kind: *kind,
-                    input: named(input),
-                    variant: recipe.to_string(),
-                    arguments,
-                    config: self.config.clone(),
-                    adapter: None,
-                    files: files.clone(),
-                    seconds: 0.0,
-                };
-                let line = serde_json::to_string(&job)?;
-                job.key = jobs::key([jobs::VERSION, &line, &texts]);
-                job.adapter = self.args.only_on.clone();
-                job.seconds = (seconds * 10.0).round() / 10.0;
-                all.insert(job.key.clone(), job);
+                found.push(input.job(*kind, &recipe.to_string(), arguments, &variant.plans)?);
             }
         }
-        Ok(())
+        Ok(found)
     }
 }

@@ -6,9 +6,8 @@ use std::path::Path;
 use preshade::unstable::render::{AdapterChoice, Gpu};
 use preshade::unstable::search::plan::{SceneSoFar, Unfinished, so_far};
 
-use crate::Failure;
 use crate::keeper::Keeper;
-use crate::output;
+use crate::{Failure, output, worker};
 
 /// The results of the scenes of a run.
 pub struct KeptScenes {
@@ -87,7 +86,8 @@ pub fn reopened(gpu: &mut Gpu, choice: &AdapterChoice) -> Result<(), Failure> {
     output::message(&format!(
         "warning: the graphics device was lost: {why}; the rest is measured on a new one"
     ));
-    let new = Gpu::with_trust(choice, gpu.trust())?;
+    gpu.end_turns();
+    let new = worker::in_turns(Gpu::with_trust(choice, gpu.trust())?)?;
     // Closing one that hangs may hang.
     std::mem::forget(std::mem::replace(gpu, new));
     Ok(())

@@ -29,8 +29,10 @@ mod completions;
 mod config;
 mod depfile;
 mod evaluate;
+mod exhaustive;
 mod explain;
 mod explore;
+mod flags;
 mod graph;
 mod guesses;
 mod hints;
@@ -170,7 +172,7 @@ impl Command {
             Self::Verify(a) => verify::run(a),
             Self::Plan(a) => plan::run(a),
             Self::Explore(a) => explore::run(a),
-            Self::Jobs(a) => jobs::run(a, config),
+            Self::Jobs(a) => jobs::run(a),
             Self::Evaluate(a) => evaluate::run(a),
             Self::Merge(a) => merge::run(a),
             #[cfg(feature = "capture")]
@@ -179,6 +181,22 @@ impl Command {
             Self::Bench(a) => bench::run(a),
             Self::Completions(a) => completions::run(a, Cli::command()),
             Self::Man(a) => man::run(a, Cli::command()),
+        }
+    }
+
+    /// Keeps the flags in effect of commands that other processes continue.
+    fn keep_flags(&mut self, matches: &clap::ArgMatches) {
+        let flags = match self {
+            Self::Verify(a) => &mut a.flags,
+            Self::Jobs(a) => &mut a.verify.flags,
+            Self::Plan(a) => &mut a.flags,
+            _ => return,
+        };
+        let command = Cli::command();
+        if let Some((name, of_it)) = matches.subcommand()
+            && let Some(sub) = command.find_subcommand(name)
+        {
+            *flags = flags::words(sub, of_it);
         }
     }
 
@@ -445,7 +463,10 @@ fn read(arguments: &Arguments) -> Result<CommandLine, Failure> {
     let matches = command
         .try_get_matches_from_mut(&arguments.words)
         .map_err(usage)?;
-    let cli = Cli::from_arg_matches(&matches).map_err(|e| usage(e.format(&mut command)))?;
+    let mut cli = Cli::from_arg_matches(&matches).map_err(|e| usage(e.format(&mut command)))?;
+    if let Some(wanted) = &mut cli.command {
+        wanted.keep_flags(&matches);
+    }
     Ok(CommandLine {
         cli,
         command,

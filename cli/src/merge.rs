@@ -36,12 +36,7 @@ pub struct MergeArgs {
 
 /// Merges.
 pub fn run(args: &MergeArgs) -> Result<Ending, Failure> {
-    let mut outcomes = Vec::new();
-    for path in &args.results {
-        for file in files(path)? {
-            outcomes.push(read(&file)?);
-        }
-    }
+    let outcomes = outcomes(&args.results)?;
     if outcomes.is_empty() {
         return Err(Failure(
             "error: no result is in the folders given: `evaluate --out` writes them".to_owned(),
@@ -51,21 +46,8 @@ pub fn run(args: &MergeArgs) -> Result<Ending, Failure> {
         Results::merge(outcomes, args.mix_versions).map_err(|e| Failure(format!("error: {e}")))?;
     let json = results.to_json()?;
     if let Some(path) = &args.out {
-        let file = emit::File {
-            name: path
-                .file_name()
-                .unwrap_or_default()
-                .to_string_lossy()
-                .into_owned(),
-            bytes: json.clone().into_bytes(),
-        };
-        let dir = path.parent().unwrap_or(Path::new(""));
-        let dir = if dir.as_os_str().is_empty() {
-            Path::new(".")
-        } else {
-            dir
-        };
-        emit::write(dir, &[file]).map_err(|e| Failure(format!("error: {e}")))?;
+        emit::write_file(path, json.clone().into_bytes())
+            .map_err(|e| Failure(format!("error: {e}")))?;
         output::message(&format!("wrote {}", path.display()));
     }
     match args.format {
@@ -78,11 +60,25 @@ pub fn run(args: &MergeArgs) -> Result<Ending, Failure> {
         Answer::Measured { runs } => runs.values().collect(),
         Answer::Failed { .. } => Vec::new(),
     });
-    let mut is_broken = is_broken.map(|measured| measured.report.is_broken());
+    let mut is_broken = is_broken.map(|measured| measured.found.is_broken());
     Ok(match is_broken.any(|broken| broken) {
         true => Ending::ContractBroken,
         false => Ending::Fine,
     })
+}
+
+/// The results in folders, or in files.
+///
+/// # Errors
+/// One cannot be read.
+pub fn outcomes(paths: &[PathBuf]) -> Result<Vec<Outcome>, Failure> {
+    let mut outcomes = Vec::new();
+    for path in paths {
+        for file in files(path)? {
+            outcomes.push(read(&file)?);
+        }
+    }
+    Ok(outcomes)
 }
 
 /// The results in a folder, or the one file.

@@ -3,7 +3,7 @@
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use preshade::unstable::command::rewrite;
 use preshade::unstable::emit;
@@ -18,8 +18,9 @@ use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
 use preshade::unstable::report;
 use preshade::unstable::report::html::plan::Redrawn;
 use preshade::unstable::scene::{DrawOrder, Rows, Scene};
+use preshade::unstable::search::plan::regret::Choosing;
 use preshade::unstable::search::plan::{
-    self as decide, Decision, Exhausted, Hold, Model, RegretReport, SceneSoFar, Settings, Timed,
+    self as decide, Decision, Hold, Model, SceneSoFar, Settings, Timed,
 };
 
 use crate::guesses;
@@ -32,7 +33,7 @@ use crate::output::{self, ProgressLine};
 use crate::rewrite::check_name;
 use crate::verify::{OrderArg, check_budget, check_folder, parse_frames, parse_seconds};
 use crate::view::ViewArgs;
-use crate::{Ending, Failure, Table};
+use crate::{Ending, Failure, Table, exhaustive, worker};
 
 /// Arguments of `plan`.
 #[derive(clap::Args)]
@@ -64,18 +65,18 @@ pub struct PlanArgs {
     #[command(flatten)]
     pub limits: LimitArgs,
     #[command(flatten)]
-    view: ViewArgs,
+    pub view: ViewArgs,
     /// Draw in these orders only.
     #[arg(long, value_name = "ORDER", value_enum)]
     order: Vec<OrderArg>,
     /// Weigh recipes that may differ by so much too: flip_mean, flip_p99 or max_abs.
     #[arg(long, value_name = "METRIC=NUMBER", value_parser = Budget::parse)]
-    budget: Option<Budget>,
+    pub budget: Option<Budget>,
     /// Hold to one plan: no switch between views.
     #[arg(long)]
     one: bool,
     /// Frames of each camera path to look at, evenly spaced.
-    #[arg(long, value_name = "N", default_value_t = 3, value_parser = parse_frames)]
+    #[arg(long, value_name = "N", default_value_t = FRAMES, value_parser = parse_frames)]
     frames: usize,
     /// Plans to measure beside the original.
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = parse_frames)]
@@ -84,7 +85,7 @@ pub struct PlanArgs {
     #[arg(long, value_enum, default_value_t = TimeArg::Yes)]
     time: TimeArg,
     /// Seconds to spend on timing each view.
-    #[arg(long, value_name = "SECONDS", default_value_t = 1.0, value_parser = parse_seconds)]
+    #[arg(long, value_name = "SECONDS", default_value_t = SECONDS, value_parser = parse_seconds)]
     seconds: f64,
     /// Read the adapter's cost model from here; where there is no such file, fit one and write it.
     #[arg(long, value_name = "FILE")]
@@ -95,21 +96,44 @@ pub struct PlanArgs {
     exhaustive: bool,
     /// Part of an adapter's name, driver or backend.
     #[arg(long, value_name = "TEXT")]
-    adapter: Option<String>,
+    pub adapter: Option<String>,
     /// Folder for the chosen plans' shaders, a `plan.json` each, `decision.json`, `report.html` and
     /// `report.csv`; with --exhaustive for `regret.json` and `regret.csv`.
     #[arg(short, long, alias = "output", value_name = "DIR")]
-    out: Option<PathBuf>,
+    pub out: Option<PathBuf>,
     /// Keep the choice in `preshade.lock` beside each material's shader: build scripts obey it. Of
     /// a policy with a switch, the plan below it.
     #[arg(long)]
     lock: bool,
+    /// With --exhaustive, scenes at once; default: one for each card. While one times, the others compile
+    /// and compare.
+    #[arg(long, value_name = "N", requires = "exhaustive", value_parser = clap::value_parser!(u16).range(1..))]
+    pub workers: Option<u16>,
+    /// With --exhaustive, read the frames that the cost model is fitted to from here, or measure and write them.
+    #[arg(long, value_name = "FILE", hide = true, requires = "exhaustive")]
+    pub probes: Option<PathBuf>,
     /// Output form.
     #[arg(long, value_enum, default_value_t = Table::Human)]
-    format: Table,
+    pub format: Table,
+    /// The flags in effect, as words.
+    #[arg(skip)]
+    pub flags: Vec<String>,
 }
 
+/// Frames of a camera path, by default.
+pub const FRAMES: usize = 3;
+
+/// Seconds for each view, by default.
+pub const SECONDS: f64 = 1.0;
+
 impl PlanArgs {
+    fn hold(&self) -> Hold {
+        match self.one || self.lock {
+            true => Hold::One,
+            false => Hold::Switching,
+        }
+    }
+
     /// The files that it reads.
     pub fn reads(&self) -> Vec<PathBuf> {
         let jobs = self.jobs().unwrap_or_default();
@@ -181,9 +205,10 @@ pub fn run(args: &PlanArgs) -> Result<Ending, Failure> {
     let bar = output::bar();
     let names = scenes.iter().map(|path| path.display().to_string());
     if args.exhaustive {
-        let gpu = Gpu::with_trust(&choice, args.limits.limits().trust())?;
-        let kept = KeptScenes::new(args.out.as_deref(), &gpu, names.collect());
-        return exhaustive(args, &jobs, (gpu, &choice), kept, &bar);
+        return match worker::is_job() {
+            true => exhaustive::measured(args, &jobs),
+            false => exhaustive::run(args, &jobs),
+        };
     }
     // Scenes that cannot be read are reported before anything is drawn. The others are planned.
     let read = |job: &Job| {
@@ -210,13 +235,13 @@ pub fn run(args: &PlanArgs) -> Result<Ending, Failure> {
     {
         return Err(Failure(std::mem::take(why)));
     }
-    let gpu = Gpu::with_trust(&choice, args.limits.limits().trust())?;
+    let gpu = worker::in_turns(Gpu::with_trust(&choice, args.limits.limits().trust())?)?;
     let kept = KeptScenes::new(args.out.as_deref(), &gpu, names.collect());
     each(args, loaded, (gpu, &choice), kept, &bar)
 }
 
 /// The path that stands for a scene or a bare shader: its first file.
-fn path_of(job: &Job) -> PathBuf {
+pub fn path_of(job: &Job) -> PathBuf {
     job.shader.files.first().cloned().unwrap_or_default()
 }
 
@@ -328,89 +353,15 @@ fn one(
     })
 }
 
-/// Measures everything, and holds the choices against it.
-fn exhaustive(
-    args: &PlanArgs,
-    jobs: &[Job],
-    (mut gpu, choice): (Gpu, &AdapterChoice),
-    mut kept: KeptScenes,
-    bar: &ProgressLine,
-) -> Result<Ending, Failure> {
-    let (model, probes) = model(args, &gpu, bar)?;
-    let settings = settings(args, &model);
-    let mut scenes: Vec<Exhausted> = Vec::new();
-    let mut failed = Vec::new();
-    for (done, job) in jobs.iter().enumerate() {
-        let path = path_of(job);
-        let name = path.file_stem().unwrap_or_default().to_string_lossy();
-        let whole = path.display().to_string();
-        bar.set_position((done * 1000 / jobs.len()) as u64);
-        bar.set_message(name.to_string());
-        let start = Instant::now();
-        let measured = scene(args, &job.shader).and_then(|scene| {
-            let scene = grouped(args, scene)?;
-            let session = Session::new(&gpu, &scene, ShaderForm::Text)?;
-            let (recipes, facts) = prepare(args, &session, bar)?;
-            let mut progress = |p: decide::PlanProgress<'_>| {
-                let so_far = p.so_far.into_iter();
-                so_far.for_each(|so_far| kept.keep(&whole, so_far));
-            };
-            let found = decide::exhaust(&session, &recipes, &facts, &settings, &mut progress);
-            Ok(found?)
-        });
-        let spent = start.elapsed().as_secs_f64();
-        match measured {
-            Ok(measured) => {
-                let (plans, views) = (measured.plans.len(), measured.views.len());
-                bar.suspend(|| {
-                    output::message(&format!(
-                        "{name}: {plans} plans, {views} views, {spent:.1} s"
-                    ));
-                });
-                scenes.push(Exhausted {
-                    scene: name.into_owned(),
-                    ..measured
-                });
-            }
-            // A scene that this adapter cannot draw is reported and does not stop the others.
-            Err(failure) => {
-                failed.push((name.into_owned(), failure.0.clone()));
-                bar.suspend(|| kept.fail(&whole, failure));
-                reopened(&mut gpu, choice)?;
-            }
-        }
+/// How `--exhaustive` chooses.
+pub fn choosing(args: &PlanArgs) -> Choosing {
+    Choosing {
+        runners: args.runners,
+        hold: args.hold(),
     }
-    bar.finish_and_clear();
-    let report = RegretReport {
-        resolution: args.view.size(),
-        failed,
-        ..decide::regret::evaluate(gpu.adapter(), &probes, &scenes, &settings)
-    };
-    let (json, csv) = (report.to_json()?, report.csv());
-    let printed = match args.format {
-        Table::Human => output::table(&report.render()),
-        Table::Json => output::data(&json),
-        Table::Csv => output::data(&csv),
-    };
-    let out = args.out.as_deref();
-    let written = match out {
-        None => Ok(()),
-        Some(dir) => {
-            let file = |name: &str, text: String| emit::File {
-                name: name.to_owned(),
-                bytes: text.into_bytes(),
-            };
-            let files = [file("regret.json", json), file("regret.csv", csv)];
-            let written = emit::write(dir, &files).map(|_| ());
-            written.map_err(|e| Failure(format!("error: {e}")))
-        }
-    };
-    output::both(printed, written, out).map_err(|e| kept.named(e))?;
-    kept.end()?;
-    Ok(Ending::Fine)
 }
 
-fn settings<'a>(args: &PlanArgs, model: &'a Model) -> Settings<'a> {
+pub fn settings<'a>(args: &PlanArgs, model: &'a Model) -> Settings<'a> {
     Settings {
         timed: match args.time {
             TimeArg::No => Timed::No,
@@ -425,10 +376,7 @@ fn settings<'a>(args: &PlanArgs, model: &'a Model) -> Settings<'a> {
         frames_per_camera: args.frames,
         runners: args.runners,
         refinements: 6,
-        hold: match args.one || args.lock {
-            true => Hold::One,
-            false => Hold::Switching,
-        },
+        hold: args.hold(),
         model,
         command: crate::verify::command(),
     }
@@ -436,7 +384,7 @@ fn settings<'a>(args: &PlanArgs, model: &'a Model) -> Settings<'a> {
 
 /// The cost model: read from a file, or fitted to the built-in probes and then written if
 /// requested.
-fn model(
+pub fn model(
     args: &PlanArgs,
     gpu: &Gpu,
     bar: &ProgressLine,
@@ -463,20 +411,15 @@ fn model(
         bar.set_position((done * 1000.0) as u64);
     })?;
     if let Some(path) = &args.model {
-        let (folder, name) = (path.parent(), path.file_name());
-        let file = emit::File {
-            name: name.unwrap_or_default().to_string_lossy().into_owned(),
-            bytes: (model.to_json()? + "\n").into_bytes(),
-        };
-        let folder = folder.filter(|f| *f != Path::new(""));
-        emit::write(folder.unwrap_or(Path::new(".")), &[file]).map_err(|e| told(path, &e))?;
+        let json = model.to_json()? + "\n";
+        emit::write_file(path, json.into_bytes()).map_err(|e| told(path, &e))?;
         bar.suspend(|| output::message(&format!("wrote {}", path.display())));
     }
     Ok((model, observations))
 }
 
 /// The recipes to try, with measured choices made, and the facts of the scene.
-fn prepare(
+pub fn prepare(
     args: &PlanArgs,
     session: &Session<'_>,
     bar: &ProgressLine,
@@ -516,7 +459,7 @@ fn prepare(
 }
 
 /// Reads a scene, or makes one up for a shader.
-fn scene(args: &PlanArgs, shader: &ShaderArgs) -> Result<Scene, Failure> {
+pub fn scene(args: &PlanArgs, shader: &ShaderArgs) -> Result<Scene, Failure> {
     let scene = shader.scene()?;
     check_budget(&scene, args.budget)?;
     let mut scene = args.view.of(scene)?;
@@ -528,7 +471,7 @@ fn scene(args: &PlanArgs, shader: &ShaderArgs) -> Result<Scene, Failure> {
 
 /// Splits the draws of a material that need different versions into materials of their own, which
 /// get their own decisions.
-fn grouped(args: &PlanArgs, scene: Scene) -> Result<Scene, Failure> {
+pub fn grouped(args: &PlanArgs, scene: Scene) -> Result<Scene, Failure> {
     match args.lock {
         true => Ok(scene),
         false => Ok(measure::grouped(

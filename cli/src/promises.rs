@@ -4,7 +4,6 @@
 //! that a crash, a hang or a lost device costs one input.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -26,7 +25,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::many::{Chosen, Job};
 use crate::verify::{self, VerifyArgs};
-use crate::{Ending, Failure, Table, output, worker};
+use crate::{Ending, Failure, Table, flags, output, worker};
 
 /// The budget in recipes that leave it to the user.
 const BUDGET: Budget = Budget {
@@ -550,42 +549,22 @@ pub fn frame(plans: &[Plan]) -> Option<String> {
     Some(text)
 }
 
+/// Flags that choose variants, times and the form of the output.
+pub const OF_SEVERAL: [&str; 7] = [
+    "variant",
+    "pass",
+    "recipe",
+    "every-pass",
+    "format",
+    "time",
+    "budget",
+];
+
 /// The command that draws one variant of one input, with the flags of this one.
 fn alone(args: &VerifyArgs, job: &Job, variant: &str) -> String {
-    let mut words = vec!["preshade".to_owned()];
-    words.extend(flags(&args.shader.files));
+    let mut words = vec!["preshade".to_owned(), "verify".to_owned()];
+    words.extend(flags::without(&args.flags, &OF_SEVERAL));
     words.extend(job.shader.files.iter().map(|f| f.display().to_string()));
     words.extend(["--time", "no", "--variant", variant].map(str::to_owned));
     shell_words::join(words)
-}
-
-/// The words of this command line that say how to draw, with the subcommand: without `files`, and
-/// without what chooses variants, times and the form of the output.
-pub fn flags(files: &[PathBuf]) -> Vec<String> {
-    const DROPPED: [&str; 8] = [
-        "--variant",
-        "--pass",
-        "--recipe",
-        "--format",
-        "--time",
-        "--only-on",
-        "--budget",
-        "--config",
-    ];
-    const SWITCHES: [&str; 2] = ["--every-pass", "--explore"];
-    let mut words = Vec::new();
-    let mut rest = std::env::args_os().skip(1);
-    while let Some(word) = rest.next() {
-        let text = word.to_string_lossy().into_owned();
-        let is_file = files.iter().any(|f| f.as_os_str() == word);
-        if DROPPED.contains(&text.as_str()) {
-            rest.next();
-        } else if !is_file
-            && !SWITCHES.contains(&text.as_str())
-            && !DROPPED.iter().any(|d| text.starts_with(&format!("{d}=")))
-        {
-            words.push(text);
-        }
-    }
-    words
 }

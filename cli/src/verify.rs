@@ -110,6 +110,9 @@ pub struct VerifyArgs {
     // Last: its help heading applies to the flags after it.
     #[command(flatten)]
     pub shader: ShaderArgs,
+    /// The flags in effect, as words.
+    #[arg(skip)]
+    pub flags: Vec<String>,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -353,7 +356,7 @@ pub fn open(args: &VerifyArgs) -> Result<Gpu, Failure> {
     let choice = args.adapter.clone();
     let choice = choice.map_or(AdapterChoice::Best, AdapterChoice::Matching);
     let trust = args.shader.limits.limits().trust();
-    Ok(Gpu::with_trust(&choice, trust)?)
+    worker::in_turns(Gpu::with_trust(&choice, trust)?)
 }
 
 impl Opened {
@@ -367,7 +370,8 @@ impl Opened {
     }
 
     /// Leaks a lost device: closing one that hangs may hang.
-    fn abandon(self) {
+    fn abandon(mut self) {
+        self.0.end_turns();
         std::mem::forget(self.0);
     }
 }

@@ -1,13 +1,19 @@
 //! Measures variants, or inputs, in separate processes, so that one that hangs, crashes, loses its
 //! device or uses up its memory does not affect the others.
 
-use std::io::Read;
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
+use std::path::Path;
 use std::process::{Command, ExitStatus, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use preshade::unstable::limits::Limits;
+use preshade::unstable::render::Gpu;
+use preshade::unstable::render::turns::{Turn, Turns};
 
-use crate::bounded;
+use crate::{Failure, bounded};
 
 /// Names, to the process that does it, which of the variants it measures: 0 is the original alone. Of
 /// several inputs, which of them, from 1.
@@ -15,6 +21,12 @@ pub const VARIABLE: &str = "PRESHADE_WORKER";
 
 /// Its value for a process that runs a whole job, as if a user had started it.
 pub const OF_A_JOB: &str = "job";
+
+/// The lock file by which jobs share their adapter.
+pub const LOCK: &str = "PRESHADE_LOCK";
+
+/// Begins a line of a job's stderr that tells a [`Turn`].
+const TURN: char = '\u{1e}';
 
 /// Interval of checks on a worker.
 const TICK: Duration = Duration::from_millis(20);
@@ -29,6 +41,12 @@ pub const OF_AN_INPUT: u64 = 3600;
 /// The variant that this process is to measure for another one, if it is.
 pub fn mine() -> Option<usize> {
     std::env::var(VARIABLE).ok()?.parse().ok()
+}
+
+/// Whether this process runs a job, or a part of one: its command line says all, and neither the
+/// environment nor a configuration file of this machine.
+pub fn is_job() -> bool {
+    std::env::var_os(LOCK).is_some()
 }
 
 /// Whether another process of preshade waits for this one.
@@ -47,6 +65,55 @@ pub fn end_with_parent() {
     });
 }
 
+/// Takes turns with the jobs of other processes, if this is one.
+///
+/// # Errors
+/// The lock cannot be opened or taken.
+pub fn in_turns(gpu: Gpu) -> Result<Gpu, Failure> {
+    match std::env::var_os(LOCK) {
+        None => Ok(gpu),
+        Some(path) => {
+            let lock = opened(Path::new(&path))?;
+            Ok(gpu.in_turns(Turns::new(lock, tell))?)
+        }
+    }
+}
+
+/// Opens a lock file, and makes it if it is missing.
+///
+/// # Errors
+/// As for files.
+pub fn opened(lock: &Path) -> Result<File, Failure> {
+    // Another user's cannot be written to, and need not be.
+    let file = File::open(lock).or_else(|_| {
+        let mut options = File::options();
+        options.create(true).truncate(false).write(true).open(lock)
+    });
+    file.map_err(|e| Failure(format!("error: {}: {e}", lock.display())))
+}
+
+fn tell(turn: Turn) {
+    match turn {
+        Turn::Waits => eprintln!("{TURN}waits"),
+        Turn::Runs => eprintln!("{TURN}runs"),
+        Turn::Alone { start_ms, end_ms } => eprintln!("{TURN}alone {start_ms} {end_ms}"),
+    }
+}
+
+/// Reads a line of [`tell`].
+fn turn(line: &str) -> Option<Turn> {
+    let mut words = line.strip_prefix(TURN)?.split(' ');
+    Some(match words.next()? {
+        "waits" => Turn::Waits,
+        "runs" => Turn::Runs,
+        "alone" => Turn::Alone {
+            start_ms: words.next()?.parse().ok()?,
+            end_ms: words.next()?.parse().ok()?,
+        },
+        _ => return None,
+    })
+}
+
 /// Runs this command again for one variant or input, within `limits` and `patience` seconds, and
 /// returns its stdout.
 ///
@@ -63,9 +130,10 @@ fn ended(which: usize, limits: &Limits, patience: u64) -> Result<String, String>
         .args(std::env::args_os().skip(1))
         .env(VARIABLE, which.to_string());
     let ended = watched(command, limits, limits.seconds.min(patience))?;
-    match ended.status.code() {
+    let status = ended.status.clone()?;
+    match status.code() {
         Some(0 | 1) => Ok(ended.out),
-        _ => Err(ended.why()),
+        _ => Err(ended.why(status)),
     }
 }
 
@@ -82,29 +150,33 @@ fn not_started(error: std::io::Error) -> String {
     format!("no process could be started for it: {error}")
 }
 
-/// A process that ended by itself.
+/// A process that ended.
 pub struct Ended {
-    /// Its exit status.
-    pub status: ExitStatus,
+    /// Its exit status, or why it was killed.
+    pub status: Result<ExitStatus, String>,
     /// Its stdout.
     pub out: String,
-    /// Its stderr.
+    /// The last line of its stderr that says something.
     told: String,
+    /// When it had a shared adapter for itself: starts and ends in milliseconds.
+    pub alone: Vec<[u64; 2]>,
 }
 
 impl Ended {
     /// Its exit status and the last line of its stderr.
-    pub fn why(&self) -> String {
-        let last = self.told.lines().rfind(|l| !l.trim().is_empty());
-        let last = last.map_or(String::new(), |l| format!(": {}", l.trim()));
-        format!("its process ended with {}{last}", self.status)
+    pub fn why(&self, status: ExitStatus) -> String {
+        match self.told.as_str() {
+            "" => format!("its process ended with {status}"),
+            told => format!("its process ended with {status}: {told}"),
+        }
     }
 }
 
-/// Runs a command to its end, and kills it after `seconds`, or over the memory of `limits`.
+/// Runs a command to its end, and kills it after `seconds`, or over the memory of `limits`. Waiting for an
+/// adapter that others use does not count.
 ///
 /// # Errors
-/// In words, if it was killed or did not start.
+/// In words, if it did not start.
 pub fn watched(mut command: Command, limits: &Limits, seconds: u64) -> Result<Ended, String> {
     let mut child = command
         .stdin(Stdio::piped())
@@ -115,15 +187,21 @@ pub fn watched(mut command: Command, limits: &Limits, seconds: u64) -> Result<En
     // Kept open while it runs.
     let alive = child.stdin.take();
     let out = drain(child.stdout.take());
-    let told = drain(child.stderr.take());
-    let start = Instant::now();
-    let ended = loop {
+    let waits = Arc::new(AtomicBool::new(false));
+    let told = listen(child.stderr.take(), Arc::clone(&waits));
+    let (mut spent, mut before) = (Duration::ZERO, Instant::now());
+    let status = loop {
         match child.try_wait() {
             Ok(Some(status)) => break Ok(status),
             Ok(None) => {}
             Err(e) => break Err(e.to_string()),
         }
-        if start.elapsed() > Duration::from_secs(seconds) {
+        let now = Instant::now();
+        if !waits.load(Ordering::Relaxed) {
+            spent += now - before;
+        }
+        before = now;
+        if spent > Duration::from_secs(seconds) {
             break Err(too_long(seconds));
         }
         if let Some(bytes) = resident(child.id()).filter(|b| *b > limits.memory) {
@@ -131,19 +209,48 @@ pub fn watched(mut command: Command, limits: &Limits, seconds: u64) -> Result<En
         }
         std::thread::sleep(TICK);
     };
-    if ended.is_err() {
+    if status.is_err() {
         // It may have ended by itself in between.
         let _ = child.kill();
         let _ = child.wait();
     }
     drop(alive);
-    let text =
-        |bytes: Option<Vec<u8>>| String::from_utf8_lossy(&bytes.unwrap_or_default()).into_owned();
-    let (out, told) = (text(out.join().ok()), text(told.join().ok()));
+    let (told, alone) = told.join().unwrap_or_default();
     Ok(Ended {
-        status: ended?,
-        out,
+        status,
+        out: String::from_utf8_lossy(&out.join().unwrap_or_default()).into_owned(),
         told,
+        alone,
+    })
+}
+
+/// Reads stderr to its end in a thread. Returns the last line, and when the process was alone.
+fn listen(
+    pipe: Option<impl Read + Send + 'static>,
+    waits: Arc<AtomicBool>,
+) -> std::thread::JoinHandle<(String, Vec<[u64; 2]>)> {
+    std::thread::spawn(move || {
+        let (mut last, mut alone) = (String::new(), Vec::new());
+        let lines = pipe.map(|pipe| BufReader::new(pipe).split(b'\n'));
+        for line in lines.into_iter().flatten().map_while(Result::ok) {
+            let line = String::from_utf8_lossy(&line);
+            let Some(turn) = turn(&line) else {
+                if !line.trim().is_empty() {
+                    last = line.trim().to_owned();
+                }
+                continue;
+            };
+            match turn {
+                Turn::Waits => waits.store(true, Ordering::Relaxed),
+                Turn::Runs => waits.store(false, Ordering::Relaxed),
+                Turn::Alone { start_ms, end_ms } => alone.push([start_ms, end_ms]),
+            }
+            // A job's own workers are not its parent's.
+            if is_job() {
+                tell(turn);
+            }
+        }
+        (last, alone)
     })
 }
 

@@ -55,7 +55,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::panics;
 
-pub use output::{is_material_name, write};
+pub use output::{is_material_name, write, write_file};
 pub use plan_json::{
     Fallback, GlslAttribute, GlslBlock, GlslTexture, GlslUniform, PassFiles, PlanFile,
     SpecConstant, StageFile, TessellationFiles, WeakerPromise,

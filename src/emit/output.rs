@@ -1,7 +1,7 @@
 //! Writes files to disk atomically.
 
 use std::fs;
-use std::io;
+use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
 use super::File;
@@ -15,6 +15,33 @@ use super::File;
 /// # Errors
 /// The file system's error with the path. Temporary files are removed.
 pub fn write(dir: &Path, files: &[File]) -> io::Result<Vec<PathBuf>> {
+    staged(dir, files, |path, bytes| fs::write(path, bytes))
+}
+
+/// [`write()`] one file, so that after a power cut too it is whole or not there.
+///
+/// # Errors
+/// As [`write()`].
+pub fn write_file(path: &Path, bytes: Vec<u8>) -> io::Result<()> {
+    let name = path.file_name().unwrap_or_default();
+    let file = File {
+        name: name.to_string_lossy().into_owned(),
+        bytes,
+    };
+    let folder = path.parent().filter(|folder| *folder != Path::new(""));
+    staged(folder.unwrap_or(Path::new(".")), &[file], |path, bytes| {
+        let mut file = fs::File::create(path)?;
+        file.write_all(bytes)?;
+        file.sync_all()
+    })?;
+    Ok(())
+}
+
+fn staged(
+    dir: &Path,
+    files: &[File],
+    store: fn(&Path, &[u8]) -> io::Result<()>,
+) -> io::Result<Vec<PathBuf>> {
     // The system would only report "File exists".
     if let Some(file) = dir.ancestors().find(|a| a.is_file()) {
         let message = format!("{} is a file, not a folder", file.display());
@@ -32,7 +59,7 @@ pub fn write(dir: &Path, files: &[File]) -> io::Result<Vec<PathBuf>> {
         }
         let temporary = dir.join(format!(".{}.{}.tmp", file.name, std::process::id()));
         staged.0.push((temporary.clone(), target));
-        fs::write(&temporary, &file.bytes).map_err(|e| at(&temporary, &e))?;
+        store(&temporary, &file.bytes).map_err(|e| at(&temporary, &e))?;
     }
     let mut changed = Vec::new();
     while let Some((temporary, target)) = staged.0.first().cloned() {

@@ -1,11 +1,11 @@
 //! The union of outcomes.
 
+use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
-use super::{JobResult, Kind, Outcome, Reason, Run, adapter_id};
-use crate::measure::record::Report;
+use super::{Found, JobResult, Kind, Outcome, Reason, Run, adapter_id};
 use crate::render::AdapterReport;
 
 /// Merged outcomes of one version, or of several if that was allowed.
@@ -54,14 +54,27 @@ pub enum Answer {
     },
 }
 
-/// One report.
+impl Answer {
+    /// Whether both failed, and the other comes first.
+    fn is_after(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Failed { reason: a, why: b }, Self::Failed { reason: c, why: d }) => {
+                (a, b) > (c, d)
+            }
+            _ => false,
+        }
+    }
+}
+
+/// The measurements of one run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Measured {
     /// Its circumstances. `None`: a picture.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub run: Option<Run>,
-    /// The report.
-    pub report: Box<Report>,
+    /// The measurements.
+    #[serde(flatten)]
+    pub found: Found,
 }
 
 /// Why outcomes cannot be merged. Each names both sides, in an order that does not depend on that of the
@@ -97,6 +110,46 @@ pub enum MergeError {
     Versions(BTreeSet<String>),
 }
 
+/// When a job had an adapter for itself.
+#[derive(PartialEq, Eq, PartialOrd, Ord)]
+struct Slot {
+    /// The start of a machine, the card, and [`adapter_id`].
+    place: (String, String, String),
+    /// Start and end in milliseconds.
+    time: [u64; 2],
+    /// Input, variant and run.
+    job: String,
+    host: String,
+}
+
+impl Slot {
+    fn of(outcome: &Outcome) -> Vec<Self> {
+        let Some(run) = &outcome.run else {
+            return Vec::new();
+        };
+        let machine = match run.boot.is_empty() {
+            true => run.host.clone(),
+            false => run.boot.clone(),
+        };
+        let slot = |time: &[u64; 2]| Self {
+            place: (
+                machine.clone(),
+                run.card.clone(),
+                adapter_id(&outcome.adapter),
+            ),
+            time: *time,
+            job: format!(
+                "{} with {} (run {})",
+                outcome.input.join(" "),
+                outcome.variant,
+                run.id
+            ),
+            host: run.host.clone(),
+        };
+        run.alone.iter().map(slot).collect()
+    }
+}
+
 /// The schema of [`Results`].
 const SCHEMA: &str = "preshade.results.v1";
 
@@ -117,10 +170,12 @@ impl Results {
             jobs: BTreeMap::new(),
         };
         let mut errors: Vec<MergeError> = Vec::new();
+        let mut slots = BTreeSet::new();
         for outcome in outcomes {
+            slots.extend(Slot::of(&outcome));
             errors.extend(results.add(outcome));
         }
-        errors.extend(results.overlaps());
+        errors.extend(results.overlaps(&slots));
         if results.versions.len() > 1 && !may_mix_versions {
             errors.push(MergeError::Versions(results.versions.clone()));
         }
@@ -148,57 +203,55 @@ impl Results {
             variant: outcome.variant,
             answers: BTreeMap::new(),
         });
-        let (input, variant) = (&job.input, &job.variant);
+        let answer = job.answers.entry(id);
         match outcome.result {
-            JobResult::Measured { mut report } => {
+            JobResult::Measured { mut found } => {
                 // As above.
-                report.adapter.features.clear();
+                if let Found::Report(report) = &mut found {
+                    report.adapter.features.clear();
+                }
                 let run = outcome.run;
                 let named = |r: &Run| format!("{} on {} at {}", r.id, r.host, r.start_ms);
                 let name = run.as_ref().map_or(String::new(), named);
-                let measured = Measured { run, report };
-                let answer = job.answers.entry(id).or_insert_with(|| Answer::Measured {
-                    runs: BTreeMap::new(),
-                });
-                if let Answer::Failed { .. } = answer {
-                    *answer = Answer::Measured {
-                        runs: BTreeMap::new(),
-                    };
-                }
+                let measured = Measured { run, found };
+                let first = Answer::Measured {
+                    runs: BTreeMap::from([(name.clone(), measured.clone())]),
+                };
+                let answer = match answer {
+                    Entry::Vacant(place) => {
+                        place.insert(first);
+                        return None;
+                    }
+                    Entry::Occupied(place) => place.into_mut(),
+                };
                 let Answer::Measured { runs } = answer else {
+                    *answer = first;
                     return None;
                 };
-                let Some(known) = runs.get_mut(&name) else {
-                    runs.insert(name, measured);
-                    return None;
-                };
+                let known = runs.entry(name).or_insert_with(|| measured.clone());
                 if *known == measured {
                     return None;
                 }
                 let mut both = [known.told(), measured.told()];
                 both.sort();
                 Some(MergeError::Differ {
-                    input: input.clone(),
-                    variant: variant.clone(),
+                    input: job.input.clone(),
+                    variant: job.variant.clone(),
                     adapter,
                     both: Box::new(both),
                 })
             }
             JobResult::Failed { reason, why, .. } => {
-                let failed = || Answer::Failed {
-                    reason,
-                    why: why.clone(),
-                };
-                match job.answers.entry(id).or_insert_with(failed) {
-                    Answer::Measured { .. } => {}
+                let failed = Answer::Failed { reason, why };
+                match answer {
+                    Entry::Vacant(place) => {
+                        place.insert(failed);
+                    }
                     // Of two failures the same one remains in any order.
-                    Answer::Failed {
-                        reason: known,
-                        why: words,
-                    } => {
-                        let both = [(*known, words.clone()), (reason, why)];
-                        (*known, *words) =
-                            both.into_iter().min().unwrap_or((reason, String::new()));
+                    Entry::Occupied(mut place) => {
+                        if place.get().is_after(&failed) {
+                            place.insert(failed);
+                        }
                     }
                 }
                 None
@@ -206,45 +259,26 @@ impl Results {
         }
     }
 
-    /// Timing jobs that ran at the same time on one adapter of one machine.
-    fn overlaps(&self) -> Vec<MergeError> {
-        type Slot<'a> = (&'a Run, &'a Merged);
-        let mut by_place: BTreeMap<(&str, &str), Vec<Slot<'_>>> = BTreeMap::new();
-        for job in self.jobs.values() {
-            for (id, answer) in &job.answers {
-                let Answer::Measured { runs } = answer else {
-                    continue;
-                };
-                for run in runs.values().filter_map(|m| m.run.as_ref()) {
-                    let place = (run.host.as_str(), id.as_str());
-                    by_place.entry(place).or_default().push((run, job));
-                }
-            }
-        }
+    /// Timing jobs, failed ones too, that had one adapter for themselves at the same time.
+    fn overlaps(&self, slots: &BTreeSet<Slot>) -> Vec<MergeError> {
         let mut errors = Vec::new();
-        for ((host, id), mut slots) in by_place {
-            slots.sort_by_key(|(run, _)| (run.start_ms, run.end_ms));
-            // The one that ends last among those before.
-            let mut last: Option<Slot<'_>> = None;
-            for slot in slots {
-                if let Some(before) = last.filter(|(run, _)| slot.0.start_ms < run.end_ms) {
-                    let named = |(run, job): Slot<'_>| {
-                        format!(
-                            "{} with {} (run {})",
-                            job.input.join(" "),
-                            job.variant,
-                            run.id
-                        )
-                    };
-                    errors.push(MergeError::Overlap {
-                        adapter: self.adapters.get(id).map(title).unwrap_or_default(),
-                        host: host.to_owned(),
-                        both: Box::new([named(before), named(slot)]),
-                    });
-                }
-                if last.is_none_or(|(run, _)| run.end_ms < slot.0.end_ms) {
-                    last = Some(slot);
-                }
+        // The one that ends last among those before.
+        let mut last: Option<&Slot> = None;
+        for slot in slots {
+            let before = last.filter(|last| last.place == slot.place);
+            if let Some(before) = before.filter(|b| slot.time[0] < b.time[1] && b.job != slot.job) {
+                errors.push(MergeError::Overlap {
+                    adapter: self
+                        .adapters
+                        .get(&slot.place.2)
+                        .map(title)
+                        .unwrap_or_default(),
+                    host: slot.host.clone(),
+                    both: Box::new([before.job.clone(), slot.job.clone()]),
+                });
+            }
+            if before.is_none_or(|b| b.time[1] < slot.time[1]) {
+                last = Some(slot);
             }
         }
         errors
@@ -262,7 +296,8 @@ impl Results {
 impl Measured {
     /// Verdict and error of the variant, for a message.
     fn told(&self) -> String {
-        let variants = self.report.variants.iter().skip(1);
+        let report = self.found.report();
+        let variants = report.into_iter().flat_map(|r| r.variants.iter().skip(1));
         let told = variants.map(|v| {
             let error = v.error.as_ref().map_or(String::new(), |e| {
                 format!(
@@ -305,7 +340,7 @@ mod tests {
         }
     }
 
-    fn report(scene: &str) -> Box<Report> {
+    fn report(scene: &str) -> Box<crate::measure::record::Report> {
         let adapter = serde_json::to_value(adapter("a")).unwrap();
         Box::new(
             serde_json::from_value(serde_json::json!({
@@ -318,7 +353,7 @@ mod tests {
 
     fn measured(scene: &str) -> JobResult {
         JobResult::Measured {
-            report: report(scene),
+            found: Found::Report(report(scene)),
         }
     }
 
@@ -350,8 +385,11 @@ mod tests {
             run: Some(Run {
                 id: id.to_owned(),
                 host: "here".to_owned(),
+                boot: "1".to_owned(),
+                card: "1".to_owned(),
                 start_ms,
                 end_ms,
+                alone: vec![[start_ms, end_ms]],
                 load: None,
             }),
             ..picture(job, "a", measured("s"))
@@ -420,8 +458,17 @@ mod tests {
         assert!(error.to_string().contains("1.toml"), "{error}");
         assert!(error.to_string().contains("3.toml"), "{error}");
         let mut elsewhere = timed(3, "1", [5, 6]);
-        elsewhere.run.as_mut().unwrap().host = "there".to_owned();
+        elsewhere.run.as_mut().unwrap().boot = "2".to_owned();
         Results::merge([timed(1, "1", [0, 100]), elsewhere], false).unwrap();
+        let mut other_card = timed(3, "1", [5, 6]);
+        other_card.run.as_mut().unwrap().card = "2".to_owned();
+        Results::merge([timed(1, "1", [0, 100]), other_card], false).unwrap();
+        // One that failed disturbed the other too.
+        let lost = Outcome {
+            result: failed("the adapter was lost"),
+            ..timed(3, "1", [5, 6])
+        };
+        Results::merge([timed(1, "1", [0, 100]), lost], false).unwrap_err();
     }
 
     #[test]

@@ -6,8 +6,9 @@
 
 mod merge;
 mod partition;
+mod regrets;
 
-pub use merge::{Answer, Measured, MergeError, Results};
+pub use merge::{Answer, Measured, MergeError, Merged, Results};
 pub use partition::Partition;
 
 use std::collections::BTreeMap;
@@ -16,6 +17,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::measure::record::Report;
 use crate::render::AdapterReport;
+use crate::search::plan::Exhausted;
+use crate::search::plan::model::Observation;
 
 /// The version of preshade, part of each key.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
@@ -42,13 +45,10 @@ pub struct Job {
     pub kind: Kind,
     /// The scene, frame folder or shader files, as given.
     pub input: Vec<String>,
-    /// The variant, as after `--variant`.
+    /// The variant, as after `--variant`, or [`EVERY`].
     pub variant: String,
-    /// Further arguments of `preshade verify`.
+    /// Further arguments of `preshade verify`, or of `preshade plan --exhaustive`: every value that is not a default.
     pub arguments: Vec<String>,
-    /// Text of the configuration file that applied when the list was made.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub config: Option<String>,
     /// Part of the name, driver or backend of the adapters that may run it. `None`: any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub adapter: Option<String>,
@@ -95,10 +95,16 @@ pub struct Run {
     pub id: String,
     /// The machine.
     pub host: String,
+    /// The machine's start that `alone` counts from, or empty: since 1970.
+    pub boot: String,
+    /// Which of the machine's adapters of that name.
+    pub card: String,
     /// Milliseconds since 1970 when it began.
     pub start_ms: u64,
     /// The same when it ended.
     pub end_ms: u64,
+    /// When it had the adapter for itself: starts and ends in milliseconds.
+    pub alone: Vec<[u64; 2]>,
     /// Processes that were waiting for a core at the start and the end, on average over a minute.
     /// `None`: not known on this system.
     pub load: Option<[f64; 2]>,
@@ -108,10 +114,11 @@ pub struct Run {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum JobResult {
-    /// The report of `verify`, with an empty `command`, and for pictures without any time. A broken promise is in there.
+    /// It was measured. A broken promise is in there.
     Measured {
-        /// The report.
-        report: Box<Report>,
+        /// The measurements.
+        #[serde(flatten)]
+        found: Found,
     },
     /// It has no report.
     Failed {
@@ -123,6 +130,43 @@ pub enum JobResult {
         attempts: u32,
     },
 }
+
+/// The measurements of a job.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Found {
+    /// The report of `verify` on one variant, with an empty `command`, and for pictures without any time.
+    Report(Box<Report>),
+    /// Those of [`EVERY`] candidate.
+    Exhausted(Box<Exhaustive>),
+}
+
+impl Found {
+    /// The report on one variant.
+    pub fn report(&self) -> Option<&Report> {
+        match self {
+            Self::Report(report) => Some(report),
+            Self::Exhausted(_) => None,
+        }
+    }
+
+    /// Whether a variant broke its contract.
+    pub fn is_broken(&self) -> bool {
+        self.report().is_some_and(Report::is_broken)
+    }
+}
+
+/// Every candidate of `plan`, timed in every view of a scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Exhaustive {
+    /// Frames that the adapter's cost model is fitted to.
+    pub probes: Vec<Observation>,
+    /// The scene.
+    pub scene: Exhausted,
+}
+
+/// [`Job::variant`] of a job that measures every candidate of `plan`.
+pub const EVERY: &str = "every candidate";
 
 /// Why a job has no report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]

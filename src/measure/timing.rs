@@ -102,6 +102,15 @@ pub fn time(
     gpu: &Gpu,
     variants: &[&Prepared<'_>],
     settings: &TimingSettings,
+    tick: impl FnMut(f64),
+) -> Result<(Clock, Vec<Timing>), Error> {
+    gpu.alone(|| time_alone(gpu, variants, settings, tick))?
+}
+
+fn time_alone(
+    gpu: &Gpu,
+    variants: &[&Prepared<'_>],
+    settings: &TimingSettings,
     mut tick: impl FnMut(f64),
 ) -> Result<(Clock, Vec<Timing>), Error> {
     let start = Instant::now();

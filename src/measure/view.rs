@@ -2,13 +2,13 @@
 
 use std::fmt;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::render::order;
 use crate::scene::{DrawOrder, Frame, Scene};
 
 /// A frame of a camera in one draw order.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct View {
     /// Name of the camera.
     pub camera: String,

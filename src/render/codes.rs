@@ -12,6 +12,10 @@ refusals! {
          measurements are kept.",
         "`--limits seconds=N` measures each variant in a process of its own and ends it in \
          time.";
+    SHARED_ADAPTER = "shared-adapter":
+        "Processes that share an adapter take turns by a lock on a file in the folder for temporary files, \
+         and the system refused the lock.",
+        "Set TMPDIR to a folder whose file system has locks.";
     NO_FEATURE = "no-feature":
         "The adapter lacks a feature or a format that the plan needs. `preshade adapters` lists \
          the features of each.",

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use wgpu::{Backends, DeviceType, ErrorFilter, Features};
 
 use super::trusted::{self, Trust};
+use super::turns::Turns;
 use super::{Error, limits};
 use crate::panics;
 
@@ -17,8 +18,23 @@ pub enum AdapterChoice {
     /// The fastest kind available: discrete, integrated, virtual, then software.
     #[default]
     Best,
-    /// The first adapter whose name, driver or backend contains this text, ignoring case.
+    /// The first adapter whose name, driver or backend contains this text, ignoring case. `#2`: the second
+    /// of [`adapters`].
     Matching(String),
+}
+
+impl AdapterChoice {
+    /// The place in [`adapters`] that it names.
+    fn place(&self) -> Option<usize> {
+        match self {
+            Self::Best => None,
+            Self::Matching(text) => text
+                .strip_prefix('#')?
+                .parse::<usize>()
+                .ok()?
+                .checked_sub(1),
+        }
+    }
 }
 
 /// An adapter's properties and measurement features.
@@ -190,8 +206,45 @@ static OPENING: Mutex<()> = Mutex::new(());
 /// The adapters of this machine, best first. OpenGL adapters are listed only if there are no
 /// others.
 pub fn adapters() -> Vec<AdapterReport> {
+    cards().into_iter().map(|card| card.report).collect()
+}
+
+/// An adapter of this machine. Several may have one report.
+#[derive(Clone, Debug)]
+pub struct Card {
+    /// Its properties.
+    pub report: AdapterReport,
+    /// The text of [`AdapterChoice::Matching`] that selects it.
+    pub choice: String,
+    /// Tells it from others of its name and driver on this machine: its PCI address, or its place.
+    pub address: String,
+}
+
+/// [`adapters`], as cards.
+pub fn cards() -> Vec<Card> {
     let _opening = OPENING.lock().unwrap_or_else(PoisonError::into_inner);
-    enumerate(|_| true).iter().map(report).collect()
+    let all = enumerate(|_| true);
+    let mut places: BTreeMap<(String, String, String), usize> = BTreeMap::new();
+    let card = |(i, adapter): (usize, &wgpu::Adapter)| {
+        let report = report(adapter);
+        let model = (
+            report.name.clone(),
+            report.driver.clone(),
+            report.backend.clone(),
+        );
+        let place = places.entry(model).or_default();
+        *place += 1;
+        let bus = adapter.get_info().device_pci_bus_id;
+        Card {
+            report,
+            choice: format!("#{}", i + 1),
+            address: match bus.is_empty() {
+                true => place.to_string(),
+                false => bus,
+            },
+        }
+    };
+    all.iter().enumerate().map(card).collect()
 }
 
 impl std::fmt::Display for AdapterReport {
@@ -223,6 +276,7 @@ pub struct Gpu {
     report: AdapterReport,
     trust: Trust,
     trouble: Arc<Mutex<Trouble>>,
+    turns: Option<Turns>,
 }
 
 /// Errors that the device reported asynchronously.
@@ -307,14 +361,16 @@ impl Gpu {
             AdapterChoice::Best => None,
             AdapterChoice::Matching(text) => Some(text.clone()),
         };
+        let place = choice.place();
         let matches = |adapter: &wgpu::Adapter| {
-            let wanted = wanted.as_ref();
+            let wanted = wanted.as_ref().filter(|_| place.is_none());
             wanted.is_none_or(|text| report(adapter).matches(text))
         };
         let found = enumerate(matches);
         let adapter = found
             .iter()
-            .find(|a| matches(a))
+            .filter(|a| matches(a))
+            .nth(place.unwrap_or_default())
             .ok_or_else(|| Error::NoAdapter {
                 wanted: wanted.clone(),
                 found: found
@@ -353,7 +409,31 @@ impl Gpu {
             report: report(adapter),
             trust: Trust::Own,
             trouble,
+            turns: None,
         })
+    }
+
+    /// Shares the adapter with other processes.
+    ///
+    /// # Errors
+    /// [`Error::Shared`].
+    pub fn in_turns(mut self, turns: Turns) -> Result<Self, Error> {
+        let is_cpu = self.report.kind == "software";
+        self.turns = Some(turns.begin(is_cpu).map_err(Error::Shared)?);
+        Ok(self)
+    }
+
+    /// Leaves the adapter to the other processes, for a device that draws no more.
+    pub fn end_turns(&mut self) {
+        self.turns = None;
+    }
+
+    /// Runs `time` while no other process draws on a shared adapter.
+    pub(crate) fn alone<T>(&self, time: impl FnOnce() -> T) -> Result<T, Error> {
+        match &self.turns {
+            None => Ok(time()),
+            Some(turns) => turns.alone(time).map_err(Error::Shared),
+        }
     }
 
     /// The adapter's properties.
@@ -430,6 +510,15 @@ impl Gpu {
 
     /// Submits and waits until the GPU is done.
     pub(crate) fn submit(&self, what: &str, encoder: wgpu::CommandEncoder) -> Result<(), Error> {
+        match &self.turns {
+            None => self.submit_now(what, encoder),
+            Some(turns) => turns
+                .beside(|| self.submit_now(what, encoder))
+                .map_err(Error::Shared)?,
+        }
+    }
+
+    fn submit_now(&self, what: &str, encoder: wgpu::CommandEncoder) -> Result<(), Error> {
         let index = self.checked(what, || self.queue.submit([encoder.finish()]))?;
         self.device
             .poll(wgpu::PollType::Wait {

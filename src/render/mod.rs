@@ -34,9 +34,10 @@ mod subdivided;
 mod targets;
 pub(crate) mod textures;
 mod trusted;
+pub mod turns;
 
 pub use frame::{ComputedVertices, FrameSettings, Prepared, Rendered};
-pub use gpu::{AdapterChoice, AdapterReport, Gpu, adapters};
+pub use gpu::{AdapterChoice, AdapterReport, Card, Gpu, adapters, cards};
 pub use inputs::SceneInputs;
 pub(crate) use layout::binding_type;
 pub use picture::{ColorImage, DepthImage};
@@ -61,6 +62,9 @@ pub enum Error {
     /// valid.
     #[error("the graphics device was lost: {0}")]
     Lost(String),
+    /// The lock of an adapter that several processes share failed.
+    #[error("the adapter cannot be shared: {0}")]
+    Shared(#[source] std::io::Error),
     /// The adapter lacks something that a plan or scene needs.
     #[error("{what} needs {feature}, which the adapter `{adapter}` does not have")]
     Unsupported {
@@ -128,6 +132,7 @@ impl Error {
         match self {
             Self::NoAdapter { .. } => codes::NO_ADAPTER.code,
             Self::Lost(_) => codes::DEVICE_LOST.code,
+            Self::Shared(_) => codes::SHARED_ADAPTER.code,
             Self::Unsupported { .. } => codes::NO_FEATURE.code,
             Self::Refused { .. } => codes::DRIVER_REFUSED.code,
             Self::OutOfMemory(_) => codes::OUT_OF_MEMORY.code,

@@ -54,7 +54,7 @@ fn rows(results: &Results) -> Rows<'_> {
 
 /// The variant of a report. The original is first.
 fn variant(measured: &Measured) -> Option<&VariantReport> {
-    measured.report.variants.get(1)
+    measured.found.report()?.variants.get(1)
 }
 
 /// Whether it pays: faster in every run, beyond the intervals, by as much as `plan` asks for.

@@ -16,7 +16,6 @@ use preshade::unstable::scene::{DrawOrder, Scene};
 use preshade::unstable::search::explore::{
     Ended, Fate, Journal, SearchStage, Settings as Search, explore,
 };
-use preshade::unstable::search::plan::{self as decide, Hold, Model, SceneSoFar};
 
 /// One of its own: it is lost.
 fn gpu() -> Gpu {
@@ -151,46 +150,4 @@ fn explore_keeps_what_it_drew_and_goes_on_with_another_device() {
     assert!(exploration.points[1..].iter().all(|p| p.error.is_some()));
     assert!(journal.missing().is_empty(), "{:?}", journal.missing());
     std::fs::remove_dir_all(&dir).unwrap();
-}
-
-#[test]
-fn an_exhaustive_plan_keeps_the_views_before() {
-    let (gpu, scene) = (gpu(), scene());
-    let model = Model::nominal();
-    let settings = decide::Settings {
-        timed: decide::Timed::Yes,
-        timing: TimingSettings {
-            budget: Duration::ZERO,
-            min_samples: 2,
-            ..TimingSettings::default()
-        },
-        frames_per_camera: 1,
-        runners: 1,
-        refinements: 0,
-        hold: Hold::One,
-        model: &model,
-        command: String::new(),
-    };
-    let recipes = [Recipe::parse(["depth-prepass"]).unwrap()];
-    let facts = Facts::without_ties();
-    let mut kept: Option<SceneSoFar> = None;
-    let lost = decide::exhaust(
-        &Session::new(&gpu, &scene, ShaderForm::Text).unwrap(),
-        &recipes,
-        &facts,
-        &settings,
-        &mut |p| {
-            kept = p.so_far.cloned();
-            gpu.pretend_lost(LOST);
-        },
-    );
-    assert!(lost.is_err_and(|e| e.to_string().contains(LOST)));
-    assert!(gpu.lost().is_some_and(|why| why.contains(LOST)));
-    let kept = kept.unwrap();
-    assert_eq!((kept.views.len(), kept.missing.len()), (1, 2));
-    for plan in &kept.views[0].plans {
-        assert_eq!(plan.verdict, Verdict::Holds, "{}", plan.name);
-        assert_eq!(plan.time.as_ref().unwrap().samples.len(), 2);
-    }
-    assert!(kept.views[0].plans.len() > 1);
 }

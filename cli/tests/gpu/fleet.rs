@@ -123,6 +123,53 @@ fn disturbed_runs_merge_to_the_bytes_of_an_undisturbed_one() {
 }
 
 #[test]
+fn jobs_are_of_what_verify_is_given_here_and_run_without_it_elsewhere() {
+    let (dir, _) = listed("settings");
+    let folder = dir.join("elsewhere");
+    fs::create_dir(&folder).unwrap();
+    // A file with the name of a value.
+    fs::copy(dir.join("shaders/textured.wgsl"), dir.join("lit.wgsl")).unwrap();
+    let settings = "size = \"32x24\"\nadapter = \"none\"\n[verify]\nframes = 1\nout = \"report\"\n";
+    fs::write(dir.join("preshade.toml"), settings).unwrap();
+    let args = [
+        "jobs",
+        "--name",
+        "lit.wgsl",
+        "--variant=depth-prepass",
+        "--",
+        "lit.wgsl",
+    ];
+    let listed = preshade(&dir)
+        .args(args)
+        .env("PRESHADE_ADAPTER", "none")
+        .output()
+        .unwrap();
+    ended(&listed, 0, &args);
+    let line = String::from_utf8(listed.stdout).unwrap();
+    let job: serde_json::Value = serde_json::from_str(line.trim()).unwrap();
+    let words = ["--size=32x24", "--frames=1", "--name=lit.wgsl"];
+    let has = job["arguments"].as_array().unwrap();
+    assert_eq!(has.len(), words.len(), "{line}");
+    assert!(words.iter().all(|w| has.iter().any(|h| h == w)), "{line}");
+    fs::copy(dir.join("lit.wgsl"), folder.join("lit.wgsl")).unwrap();
+    fs::write(folder.join("jobs.jsonl"), line).unwrap();
+    fs::write(folder.join("preshade.toml"), "size = \"8x8\"\nframes = 3\n").unwrap();
+    accepted(
+        &folder,
+        &["evaluate", "--jobs", "jobs.jsonl", "--out", "out"],
+    );
+    let file = results(&folder.join("out")).into_keys().next().unwrap();
+    let result: serde_json::Value =
+        serde_json::from_str(&fs::read_to_string(file).unwrap()).unwrap();
+    let report = &result["result"]["report"];
+    assert_eq!(
+        report["resolution"],
+        serde_json::json!([32, 24]),
+        "{result}"
+    );
+}
+
+#[test]
 fn jobs_of_changed_files_and_two_pictures_of_one_job_are_errors() {
     let (dir, _) = listed("changed");
     let folder = &dir;

@@ -42,15 +42,14 @@ fn shell(here: &Path, first: &str, args: &str) -> Output {
 /// No file may be longer than 512 bytes: what a full disk does to a report, without filling one.
 const FULL: &str = "trap '' XFSZ; ulimit -f 1;";
 
-/// Kills `plan` of two scenes once a view of the first is measured, and looks at what it left.
-fn killed_plan(name: &str, args: &[&str]) {
-    let here = folder(name, &SCENE.replace(ORDERS.0, ORDERS.1), "");
+#[test]
+fn a_plan_that_is_killed_leaves_the_views_it_measured() {
+    let here = folder("plan-killed", &SCENE.replace(ORDERS.0, ORDERS.1), "");
     fs::copy(here.join("a.toml"), here.join("b.toml")).unwrap();
     with_model(&here);
     let mut child = preshade(&here)
         .args(["plan", "a.toml", "b.toml", "--out", "out"])
         .args(["--model", "model.json", "--seconds", "0.2"])
-        .args(args)
         .stdout(Stdio::null())
         .stderr(Stdio::null())
         .spawn()
@@ -78,29 +77,67 @@ fn killed_plan(name: &str, args: &[&str]) {
 }
 
 #[test]
-fn a_plan_that_is_killed_leaves_the_views_it_measured() {
-    killed_plan("plan-killed", &[]);
+fn an_exhaustive_plan_that_is_killed_goes_on_with_the_scenes_that_are_missing() {
+    let here = folder("exhaustive-killed", SCENE, "");
+    fs::copy(here.join("a.toml"), here.join("b.toml")).unwrap();
+    with_model(&here);
+    let args = [
+        "plan",
+        "a.toml",
+        "b.toml",
+        "--exhaustive",
+        "--out",
+        "out",
+        "--model",
+        "model.json",
+        "--seconds",
+        "0.2",
+        "--workers",
+        "1",
+    ];
+    let results = || -> Vec<_> {
+        let entries = fs::read_dir(here.join("out/outcomes"))
+            .into_iter()
+            .flatten();
+        let files = entries.map(|e| e.unwrap().path());
+        let whole = files.filter(|f| f.to_string_lossy().ends_with(".outcome.json"));
+        whole
+            .map(|f| (fs::metadata(&f).unwrap().modified().unwrap(), f))
+            .collect()
+    };
+    let mut child = preshade(&here)
+        .args(args)
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let process = child.id();
+    wait(&mut child, "a first scene", || {
+        (!results().is_empty()).then_some(())
+    });
+    kill(process);
+    child.wait().unwrap();
+    let before = results();
+    let output = run(&here, &args);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let after = results();
+    assert_eq!((before.len(), after.len()), (1, 2), "{}", stderr(&output));
+    assert!(after.contains(&before[0]), "measured twice: {after:?}");
+    let regret = json(&here.join("out/regret.json")).unwrap();
+    assert_eq!(list(&regret, "scenes").len(), 2);
 }
 
 #[test]
-fn an_exhaustive_plan_that_is_killed_leaves_the_views_it_measured() {
-    killed_plan("exhaustive-killed", &["--exhaustive"]);
-}
-
-#[test]
-fn what_came_to_its_end_leaves_nothing_unfinished() {
+fn an_exhaustive_plan_reports_regret() {
     let here = folder("exhaustive", SCENE, "");
     with_model(&here);
     fs::create_dir(here.join("out")).unwrap();
-    // Of a run before it, which was killed.
-    fs::write(here.join("out/plan.unfinished.json"), "{}").unwrap();
     let args = "plan a.toml --exhaustive --model model.json --seconds 0.1 --out out";
     let output = run(&here, &args.split(' ').collect::<Vec<_>>());
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let regret = json(&here.join("out/regret.json")).unwrap();
     assert_eq!(list(&regret, "scenes").len(), 1);
     assert!(here.join("out/regret.csv").is_file());
-    assert!(!here.join("out/plan.unfinished.json").exists());
 }
 
 #[test]
@@ -176,10 +213,6 @@ fn a_full_disk_is_told_and_what_was_printed_stands() {
             "stone",
         ),
         (
-            "plan a.toml --exhaustive --model model.json --seconds 0.1 --out out",
-            "original",
-        ),
-        (
             "explore a.toml --seconds 3 --pass depth-prepass --out out",
             "original",
         ),
@@ -195,6 +228,17 @@ fn a_full_disk_is_told_and_what_was_printed_stands() {
         );
         assert!(told.contains("is not kept"), "{args}: {told}");
     }
+    // A result of a job is there whole or not at all.
+    let exhaustive = "plan a.toml --exhaustive --model model.json --seconds 0.1 --out out";
+    let output = shell(&here, FULL, exhaustive);
+    let told = stderr(&output);
+    assert_eq!(output.status.code(), Some(2), "{told}");
+    assert!(told.contains(".outcome.json"), "{told}");
+    assert_eq!(
+        fs::read_dir(here.join("out/outcomes")).unwrap().count(),
+        0,
+        "{told}"
+    );
     // A shader of more than 512 bytes: none of its files is there, whole or cut off.
     let output = shell(
         &here,

@@ -31,8 +31,8 @@ const PRESHADE: [&[&str]; 12] = [
     &["render"],
     &["capture"],
     &["measure"],
-    &["jobs"],
     &["search"],
+    &["jobs"],
     &["report"],
 ];
 

@@ -2,10 +2,10 @@
 
 use preshade_passes::contract::Verdict;
 use preshade_passes::pass::Facts;
+use serde::{Deserialize, Serialize};
 
 use super::PlanError;
 use super::scene::{Settings, scout};
-use super::so_far::{PlanProgress, SceneSoFar};
 use super::stage::{self, Runner};
 use super::terms::Work;
 use crate::measure::View;
@@ -14,7 +14,7 @@ use crate::measure::{Clock, Estimate, Session};
 use crate::recipe::Recipe;
 
 /// A scene in which everything was measured.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Exhausted {
     /// Scene's name.
     pub scene: String,
@@ -29,7 +29,7 @@ pub struct Exhausted {
 }
 
 /// A view in which everything was measured.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ExhaustedView {
     /// From where, in which order.
     pub view: View,
@@ -42,7 +42,6 @@ pub struct ExhaustedView {
 }
 
 /// Measures every frame of [`super::assign::FramePredictor::frames`] in every view of a scene.
-/// `progress` gets the measurements after each view.
 ///
 /// # Errors
 ///
@@ -52,7 +51,6 @@ pub fn exhaust(
     recipes: &[Recipe],
     facts: &Facts,
     settings: &Settings<'_>,
-    progress: &mut dyn FnMut(PlanProgress<'_>),
 ) -> Result<Exhausted, PlanError> {
     let scene = session.scene();
     let scouted = scout(session, recipes, facts, settings.frames_per_camera)?;
@@ -62,22 +60,12 @@ pub fn exhaust(
         .map(|frame| Runner::new(session, &scouted.choices, frame))
         .collect::<Result<Vec<_>, _>>()?;
     let mut clock = None;
-    let all = scouted.views.iter().map(|(view, _)| view.clone());
-    let mut so_far = SceneSoFar::new(&scene.name, all);
     let mut views = Vec::new();
     for (i, (view, frame)) in scouted.views.iter().enumerate() {
         stage::compare(session, &mut subjects, view, frame)?;
         let of = (frame, view.order);
         let (whose, timings) = stage::time(session, &mut subjects, of, &settings.timing)?;
         clock = Some(whose);
-        so_far.add(whose, view, (&subjects, &timings));
-        progress(PlanProgress {
-            so_far: Some(&so_far),
-            ..PlanProgress::at(
-                (i + 1) as f64 / scouted.views.len() as f64,
-                view.to_string(),
-            )
-        });
         views.push(ExhaustedView {
             view: view.clone(),
             shaded_per_pixel: scouted.counted[i].shaded_per_pixel(),

@@ -16,7 +16,7 @@ use super::terms::{Term, Work};
 pub const SCHEMA: &str = "preshade.model.v1";
 
 /// A frame that was measured.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Observation {
     /// Its work.
     pub work: Work,

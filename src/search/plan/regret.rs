@@ -18,7 +18,6 @@ use super::choose::{Table, WORTHWHILE};
 use super::exhaust::{EVEN, Exhausted, ExhaustedView, Rounds};
 use super::model::{Model, Observation};
 use super::policy::{Hold, Measure, Policy, policy};
-use super::scene::Settings;
 use crate::measure::View;
 use crate::measure::{Clock, Estimate};
 use crate::render::AdapterReport;
@@ -258,13 +257,23 @@ fn rounded(ms: f64) -> f64 {
     (ms * 1e6).round() / 1e6
 }
 
+/// How to choose.
+#[derive(Clone, Copy, Debug)]
+pub struct Choosing {
+    /// Plans that a choice may measure beside the original.
+    pub runners: usize,
+    /// One plan, or two and a switch where that pays.
+    pub hold: Hold,
+}
+
 /// Compares choices with measurements. The model is fitted to `probes` and scenes of even index.
 /// The others are held out.
 pub fn evaluate(
     adapter: &AdapterReport,
     probes: &[Observation],
     scenes: &[Exhausted],
-    settings: &Settings<'_>,
+    choosing: Choosing,
+    command: &str,
 ) -> RegretReport {
     let fitted = scenes.iter().step_by(2).flat_map(Exhausted::observations);
     let observations: Vec<Observation> = probes.iter().copied().chain(fitted).collect();
@@ -272,7 +281,7 @@ pub fn evaluate(
     let rows: Vec<SceneRegret> = scenes
         .iter()
         .enumerate()
-        .map(|(i, s)| s.regret(&model, i % 2 == 1, settings.runners, settings.hold))
+        .map(|(i, s)| s.regret(&model, i % 2 == 1, choosing.runners, choosing.hold))
         .collect();
     let mut summary = Vec::new();
     for (choice, judged) in CHOICES {
@@ -284,11 +293,11 @@ pub fn evaluate(
     let prediction = prediction.map(|(name, held_out)| predicted(&rows, name, held_out));
     RegretReport {
         schema: SCHEMA.to_owned(),
-        command: settings.command.clone(),
+        command: command.to_owned(),
         adapter: adapter.clone(),
         clock: scenes.iter().find_map(|s| s.clock),
         resolution: None,
-        runners: settings.runners,
+        runners: choosing.runners,
         model,
         summary,
         prediction: prediction.into(),

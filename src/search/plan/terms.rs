@@ -81,7 +81,7 @@ impl Term {
 }
 
 /// How much of each [`Term`] a frame has.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Work([f64; Term::ALL.len()]);
 
 impl Work {

@@ -1,0 +1,208 @@
+//! `preshade plan --exhaustive`: every candidate timed in every view, a job for each scene.
+
+use std::path::Path;
+
+use clap::CommandFactory;
+use preshade::unstable::emit;
+use preshade::unstable::jobs::{EVERY, Exhaustive, Kind, Outcome, Results};
+use preshade::unstable::measure::{self, Session};
+use preshade::unstable::passes::budget::Budget;
+use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm, cards};
+use preshade::unstable::scene::Scene;
+use preshade::unstable::search::candidates;
+use preshade::unstable::search::plan::model::Observation;
+use preshade::unstable::search::plan::{self as decide, Model};
+
+use crate::evaluate::{self, Settings};
+use crate::input::ShaderArgs;
+use crate::jobs::{self, Input};
+use crate::many::Job;
+use crate::plan::{self, PlanArgs};
+use crate::verify::command;
+use crate::{Cli, Ending, Failure, Table, flags, merge, output, worker};
+
+/// Flags of `plan` that are the parent's.
+const OF_THE_RUN: [&str; 8] = [
+    "adapter",
+    "exhaustive",
+    "format",
+    "lock",
+    "out",
+    "probes",
+    "time",
+    "workers",
+];
+
+/// Checks that `plan` has these flags of `verify`.
+///
+/// # Errors
+/// Names one that it lacks.
+pub fn check_flags(words: &[String]) -> Result<(), Failure> {
+    let command = Cli::command();
+    let plan = command.find_subcommand("plan");
+    let known: Vec<&str> = plan
+        .into_iter()
+        .flat_map(clap::Command::get_arguments)
+        .filter_map(clap::Arg::get_long)
+        .collect();
+    match flags::without(words, &known).first() {
+        None => Ok(()),
+        Some(word) => Err(Failure(format!(
+            "error: {word} does not go with --exhaustive: `plan` has no such flag"
+        ))),
+    }
+}
+
+/// The job of a scene.
+///
+/// # Errors
+/// A candidate cannot be made: a bug.
+pub fn job(
+    input: &Input<'_>,
+    scene: &Scene,
+    budget: Option<Budget>,
+    arguments: Vec<String>,
+) -> Result<preshade::unstable::jobs::Job, Failure> {
+    let originals = measure::originals(scene);
+    let mut plans = Vec::new();
+    let recipes = candidates::recipes(budget)?;
+    for recipe in &recipes {
+        plans.extend(measure::variant(&originals, recipe, &Facts::default()).plans);
+    }
+    let (pictures, views) = jobs::estimate(scene, plan::FRAMES);
+    let seconds = pictures * recipes.len() as f64 + views * plan::SECONDS;
+    input.job((Kind::Time, seconds), EVERY, arguments, &plans)
+}
+
+/// Measures the scene of a job, and prints what was found.
+pub fn measured(args: &PlanArgs, jobs: &[Job]) -> Result<Ending, Failure> {
+    let [job] = jobs else {
+        return Err(Failure("error: a job is one scene".to_owned()));
+    };
+    let bar = output::bar();
+    let choice = args.adapter.clone();
+    let choice = choice.map_or(AdapterChoice::Best, AdapterChoice::Matching);
+    let gpu = worker::in_turns(Gpu::with_trust(&choice, args.limits.limits().trust())?)?;
+    let (model, probes) = match &args.probes {
+        None => plan::model(args, &gpu, &bar)?,
+        Some(file) => {
+            let probes = probes(file, &gpu)?;
+            (Model::fit(&gpu.adapter().title(), &probes), probes)
+        }
+    };
+    let scene = plan::grouped(args, plan::scene(args, &job.shader)?)?;
+    let session = Session::new(&gpu, &scene, ShaderForm::Text)?;
+    let (recipes, facts) = plan::prepare(args, &session, &bar)?;
+    let settings = plan::settings(args, &model);
+    let name = plan::path_of(job);
+    let name = name.file_stem().unwrap_or_default().to_string_lossy();
+    let scene = decide::Exhausted {
+        scene: name.into_owned(),
+        ..decide::exhaust(&session, &recipes, &facts, &settings)?
+    };
+    output::json(&Exhaustive { probes, scene })?;
+    Ok(Ending::Fine)
+}
+
+/// Reads the frames that a cost model is fitted to, or measures and writes them.
+fn probes(file: &Path, gpu: &Gpu) -> Result<Vec<Observation>, Failure> {
+    let known = std::fs::read_to_string(file).ok();
+    // One that cannot be read is measured again.
+    if let Some(probes) = known.and_then(|text| serde_json::from_str(&text).ok()) {
+        return Ok(probes);
+    }
+    let (_, probes) = decide::probes::fit(gpu, &mut |_| ())?;
+    let bytes = serde_json::to_vec(&probes)?;
+    emit::write_file(file, bytes).map_err(|e| Failure(format!("error: {e}")))?;
+    Ok(probes)
+}
+
+/// Measures everything, and holds the choices against it.
+pub fn run(args: &PlanArgs, inputs: &[Job]) -> Result<Ending, Failure> {
+    let arguments = flags::without(&args.flags, &OF_THE_RUN);
+    let mut list = Vec::new();
+    let mut failed = Vec::new();
+    for input in inputs {
+        let path = plan::path_of(input);
+        match listed(args, &input.shader, arguments.clone()) {
+            Ok(job) => list.push(job),
+            Err(Failure(why)) => {
+                output::message(&format!("{}: {why}", path.display()));
+                failed.push((path.display().to_string(), why));
+            }
+        }
+    }
+    // Removed when it is dropped.
+    let temporary = tempfile::tempdir()?;
+    let out = match &args.out {
+        Some(out) => out.join("outcomes"),
+        None => temporary.path().to_owned(),
+    };
+    let models = evaluate::models(cards(), args.adapter.as_deref())?;
+    let settings = Settings {
+        workers: args.workers.map_or(0, usize::from),
+        ..Settings::new(out.clone(), models)
+    };
+    evaluate::all_of(&list, &settings)?;
+    let keys: Vec<&str> = list.iter().map(|job| job.key.as_str()).collect();
+    let ids: Vec<String> = settings.models.iter().map(evaluate::Model::id).collect();
+    let is_ours = |o: &Outcome| {
+        let id = preshade::unstable::jobs::adapter_id(&o.adapter);
+        keys.contains(&o.key.as_str()) && ids.contains(&id)
+    };
+    let outcomes = merge::outcomes(&[out])?.into_iter().filter(is_ours);
+    let results = Results::merge(outcomes, false).map_err(|e| Failure(format!("error: {e}")))?;
+    let mut reports = results.regrets(plan::choosing(args), &command());
+    for report in &mut reports {
+        report.resolution = args.view.size();
+        report.failed.splice(0..0, failed.iter().cloned());
+    }
+    let [report] = &reports[..] else {
+        return Err(Failure(match failed.first() {
+            Some(_) => "error: no scene could be read".to_owned(),
+            None => {
+                "error: --adapter all is for `evaluate`: the report is of one adapter".to_owned()
+            }
+        }));
+    };
+    let (json, csv) = (report.to_json()?, report.csv());
+    let printed = match args.format {
+        Table::Human => output::table(&report.render()),
+        Table::Json => output::data(&json),
+        Table::Csv => output::data(&csv),
+    };
+    let written = || -> Result<(), Failure> {
+        let Some(dir) = &args.out else { return Ok(()) };
+        let file = |name: &str, text: String| emit::File {
+            name: name.to_owned(),
+            bytes: text.into_bytes(),
+        };
+        let files = [file("regret.json", json), file("regret.csv", csv)];
+        emit::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
+        Ok(())
+    };
+    output::both(printed, written(), args.out.as_deref())?;
+    match report.failed.len() {
+        0 => Ok(Ending::Fine),
+        n => Err(Failure(format!(
+            "error: {n} of {} inputs failed: {}",
+            inputs.len(),
+            report
+                .failed
+                .iter()
+                .map(|(name, _)| name.as_str())
+                .collect::<Vec<_>>()
+                .join(", ")
+        ))),
+    }
+}
+
+fn listed(
+    args: &PlanArgs,
+    shader: &ShaderArgs,
+    arguments: Vec<String>,
+) -> Result<preshade::unstable::jobs::Job, Failure> {
+    let input = Input::new(shader)?;
+    job(&input, &plan::scene(args, shader)?, args.budget, arguments)
+}
