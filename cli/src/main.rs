@@ -31,6 +31,7 @@ mod depfile;
 mod evaluate;
 mod explain;
 mod explore;
+mod fleet;
 mod graph;
 mod guesses;
 mod hints;
@@ -141,6 +142,8 @@ enum Command {
     Explore(explore::ExploreArgs),
     /// Lists measurements as jobs, one a line, that any machine or scheduler can run.
     Jobs(jobs::JobsArgs),
+    /// Prints a script that shares jobs out: Slurm, HyperQueue, GNU parallel, GitHub.
+    Fleet(fleet::FleetArgs),
     /// Runs jobs, or a share of them, and keeps one file for each result.
     Evaluate(evaluate::EvaluateArgs),
     /// Merges results of any number of machines and adapters.
@@ -171,6 +174,7 @@ impl Command {
             Self::Plan(a) => plan::run(a),
             Self::Explore(a) => explore::run(a),
             Self::Jobs(a) => jobs::run(a, config),
+            Self::Fleet(a) => fleet::run(a),
             Self::Evaluate(a) => evaluate::run(a),
             Self::Merge(a) => merge::run(a),
             #[cfg(feature = "capture")]

@@ -1,6 +1,6 @@
-//! Tests of commands that draw: they need an adapter, `capture` Chromium, and `page` and `three` also node
-//! and npm. `scripts/setup.sh vulkan three swiftshader` installs them. A test fails if something is
-//! missing.
+//! Tests of commands that draw: they need an adapter, `capture` Chromium, `page` and `three` also node and
+//! npm, and `schedulers` HyperQueue and GNU parallel. `scripts/setup.sh vulkan three swiftshader fleet`
+//! installs them. A test fails if something is missing.
 
 #![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
 
@@ -27,4 +27,6 @@ mod page;
 mod plan;
 mod promises;
 mod readme;
+#[cfg(target_os = "linux")]
+mod schedulers;
 mod three;
