@@ -90,7 +90,6 @@ swiftshader() {
 fleet() {
     native
     have parallel || install parallel
-    # HyperQueue has a wheel for x86-64.
     packages="$(dirname "$0")/../tests/fleet"
     if ! cmp -s "$packages/requirements.txt" "$packages/.venv/installed"; then
         have python3 && python3 -c 'import ensurepip, venv' 2>/dev/null || install python3 python3-venv

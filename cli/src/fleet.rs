@@ -170,7 +170,7 @@ pub fn run(args: &FleetArgs) -> Result<Ending, Failure> {
 /// It is stdin, has control characters, or is not UTF-8.
 fn word(path: &Path) -> Result<&str, Failure> {
     let why = match path.to_str() {
-        Some("-") => "a script reads the list more than once: give a file",
+        Some("-") => "stdin cannot be named in a script",
         Some(text) if text.chars().any(char::is_control) => "control characters cannot be written",
         Some(text) => return Ok(text),
         None => "it is not UTF-8",

@@ -1,5 +1,5 @@
 # Submits a task for each job to a HyperQueue server, in the folder of the inputs, which all workers share,
-# and waits. Needs: pip install hyperqueue==0.27.0. Then: preshade merge @{out}
+# and waits. Needs the package `hyperqueue` in the server's version; tested with 0.27.0. Then: preshade merge @{out}
 import json
 import os
 
