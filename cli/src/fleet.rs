@@ -17,7 +17,8 @@ Examples:
 
 Each script is a few lines, to read and to change. It needs `preshade` and the input files wherever a
 job runs. Timing jobs run apart from pictures, with a machine to themselves where the scheduler can do
-that. A job that was lost with its machine runs again, and no other job does.")]
+that. HyperQueue and Slurm run again what was lost with a machine. With the others, and after any other
+failure, run the script again: results that are there are not measured again.")]
 pub struct FleetArgs {
     /// Who shares the jobs out.
     #[arg(value_enum, value_name = "SCHEDULER")]
