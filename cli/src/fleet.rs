@@ -15,10 +15,10 @@ Examples:
   preshade fleet parallel --jobs jobs.jsonl --shares 4 > fleet.sh && sh fleet.sh --jobs 2
   preshade fleet github --jobs jobs.jsonl -- --adapter llvmpipe > .github/workflows/preshade.yml
 
-Each script is a few lines, to read and to change. It needs `preshade` and the input files wherever a
-job runs. Timing jobs run apart from pictures, with a machine to themselves where the scheduler can do
-that. HyperQueue and Slurm run again what was lost with a machine. With the others, and after any other
-failure, run the script again: results that are there are not measured again.")]
+Each script is a few lines, to read and to change. It needs `preshade` and the input files wherever
+a job runs. Timing jobs run apart from pictures, with a machine to themselves where the scheduler
+can do that. HyperQueue and Slurm run again what was lost with a machine. With the others, and after
+any other failure, run the script again: results that are there are not measured again.")]
 pub struct FleetArgs {
     /// Who shares the jobs out.
     #[arg(value_enum, value_name = "SCHEDULER")]
