@@ -16,7 +16,7 @@ check:
 
 # Everything that CI checks: format, lints, docs, all tests. Installs missing tools on Debian and Ubuntu.
 test:
-	scripts/setup.sh vulkan native gl accept three swiftshader
+	scripts/setup.sh vulkan native gl accept three swiftshader fleet
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets --all-features --quiet -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --all-features --no-deps --quiet

@@ -8,6 +8,7 @@
 #   setup.sh three        Chromium, node and npm, for the page of tests/three
 #   setup.sh web          node and npm; and, without rustup's component rust-src, Debian's compiler for WebAssembly
 #   setup.sh swiftshader  SwiftShader's Vulkan, a second driver for tests: a part of Chromium's package
+#   setup.sh fleet        HyperQueue's Python package in tests/fleet/.venv, and GNU parallel, for the tests of `fleet`
 set -eu
 
 have() { command -v "$1" >/dev/null 2>&1; }
@@ -86,6 +87,18 @@ swiftshader() {
     install chromium
 }
 
+fleet() {
+    native
+    have parallel || install parallel
+    packages="$(dirname "$0")/../tests/fleet"
+    if ! cmp -s "$packages/requirements.txt" "$packages/.venv/installed"; then
+        have python3 && python3 -c 'import ensurepip, venv' 2>/dev/null || install python3 python3-venv
+        python3 -m venv --clear "$packages/.venv"
+        "$packages/.venv/bin/pip" install --quiet --require-hashes --only-binary :all: -r "$packages/requirements.txt"
+        cp "$packages/requirements.txt" "$packages/.venv/installed"
+    fi
+}
+
 for part in "$@"; do
     case "$part" in
         vulkan) vulkan ;;
@@ -95,6 +108,7 @@ for part in "$@"; do
         three) three ;;
         web) web ;;
         swiftshader) swiftshader ;;
+        fleet) fleet ;;
         *) echo "setup: unknown part $part" >&2; exit 2 ;;
     esac
 done

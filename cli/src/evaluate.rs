@@ -463,61 +463,73 @@ impl Runner<'_> {
         files.find_map(|(path, hash)| Some(format!("{path}: {}", self.changed(path, hash)?)))
     }
 
-    /// Runs one job and writes its result.
+    /// Runs one job until it has a result or was tried often enough, and writes the result each time.
     ///
     /// # Errors
     /// The result cannot be written.
     fn evaluate(
         &self,
         task: &Task<'_>,
-        found: &mut Tally,
+        tally: &mut Tally,
         bar: &Mutex<ProgressLine>,
     ) -> Result<(), Failure> {
         let job = task.job;
-        // Another process may have the same share.
-        if !task.is_open(self.settings.attempts) {
-            return Ok(());
-        }
-        let mut stale = self.stale(job);
-        let mut measured = None;
-        if stale.is_none() {
-            measured = Some(self.measured(task)?);
-            // It may have read what was changed meanwhile.
-            stale = self.stale(job);
-        }
-        if let Some(why) = stale {
-            let message = format!("warning: {} is not run: {why}", named(job));
+        let tell = |why: &str| {
+            let message = format!("{}: {why}", named(job));
             show(bar, |bar| bar.suspend(|| output::message(&message)));
-            found.stale += 1;
-            return Ok(());
-        }
-        let Some((run, result)) = measured else {
-            return Ok(());
         };
-        let result = match result {
-            Ok(measurements) => {
-                found.measured += 1;
-                found.broken += usize::from(measurements.is_broken());
-                JobResult::Measured {
-                    found: measurements,
-                }
+        let mut ended = None;
+        // Another process may have the same share.
+        while task.is_open(self.settings.attempts) {
+            let mut stale = self.stale(job);
+            let mut measured = None;
+            if stale.is_none() {
+                measured = Some(self.measured(task)?);
+                // It may have read what was changed meanwhile.
+                stale = self.stale(job);
             }
-            Err(why) => {
-                found.failed += 1;
-                let message = format!("{}: {why}", named(job));
-                show(bar, |bar| bar.suspend(|| output::message(&message)));
-                let attempts = match task.known().map(|outcome| outcome.result) {
+            let (None, Some((run, result))) = (&stale, measured) else {
+                tell(&format!("not run: {}", stale.unwrap_or_default()));
+                tally.stale += 1;
+                return Ok(());
+            };
+            if let Err(why) = &result {
+                tell(why);
+            }
+            ended = Some(result.as_ref().map(Found::is_broken).map_err(|_| ()));
+            self.keep(task, run, result)?;
+        }
+        match ended {
+            None => {}
+            Some(Err(())) => tally.failed += 1,
+            Some(Ok(is_broken)) => {
+                tally.measured += 1;
+                tally.broken += usize::from(is_broken);
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes a result.
+    fn keep(
+        &self,
+        task: &Task<'_>,
+        run: Run,
+        result: Result<Found, String>,
+    ) -> Result<(), Failure> {
+        let job = task.job;
+        let result = match result {
+            Ok(found) => JobResult::Measured { found },
+            Err(why) => JobResult::Failed {
+                reason: Reason::of(&why),
+                why,
+                attempts: match task.known().map(|outcome| outcome.result) {
                     None => 1,
                     Some(JobResult::Failed { attempts, .. }) => attempts + 1,
                     // Another process was luckier.
                     Some(JobResult::Measured { .. }) => return Ok(()),
-                };
-                JobResult::Failed {
-                    reason: Reason::of(&why),
-                    why,
-                    attempts,
-                }
-            }
+                },
+            },
         };
         let outcome = Outcome {
             schema: OUTCOME_SCHEMA.to_owned(),

@@ -33,6 +33,7 @@ mod exhaustive;
 mod explain;
 mod explore;
 mod flags;
+mod fleet;
 mod graph;
 mod guesses;
 mod hints;
@@ -143,6 +144,8 @@ enum Command {
     Explore(explore::ExploreArgs),
     /// Lists measurements as jobs, one a line, that any machine or scheduler can run.
     Jobs(jobs::JobsArgs),
+    /// Prints a script that shares jobs out: Slurm, HyperQueue, GNU parallel, GitHub.
+    Fleet(fleet::FleetArgs),
     /// Runs jobs, or a share of them, and keeps one file for each result.
     Evaluate(evaluate::EvaluateArgs),
     /// Merges results of any number of machines and adapters.
@@ -173,6 +176,7 @@ impl Command {
             Self::Plan(a) => plan::run(a),
             Self::Explore(a) => explore::run(a),
             Self::Jobs(a) => jobs::run(a),
+            Self::Fleet(a) => fleet::run(a),
             Self::Evaluate(a) => evaluate::run(a),
             Self::Merge(a) => merge::run(a),
             #[cfg(feature = "capture")]

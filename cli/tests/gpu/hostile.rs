@@ -6,18 +6,7 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-use crate::hostile_support::{SCENE, folder, kill, preshade, run, stderr, wait};
-
-/// A software adapter lets all loops of a shader have 65,535 turns together, so that each turn
-/// takes long.
-fn endless() -> String {
-    let turn = "n += sin(n + at.x);".repeat(256);
-    format!(
-        "var n = 0.0;
-    loop {{ if at.x < 0.0 {{ break; }} {turn} }}
-    if n > 3.0 {{ return vec4(n); }}"
-    )
-}
+use crate::hostile_support::{SCENE, endless, folder, kill, preshade, run, stderr, wait};
 
 #[test]
 fn a_shader_that_never_ends_is_stopped() {

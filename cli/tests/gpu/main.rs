@@ -1,6 +1,6 @@
-//! Tests of commands that draw: they need an adapter, `capture` Chromium, and `page` and `three` also node
-//! and npm. `scripts/setup.sh vulkan three swiftshader` installs them. A test fails if something is
-//! missing.
+//! Tests of commands that draw: they need an adapter, `capture` Chromium, `page` and `three` also node and
+//! npm, `schedulers` GNU parallel, `hyperqueue` its Python package.
+//! `scripts/setup.sh vulkan three swiftshader fleet` installs them. A test fails if something is missing.
 
 #![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
 
@@ -20,6 +20,9 @@ mod capture;
 mod cli;
 mod fleet;
 mod hostile;
+// The package has a wheel for this kind of machine only.
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod hyperqueue;
 mod kept;
 mod locks;
 mod newcomer;
@@ -27,4 +30,6 @@ mod page;
 mod plan;
 mod promises;
 mod readme;
+#[cfg(target_os = "linux")]
+mod schedulers;
 mod three;

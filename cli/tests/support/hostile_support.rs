@@ -89,6 +89,17 @@ eye = [0, 0.3, 3]
 target = [0, 0, 0]
 "#;
 
+/// A software adapter lets all loops of a shader have 65,535 turns together, so that each turn
+/// takes long.
+pub fn endless() -> String {
+    let turn = "n += sin(n + at.x);".repeat(256);
+    format!(
+        "var n = 0.0;
+    loop {{ if at.x < 0.0 {{ break; }} {turn} }}
+    if n > 3.0 {{ return vec4(n); }}"
+    )
+}
+
 /// A folder of its own with a scene and its shader; a folder beside it holds what the scene must
 /// not reach.
 pub fn folder(name: &str, scene: &str, body: &str) -> PathBuf {
