@@ -339,7 +339,7 @@ pub fn all_of(jobs: &[Job], settings: &Settings) -> Result<Tally, Failure> {
                         };
                         show(&bar, |bar| {
                             bar.set_position((index * 1000 / tasks.len()) as u64);
-                            bar.set_message(named(task.job));
+                            bar.set_message(task.job.name());
                         });
                         if let Err(failure) = runner.evaluate(task, &mut found, &bar) {
                             // A disk that is full stays full.
@@ -475,7 +475,7 @@ impl Runner<'_> {
     ) -> Result<(), Failure> {
         let job = task.job;
         let tell = |why: &str| {
-            let message = format!("{}: {why}", named(job));
+            let message = format!("{}: {why}", job.name());
             show(bar, |bar| bar.suspend(|| output::message(&message)));
         };
         let mut ended = None;
@@ -534,10 +534,7 @@ impl Runner<'_> {
         let outcome = Outcome {
             schema: OUTCOME_SCHEMA.to_owned(),
             version: jobs::VERSION.to_owned(),
-            key: job.key.clone(),
-            kind: job.kind,
-            input: job.input.clone(),
-            variant: job.variant.clone(),
+            job: job.in_any_list(),
             adapter: task.model.report.clone(),
             run: (job.kind == Kind::Time).then_some(run),
             result,
@@ -635,11 +632,6 @@ fn checked(mut report: Report, job: &Job, adapter: &AdapterReport) -> Result<Fou
         costs.for_each(|cost| cost.creation_ms = None);
     }
     Ok(Found::Report(Box::new(report)))
-}
-
-/// Input and variant, for messages.
-fn named(job: &Job) -> String {
-    format!("{} with {}", job.input.join(" "), job.variant)
 }
 
 /// A file that all processes of this machine lock which use a card.

@@ -149,7 +149,7 @@ pub fn run(args: &PlanArgs, inputs: &[Job]) -> Result<Ending, Failure> {
     let ids: Vec<String> = settings.models.iter().map(evaluate::Model::id).collect();
     let is_ours = |o: &Outcome| {
         let id = preshade::unstable::jobs::adapter_id(&o.adapter);
-        keys.contains(&o.key.as_str()) && ids.contains(&id)
+        keys.contains(&o.job.key.as_str()) && ids.contains(&id)
     };
     let outcomes = merge::outcomes(&[out])?.into_iter().filter(is_ours);
     let results = Results::merge(outcomes, false).map_err(|e| Failure(format!("error: {e}")))?;

@@ -3,10 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use preshade::unstable::jobs::{Answer, OUTCOME_SCHEMA, Outcome, Results};
+use preshade::unstable::search::plan::regret::Choosing;
 use preshade::unstable::{emit, report};
 
 use crate::evaluate::EXTENSION;
-use crate::{Ending, Failure, Table, output};
+use crate::{Ending, Failure, Table, output, verify};
 
 /// Arguments of `merge`.
 #[derive(clap::Args)]
@@ -53,7 +54,12 @@ pub fn run(args: &MergeArgs) -> Result<Ending, Failure> {
     match args.format {
         Table::Json => output::data(&json)?,
         Table::Csv => output::data(&report::merged::csv(&results))?,
-        Table::Human => output::table(&report::merged::table(&results))?,
+        Table::Human => {
+            output::table(&report::merged::table(&results))?;
+            for regret in results.regrets(Choosing::default(), &verify::command()) {
+                output::table(&format!("\n{}", regret.render()))?;
+            }
+        }
     }
     let reports = results.jobs.values().flat_map(|job| job.answers.values());
     let is_broken = reports.flat_map(|answer| match answer {

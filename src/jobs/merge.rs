@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
-use super::{Found, JobResult, Kind, Outcome, Reason, Run, adapter_id};
+use super::{Found, Job, JobResult, Outcome, Reason, Run, adapter_id};
 use crate::render::AdapterReport;
 
 /// Merged outcomes of one version, or of several if that was allowed.
@@ -26,12 +26,8 @@ pub struct Results {
 pub struct Merged {
     /// The version of preshade that measured it.
     pub version: String,
-    /// What it measures.
-    pub kind: Kind,
-    /// Its input.
-    pub input: Vec<String>,
-    /// Its variant.
-    pub variant: String,
+    /// The job.
+    pub job: Job,
     /// By [`adapter_id`].
     pub answers: BTreeMap<String, Answer>,
 }
@@ -82,12 +78,10 @@ pub struct Measured {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MergeError {
     /// One job, one adapter, one driver, two pictures: the driver or preshade is not deterministic.
-    #[error("{} of `{variant}` on {adapter} differ:\n  {}\n  {}", .input.join(" "), .both[0], .both[1])]
+    #[error("the results of {job} on {adapter} differ:\n  {}\n  {}", .both[0], .both[1])]
     Differ {
-        /// The job's.
-        input: Vec<String>,
-        /// The job's.
-        variant: String,
+        /// Its input and variant.
+        job: String,
         /// Name and driver.
         adapter: String,
         /// The verdicts and errors of both.
@@ -138,12 +132,7 @@ impl Slot {
                 adapter_id(&outcome.adapter),
             ),
             time: *time,
-            job: format!(
-                "{} with {} (run {})",
-                outcome.input.join(" "),
-                outcome.variant,
-                run.id
-            ),
+            job: format!("{} (run {})", outcome.job.name(), run.id),
             host: run.host.clone(),
         };
         run.alone.iter().map(slot).collect()
@@ -196,11 +185,10 @@ impl Results {
         if outcome.adapter.features < known.features {
             *known = outcome.adapter;
         }
-        let job = self.jobs.entry(outcome.key).or_insert_with(|| Merged {
+        let job = self.jobs.entry(outcome.job.key.clone());
+        let job = job.or_insert_with(|| Merged {
             version: outcome.version,
-            kind: outcome.kind,
-            input: outcome.input,
-            variant: outcome.variant,
+            job: outcome.job.in_any_list(),
             answers: BTreeMap::new(),
         });
         let answer = job.answers.entry(id);
@@ -235,8 +223,7 @@ impl Results {
                 let mut both = [known.told(), measured.told()];
                 both.sort();
                 Some(MergeError::Differ {
-                    input: job.input.clone(),
-                    variant: job.variant.clone(),
+                    job: job.job.name(),
                     adapter,
                     both: Box::new(both),
                 })
@@ -325,7 +312,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::jobs::{OUTCOME_SCHEMA, key};
+    use crate::jobs::{JOB_SCHEMA, Kind, OUTCOME_SCHEMA, key};
 
     fn adapter(name: &str) -> AdapterReport {
         AdapterReport {
@@ -369,10 +356,17 @@ mod tests {
         Outcome {
             schema: OUTCOME_SCHEMA.to_owned(),
             version: "1".to_owned(),
-            key: key([job.to_string().as_str()]),
-            kind: Kind::Picture,
-            input: vec![format!("{job}.toml")],
-            variant: "depth-prepass".to_owned(),
+            job: Job {
+                schema: JOB_SCHEMA.to_owned(),
+                key: key([job.to_string().as_str()]),
+                kind: Kind::Picture,
+                input: vec![format!("{job}.toml")],
+                variant: "depth-prepass".to_owned(),
+                arguments: Vec::new(),
+                adapter: None,
+                files: BTreeMap::new(),
+                seconds: 0.0,
+            },
             adapter: adapter(place),
             run: None,
             result,
@@ -380,8 +374,14 @@ mod tests {
     }
 
     fn timed(job: usize, id: &str, [start_ms, end_ms]: [u64; 2]) -> Outcome {
+        let of = picture(job, "a", measured("s"));
         Outcome {
-            kind: Kind::Time,
+            job: Job {
+                kind: Kind::Time,
+                // Lists may say different things of one job.
+                seconds: job as f64,
+                ..of.job
+            },
             run: Some(Run {
                 id: id.to_owned(),
                 host: "here".to_owned(),
@@ -392,7 +392,7 @@ mod tests {
                 alone: vec![[start_ms, end_ms]],
                 load: None,
             }),
-            ..picture(job, "a", measured("s"))
+            ..of
         }
     }
 
@@ -421,7 +421,7 @@ mod tests {
                 result: failed("it was stopped after 5 s (--limits seconds=N)"),
                 ..o.clone()
             }));
-            again.sort_by_key(|o| key([&o.key, &format!("{shuffled}{:?}", o.result)[..]]));
+            again.sort_by_key(|o| key([&o.job.key, &format!("{shuffled}{:?}", o.result)[..]]));
             // Each part by itself, read back from its file.
             let mut merged = Vec::new();
             for outcome in again {

@@ -55,7 +55,12 @@ pub struct Job {
     /// [`hash`] of each file that it reads, by path.
     pub files: BTreeMap<String, String>,
     /// Estimated seconds on a fast GPU. Software adapters take longer.
+    #[serde(default, skip_serializing_if = "is_unknown")]
     pub seconds: f64,
+}
+
+fn is_unknown(seconds: &f64) -> bool {
+    *seconds == 0.0
 }
 
 /// The schema of [`Job`].
@@ -71,14 +76,8 @@ pub struct Outcome {
     pub schema: String,
     /// The version of preshade that measured it.
     pub version: String,
-    /// The job's.
-    pub key: String,
-    /// The job's.
-    pub kind: Kind,
-    /// The job's.
-    pub input: Vec<String>,
-    /// The job's.
-    pub variant: String,
+    /// The job, without what differs between lists: its filter and its estimate.
+    pub job: Job,
     /// Where it ran.
     pub adapter: AdapterReport,
     /// When and beside what it ran. `None`: a picture, which depends on neither.
@@ -196,6 +195,23 @@ impl Reason {
             () if has(&["process ended with signal", "panicked"]) => Self::Crashed,
             () => Self::Refused,
         }
+    }
+}
+
+impl Job {
+    /// The job as in an [`Outcome`].
+    #[must_use]
+    pub fn in_any_list(&self) -> Self {
+        Self {
+            adapter: None,
+            seconds: 0.0,
+            ..self.clone()
+        }
+    }
+
+    /// Input and variant, for messages.
+    pub fn name(&self) -> String {
+        format!("{} with {}", self.input.join(" "), self.variant)
     }
 }
 

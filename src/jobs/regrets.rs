@@ -9,9 +9,9 @@ impl Results {
     /// For each adapter that ran jobs of [`EVERY`] candidate, the regret of `choosing` among them. Of several
     /// runs of a scene the first by name counts. Scenes are ordered by their files.
     pub fn regrets(&self, choosing: Choosing, command: &str) -> Vec<RegretReport> {
-        let jobs = self.jobs.values().filter(|job| job.variant == EVERY);
+        let jobs = self.jobs.values().filter(|job| job.job.variant == EVERY);
         let mut jobs: Vec<_> = jobs.collect();
-        jobs.sort_by(|a, b| a.input.cmp(&b.input));
+        jobs.sort_by(|a, b| a.job.input.cmp(&b.job.input));
         let of = |(id, adapter)| {
             let mut probes: &[Observation] = &[];
             let (mut scenes, mut failed) = (Vec::new(), Vec::new());
@@ -19,7 +19,7 @@ impl Results {
                 match job.answers.get(id) {
                     None => {}
                     Some(Answer::Failed { why, .. }) => {
-                        failed.push((job.input.join(" "), why.clone()));
+                        failed.push((job.job.input.join(" "), why.clone()));
                     }
                     Some(Answer::Measured { runs }) => {
                         let first = runs.values().next().map(|measured| &measured.found);

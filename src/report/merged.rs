@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use preshade_passes::contract::Verdict;
 
 use super::plain::plain;
-use crate::jobs::{Answer, Kind, Measured, Results};
+use crate::jobs::{Answer, EVERY, Kind, Measured, Merged, Results};
 use crate::measure::Estimate;
 use crate::measure::record::VariantReport;
 use crate::search::plan::choose::WORTHWHILE;
@@ -24,9 +24,11 @@ type Rows<'a> = BTreeMap<(String, &'a str), BTreeMap<&'a str, Said<'a>>>;
 
 fn rows(results: &Results) -> Rows<'_> {
     let mut rows = Rows::new();
-    for job in results.jobs.values() {
-        let row = rows.entry((job.input.join(" "), &job.variant)).or_default();
-        for (id, answer) in &job.answers {
+    let of_variants = results.jobs.values().filter(|m| m.job.variant != EVERY);
+    for Merged { job, answers, .. } in of_variants {
+        let row = rows.entry((job.input.join(" "), job.variant.as_str()));
+        let row = row.or_default();
+        for (id, answer) in answers {
             let said = row.entry(id).or_default();
             let runs = match answer {
                 Answer::Failed { why, .. } => {

@@ -266,6 +266,15 @@ pub struct Choosing {
     pub hold: Hold,
 }
 
+impl Default for Choosing {
+    fn default() -> Self {
+        Self {
+            runners: 4,
+            hold: Hold::Switching,
+        }
+    }
+}
+
 /// Compares choices with measurements. The model is fitted to `probes` and scenes of even index.
 /// The others are held out.
 pub fn evaluate(
