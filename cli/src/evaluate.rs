@@ -342,6 +342,8 @@ pub fn all_of(jobs: &[Job], settings: &Settings) -> Result<Tally, Failure> {
         }
         tally.nowhere += usize::from(!is_somewhere);
     }
+    // A long job that starts last would run alone.
+    tasks.sort_by(|a, b| b.job.seconds.total_cmp(&a.job.seconds));
     tally.jobs = tasks.len();
     if done > 0 {
         output::message(&format!("{} there already", output::count(done, "result")));

@@ -143,6 +143,17 @@ def main():
     }, indent=2))
 
 
+def fill(path):
+    """Fills the disk."""
+    file = os.open(path, os.O_WRONLY | os.O_CREAT)
+    try:
+        while True:
+            os.write(file, bytes(4096))
+    except OSError:
+        pass
+    os.close(file)
+
+
 def disturb(child, folder, lose, chance, faults, memory):
     """Waits for a process, and does something to it now and then."""
     filler = os.path.join(folder, "filler")
@@ -185,15 +196,9 @@ def disturb(child, folder, lose, chance, faults, memory):
             open(lose, "w").close()
             undo = (time.monotonic() + 1, lose)
         else:
-            with open(filler, "wb") as file:
-                try:
-                    while os.path.ismount(folder):
-                        file.write(bytes(65536))
-                        file.flush()
-                except OSError:
-                    pass
             if not os.path.ismount(folder):
                 continue
+            fill(filler)
             undo = (time.monotonic() + 1, filler)
         faults[fault] += 1
     if undo:
