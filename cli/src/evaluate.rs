@@ -654,9 +654,12 @@ fn checked(mut report: Report, job: &Job, adapter: &AdapterReport) -> Result<Fou
     Ok(Found::Report(Box::new(report)))
 }
 
-/// A file that all processes of this machine lock which use a card.
+/// A file that all processes of this machine lock which use a card. All software adapters are one: the CPU.
 fn lock_of(card: &Card, what: &str) -> PathBuf {
-    let place = jobs::key([adapter_id(&card.report).as_str(), card.address.as_str()]);
+    let place = match card.report.kind.as_str() {
+        "software" => "cpu".to_owned(),
+        _ => jobs::key([adapter_id(&card.report).as_str(), card.address.as_str()]),
+    };
     std::env::temp_dir().join(format!("preshade-{place}.{what}"))
 }
 
