@@ -211,7 +211,10 @@ impl Model {
     }
 
     /// The card with the fewest jobs of this process, and of those one that no other process uses.
-    fn take(&self) -> Result<Seat<'_>, Failure> {
+    ///
+    /// # Errors
+    /// The folder for temporary files cannot be written to.
+    pub fn take(&self) -> Result<Seat<'_>, Failure> {
         let mut cards: Vec<&Place> = self.cards.iter().collect();
         cards.sort_by_key(|place| place.busy.load(Ordering::Relaxed));
         let mut first = None;
@@ -236,10 +239,34 @@ impl Model {
 }
 
 /// A card in use.
-struct Seat<'a> {
+pub struct Seat<'a> {
     place: &'a Place,
     /// Locked while it is in use, to make other processes take other cards.
     _of_others: Option<File>,
+}
+
+impl Seat<'_> {
+    /// A command for a process on this card, which takes turns with those of others. Only its words say how
+    /// to draw.
+    ///
+    /// # Errors
+    /// This program cannot be found.
+    pub fn command(&self) -> Result<Command, Failure> {
+        let mut command = worker::myself().map_err(|why| Failure(format!("error: {why}")))?;
+        for (name, _) in std::env::vars_os() {
+            if name.to_string_lossy().starts_with("PRESHADE_") {
+                command.env_remove(name);
+            }
+        }
+        command.env(worker::VARIABLE, worker::OF_A_JOB);
+        command.env(worker::LOCK, lock_of(&self.place.card, "lock"));
+        Ok(command)
+    }
+
+    /// The flag that selects this card.
+    pub fn adapter(&self) -> String {
+        format!("--adapter={}", self.place.card.choice)
+    }
 }
 
 impl Drop for Seat<'_> {
@@ -326,6 +353,8 @@ pub fn all_of(jobs: &[Job], settings: &Settings) -> Result<Tally, Failure> {
         }
         tally.nowhere += usize::from(!is_somewhere);
     }
+    // A long job that starts last would run alone.
+    tasks.sort_by(|a, b| b.job.seconds.total_cmp(&a.job.seconds));
     tally.jobs = tasks.len();
     if done > 0 {
         output::message(&format!("{} there already", output::count(done, "result")));
@@ -561,7 +590,7 @@ impl Runner<'_> {
     fn measured(&self, task: &Task<'_>) -> Result<(Run, Result<Found, String>), Failure> {
         let seat = task.model.take()?;
         let (start_ms, before) = (turns::since_1970(), load());
-        let command = self.command(task, &seat.place.card)?;
+        let command = self.command(task, &seat)?;
         let ended = worker::watched(command, &Limits::default(), self.settings.seconds)
             .map_err(|why| Failure(format!("error: {why}")))?;
         let run = Run {
@@ -585,18 +614,9 @@ impl Runner<'_> {
         Ok((run, found))
     }
 
-    fn command(&self, task: &Task<'_>, card: &Card) -> Result<Command, Failure> {
+    fn command(&self, task: &Task<'_>, seat: &Seat<'_>) -> Result<Command, Failure> {
         let job = task.job;
-        let mut command = worker::myself().map_err(|why| Failure(format!("error: {why}")))?;
-        // Only the job says how to draw.
-        for (name, _) in std::env::vars_os() {
-            if name.to_string_lossy().starts_with("PRESHADE_") {
-                command.env_remove(name);
-            }
-        }
-        command.env(worker::VARIABLE, worker::OF_A_JOB);
-        command.env(worker::LOCK, lock_of(card, "lock"));
-        let adapter = format!("--adapter={}", card.choice);
+        let (mut command, adapter) = (seat.command()?, seat.adapter());
         match job.variant == EVERY {
             true => {
                 let probes = self
@@ -645,9 +665,12 @@ fn checked(mut report: Report, job: &Job, adapter: &AdapterReport) -> Result<Fou
     Ok(Found::Report(Box::new(report)))
 }
 
-/// A file that all processes of this machine lock which use a card.
+/// A file that all processes of this machine lock which use a card. All software adapters are one: the CPU.
 fn lock_of(card: &Card, what: &str) -> PathBuf {
-    let place = jobs::key([adapter_id(&card.report).as_str(), card.address.as_str()]);
+    let place = match card.report.kind.as_str() {
+        "software" => "cpu".to_owned(),
+        _ => jobs::key([adapter_id(&card.report).as_str(), card.address.as_str()]),
+    };
     std::env::temp_dir().join(format!("preshade-{place}.{what}"))
 }
 

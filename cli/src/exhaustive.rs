@@ -83,13 +83,13 @@ pub fn measured(args: &PlanArgs, jobs: &[Job]) -> Result<Ending, Failure> {
     let bar = output::bar();
     let choice = args.adapter.clone();
     let choice = choice.map_or(AdapterChoice::Best, AdapterChoice::Matching);
-    let gpu = worker::in_turns(Gpu::with_trust(&choice, args.limits.limits().trust())?)?;
-    let (model, probes) = match &args.probes {
+    let open = || worker::in_turns(Gpu::with_trust(&choice, args.limits.limits().trust())?);
+    let known = args.probes.as_deref().map(|file| probes(file, open));
+    let known = known.transpose()?;
+    let gpu = open()?;
+    let (model, probes) = match known {
         None => plan::model(args, &gpu, &bar)?,
-        Some(file) => {
-            let probes = probes(file, &gpu)?;
-            (Model::fit(&gpu.adapter().title(), &probes), probes)
-        }
+        Some(probes) => (Model::fit(&gpu.adapter().title(), &probes), probes),
     };
     let scene = plan::grouped(args, plan::scene(args, &job.shader)?)?;
     let session = Session::new(&gpu, &scene, ShaderForm::Text)?;
@@ -106,13 +106,18 @@ pub fn measured(args: &PlanArgs, jobs: &[Job]) -> Result<Ending, Failure> {
 }
 
 /// Reads the frames that a cost model is fitted to, or measures and writes them.
-fn probes(file: &Path, gpu: &Gpu) -> Result<Vec<Observation>, Failure> {
+fn probes(
+    file: &Path,
+    open: impl Fn() -> Result<Gpu, Failure>,
+) -> Result<Vec<Observation>, Failure> {
+    // Held until they are written.
+    let _first = worker::first_of_several()?;
     let known = std::fs::read_to_string(file).ok();
-    // One that cannot be read is measured again.
+    // A file that cannot be read is written again.
     if let Some(probes) = known.and_then(|text| serde_json::from_str(&text).ok()) {
         return Ok(probes);
     }
-    let (_, probes) = decide::probes::fit(gpu, &mut |_| ())?;
+    let (_, probes) = decide::probes::fit(&open()?, &mut |_| ())?;
     let bytes = serde_json::to_vec(&probes)?;
     emit::write_file(file, bytes).map_err(|e| Failure(format!("error: {e}")))?;
     Ok(probes)

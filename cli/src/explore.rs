@@ -3,15 +3,17 @@
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 use preshade::unstable::emit::File;
+use preshade::unstable::limits::Limits;
 use preshade::unstable::measure;
 use preshade::unstable::passes::budget::Budget;
 use preshade::unstable::passes::budget::Metric;
 use preshade::unstable::passes::contract::Verdict;
 use preshade::unstable::passes::specialize::Params;
-use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade::unstable::render::{self, AdapterChoice, Gpu, ShaderForm};
 use preshade::unstable::report;
 use preshade::unstable::scene::DrawOrder;
 use preshade::unstable::search::explore::{self, Journal, Settings};
@@ -22,7 +24,7 @@ use crate::verify::{
     FormArg, OrderArg, check_budget, check_folder, command, grouped, parse_seconds,
 };
 use crate::view::ViewArgs;
-use crate::{Ending, Failure, Table, guesses, many, output, results, worker};
+use crate::{Ending, Failure, Table, evaluate, flags, guesses, many, output, results, worker};
 
 /// Arguments of `explore`.
 #[derive(clap::Args)]
@@ -81,13 +83,20 @@ pub struct ExploreArgs {
     /// Output form.
     #[arg(long, value_enum, default_value_t = Table::Human)]
     format: Table,
+    /// Of a folder, scenes at once, each in a process of its own. While one is timed, the others compile and
+    /// compare. Waiting counts as time.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    workers: Option<u16>,
     // Last, because its help heading applies to all following arguments.
     #[command(flatten)]
     pub shader: ShaderArgs,
+    /// The flags in effect, as words.
+    #[arg(skip)]
+    pub flags: Vec<String>,
 }
 
 /// Flags that say what to measure, and how.
-const MEASURES: [&str; 14] = [
+const MEASURES: [&str; 15] = [
     "adapter",
     "camera",
     "candidates",
@@ -102,6 +111,7 @@ const MEASURES: [&str; 14] = [
     "set",
     "size",
     "variants",
+    "workers",
 ];
 
 /// Size on a software adapter, if none is given: a search then takes less than a minute on two cores.
@@ -135,27 +145,17 @@ pub fn run(args: &ExploreArgs) -> Result<Ending, Failure> {
     if args.out.is_some() {
         many::told_apart(&scenes)?;
     }
-    let (mut outcome, mut failed) = (Ending::Fine, Vec::new());
     let count = scenes.len();
-    for scene in scenes {
-        let name = scene.display().to_string();
-        let out = args.out.as_ref().map(|out| many::folder_of(out, &scene));
-        let shader = ShaderArgs {
-            files: vec![scene],
-            ..args.shader.clone()
-        };
-        match one(args, &shader, out.as_deref()) {
+    let ended = match args.workers {
+        None | Some(1) => in_order(args, scenes),
+        Some(n) => side_by_side(args, scenes, usize::from(n))?,
+    };
+    let (mut outcome, mut failed) = (Ending::Fine, Vec::new());
+    for (name, ended) in ended {
+        match ended {
             Ok(Ending::Fine | Ending::NotMeasured) => {}
             Ok(Ending::ContractBroken) => outcome = Ending::ContractBroken,
-            // One failing scene is reported and does not stop the others.
-            Err(Failure(why)) => {
-                let why = why.strip_prefix("error: ").unwrap_or(&why);
-                output::message(&format!("error: {name}: {why}"));
-                failed.push(name);
-            }
-        }
-        if INTERRUPTS.load(Ordering::Relaxed) > 0 {
-            break;
+            Err(_) => failed.push(name),
         }
     }
     match failed.is_empty() {
@@ -166,6 +166,107 @@ pub fn run(args: &ExploreArgs) -> Result<Ending, Failure> {
             failed.join(", ")
         ))),
     }
+}
+
+/// How the search of a scene ended, by the scene's path.
+type Ended = (String, Result<Ending, Failure>);
+
+/// A failing scene is reported and does not stop the others.
+fn tell_failure(name: &str, ended: &Result<Ending, Failure>) {
+    if let Err(Failure(why)) = ended {
+        let why = why.strip_prefix("error: ").unwrap_or(why);
+        output::message(&format!("error: {name}: {why}"));
+    }
+}
+
+/// Explores scenes one after the other.
+fn in_order(args: &ExploreArgs, scenes: Vec<PathBuf>) -> Vec<Ended> {
+    let mut all = Vec::new();
+    for scene in scenes {
+        let name = scene.display().to_string();
+        let out = args.out.as_ref().map(|out| many::folder_of(out, &scene));
+        let shader = ShaderArgs {
+            files: vec![scene],
+            ..args.shader.clone()
+        };
+        let ended = one(args, &shader, out.as_deref());
+        tell_failure(&name, &ended);
+        all.push((name, ended));
+        if INTERRUPTS.load(Ordering::Relaxed) > 0 {
+            break;
+        }
+    }
+    all
+}
+
+/// Explores scenes in processes of their own, which take turns on the cards.
+fn side_by_side(
+    args: &ExploreArgs,
+    scenes: Vec<PathBuf>,
+    workers: usize,
+) -> Result<Vec<Ended>, Failure> {
+    let models = evaluate::models(render::cards(), args.adapter.as_deref())?;
+    let model = models
+        .first()
+        .ok_or_else(|| Failure("error: there is no adapter".to_owned()))?;
+    end_on_interrupt();
+    let words = flags::without(&args.flags, &["adapter", "out", "workers"]);
+    let next = Mutex::new(scenes.into_iter());
+    let all = Mutex::new(Vec::new());
+    std::thread::scope(|scope| {
+        for _ in 0..workers {
+            scope.spawn(|| {
+                while INTERRUPTS.load(Ordering::Relaxed) == 0 {
+                    let scene = next.lock().unwrap_or_else(PoisonError::into_inner).next();
+                    let Some(scene) = scene else { break };
+                    let out = args.out.as_ref().map(|out| many::folder_of(out, &scene));
+                    let ended = elsewhere(model, &words, &scene, out.as_deref());
+                    let name = scene.display().to_string();
+                    let mut all = all.lock().unwrap_or_else(PoisonError::into_inner);
+                    tell_failure(&name, &ended);
+                    all.push((name, ended));
+                }
+            });
+        }
+    });
+    Ok(all.into_inner().unwrap_or_else(PoisonError::into_inner))
+}
+
+/// Explores one scene in a process of its own.
+fn elsewhere(
+    model: &evaluate::Model,
+    words: &[String],
+    scene: &Path,
+    out: Option<&Path>,
+) -> Result<Ending, Failure> {
+    let failed = |why: String| Failure(format!("error: {why}"));
+    let seat = model.take()?;
+    let mut command = seat.command()?;
+    command.arg("explore").arg(seat.adapter()).args(words);
+    if let Some(out) = out {
+        command.arg("--out").arg(out);
+    }
+    command.arg("--").arg(scene);
+    let ended =
+        worker::watched(command, &Limits::default(), worker::OF_AN_INPUT).map_err(failed)?;
+    let status = ended.status.clone().map_err(failed)?;
+    output::table(ended.out.trim_end())?;
+    match status.code() {
+        Some(0) => Ok(Ending::Fine),
+        Some(1) => Ok(Ending::ContractBroken),
+        Some(3) => Ok(Ending::NotMeasured),
+        _ => Err(failed(ended.why(status))),
+    }
+}
+
+/// The first Ctrl-C ends the search and prints its results; the second ends the process. Without a
+/// handler, the first does.
+fn end_on_interrupt() {
+    let _ = ctrlc::set_handler(|| {
+        if INTERRUPTS.fetch_add(1, Ordering::Relaxed) > 0 {
+            std::process::exit(130);
+        }
+    });
 }
 
 /// Explores one scene or shader.
@@ -225,13 +326,7 @@ fn one(args: &ExploreArgs, shader: &ShaderArgs, out: Option<&Path>) -> Result<En
         seed: args.seed,
         command: command(),
     };
-    // The first Ctrl-C ends the search and prints its results; the second ends the process. Without
-    // a handler, the first does.
-    let _ = ctrlc::set_handler(|| {
-        if INTERRUPTS.fetch_add(1, Ordering::Relaxed) > 0 {
-            std::process::exit(130);
-        }
-    });
+    end_on_interrupt();
     let bar = output::bar();
     let found = explore::explore(&gpu, &scene, &settings, &mut journal, &mut |p| {
         bar.set_position((p.done * 1000.0) as u64);

@@ -195,6 +195,7 @@ impl Command {
             Self::Verify(a) => &mut a.flags,
             Self::Jobs(a) => &mut a.verify.flags,
             Self::Plan(a) => &mut a.flags,
+            Self::Explore(a) => &mut a.flags,
             _ => return,
         };
         let command = Cli::command();
@@ -370,6 +371,9 @@ fn run(arguments: &[OsString]) -> Result<Ending, Failure> {
         for warning in config::unknown_variables(&Cli::command(), names) {
             output::message(&warning);
         }
+    }
+    if worker::has_parent() {
+        worker::end_with_parent();
     }
     let arguments = Arguments::of(arguments, &Cli::command());
     let color = config::color(&arguments);

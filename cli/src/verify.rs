@@ -239,9 +239,6 @@ impl VerifyArgs {
 
 /// Verifies a scene or a shader.
 pub fn run(args: &VerifyArgs) -> Result<Ending, Failure> {
-    if worker::has_parent() {
-        worker::end_with_parent();
-    }
     let mut sweeps = args.variants.sweeps()?;
     let is_default = sweeps.is_empty() && !args.every_pass;
     if is_default {

@@ -79,6 +79,24 @@ pub fn in_turns(gpu: Gpu) -> Result<Gpu, Failure> {
     }
 }
 
+/// Takes the lock beside that of the adapter, so that one of several jobs does what all need. To be taken
+/// before the adapter is shared: who holds a share while it waits would keep the other one from timing.
+///
+/// # Errors
+/// The lock cannot be opened or taken.
+pub fn first_of_several() -> Result<Option<File>, Failure> {
+    let Some(path) = std::env::var_os(LOCK) else {
+        return Ok(None);
+    };
+    let lock = opened(&Path::new(&path).with_extension("first"))?;
+    if lock.try_lock().is_err() {
+        tell(Turn::Waits);
+        lock.lock()?;
+        tell(Turn::Runs);
+    }
+    Ok(Some(lock))
+}
+
 /// Opens a lock file, and makes it if it is missing.
 ///
 /// # Errors

@@ -151,10 +151,21 @@ fn a_scene_that_is_no_good_takes_no_other_with_it() {
     let scenes = here.parent().unwrap();
     let plan: &[&str] = &["plan", "scenes", "--time", "no", "--out", "plan"];
     let explore: &[&str] = &["explore", "scenes", "--seconds", "3", "--out", "explore"];
+    let beside: &[&str] = &[
+        "explore",
+        "scenes",
+        "--seconds",
+        "3",
+        "--out",
+        "beside",
+        "--workers",
+        "2",
+    ];
     let pass: &[&str] = &["--pass", "depth-prepass"];
     for (args, file) in [
         (plan.to_vec(), "plan/a/decision.json"),
         ([explore, pass].concat(), "explore/a/report.json"),
+        ([beside, pass].concat(), "beside/a/report.json"),
     ] {
         let output = run(scenes, &args);
         let told = stderr(&output);
